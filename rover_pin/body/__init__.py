@@ -1,0 +1,1 @@
+"""See ARCHITECTURE in README: the body room."""

@@ -1,0 +1,84 @@
+"""What meets at a wheel: the wheel, the soil, one contact patch (`Contact`) and what it feels (`Load`).
+
+Signs, said once: x forward, z up; a patch is described in its direction of travel (a reversing wheel sees a mirrored
+world); S > 0 driving, S < 0 braking; theta from the patch normal, positive forwards; f_t > 0 pushes the rover in the
+direction of travel; torque > 0 is what the soil asks of the motor.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from rover_pin.quantity import Record, quantity
+
+Scalar = Any
+"""A float, or a scalar CasADi expression (SX or MX)."""
+
+
+@dataclass(frozen=True)
+class Wheel(Record):
+    """A rigid cylindrical wheel."""
+
+    r: Scalar = quantity(0.045, "m", "paper, section 2: diameter 0.09 m", 1e-3, 5.0, "r")
+    b: Scalar = quantity(0.050, "m", "assumed: the paper gives no wheel width", 1e-3, 5.0, "b")
+
+
+@dataclass(frozen=True)
+class Soil(Record):
+    """The constants of Eqs (2)-(5): shear strength (Mohr-Coulomb), shear displacement, pressure-sinkage, angles.
+
+    `theta_1` and `theta_2` are the paper's fixed angles; `exit_ratio` = -theta_2 / theta_1 holds where theta_1 follows
+    the load. Defaults are Table 1, completed where the paper is silent.
+    """
+
+    c: Scalar = quantity(0.005, "Pa", "paper, Table 1", 0.0, 1e6, "c")
+    phi: Scalar = quantity(math.radians(30.0), "rad", "paper, Table 1: 30 deg", 0.0, math.radians(60.0), "phi")
+    k: Scalar = quantity(0.05, "m", "paper, Table 1", 1e-5, 10.0, "k")
+    k_1: Scalar = quantity(33.2e3, "Pa", "assumed: W = m g / 6 at Table 1's theta_1", -1e9, 1e9, "k_1")
+    k_2: Scalar = quantity(0.0, "Pa/m", "assumed: not in the paper", -1e12, 1e12, "k_2")
+    n: Scalar = quantity(1.0, "", "assumed: not in the paper", 0.05, 3.0, "n")
+    theta_1: Scalar = quantity(math.radians(35.0), "rad", "paper, Table 1: 35 deg", 1e-3, math.radians(89.0), "theta_1")
+    theta_2: Scalar = quantity(math.radians(-5.0), "rad", "paper, Table 1: -5 deg", -math.radians(89.0), 0.0, "theta_2")
+    exit_ratio: Scalar = quantity(1.0 / 7.0, "", "paper, Table 1: 5/35", 0.0, 1.0, "lambda")
+
+
+class Contact(NamedTuple):
+    """What one contact patch of a wheel knows, in its direction of travel; scalars, floats or expressions."""
+
+    S: Scalar
+    "slip ratio, Eq (1) [-]"
+    h: Scalar
+    "sinkage: greatest interference of the rim with the patch's facet [m]"
+    v_x: Scalar
+    "travel speed of the wheel centre along the facet [m/s]"
+    v_y: Scalar
+    "sideways speed of the wheel centre along the facet, positive to the left of travel [m/s]"
+    v_n: Scalar
+    "approach speed of the wheel centre to the facet [m/s]"
+    rim: Scalar
+    "rim speed r omega, positive in the direction of travel [m/s]"
+    x: Scalar
+    "world x of the wheel centre [m]"
+    axle: Scalar
+    "how many wheels of this side have passed before: 0, 1, 2"
+    wheel: Wheel
+    soil: Soil
+
+
+class Load(NamedTuple):
+    """What one contact patch makes the wheel feel, in its direction of travel; Loads add."""
+
+    f_t: Scalar = 0.0
+    "tangential force, positive in the direction of travel [N]"
+    f_y: Scalar = 0.0
+    "sideways force, positive to the left of travel [N]"
+    f_n: Scalar = 0.0
+    "normal force, positive away from the soil [N]"
+    torque: Scalar = 0.0
+    "torque about the axle that resists the wheel's driving rotation [N m]"
+
+    def plus(self, other: Load) -> Load:
+        """Return the sum of the two loads."""
+        return Load(*(mine + theirs for mine, theirs in zip(self, other, strict=True)))

@@ -1,0 +1,54 @@
+"""The family of errors that public functions raise.
+
+A message says what is wrong (name, value with unit), where it comes from, what is allowed, and what to do.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+
+class RoverPinError(Exception):
+    """Anything this package refuses or cannot finish."""
+
+
+class ParameterError(RoverPinError):
+    """A quantity outside what is allowed, an unknown field or an unknown unit."""
+
+
+class UrdfError(RoverPinError):
+    """A rover description (URDF or TOML) that does not make a rover."""
+
+
+class DataError(RoverPinError):
+    """A measured or declared file that cannot be read as what it should be."""
+
+
+class MissingExtraError(RoverPinError):
+    """An optional dependency is needed and not installed."""
+
+
+class SimulationError(RoverPinError):
+    """A drive that could not start or go on; `trace` keeps what was driven, or is None."""
+
+    def __init__(self, message: str, trace: Any = None):
+        super().__init__(message)
+        self.trace = trace
+
+
+class OptimisationError(RoverPinError):
+    """A fit or tuning that failed; `status` keeps what the solver reported."""
+
+    def __init__(self, message: str, status: Any = None):
+        super().__init__(message)
+        self.status = status
+
+
+def closest(name: str, known: Iterable[str]) -> str:
+    """Return `did you mean 'x'? ` or nothing, then the known names: the tail of an unknown-name message."""
+    known = sorted(known)
+    near = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean '{near[0]}'? " if near else ""
+    return f"{hint}Known: {', '.join(known)}."

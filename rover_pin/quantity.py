@@ -1,0 +1,163 @@
+"""A physical quantity as a field with unit, bounds and source, and the record made of such fields."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Self
+
+import casadi as ca
+
+from rover_pin.errors import ParameterError, closest
+
+UNITS: dict[str, tuple[str, float]] = {
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+    "cm": ("m", 1e-2),
+    "km": ("m", 1e3),
+    "rad": ("rad", 1.0),
+    "deg": ("rad", math.pi / 180.0),
+    "s": ("s", 1.0),
+    "ms": ("s", 1e-3),
+    "min": ("s", 60.0),
+    "kg": ("kg", 1.0),
+    "g": ("kg", 1e-3),
+    "N": ("N", 1.0),
+    "kN": ("N", 1e3),
+    "N m": ("N m", 1.0),
+    "mN m": ("N m", 1e-3),
+    "Pa": ("Pa", 1.0),
+    "N/m^2": ("Pa", 1.0),
+    "kPa": ("Pa", 1e3),
+    "MPa": ("Pa", 1e6),
+    "m/s": ("m/s", 1.0),
+    "mm/s": ("m/s", 1e-3),
+    "rad/s": ("rad/s", 1.0),
+    "rpm": ("rad/s", math.pi / 30.0),
+    "m/s^2": ("m/s^2", 1.0),
+    "V": ("V", 1.0),
+    "A": ("A", 1.0),
+    "ohm": ("ohm", 1.0),
+    "kg/m^3": ("kg/m^3", 1.0),
+    "g/cm^3": ("kg/m^3", 1e3),
+}
+"""Units read at the edge: name -> (SI name, factor). Any other unit must be the field's own, spelled the same."""
+
+
+class Quantity(NamedTuple):
+    """What is known of a field besides its value."""
+
+    unit: str
+    source: str
+    low: float
+    high: float
+    symbol: str
+
+
+def quantity(
+    value: float,
+    unit: str,
+    source: str,
+    low: float = -math.inf,
+    high: float = math.inf,
+    symbol: str = "",
+) -> Any:
+    """A dataclass field that holds a number [unit], allowed in [low, high], with where it comes from."""
+    return dataclasses.field(default=value, metadata={"quantity": Quantity(unit, source, low, high, symbol)})
+
+
+def is_symbolic(value: object) -> bool:
+    """Return whether `value` is a CasADi symbol or expression rather than a number."""
+    return isinstance(value, (ca.SX, ca.MX))
+
+
+@dataclasses.dataclass(frozen=True)
+class Record:
+    """Frozen fields from `quantity(...)`, checked on creation; a field may also hold a CasADi expression.
+
+    Raises
+    ------
+    ParameterError
+        A number that is not finite or lies outside its bounds.
+    """
+
+    def __post_init__(self) -> None:
+        for name, about in quantities(self).items():
+            check(type(self).__name__, name, getattr(self, name), about)
+
+    def replace(self, **changes: Any) -> Self:
+        """Return the record with these fields changed; an unknown name is an error that lists the close ones."""
+        names = [field.name for field in dataclasses.fields(self)]
+        for name in changes:
+            if name not in names:
+                raise ParameterError(f"{type(self).__name__} has no field '{name}': {closest(name, names)}")
+        return dataclasses.replace(self, **changes)
+
+    def values(self) -> dict[str, Any]:
+        """Return name -> value of the quantities, in order."""
+        return {name: getattr(self, name) for name in quantities(self)}
+
+
+def quantities(record: Record | type[Record]) -> dict[str, Quantity]:
+    """Return name -> Quantity of a record or of its class, in order of definition."""
+    return {
+        field.name: field.metadata["quantity"]
+        for field in dataclasses.fields(record)
+        if "quantity" in field.metadata
+    }
+
+
+def check(owner: str, name: str, value: Any, about: Quantity) -> None:
+    """Refuse a number that is not finite or is out of bounds; let expressions pass."""
+    if is_symbolic(value):
+        return
+    if isinstance(value, bool) or not isinstance(value, (int, float)) and not hasattr(value, "__float__"):
+        raise ParameterError(f"{owner}.{name} = {value!r} is not a number; give one in {about.unit or 'no unit'}.")
+    number = float(value)
+    if not (math.isfinite(number) and about.low <= number <= about.high):
+        raise ParameterError(
+            f"{owner}.{name} = {number:g} {about.unit} is not allowed: it must lie in "
+            f"[{about.low:g}, {about.high:g}] {about.unit}. Its default comes from: {about.source}."
+        )
+
+
+def to_si(value: float, unit: str, expected: str, where: str) -> float:
+    """Return `value` in the SI unit `expected`; `unit` must be of the same kind.
+
+    Raises
+    ------
+    ParameterError
+        An unknown unit, or one of another kind, with `where` it stands.
+    """
+    if unit == expected:
+        return float(value)
+    known = UNITS.get(unit)
+    if known is None or known[0] != UNITS.get(expected, (expected, 1.0))[0]:
+        kind = [name for name, (si, _) in UNITS.items() if si == expected] or [expected]
+        raise ParameterError(f"{where}: unit '{unit}' does not measure what is asked for; use one of {', '.join(kind)}.")
+    return float(value) * known[1]
+
+
+def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> Any:
+    """Return `record(**fields)` from a table of numbers (SI) or `{ value, unit }` entries, as read from TOML.
+
+    Raises
+    ------
+    ParameterError
+        An unknown field, unit or value, with `where` it stands.
+    """
+    about = quantities(record)
+    fields = {}
+    for name, entry in table.items():
+        if name not in about:
+            raise ParameterError(f"{where}: {record.__name__} has no field '{name}': {closest(name, about)}")
+        if isinstance(entry, Mapping):
+            if "value" not in entry:
+                raise ParameterError(f"{where}: '{name}' needs a 'value', as in {name} = {{ value = 1.0, unit = '...' }}.")
+            entry = to_si(entry["value"], str(entry.get("unit", about[name].unit)), about[name].unit, f"{where}: '{name}'")
+        fields[name] = entry
+    try:
+        return record(**fields)
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from error
