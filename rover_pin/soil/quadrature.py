@@ -1,0 +1,55 @@
+"""Quadrature on the contact arc: Gauss-Legendre nodes in u, moved by a polynomial map psi(u) towards the arc's ends.
+
+The stress starts as (theta_1 - theta)^n, with n not an integer, so plain Gauss-Legendre stalls at 1e-3. A map whose
+slope vanishes at the singular end makes the integrand smooth there for every n, with weights that do not depend on n:
+the exponent may be a symbol.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.errors import ParameterError
+
+FAST = 16
+"""Nodes of one panel for simulation: 1e-7 to 1e-10 near Table 1."""
+
+CERTIFIED = 48
+"""Nodes of each panel of `certified_forces`: 1e-10 over its stated box."""
+
+
+class Graded(NamedTuple):
+    """A rule on [0, 1]: integral of g = sum of weights g(psi)."""
+
+    psi: tuple[float, ...]
+    weights: tuple[float, ...]
+
+
+@lru_cache(maxsize=64)
+def entry_graded(nodes: int) -> Graded:
+    """Rule for a singular start: psi = 5 u^4 - 4 u^5, d psi = 20 u^3 (1 - u) du."""
+    return _graded(nodes, lambda u: u**4 * (5 - 4 * u), lambda u: 20 * u**3 * (1 - u))
+
+
+@lru_cache(maxsize=64)
+def both_graded(nodes: int) -> Graded:
+    """Rule for two singular ends: d psi = 140 u^3 (1 - u)^3 du."""
+    return _graded(nodes, lambda u: u**4 * (35 + u * (-84 + u * (70 - 20 * u))), lambda u: 140 * (u * (1 - u)) ** 3)
+
+
+@lru_cache(maxsize=64)
+def cubic_graded(nodes: int) -> Graded:
+    """Rule for a singular start and an ordinary end: psi = u^3, d psi = 3 u^2 du."""
+    return _graded(nodes, lambda u: u**3, lambda u: 3 * u**2)
+
+
+def _graded(nodes: int, psi: Callable[[np.ndarray], np.ndarray], slope: Callable[[np.ndarray], np.ndarray]) -> Graded:
+    if not isinstance(nodes, int) or isinstance(nodes, bool) or nodes < 2:
+        raise ParameterError(f"nodes = {nodes!r} is not allowed: the arc needs a whole number of 2 nodes or more.")
+    x, w = np.polynomial.legendre.leggauss(nodes)
+    u = (x + 1) / 2
+    return Graded(tuple(psi(u).tolist()), tuple((w / 2 * slope(u)).tolist()))

@@ -1,0 +1,141 @@
+"""Forces on a wheel, Eqs (6) and (7), its torque, and the load-traction factor F(S) in its three readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple, Protocol
+
+import casadi as ca
+
+from rover_pin.contact import Scalar, Soil, Wheel
+from rover_pin.soil.angles import Angles, FixedAngles
+from rover_pin.soil.arc import Arc, Mobilised, integrate, shear_law, strength, stress_scale
+from rover_pin.soil.quadrature import FAST, Graded, entry_graded
+from rover_pin.soil.sinkage import sinkage
+from rover_pin.soil.slip import speed_ratio
+
+
+class WheelForces(NamedTuple):
+    """What the soil does to a wheel."""
+
+    f_n: Scalar
+    "normal force, Eq (6) [N]"
+    f_t: Scalar
+    "drawbar pull, Eq (7) [N]: thrust - compaction"
+    torque: Scalar
+    "torque that the soil asks of the motor [N m]: r^2 b int tau dtheta"
+    thrust: Scalar
+    "r b int tau cos theta dtheta [N]"
+    compaction: Scalar
+    "compaction resistance r b int sigma sin theta dtheta [N]"
+
+
+def wheel_forces(
+    S: Scalar, theta_1: Scalar, theta_2: Scalar, wheel: Wheel, soil: Soil, nodes: int = FAST
+) -> WheelForces:
+    """Return the forces on a wheel by Eqs (2)-(7), for floats and for CasADi scalars.
+
+    Parameters
+    ----------
+    S : Scalar
+        Slip ratio [-], in [-1, 1].
+    theta_1, theta_2 : Scalar
+        Entry and exit angle [rad], 0 < theta_1 < pi/2; theta_2 is held at -theta_1 or above, where the arc ends.
+    nodes : int
+        Quadrature nodes. 16 is made for simulation; `certified_forces` keeps 1e-10 everywhere in its box.
+
+    Raises
+    ------
+    ParameterError
+        `nodes` is not a whole number of 2 or more.
+
+    Source: Eqs (2)-(7); the torque is the moment of tau about the axle, which the paper uses without printing.
+    Differs from the paper: braking (S < 0) uses v / (r omega) = 1 / (1 + S) and a signed shear; see `stress`.
+    """
+    law = shear_law(speed_ratio(S), wheel, soil)
+    return forces(theta_1, theta_2, law, wheel, soil, entry_graded(nodes))
+
+
+def forces(theta_1: Scalar, theta_2: Scalar, law: Mobilised, wheel: Wheel, soil: Soil, rule: Graded) -> WheelForces:
+    """Return the forces for any law of mobilised shear, with one panel of `rule` over the arc."""
+    length = theta_1 - ca.fmax(theta_2, -theta_1)
+    return assemble(integrate(theta_1, 0.0, length, law, strength(wheel, soil), rule), theta_1, length, wheel, soil)
+
+
+def assemble(arc: Arc, theta_1: Scalar, length: Scalar, wheel: Wheel, soil: Soil) -> WheelForces:
+    """Return the forces of integrals over an arc of this length [rad].
+
+    The compaction resistance is exact: int sigma sin theta = scale (cos theta_2 - cos theta_1)^(n+1) / (n + 1).
+    """
+    patch = wheel.r * wheel.b * stress_scale(wheel, soil)
+    exit_depth = ca.fmax(2 * ca.sin(theta_1 - length / 2) * ca.sin(length / 2), 1e-300)
+    compaction = patch * exit_depth ** (soil.n + 1) / (soil.n + 1)
+    thrust = patch * arc.tau_cos
+    return WheelForces(
+        f_n=patch * (arc.sigma_cos + arc.tau_sin),
+        f_t=thrust - compaction,
+        torque=patch * wheel.r * arc.tau,
+        thrust=thrust,
+        compaction=compaction,
+    )
+
+
+class TractionForm(Protocol):
+    """One reading of the load-traction factor."""
+
+    name: ClassVar[str]
+
+    def factor(self, forces: WheelForces, wheel: Wheel) -> Scalar:
+        """Return F(S) [-]."""
+
+
+@dataclass(frozen=True)
+class NetTraction:
+    """F = f_t / f_n, Eqs (6) and (7) to the letter: the compaction resistance is inside the factor."""
+
+    name: ClassVar[str] = "net"
+
+    def factor(self, forces: WheelForces, wheel: Wheel) -> Scalar:
+        """Return f_t / f_n [-]."""
+        return forces.f_t / forces.f_n
+
+
+@dataclass(frozen=True)
+class TorqueTraction:
+    """F = T / (r f_n): what a motor's torque tells, as section 4 says that Fig 6 was measured."""
+
+    name: ClassVar[str] = "torque"
+
+    def factor(self, forces: WheelForces, wheel: Wheel) -> Scalar:
+        """Return torque / (r f_n) [-]."""
+        return forces.torque / (wheel.r * forces.f_n)
+
+
+@dataclass(frozen=True)
+class GrossTraction:
+    """F = thrust / f_n: Eq (7) without its compaction resistance."""
+
+    name: ClassVar[str] = "gross"
+
+    def factor(self, forces: WheelForces, wheel: Wheel) -> Scalar:
+        """Return thrust / f_n [-]."""
+        return forces.thrust / forces.f_n
+
+
+FORMS: dict[str, TractionForm] = {form.name: form for form in (NetTraction(), TorqueTraction(), GrossTraction())}
+"""The forms by name, for the command line and files."""
+
+NET, FIXED = NetTraction(), FixedAngles()
+
+
+def load_traction_factor(
+    S: Scalar, soil: Soil, wheel: Wheel, form: TractionForm = NET, angles: Angles = FIXED, nodes: int = FAST
+) -> Scalar:
+    """Return the load-traction factor F(S) [-] at the soil's theta_1, for floats and for CasADi scalars.
+
+    Source: section 3.2, F(S) = f_t / f_n, which is `NetTraction`.
+    Differs from the paper: nothing in that form, and there Table 1 gives F from -0.164 to +0.001 for n = 1, hardly any
+    traction, where Fig 8 climbs 12 deg. `TorqueTraction`, how section 4 measured it, reaches 0.18.
+    """
+    theta_1, theta_2 = angles.angles(sinkage(soil.theta_1, wheel), wheel, soil)
+    return form.factor(wheel_forces(S, theta_1, theta_2, wheel, soil, nodes), wheel)
