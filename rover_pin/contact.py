@@ -49,6 +49,8 @@ class Contact(NamedTuple):
 
     S: Scalar
     "slip ratio, Eq (1) [-]"
+    S_y: Scalar
+    "sideways slip: v_y over the larger of rim and travel speed [-]"
     h: Scalar
     "sinkage: greatest interference of the rim with the patch's facet [m]"
     v_x: Scalar

@@ -1,0 +1,169 @@
+"""The terrain as a wheel's plane cuts it, and the contact patches that the cut leaves: the plain, readable reference.
+
+A facet is a straight piece of the cut. A patch is the part of a facet's contact arc that lies between the bisectors to
+its neighbours, so that patches tile the arc: one on flats and slopes, two at a lip or between floor and wall.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.body.terrain import HeightGrid, Lanes, Terrain
+
+DEEPEST = 0.98
+"""A wheel is reckoned sunk by this share of its radius at most; simulations stop long before."""
+
+
+class WheelFrame(NamedTuple):
+    """A wheel in space: centre, axle (unit, to the left), and the upright frame of its plane."""
+
+    centre: np.ndarray
+    axle: np.ndarray
+    forward: np.ndarray
+    up: np.ndarray
+
+
+class Facet(NamedTuple):
+    """A straight piece of the cut: end points (s, t) in the wheel's plane, 3D unit normal, soil index."""
+
+    start: np.ndarray
+    end: np.ndarray
+    normal: np.ndarray
+    ground: int
+
+    @property
+    def in_plane(self) -> np.ndarray:
+        """Unit normal (s, t) within the wheel's plane."""
+        ds, dt = self.end - self.start
+        return np.array([-dt, ds]) / math.hypot(ds, dt)
+
+
+class Patch(NamedTuple):
+    """Sinkage h [m], share of the facet's whole contact, and the lean of its pressure along the facet [-]."""
+
+    h: float
+    share: float
+    tilt: float
+    facet: Facet
+
+
+def wheel_frame(centre: np.ndarray, axle: np.ndarray) -> WheelFrame:
+    """Return the frame of a wheel whose axle points left: forward = axle x up."""
+    up = np.array([0.0, 0.0, 1.0]) - axle[2] * axle
+    up /= np.linalg.norm(up)
+    return WheelFrame(centre, axle, np.cross(axle, up), up)
+
+
+def patches(terrain: Terrain, frame: WheelFrame, r: float) -> list[Patch]:
+    """Return the contact patches of a wheel of radius `r` [m]."""
+    facets = cut(terrain, frame, r)
+    found = (patch_of(facets, k, r) for k in range(len(facets)))
+    return [patch for patch in found if patch is not None]
+
+
+def cut(terrain: Terrain, frame: WheelFrame, r: float) -> list[Facet]:
+    """Return the facets near the wheel, from behind to ahead."""
+    if isinstance(terrain, Lanes):
+        return cut_lane(terrain, frame, r)
+    assert isinstance(terrain, HeightGrid)
+    return cut_grid(terrain, frame, r)
+
+
+def cut_lane(terrain: Lanes, frame: WheelFrame, r: float) -> list[Facet]:
+    """Return the facets of the wheel's lane; the profile is extruded sideways, so its corners are level lines."""
+    profile = terrain.profiles[int(np.searchsorted(terrain.borders, frame.centre[1]))]
+    x, z, ground = profile.extended()
+    across = frame.axle[1] if abs(frame.axle[1]) >= 1e-3 else math.copysign(1e-3, frame.axle[1])
+    dx, dz = x - frame.centre[0], z - frame.centre[2]
+    corners = np.column_stack([dx, -(frame.axle[0] * dx + frame.axle[2] * dz) / across, dz])
+    points = np.column_stack([corners @ frame.forward, corners @ frame.up])
+    near = np.flatnonzero((x[1:] > frame.centre[0] - 1.05 * r) & (x[:-1] <= frame.centre[0] + 1.05 * r))
+    pieces = range(max(near[0] - 1, 0), min(near[-1] + 1, len(ground) - 1) + 1)
+    made = []
+    for k in pieces:
+        length = math.hypot(x[k + 1] - x[k], z[k + 1] - z[k])
+        normal = np.array([-(z[k + 1] - z[k]), 0.0, x[k + 1] - x[k]]) / length
+        made.append(Facet(points[k], points[k + 1], normal, int(ground[k])))
+    if frame.forward[0] < 0.0:
+        made = [facet._replace(start=facet.end, end=facet.start) for facet in reversed(made)]
+    return made
+
+
+def cut_grid(terrain: HeightGrid, frame: WheelFrame, r: float) -> list[Facet]:
+    """Return eight facets between points of the height grid in the wheel's plane."""
+    points = []
+    for s in 1.2 * r * np.linspace(-1.0, 1.0, 9):
+        t = -r
+        for _ in range(3):
+            x, y, z = frame.centre + s * frame.forward + t * frame.up
+            slope_x, slope_y = terrain.gradient(x, y)
+            lean = frame.up[2] - slope_x * frame.up[0] - slope_y * frame.up[1]
+            t += (terrain.height(x, y) - z) / lean
+        points.append(np.array([s, t]))
+    return [_grid_facet(terrain, frame, a, b) for a, b in zip(points[:-1], points[1:], strict=True)]
+
+
+def _grid_facet(terrain: HeightGrid, frame: WheelFrame, start: np.ndarray, end: np.ndarray) -> Facet:
+    s, t = 0.5 * (start + end)
+    x, y, _ = frame.centre + s * frame.forward + t * frame.up
+    slope_x, slope_y = terrain.gradient(x, y)
+    ds, dt = end - start
+    sideways = np.array([frame.axle[0], frame.axle[1], slope_x * frame.axle[0] + slope_y * frame.axle[1]])
+    normal = np.cross(ds * frame.forward + dt * frame.up, sideways)
+    return Facet(start, end, normal / np.linalg.norm(normal), int(terrain.ground_at(x, y)))
+
+
+def patch_of(facets: list[Facet], k: int, r: float) -> Patch | None:
+    """Return the patch of facet `k`, or None where the wheel does not touch it.
+
+    With theta from the facet's in-plane normal, the rim is under the facet's line for |theta| < theta_0,
+    cos theta_0 = 1 - h / r. `share` is the part of int (cos theta - cos theta_0) cos theta dtheta within the
+    bisectors, `tilt` the same with sin theta: radial pressure pushes the wheel back by it.
+    """
+    facet = facets[k]
+    n = facet.in_plane
+    h = min(r + facet.start @ n, DEEPEST * r)
+    if h <= 0.0 or max(facet.start[0], facet.end[0]) < -r or min(facet.start[0], facet.end[0]) > r:
+        return None
+    theta_0 = math.acos(1.0 - h / r)
+    low, high = -theta_0, theta_0
+    if k > 0:
+        low, high = clip_at_bisector(n, facets[k - 1].in_plane, facet.start, r, (low, high), 1.0)
+    if k < len(facets) - 1:
+        low, high = clip_at_bisector(n, facets[k + 1].in_plane, facet.end, r, (low, high), -1.0)
+    if low >= high:
+        return None
+    cosine = math.cos(theta_0)
+    whole = _cosine_part(theta_0, cosine) - _cosine_part(-theta_0, cosine)
+    share = (_cosine_part(high, cosine) - _cosine_part(low, cosine)) / whole
+    tilt = (_sine_part(high, cosine) - _sine_part(low, cosine)) / whole
+    return Patch(h, share, tilt, facet)
+
+
+def clip_at_bisector(
+    own: np.ndarray, other: np.ndarray, corner: np.ndarray, r: float, arc: tuple[float, float], side: float
+) -> tuple[float, float]:
+    """Return the arc cut where a + r sin(theta - delta) has the wrong sign; an empty arc has low > high.
+
+    a is the centre's distance ahead of the bisector through `corner`, delta the angle from the own normal to it.
+    """
+    bisector = (own + other) / np.linalg.norm(own + other)
+    ahead = np.array([bisector[1], -bisector[0]])
+    a = -float(corner @ ahead)
+    if side * a >= r:
+        return arc
+    if side * a <= -r:
+        return 1.0, -1.0
+    edge = math.asin(-a / r) + math.asin(max(-1.0, min(1.0, float(own @ ahead))))
+    return (max(arc[0], edge), arc[1]) if side > 0 else (arc[0], min(arc[1], edge))
+
+
+def _cosine_part(theta: float, cosine: float) -> float:
+    return 0.5 * theta + 0.25 * math.sin(2.0 * theta) - cosine * math.sin(theta)
+
+
+def _sine_part(theta: float, cosine: float) -> float:
+    return 0.5 * math.sin(theta) ** 2 + cosine * math.cos(theta)

@@ -1,0 +1,36 @@
+"""The paper's traction: Eqs (4) and (6) give the normal force, F(S) times it the tangential force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.effects.effect import Effect
+from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, wheel_forces
+
+NODES = 12
+"""Quadrature nodes in the simulator: 1e-6 relative near Table 1, against 1e-9 for the equations' own default."""
+
+
+@dataclass(frozen=True)
+class SoilTraction(Effect):
+    """f_n by Eqs (4)-(6) at the sinkage h, then f_t = F(S) f_n and torque = M(S) r f_n, M(S) = T / (r f_n).
+
+    `form` says which ratio F is (net: Eq 7 / Eq 6; torque: T / (r f_n); gross: thrust / f_n), `angles` whether F and M
+    are taken at the paper's fixed angles or at those of the sinkage.
+    Source: the paper, sections 3.2 and 3.3. Differs from the paper: nothing with NetTraction and FixedAngles.
+    """
+
+    form: NetTraction | TorqueTraction | GrossTraction = field(default_factory=TorqueTraction)
+    angles: FixedAngles | SinkageAngles = field(default_factory=FixedAngles)
+
+    def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
+        """Return f_t, f_n and torque of the patch."""
+        wheel, soil = contact.wheel, contact.soil
+        sunk = wheel_forces(contact.S, *SinkageAngles().angles(contact.h, wheel, soil), wheel, soil, NODES)
+        acting = sunk
+        if isinstance(self.angles, FixedAngles):
+            acting = wheel_forces(contact.S, *self.angles.angles(contact.h, wheel, soil), wheel, soil, NODES)
+        f_t = self.form.factor(acting, wheel) * sunk.f_n
+        return Load(f_t=f_t, f_n=sunk.f_n, torque=acting.torque / acting.f_n * sunk.f_n)

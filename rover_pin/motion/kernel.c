@@ -1,0 +1,687 @@
+/* One step of the drive: wheel-terrain patches, their loads, and a linearly implicit solve of Eq (8).
+   Pinocchio has filled M, nle, J and the wheel centres; the laws themselves are functions generated from the effects.
+   Twin of plain.py, which is slower and the reference. */
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#define MAX_DOF 48
+#define MAX_COLS 20
+#define MAX_FACETS 64
+#define MAX_STATES 8
+#define MAX_OUT 192
+#define N_SOIL 9
+#define N_CONTACT (9 + N_SOIL)
+#define N_RECORD 12
+#define PI 3.14159265358979323846
+
+typedef int64_t integer;
+typedef int (*casadi_function)(const double **, double **, integer *, double *, int);
+
+typedef struct { /* field order is mirrored in kernel.py */
+  integer nv, n_wheels, n_cols, n_axles, n_contact_states, n_motor_states, n_joints, n_servos, n_stops, n_lanes, grid_nx, grid_ny;
+  integer differential_left, differential_right, symmetric;
+  double dt, direction_speed, grid_x0, grid_y0, grid_dx, grid_dy;
+  double *M, *nle, *J, *q, *v, *du;
+  double **centres;
+  integer *cols, *col_count, *wheel_dof, *axle;
+  double *radius, *width;
+  integer *joint_dof, *joint_q, *joint_unbounded;
+  integer *servo_dof, *servo_q;
+  double *servo_target, *servo_gain; /* gain: stiffness, damping */
+  integer *stop_dof, *stop_q;
+  double *stop_limits, *stop_gain; /* limits: lower, upper per stop */
+  integer *mirror_index;
+  double *mirror_sign;
+  double *contact_states, *motor_states;
+  double *contact_odd;
+  double *contact_parameters, *motor_parameters, *soils, *duty;
+  double *lane_borders;
+  integer *lane_start;
+  double *lane_x, *lane_z;
+  integer *lane_ground;
+  double *grid_z;
+  integer *grid_ground;
+  double *record, *energy, *loads; /* record: n_wheels x N_RECORD; energy: 5 */
+  casadi_function contact_law, motor_law;
+  integer *work_i;
+  double *work_w;
+} Drive;
+
+enum { ENERGY_MOTOR, ENERGY_SOIL, ENERGY_STOPS, ENERGY_SERVOS, ENERGY_ELECTRIC };
+enum { OK, NOT_FINITE, SINGULAR };
+
+typedef struct {
+  double s, t;       /* start point in the wheel plane, from the centre */
+  double n_s, n_t;   /* in-plane unit normal */
+  double normal[3];  /* normal in the world */
+  integer ground;
+} Facet;
+
+typedef struct {
+  double sinkage, share, tilt;
+  const Facet *facet;
+} Patch;
+
+typedef struct {
+  double centre[3], axle[3], forward[3], up[3], velocity[3], spin;
+  double lin[MAX_COLS][3], ang[MAX_COLS][3];
+  const integer *cols;
+  integer n;
+} Wheel;
+
+static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static void cross(const double *a, const double *b, double *out) {
+  out[0] = a[1] * b[2] - a[2] * b[1];
+  out[1] = a[2] * b[0] - a[0] * b[2];
+  out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static void unit(double *a) {
+  double scale = 1.0 / sqrt(dot(a, a));
+  for (int i = 0; i < 3; ++i) a[i] *= scale;
+}
+
+static void look_at_wheel(const Drive *d, integer w, Wheel *wheel) {
+  const double *p = d->centres[w];
+  memcpy(wheel->centre, p, sizeof wheel->centre);
+  memcpy(wheel->axle, d->J + 6 * d->wheel_dof[w] + 3, sizeof wheel->axle);
+  const double vertical[3] = {0.0, 0.0, 1.0};
+  for (int i = 0; i < 3; ++i) wheel->up[i] = vertical[i] - wheel->axle[2] * wheel->axle[i];
+  unit(wheel->up);
+  cross(wheel->axle, wheel->up, wheel->forward);
+  wheel->cols = d->cols + w * d->n_cols;
+  wheel->n = d->col_count[w];
+  double rate[3] = {0.0, 0.0, 0.0};
+  memset(wheel->velocity, 0, sizeof wheel->velocity);
+  for (integer i = 0; i < wheel->n; ++i) {
+    const double *column = d->J + 6 * wheel->cols[i];
+    cross(column + 3, p, wheel->lin[i]);
+    for (int c = 0; c < 3; ++c) {
+      wheel->lin[i][c] += column[c];
+      wheel->ang[i][c] = column[3 + c];
+      wheel->velocity[c] += wheel->lin[i][c] * d->v[wheel->cols[i]];
+      rate[c] += column[3 + c] * d->v[wheel->cols[i]];
+    }
+  }
+  wheel->spin = dot(rate, wheel->axle);
+}
+
+/* ---- the terrain as the wheel's plane cuts it ---- */
+
+static void finish_facets(Facet *facets, integer n) {
+  for (integer k = 0; k < n; ++k) {
+    double ds = facets[k + 1].s - facets[k].s, dt = facets[k + 1].t - facets[k].t;
+    double scale = 1.0 / sqrt(ds * ds + dt * dt);
+    facets[k].n_s = -dt * scale;
+    facets[k].n_t = ds * scale;
+  }
+}
+
+static integer cut_lane(const Drive *d, const Wheel *w, double radius, Facet *facets) {
+  integer lane = 0;
+  while (lane < d->n_lanes - 1 && w->centre[1] > d->lane_borders[lane]) ++lane;
+  const integer first = d->lane_start[lane], count = d->lane_start[lane + 1] - first;
+  const double *x = d->lane_x + first, *z = d->lane_z + first;
+  double reach = 1.05 * radius;
+  integer low = 0, high = count - 1;
+  while (high - low > 1) {
+    integer middle = (low + high) / 2;
+    if (x[middle] <= w->centre[0] - reach) low = middle; else high = middle;
+  }
+  integer start = low > 0 ? low - 1 : 0, n = 0;
+  double across = fabs(w->axle[1]) < 1e-3 ? (w->axle[1] < 0 ? -1e-3 : 1e-3) : w->axle[1];
+  int backwards = w->forward[0] < 0.0;
+  for (integer k = start; k < count && n < MAX_FACETS; ++k) {
+    double offset[3] = {x[k] - w->centre[0], 0.0, z[k] - w->centre[2]};
+    offset[1] = -(w->axle[0] * offset[0] + w->axle[2] * offset[2]) / across;
+    facets[n].s = dot(offset, w->forward);
+    facets[n].t = dot(offset, w->up);
+    integer piece = k < count - 1 ? k : count - 2;
+    double dx = x[piece + 1] - x[piece], dz = z[piece + 1] - z[piece], scale = 1.0 / sqrt(dx * dx + dz * dz);
+    facets[n].normal[0] = -dz * scale;
+    facets[n].normal[1] = 0.0;
+    facets[n].normal[2] = dx * scale;
+    facets[n].ground = d->lane_ground[first + piece];
+    ++n;
+    if (k > start + 1 && x[k] > w->centre[0] + reach && x[k - 1] > w->centre[0] + reach) break;
+  }
+  if (backwards) { /* keep the points in order of the wheel's own forward direction */
+    for (integer i = 0; i < n / 2; ++i) {
+      Facet swap = facets[i];
+      facets[i] = facets[n - 1 - i];
+      facets[n - 1 - i] = swap;
+    }
+    for (integer i = 0; i < n - 1; ++i) {
+      memcpy(facets[i].normal, facets[i + 1].normal, sizeof facets[i].normal);
+      facets[i].ground = facets[i + 1].ground;
+    }
+  }
+  finish_facets(facets, n - 1);
+  return n - 1;
+}
+
+static double grid_height(const Drive *d, double x, double y, double *slope_x, double *slope_y, integer *ground) {
+  double u = (x - d->grid_x0) / d->grid_dx, v = (y - d->grid_y0) / d->grid_dy;
+  u = fmin(fmax(u, 0.0), d->grid_nx - 1.0);
+  v = fmin(fmax(v, 0.0), d->grid_ny - 1.0);
+  integer i = (integer)u, j = (integer)v;
+  if (i > d->grid_nx - 2) i = d->grid_nx - 2;
+  if (j > d->grid_ny - 2) j = d->grid_ny - 2;
+  u -= i;
+  v -= j;
+  const double *z = d->grid_z + i * d->grid_ny + j;
+  double z00 = z[0], z01 = z[1], z10 = z[d->grid_ny], z11 = z[d->grid_ny + 1];
+  *slope_x = ((z10 - z00) * (1 - v) + (z11 - z01) * v) / d->grid_dx;
+  *slope_y = ((z01 - z00) * (1 - u) + (z11 - z10) * u) / d->grid_dy;
+  *ground = d->grid_ground[i * (d->grid_ny - 1) + j];
+  return (z00 * (1 - u) + z10 * u) * (1 - v) + (z01 * (1 - u) + z11 * u) * v;
+}
+
+static integer cut_grid(const Drive *d, const Wheel *w, double radius, Facet *facets) {
+  const integer n = 8;
+  double point[9][3], slope_x, slope_y;
+  for (integer k = 0; k <= n; ++k) {
+    double s = 1.2 * radius * (2.0 * k / n - 1.0), t = -radius;
+    integer ground;
+    for (int pass = 0; pass < 3; ++pass) {
+      for (int c = 0; c < 3; ++c) point[k][c] = w->centre[c] + s * w->forward[c] + t * w->up[c];
+      double z = grid_height(d, point[k][0], point[k][1], &slope_x, &slope_y, &ground);
+      double lean = w->up[2] - slope_x * w->up[0] - slope_y * w->up[1];
+      t += (z - point[k][2]) / lean;
+    }
+    facets[k].s = s;
+    facets[k].t = t;
+    for (int c = 0; c < 3; ++c) point[k][c] = w->centre[c] + s * w->forward[c] + t * w->up[c];
+  }
+  for (integer k = 0; k < n; ++k) {
+    double along[3], sideways[3] = {w->axle[0], w->axle[1], 0.0};
+    for (int c = 0; c < 3; ++c) along[c] = point[k + 1][c] - point[k][c];
+    grid_height(d, 0.5 * (point[k][0] + point[k + 1][0]), 0.5 * (point[k][1] + point[k + 1][1]), &slope_x, &slope_y,
+                &facets[k].ground);
+    sideways[2] = slope_x * sideways[0] + slope_y * sideways[1];
+    cross(along, sideways, facets[k].normal);
+    unit(facets[k].normal);
+  }
+  finish_facets(facets, n);
+  return n;
+}
+
+/* Clip [*low, *high] to where a + r sin(theta - delta / 2) has the sign `side` (+1: at least 0, -1: at most 0). */
+static int clip_at_bisector(double a, double r, double delta, double side, double *low, double *high) {
+  if (side * a >= r) return 1;
+  if (side * a <= -r) return 0;
+  double edge = asin(-a / r) + 0.5 * delta;
+  if (side > 0) { if (edge > *low) *low = edge; }
+  else if (edge < *high) *high = edge;
+  return *low < *high;
+}
+
+/* The part of facet k's contact arc that belongs to it: theta from its normal, between the bisectors to its neighbours. */
+static int find_patch(const Facet *facets, integer n, integer k, double radius, Patch *patch) {
+  const Facet *f = facets + k;
+  double distance = -(f->s * f->n_s + f->t * f->n_t);
+  double h = radius - distance;
+  if (h <= 0.0) return 0;
+  if (h > 0.98 * radius) h = 0.98 * radius;
+  double theta = acos(1.0 - h / radius), low = -theta, high = theta;
+  if (fmax(f[1].s, f->s) < -radius || fmin(f[1].s, f->s) > radius) return 0;
+  for (int side = -1; side <= 1; side += 2) {
+    integer other = k - side; /* side +1: the lower bound, set by the facet behind */
+    if (other < 0 || other >= n) continue;
+    const Facet *g = facets + other, *corner = side > 0 ? f : f + 1;
+    double m_s = f->n_s + g->n_s, m_t = f->n_t + g->n_t, scale = 1.0 / sqrt(m_s * m_s + m_t * m_t);
+    double ahead_s = m_t * scale, ahead_t = -m_s * scale; /* across the bisector, forwards */
+    double a = -(corner->s * ahead_s + corner->t * ahead_t);
+    double tilt = asin(fmin(1.0, fmax(-1.0, f->n_s * ahead_s + f->n_t * ahead_t)));
+    if (!clip_at_bisector(a, radius, 2.0 * tilt, side, &low, &high)) return 0;
+  }
+  double cosine = cos(theta);
+  double whole = theta + 0.5 * sin(2.0 * theta) - 2.0 * cosine * sin(theta);
+  patch->facet = f;
+  patch->sinkage = h;
+  patch->share = 1.0;
+  patch->tilt = 0.0;
+  if (low > -theta || high < theta) {
+    double upper = 0.5 * high + 0.25 * sin(2.0 * high) - cosine * sin(high);
+    double lower = 0.5 * low + 0.25 * sin(2.0 * low) - cosine * sin(low);
+    double sine_upper = 0.5 * sin(high) * sin(high) + cosine * cos(high);
+    double sine_lower = 0.5 * sin(low) * sin(low) + cosine * cos(low);
+    patch->share = (upper - lower) / whole;
+    patch->tilt = (sine_upper - sine_lower) / whole;
+  }
+  return 1;
+}
+
+/* ---- the laws ---- */
+
+typedef struct {
+  double load[4];                           /* f_t f_y f_n torque */
+  double by_speed[4][4];                    /* d load / d (v_x v_y v_n rim) */
+  double rate[MAX_STATES], rate_by_speed[MAX_STATES][4];
+  double load_by_state[4][MAX_STATES], rate_by_state[MAX_STATES][MAX_STATES];
+  double slip[2];
+} Law;
+
+static void mirror_law(Law *law, integer nx, const double *odd) {
+  const double sign[4] = {-1, -1, 1, -1};
+  for (int i = 0; i < 4; ++i) {
+    law->load[i] *= sign[i];
+    for (int j = 0; j < 4; ++j) law->by_speed[i][j] *= sign[i] * sign[j];
+    for (integer j = 0; j < nx; ++j) law->load_by_state[i][j] *= sign[i] * odd[j];
+  }
+  for (integer i = 0; i < nx; ++i) {
+    law->rate[i] *= odd[i];
+    for (int j = 0; j < 4; ++j) law->rate_by_speed[i][j] *= odd[i] * sign[j];
+    for (integer j = 0; j < nx; ++j) law->rate_by_state[i][j] *= odd[i] * odd[j];
+  }
+  law->slip[0] *= -1;
+  law->slip[1] *= -1;
+}
+
+static void evaluate_law(const Drive *d, const double *contact, const double *states, int mirrored, Law *law) {
+  integer nx = d->n_contact_states;
+  double own_contact[N_CONTACT], own_states[MAX_STATES], out[MAX_OUT];
+  memcpy(own_contact, contact, sizeof own_contact);
+  for (integer i = 0; i < nx; ++i) own_states[i] = states[i] * (mirrored ? d->contact_odd[i] : 1.0);
+  if (mirrored) {
+    own_contact[1] = -contact[1];
+    own_contact[2] = -contact[2];
+    own_contact[4] = -contact[4];
+    own_contact[6] = d->n_axles - 1 - contact[6];
+  }
+  const double *arguments[3] = {own_contact, own_states, d->contact_parameters};
+  double *results[1] = {out};
+  d->contact_law(arguments, results, d->work_i, d->work_w, 0);
+  const double *next = out; /* column-major blocks, in the order compiled.py writes them */
+  for (int i = 0; i < 4; ++i) law->load[i] = *next++;
+  for (int j = 0; j < 4; ++j) for (int i = 0; i < 4; ++i) law->by_speed[i][j] = *next++;
+  for (integer i = 0; i < nx; ++i) law->rate[i] = *next++;
+  for (int j = 0; j < 4; ++j) for (integer i = 0; i < nx; ++i) law->rate_by_speed[i][j] = *next++;
+  for (integer j = 0; j < nx; ++j) for (int i = 0; i < 4; ++i) law->load_by_state[i][j] = *next++;
+  for (integer j = 0; j < nx; ++j) for (integer i = 0; i < nx; ++i) law->rate_by_state[i][j] = *next++;
+  law->slip[0] = *next++;
+  law->slip[1] = *next++;
+  if (mirrored) mirror_law(law, nx, d->contact_odd);
+}
+
+static void blend(double *a, const double *b, double share, size_t n) {
+  for (size_t i = 0; i < n; ++i) a[i] = share * a[i] + (1.0 - share) * b[i];
+}
+
+/* The law in the direction of travel; within the speed `direction_speed` around rest, a blend of both directions. */
+static void travel_law(const Drive *d, const double *contact, const double *states, Law *law) {
+  double z = 0.5 * (contact[1] + contact[4]) / d->direction_speed;
+  z = fmin(1.0, fmax(-1.0, z));
+  double forwards = 0.5 + 0.25 * z * (3.0 - z * z);
+  if (forwards > 0.0) evaluate_law(d, contact, states, 0, law);
+  if (forwards < 1.0) {
+    Law back;
+    evaluate_law(d, contact, states, 1, &back);
+    if (forwards > 0.0) blend((double *)law, (const double *)&back, forwards, sizeof(Law) / sizeof(double));
+    else *law = back;
+  }
+}
+
+/* Solve (I - dt A) X = B for X (n x m, rows of stride `stride`), n <= MAX_STATES. */
+static void implicit_states(double dt, integer n, double a[][MAX_STATES], double *b, integer m, integer stride) {
+  double lhs[MAX_STATES][MAX_STATES];
+  for (integer i = 0; i < n; ++i)
+    for (integer j = 0; j < n; ++j) lhs[i][j] = (i == j) - dt * a[i][j];
+  for (integer p = 0; p < n; ++p)
+    for (integer i = p + 1; i < n; ++i) {
+      double factor = lhs[i][p] / lhs[p][p];
+      for (integer j = p; j < n; ++j) lhs[i][j] -= factor * lhs[p][j];
+      for (integer j = 0; j < m; ++j) b[i * stride + j] -= factor * b[p * stride + j];
+    }
+  for (integer p = n - 1; p >= 0; --p)
+    for (integer j = 0; j < m; ++j) {
+      for (integer i = p + 1; i < n; ++i) b[p * stride + j] -= lhs[p][i] * b[i * stride + j];
+      b[p * stride + j] /= lhs[p][p];
+    }
+}
+
+/* ---- assembly ---- */
+
+typedef struct {
+  double A[MAX_DOF][MAX_DOF], soil_D[MAX_DOF][MAX_DOF], soil_Q[MAX_DOF];
+  double motor_torque[MAX_DOF], motor_slope[MAX_DOF];
+  double other_Q[MAX_DOF], other_slope[MAX_DOF];
+} System;
+
+typedef struct { /* what a wheel's states need once the new speeds are known */
+  double weight, gain[MAX_STATES], by_col[MAX_STATES][MAX_COLS];
+} StateUpdate;
+
+static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch *patch, System *system, StateUpdate *update) {
+  const double *N = patch->facet->normal;
+  const integer nx = d->n_contact_states, n = w->n;
+  double r = d->radius[index], t[3], l[3], arm[3];
+  cross(w->axle, N, t);
+  unit(t);
+  cross(N, t, l);
+  double contact[N_CONTACT] = {patch->sinkage, dot(w->velocity, t), dot(w->velocity, l), -dot(w->velocity, N),
+                               r * w->spin, w->centre[0], (double)d->axle[index], r, d->width[index]};
+  memcpy(contact + 9, d->soils + N_SOIL * patch->facet->ground, N_SOIL * sizeof(double));
+  Law law;
+  double *states = d->contact_states + index * nx;
+  travel_law(d, contact, states, &law);
+
+  /* states one step on: dx = (I - dt r_x)^-1 dt (r + r_v dv); their effect on the load joins the implicit solve */
+  double step[MAX_STATES][5];
+  if (nx) {
+    for (integer i = 0; i < nx; ++i) {
+      step[i][0] = d->dt * law.rate[i];
+      for (int j = 0; j < 4; ++j) step[i][1 + j] = d->dt * law.rate_by_speed[i][j];
+    }
+    implicit_states(d->dt, nx, law.rate_by_state, &step[0][0], 5, 5);
+    for (int a = 0; a < 4; ++a)
+      for (integer i = 0; i < nx; ++i) {
+        law.load[a] += law.load_by_state[a][i] * step[i][0];
+        for (int j = 0; j < 4; ++j) law.by_speed[a][j] += law.load_by_state[a][i] * step[i][1 + j];
+      }
+  }
+  double in_plane[3];
+  for (int c = 0; c < 3; ++c) in_plane[c] = patch->facet->n_s * w->forward[c] + patch->facet->n_t * w->up[c];
+  double share = patch->share, tilt = patch->tilt;
+  double e_t[3], e_n[3], moment_n[3], moment_y[3];
+  for (int c = 0; c < 3; ++c) {
+    arm[c] = -r * in_plane[c];
+    e_t[c] = share * t[c] + tilt * N[c];
+    e_n[c] = share * N[c] - tilt * t[c];
+  }
+  cross(arm, N, moment_n);
+  cross(arm, l, moment_y);
+  double off_n = dot(moment_n, w->axle), off_y = dot(moment_y, w->axle);
+  for (int c = 0; c < 3; ++c) {
+    moment_n[c] = share * (moment_n[c] - off_n * w->axle[c]);
+    moment_y[c] = share * (moment_y[c] - off_y * w->axle[c]);
+  }
+  double push[4][MAX_COLS], see[4][MAX_COLS];
+  for (integer i = 0; i < n; ++i) {
+    const double *lin = w->lin[i], *ang = w->ang[i];
+    double spin = dot(ang, w->axle);
+    push[0][i] = dot(lin, e_t);
+    push[1][i] = share * dot(lin, l) + dot(ang, moment_y);
+    push[2][i] = dot(lin, e_n) + dot(ang, moment_n);
+    push[3][i] = -share * spin;
+    see[0][i] = dot(lin, t);
+    see[1][i] = dot(lin, l);
+    see[2][i] = -dot(lin, N);
+    see[3][i] = r * spin;
+  }
+  for (integer i = 0; i < n; ++i) {
+    double row[4] = {0, 0, 0, 0};
+    for (int a = 0; a < 4; ++a) {
+      system->soil_Q[w->cols[i]] += push[a][i] * law.load[a];
+      for (int b = 0; b < 4; ++b) row[b] += push[a][i] * law.by_speed[a][b];
+    }
+    double *target = system->soil_D[w->cols[i]];
+    for (integer j = 0; j < n; ++j)
+      target[w->cols[j]] += row[0] * see[0][j] + row[1] * see[1][j] + row[2] * see[2][j] + row[3] * see[3][j];
+  }
+  double weight = fmax(share * law.load[2], 1e-12);
+  update->weight += weight;
+  for (integer i = 0; i < nx; ++i) {
+    update->gain[i] += weight * step[i][0];
+    for (integer j = 0; j < n; ++j)
+      for (int b = 0; b < 4; ++b) update->by_col[i][j] += weight * step[i][1 + b] * see[b][j];
+  }
+  double *record = d->record + index * N_RECORD;
+  record[0] += weight * law.slip[0];
+  record[1] += weight * law.slip[1];
+  record[2] = fmax(record[2], patch->sinkage);
+  record[3] += share * law.load[2];
+  record[4] += share * law.load[0];
+  record[5] += share * law.load[1];
+  record[6] += share * law.load[3];
+  record[7] += weight * contact[1];
+  record[8] += 1.0;
+  for (int c = 0; c < 3; ++c)
+    d->loads[6 * index + c] += e_n[c] * law.load[2] + e_t[c] * law.load[0] + share * l[c] * law.load[1];
+  for (int c = 0; c < 3; ++c)
+    d->loads[6 * index + 3 + c] += moment_n[c] * law.load[2] + moment_y[c] * law.load[1] - share * w->axle[c] * law.load[3];
+}
+
+static void add_wheel(const Drive *d, integer index, System *system, StateUpdate *update) {
+  Wheel wheel;
+  Facet facets[MAX_FACETS + 1];
+  look_at_wheel(d, index, &wheel);
+  double radius = d->radius[index];
+  memset(update, 0, sizeof *update);
+  memset(d->record + index * N_RECORD, 0, 9 * sizeof(double));
+  memset(d->loads + 6 * index, 0, 6 * sizeof(double));
+  integer n = d->n_lanes ? cut_lane(d, &wheel, radius, facets) : cut_grid(d, &wheel, radius, facets);
+  integer touching = 0;
+  for (integer k = 0; k < n; ++k) {
+    Patch patch;
+    if (!find_patch(facets, n, k, radius, &patch)) continue;
+    ++touching;
+    add_patch(d, &wheel, index, &patch, system, update);
+  }
+  if (!touching && d->n_contact_states) { /* in the air: the states go on, nothing pushes */
+    Facet below = {0, -radius, 0, 1, {wheel.up[0], wheel.up[1], wheel.up[2]}, 0};
+    Patch patch = {1e-9, 0.0, 0.0, &below};
+    add_patch(d, &wheel, index, &patch, system, update);
+    d->record[index * N_RECORD + 8] = 0.0;
+  }
+  double *record = d->record + index * N_RECORD;
+  if (update->weight > 0.0) {
+    record[0] /= update->weight;
+    record[1] /= update->weight;
+    record[7] /= update->weight;
+    for (integer i = 0; i < d->n_contact_states; ++i) {
+      update->gain[i] /= update->weight;
+      for (integer j = 0; j < wheel.n; ++j) update->by_col[i][j] /= update->weight;
+    }
+  }
+}
+
+static void add_motor(const Drive *d, integer index, System *system, double step[][2]) {
+  integer dof = d->wheel_dof[index], nx = d->n_motor_states;
+  double input[2] = {d->duty[index], d->v[dof]}, out[MAX_OUT], rate_by_state[MAX_STATES][MAX_STATES];
+  const double *arguments[3] = {input, d->motor_states + index * nx, d->motor_parameters};
+  double *results[1] = {out};
+  d->motor_law(arguments, results, d->work_i, d->work_w, 0);
+  const double *next = out; /* torque, d torque / d omega, current, supply, rate, its slope, torque by state, rate by state */
+  double torque = *next++, slope = *next++;
+  d->record[index * N_RECORD + 10] = *next++;
+  d->record[index * N_RECORD + 11] = *next++;
+  for (integer i = 0; i < nx; ++i) step[i][0] = d->dt * *next++;
+  for (integer i = 0; i < nx; ++i) step[i][1] = d->dt * *next++;
+  const double *by_state = next;
+  next += nx;
+  for (integer j = 0; j < nx; ++j)
+    for (integer i = 0; i < nx; ++i) rate_by_state[i][j] = *next++;
+  implicit_states(d->dt, nx, rate_by_state, &step[0][0], 2, 2);
+  for (integer i = 0; i < nx; ++i) {
+    torque += by_state[i] * step[i][0];
+    slope += by_state[i] * step[i][1];
+  }
+  system->motor_torque[dof] = torque;
+  system->motor_slope[dof] = slope;
+}
+
+static void add_springs(const Drive *d, System *system) {
+  for (integer i = 0; i < d->n_servos; ++i) { /* stiff and damped, taken at the end of the step */
+    integer dof = d->servo_dof[i];
+    double error = d->q[d->servo_q[i]] + d->dt * d->v[dof] - d->servo_target[i];
+    system->other_Q[dof] = -d->servo_gain[0] * error - d->servo_gain[1] * d->v[dof];
+    system->other_slope[dof] = -d->servo_gain[0] * d->dt - d->servo_gain[1];
+  }
+  for (integer i = 0; i < d->n_stops; ++i) {
+    integer dof = d->stop_dof[i];
+    double angle = d->q[d->stop_q[i]], over = 0.0;
+    if (angle > d->stop_limits[2 * i + 1]) over = angle - d->stop_limits[2 * i + 1];
+    if (angle < d->stop_limits[2 * i]) over = angle - d->stop_limits[2 * i];
+    if (over == 0.0) continue;
+    system->other_Q[dof] = -d->stop_gain[0] * (over + d->dt * d->v[dof]) - d->stop_gain[1] * d->v[dof];
+    system->other_slope[dof] = -d->stop_gain[0] * d->dt - d->stop_gain[1];
+  }
+}
+
+/* Gaussian elimination with row pivoting on A (n x n) and b. */
+static int solve(integer n, double A[][MAX_DOF], double *b) {
+  for (integer p = 0; p < n; ++p) {
+    integer best = p;
+    for (integer i = p + 1; i < n; ++i) if (fabs(A[i][p]) > fabs(A[best][p])) best = i;
+    if (!(fabs(A[best][p]) > 1e-300)) return SINGULAR;
+    if (best != p) {
+      for (integer j = p; j < n; ++j) { double s = A[p][j]; A[p][j] = A[best][j]; A[best][j] = s; }
+      double s = b[p]; b[p] = b[best]; b[best] = s;
+    }
+    double inverse = 1.0 / A[p][p];
+    for (integer i = p + 1; i < n; ++i) {
+      double factor = A[i][p] * inverse;
+      if (factor == 0.0) continue;
+      for (integer j = p + 1; j < n; ++j) A[i][j] -= factor * A[p][j];
+      b[i] -= factor * b[p];
+    }
+  }
+  for (integer p = n - 1; p >= 0; --p) {
+    for (integer j = p + 1; j < n; ++j) b[p] -= A[p][j] * b[j];
+    b[p] /= A[p][p];
+  }
+  return OK;
+}
+
+/* (M - dt D) du = dt (Q - nle), with v_right = -v_left for the rockers of a differential. */
+static int solve_speeds(const Drive *d, System *system) {
+  integer nv = d->nv, left = d->differential_left, right = d->differential_right, n = 0, index[MAX_DOF];
+  double b[MAX_DOF];
+  for (integer j = 0; j < nv; ++j)
+    for (integer i = 0; i <= j; ++i) { /* pinocchio fills the upper triangle */
+      double m = d->M[i * nv + j];
+      system->A[i][j] = m - d->dt * system->soil_D[i][j];
+      if (i != j) system->A[j][i] = m - d->dt * system->soil_D[j][i];
+    }
+  for (integer i = 0; i < nv; ++i) {
+    system->A[i][i] -= d->dt * (system->motor_slope[i] + system->other_slope[i]);
+    b[i] = d->dt * (system->soil_Q[i] + system->motor_torque[i] + system->other_Q[i] - d->nle[i]);
+  }
+  if (left >= 0) {
+    for (integer j = 0; j < nv; ++j) system->A[left][j] -= system->A[right][j];
+    for (integer i = 0; i < nv; ++i) system->A[i][left] -= system->A[i][right];
+    b[left] -= b[right];
+  }
+  for (integer i = 0; i < nv; ++i) if (left < 0 || i != right) index[n++] = i;
+  if (n < nv)
+    for (integer i = 0; i < n; ++i) {
+      if (index[i] != i) memcpy(system->A[i], system->A[index[i]], sizeof system->A[i]);
+      b[i] = b[index[i]];
+    }
+  if (n < nv)
+    for (integer i = 0; i < n; ++i)
+      for (integer j = right; j < n; ++j) system->A[i][j] = system->A[i][j + 1];
+  int status = solve(n, system->A, b);
+  for (integer i = 0; i < n; ++i) d->du[index[i]] = b[i];
+  if (left >= 0) d->du[right] = -d->du[left];
+  return status;
+}
+
+static void account(const Drive *d, const System *system) {
+  double soil = 0, motor = 0, other = 0, servos = 0;
+  for (integer i = 0; i < d->nv; ++i) {
+    double speed = d->v[i] + 0.5 * d->du[i], force = system->soil_Q[i];
+    for (integer j = 0; j < d->nv; ++j) force += system->soil_D[i][j] * d->du[j];
+    soil -= force * speed;
+    motor += (system->motor_torque[i] + system->motor_slope[i] * d->du[i]) * speed;
+    other -= (system->other_Q[i] + system->other_slope[i] * d->du[i]) * speed;
+  }
+  for (integer k = 0; k < d->n_servos; ++k) {
+    integer i = d->servo_dof[k];
+    servos -= (system->other_Q[i] + system->other_slope[i] * d->du[i]) * (d->v[i] + 0.5 * d->du[i]);
+  }
+  d->energy[ENERGY_MOTOR] += d->dt * motor;
+  d->energy[ENERGY_SOIL] += d->dt * soil;
+  d->energy[ENERGY_STOPS] += d->dt * (other - servos);
+  d->energy[ENERGY_SERVOS] += d->dt * servos;
+  for (integer w = 0; w < d->n_wheels; ++w)
+    d->energy[ENERGY_ELECTRIC] += d->dt * d->record[w * N_RECORD + 10] * d->record[w * N_RECORD + 11] * d->duty[w];
+}
+
+/* ---- configuration ---- */
+
+static void advance_base(double *q, const double *v, double dt) {
+  double w[3] = {v[3] * dt, v[4] * dt, v[5] * dt}, u[3] = {v[0] * dt, v[1] * dt, v[2] * dt};
+  double angle_2 = dot(w, w), angle = sqrt(angle_2), a, b, s, c;
+  if (angle < 1e-4) {
+    a = 0.5 - angle_2 / 24.0;
+    b = 1.0 / 6.0 - angle_2 / 120.0;
+    s = 0.5 - angle_2 / 48.0;
+  } else {
+    a = (1.0 - cos(angle)) / angle_2;
+    b = (angle - sin(angle)) / (angle_2 * angle);
+    s = sin(0.5 * angle) / angle;
+  }
+  c = cos(0.5 * angle);
+  double wu[3], wwu[3], move[3], turned[3], twice[3];
+  cross(w, u, wu);
+  cross(w, wu, wwu);
+  for (int i = 0; i < 3; ++i) move[i] = u[i] + a * wu[i] + b * wwu[i];
+  cross(q + 3, move, turned); /* R move = move + 2 qw (qv x move) + 2 qv x (qv x move) */
+  cross(q + 3, turned, twice);
+  for (int i = 0; i < 3; ++i) q[i] += move[i] + 2.0 * (q[6] * turned[i] + twice[i]);
+  double e[3] = {s * w[0], s * w[1], s * w[2]}, mixed[3], product[4];
+  cross(q + 3, e, mixed);
+  for (int i = 0; i < 3; ++i) product[i] = q[6] * e[i] + c * q[3 + i] + mixed[i];
+  product[3] = q[6] * c - dot(q + 3, e);
+  double scale = 1.0 / sqrt(dot(product, product) + product[3] * product[3]);
+  for (int i = 0; i < 4; ++i) q[3 + i] = product[i] * scale;
+}
+
+static void advance(const Drive *d) {
+  advance_base(d->q, d->v, d->dt);
+  for (integer k = 0; k < d->n_joints; ++k) {
+    double step = d->v[d->joint_dof[k]] * d->dt, *q = d->q + d->joint_q[k];
+    if (!d->joint_unbounded[k]) { *q += step; continue; }
+    double c = cos(step), s = sin(step), x = c * q[0] - s * q[1], y = s * q[0] + c * q[1];
+    double scale = 1.0 / sqrt(x * x + y * y);
+    q[0] = x * scale;
+    q[1] = y * scale;
+  }
+}
+
+static void mirror_speeds(const Drive *d) {
+  double image[MAX_DOF];
+  for (integer i = 0; i < d->nv; ++i) image[i] = d->mirror_sign[i] * d->v[d->mirror_index[i]];
+  for (integer i = 0; i < d->nv; ++i) d->v[i] = 0.5 * (d->v[i] + image[i]);
+}
+
+int rover_pin_step(Drive *d) {
+  System system;
+  StateUpdate updates[MAX_DOF];
+  double motor_steps[MAX_DOF][MAX_STATES][2];
+  integer nv = d->nv, nx = d->n_contact_states;
+  for (integer i = 0; i < nv; ++i) memset(system.soil_D[i], 0, nv * sizeof(double));
+  memset(system.soil_Q, 0, sizeof(System) - offsetof(System, soil_Q));
+  for (integer w = 0; w < d->n_wheels; ++w) {
+    add_wheel(d, w, &system, &updates[w]);
+    add_motor(d, w, &system, motor_steps[w]);
+    d->record[w * N_RECORD + 9] = system.motor_torque[d->wheel_dof[w]];
+  }
+  add_springs(d, &system);
+  int status = solve_speeds(d, &system);
+  if (status != OK) return status;
+  account(d, &system);
+  for (integer w = 0; w < d->n_wheels; ++w) {
+    for (integer i = 0; i < nx; ++i) {
+      double change = updates[w].gain[i];
+      for (integer j = 0; j < d->col_count[w]; ++j) change += updates[w].by_col[i][j] * d->du[d->cols[w * d->n_cols + j]];
+      d->contact_states[w * nx + i] += change;
+    }
+    for (integer i = 0; i < d->n_motor_states; ++i)
+      d->motor_states[w * d->n_motor_states + i] += motor_steps[w][i][0] + motor_steps[w][i][1] * d->du[d->wheel_dof[w]];
+  }
+  double total = 0.0;
+  for (integer i = 0; i < nv; ++i) {
+    d->v[i] += d->du[i];
+    total += d->v[i];
+  }
+  if (!isfinite(total)) return NOT_FINITE;
+  if (d->symmetric) mirror_speeds(d);
+  advance(d);
+  return OK;
+}

@@ -1,0 +1,324 @@
+"""The compiled step: Pinocchio's matrices on one side, the generated laws on the other, kernel.c between them."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.terrain import HeightGrid, Lanes
+from rover_pin.contact import Soil, Wheel
+from rover_pin.errors import ParameterError
+from rover_pin.motion import laws
+from rover_pin.motion.model import Model
+from rover_pin.motion.state import DriveState
+from rover_pin.motion.toolchain import shared_library
+from rover_pin.quantity import quantities
+
+INTEGERS = (
+    "nv n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_lanes grid_nx grid_ny "
+    "differential_left differential_right symmetric"
+).split()
+NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy".split()
+POINTERS = (
+    "M nle J q v du centres cols col_count wheel_dof axle radius width joint_dof joint_q joint_unbounded servo_dof "
+    "servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain mirror_index mirror_sign contact_states "
+    "motor_states contact_odd contact_parameters motor_parameters soils duty lane_borders lane_start lane_x lane_z "
+    "lane_ground grid_z grid_ground record energy loads contact_law motor_law work_i work_w"
+).split()
+"""Fields of the C struct Drive, in its order."""
+
+RECORD = ("slip", "slip_y", "sinkage", "normal", "tangential", "lateral", "soil_torque", "travel", "patches", "torque",
+          "current", "supply")  # fmt: skip
+ENERGY = ("energy_motor", "energy_soil", "energy_stops", "energy_servos", "energy_electric")
+DIRECTION_SPEED = 0.005
+"""Below this mean of rim and travel speed [m/s] the direction of travel is blended."""
+SERVO_GAIN = (20.0, 0.2)
+"""Stiffness [N m/rad] and damping [N m s/rad] of a steering servo (assumed: stiff beside the wheel's side forces)."""
+STOP_GAIN = (50.0, 1.0)
+"""The same of a suspension's end stop (assumed)."""
+MOST_FACETS = 56
+N_RECORD, MAX_DOF, MAX_COLS = len(RECORD), 48, 20
+
+
+class DriveStruct(ctypes.Structure):
+    """Mirror of the struct Drive in kernel.c."""
+
+    _fields_ = [
+        *[(name, ctypes.c_int64) for name in INTEGERS],
+        *[(name, ctypes.c_double) for name in NUMBERS],
+        *[(name, ctypes.c_void_p) for name in POINTERS],
+    ]
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL:
+    """Return the compiled kernel."""
+    source = files("rover_pin.motion").joinpath("kernel.c").read_text()
+    made = shared_library(source, "kernel")
+    made.rover_pin_step.argtypes = [ctypes.c_void_p]
+    return made
+
+
+@dataclass(frozen=True)
+class CompiledLaws:
+    """The addresses of the generated laws and the work space they want."""
+
+    handle: ctypes.CDLL
+    contact: int
+    motor: int
+    work: tuple[int, int]
+
+
+@lru_cache(maxsize=64)
+def compiled_laws(structure: Any) -> CompiledLaws:
+    """Return the laws of this structure, compiled; the numbers stay parameters, so a sweep compiles once."""
+    functions = (laws.contact_law(structure.contact), laws.motor_law(structure.motor, structure.motor_effects))
+    handle = shared_library(laws.generated_source(*functions), "laws")
+    contact, motor = (ctypes.cast(getattr(handle, f.name()), ctypes.c_void_p).value or 0 for f in functions)
+    return CompiledLaws(handle, contact, motor, tuple(max(f.__getattribute__(n)() for f in functions) for n in ("sz_iw", "sz_w")))
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What decides the generated code: the classes of the effects and their choices, not their numbers."""
+
+    contact: tuple[Any, ...]
+    motor: Any
+    motor_effects: tuple[Any, ...]
+
+
+def structure_of(model: Model) -> Structure:
+    """Return the model's structure: its effects with every number at the default."""
+    return Structure(
+        tuple(_plain(effect) for effect in model.contact_effects),
+        type(model.motor)(),
+        tuple(_plain(effect) for effect in model.motor_effects),
+    )
+
+
+def _plain(record: Any) -> Any:
+    default = {name: type(record).__dataclass_fields__[name].default for name in quantities(record)}
+    return record.replace(**default)
+
+
+class Kernel:
+    """A model's drive from one step to the next, compiled; `state` is read and written in place."""
+
+    def __init__(self, model: Model, state: DriveState, dt: float, symmetric: bool):
+        self.model = model
+        self.state = state
+        rover = model.rover.under(model.gravity)
+        self.pin_model = armed(rover.model, model)
+        self.data = self.pin_model.createData()
+        self.keep: dict[str, Any] = {}
+        self.struct = DriveStruct()
+        self.record = np.zeros((len(rover.wheels), N_RECORD))
+        self.loads = np.zeros((len(rover.wheels), 6))
+        self.energy = np.zeros(len(ENERGY))
+        self._set(dt=dt, direction_speed=DIRECTION_SPEED, symmetric=int(symmetric))
+        self._bind_body(rover)
+        self._bind_springs(rover)
+        self._bind_state(state)
+        self._bind_terrain()
+        self._bind_laws()
+        self._step = library().rover_pin_step
+        self._address = ctypes.addressof(self.struct)
+
+    def step(self) -> int:
+        """Advance the state by dt; return 0, or 1 (not finite) or 2 (singular)."""
+        q, v = self.state.q, self.state.v
+        pin.crba(self.pin_model, self.data, q, pin.Convention.WORLD)
+        pin.nonLinearEffects(self.pin_model, self.data, q, v)
+        return int(self._step(self._address))
+
+    def energies(self) -> tuple[float, float]:
+        """Return kinetic and potential energy [J] at the present state."""
+        kinetic = pin.computeKineticEnergy(self.pin_model, self.data, self.state.q, self.state.v)
+        armature = 0.5 * float(np.dot(self.pin_model.armature, self.state.v**2))
+        return kinetic + armature, pin.computePotentialEnergy(self.pin_model, self.data, self.state.q)
+
+    def _set(self, **values: Any) -> None:
+        for name, value in values.items():
+            if isinstance(value, np.ndarray):
+                self.keep[name] = value
+                value = value.ctypes.data
+            setattr(self.struct, name, value)
+
+    def _bind_body(self, rover: Any) -> None:
+        model, data = self.pin_model, self.data
+        pin.crba(model, data, self.state.q, pin.Convention.WORLD)
+        pin.nonLinearEffects(model, data, self.state.q, self.state.v)
+        columns = [supports(model, wheel.joint) for wheel in rover.wheels]
+        most = max(map(len, columns))
+        if model.nv > MAX_DOF or most > MAX_COLS:
+            raise ParameterError(f"The rover has {model.nv} degrees of freedom, {most} above a wheel; the step holds {MAX_DOF} and {MAX_COLS}.")
+        cols = np.zeros((len(columns), most), dtype=np.int64)
+        for row, own in zip(cols, columns, strict=True):
+            row[: len(own)] = own
+        self.centres = [data.oMi[wheel.joint].translation for wheel in rover.wheels]
+        joints = [model.joints[j] for j in range(2, model.njoints)]
+        perm, sign = rover.mirror
+        differential = rover.differential
+        self._set(
+            nv=model.nv,
+            n_wheels=len(columns),
+            n_cols=most,
+            n_axles=1 + max(wheel.axle for wheel in rover.wheels),
+            n_joints=len(joints),
+            differential_left=-1 if differential is None else differential.left,
+            differential_right=-1 if differential is None else differential.right,
+            M=data.M,
+            nle=data.nle,
+            J=data.J,
+            centres=np.array([centre.ctypes.data for centre in self.centres], dtype=np.int64),
+            cols=cols,
+            col_count=np.array([len(own) for own in columns], dtype=np.int64),
+            wheel_dof=np.array([wheel.dof for wheel in rover.wheels], dtype=np.int64),
+            axle=np.array([wheel.axle for wheel in rover.wheels], dtype=np.int64),
+            radius=np.array([float(wheel.wheel.r) for wheel in rover.wheels]),
+            width=np.array([float(wheel.wheel.b) for wheel in rover.wheels]),
+            joint_dof=np.array([joint.idx_v for joint in joints], dtype=np.int64),
+            joint_q=np.array([joint.idx_q for joint in joints], dtype=np.int64),
+            joint_unbounded=np.array([joint.nq == 2 for joint in joints], dtype=np.int64),
+            mirror_index=np.asarray(perm, dtype=np.int64),
+            mirror_sign=np.asarray(sign, dtype=float),
+            du=np.zeros(model.nv),
+            record=self.record,
+            energy=self.energy,
+            loads=self.loads,
+        )
+
+    def _bind_springs(self, rover: Any) -> None:
+        model = self.pin_model
+        q_of = {model.joints[j].idx_v: model.joints[j].idx_q for j in range(2, model.njoints)}
+        servos = [wheel.steer_dof for wheel in rover.wheels if wheel.steer_dof is not None]
+        stops = stop_dofs(rover)
+        limits = [(model.lowerPositionLimit[q_of[i]], model.upperPositionLimit[q_of[i]]) for i in stops]
+        self.servo_target = np.zeros(max(1, len(servos)))
+        self.servo_wheels = [i for i, wheel in enumerate(rover.wheels) if wheel.steer_dof is not None]
+        self._set(
+            n_servos=len(servos),
+            servo_dof=np.array(servos or [0], dtype=np.int64),
+            servo_q=np.array([q_of[i] for i in servos] or [0], dtype=np.int64),
+            servo_target=self.servo_target,
+            servo_gain=np.array(SERVO_GAIN),
+            n_stops=len(stops),
+            stop_dof=np.array(stops or [0], dtype=np.int64),
+            stop_q=np.array([q_of[i] for i in stops] or [0], dtype=np.int64),
+            stop_limits=np.array(limits or [(0.0, 0.0)]).ravel(),
+            stop_gain=np.array(STOP_GAIN),
+        )
+
+    def _bind_state(self, state: DriveState) -> None:
+        self.duty = np.zeros(len(self.model.rover.wheels))
+        odd = [-1.0 if each.odd else 1.0 for effect in self.model.contact_effects for each in effect.states]
+        self._set(
+            q=state.q,
+            v=state.v,
+            contact_states=state.contact,
+            motor_states=state.motor,
+            n_contact_states=state.contact.shape[1],
+            n_motor_states=state.motor.shape[1],
+            contact_odd=np.array(odd or [1.0]),
+            duty=self.duty,
+        )
+
+    def _bind_terrain(self) -> None:
+        terrain = self.model.terrain
+        if isinstance(terrain, Lanes):
+            self._bind_lanes(terrain)
+        elif isinstance(terrain, HeightGrid):
+            self._set(
+                grid_nx=terrain.z.shape[0],
+                grid_ny=terrain.z.shape[1],
+                grid_x0=terrain.x0,
+                grid_y0=terrain.y0,
+                grid_dx=terrain.dx,
+                grid_dy=terrain.dy,
+                grid_z=np.ascontiguousarray(terrain.z, dtype=float),
+                grid_ground=np.ascontiguousarray(terrain.ground, dtype=np.int64),
+            )
+
+    def _bind_lanes(self, terrain: Lanes) -> None:
+        longest = max(float(wheel.wheel.r) for wheel in self.model.rover.wheels)
+        xs, zs, grounds, starts = [], [], [], [0]
+        for profile in terrain.profiles:
+            x, z, ground = extended(profile)
+            crowd = int(np.max(np.searchsorted(x, x + 2.2 * longest) - np.arange(len(x))))
+            if crowd > MOST_FACETS:
+                raise ParameterError(
+                    f"The terrain has {crowd} points within a wheel's length of {2.2 * longest:g} m; "
+                    f"at most {MOST_FACETS} are allowed: thin the polyline."
+                )
+            xs.append(x)
+            zs.append(z)
+            grounds.append(np.append(ground, ground[-1]))
+            starts.append(starts[-1] + len(x))
+        self._set(
+            n_lanes=len(terrain.profiles),
+            lane_borders=np.append(np.asarray(terrain.borders, dtype=float), np.inf),
+            lane_start=np.array(starts, dtype=np.int64),
+            lane_x=np.concatenate(xs),
+            lane_z=np.concatenate(zs),
+            lane_ground=np.concatenate(grounds).astype(np.int64),
+        )
+
+    def _bind_laws(self) -> None:
+        model = self.model
+        made = compiled_laws(structure_of(model))
+        soils = np.array([laws.numbers([soil]) for soil in model.soils])
+        self._set(
+            soils=soils,
+            contact_parameters=np.append(laws.numbers(model.contact_effects), 0.0),
+            motor_parameters=laws.numbers([model.motor, *model.motor_effects]),
+            contact_law=made.contact,
+            motor_law=made.motor,
+            work_i=np.zeros(made.work[0] + 1, dtype=np.int64),
+            work_w=np.zeros(made.work[1] + 1),
+        )
+        self.keep["laws"] = made
+
+
+def extended(profile: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return x, z, ground of a profile whose first and last pieces go on for a kilometre."""
+    x, z = np.asarray(profile.x, dtype=float), np.asarray(profile.z, dtype=float)
+    far = 1000.0
+    first, last = (z[1] - z[0]) / (x[1] - x[0]), (z[-1] - z[-2]) / (x[-1] - x[-2])
+    ground = np.asarray(profile.ground)
+    return (
+        np.concatenate([[x[0] - far], x, [x[-1] + far]]),
+        np.concatenate([[z[0] - far * first], z, [z[-1] + far * last]]),
+        np.concatenate([ground[:1], ground, ground[-1:]]),
+    )
+
+
+def supports(model: pin.Model, joint: int) -> list[int]:
+    """Return the indices of the velocities that move this joint, from the base outwards."""
+    return [
+        index
+        for each in list(model.supports[joint])[1:]
+        for index in range(model.joints[each].idx_v, model.joints[each].idx_v + model.joints[each].nv)
+    ]
+
+
+def stop_dofs(rover: Any) -> list[int]:
+    """Return the velocity indices of the suspension's joints: neither base, wheel nor steering."""
+    driven = {wheel.dof for wheel in rover.wheels} | {wheel.steer_dof for wheel in rover.wheels}
+    return [i for i in range(6, rover.model.nv) if i not in driven]
+
+
+def armed(model: pin.Model, drive: Model) -> pin.Model:
+    """Return a copy of Pinocchio's model with the motors' rotors on the wheels."""
+    copy = model.copy()
+    armature = np.array(copy.armature)
+    for wheel in drive.rover.wheels:
+        armature[wheel.dof] = float(drive.motor.armature)
+    copy.armature = armature
+    return copy

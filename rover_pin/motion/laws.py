@@ -1,0 +1,147 @@
+"""A model's effects as two CasADi functions: what a contact patch pushes, and what a motor gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from rover_pin.contact import Contact, Load, Soil, Wheel
+from rover_pin.effects.effect import Drive, Effect, MotorEffect
+from rover_pin.errors import ParameterError
+from rover_pin.motion.motor import Motor, motor_current
+from rover_pin.quantity import Record, quantities
+
+GEOMETRY = ("h", "v_x", "v_y", "v_n", "rim", "x", "axle")
+"""What the geometry knows of a patch; wheel and soil constants follow in the contact vector."""
+SPEEDS = slice(1, 5)
+MAX_STATES = 8
+
+
+def symbolic(records: Sequence[Record]) -> tuple[list[Record], ca.SX]:
+    """Return the records with every quantity a symbol, and the symbols in order."""
+    made, symbols = [], []
+    for i, record in enumerate(records):
+        named = {name: ca.SX.sym(f"{name}_{i}") for name in quantities(record)}
+        made.append(record.replace(**named))
+        symbols += list(named.values())
+    return made, ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
+
+
+def numbers(records: Sequence[Record]) -> np.ndarray:
+    """Return the values of all quantities, in the order of `symbolic`."""
+    return np.array([float(value) for record in records for value in record.values().values()])
+
+
+def contact_law(effects: Sequence[Effect]) -> ca.Function:
+    """Return the function (contact, states, parameters) -> load, its derivatives, rates, their derivatives, slip.
+
+    The contact vector is GEOMETRY, the wheel's quantities, the soil's quantities. One output column, in blocks
+    (column-major): load (4: f_t f_y f_n torque); d load / d (v_x v_y v_n rim); rate; d rate / d speeds;
+    d load / d states; d rate / d states; S, S_y.
+    """
+    own, parameters = symbolic(effects)
+    geometry = {name: ca.SX.sym(name) for name in GEOMETRY}
+    (wheel, soil), constants = symbolic([Wheel(), Soil()])
+    states = _states(effects)
+    contact = Contact(S=0.0, S_y=0.0, wheel=wheel, soil=soil, **geometry)  # type: ignore[arg-type]
+    for effect, x in zip(own, states, strict=True):
+        contact = effect.amend(contact, x)  # type: ignore[attr-defined]
+    load = Load()
+    for effect, x in zip(own, states, strict=True):
+        load = load.plus(effect.load(contact, load, x))  # type: ignore[attr-defined]
+    rates = [effect.rate(contact, load, x) for effect, x in zip(own, states, strict=True)]  # type: ignore[attr-defined]
+    inputs = ca.vertcat(*geometry.values())
+    force, rate, x = ca.vertcat(*load), _column(rates), _column(states)
+    blocks = [
+        force,
+        *_derivatives(force, inputs[SPEEDS]),
+        rate,
+        *_derivatives(rate, inputs[SPEEDS]),
+        *_derivatives(force, x),
+        *_derivatives(rate, x),
+        contact.S,
+        contact.S_y,
+    ]
+    out = ca.densify(ca.vertcat(*blocks))
+    return ca.Function("contact_law", [ca.vertcat(inputs, constants), x, parameters], [out])
+
+
+def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
+    """Return the function ((delta, omega), states, parameters) -> torque and what the implicit step needs.
+
+    One output column: torque; d torque / d omega; current; supply voltage; rate; d rate / d omega;
+    d torque / d states; d rate / d states.
+    """
+    (own_motor, *own), parameters = symbolic([motor, *effects])
+    delta, omega = ca.SX.sym("delta"), ca.SX.sym("omega")
+    states = _states(effects)
+    drive: Drive = own_motor.drive(delta, omega)  # type: ignore[attr-defined]
+    for effect, x in zip(own, states, strict=True):
+        drive = effect.amend(drive, x)  # type: ignore[attr-defined]
+    current = motor_current(drive)
+    torque = drive.constant * current
+    for effect, x in zip(own, states, strict=True):
+        torque = torque + effect.torque(drive, torque, x)  # type: ignore[attr-defined]
+    rates = [effect.rate(drive, torque, x) for effect, x in zip(own, states, strict=True)]  # type: ignore[attr-defined]
+    rate, x = _column(rates), _column(states)
+    blocks = [
+        torque,
+        *_derivatives(torque, omega),
+        current,
+        drive.supply,
+        rate,
+        *_derivatives(rate, omega),
+        *_derivatives(torque, x),
+        *_derivatives(rate, x),
+    ]
+    out = ca.densify(ca.vertcat(*blocks))
+    return ca.Function("motor_law", [ca.vertcat(delta, omega), x, parameters], [out])
+
+
+def generated_source(*functions: ca.Function) -> str:
+    """Return C source of the functions."""
+    code = ca.CodeGenerator("laws.c", {"with_header": False})
+    for function in functions:
+        code.add(function)
+    return str(code.dump())
+
+
+def number_of_states(effects: Sequence[Effect] | Sequence[MotorEffect]) -> int:
+    """Return how many states the effects have together; refuse more than the compiled step can hold."""
+    count = sum(len(effect.states) for effect in effects)
+    if count > MAX_STATES:
+        names = [state.name for effect in effects for state in effect.states]
+        raise ParameterError(f"The effects have {count} states a wheel ({', '.join(names)}); at most {MAX_STATES} are allowed.")
+    return count
+
+
+def _states(effects: Sequence[Any]) -> list[tuple[ca.SX, ...]]:
+    number_of_states(effects)
+    return [tuple(ca.SX.sym(state.name) for state in effect.states) for effect in effects]
+
+
+def _column(tuples: Sequence[Sequence[Any]]) -> ca.SX:
+    flat = [value for values in tuples for value in values]
+    return ca.vertcat(*flat) if flat else ca.SX(0, 1)
+
+
+def _derivatives(of: ca.SX, by: ca.SX) -> list[ca.SX]:
+    """Return d of / d by, column by column."""
+    if of.numel() == 0 or by.numel() == 0:
+        return []
+    return [ca.vec(ca.densify(ca.jacobian(of, by)))]
+
+
+Law = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def as_numbers(function: ca.Function) -> Law:
+    """Return a CasADi function of column vectors as one of NumPy arrays, evaluated by CasADi's own machine."""
+
+    def call(first: np.ndarray, states: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        return np.array(function(first, states, parameters)).ravel()
+
+    return call

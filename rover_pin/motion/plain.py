@@ -1,0 +1,245 @@
+"""The step in plain NumPy and Pinocchio: slow, readable, and the reference of the compiled kernel.
+
+One linearly implicit Euler step of Eq (8): with u the velocities, x the effects' own states, Q(u, x) the soil's
+generalised force and tau(u) the motors',
+
+    (M - dt D) du = dt (Q + tau - nle) + G^T lambda,   G (u + du) = 0,
+    D = dQ/du + dQ/dx dx/du + dtau/du,   u <- u + du,   q <- q (+) dt u,
+
+where the states' own step dx = (I - dt r_x)^-1 dt (r + r_u du), r = dx/dt, enters Q at the end of the step.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.section import Facet, Patch, WheelFrame, patches, wheel_frame
+from rover_pin.contact import Load
+from rover_pin.motion import laws
+from rover_pin.motion.kernel import DIRECTION_SPEED, ENERGY, N_RECORD, SERVO_GAIN, STOP_GAIN, armed, stop_dofs
+from rover_pin.motion.model import Model
+from rover_pin.motion.state import DriveState
+
+TRAVEL_SIGNS = np.array([-1.0, -1.0, 1.0, -1.0])
+"""How (f_t, f_y, f_n, torque) and (v_x, v_y, v_n, rim) change when the direction of travel is mirrored."""
+
+
+class LawValue(NamedTuple):
+    """The contact law at one patch: load, rates, their derivatives, and the slip."""
+
+    load: np.ndarray
+    by_speed: np.ndarray
+    rate: np.ndarray
+    rate_by_speed: np.ndarray
+    load_by_state: np.ndarray
+    rate_by_state: np.ndarray
+    slip: np.ndarray
+
+
+class Plain:
+    """A model's drive from one step to the next; interface of `Kernel`."""
+
+    def __init__(self, model: Model, state: DriveState, dt: float, symmetric: bool):
+        self.model, self.state, self.dt, self.symmetric = model, state, dt, symmetric
+        self.rover = model.rover.under(model.gravity)
+        self.pin_model = armed(self.rover.model, model)
+        self.data = self.pin_model.createData()
+        n = len(self.rover.wheels)
+        self.record, self.loads, self.energy = np.zeros((n, N_RECORD)), np.zeros((n, 6)), np.zeros(len(ENERGY))
+        self.duty = np.zeros(n)
+        self.servo_wheels = [i for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None]
+        self.servo_target = np.zeros(max(1, len(self.servo_wheels)))
+        self.law = laws.as_numbers(laws.contact_law(model.contact_effects))
+        self.motor = laws.as_numbers(laws.motor_law(model.motor, model.motor_effects))
+        self.parameters = laws.numbers(model.contact_effects)
+        self.motor_parameters = laws.numbers([model.motor, *model.motor_effects])
+        self.odd = np.array([-1.0 if each.odd else 1.0 for effect in model.contact_effects for each in effect.states])
+
+    def energies(self) -> tuple[float, float]:
+        """Return kinetic and potential energy [J] at the present state."""
+        kinetic = pin.computeKineticEnergy(self.pin_model, self.data, self.state.q, self.state.v)
+        armature = 0.5 * float(self.pin_model.armature @ self.state.v**2)
+        return kinetic + armature, pin.computePotentialEnergy(self.pin_model, self.data, self.state.q)
+
+    def step(self) -> int:
+        """Advance the state by dt; return 0, or 1 when a number is not finite."""
+        state, nv = self.state, self.pin_model.nv
+        pin.computeJointJacobians(self.pin_model, self.data, state.q)
+        self.soil_Q, self.soil_D = np.zeros(nv), np.zeros((nv, nv))
+        self.record[:], self.loads[:] = 0.0, 0.0
+        updates = [self._wheel(index) for index in range(len(self.rover.wheels))]
+        motor_Q, motor_D, motor_steps = self._motors()
+        spring_Q, spring_D = self._springs()
+        du = self._solve(self.soil_Q + motor_Q + spring_Q, self.soil_D + np.diag(motor_D + spring_D))
+        self._account(du, motor_Q + motor_D * du, spring_Q + spring_D * du)
+        for index, (gain, slope) in enumerate(updates):
+            state.contact[index] += gain + slope @ du
+        for wheel, row, (gain, slope) in zip(self.rover.wheels, state.motor, motor_steps, strict=True):
+            row += gain + slope * du[wheel.dof]
+        state.v += du
+        if self.symmetric:
+            index, sign = self.rover.mirror
+            state.v[:] = 0.5 * (state.v + np.asarray(sign) * state.v[np.asarray(index)])
+        state.q[:] = pin.integrate(self.pin_model, state.q, self.dt * state.v)
+        return 0 if np.all(np.isfinite(state.v)) else 1
+
+    def _solve(self, force: np.ndarray, D: np.ndarray) -> np.ndarray:
+        model, state = self.pin_model, self.state
+        M = pin.crba(model, self.data, state.q)
+        M = np.triu(M) + np.triu(M, 1).T
+        nle = pin.nonLinearEffects(model, self.data, state.q, state.v)
+        left, right = M - self.dt * D, self.dt * (force - nle)
+        differential = self.rover.differential
+        if differential is None:
+            return np.linalg.solve(left, right)
+        G = np.zeros((1, model.nv))
+        G[0, [differential.left, differential.right]] = 1.0
+        saddle = np.block([[left, G.T], [G, np.zeros((1, 1))]])
+        return np.linalg.solve(saddle, np.append(right, -G @ state.v))[: model.nv]
+
+    def _wheel(self, index: int) -> tuple[np.ndarray, np.ndarray]:
+        """Add a wheel's patches; return how its states move: gain and slope by du."""
+        mount = self.rover.wheels[index]
+        centre = self.data.oMi[mount.joint].translation.copy()
+        J = pin.getJointJacobian(self.pin_model, self.data, mount.joint, pin.LOCAL_WORLD_ALIGNED)
+        frame = wheel_frame(centre, J[3:, mount.dof].copy())
+        found = patches(self.model.terrain, frame, float(mount.wheel.r))
+        nx = self.state.contact.shape[1]
+        airborne = not found
+        if airborne and nx:
+            found = [Patch(1e-9, 0.0, 0.0, _below(frame))]
+        weights, gains, slopes = [], [], []
+        for patch in found:
+            weight, gain, slope = self._patch(index, frame, J, patch)
+            weights.append(weight)
+            gains.append(weight * gain)
+            slopes.append(weight * slope)
+        if not weights:
+            return np.zeros(nx), np.zeros((nx, J.shape[1]))
+        self.record[index, [0, 1, 7]] /= sum(weights)
+        self.record[index, 8] = 0.0 if airborne else len(found)
+        return sum(gains) / sum(weights), sum(slopes) / sum(weights)
+
+    def _patch(
+        self, index: int, frame: WheelFrame, J: np.ndarray, patch: Patch
+    ) -> tuple[float, np.ndarray, np.ndarray]:
+        mount, N = self.rover.wheels[index], patch.facet.normal
+        r, velocity = float(mount.wheel.r), J[:3] @ self.state.v
+        t = np.cross(frame.axle, N)
+        t /= np.linalg.norm(t)
+        side = np.cross(N, t)
+        see = np.array([t @ J[:3], side @ J[:3], -N @ J[:3], r * frame.axle @ J[3:]])
+        speeds = see @ self.state.v
+        constants = [mount.wheel, self.model.soils[patch.facet.ground]]
+        contact = np.array([patch.h, *speeds, frame.centre[0], mount.axle, *laws.numbers(constants)])
+        law = self._travel_law(contact, self.state.contact[index])
+        step, step_by_speed = self._state_step(law)
+        load = law.load + law.load_by_state @ step
+        by_speed = law.by_speed + law.load_by_state @ step_by_speed
+
+        in_plane = patch.facet.in_plane
+        arm = -r * (in_plane[0] * frame.forward + in_plane[1] * frame.up)
+        share, tilt = patch.share, patch.tilt
+        forces = np.array([share * t + tilt * N, share * side, share * N - tilt * t, np.zeros(3)])
+        off_axle = np.eye(3) - np.outer(frame.axle, frame.axle)
+        moments = share * np.array(
+            [np.zeros(3), off_axle @ np.cross(arm, side), off_axle @ np.cross(arm, N), -frame.axle]
+        )
+        push = forces @ J[:3] + moments @ J[3:]
+        self.soil_Q += push.T @ load
+        self.soil_D += push.T @ by_speed @ see
+        weight = max(share * load[2], 1e-12)
+        felt = Load(*(share * load))
+        self.record[index, :2] += weight * law.slip
+        self.record[index, 2] = max(self.record[index, 2], patch.h)
+        self.record[index, 3:8] += [felt.f_n, felt.f_t, felt.f_y, felt.torque, weight * float(velocity @ t)]
+        self.loads[index] += np.concatenate([forces.T @ load, moments.T @ load])
+        return weight, step, step_by_speed @ see
+
+    def _state_step(self, law: LawValue) -> tuple[np.ndarray, np.ndarray]:
+        implicit = np.eye(len(law.rate)) - self.dt * law.rate_by_state
+        return np.linalg.solve(implicit, self.dt * law.rate), np.linalg.solve(implicit, self.dt * law.rate_by_speed)
+
+    def _travel_law(self, contact: np.ndarray, states: np.ndarray) -> LawValue:
+        """Return the law in the direction of travel, blended smoothly around rest."""
+        z = min(1.0, max(-1.0, 0.5 * (contact[1] + contact[4]) / DIRECTION_SPEED))
+        forwards = 0.5 + 0.25 * z * (3.0 - z * z)
+        value = self._split(self.law(contact, states, self.parameters))
+        if forwards == 1.0:
+            return value
+        mirrored = contact.copy()
+        mirrored[[1, 2, 4]] *= -1.0
+        mirrored[6] = max(wheel.axle for wheel in self.rover.wheels) - contact[6]
+        back = self._split(self.law(mirrored, self.odd * states, self.parameters))
+        sign, odd = TRAVEL_SIGNS, self.odd
+        turned = LawValue(
+            sign * back.load,
+            np.outer(sign, sign) * back.by_speed,
+            odd * back.rate,
+            np.outer(odd, sign) * back.rate_by_speed,
+            np.outer(sign, odd) * back.load_by_state,
+            np.outer(odd, odd) * back.rate_by_state,
+            -back.slip,
+        )
+        return LawValue(*(forwards * a + (1.0 - forwards) * b for a, b in zip(value, turned, strict=True)))
+
+    def _split(self, out: np.ndarray) -> LawValue:
+        nx = len(self.odd)
+        shapes = [(4,), (4, 4), (nx,), (nx, 4), (4, nx), (nx, nx), (2,)]
+        ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
+        parts = np.split(out, ends[:-1])
+        return LawValue(*(part.reshape(shape, order="F") for part, shape in zip(parts, shapes, strict=True)))
+
+    def _motors(self) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+        nv, nx = self.pin_model.nv, self.state.motor.shape[1]
+        torque, slope, steps = np.zeros(nv), np.zeros(nv), []
+        for index, wheel in enumerate(self.rover.wheels):
+            states = self.state.motor[index]
+            out = self.motor(np.array([self.duty[index], self.state.v[wheel.dof]]), states, self.motor_parameters)
+            rate, rate_slope, by_state = np.split(out[4 : 4 + 3 * nx], 3)
+            implicit = np.eye(nx) - self.dt * out[4 + 3 * nx :].reshape((nx, nx), order="F")
+            gain = np.linalg.solve(implicit, self.dt * rate)
+            gain_slope = np.linalg.solve(implicit, self.dt * rate_slope)
+            torque[wheel.dof] = out[0] + by_state @ gain
+            slope[wheel.dof] = out[1] + by_state @ gain_slope
+            steps.append((gain, gain_slope))
+            self.record[index, 9:12] = torque[wheel.dof], out[2], out[3]
+        return torque, slope, steps
+
+    def _springs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return steering servos and end stops: stiff springs taken at the end of the step."""
+        model, state = self.pin_model, self.state
+        force, slope = np.zeros(model.nv), np.zeros(model.nv)
+        q_of = {model.joints[j].idx_v: model.joints[j].idx_q for j in range(2, model.njoints)}
+
+        def spring(dof: int, over: float, gains: tuple[float, float]) -> None:
+            force[dof] = -gains[0] * (over + self.dt * state.v[dof]) - gains[1] * state.v[dof]
+            slope[dof] = -gains[0] * self.dt - gains[1]
+
+        for target, index in zip(self.servo_target, self.servo_wheels, strict=False):
+            dof = self.rover.wheels[index].steer_dof
+            spring(dof, state.q[q_of[dof]] - target, SERVO_GAIN)
+        for dof in stop_dofs(self.rover):
+            angle = state.q[q_of[dof]]
+            over = angle - np.clip(angle, model.lowerPositionLimit[q_of[dof]], model.upperPositionLimit[q_of[dof]])
+            if over != 0.0:
+                spring(dof, over, STOP_GAIN)
+        return force, slope
+
+    def _account(self, du: np.ndarray, motor: np.ndarray, springs: np.ndarray) -> None:
+        speed = self.state.v + 0.5 * du
+        servos = [self.rover.wheels[index].steer_dof for index in self.servo_wheels]
+        stopped = springs.copy()
+        stopped[servos] = 0.0
+        electric = float(np.sum(self.record[:, 10] * self.record[:, 11] * self.duty))
+        soil = (self.soil_Q + self.soil_D @ du) @ speed
+        steered = (springs - stopped) @ speed
+        self.energy += self.dt * np.array([motor @ speed, -soil, -(stopped @ speed), -steered, electric])
+
+
+def _below(frame: WheelFrame) -> Facet:
+    """Return a facet across the plane of a wheel in the air, for the rates of its states."""
+    return Facet(np.array([-1.0, -1.0]), np.array([1.0, -1.0]), frame.up, 0)
