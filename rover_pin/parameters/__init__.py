@@ -1,1 +1,35 @@
-"""See ARCHITECTURE in README: the parameters room."""
+"""Published numbers with their sources, and `SOILS`: the parameter sets by name."""
+
+from __future__ import annotations
+
+from rover_pin.contact import Soil
+from rover_pin.errors import ParameterError, closest
+from rover_pin.parameters.simulants import FJS_1, HIT_LSS1, LUNAR_NOMINAL, MARSSIM_SAND
+from rover_pin.parameters.wong import DRY_SAND
+from rover_pin.parameters.yoshida import LITERATURE_SAND, NEXUS6_WHEEL, TABLE_1
+
+__all__ = ["NEXUS6_WHEEL", "SOILS", "TABLE_1", "soil_named"]
+
+SOILS: dict[str, Soil] = {
+    "table-1": TABLE_1,
+    "literature-sand": LITERATURE_SAND,
+    "dry-sand": DRY_SAND,
+    "fjs-1": FJS_1,
+    "hit-lss1": HIT_LSS1,
+    "lunar-nominal": LUNAR_NOMINAL,
+    "mars-sand": MARSSIM_SAND,
+}
+"""Parameter sets by name; what depends on the wheel's width holds for `NEXUS6_WHEEL` (see `bekker.at_width`)."""
+
+
+def soil_named(name: str) -> Soil:
+    """Return the parameter set of this name.
+
+    Raises
+    ------
+    ParameterError
+        An unknown name; the message lists the close ones.
+    """
+    if name not in SOILS:
+        raise ParameterError(f"no soil is named '{name}': {closest(name, SOILS)}")
+    return SOILS[name]

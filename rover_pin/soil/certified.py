@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel
@@ -46,7 +48,7 @@ def certified_forces(
     cuts = _cuts(ratio, theta_1, length, wheel.r / soil.k) if is_symbolic(S) or S < 0 else ()
     law, strong, rule = shear_law(ratio, wheel, soil), strength(wheel, soil), both_graded(nodes)
     ends = (0.0, *cuts, length)
-    first, *rest = (integrate(theta_1, a, b, law, strong, rule) for a, b in zip(ends, ends[1:], strict=False))
+    first, *rest = (integrate(theta_1, a, b, law, strong, rule) for a, b in pairwise(ends))
     for stretch in rest:
         first = first.plus(stretch)
     return assemble(first, theta_1, length, wheel, soil)
