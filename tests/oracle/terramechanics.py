@@ -1,0 +1,153 @@
+"""Eqs (1)-(9) of the paper once more, in mpmath and in plain NumPy; imports nothing of rover_pin.
+
+The mpmath half integrates to 30 digits with the tanh-sinh rule, which is indifferent to the (theta_1 - theta)^n of the
+stress at the ends, on pieces that end where j changes sign. The NumPy half is a midpoint sum anyone can read.
+Braking follows the package's stated reading: v / (r omega) = 1 / (1 + S) and sgn(j) (1 - exp(-|j| / k)).
+"""
+
+from __future__ import annotations
+
+import mpmath as mp
+import numpy as np
+
+mp.mp.dps = 30
+
+
+def slip(rim, v):
+    """Eq (1), printed branch by branch."""
+    if rim == v:
+        return 0.0
+    return (rim - v) / rim if rim > v else (rim - v) / v
+
+
+def slip_estimate(rim, v_hat):
+    """Eq (9)."""
+    return (rim - v_hat) / rim
+
+
+def ratio(S):
+    """v / (r omega); infinite for a locked wheel."""
+    S = mp.mpf(S)
+    if S >= 0:
+        return 1 - S
+    return mp.inf if S == -1 else 1 / (1 + S)
+
+
+class Wheel:
+    """Stresses and forces of one wheel; all angles in radians, everything else SI."""
+
+    def __init__(self, r, b, c, phi, k, k_1, k_2, n):
+        self.r, self.b, self.c, self.phi, self.k, self.k_1, self.k_2, self.n = map(
+            mp.mpf, (r, b, c, phi, k, k_1, k_2, n)
+        )
+
+    def sigma(self, theta, theta_1):
+        """Eq (4) with the local sinkage of Eq (5)."""
+        h = self.r * (mp.cos(theta) - mp.cos(theta_1))
+        return (self.k_1 + self.k_2 * self.b) * (max(h, mp.mpf(0)) / self.b) ** self.n
+
+    def j(self, theta, theta_1, S):
+        """The exponent of Eq (2), in metres."""
+        rise = mp.sin(theta_1) - mp.sin(theta)
+        if S == -1:
+            return -mp.inf if rise > 0 else self.r * (theta_1 - theta)
+        return self.r * (theta_1 - theta - ratio(S) * rise)
+
+    def tau(self, theta, theta_1, S):
+        """Eq (2), signed."""
+        j = self.j(theta, theta_1, S)
+        share = mp.sign(j) * (1 - mp.exp(-abs(j) / self.k))
+        return (self.c + self.sigma(theta, theta_1) * mp.tan(self.phi)) * share
+
+    def breaks(self, theta_1, theta_2, S):
+        """Ends of the pieces: the arc's ends, zeros of j, and points towards the entry where k is short."""
+        theta_1, theta_2 = mp.mpf(theta_1), mp.mpf(theta_2)
+        points = {theta_1, theta_2}
+        if -1 < S < 0:
+            grid = [theta_1 + (theta_2 - theta_1) * mp.mpf(i) / 200 for i in range(1, 201)]
+            values = [self.j(theta, theta_1, S) for theta in grid]
+            for (a, fa), (b, fb) in zip(
+                zip(grid, values, strict=True), zip(grid[1:], values[1:], strict=True), strict=False
+            ):
+                if fa * fb < 0:
+                    points.add(mp.findroot(lambda t: self.j(t, theta_1, S), (a, b), solver="anderson", tol=1e-40))
+        length = theta_1 - theta_2
+        points |= {theta_1 - length * mp.mpf(10) ** -e for e in (1, 2, 3, 4)}
+        return sorted(points)
+
+    def forces(self, S, theta_1, theta_2):
+        """Eqs (6), (7), the torque, the thrust and the compaction resistance, and the scale of errors, as floats.
+
+        The scale is r b int (|sigma| + |tau|): what the sums are made of, where the results cancel.
+        """
+        theta_1, theta_2 = mp.mpf(theta_1), mp.mpf(theta_2)
+        S = mp.mpf(S)
+        pieces = self.breaks(theta_1, theta_2, S)
+        tau = lambda t: self.tau(t, theta_1, S)  # noqa: E731
+        sigma = lambda t: self.sigma(t, theta_1)  # noqa: E731
+        patch = self.r * self.b
+        quad = lambda f: mp.quad(f, pieces)  # noqa: E731
+        thrust = patch * quad(lambda t: tau(t) * mp.cos(t))
+        compaction = patch * quad(lambda t: sigma(t) * mp.sin(t))
+        f_n = patch * quad(lambda t: sigma(t) * mp.cos(t) + tau(t) * mp.sin(t))
+        torque = patch * self.r * quad(tau)
+        scale = patch * quad(lambda t: sigma(t) + abs(tau(t)))
+        return {
+            "f_n": f_n,
+            "f_t": thrust - compaction,
+            "torque": torque,
+            "thrust": thrust,
+            "compaction": compaction,
+            "scale": scale,
+        }
+
+
+def midpoint_forces(S, theta_1, theta_2, r, b, c, phi, k, K, n, points=200_000):
+    """Eqs (2)-(7) by the midpoint rule in plain NumPy, S >= 0 only: f_n, f_t, torque to about 1e-7."""
+    theta = theta_2 + (theta_1 - theta_2) * (np.arange(points) + 0.5) / points
+    sigma = K * (r * (np.cos(theta) - np.cos(theta_1)) / b) ** n
+    j = r * (theta_1 - theta - (1 - S) * (np.sin(theta_1) - np.sin(theta)))
+    tau = (c + sigma * np.tan(phi)) * (1 - np.exp(-j / k))
+    step = (theta_1 - theta_2) / points
+    f_n = r * b * step * np.sum(sigma * np.cos(theta) + tau * np.sin(theta))
+    f_t = r * b * step * np.sum(tau * np.cos(theta) - sigma * np.sin(theta))
+    return f_n, f_t, r * r * b * step * np.sum(tau)
+
+
+def peak_midpoint_forces(S, theta_1, theta_2, theta_m, r, b, c, phi, k, K, n, points=200_000):
+    """The same with Wong and Reece's stress, which peaks at theta_m."""
+    theta = theta_2 + (theta_1 - theta_2) * (np.arange(points) + 0.5) / points
+    rear = theta_1 - (theta - theta_2) / (theta_m - theta_2) * (theta_1 - theta_m)
+    depth = np.cos(np.where(theta > theta_m, theta, rear)) - np.cos(theta_1)
+    sigma = K * (r * depth / b) ** n
+    j = r * (theta_1 - theta - (1 - S) * (np.sin(theta_1) - np.sin(theta)))
+    tau = (c + sigma * np.tan(phi)) * (1 - np.exp(-j / k))
+    step = (theta_1 - theta_2) / points
+    f_n = r * b * step * np.sum(sigma * np.cos(theta) + tau * np.sin(theta))
+    f_t = r * b * step * np.sum(tau * np.cos(theta) - sigma * np.sin(theta))
+    return f_n, f_t, r * r * b * step * np.sum(tau)
+
+
+def equation_of_motion(H, C, forces, J, F_e):
+    """Eq (8) solved for the acceleration: H a + C = forces + J^T F_e."""
+    return np.linalg.solve(H, forces + J.T @ F_e - C)
+
+
+def full_shear_closed_form(theta_1, theta_2, phi, n):
+    """Closed forms at S = 1, k -> 0, c = 0, per unit of stress scale: f_n, thrust, torque for n = 1 and n = 2."""
+    t = mp.tan(mp.mpf(phi))
+    C = mp.cos(mp.mpf(theta_1))
+
+    def primitive(theta):
+        s, c2 = mp.sin(theta), mp.sin(2 * theta)
+        if n == 1:
+            whole = s - C * theta
+            cos = theta / 2 + c2 / 4 - C * s
+        else:
+            whole = theta / 2 + c2 / 4 - 2 * C * s + C**2 * theta
+            cos = s - s**3 / 3 - 2 * C * (theta / 2 + c2 / 4) + C**2 * s
+        sin = -((mp.cos(theta) - C) ** (n + 1)) / (n + 1)
+        return whole, cos, sin
+
+    whole, cos, sin = (a - b for a, b in zip(primitive(mp.mpf(theta_1)), primitive(mp.mpf(theta_2)), strict=True))
+    return cos + t * sin, t * cos, t * whole

@@ -1,0 +1,64 @@
+"""Eqs (2)-(5), angle by angle."""
+
+import importlib.util
+import math
+from pathlib import Path
+
+import casadi as ca
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.soil.angles import SinkageAngles
+from rover_pin.soil.sinkage import sinkage
+from rover_pin.soil.stress import mobilised, normal_stress, shear_displacement, shear_stress, tau_max
+
+_file = Path(__file__).parents[1] / "oracle" / "terramechanics.py"
+_spec = importlib.util.spec_from_file_location("terramechanics_oracle_stress", _file)
+oracle = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(oracle)
+
+WHEEL = Wheel()
+SOIL = Soil(c=300.0, k=0.01, n=0.8, k_2=1e5)
+TRUE = oracle.Wheel(WHEEL.r, WHEEL.b, SOIL.c, SOIL.phi, SOIL.k, SOIL.k_1, SOIL.k_2, SOIL.n)
+
+
+@given(st.floats(0.02, 1.2), st.floats(-0.99, 0.99), st.floats(-0.99, 1.0))
+def test_stresses_equal_the_oracle(theta_1, share, S):
+    theta = share * theta_1
+    sigma = normal_stress(theta, theta_1, WHEEL, SOIL)
+    assert sigma == pytest.approx(float(TRUE.sigma(theta, theta_1)), rel=1e-10)
+    assert tau_max(sigma, SOIL) == SOIL.c + sigma * math.tan(SOIL.phi)
+    assert shear_displacement(theta, theta_1, S, WHEEL) == pytest.approx(float(TRUE.j(theta, theta_1, S)), abs=1e-13)
+    assert shear_stress(theta, theta_1, S, WHEEL, SOIL) == pytest.approx(
+        float(TRUE.tau(theta, theta_1, S)), rel=1e-9, abs=1e-6
+    )
+
+
+def test_the_shear_is_bounded_where_the_printed_exponential_is_not():
+    printed = 1 - math.exp(30.0)
+    assert printed < -1e12
+    assert mobilised(-30.0) == pytest.approx(-1.0)
+    assert mobilised(0.7) == pytest.approx(1 - math.exp(-0.7))
+    assert mobilised(-0.7) == -mobilised(0.7)
+
+
+def test_nothing_cancels_at_small_angles():
+    assert sinkage(1e-6, WHEEL) == pytest.approx(WHEEL.r * 0.5e-12, rel=1e-9)
+    assert normal_stress(0.0, 1e-6, WHEEL, Soil(n=1.0)) == pytest.approx(Soil().k_1 * 0.9 * 0.5e-12, rel=1e-9)
+
+
+@given(st.floats(1e-5, 1.5))
+def test_sinkage_angles_invert_eq_5(theta_1):
+    soil = Soil()
+    found = SinkageAngles().angles(sinkage(theta_1, WHEEL), WHEEL, soil)
+    assert found == pytest.approx((theta_1, -soil.exit_ratio * theta_1), rel=1e-9)
+
+
+def test_sinkage_angles_stay_finite_out_of_the_soil_and_beyond_the_axle():
+    assert 0 < SinkageAngles().angles(-0.01, WHEEL, Soil())[0] < 1e-5
+    assert SinkageAngles().angles(1.0, WHEEL, Soil())[0] == pytest.approx(math.pi / 2)
+    h = ca.SX.sym("h")
+    slope = ca.Function("f", [h], [ca.jacobian(SinkageAngles().angles(h, WHEEL, Soil())[0], h)])
+    assert all(math.isfinite(float(slope(value))) for value in (-0.01, 0.0, 0.01, 0.2))

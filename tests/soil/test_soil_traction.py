@@ -1,0 +1,284 @@
+"""The wheel forces against the oracle, closed forms, symmetries, limits and derivatives."""
+
+import importlib.util
+import math
+from itertools import product
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.errors import ParameterError
+from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.arc import full_shear
+from rover_pin.soil.certified import certified_forces
+from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
+from rover_pin.soil.quadrature import both_graded, cubic_graded, entry_graded
+from rover_pin.soil.traction import FORMS, NetTraction, WheelForces, forces, load_traction_factor, wheel_forces
+
+_file = Path(__file__).parents[1] / "oracle" / "terramechanics.py"
+_spec = importlib.util.spec_from_file_location("terramechanics_oracle", _file)
+oracle = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(oracle)
+
+WHEEL, SOIL = Wheel(), Soil()
+DEG = math.pi / 180
+CHANNELS = WheelForces._fields
+
+
+def exact(S, theta_1, theta_2, soil, wheel=WHEEL):
+    return oracle.Wheel(wheel.r, wheel.b, soil.c, soil.phi, soil.k, soil.k_1, soil.k_2, soil.n).forces(
+        S, theta_1, theta_2
+    )
+
+
+def error(found, true, wheel=WHEEL):
+    """Worst relative error; forces below 2 % of what they are summed from are measured against that."""
+    worst = 0.0
+    for channel in CHANNELS:
+        arm = wheel.r if channel == "torque" else 1.0
+        size = max(abs(float(true[channel])), 0.02 * float(true["scale"]) * arm)
+        worst = max(worst, abs(getattr(found, channel) - float(true[channel])) / size)
+    return worst
+
+
+CORNERS = [
+    # n, theta_1 deg, -theta_2 / theta_1, k, S, c
+    (0.3, 2, 1.0, 0.001, 1.0, 0.0),
+    (0.3, 70, 1.0, 0.001, 1.0, 1000.0),
+    (1.6, 70, 1.0, 0.1, 0.0, 0.0),
+    (1.6, 2, 0.0, 0.1, 1e-3, 0.005),
+    (0.7, 35, 1 / 7, 0.05, 0.3, 0.005),
+    (1.0, 70, 0.96, 0.0012, 1.0, 1000.0),
+    (0.39, 70, 1.0, 0.0011, 0.754, 1000.0),
+    (0.3, 61.3, 1.0, 0.001, -0.0995, 1000.0),
+    (1.26, 70, 0.786, 0.0015, -0.1716, 0.0),
+    (1.1, 67, 1.0, 0.0021, -0.6676, 0.005),
+    (0.8, 70, 0.413, 0.001, -0.6814, 0.005),
+    (1.57, 9.5, 0.162, 0.0014, -0.999, 1000.0),
+    (0.5, 45, 0.5, 0.01, -1.0, 0.0),
+    (1.0, 35, 1 / 7, 0.05, -0.1, 0.005),
+    (0.6, 50, 1.0, 0.001, -0.12, 0.0),
+    (1.6, 2, 0.6, 0.0017, -0.0002, 1000.0),
+]
+
+
+@pytest.mark.parametrize("corner", CORNERS)
+def test_certified_forces_equal_a_30_digit_integral_to_1e_10(corner):
+    n, theta_1, ratio, k, S, c = corner
+    soil = SOIL.replace(n=n, k=k, c=c)
+    theta_1 *= DEG
+    found = certified_forces(S, theta_1, -ratio * theta_1, WHEEL, soil)
+    assert error(found, exact(S, theta_1, -ratio * theta_1, soil)) < 1e-10
+
+
+@pytest.mark.slow
+def test_certified_forces_equal_a_30_digit_integral_over_the_whole_box():
+    rng = np.random.default_rng(7)
+    for _ in range(300):
+        at_corner = rng.random(7) < 0.3
+        n = rng.choice([0.3, 1.6]) if at_corner[0] else rng.uniform(0.3, 1.6)
+        theta_1 = DEG * (rng.choice([2, 70]) if at_corner[1] else rng.uniform(2, 70))
+        theta_2 = -theta_1 * (rng.choice([0, 1]) if at_corner[2] else rng.uniform(0, 1))
+        k = rng.choice([1e-3, 0.1]) if at_corner[3] else math.exp(rng.uniform(math.log(1e-3), math.log(0.1)))
+        S = rng.choice([-1, -0.99, 0, 1]) if at_corner[4] else rng.uniform(-1, 1)
+        phi = DEG * (rng.choice([10, 45]) if at_corner[5] else rng.uniform(10, 45))
+        c = rng.choice([0.0, 0.005, 1000.0])
+        soil = SOIL.replace(n=float(n), k=float(k), phi=float(phi), c=float(c))
+        found = certified_forces(float(S), float(theta_1), float(theta_2), WHEEL, soil)
+        true = exact(float(S), float(theta_1), float(theta_2), soil)
+        assert error(found, true) < 1e-10, (n, theta_1 / DEG, theta_2 / theta_1, k, S, phi, c)
+
+
+@pytest.mark.parametrize(
+    ("k", "S", "tolerance"), [(0.05, 0.3, 2e-10), (0.005, 1.0, 3e-9), (0.001, 1.0, 3e-7), (0.05, -0.1, 2e-4)]
+)
+def test_the_fast_rule_is_as_good_as_its_docstring_says(k, S, tolerance):
+    soil = SOIL.replace(k=k)
+    found = wheel_forces(S, soil.theta_1, soil.theta_2, WHEEL, soil)
+    assert error(found, exact(S, soil.theta_1, soil.theta_2, soil)) < tolerance
+
+
+def test_wheel_forces_agree_with_a_midpoint_sum_in_numpy():
+    soil = SOIL.replace(c=200.0, n=0.8, k=0.01)
+    f_n, f_t, torque = oracle.midpoint_forces(0.2, 0.6, -0.1, 0.045, 0.05, 200.0, soil.phi, 0.01, soil.k_1, 0.8)
+    found = wheel_forces(0.2, 0.6, -0.1, WHEEL, soil)
+    assert [found.f_n, found.f_t, found.torque] == pytest.approx([f_n, f_t, torque], rel=1e-6)
+
+
+@pytest.mark.parametrize(("n", "angles"), list(product([1, 2], [(0.6, -0.09), (0.035, -0.035), (1.2, 0.0)])))
+def test_closed_forms_at_full_shear(n, angles):
+    soil = SOIL.replace(n=float(n), c=0.0)
+    found = forces(*angles, full_shear, WHEEL, soil, entry_graded(48))
+    f_n, thrust, torque = oracle.full_shear_closed_form(*angles, soil.phi, n)
+    patch = WHEEL.r * WHEEL.b * soil.k_1 * (WHEEL.r / WHEEL.b) ** n
+    assert found.f_n == pytest.approx(patch * float(f_n), rel=1e-11)
+    assert found.thrust == pytest.approx(patch * float(thrust), rel=1e-11)
+    assert found.torque == pytest.approx(patch * WHEEL.r * float(torque), rel=1e-11)
+
+
+@given(n=st.floats(0.3, 1.6), theta_1=st.floats(2, 70), ratio=st.floats(0, 1))
+@settings(max_examples=30, deadline=None)
+def test_compaction_is_the_exact_identity(n, theta_1, ratio):
+    theta_1 *= DEG
+    soil = SOIL.replace(n=n)
+    rule = both_graded(40)
+    length = theta_1 * (1 + ratio)
+    numeric = sum(
+        w * (math.cos(theta_1 - length * p) - math.cos(theta_1)) ** n * math.sin(theta_1 - length * p) * length
+        for p, w in zip(rule.psi, rule.weights, strict=True)
+        if 0 < p < 1 and math.cos(theta_1 - length * p) > math.cos(theta_1)
+    )
+    scale = WHEEL.r * WHEEL.b * soil.k_1 * (WHEEL.r / WHEEL.b) ** n
+    found = wheel_forces(0.2, theta_1, -ratio * theta_1, WHEEL, soil)
+    assert found.compaction == pytest.approx(scale * numeric, rel=1e-9, abs=1e-9 * found.f_n)
+
+
+def test_a_small_shear_constant_is_full_shear_and_a_large_one_is_none():
+    sheared = forces(0.6, -0.1, full_shear, WHEEL, SOIL, entry_graded(48))
+    assert certified_forces(1.0, 0.6, -0.1, WHEEL, SOIL.replace(k=1e-5)).torque == pytest.approx(
+        sheared.torque, rel=1e-3
+    )
+    assert abs(wheel_forces(1.0, 0.6, -0.1, WHEEL, SOIL.replace(k=10.0)).torque) < 0.01 * sheared.torque
+
+
+def test_a_locked_wheel_shears_fully_against_the_travel():
+    sheared = forces(0.6, -0.1, full_shear, WHEEL, SOIL, entry_graded(48))
+    locked = certified_forces(-1.0, 0.6, -0.1, WHEEL, SOIL)
+    assert locked.torque == pytest.approx(-sheared.torque, rel=1e-12)
+    assert locked.thrust == pytest.approx(-sheared.thrust, rel=1e-12)
+
+
+def test_a_symmetric_arc_has_no_compaction_resistance():
+    found = wheel_forces(0.2, 0.5, -0.5, WHEEL, SOIL)
+    assert abs(found.compaction) < 1e-15
+    assert found.f_t == pytest.approx(found.thrust)
+
+
+def test_the_exit_angle_is_held_where_the_arc_ends():
+    assert wheel_forces(0.2, 0.3, -0.9, WHEEL, SOIL) == wheel_forces(0.2, 0.3, -0.3, WHEEL, SOIL)
+
+
+@given(st.floats(-0.99, 1.0), st.floats(-0.99, 1.0))
+@settings(max_examples=40, deadline=None)
+def test_torque_grows_with_slip(S_1, S_2):
+    low, high = sorted((S_1, S_2))
+    first, second = (certified_forces(S, 0.6, -0.1, WHEEL, SOIL, nodes=24).torque for S in (low, high))
+    assert first <= second + 1e-9
+
+
+def symbolic(function):
+    """The five forces as a compiled function of S, theta_1, theta_2, r, b, c, phi, k, k_1, k_2, n."""
+    x = [ca.SX.sym(name) for name in ("S", "theta_1", "theta_2", "r", "b", "c", "phi", "k", "k_1", "k_2", "n")]
+    wheel = Wheel(x[3], x[4])
+    soil = Soil(c=x[5], phi=x[6], k=x[7], k_1=x[8], k_2=x[9], n=x[10])
+    found = ca.vertcat(*function(*x[:3], wheel, soil))
+    return ca.Function("f", [ca.vertcat(*x)], [found, ca.jacobian(found, ca.vertcat(*x))])
+
+
+POINTS = [
+    [0.2, 0.6, -0.1, 0.045, 0.05, 0.005, 0.52, 0.05, 54e3, 0.0, 1.0],
+    [-0.2, 0.9, -0.3, 0.0625, 0.06, 300.0, 0.4, 0.01, -1e3, 2e6, 0.6],
+    [0.0, 0.3, -0.3, 0.1, 0.1, 0.0, 0.7, 0.002, 1e4, 1e5, 1.4],
+    [-1.0, 0.5, -0.1, 0.045, 0.05, 50.0, 0.52, 0.02, 54e3, 0.0, 1.1],
+    [1.0, 0.04, -0.004, 0.045, 0.05, 50.0, 0.52, 0.02, 54e3, 0.0, 1.1],
+]
+
+
+def at_numbers(function, p):
+    soil = Soil(c=p[5], phi=p[6], k=p[7], k_1=p[8], k_2=p[9], n=p[10])
+    return function(*p[:3], Wheel(p[3], p[4]), soil)
+
+
+@pytest.mark.parametrize("function", [wheel_forces, certified_forces])
+@pytest.mark.parametrize("point", POINTS)
+def test_floats_equal_symbols(function, point):
+    value, _ = symbolic(function)(point)
+    found = at_numbers(function, point)
+    assert all(isinstance(part, float) for part in found)
+    scale = abs(found.f_n)
+    assert np.array(value).ravel() == pytest.approx(list(found), rel=1e-12, abs=1e-12 * scale)
+
+
+@pytest.mark.parametrize("point", [POINTS[0], POINTS[1], POINTS[4]])
+def test_derivatives_equal_central_differences(point):
+    jacobian = np.array(symbolic(wheel_forces)(point)[1])
+    scale = abs(at_numbers(wheel_forces, point).f_n)
+    for i, value in enumerate(point):
+        step = 1e-6 * max(abs(value), 1e-2)
+        up, down = list(point), list(point)
+        up[i], down[i] = value + step, value - step
+        if i == 0 and value == 1.0:
+            continue
+        difference = (np.array(at_numbers(wheel_forces, up)) - np.array(at_numbers(wheel_forces, down))) / (2 * step)
+        size = scale / max(abs(value), 1e-2)
+        assert jacobian[:, i] == pytest.approx(difference, rel=2e-6, abs=2e-7 * size), i
+
+
+@pytest.mark.parametrize("point", [*POINTS, [0.0, 0.6, -0.6, 0.045, 0.05, 0.0, 0.5, 0.05, 5e4, 0.0, 0.4]])
+def test_derivatives_are_finite(point):
+    assert np.isfinite(np.array(symbolic(wheel_forces)(point)[1])).all()
+
+
+def test_the_expression_stays_small_enough_to_compile_into_the_simulator():
+    x = [ca.SX.sym(f"x_{i}") for i in range(11)]
+    soil = Soil(c=x[5], phi=x[6], k=x[7], k_1=x[8], k_2=x[9], n=x[10])
+    f = ca.Function("f", x, list(wheel_forces(*x[:3], Wheel(x[3], x[4]), soil)))
+    assert f.n_instructions() < 774
+
+
+@pytest.mark.parametrize("S", [0.0, 0.3, 1.0])
+def test_peak_stress_agrees_with_a_midpoint_sum(S):
+    soil = SOIL.replace(c=200.0, n=0.9, k=0.01)
+    theta_m = PeakAngle().at(S, 0.6)
+    true = oracle.peak_midpoint_forces(S, 0.6, -0.2, theta_m, 0.045, 0.05, 200.0, soil.phi, 0.01, soil.k_1, 0.9)
+    found = peak_stress_forces(S, (0.6, theta_m, -0.2), WHEEL, soil)
+    assert [found.f_n, found.f_t, found.torque] == pytest.approx(true, rel=1e-6, abs=1e-6 * found.f_n)
+
+
+def test_peak_stress_is_the_paper_s_where_the_arc_is_symmetric_about_the_axle():
+    plain = certified_forces(0.3, 0.5, -0.5, WHEEL, SOIL)
+    peaked = peak_stress_forces(0.3, (0.5, 0.0, -0.5), WHEEL, SOIL, nodes=40)
+    assert list(peaked) == pytest.approx(list(plain), rel=1e-9, abs=1e-9 * plain.f_n)
+
+
+def test_peak_stress_takes_symbols():
+    S = ca.SX.sym("S")
+    f = ca.Function("f", [S], list(peak_stress_forces(S, (0.6, PeakAngle().at(S, 0.6), -0.1), WHEEL, SOIL)))
+    found = peak_stress_forces(0.2, (0.6, PeakAngle().at(0.2, 0.6), -0.1), WHEEL, SOIL)
+    assert [float(part) for part in f(0.2)] == pytest.approx(list(found), rel=1e-12)
+
+
+def test_forms_are_what_their_names_say():
+    found = wheel_forces(0.3, 0.6, -0.1, WHEEL, SOIL)
+    assert FORMS["net"].factor(found, WHEEL) == found.f_t / found.f_n
+    assert FORMS["torque"].factor(found, WHEEL) == found.torque / (WHEEL.r * found.f_n)
+    assert FORMS["gross"].factor(found, WHEEL) == found.thrust / found.f_n
+    assert [form.name for form in FORMS.values()] == list(FORMS)
+
+
+def test_the_factor_uses_the_net_form_and_the_soil_s_angles_unless_told():
+    found = wheel_forces(0.3, SOIL.theta_1, SOIL.theta_2, WHEEL, SOIL)
+    assert load_traction_factor(0.3, SOIL, WHEEL) == found.f_t / found.f_n
+    assert load_traction_factor(0.3, SOIL, WHEEL, NetTraction(), SinkageAngles()) == pytest.approx(
+        found.f_t / found.f_n, rel=1e-12
+    )
+    assert FixedAngles().angles(0.1, WHEEL, SOIL) == (SOIL.theta_1, SOIL.theta_2)
+
+
+@pytest.mark.parametrize("rule", [entry_graded, both_graded, cubic_graded])
+def test_rules_integrate_powers(rule):
+    graded = rule(20)
+    for power in (0.3, 1.0, 2.5):
+        sum_ = sum(w * p**power for p, w in zip(graded.psi, graded.weights, strict=True))
+        assert sum_ == pytest.approx(1 / (power + 1), rel=1e-8)
+
+
+@pytest.mark.parametrize("nodes", [1, 2.5, True, "16"])
+def test_nodes_must_be_a_whole_number_of_two_or_more(nodes):
+    with pytest.raises(ParameterError, match="whole number of 2 nodes or more"):
+        wheel_forces(0.1, 0.6, -0.1, WHEEL, SOIL, nodes)
