@@ -119,13 +119,13 @@ def _grid_facet(terrain: HeightGrid, frame: WheelFrame, start: np.ndarray, end: 
 def patch_of(facets: list[Facet], k: int, r: float) -> Patch | None:
     """Return the patch of facet `k`, or None where the wheel does not touch it.
 
-    With theta from the facet's in-plane normal, the rim is under the facet's line for |theta| < theta_0,
-    cos theta_0 = 1 - h / r. `share` is the part of int (cos theta - cos theta_0) cos theta dtheta within the
-    bisectors, `tilt` the same with sin theta: radial pressure pushes the wheel back by it.
+    With theta from the facet's in-plane normal, the rim is r (cos theta - cos theta_0) under the facet's line; h is
+    the greatest such depth within the bisectors. `share` is int (cos theta - cos theta_0) cos theta dtheta within them
+    over the same of a whole wheel sunk by h, `tilt` that with sin theta: radial pressure pushes the wheel back by it.
     """
     facet = facets[k]
     n = facet.in_plane
-    h = min(r + facet.start @ n, DEEPEST * r)
+    h = min(float(r + facet.start @ n), 1.999 * r)
     if h <= 0.0 or max(facet.start[0], facet.end[0]) < -r or min(facet.start[0], facet.end[0]) > r:
         return None
     theta_0 = math.acos(1.0 - h / r)
@@ -136,8 +136,15 @@ def patch_of(facets: list[Facet], k: int, r: float) -> Patch | None:
         low, high = clip_at_bisector(n, facets[k + 1].in_plane, facet.end, r, (low, high), -1.0)
     if low >= high:
         return None
+    if (low, high) == (-theta_0, theta_0):
+        return Patch(min(h, DEEPEST * r), 1.0, 0.0, facet)
     cosine = math.cos(theta_0)
-    whole = _cosine_part(theta_0, cosine) - _cosine_part(-theta_0, cosine)
+    h = r * (math.cos(min(max(0.0, low), high)) - cosine)
+    if h <= 1e-12 * r:
+        return None
+    h = min(h, DEEPEST * r)
+    own = math.acos(1.0 - h / r)
+    whole = 2.0 * _cosine_part(own, math.cos(own))
     share = (_cosine_part(high, cosine) - _cosine_part(low, cosine)) / whole
     tilt = (_sine_part(high, cosine) - _sine_part(low, cosine)) / whole
     return Patch(h, share, tilt, facet)
@@ -157,8 +164,9 @@ def clip_at_bisector(
         return arc
     if side * a <= -r:
         return 1.0, -1.0
-    edge = math.asin(-a / r) + math.asin(max(-1.0, min(1.0, float(own @ ahead))))
-    return (max(arc[0], edge), arc[1]) if side > 0 else (arc[0], min(arc[1], edge))
+    edge, turn = math.asin(-a / r), math.copysign(math.pi, side)
+    delta = math.asin(max(-1.0, min(1.0, float(own @ ahead))))
+    return max(arc[0], min(edge, turn - edge) + delta), min(arc[1], max(edge, turn - edge) + delta)
 
 
 def _cosine_part(theta: float, cosine: float) -> float:

@@ -1,6 +1,6 @@
 /* One step of the drive: wheel-terrain patches, their loads, and a linearly implicit solve of Eq (8).
-   Pinocchio has filled M, nle, J and the wheel centres; the laws themselves are functions generated from the effects.
-   Twin of plain.py, which is slower and the reference. */
+   Pinocchio has filled M, nle, J and the wheel centres half a step on; the laws are functions generated from the effects.
+   Twin of plain.py, which is slower, explains the scheme, and is the reference. */
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -15,6 +15,7 @@
 #define N_CONTACT (9 + N_SOIL)
 #define N_RECORD 12
 #define PI 3.14159265358979323846
+#define DEEPEST 0.98 /* sinkage over radius at which the law is held; drives stop long before */
 
 typedef int64_t integer;
 typedef int (*casadi_function)(const double **, double **, integer *, double *, int);
@@ -213,9 +214,10 @@ static integer cut_grid(const Drive *d, const Wheel *w, double radius, Facet *fa
 static int clip_at_bisector(double a, double r, double delta, double side, double *low, double *high) {
   if (side * a >= r) return 1;
   if (side * a <= -r) return 0;
-  double edge = asin(-a / r) + 0.5 * delta;
-  if (side > 0) { if (edge > *low) *low = edge; }
-  else if (edge < *high) *high = edge;
+  double edge = asin(-a / r), turn = side > 0 ? PI : -PI;
+  double from = fmin(edge, turn - edge) + 0.5 * delta, to = fmax(edge, turn - edge) + 0.5 * delta;
+  *low = fmax(*low, from);
+  *high = fmin(*high, to);
   return *low < *high;
 }
 
@@ -225,7 +227,7 @@ static int find_patch(const Facet *facets, integer n, integer k, double radius, 
   double distance = -(f->s * f->n_s + f->t * f->n_t);
   double h = radius - distance;
   if (h <= 0.0) return 0;
-  if (h > 0.98 * radius) h = 0.98 * radius;
+  if (h > 1.999 * radius) h = 1.999 * radius;
   double theta = acos(1.0 - h / radius), low = -theta, high = theta;
   if (fmax(f[1].s, f->s) < -radius || fmin(f[1].s, f->s) > radius) return 0;
   for (int side = -1; side <= 1; side += 2) {
@@ -238,13 +240,17 @@ static int find_patch(const Facet *facets, integer n, integer k, double radius, 
     double tilt = asin(fmin(1.0, fmax(-1.0, f->n_s * ahead_s + f->n_t * ahead_t)));
     if (!clip_at_bisector(a, radius, 2.0 * tilt, side, &low, &high)) return 0;
   }
-  double cosine = cos(theta);
-  double whole = theta + 0.5 * sin(2.0 * theta) - 2.0 * cosine * sin(theta);
   patch->facet = f;
-  patch->sinkage = h;
+  patch->sinkage = fmin(h, DEEPEST * radius);
   patch->share = 1.0;
   patch->tilt = 0.0;
   if (low > -theta || high < theta) {
+    double cosine = cos(theta), deepest = fmin(fmax(0.0, low), high);
+    patch->sinkage = radius * (cos(deepest) - cosine);
+    if (patch->sinkage <= 1e-12 * radius) return 0;
+    if (patch->sinkage > DEEPEST * radius) patch->sinkage = DEEPEST * radius;
+    double own = acos(1.0 - patch->sinkage / radius);
+    double whole = own + 0.5 * sin(2.0 * own) - 2.0 * cos(own) * sin(own);
     double upper = 0.5 * high + 0.25 * sin(2.0 * high) - cosine * sin(high);
     double lower = 0.5 * low + 0.25 * sin(2.0 * low) - cosine * sin(low);
     double sine_upper = 0.5 * sin(high) * sin(high) + cosine * cos(high);
@@ -325,11 +331,11 @@ static void travel_law(const Drive *d, const double *contact, const double *stat
   }
 }
 
-/* Solve (I - dt A) X = B for X (n x m, rows of stride `stride`), n <= MAX_STATES. */
-static void implicit_states(double dt, integer n, double a[][MAX_STATES], double *b, integer m, integer stride) {
+/* Solve (I - half A) X = B for X (n x m, rows of stride `stride`), n <= MAX_STATES. */
+static void implicit_states(double half, integer n, double a[][MAX_STATES], double *b, integer m, integer stride) {
   double lhs[MAX_STATES][MAX_STATES];
   for (integer i = 0; i < n; ++i)
-    for (integer j = 0; j < n; ++j) lhs[i][j] = (i == j) - dt * a[i][j];
+    for (integer j = 0; j < n; ++j) lhs[i][j] = (i == j) - half * a[i][j];
   for (integer p = 0; p < n; ++p)
     for (integer i = p + 1; i < n; ++i) {
       double factor = lhs[i][p] / lhs[p][p];
@@ -369,18 +375,18 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
   double *states = d->contact_states + index * nx;
   travel_law(d, contact, states, &law);
 
-  /* states one step on: dx = (I - dt r_x)^-1 dt (r + r_v dv); their effect on the load joins the implicit solve */
+  /* the states' step dx = (I - dt/2 r_x)^-1 dt (r + r_v dv/2); half of it acts on the load of the implicit solve */
   double step[MAX_STATES][5];
   if (nx) {
     for (integer i = 0; i < nx; ++i) {
       step[i][0] = d->dt * law.rate[i];
       for (int j = 0; j < 4; ++j) step[i][1 + j] = d->dt * law.rate_by_speed[i][j];
     }
-    implicit_states(d->dt, nx, law.rate_by_state, &step[0][0], 5, 5);
+    implicit_states(0.5 * d->dt, nx, law.rate_by_state, &step[0][0], 5, 5);
     for (int a = 0; a < 4; ++a)
       for (integer i = 0; i < nx; ++i) {
-        law.load[a] += law.load_by_state[a][i] * step[i][0];
-        for (int j = 0; j < 4; ++j) law.by_speed[a][j] += law.load_by_state[a][i] * step[i][1 + j];
+        law.load[a] += 0.5 * law.load_by_state[a][i] * step[i][0];
+        for (int j = 0; j < 4; ++j) law.by_speed[a][j] += 0.5 * law.load_by_state[a][i] * step[i][1 + j];
       }
   }
   double in_plane[3];
@@ -495,10 +501,10 @@ static void add_motor(const Drive *d, integer index, System *system, double step
   next += nx;
   for (integer j = 0; j < nx; ++j)
     for (integer i = 0; i < nx; ++i) rate_by_state[i][j] = *next++;
-  implicit_states(d->dt, nx, rate_by_state, &step[0][0], 2, 2);
+  implicit_states(0.5 * d->dt, nx, rate_by_state, &step[0][0], 2, 2);
   for (integer i = 0; i < nx; ++i) {
-    torque += by_state[i] * step[i][0];
-    slope += by_state[i] * step[i][1];
+    torque += 0.5 * by_state[i] * step[i][0];
+    slope += 0.5 * by_state[i] * step[i][1];
   }
   system->motor_torque[dof] = torque;
   system->motor_slope[dof] = slope;
@@ -507,9 +513,9 @@ static void add_motor(const Drive *d, integer index, System *system, double step
 static void add_springs(const Drive *d, System *system) {
   for (integer i = 0; i < d->n_servos; ++i) { /* stiff and damped, taken at the end of the step */
     integer dof = d->servo_dof[i];
-    double error = d->q[d->servo_q[i]] + d->dt * d->v[dof] - d->servo_target[i];
+    double error = d->q[d->servo_q[i]] + 0.5 * d->dt * d->v[dof] - d->servo_target[i];
     system->other_Q[dof] = -d->servo_gain[0] * error - d->servo_gain[1] * d->v[dof];
-    system->other_slope[dof] = -d->servo_gain[0] * d->dt - d->servo_gain[1];
+    system->other_slope[dof] = -0.5 * d->servo_gain[0] * d->dt - d->servo_gain[1];
   }
   for (integer i = 0; i < d->n_stops; ++i) {
     integer dof = d->stop_dof[i];
@@ -517,8 +523,8 @@ static void add_springs(const Drive *d, System *system) {
     if (angle > d->stop_limits[2 * i + 1]) over = angle - d->stop_limits[2 * i + 1];
     if (angle < d->stop_limits[2 * i]) over = angle - d->stop_limits[2 * i];
     if (over == 0.0) continue;
-    system->other_Q[dof] = -d->stop_gain[0] * (over + d->dt * d->v[dof]) - d->stop_gain[1] * d->v[dof];
-    system->other_slope[dof] = -d->stop_gain[0] * d->dt - d->stop_gain[1];
+    system->other_Q[dof] = -d->stop_gain[0] * (over + 0.5 * d->dt * d->v[dof]) - d->stop_gain[1] * d->v[dof];
+    system->other_slope[dof] = -0.5 * d->stop_gain[0] * d->dt - d->stop_gain[1];
   }
 }
 
@@ -547,18 +553,18 @@ static int solve(integer n, double A[][MAX_DOF], double *b) {
   return OK;
 }
 
-/* (M - dt D) du = dt (Q - nle), with v_right = -v_left for the rockers of a differential. */
+/* (M - dt/2 D) du = dt (Q - nle), with v_right = -v_left for the rockers of a differential; springs fully implicit. */
 static int solve_speeds(const Drive *d, System *system) {
   integer nv = d->nv, left = d->differential_left, right = d->differential_right, n = 0, index[MAX_DOF];
-  double b[MAX_DOF];
+  double b[MAX_DOF], half = 0.5 * d->dt;
   for (integer j = 0; j < nv; ++j)
     for (integer i = 0; i <= j; ++i) { /* pinocchio fills the upper triangle */
       double m = d->M[i * nv + j];
-      system->A[i][j] = m - d->dt * system->soil_D[i][j];
-      if (i != j) system->A[j][i] = m - d->dt * system->soil_D[j][i];
+      system->A[i][j] = m - half * system->soil_D[i][j];
+      if (i != j) system->A[j][i] = m - half * system->soil_D[j][i];
     }
   for (integer i = 0; i < nv; ++i) {
-    system->A[i][i] -= d->dt * (system->motor_slope[i] + system->other_slope[i]);
+    system->A[i][i] -= half * system->motor_slope[i] + d->dt * system->other_slope[i];
     b[i] = d->dt * (system->soil_Q[i] + system->motor_torque[i] + system->other_Q[i] - d->nle[i]);
   }
   if (left >= 0) {
@@ -585,9 +591,9 @@ static void account(const Drive *d, const System *system) {
   double soil = 0, motor = 0, other = 0, servos = 0;
   for (integer i = 0; i < d->nv; ++i) {
     double speed = d->v[i] + 0.5 * d->du[i], force = system->soil_Q[i];
-    for (integer j = 0; j < d->nv; ++j) force += system->soil_D[i][j] * d->du[j];
+    for (integer j = 0; j < d->nv; ++j) force += 0.5 * system->soil_D[i][j] * d->du[j];
     soil -= force * speed;
-    motor += (system->motor_torque[i] + system->motor_slope[i] * d->du[i]) * speed;
+    motor += (system->motor_torque[i] + 0.5 * system->motor_slope[i] * d->du[i]) * speed;
     other -= (system->other_Q[i] + system->other_slope[i] * d->du[i]) * speed;
   }
   for (integer k = 0; k < d->n_servos; ++k) {
@@ -632,10 +638,12 @@ static void advance_base(double *q, const double *v, double dt) {
   for (int i = 0; i < 4; ++i) q[3 + i] = product[i] * scale;
 }
 
-static void advance(const Drive *d) {
-  advance_base(d->q, d->v, d->dt);
+/* Move the configuration half a step on at the present velocity. */
+void rover_pin_drift(const Drive *d) {
+  const double half = 0.5 * d->dt;
+  advance_base(d->q, d->v, half);
   for (integer k = 0; k < d->n_joints; ++k) {
-    double step = d->v[d->joint_dof[k]] * d->dt, *q = d->q + d->joint_q[k];
+    double step = d->v[d->joint_dof[k]] * half, *q = d->q + d->joint_q[k];
     if (!d->joint_unbounded[k]) { *q += step; continue; }
     double c = cos(step), s = sin(step), x = c * q[0] - s * q[1], y = s * q[0] + c * q[1];
     double scale = 1.0 / sqrt(x * x + y * y);
@@ -650,6 +658,7 @@ static void mirror_speeds(const Drive *d) {
   for (integer i = 0; i < d->nv; ++i) d->v[i] = 0.5 * (d->v[i] + image[i]);
 }
 
+/* The second half of a step: speeds from the forces half-way, then the configuration to the end. */
 int rover_pin_step(Drive *d) {
   System system;
   StateUpdate updates[MAX_DOF];
@@ -669,11 +678,11 @@ int rover_pin_step(Drive *d) {
   for (integer w = 0; w < d->n_wheels; ++w) {
     for (integer i = 0; i < nx; ++i) {
       double change = updates[w].gain[i];
-      for (integer j = 0; j < d->col_count[w]; ++j) change += updates[w].by_col[i][j] * d->du[d->cols[w * d->n_cols + j]];
+      for (integer j = 0; j < d->col_count[w]; ++j) change += 0.5 * updates[w].by_col[i][j] * d->du[d->cols[w * d->n_cols + j]];
       d->contact_states[w * nx + i] += change;
     }
     for (integer i = 0; i < d->n_motor_states; ++i)
-      d->motor_states[w * d->n_motor_states + i] += motor_steps[w][i][0] + motor_steps[w][i][1] * d->du[d->wheel_dof[w]];
+      d->motor_states[w * d->n_motor_states + i] += motor_steps[w][i][0] + 0.5 * motor_steps[w][i][1] * d->du[d->wheel_dof[w]];
   }
   double total = 0.0;
   for (integer i = 0; i < nv; ++i) {
@@ -682,6 +691,6 @@ int rover_pin_step(Drive *d) {
   }
   if (!isfinite(total)) return NOT_FINITE;
   if (d->symmetric) mirror_speeds(d);
-  advance(d);
+  rover_pin_drift(d);
   return OK;
 }

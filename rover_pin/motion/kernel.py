@@ -63,6 +63,8 @@ def library() -> ctypes.CDLL:
     source = files("rover_pin.motion").joinpath("kernel.c").read_text()
     made = shared_library(source, "kernel")
     made.rover_pin_step.argtypes = [ctypes.c_void_p]
+    made.rover_pin_drift.argtypes = [ctypes.c_void_p]
+    made.rover_pin_drift.restype = None
     return made
 
 
@@ -128,12 +130,13 @@ class Kernel:
         self._bind_state(state)
         self._bind_terrain()
         self._bind_laws()
-        self._step = library().rover_pin_step
+        self._drift, self._step = library().rover_pin_drift, library().rover_pin_step
         self._address = ctypes.addressof(self.struct)
 
     def step(self) -> int:
         """Advance the state by dt; return 0, or 1 (not finite) or 2 (singular)."""
         q, v = self.state.q, self.state.v
+        self._drift(self._address)
         pin.crba(self.pin_model, self.data, q, pin.Convention.WORLD)
         pin.nonLinearEffects(self.pin_model, self.data, q, v)
         return int(self._step(self._address))

@@ -32,7 +32,7 @@ class Model:
     terrain: Terrain
     soils: tuple[Soil, ...]
     motor: Motor
-    slip: AlgebraicSlip | RelaxedSlip = field(default_factory=AlgebraicSlip)
+    slip: AlgebraicSlip | RelaxedSlip = field(default_factory=RelaxedSlip)
     effects: tuple[Effect, ...] = ()
     motor_effects: tuple[MotorEffect, ...] = ()
     gravity: float = EARTH
@@ -96,11 +96,11 @@ CRUISE_SPEED, CRUISE_DUTY = 0.05, 0.55
 
 
 def base_effects(soil: Soil, rover: Rover, traction: SoilTraction) -> tuple[Effect, ...]:
-    """Return damping, the traction law with the resistance that makes the flat cruise at CRUISE_SLIP, and side shear.
+    """Return the traction law, damping, the resistance that makes the flat cruise at CRUISE_SLIP, and side shear.
 
     The net form holds its own compaction resistance, so it gets none.
     """
     wheel = rover.wheels[0].wheel
     cruise = float(load_traction_factor(CRUISE_SLIP, soil, wheel, traction.form, traction.angles))
     resistance = () if traction.form.name == "net" else (MotionResistance(R=max(cruise, 0.0)),)
-    return (NormalDamping(), traction, *resistance, SideShear())
+    return (traction, NormalDamping(), *resistance, SideShear())

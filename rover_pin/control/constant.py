@@ -1,0 +1,20 @@
+"""The paper's drive without control: one duty for all wheels, all the time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rover_pin.contact import Scalar
+from rover_pin.motion.command import Command, Reading
+from rover_pin.quantity import Record, quantity
+
+
+@dataclass(frozen=True)
+class ConstantDuty(Record):
+    """delta held at a value, wheels steered straight. Source: the paper, section 5: delta = 0.55."""
+
+    delta: Scalar = quantity(0.55, "", "paper, section 5", -1.0, 1.0, "delta")
+
+    def __call__(self, reading: Reading) -> Command:
+        """Return the command."""
+        return Command(self.delta)

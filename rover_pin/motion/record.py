@@ -1,0 +1,79 @@
+"""From the rows of a drive to its trace: channels named as in a drive log, and the truth beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from rover_pin.motion.kernel import ENERGY, RECORD
+from rover_pin.motion.model import Model
+from rover_pin.motion.state import base_rotation, roll_pitch_yaw
+from rover_pin.motion.trace import Trace
+
+WHEEL_CHANNELS = {
+    "slip": ("slip", "-"),
+    "sinkage": ("sinkage", "m"),
+    "normal": ("normal", "N"),
+    "tangential": ("tangential", "N"),
+    "lateral": ("lateral", "N"),
+    "torque": ("torque", "N m"),
+    "travel": ("travel", "m/s"),
+}
+"""Truth-only channels: name -> (column of the record, unit)."""
+
+
+def trace_of(model: Model, rows: Sequence[Any], attrs: Mapping[str, Any]) -> Trace:
+    """Return the trace of sampled rows; empty where the drive failed before the first."""
+    channels: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+
+    def put(name: str, unit: str, values: Any) -> None:
+        channels[name], units[name] = np.asarray(values, dtype=float).reshape(len(rows)), unit
+
+    put("t_s", "s", [row.t for row in rows])
+    q = np.array([row.q for row in rows]).reshape(len(rows), -1)
+    v = np.array([row.v for row in rows]).reshape(len(rows), -1)
+    record = np.array([row.record for row in rows]).reshape(len(rows), -1, len(RECORD))
+    duty = np.array([row.duty for row in rows]).reshape(len(rows), -1)
+    energy = np.array([row.energy for row in rows]).reshape(len(rows), -1)
+    if not rows:
+        return Trace({"t_s": np.zeros(0)}, {"t_s": "s"}, {**about(model), **attrs})
+    for i, wheel in enumerate(model.rover.wheels):
+        put(f"duty_{wheel.name}", "-", duty[:, i])
+        put(f"wheel_rate_{wheel.name}", "rad/s", v[:, wheel.dof])
+        put(f"current_{wheel.name}_A", "A", record[:, i, RECORD.index("current")])
+        for channel, (column, unit) in WHEEL_CHANNELS.items():
+            put(f"{channel}_{wheel.name}", unit, record[:, i, RECORD.index(column)])
+    for name, index in model.rover.angles.items():
+        put(name, "rad", q[:, index])
+    for i, axis in enumerate("xyz"):
+        put(f"body_{axis}", "m", q[:, i])
+    attitude = np.array([roll_pitch_yaw(row) for row in q])
+    for i, name in enumerate(("roll", "pitch", "yaw")):
+        put(f"body_{name}", "rad", attitude[:, i] if name != "yaw" else np.unwrap(attitude[:, i]))
+    world = np.array([base_rotation(a) @ b[:3] for a, b in zip(q, v, strict=True)])
+    for i, axis in enumerate("xyz"):
+        put(f"body_v{axis}", "m/s", world[:, i])
+    put("battery_V", "V", record[:, 0, RECORD.index("supply")])
+    for i, name in enumerate(ENERGY):
+        put(name, "J", energy[:, i])
+    put("energy_kinetic", "J", [row.mechanical[0] for row in rows])
+    put("energy_potential", "J", [row.mechanical[1] for row in rows])
+    return Trace(channels, units, {**about(model), **attrs})
+
+
+def about(model: Model) -> dict[str, Any]:
+    """Return what a trace says of its model: names of rover, traction form and effects, gravity, versions."""
+    forms = [effect.form.name for effect in model.effects if hasattr(effect, "form")]
+    return {
+        "rover": model.rover.name,
+        "wheels": [wheel.name for wheel in model.rover.wheels],
+        "traction_form": forms[0] if forms else "none",
+        "slip_law": type(model.slip).__name__,
+        "effects": [type(effect).__name__ for effect in (*model.effects, *model.motor_effects)],
+        "gravity_mps2": model.gravity,
+        "made_by": "rover_pin " + version("rover-pin"),
+    }

@@ -1,0 +1,297 @@
+"""Drive a model: the computational flow of Fig 5, step after step."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from rover_pin.errors import SimulationError
+from rover_pin.motion.command import Command, Controller, Reading, Truth
+from rover_pin.motion.kernel import RECORD, Kernel, stop_dofs
+from rover_pin.motion.model import Model
+from rover_pin.motion.place import Start, settled
+from rover_pin.motion.plain import Plain
+from rover_pin.motion.record import trace_of
+from rover_pin.motion.state import DriveState, base_rotation, roll_pitch_yaw
+from rover_pin.motion.trace import Trace
+
+DT = 0.004
+"""Default step [s]: x of the 30-deg-wall ditch within 0.1 mm over 20 s."""
+CONTROL_PERIOD = 0.04
+"""Sample time of the controller [s] (assumed; the command is held in between)."""
+SAMPLE = 0.02
+"""Time between the trace's rows [s]."""
+CAPSIZED = math.radians(60.0)
+FOLDED = math.radians(10.0)
+"""How far past its stop a suspension joint may go [rad]."""
+BURIED = 0.5
+"""Sinkage over wheel radius at which a wheel counts as buried: the contact model ends there."""
+FASTEST = 10.0
+"""Speed [m/s] beyond which a run counts as diverged."""
+
+
+class Stepper(Protocol):
+    """A drive from one step to the next: `Kernel` or `Plain`."""
+
+    record: np.ndarray
+    energy: np.ndarray
+    duty: np.ndarray
+    servo_target: np.ndarray
+    servo_wheels: list[int]
+
+    def step(self) -> int:
+        """Advance the state; 0 when all is well."""
+
+    def energies(self) -> tuple[float, float]:
+        """Return kinetic and potential energy [J]."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Step, control period and time between rows of the trace [s]; the last two are whole multiples of the step."""
+
+    dt: float = DT
+    control: float = CONTROL_PERIOD
+    sample: float = SAMPLE
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.dt <= 0.1:
+            raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in (0, 0.1] s.")
+        for name in ("control", "sample"):
+            ratio = getattr(self, name) / self.dt
+            if ratio < 0.999 or abs(ratio - round(ratio)) > 1e-6:
+                raise SimulationError(
+                    f"The {name} period {getattr(self, name):g} s must be a whole multiple of dt = {self.dt:g} s."
+                )
+
+    def halved(self) -> Timing:
+        """Return the same with half the step."""
+        return dataclasses.replace(self, dt=self.dt / 2.0)
+
+
+class Drive(NamedTuple):
+    """A simulation in progress."""
+
+    model: Model
+    state: DriveState
+    stepper: Stepper
+    controller: Controller
+    timing: Timing
+
+
+Progress = Callable[[float], None]
+"""Called now and then with the simulated time [s]."""
+
+
+def simulate(
+    model: Model,
+    controller: Controller,
+    duration: float,
+    start: Start | DriveState = Start(),  # noqa: B008 - frozen
+    timing: Timing = Timing(),  # noqa: B008 - frozen
+    *,
+    symmetric: bool = False,
+    progress: Progress | None = None,
+) -> Trace:
+    """Drive `model` under `controller` for `duration` [s] and return the trace.
+
+    Parameters
+    ----------
+    controller : Controller
+        Any callable from a `Reading` to a duty, an array of duties (one a wheel) or a `Command`; sampled, then held.
+    start : Start or DriveState
+        Where to set the rover down at rest, or a state to go on from.
+    symmetric : bool
+        Hold the mirror symmetry about the x-z plane, so that round-off cannot break it in long stuck runs.
+
+    Returns
+    -------
+    Trace
+        `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
+        and the part. What was driven until then is kept.
+
+    Raises
+    ------
+    SimulationError
+        The run cannot start: it does not settle, it is not symmetric, or its times do not fit.
+    """
+    return _simulate(Kernel, model, controller, duration, start, timing, symmetric, progress)
+
+
+def plain_simulate(
+    model: Model,
+    controller: Controller,
+    duration: float,
+    start: Start | DriveState = Start(),  # noqa: B008 - frozen
+    timing: Timing = Timing(),  # noqa: B008 - frozen
+    *,
+    symmetric: bool = False,
+    progress: Progress | None = None,
+) -> Trace:
+    """Do as `simulate` with the plain NumPy step: no compiler wanted beyond the settling, about 100 times slower."""
+    return _simulate(Plain, model, controller, duration, start, timing, symmetric, progress)
+
+
+def _simulate(
+    kind: Any,
+    model: Model,
+    controller: Controller,
+    duration: float,
+    start: Start | DriveState,
+    timing: Timing,
+    symmetric: bool,
+    progress: Progress | None,
+) -> Trace:
+    if not (math.isfinite(duration) and duration > 0.0):
+        raise SimulationError(f"duration = {duration:g} s is not allowed: give a positive time.")
+    if symmetric and not model.terrain.mirror_symmetric:
+        raise SimulationError("A mirror-symmetric drive needs a terrain that is the same on the left and on the right.")
+    state = start.copy() if isinstance(start, DriveState) else settled(model, start, symmetric)
+    if hasattr(controller, "reset"):
+        controller.reset()
+    drive = Drive(model, state, kind(model, state, timing.dt, symmetric), controller, timing)
+    rows, stop = run(drive, duration, progress)
+    attrs = {"dt_s": timing.dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": stop}
+    return trace_of(model, rows, attrs)
+
+
+def run(drive: Drive, duration: float, progress: Progress | None) -> tuple[list[Any], str]:
+    """Step until the end; return the rows and the reason of the stop."""
+    timing, state, stepper = drive.timing, drive.state, drive.stepper
+    steps = round(duration / timing.dt)
+    per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
+    suspension = stop_indices(drive.model)
+    begin, rows = state.t, []
+    step = stepper.step
+    for k in range(steps):
+        if k % per_control == 0:
+            obey(drive, k, suspension)
+        status = step()
+        if status:
+            return rows, f"diverged at {state.t:.2f} s: " + ("a velocity is not finite", "the system is singular")[status - 1]
+        state.t = begin + (k + 1) * timing.dt
+        if k % per_sample == per_sample - 1:
+            rows.append(row_of(drive))
+            reason = failure(drive, suspension)
+            if reason:
+                return rows, f"{reason} at {state.t:.2f} s"
+            if progress and len(rows) % 50 == 0:
+                progress(state.t)
+    return rows, "duration"
+
+
+class Row(NamedTuple):
+    """One sampled instant."""
+
+    t: float
+    q: np.ndarray
+    v: np.ndarray
+    record: np.ndarray
+    duty: np.ndarray
+    servo: np.ndarray
+    energy: np.ndarray
+    mechanical: tuple[float, float]
+
+
+def row_of(drive: Drive) -> Row:
+    """Return a copy of the present instant."""
+    state, stepper = drive.state, drive.stepper
+    return Row(
+        state.t,
+        state.q.copy(),
+        state.v.copy(),
+        stepper.record.copy(),
+        stepper.duty.copy(),
+        stepper.servo_target.copy(),
+        stepper.energy.copy(),
+        stepper.energies(),
+    )
+
+
+def stop_indices(model: Model) -> np.ndarray:
+    """Return the positions in q of the suspension joints."""
+    q_of = {joint.idx_v: joint.idx_q for joint in list(model.rover.model.joints)[2:]}
+    return np.array([q_of[dof] for dof in stop_dofs(model.rover)], dtype=int)
+
+
+def obey(drive: Drive, k: int, suspension: np.ndarray) -> None:
+    """Ask the controller and apply its command."""
+    stepper, wheels = drive.stepper, len(drive.model.rover.wheels)
+    command = drive.controller(reading_of(drive, suspension))
+    if not isinstance(command, Command):
+        command = Command(command)
+    duty = np.asarray(command.duty, dtype=float)
+    if duty.shape not in ((), (1,), (wheels,)) or not np.all(np.isfinite(duty)):
+        raise SimulationError(
+            f"At {drive.state.t:.2f} s the controller returned the duty {np.array2string(duty)}: "
+            f"give one number, or {wheels} finite numbers, one a wheel."
+        )
+    stepper.duty[:] = np.clip(duty, -1.0, 1.0)
+    steer = np.asarray(command.steer, dtype=float)
+    if stepper.servo_wheels:
+        if steer.shape not in ((), (len(stepper.servo_wheels),)) or not np.all(np.isfinite(steer)):
+            raise SimulationError(
+                f"At {drive.state.t:.2f} s the controller returned the steering {np.array2string(steer)}: "
+                f"give one number, or {len(stepper.servo_wheels)}, one a steered wheel [rad]."
+            )
+        stepper.servo_target[:] = steer
+
+
+def reading_of(drive: Drive, suspension: np.ndarray) -> Reading:
+    """Return what the controller sees now."""
+    state, record = drive.state, drive.stepper.record
+    column = {name: record[:, i] for i, name in enumerate(RECORD)}
+    truth = Truth(
+        column["slip"].copy(),
+        column["sinkage"].copy(),
+        column["normal"].copy(),
+        column["travel"].copy(),
+        state.q[:3].copy(),
+        base_rotation(state.q) @ state.v[:3],
+    )
+    return Reading(
+        state.t,
+        drive.stepper.duty.copy(),
+        state.v[[wheel.dof for wheel in drive.model.rover.wheels]],
+        column["current"].copy(),
+        state.q[suspension],
+        roll_pitch_yaw(state.q),
+        truth,
+    )
+
+
+def failure(drive: Drive, suspension: np.ndarray) -> str | None:
+    """Return why the run cannot go on, or None."""
+    state, model = drive.state, drive.model
+    if not np.all(np.isfinite(state.q)) or float(np.max(np.abs(state.v[:3]))) > FASTEST:
+        return "diverged: the rover is faster than any rover"
+    roll, pitch, _ = roll_pitch_yaw(state.q)
+    if max(abs(roll), abs(pitch)) > CAPSIZED:
+        return f"capsized: roll {math.degrees(roll):.0f} deg, pitch {math.degrees(pitch):.0f} deg"
+    sinkage = drive.stepper.record[:, RECORD.index("sinkage")]
+    for wheel, depth in zip(model.rover.wheels, sinkage, strict=True):
+        if depth > BURIED * float(wheel.wheel.r):
+            return f"buried: wheel {wheel.name} has sunk by {1e3 * depth:.0f} mm"
+    if suspension.size:
+        angle = state.q[suspension]
+        pin_model = model.rover.model
+        over = np.maximum(angle - pin_model.upperPositionLimit[suspension], pin_model.lowerPositionLimit[suspension] - angle)
+        if np.max(over) > FOLDED:
+            return f"folded: a suspension joint is {math.degrees(float(np.max(over))):.0f} deg past its stop"
+    return None
+
+
+def convergence(model: Model, controller: Controller, duration: float, **options: Any) -> tuple[Trace, float]:
+    """Return the trace at the asked step and the largest distance [m] of its base x from that at half the step."""
+    timing = options.pop("timing", Timing())
+    trace = simulate(model, controller, duration, timing=timing, **options)
+    finer = simulate(model, controller, duration, timing=timing.halved(), **options)
+    rows = min(len(trace["body_x"]), len(finer["body_x"]))
+    return trace, float(np.max(np.abs(trace["body_x"][:rows] - finer["body_x"][:rows])))
+
+
