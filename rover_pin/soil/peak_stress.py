@@ -1,4 +1,4 @@
-"""Wong and Reece's normal stress, which peaks at theta_m instead of under the axle: the variant of Eqs (4), (6), (7)."""
+"""Wong and Reece's normal stress, which peaks at theta_m instead of under the axle: a variant of Eqs (4), (6), (7)."""
 
 from __future__ import annotations
 

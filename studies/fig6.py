@@ -1,0 +1,101 @@
+"""Fig 6: the theoretical curve of Table 1 beside what the text says of it.
+
+Question
+    Does "a theoretical curve that makes a best fit with the experimental plots", drawn with Table 1, do what sections 4
+    and 5 say: rise with the slip, give traction at S = 1, let the rover travel with a slip near 0, hold up to 12 deg?
+Method
+    `load_traction_factor` with Table 1, r = 45 mm, in the net, torque and gross form; n is missing in the paper, so
+    0.5 to 2 is shown as a band around n = 1; the literature's sand of section 4.1 beside it.
+Result
+    Net: -0.164 to +0.001, no traction below S = 0.99. Torque: 0.018 to 0.182 (10.3 deg). Gross: 0.017 to 0.179
+    (10.2 deg). With the literature's phi = 32 deg and k = 25 mm the torque form reaches 0.319.
+What the paper says
+    "the plots show an increasing trend"; "the traction force exists even at S = 1"; the grip is lost at 12 deg,
+    tan 12 deg = 0.213. "The traction force is evaluated from the angular velocity of the wheel using the
+    characteristics of the corresponding motor", so the plots are of the torque form.
+What differs
+    The net form contradicts the slope of 12 deg and travel at small slip; the torque form stops 1.7 deg short of it.
+    The net form would need k = 14.5 mm instead of 50 mm. The measured points are not available as numbers.
+
+Run: python studies/fig6.py [--quick] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from rover_pin.parameters import NEXUS6_WHEEL, SOILS
+from rover_pin.soil.traction import FORMS, load_traction_factor
+
+EXPONENTS = (0.5, 1.0, 1.5, 2.0)
+COLOURS = {"net": "tab:red", "torque": "tab:blue", "gross": "tab:green"}
+SETS = {"table-1": "Table 1", "literature-sand": "literature sand (section 4.1)"}
+
+
+def main() -> None:
+    """Compute, write and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="11 slips instead of 101")
+    parser.add_argument("--out", type=Path, default=Path("out/fig6"))
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    curves = theory(np.linspace(0, 1, 11 if options.quick else 101))
+    curves.to_csv(options.out / "fig6.csv", index=False, float_format="%.6g")
+    draw(curves, options.out / "fig6.png")
+    print(summary(curves).to_string(index=False))
+    print(f"written: {options.out / 'fig6.csv'}, {options.out / 'fig6.png'}")
+
+
+def theory(slips: np.ndarray) -> pd.DataFrame:
+    rows = [
+        (name, n, form, S, load_traction_factor(float(S), SOILS[name].replace(n=n), NEXUS6_WHEEL, FORMS[form]))
+        for name in SETS
+        for n in EXPONENTS
+        for form in FORMS
+        for S in slips.round(6)
+    ]
+    return pd.DataFrame(rows, columns=["soil", "n", "form", "S", "F"])
+
+
+def summary(curves: pd.DataFrame) -> pd.DataFrame:
+    rows = []
+    for (soil, form), curve in curves[curves.n == 1.0].groupby(["soil", "form"], sort=False):
+        F = curve.set_index("S").F
+        steepest = math.degrees(math.atan(max(F.max(), 0.0)))
+        rows.append((soil, form, F[0.0], F[0.1], F[1.0], bool((F.diff().dropna() > 0).all()), steepest))
+    names = ["soil", "form", "F(0)", "F(0.1)", "F(1)", "rises", "steepest_deg"]
+    return pd.DataFrame(rows, columns=names).round(3)
+
+
+def draw(curves: pd.DataFrame, path: Path) -> None:
+    figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), sharey=True, layout="constrained")
+    for axis, (soil, title) in zip(axes, SETS.items(), strict=True):
+        for form, colour in COLOURS.items():
+            of_form = curves[(curves.soil == soil) & (curves.form == form)]
+            curve = of_form.pivot_table(index="S", columns="n", values="F")
+            style = "--" if form == "gross" else "-"
+            axis.plot(curve.index, curve[1.0], color=colour, ls=style, lw=2, label=f"{form}, n = 1")
+            if form != "gross":
+                low, high, label = curve.min(axis=1), curve.max(axis=1), f"{form}, n = 0.5 to 2"
+                axis.fill_between(curve.index, low, high, color=colour, alpha=0.15, lw=0, label=label)
+        axis.axhline(math.tan(math.radians(12)), color="black", ls=":", lw=1.5, label="tan 12 deg (Fig 8)")
+        axis.axhline(0, color="black", lw=0.8)
+        axis.set(title=title, xlabel="slip ratio S [-]", xlim=(-0.02, 1.02))
+        axis.grid(alpha=0.3)
+    axes[0].set_ylabel("load-traction factor F [-]")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    main()
