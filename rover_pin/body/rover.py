@@ -1,0 +1,188 @@
+"""The rigid rover: Pinocchio's tree, the wheels by name, the differential, and the mirror symmetry."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple, Self
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.layout import Layout, read_layout, shipped
+from rover_pin.body.urdf_check import refuse_faults
+from rover_pin.contact import Wheel
+from rover_pin.errors import ParameterError, UrdfError, closest
+
+
+@dataclass(frozen=True)
+class WheelMount:
+    """A wheel on the rover; `joint` is Pinocchio's, `dof` and `steer_dof` count in v."""
+
+    name: str
+    joint: int
+    dof: int
+    steer_dof: int | None
+    side: str
+    "'l' or 'r'"
+    axle: int
+    "0 is the front"
+    wheel: Wheel
+
+
+class Differential(NamedTuple):
+    """theta_s1 = -theta_s2: the two rockers' places in v (and in q), so that v[left] + v[right] = 0."""
+
+    left: int
+    right: int
+    q_left: int
+    q_right: int
+
+
+class Mirror(NamedTuple):
+    """The image in the body's x-z plane: v_mirrored = sign * v[index]; index [nv], sign [nv]."""
+
+    index: np.ndarray
+    sign: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Rover:
+    """The rigid body half of Eq (8); q = (position, quaternion x y z w, joints), v = (base in body axes, joints).
+
+    Frozen, but Pinocchio's `model` is not: change a copy (`under`, or `replace(model=rover.model.copy())`).
+    """
+
+    name: str
+    model: pin.Model
+    wheels: tuple[WheelMount, ...]
+    "from front to rear, left before right"
+    differential: Differential | None
+    angles: Mapping[str, int]
+    "place in q of each suspension and steering angle: rocker_l, ..., steer_fl, ..."
+    mirror: Mirror
+    urdf: str
+    "the text of the URDF, for viewers"
+
+    @property
+    def wheel(self) -> Wheel:
+        """The size of the wheels."""
+        return self.wheels[0].wheel
+
+    @property
+    def gravity(self) -> float:
+        """Gravity [m/s^2], downwards."""
+        return -float(self.model.gravity.linear[2])
+
+    @cached_property
+    def mass(self) -> float:
+        """Total mass [kg]."""
+        return float(sum(body.mass for body in self.model.inertias))
+
+    def under(self, gravity: float) -> Self:
+        """Return this rover under another gravity [m/s^2]; its own model stays as it is."""
+        if not np.isfinite(gravity):
+            raise ParameterError(f"gravity = {gravity} m/s^2 is not a number; Earth has 9.81, the Moon 1.62.")
+        model = self.model.copy()
+        model.gravity.linear = np.array([0.0, 0.0, -float(gravity)])
+        return dataclasses.replace(self, model=model)
+
+    def mount(self, name: str) -> WheelMount:
+        """Return the wheel of this name."""
+        for mount in self.wheels:
+            if mount.name == name:
+                return mount
+        known = [mount.name for mount in self.wheels]
+        raise ParameterError(f"Rover '{self.name}' has no wheel '{name}': {closest(name, known)}")
+
+
+def load_rover(rover: str | Path = "nexus6") -> Rover:
+    """Return a rover that comes with the package, by name, or your own, by the path of its TOML.
+
+    Raises
+    ------
+    UrdfError
+        The TOML or its URDF does not make a rover; the sentence says what to mend.
+    """
+    layout = read_layout(shipped(str(rover)) if Path(rover).suffix == "" else Path(rover))
+    refuse_faults(layout)
+    return assemble(layout)
+
+
+def assemble(layout: Layout) -> Rover:
+    """Return the rover of a layout whose URDF has been checked."""
+    model = tree(layout.text, layout.file)
+    angles = {name: _angle(model, joint) for name, joint in layout.angles.items()}
+    return Rover(
+        name=layout.name,
+        model=model,
+        wheels=tuple(_mounts(model, layout)),
+        differential=_differential(model, layout),
+        angles=angles,
+        mirror=mirror(model, layout),
+        urdf=layout.text,
+    )
+
+
+def tree(text: str, where: str) -> pin.Model:
+    """Return Pinocchio's tree with a free-flyer at the root and every mimicking joint set free."""
+    try:
+        return pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), False)
+    except Exception as error:
+        raise UrdfError(f"{where}: Pinocchio cannot read it ({error}); check its XML and its joints.") from error
+
+
+def _mounts(model: pin.Model, layout: Layout) -> list[WheelMount]:
+    made = []
+    for number, axle in enumerate(layout.axles):
+        for side, joint, steer in zip("lr", axle.wheels, axle.steering, strict=True):
+            at = model.getJointId(joint)
+            made.append(
+                WheelMount(
+                    name=axle.name[0] + side,
+                    joint=at,
+                    dof=model.joints[at].idx_v,
+                    steer_dof=None if steer is None else _dof(model, steer),
+                    side=side,
+                    axle=number,
+                    wheel=layout.wheel,
+                )
+            )
+    return made
+
+
+def _differential(model: pin.Model, layout: Layout) -> Differential | None:
+    if layout.differential is None:
+        return None
+    left, right = layout.differential
+    return Differential(_dof(model, left), _dof(model, right), _angle(model, left), _angle(model, right))
+
+
+def mirror(model: pin.Model, layout: Layout) -> Mirror:
+    """Return the mirror image's permutation and signs; a joint's sign follows from its axis at zero angles."""
+    index, sign = np.arange(model.nv), np.ones(model.nv)
+    sign[[1, 3, 5]] = -1.0
+    axes = joint_axes(model)
+    for left, right in layout.pairs:
+        a, b = _dof(model, left), _dof(model, right)
+        image = axes[a] * [-1.0, 1.0, -1.0]
+        index[a], index[b] = b, a
+        sign[a] = sign[b] = 1.0 if image @ axes[b] > 0.0 else -1.0
+    return Mirror(index, sign)
+
+
+def joint_axes(model: pin.Model) -> np.ndarray:
+    """Return the axis of each degree of freedom at zero angles, in body axes [nv, 3]."""
+    data = model.createData()
+    return np.array(pin.computeJointJacobians(model, data, pin.neutral(model))[3:].T)
+
+
+def _dof(model: pin.Model, joint: str) -> int:
+    return int(model.joints[model.getJointId(joint)].idx_v)
+
+
+def _angle(model: pin.Model, joint: str) -> int:
+    return int(model.joints[model.getJointId(joint)].idx_q)
