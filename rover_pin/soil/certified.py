@@ -23,7 +23,7 @@ NEWTON_STEPS = 12
 def certified_forces(
     S: Scalar, theta_1: Scalar, theta_2: Scalar, wheel: Wheel, soil: Soil, nodes: int = CERTIFIED
 ) -> WheelForces:
-    """Return the forces of `wheel_forces` with a quadrature error below 1e-10, at two to ten times the cost.
+    """Return the forces of `wheel_forces` with a quadrature error below 1e-10, at three to twelve times the cost.
 
     Box: n 0.3 to 1.6, theta_1 2 to 70 deg, theta_2 -theta_1 to 0, k 1 to 100 mm at r = 45 mm (r / k 0.45 to 45),
     phi up to 45 deg, c up to 1 kPa, S in [-1, 1]. The error is relative to the force, or to 2 % of

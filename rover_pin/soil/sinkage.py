@@ -64,7 +64,7 @@ def entry_angle(
     S : Scalar
         Slip ratio [-], in [-1, 1].
     steps : int
-        Newton steps; 3 leave less than 1e-9 of ln theta_1 for the soils of `parameters`.
+        Newton steps; 3 leave less than 1e-9 in ln theta_1 for the soils of `parameters`, 4 for any soil tried.
     state : ShearState
         `slipping`, or `sheared` for the soil's full strength.
 
