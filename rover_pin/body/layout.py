@@ -103,31 +103,44 @@ def read_layout(path: Path) -> Layout:
     if path.suffix == ".urdf":
         raise UrdfError(f"{where}: give the .toml that says which of its joints are wheels, not the URDF itself.")
     table = _table(path)
+    _check_keys(table, where)
+    axles, suspension = _axles(table, where), _suspension(table, where)
+    urdf = path.parent / str(table["urdf"])
+    return Layout(
+        name=str(table["name"]),
+        file=urdf.name,
+        text=_urdf_text(urdf, where),
+        base=str(table["base"]),
+        axles=axles,
+        wheel=_wheel(table, where),
+        suspension=suspension,
+        differential=_differential(table, suspension, where),
+    )
+
+
+def _check_keys(table: Mapping[str, Any], where: str) -> None:
     for key in table:
         if key not in KEYS:
             raise UrdfError(f"{where}: unknown key '{key}': {closest(key, KEYS)}")
     for key in NEEDED:
         if key not in table:
             raise UrdfError(f"{where}: '{key}' is missing; a rover's TOML needs {', '.join(NEEDED)}.")
-    axles = _axles(table, where)
-    suspension = {name: _joints(each, f"{where}: suspension.{name}", (1, 2)) for name, each in _part(table, "suspension", where).items()}
-    urdf = path.parent / str(table["urdf"])
+
+
+def _urdf_text(urdf: Path, where: str) -> str:
     if not urdf.is_file():
         raise UrdfError(f"{where}: there is no file '{urdf.name}' beside it; mend 'urdf'.")
     try:
-        wheel = record_from(Wheel, _part(table, "wheel", where), f"{where}: wheel")
+        return urdf.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise UrdfError(f"{urdf.name}: not a text file in UTF-8 ({error}).") from error
+
+
+def _wheel(table: Mapping[str, Any], where: str) -> Wheel:
+    try:
+        return record_from(Wheel, _part(table, "wheel", where), f"{where}: wheel")
     except ParameterError as error:
         raise UrdfError(str(error)) from error
-    return Layout(
-        name=str(table["name"]),
-        file=urdf.name,
-        text=urdf.read_text(encoding="utf-8"),
-        base=str(table["base"]),
-        axles=axles,
-        wheel=wheel,
-        suspension=suspension,
-        differential=_differential(table, suspension, where),
-    )
 
 
 def _table(path: Path) -> dict[str, Any]:
@@ -150,9 +163,10 @@ def _axles(table: Mapping[str, Any], where: str) -> tuple[Axle, ...]:
     wheels, steering = _part(table, "wheels", where), _part(table, "steering", where)
     if len(wheels) < 2:
         raise UrdfError(f"{where}: [wheels] names {len(wheels)} axles; a rover needs two or more, from front to rear.")
-    letters = [name[:1] for name in wheels]
-    if len(set(letters)) < len(letters):
-        raise UrdfError(f"{where}: the axles {', '.join(wheels)} begin with the same letter; rename one, wheels go by it.")
+    if len({name[:1] for name in wheels}) < len(wheels):
+        raise UrdfError(
+            f"{where}: the axles {', '.join(wheels)} begin with the same letter; rename one, wheels go by it."
+        )
     for name in steering:
         if name not in wheels:
             raise UrdfError(f"{where}: [steering] has no axle '{name}' to steer: {closest(name, wheels)}")
@@ -164,9 +178,18 @@ def _axles(table: Mapping[str, Any], where: str) -> tuple[Axle, ...]:
     return tuple(made)
 
 
+def _suspension(table: Mapping[str, Any], where: str) -> dict[str, tuple[str, ...]]:
+    part = _part(table, "suspension", where)
+    return {name: _joints(joints, f"{where}: suspension.{name}", (1, 2)) for name, joints in part.items()}
+
+
 def _joints(value: Any, where: str, counts: tuple[int, ...]) -> tuple[str, ...]:
     joints = (value,) if isinstance(value, str) else value
-    if not isinstance(joints, (list, tuple)) or len(joints) not in counts or not all(isinstance(j, str) for j in joints):
+    if (
+        not isinstance(joints, (list, tuple))
+        or len(joints) not in counts
+        or not all(isinstance(j, str) for j in joints)
+    ):
         either = "a pair of joint names [left, right]" + (", or one name" if 1 in counts else "")
         raise UrdfError(f"{where} = {value!r} must be {either}.")
     return tuple(joints)

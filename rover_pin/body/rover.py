@@ -43,9 +43,9 @@ class Differential(NamedTuple):
 
 
 class Mirror(NamedTuple):
-    """The image in the body's x-z plane: v_mirrored = sign * v[index]; index [nv], sign [nv]."""
+    """The image in the body's x-z plane: v_mirrored = sign * v[perm]; perm [nv], sign [nv]."""
 
-    index: np.ndarray
+    perm: np.ndarray
     sign: np.ndarray
 
 
@@ -163,15 +163,15 @@ def _differential(model: pin.Model, layout: Layout) -> Differential | None:
 
 def mirror(model: pin.Model, layout: Layout) -> Mirror:
     """Return the mirror image's permutation and signs; a joint's sign follows from its axis at zero angles."""
-    index, sign = np.arange(model.nv), np.ones(model.nv)
+    perm, sign = np.arange(model.nv), np.ones(model.nv)
     sign[[1, 3, 5]] = -1.0
     axes = joint_axes(model)
     for left, right in layout.pairs:
         a, b = _dof(model, left), _dof(model, right)
         image = axes[a] * [-1.0, 1.0, -1.0]
-        index[a], index[b] = b, a
+        perm[a], perm[b] = b, a
         sign[a] = sign[b] = 1.0 if image @ axes[b] > 0.0 else -1.0
-    return Mirror(index, sign)
+    return Mirror(perm, sign)
 
 
 def joint_axes(model: pin.Model) -> np.ndarray:
