@@ -1,0 +1,217 @@
+"""Terrains to drive on: the paper's field (slope, bump, ditch, rocks) and a few more.
+
+Every shape starts on level ground at z = 0 at its `at` or `start` [m along x]. Where the paper gives no geometry, a
+docstring says "assumed". Curves are sampled by straight pieces, whose corners lie on the curve.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from rover_pin.body.ground_checks import STEEPEST
+from rover_pin.body.terrain import HeightGrid, Lanes, Profile, Terrain
+from rover_pin.errors import ParameterError
+
+LEAD = 1.0
+"""Level ground described before and behind a shape [m]; it goes on without end."""
+PIECES = 24
+"""Straight pieces of a bump or of one wave of a washboard."""
+DEG = math.pi / 180.0
+
+
+def flat(ground: int = 0) -> Lanes:
+    """Return level ground of one soil."""
+    return Lanes((_polyline([-LEAD, LEAD], [0.0, 0.0], ground),))
+
+
+def incline(angle: float, start: float = 1.0) -> Lanes:
+    """Return level ground that turns into a slope of `angle` [rad] at `start` [m]; negative goes down.
+
+    Source: paper, section 4: the field has "smooth slopes up to the inclination of 20 degrees".
+    """
+    _within("angle", angle, -STEEPEST, STEEPEST)
+    return Lanes((_polyline([start - LEAD, start, start + LEAD], [0.0, 0.0, LEAD * math.tan(angle)]),))
+
+
+def growing_slope(rate: float = 10.0 * DEG, start: float = 0.5, steepest: float = 20.0 * DEG) -> Lanes:
+    """Return a slope whose inclination grows by `rate` [rad/m] from `start` [m], until it stays at `steepest` [rad].
+
+    z = -ln(cos(rate s)) / rate over s = x - start, the integral of tan(rate s).
+
+    Source: paper, Fig 8: "a slope that has an increasing inclination", 12 deg at t = 25 s, and section 4: up to
+    20 deg. The rate is assumed: 12 deg after 25 s at 0.05 m/s is about 10 deg a metre.
+    """
+    _within("rate", rate, 1e-6, 100.0)
+    _within("steepest", steepest, 1e-6, 80.0 * DEG)
+    pieces = max(2, math.ceil(steepest / (0.5 * DEG)))
+    s = np.linspace(0.0, steepest / rate, pieces + 1)
+    z = -np.log(np.cos(rate * s)) / rate
+    x = np.concatenate([[start - LEAD], start + s, [start + s[-1] + LEAD]])
+    return Lanes((_polyline(x, np.concatenate([[0.0], z, [z[-1] + LEAD * math.tan(steepest)]])),))
+
+
+def bump(height: float = 0.04, length: float = 0.2, at: float = 0.5, ground: int = 0) -> Lanes:
+    """Return a raised cosine of `height` over `length` [m] across the whole width, of soil index `ground`.
+
+    z = height / 2 (1 - cos(2 pi s / length)), s = x - at.
+
+    Source: paper, Fig 7: "rover motion moving over a bump". Shape and size are assumed. The paper supposes that its
+    obstacle is hard and the sand around it loose: give `ground` = 1 and a harder soil for that.
+    """
+    return Lanes((_bump_profile(height, length, at, ground),))
+
+
+def one_sided_bump(
+    height: float = 0.04, length: float = 0.2, at: float = 0.5, ground: int = 0, *, left: bool = True
+) -> Lanes:
+    """Return the same under the left wheels (y > 0) only, or under the right ones."""
+    level, raised = flat().profiles[0], _bump_profile(height, length, at, ground)
+    return Lanes((level, raised) if left else (raised, level), (0.0,))
+
+
+def ditch(depth: float = 0.05, width: float = 0.2, wall_angle: float = 30.0 * DEG, at: float = 0.5) -> Lanes:
+    """Return a ditch with straight walls and a level floor; `width` [m] is measured at the top, from lip to lip.
+
+    The floor is width - 2 depth / tan(wall_angle) wide, or nothing, when the walls meet at the depth.
+
+    Source: paper, Fig 10: "a sandy ditch, which has 0.05 [m] depth and 0.2 [m] width"; section 4 calls it sharp.
+    Assumed: the width is that at the top; the paper does not state the wall angle [rad], which decides whether the
+    rover gets out; 30 deg is Table 1's phi, the steepest at which its sand stands by itself.
+
+    Raises
+    ------
+    ParameterError
+        Walls so gentle that they meet above the depth.
+    """
+    _within("depth", depth, 1e-6, 100.0)
+    _within("width", width, 1e-6, 1000.0)
+    _within("wall_angle", wall_angle, 1e-3, STEEPEST)
+    wall = depth / math.tan(wall_angle)
+    floor = width - 2.0 * wall
+    if floor < -1e-9:
+        raise ParameterError(
+            f"The ditch's walls at {math.degrees(wall_angle):g} deg meet {0.5 * width * math.tan(wall_angle):.4g} m "
+            f"down, above its depth of {depth:g} m: use {math.degrees(math.atan(2.0 * depth / width)):.4g} deg "
+            "or more, a wider ditch or a shallower one."
+        )
+    x = [at - LEAD, at, at + wall, at + width - wall, at + width, at + width + LEAD]
+    z = [0.0, 0.0, -depth, -depth, 0.0, 0.0]
+    if floor <= 1e-9:
+        x[2:4], z[2:4] = [at + 0.5 * width], [-depth]
+    return Lanes((_polyline(x, z),))
+
+
+def step(height: float = 0.05, wall_angle: float = STEEPEST, at: float = 0.5, ground: int = 0) -> Lanes:
+    """Return a step up by `height` [m], or down where it is negative; its wall leans at `wall_angle` [rad].
+
+    `ground` is the soil index of the wall and of what lies behind it.
+    """
+    _within("height", height, -100.0, 100.0)
+    _within("wall_angle", wall_angle, 1e-3, STEEPEST)
+    wall = max(abs(height) / math.tan(wall_angle), 1e-6)
+    x = [at - LEAD, at, at + wall, at + wall + LEAD]
+    return Lanes((_polyline(x, [0.0, 0.0, height, height], [0, ground, ground]),))
+
+
+def washboard(amplitude: float = 0.01, wavelength: float = 0.3, count: int = 10, at: float = 0.5) -> Lanes:
+    """Return `count` waves z = amplitude (1 - cos(2 pi s / wavelength)) [m], each twice the amplitude high."""
+    _within("amplitude", amplitude, 0.0, 100.0)
+    _within("wavelength", wavelength, 1e-3, 1000.0)
+    _within("count", count, 1, 10000)
+    phase = np.linspace(0.0, float(count), count * PIECES + 1)
+    x = np.concatenate([[at - LEAD], at + wavelength * phase, [at + wavelength * count + LEAD]])
+    z = np.concatenate([[0.0], amplitude * (1.0 - np.cos(2.0 * math.pi * phase)), [0.0]])
+    return Lanes((_polyline(x, z),))
+
+
+def cross_slope(angle: float) -> HeightGrid:
+    """Return a plane that rises to the left by `angle` [rad]: z = y tan(angle), 20 m long and 8 m wide."""
+    _within("angle", angle, -80.0 * DEG, 80.0 * DEG)
+    return _grid(lambda x, y: y * math.tan(angle) + 0.0 * x, 0.1)
+
+
+def hills(seed: int, height: float = 0.05, wavelength: float = 1.5) -> HeightGrid:
+    """Return random rolling ground, 20 m long and 8 m wide, of standard deviation `height` [m].
+
+    The sum of 32 plane waves in random directions, of lengths between `wavelength` [m] and three times that.
+    """
+    _within("height", height, 0.0, 100.0)
+    _within("wavelength", wavelength, 0.2, 1000.0)
+    rng = np.random.default_rng(seed)
+    heading, phase = rng.uniform(0.0, 2.0 * math.pi, 32), rng.uniform(0.0, 2.0 * math.pi, 32)
+    k = 2.0 * math.pi / (wavelength * rng.uniform(1.0, 3.0, 32))
+
+    def waves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        each = np.cos(k * (x[..., None] * np.cos(heading) + y[..., None] * np.sin(heading)) + phase)
+        return height * math.sqrt(2.0 / 32.0) * np.sum(each, axis=-1)
+
+    return _grid(waves, 0.05)
+
+
+def with_ground(terrain: Terrain, x_from: float, x_to: float, index: int) -> Terrain:
+    """Return the terrain with soil index `index` from `x_from` to `x_to` [m], over all y; either may be infinite.
+
+    In a height grid these are the cells whose middle lies in between.
+
+    Raises
+    ------
+    ParameterError
+        A stretch that is empty or holds no cell.
+    """
+    if not x_from < x_to:
+        raise ParameterError(f"Soil {index} from x = {x_from:g} m to {x_to:g} m is an empty stretch: swap its ends.")
+    if isinstance(terrain, Lanes):
+        return Lanes(tuple(_relaid(profile, x_from, x_to, index) for profile in terrain.profiles), terrain.borders)
+    assert isinstance(terrain, HeightGrid)
+    middle = terrain.x0 + terrain.dx * (np.arange(terrain.ground.shape[0]) + 0.5)
+    inside = (middle >= x_from) & (middle <= x_to)
+    if not np.any(inside):
+        raise ParameterError(
+            f"Soil {index} from x = {x_from:g} m to {x_to:g} m covers no cell of the height grid, "
+            f"which has one each {terrain.dx:g} m from {terrain.extent.x_low:g} to {terrain.extent.x_high:g} m."
+        )
+    ground = np.where(inside[:, None], index, terrain.ground)
+    return HeightGrid(terrain.x0, terrain.y0, terrain.dx, terrain.dy, terrain.z, ground)
+
+
+def _polyline(x: Any, z: Any, ground: Any = 0) -> Profile:
+    return Profile(np.asarray(x, dtype=float), np.asarray(z, dtype=float), np.asarray(ground))
+
+
+def _relaid(profile: Profile, x_from: float, x_to: float, index: int) -> Profile:
+    """Cut the profile at the stretch's ends; one outside the profile keeps the old ground beyond it."""
+    x = profile.x
+    for end, outwards in ((x_from, -1.0), (x_to, 1.0)):
+        if math.isfinite(end):
+            new = [end] if x[0] < end < x[-1] else [end, end + outwards]
+            x = np.append(x, [each for each in new if np.min(np.abs(x - each)) > 1e-9])
+    x = np.sort(x)
+    middle = 0.5 * (x[1:] + x[:-1])
+    ground = np.where((middle > x_from) & (middle < x_to), index, profile.ground[profile.piece(middle)])
+    return _polyline(x, profile.height(x), ground)
+
+
+def _bump_profile(height: float, length: float, at: float, ground: int) -> Profile:
+    _within("height", height, -100.0, 100.0)
+    _within("length", length, 1e-3, 1000.0)
+    phase = np.linspace(0.0, 1.0, PIECES + 1)
+    x = np.concatenate([[at - LEAD], at + length * phase, [at + length + LEAD]])
+    z = np.concatenate([[0.0], 0.5 * height * (1.0 - np.cos(2.0 * math.pi * phase)), [0.0]])
+    return _polyline(x, z, np.concatenate([[0], np.full(PIECES, ground), [0]]))
+
+
+def _grid(height: Callable[[np.ndarray, np.ndarray], np.ndarray], spacing: float) -> HeightGrid:
+    nx, ny = round(20.0 / spacing) + 1, round(8.0 / spacing) + 1
+    x, y = np.meshgrid(-2.0 + spacing * np.arange(nx), spacing * (np.arange(ny) - (ny - 1) / 2), indexing="ij")
+    return HeightGrid(-2.0, -4.0, spacing, spacing, height(x, y))
+
+
+def _within(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise ParameterError(
+            f"The terrain's {name} = {value:g} is not allowed: it must lie in [{low:g}, {high:g}] (SI)."
+        )
