@@ -72,7 +72,7 @@ def integrate(
         chord = 2 * ca.sin(half)
         depth, rise = ca.sin(theta_1 - half) * chord, ca.cos(theta_1 - half) * chord
         cos, sin = cos_1 + depth, sin_1 - rise
-        sigma = depth**n
+        sigma = ca.exp(n * ca.log(depth))  # its derivative needs no second power
         tau = weight * (cohesion + friction * sigma) * law(2 * half, rise)
         total = total.plus(Arc(weight * sigma * cos, tau, tau * cos, tau * sin))
     return Arc(*(2 * half_length * part for part in total))

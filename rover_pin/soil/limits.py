@@ -46,10 +46,10 @@ def _torque(load: Scalar, S: Scalar, wheel: Wheel, soil: Soil, state: ShearState
     theta_1 = entry_angle(load, S, wheel, soil, state=state)
     law: Mobilised = state(S, wheel, soil)
     torque = forces(theta_1, -soil.exit_ratio * theta_1, law, wheel, soil, entry_graded(FAST)).torque
-    return _contact_share(load) * torque
+    return contact_share(load) * torque
 
 
-def _contact_share(load: Scalar) -> Scalar:
+def contact_share(load: Scalar) -> Scalar:
     """Return 0 for a lifted wheel, 1 - 1.5 (floor / load)^2 for a loaded one, C2 between."""
     pressed = ca.fmax(load / LOAD_FLOOR, 0.0)
     return (pressed / ca.sqrt(1 + pressed**2)) ** 3

@@ -96,7 +96,7 @@ def _solver(steps: int, state: ShearState) -> ca.Function:
     log_force = _log_normal_force(ca.exp(y), S, wheel, soil, state)
     newton = ca.Function("newton", [y, *unknowns], [log_force, ca.jacobian(log_force, y)])
     target = ca.log(ca.sqrt(ca.fmax(load, 0.0) ** 2 + LOAD_FLOOR**2))
-    at = _power_law_guess(target, wheel, soil)
+    at = power_law_guess(target, wheel, soil)
     for _ in range(steps):
         value, slope = newton(at, *unknowns)
         at = ca.fmin(at - (value - target) / slope, DEEPEST)
@@ -110,7 +110,7 @@ def _log_normal_force(theta_1: Scalar, S: Scalar, wheel: Wheel, soil: Soil, stat
     return ca.log(wheel.r * wheel.b * stress_scale(wheel, soil) * (arc.sigma_cos + arc.tau_sin))
 
 
-def _power_law_guess(log_load: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
+def power_law_guess(log_load: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
     """Return ln theta_1 of a shallow frictionless wheel: f_n = r b scale theta_1^(2n+1) B / 2^n.
 
     B = int_{-ratio}^{1} (1 - x^2)^n dx, here within a few percent.
