@@ -20,6 +20,7 @@ LEAD = 1.0
 """Level ground described before and behind a shape [m]; it goes on without end."""
 PIECES = 24
 """Straight pieces of a bump or of one wave of a washboard."""
+ROCK_PIECES = 12
 DEG = math.pi / 180.0
 
 
@@ -117,6 +118,46 @@ def step(height: float = 0.05, wall_angle: float = STEEPEST, at: float = 0.5, gr
     return Lanes((_polyline(x, [0.0, 0.0, height, height], [0, ground, ground]),))
 
 
+def rocks(
+    seed: int,
+    count: int = 8,
+    start: float = 0.5,
+    length: float = 2.0,
+    diameters: tuple[float, float] = (0.05, 0.10),
+    ground: int = 1,
+) -> Lanes:
+    """Return half-buried round rocks of soil index `ground`, each at random under the left or the right wheels.
+
+    A rock is a half circle in x and z, of 12 straight pieces, and reaches across its side: a half cylinder, not a ball.
+    `count` rocks lie within `length` [m] from `start` [m]; those of one side do not overlap.
+
+    Source: paper, section 4: "several rocks with the diameter of 5-10 centimeters are scattered over the sand".
+    Assumed: their number, that half of each is buried, and that they are harder than the sand (section 4.2).
+
+    Raises
+    ------
+    ParameterError
+        Rocks that may not fit into the length.
+    """
+    smallest, largest = diameters
+    _within("smallest diameter", smallest, 1e-3, 100.0)
+    _within("largest diameter", largest, smallest, 100.0)
+    _within("count", count, 1, 10000)
+    if count * largest > length:
+        raise ParameterError(
+            f"{count} rocks of up to {largest:g} m may not fit into {length:g} m: "
+            "ask for fewer, or for a longer stretch."
+        )
+    rng = np.random.default_rng(seed)
+    size, left = rng.uniform(smallest, largest, count), rng.random(count) < 0.5
+    free = np.sort(rng.uniform(0.0, length - np.sum(size), count))
+    begin = start + free + np.concatenate([[0.0], np.cumsum(size)[:-1]])
+    sides = (
+        _rock_row(begin[side], size[side], (start - LEAD, start + length + LEAD), ground) for side in (~left, left)
+    )
+    return Lanes(tuple(sides), (0.0,))
+
+
 def washboard(amplitude: float = 0.01, wavelength: float = 0.3, count: int = 10, at: float = 0.5) -> Lanes:
     """Return `count` waves z = amplitude (1 - cos(2 pi s / wavelength)) [m], each twice the amplitude high."""
     _within("amplitude", amplitude, 0.0, 100.0)
@@ -185,9 +226,9 @@ def _polyline(x: Any, z: Any, ground: Any = 0) -> Profile:
 def _relaid(profile: Profile, x_from: float, x_to: float, index: int) -> Profile:
     """Cut the profile at the stretch's ends; one outside the profile keeps the old ground beyond it."""
     x = profile.x
-    for end, outwards in ((x_from, -1.0), (x_to, 1.0)):
+    for end in (x_from, x_to):
         if math.isfinite(end):
-            new = [end] if x[0] < end < x[-1] else [end, end + outwards]
+            new = [end] if x[0] < end < x[-1] else [end - LEAD, end, end + LEAD]
             x = np.append(x, [each for each in new if np.min(np.abs(x - each)) > 1e-9])
     x = np.sort(x)
     middle = 0.5 * (x[1:] + x[:-1])
@@ -202,6 +243,18 @@ def _bump_profile(height: float, length: float, at: float, ground: int) -> Profi
     x = np.concatenate([[at - LEAD], at + length * phase, [at + length + LEAD]])
     z = np.concatenate([[0.0], 0.5 * height * (1.0 - np.cos(2.0 * math.pi * phase)), [0.0]])
     return _polyline(x, z, np.concatenate([[0], np.full(PIECES, ground), [0]]))
+
+
+def _rock_row(begin: np.ndarray, size: np.ndarray, ends: tuple[float, float], ground: int) -> Profile:
+    turn = np.linspace(math.pi, 0.0, ROCK_PIECES + 1)
+    arch = np.concatenate([[0.0], np.sin(turn[1:-1]), [0.0]])
+    x, z, soil = [ends[0]], [0.0], [0]
+    for low, diameter in zip(begin, size, strict=True):
+        skip = 1 if low - x[-1] <= 1e-9 else 0
+        x.extend((low + 0.5 * diameter * (1.0 + np.cos(turn)))[skip:])
+        z.extend((0.5 * diameter * arch)[skip:])
+        soil.extend(([0] + [ground] * ROCK_PIECES)[skip:])
+    return _polyline([*x, ends[1]], [*z, 0.0], [*soil, 0][1:])
 
 
 def _grid(height: Callable[[np.ndarray, np.ndarray], np.ndarray], spacing: float) -> HeightGrid:
