@@ -1,0 +1,60 @@
+"""One case, run: what is driven, and the row that comes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rover_pin.errors import DataError
+from rover_pin.sweep.axis import plain
+from rover_pin.sweep.study import Case, Study
+
+CaseFunction = Callable[[Study, Case], Mapping[str, Any]]
+"""What runs a case and returns its outcomes: name -> number, text, true/false or None."""
+Row = dict[str, Any]
+LEADING = ("case", "repeat", "seed", "key")
+"""Columns before the parameters; the outcomes, in alphabetical order, and `error` come after them."""
+
+
+def drive_case(study: Study, case: Case) -> Mapping[str, Any]:
+    """Return the summary of the study's scenario, driven with the case's values."""
+    from rover_pin.motion.scenarios import scenario
+
+    step = {} if study.dt is None else {"dt": study.dt}
+    trace = scenario(study.scenario, **study.settings, **case.values).drive(duration=study.duration, **step)
+    return trace.summary()
+
+
+def run_case(study: Study, case_function: CaseFunction, case: Case) -> Row:
+    """Return the case's row; whatever goes wrong in it becomes the row's `error`. Wall time is no part of a row."""
+    try:
+        outcomes = _checked(study, case_function(study, case))
+    except Exception as error:
+        return failed_row(case, error)
+    return {**_head(case), **outcomes, "error": None}
+
+
+def failed_row(case: Case, error: BaseException) -> Row:
+    """Return the row of a case that gave no outcomes."""
+    return {**_head(case), "error": f"{type(error).__name__}: {error}"}
+
+
+def _head(case: Case) -> Row:
+    values = {name: _cell(value) for name, value in case.values.items()}
+    return {"case": case.index, "repeat": case.repeat, "seed": case.seed, "key": case.key, **values}
+
+
+def _checked(study: Study, outcomes: Mapping[str, Any]) -> Row:
+    if not isinstance(outcomes, Mapping):
+        raise DataError(f"the case's function returned {type(outcomes).__name__}; it must return a mapping.")
+    for name, value in outcomes.items():
+        if name in LEADING or name == "error" or name in study.parameters:
+            raise DataError(f"the outcome '{name}' has the name of another column; rename it.")
+        if not (value is None or isinstance(plain(value), (bool, int, float, str))):
+            raise DataError(f"the outcome '{name}' is {type(value).__name__}; give a number, text or true/false.")
+    return {name: _cell(outcomes[name]) for name in sorted(outcomes)}
+
+
+def _cell(value: Any) -> Any:
+    value = plain(value)
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

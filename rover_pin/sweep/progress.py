@@ -1,0 +1,62 @@
+"""How far a sweep is: a bar with the time left on a terminal, now and then a line elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+Advance = Callable[[bool], None]
+"""To be called after each case with whether it failed."""
+SECONDS_BETWEEN_LINES = 10.0
+
+
+@contextmanager
+def progress(name: str, total: int, done: int) -> Iterator[Advance]:
+    """Show on stderr how many of `total` cases are finished, `done` of them before."""
+    shown = _bar if sys.stderr.isatty() else _lines
+    with shown(name, total, done) as advance:
+        yield advance
+
+
+@contextmanager
+def _bar(name: str, total: int, done: int) -> Iterator[Advance]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    counts = (MofNCompleteColumn(), TextColumn("{task.fields[failures]} failed"))
+    columns = (TextColumn(name), BarColumn(), *counts, TimeRemainingColumn(), TextColumn("left"))
+    failed = 0
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(name, total=total, completed=done, failures=0)
+
+        def advance(has_failed: bool) -> None:
+            nonlocal failed
+            failed += has_failed
+            bar.update(task, advance=1, failures=failed)
+
+        yield advance
+
+
+@contextmanager
+def _lines(name: str, total: int, done: int) -> Iterator[Advance]:
+    start = last = time.monotonic()
+    here = failed = 0
+
+    def say() -> None:
+        seconds = (time.monotonic() - start) / max(here, 1) * (total - done - here)
+        left = f", about {seconds:.0f} s left" if here and here + done < total else ""
+        print(f"{name}: {done + here} of {total} cases, {failed} failed{left}", file=sys.stderr, flush=True)
+
+    def advance(has_failed: bool) -> None:
+        nonlocal here, failed, last
+        here += 1
+        failed += has_failed
+        if time.monotonic() - last > SECONDS_BETWEEN_LINES:
+            last = time.monotonic()
+            say()
+
+    say()
+    yield advance
+    say()

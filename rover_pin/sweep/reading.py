@@ -1,0 +1,155 @@
+"""A study from a TOML file."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.quantity import UNITS
+from rover_pin.sweep.axis import Axis, LogRange, Range, Values, kind_of
+from rover_pin.sweep.plan import Grid, LatinHypercube, Plan, Sobol
+from rover_pin.sweep.study import Study
+
+PLANS: dict[str, type[Any]] = {"grid": Grid, "latin-hypercube": LatinHypercube, "sobol": Sobol}
+SCALES: dict[str, type[Range]] = {"linear": Range, "log": LogRange}
+RANGE_KEYS = ("low", "high", "unit", "scale")
+VALUES_KEYS = ("values", "unit")
+SETTING_KEYS = ("value", "unit")
+ENTRY_MARKS = {"low", "high", "values", "value"}
+"""What tells an entry from a table of entries."""
+
+
+def read_study(path: str | Path) -> Study:
+    """Return the study in a TOML file, as in::
+
+        name = "ditch"
+        scenario = "ditch"
+        duration = 60.0                # s
+        repeats = 1
+        paired = [["soil.c", "soil.phi"]]
+        plan = { kind = "sobol", cases = 64 }   # or "latin-hypercube"; or { kind = "grid", points = 5 }
+        [settings]
+        gravity = 1.62                 # SI, or { value = ..., unit = "..." }
+        [parameters]
+        terrain.wall_angle = { low = 20, high = 60, unit = "deg" }
+        soil.k = { low = 1e-3, high = 1e-1, scale = "log" }
+        soil.c = [0.0, 100.0]
+        soil.phi = { values = [30, 37], unit = "deg" }
+
+    Raises
+    ------
+    DataError
+        A file that is missing or not TOML.
+    ParameterError
+        An unknown name, with the close ones; an empty range; anything that Study refuses.
+    """
+    path = Path(path)
+    table = _table(path)
+    try:
+        return _study(table)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from error
+
+
+def _table(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"{path}: the study cannot be read: {error.strerror}.") from error
+    except ValueError as error:
+        raise DataError(f"{path}: the study is not valid TOML: {error}.") from error
+
+
+def _study(table: dict[str, Any]) -> Study:
+    fields = dataclasses.fields(Study)
+    _check_keys(table, [each.name for each in fields], "the study")
+    for name in ("name", "scenario", "plan", "parameters"):
+        if name not in table:
+            raise ParameterError(f"the study has no '{name}': add it.")
+    axes = {name: _axis(name, entry) for name, entry in _flat(table["parameters"], "parameters")}
+    settings = {name: _setting(name, entry) for name, entry in _flat(table.get("settings", {}), "settings")}
+    rest = {name: value for name, value in table.items() if name not in ("plan", "parameters", "settings")}
+    return Study(**rest, plan=_plan(table["plan"]), parameters=axes, settings=settings)
+
+
+def _plan(entry: Any) -> Plan:
+    if not isinstance(entry, Mapping) or "kind" not in entry:
+        raise ParameterError('plan needs a kind, as in plan = { kind = "sobol", cases = 64 }.')
+    if entry["kind"] not in PLANS:
+        raise ParameterError(f"there is no plan '{entry['kind']}': {closest(str(entry['kind']), PLANS)}")
+    kind = PLANS[entry["kind"]]
+    own = {name: value for name, value in entry.items() if name != "kind"}
+    _check_keys(own, [each.name for each in dataclasses.fields(kind)], f"the plan '{entry['kind']}'")
+    if kind is not Grid and "cases" not in own:
+        raise ParameterError(f"the plan '{entry['kind']}' has no 'cases': say how many.")
+    return kind(**own)
+
+
+def _flat(table: Any, where: str, prefix: str = "") -> list[tuple[str, Any]]:
+    """Return dotted name -> entry; in TOML `soil.k = ...` is a table in a table, `"soil.k" = ...` is not."""
+    if not isinstance(table, Mapping):
+        raise ParameterError(f"{where} must be a table, as in [{where}].")
+    entries = []
+    for name, entry in table.items():
+        if isinstance(entry, Mapping) and not ENTRY_MARKS & set(entry):
+            entries += _flat(entry, where, f"{prefix}{name}.")
+        else:
+            entries.append((f"{prefix}{name}", entry))
+    return entries
+
+
+def _axis(name: str, entry: Any) -> Axis:
+    try:
+        if isinstance(entry, list):
+            return Values(entry)
+        if not isinstance(entry, Mapping):
+            raise ParameterError(f"{entry!r} is a single value: give a list or a range, or move it to [settings].")
+        if "values" in entry:
+            _check_keys(entry, VALUES_KEYS, "the list")
+            values = entry["values"]
+            return Values([_si(value, entry) for value in values] if isinstance(values, list) else values)
+        return _range(entry)
+    except ParameterError as error:
+        raise ParameterError(f"parameter '{name}': {error}") from error
+
+
+def _range(entry: Mapping[str, Any]) -> Range:
+    _check_keys(entry, RANGE_KEYS, "the range")
+    for name in ("low", "high"):
+        if name not in entry:
+            raise ParameterError(f"the range has no '{name}': give low and high.")
+    scale = entry.get("scale", "linear")
+    if scale not in SCALES:
+        raise ParameterError(f"there is no scale '{scale}': {closest(str(scale), SCALES)}")
+    return SCALES[scale](_si(entry["low"], entry), _si(entry["high"], entry))
+
+
+def _setting(name: str, entry: Any) -> Any:
+    if not isinstance(entry, Mapping):
+        return entry
+    _check_keys(entry, SETTING_KEYS, f"setting '{name}'")
+    try:
+        return _si(entry["value"], entry)
+    except ParameterError as error:
+        raise ParameterError(f"setting '{name}': {error}") from error
+
+
+def _si(value: Any, entry: Mapping[str, Any]) -> Any:
+    """Return `value`, in the SI unit when the entry names a unit."""
+    if "unit" not in entry:
+        return value
+    if entry["unit"] not in UNITS:
+        raise ParameterError(f"there is no unit '{entry['unit']}': {closest(str(entry['unit']), UNITS)}")
+    if kind_of(value) != "number":
+        raise ParameterError(f"{value!r} has a unit and is not a finite number.")
+    return value * UNITS[entry["unit"]][1]
+
+
+def _check_keys(entry: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+    for name in entry:
+        if name not in known:
+            raise ParameterError(f"{where} has no key '{name}': {closest(name, known)}")

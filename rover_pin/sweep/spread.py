@@ -1,0 +1,108 @@
+"""Cases on all cores (joblib) or on a cluster (Dask); what distributes the work is theirs, not ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rover_pin.errors import MissingExtraError, ParameterError, SimulationError
+from rover_pin.sweep.case import Row, failed_row
+from rover_pin.sweep.study import Case
+
+CONNECT_SECONDS = 5
+"""How long a scheduler may take to answer, and then its first worker to be there."""
+KEPT = "the finished cases are kept: run the sweep again to go on"
+
+
+def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | None) -> Iterator[Row]:
+    """Yield rows as they are finished; `workers` processes with one thread each (all cores by default).
+
+    One worker is this process itself, which a debugger can follow.
+    """
+    from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky.process_executor import BrokenProcessPool
+
+    if workers != 1:
+        _check_sendable(work)
+    with parallel_config(backend="loky", inner_max_num_threads=1):
+        parallel = Parallel(n_jobs=_count(workers), return_as="generator_unordered")
+    try:
+        yield from parallel(delayed(work)(case) for case in cases)
+    except BrokenProcessPool as error:
+        raise SimulationError(
+            f"A worker process died (killed, out of memory, or a crash in native code); {KEPT}, and if it dies again "
+            "take workers=1 to see at which case."
+        ) from error
+
+
+def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str) -> Iterator[Row]:
+    """Yield rows as the Dask cluster at `address` finishes them; a case that kills its workers is a row too."""
+    with _client(address) as client:
+        _check_sendable(work)
+        from distributed import KilledWorker, as_completed
+
+        case_of = dict(zip(client.map(work, cases, pure=False), cases, strict=True))
+        for future, result in as_completed(list(case_of), loop=client.loop, with_results=True, raise_errors=False):
+            case = case_of.pop(future)
+            if future.status == "finished":
+                yield result
+            elif future.status != "error":
+                raise SimulationError(f"The Dask scheduler at {address} went away; {KEPT}.")
+            elif isinstance(future.exception(), KilledWorker):
+                yield failed_row(case, future.exception())
+            else:
+                reason = " ".join(str(_root(future.exception())).split())
+                raise SimulationError(
+                    f"The cluster at {address} cannot run the cases ({reason}): install the same packages there as "
+                    f"here; {KEPT}."
+                )
+
+
+def _root(error: BaseException) -> BaseException:
+    return error if error.__cause__ is None else _root(error.__cause__)
+
+
+@contextmanager
+def _client(address: str) -> Iterator[Any]:
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise MissingExtraError(
+            "A sweep on a cluster needs Dask: run `pip install 'rover-pin[cluster]'` here and on the workers."
+        ) from error
+    try:
+        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise ParameterError(
+            f"No Dask scheduler answers at '{address}' within {CONNECT_SECONDS} s: start one with `dask scheduler` "
+            "and give the address that it prints, such as tcp://127.0.0.1:8786."
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_SECONDS)
+        except OSError as error:
+            raise ParameterError(
+                f"The Dask scheduler at '{address}' has no workers: start some with `dask worker {address}`."
+            ) from error
+        yield client
+
+
+def _check_sendable(work: Callable[[Case], Row]) -> None:
+    from joblib.externals.loky.backend.reduction import dumps
+
+    try:
+        dumps(work)
+    except Exception as error:
+        raise ParameterError(
+            f"The case's function cannot be sent to worker processes ({error}): let it hold only plain data and open "
+            "files, locks and the like when it is called, or take workers=1."
+        ) from error
+
+
+def _count(workers: int | None) -> int:
+    if workers is None:
+        return -1
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise ParameterError(f"workers = {workers!r} is not allowed: it is a whole number from 1 on, or none for all.")
+    return workers

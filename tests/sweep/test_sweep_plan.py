@@ -1,0 +1,95 @@
+"""Plans visit what they say they visit."""
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rover_pin.errors import ParameterError
+from rover_pin.sweep import Grid, LatinHypercube, LogRange, Range, Sobol, Values
+from rover_pin.sweep.plan import MOST_CASES
+
+ANGLE = {"terrain.wall_angle": Range(10.0, 60.0)}
+SHEAR = {"soil.k": LogRange(1e-3, 1e-1)}
+SOIL = {"soil.name": Values(["dry-sand", "table-1"])}
+
+
+def test_grid_has_every_combination_last_parameter_fastest():
+    points = Grid(points=3).choose([ANGLE, SOIL], seed=0)
+    assert points[0] == {"terrain.wall_angle": 10.0, "soil.name": "dry-sand"}
+    assert points[1] == {"terrain.wall_angle": 10.0, "soil.name": "table-1"}
+    assert [point["terrain.wall_angle"] for point in points[::2]] == [10.0, 35.0, 60.0]
+
+
+def test_grid_moves_paired_parameters_together():
+    pair = {"soil.c": Values([0.0, 100.0, 200.0]), "soil.phi": Values([0.6, 0.5, 0.4])}
+    points = Grid().choose([pair, SOIL], seed=0)
+    assert len(points) == 6
+    assert {(point["soil.c"], point["soil.phi"]) for point in points} == {(0.0, 0.6), (100.0, 0.5), (200.0, 0.4)}
+
+
+@settings(deadline=None)  # the first draw imports scipy.stats
+@given(cases=st.integers(1, 40), seed=st.integers(0, 2**32))
+def test_latin_hypercube_meets_every_part_of_every_parameter_once(cases, seed):
+    points = LatinHypercube(cases).choose([ANGLE, SHEAR], seed)
+    parts = sorted(int((point["terrain.wall_angle"] - 10.0) / 50.0 * cases) for point in points)
+    decades = sorted(int(math.log10(point["soil.k"] / 1e-3) / 2.0 * cases) for point in points)
+    assert parts == decades == list(range(cases))
+
+
+def test_sobol_fills_every_quarter_of_two_parameters_alike():
+    points = Sobol(64).choose([ANGLE, SHEAR], seed=3)
+    quarters = Counter((point["terrain.wall_angle"] > 35.0, point["soil.k"] > 1e-2) for point in points)
+    assert set(quarters.values()) == {16}
+
+
+@pytest.mark.parametrize("plan", [LatinHypercube(16), Sobol(16)])
+def test_drawn_plans_depend_on_the_seed_only(plan):
+    groups = [ANGLE, SHEAR, SOIL]
+    assert plan.choose(groups, 1) == plan.choose(groups, 1)
+    assert plan.choose(groups, 1) != plan.choose(groups, 2)
+    assert Counter(point["soil.name"] for point in plan.choose(groups, 1)) == {"dry-sand": 8, "table-1": 8}
+
+
+@given(share=st.floats(0.0, 1.0), low=st.floats(1e-6, 1.0), factor=st.floats(1.001, 1e6))
+def test_ranges_stay_within_their_ends(share, low, factor):
+    for axis in (Range(-low, low * factor), LogRange(low, low * factor)):
+        assert axis.low <= axis.at(share) <= axis.high
+        assert (axis.at(0.0), axis.at(1.0)) == (axis.low, axis.high)
+
+
+def test_log_range_is_even_in_decades():
+    assert LogRange(1e-3, 1e1).levels(5) == pytest.approx([1e-3, 1e-2, 1e-1, 1.0, 10.0], rel=1e-12)
+
+
+def test_values_take_numpy_numbers():
+    assert Values(np.arange(3)).values == (0, 1, 2)
+    assert all(type(value) is int for value in Values(np.arange(3)).values)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Range(60.0, 10.0), "range from 60 to 10 is empty: low must be below high"),
+        (lambda: Range(1.0, 1.0), "is empty"),
+        (lambda: Range(math.nan, 1.0), "low = nan is not allowed: the end of a range is a finite number"),
+        (lambda: Range(0.0, "1"), "high = '1' is not allowed"),
+        (lambda: LogRange(0.0, 1.0), "low = 0 is not allowed: a logarithmic range starts above 0"),
+        (lambda: Values([]), "the list of values is empty"),
+        (lambda: Values([1.0, "a"]), "not of one kind"),
+        (lambda: Values([1.0, math.inf]), "not of one kind"),
+        (lambda: Values([1.0, 1]), "name one twice: use repeats"),
+        (lambda: Values("table-1"), "'table-1' is a single value: give a list"),
+        (lambda: Grid(points=1), "points = 1 is not allowed: it is a whole number from 2"),
+        (lambda: LatinHypercube(0), "cases = 0 is not allowed: it is a whole number from 1"),
+        (lambda: Sobol(2.5), "cases = 2.5 is not allowed"),
+        (lambda: Sobol(100), "cases = 100 is not allowed: .* power of two; use 64 or 128"),
+        (lambda: Grid(10).choose([{str(i): Range(0.0, 1.0)} for i in range(8)], 0), f"more than {MOST_CASES}"),
+    ],
+)
+def test_what_is_no_plan_is_refused_in_one_sentence(make, said):
+    with pytest.raises(ParameterError, match=said):
+        make()

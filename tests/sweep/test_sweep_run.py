@@ -1,0 +1,253 @@
+"""Sweeps on this machine: equal tables for any workers, failures as rows, resuming after a kill."""
+
+import dataclasses
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import rover_pin
+from rover_pin.errors import DataError, ParameterError, SimulationError
+from rover_pin.sweep import Grid, Range, Sobol, Study, Values, collect, sweep
+from rover_pin.sweep import store as store_module
+from rover_pin.sweep.store import PARTS, RESULTS
+
+STUDY = Study("trial", "stub", {"a": Range(0.0, 1.0), "b": Values([1, 2]), "way": Values(["up", "down"])}, Grid(4))
+
+
+def stub():
+    """Return a case function that no worker can import, so that it travels by value."""
+
+    def outcomes(study, case):
+        if case.values["a"] == 1.0 and case.values["b"] == 2:
+            raise SimulationError(f"the rover fell at {case.values['way']}")
+        noise = np.random.default_rng(case.seed).normal()
+        return {"x": case.values["a"] * case.values["b"] + noise, "far": noise > 0.0, "stop": case.values["way"]}
+
+    return outcomes
+
+
+def files(folder):
+    return {name: (folder / name).read_bytes() for name in (RESULTS, "results.csv")}
+
+
+def test_tables_are_equal_to_the_byte_for_one_and_two_workers(tmp_path):
+    one = sweep(STUDY, tmp_path / "one", workers=1, case_function=stub())
+    two = sweep(STUDY, tmp_path / "two", workers=2, case_function=stub())
+    pd.testing.assert_frame_equal(one, two)
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+
+
+def test_the_table_has_parameters_outcomes_and_reasons(tmp_path):
+    table = sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
+    assert list(table) == ["case", "repeat", "seed", "key", "a", "b", "way", "far", "stop", "x", "error"]
+    assert list(table["case"]) == list(range(16))
+    failed = table[table["error"].notna()]
+    assert list(failed["error"]) == ["SimulationError: the rover fell at up", "SimulationError: the rover fell at down"]
+    assert list(failed["a"]) == [1.0, 1.0]
+    assert failed["x"].isna().all()
+    case = STUDY.cases()[3]
+    assert table["x"][3] == stub()(STUDY, case)["x"]
+    pd.testing.assert_frame_equal(collect(tmp_path / "out"), table)
+    written = pd.read_csv(tmp_path / "out" / "results.csv")
+    np.testing.assert_array_equal(written["x"], table["x"])
+
+
+def test_a_finished_sweep_runs_nothing_again(tmp_path):
+    def forbidden(study, case):
+        raise AssertionError("run again")
+
+    forbidden.__qualname__ = stub().__qualname__
+    first = sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
+    before = files(tmp_path / "out")
+    pd.testing.assert_frame_equal(sweep(STUDY, tmp_path / "out", workers=1, case_function=forbidden), first)
+    assert files(tmp_path / "out") == before
+    assert not list((tmp_path / "out" / PARTS).iterdir())
+
+
+def test_an_interrupted_sweep_goes_on(tmp_path):
+    calls = []
+
+    def patience(study, case):
+        calls.append(case.index)
+        if len(calls) == 6:
+            raise KeyboardInterrupt
+        return {"x": case.seed % 7}
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(STUDY, tmp_path / "out", workers=1, case_function=patience)
+    assert list(collect(tmp_path / "out")["case"]) == [0, 1, 2, 3, 4]
+    assert len(sweep(STUDY, tmp_path / "out", workers=1, case_function=patience)) == 16
+    assert sorted(calls) == sorted([*range(16), 5])
+
+
+def test_many_parts_are_merged_and_lose_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(store_module, "MOST_PARTS", 5)
+    counts = []
+
+    def counting(study, case):
+        counts.append(len(list((tmp_path / "out" / PARTS).iterdir())))
+        return {"x": case.index}
+
+    table = sweep(STUDY, tmp_path / "out", workers=1, case_function=counting)
+    assert max(counts) <= 4 + 3
+    assert list(table["x"]) == list(range(16))
+
+
+def test_a_changed_study_is_refused_with_what_changed(tmp_path):
+    sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
+    other = dataclasses.replace(STUDY, duration=5.0, parameters=dict(reversed(STUDY.parameters.items())))
+    with pytest.raises(DataError, match=r"holds another study \(duration was 60.0, is 5.0; parameters was .*name"):
+        sweep(other, tmp_path / "out", case_function=stub())
+    with pytest.raises(DataError, match=r"case_function was \".*stub.*\", is \"rover_pin.sweep.case.drive_case\""):
+        sweep(STUDY, tmp_path / "out")
+
+
+def test_folders_that_are_no_sweep_are_refused(tmp_path):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").write_text("")
+    with pytest.raises(DataError, match="full: the folder is not empty and holds no sweep; name a new folder"):
+        sweep(STUDY, tmp_path / "full")
+    with pytest.raises(DataError, match=r"thesis.tex: the folder cannot be used for results: File exists"):
+        sweep(STUDY, tmp_path / "full" / "thesis.tex")
+    with pytest.raises(DataError, match=r"full: no sweep lies here: study.json cannot be read"):
+        collect(tmp_path / "full")
+
+
+def test_damaged_files_are_named(tmp_path):
+    sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
+    (tmp_path / "out" / RESULTS).write_bytes(b"PAR1")
+    with pytest.raises(DataError, match=r"results.parquet: the file cannot be read; remove it and sweep again"):
+        collect(tmp_path / "out")
+    (tmp_path / "out" / RESULTS).unlink()
+    (tmp_path / "out" / "study.json").write_text("{")
+    with pytest.raises(DataError, match=r"study.json: not valid JSON"):
+        collect(tmp_path / "out")
+
+
+@pytest.mark.parametrize("workers", [0, -1, 1.5, True])
+def test_workers_are_a_positive_number(tmp_path, workers):
+    with pytest.raises(ParameterError, match=f"workers = {workers} is not allowed"):
+        sweep(STUDY, tmp_path / "out", workers=workers)
+
+
+def test_workers_and_scheduler_exclude_each_other(tmp_path):
+    with pytest.raises(ParameterError, match="workers and scheduler are both given"):
+        sweep(STUDY, tmp_path / "out", workers=1, scheduler="tcp://127.0.0.1:8786")
+
+
+def test_a_function_that_cannot_travel_is_told(tmp_path):
+    with (tmp_path / "log").open("w") as log, pytest.raises(ParameterError, match="cannot be sent to worker processes"):
+        sweep(STUDY, tmp_path / "out", workers=2, case_function=lambda study, case: {"x": log.write("")})
+
+
+@pytest.mark.parametrize(
+    ("returned", "said"),
+    [
+        (3.0, "DataError: the case's function returned float; it must return a mapping"),
+        ({"a": 1.0}, "DataError: the outcome 'a' has the name of another column"),
+        ({"seed": 1.0}, "DataError: the outcome 'seed' has the name of another column"),
+        ({"x": [1.0]}, "DataError: the outcome 'x' is list; give a number"),
+    ],
+)
+def test_outcomes_that_fit_no_column_are_reasons(tmp_path, returned, said):
+    table = sweep(STUDY, tmp_path / "out", workers=1, case_function=lambda study, case: returned)
+    assert table["error"].str.startswith(said).all()
+
+
+def test_odd_outcomes_lose_nothing(tmp_path):
+    odd = [1, "stuck", None, np.float64(2.5), math.inf, True]
+    study = Study("odd", "stub", {"a": Values(range(6))}, Grid())
+    table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"x": odd[case.index]})
+    assert table["error"].isna().all()
+    assert [None if pd.isna(x) else x for x in table["x"]] == ["1.0", "stuck", None, "2.5", "inf", "True"]
+
+
+def test_workers_compute_with_one_thread(tmp_path):
+    def threads(study, case):
+        return {name: os.environ.get(name, "unset") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
+
+    table = sweep(STUDY, tmp_path / "out", workers=2, case_function=threads)
+    assert set(table["OMP_NUM_THREADS"]) == set(table["OPENBLAS_NUM_THREADS"]) == {"1"}
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_is_told_and_the_finished_cases_are_kept(tmp_path):
+    def deadly(study, case):
+        if case.index == 9:
+            time.sleep(1.0)
+            os._exit(3)
+        return {"x": 1.0}
+
+    with pytest.raises(SimulationError, match=r"A worker process died .* the finished cases are kept"):
+        sweep(STUDY, tmp_path / "out", workers=2, case_function=deadly)
+    kept = collect(tmp_path / "out")
+    assert 9 not in set(kept["case"])
+    assert len(kept) > 4
+
+
+SCRIPT = """
+import time
+import numpy as np
+from rover_pin.sweep import Sobol, Range, Study, sweep
+
+def slowly(study, case):
+    time.sleep(0.1)
+    if case.index == 20:
+        raise ValueError("no way")
+    return {"x": np.random.default_rng(case.seed).normal() + case.values["a"]}
+
+study = Study("killed", "stub", {"a": Range(0.0, 1.0)}, Sobol(32), seed=5)
+sweep(study, "FOLDER", workers=2, case_function=slowly)
+"""
+
+
+@pytest.mark.slow
+def test_a_killed_sweep_resumes_to_the_same_table(tmp_path):
+    def started(folder):
+        script = tmp_path / "killed.py"
+        script.write_text(textwrap.dedent(SCRIPT).replace("FOLDER", str(tmp_path / folder)))
+        env = {**os.environ, "PYTHONPATH": str(Path(rover_pin.__file__).parents[1])}
+        return subprocess.Popen([sys.executable, str(script)], env=env, start_new_session=True, stderr=subprocess.PIPE)
+
+    process = started("killed")
+    parts = tmp_path / "killed" / PARTS
+    deadline = time.monotonic() + 60.0
+    while len(list(parts.glob("*.parquet"))) < 10 and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    finished = collect(tmp_path / "killed")
+    assert 10 <= len(finished) < 32
+
+    for folder in ("killed", "whole"):
+        process = started(folder)
+        told = process.communicate(timeout=60.0)[1].decode()
+        assert process.returncode == 0, told
+        assert told.startswith(f"killed: {len(finished) if folder == 'killed' else 0} of 32 cases, 0 failed")
+        assert "killed: 32 of 32 cases" in told
+    assert files(tmp_path / "killed") == files(tmp_path / "whole")
+    assert json.loads((tmp_path / "whole" / "study.json").read_text())["plan"] == {"kind": "Sobol", "cases": 32}
+
+
+def test_importing_the_sweep_loads_nothing_heavy():
+    heavy = ("pandas", "pyarrow", "joblib", "scipy.stats", "rich", "distributed", "pinocchio")
+    code = f"import sys, rover_pin.sweep; print([name for name in {heavy!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_sobol_study_runs_with_repeats(tmp_path):
+    study = Study("repeated", "stub", {"a": Range(0.0, 1.0)}, Sobol(4), repeats=2)
+    table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"noise": case.seed / 2**63})
+    assert list(table["repeat"]) == [0, 1] * 4
+    assert table["noise"].nunique() == 8

@@ -1,0 +1,152 @@
+"""A study's cases, their seeds, and reading one from TOML."""
+
+import dataclasses
+import math
+
+import pytest
+
+from rover_pin.errors import DataError, ParameterError
+from rover_pin.sweep import Grid, LatinHypercube, LogRange, Range, Sobol, Study, Values, read_study
+
+STUDY = Study("trial", "ditch", {"a": Values([1, 2]), "b": Range(0.0, 1.0)}, Grid(3))
+
+TOML = """
+name = "trial"
+scenario = "ditch"
+duration = 20.0
+seed = 4
+repeats = 2
+paired = [["soil.c", "soil.phi"]]
+plan = { kind = "grid", points = 3 }
+[settings]
+gravity = 1.62
+rover.name = "nexus6"
+terrain.depth = { value = 80, unit = "mm" }
+[parameters]
+terrain.wall_angle = { low = 20, high = 60, unit = "deg" }
+soil.k = { low = 1e-3, high = 1e-1, scale = "log" }
+soil.c = [0.0, 100.0]
+"soil.phi" = { values = [30, 36], unit = "deg" }
+"""
+
+
+def changed(study, **changes):
+    return dataclasses.replace(study, **changes)
+
+
+def seeds(study):
+    return {(*case.values.values(), case.repeat): case.seed for case in study.cases()}
+
+
+def test_a_seed_comes_from_the_case_and_not_from_its_place():
+    more = changed(STUDY, parameters={"a": Values([7, 2, 1]), "b": Range(0.0, 1.0)}, repeats=2, name="more")
+    small, large = seeds(STUDY), seeds(more)
+    assert len(set(large.values())) == len(large) == 18
+    assert small.items() <= large.items()
+
+
+def test_another_root_seed_or_setting_gives_other_seeds():
+    for other in (changed(STUDY, seed=1), changed(STUDY, settings={"gravity": 1.62}), changed(STUDY, duration=5.0)):
+        assert not set(seeds(STUDY).values()) & set(seeds(other).values())
+
+
+def test_whole_numbers_and_floats_are_one_case():
+    floats = changed(STUDY, parameters={"a": Values([1.0, 2.0]), "b": Range(0, 1)})
+    assert [case.key for case in floats.cases()] == [case.key for case in STUDY.cases()]
+
+
+def test_a_point_drawn_twice_counts_as_a_repeat():
+    study = changed(STUDY, parameters={"a": Values([1, 2])}, plan=LatinHypercube(6))
+    assert sorted((case.values["a"], case.repeat) for case in study.cases()) == [
+        (a, n) for a in (1, 2) for n in range(3)
+    ]
+    assert len({case.seed for case in study.cases()}) == 6
+
+
+def test_repeats_follow_one_another():
+    cases = changed(STUDY, repeats=3).cases()
+    assert [case.index for case in cases] == list(range(18))
+    assert [case.repeat for case in cases[:4]] == [0, 1, 2, 0]
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text):
+        path = tmp_path / "study.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def test_a_file_gives_the_study_in_si_units(written):
+    study = read_study(written(TOML))
+    assert (study.name, study.scenario, study.duration, study.seed, study.repeats) == ("trial", "ditch", 20.0, 4, 2)
+    assert study.plan == Grid(3)
+    assert study.paired == (("soil.c", "soil.phi"),)
+    assert study.settings == {"gravity": 1.62, "rover.name": "nexus6", "terrain.depth": pytest.approx(0.08)}
+    assert list(study.parameters) == ["terrain.wall_angle", "soil.k", "soil.c", "soil.phi"]
+    assert study.parameters["terrain.wall_angle"] == Range(20 * math.pi / 180, 60 * math.pi / 180)
+    assert study.parameters["soil.k"] == LogRange(1e-3, 1e-1)
+    assert study.parameters["soil.phi"].values == pytest.approx((math.pi / 6, math.pi / 5))
+    assert len(study.cases()) == 3 * 3 * 2 * 2
+
+
+@pytest.mark.parametrize(
+    ("entry", "plan"),
+    [('{ kind = "sobol", cases = 8 }', Sobol(8)), ('{ kind = "latin-hypercube", cases = 9 }', LatinHypercube(9))],
+)
+def test_a_file_names_its_plan(written, entry, plan):
+    assert read_study(written(TOML.replace('{ kind = "grid", points = 3 }', entry))).plan == plan
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("duration = 20.0", "durration = 20.0", "the study has no key 'durration': did you mean 'duration'"),
+        ('scenario = "ditch"', "", "the study has no 'scenario': add it"),
+        ('kind = "grid"', 'kind = "gird"', "there is no plan 'gird': did you mean 'grid'"),
+        ('kind = "grid", points', "points", "plan needs a kind"),
+        ("points = 3", "cases = 3", "the plan 'grid' has no key 'cases'"),
+        ('"grid", points = 3', '"sobol"', "the plan 'sobol' has no 'cases': say how many"),
+        ("low = 20, high = 60", "low = 60, high = 20", r"parameter 'terrain.wall_angle': the range .* is empty"),
+        ("low = 20, high = 60", "low = 20, hihg = 60", "the range has no key 'hihg': did you mean 'high'"),
+        ("low = 20, high = 60", "low = 20", "the range has no 'high'"),
+        ('"log"', '"lgo"', "there is no scale 'lgo': did you mean 'log'"),
+        ('60, unit = "deg"', '60, unit = "degg"', "there is no unit 'degg': did you mean 'deg'"),
+        ("low = 20,", 'low = "20",', "'20' has a unit and is not a finite number"),
+        ("[0.0, 100.0]", "[]", "parameter 'soil.c': the list of values is empty"),
+        ("[0.0, 100.0]", "5.0", r"parameter 'soil.c': 5.0 is a single value: .* move it to \[settings\]"),
+        ("values = [30, 36]", "values = 30", "30 is a single value: give a list"),
+        ("values = [30, 36]", "values = [30, 36, 37]", "cannot move together: .* of one length"),
+        ('"soil.c", "soil.phi"]]', '"soil.cc", "soil.phi"]]', "paired names 'soil.cc': did you mean 'soil.c'"),
+        ('["soil.c", "soil.phi"]]', '["soil.c", "soil.phi"], ["soil.c", "soil.k"]]', "'soil.c' 2 times"),
+        ('[["soil.c", "soil.phi"]]', "3", "paired = 3 is not a list of lists"),
+        ('value = 80, unit = "mm"', 'value = 80, units = "mm"', "setting 'terrain.depth' has no key 'units': did you"),
+        ('80, unit = "mm"', '80, unit = "mmm"', "setting 'terrain.depth': there is no unit 'mmm'"),
+        ("gravity = 1.62", "gravity = [1.62]", r"setting gravity = \[1.62\] is no number"),
+        ("gravity = 1.62", "soil.k = 1.0", "'soil.k' is both a setting and a parameter"),
+        ("duration = 20.0", "duration = -1", "duration = -1 is not allowed: it is a time above 0 s"),
+        ("duration = 20.0", "dt = true", "dt = True is not allowed"),
+        ("repeats = 2", "repeats = 0", "repeats = 0 is not allowed: it is a whole number from 1 on"),
+        ("seed = 4", "seed = 0.5", "seed = 0.5 is not allowed: it is a whole number from 0 on"),
+        ('name = "trial"', 'name = "a/b"', "name = 'a/b' is not allowed"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_said_in_one_sentence(written, old, new, said):
+    assert old in TOML
+    path = written(TOML.replace(old, new, 1))
+    with pytest.raises(ParameterError, match=said) as caught:
+        read_study(path)
+    assert str(caught.value).startswith(str(path))
+
+
+def test_a_file_that_is_no_study_is_refused(written, tmp_path):
+    with pytest.raises(DataError, match=r"none.toml: the study cannot be read: No such file"):
+        read_study(tmp_path / "none.toml")
+    with pytest.raises(DataError, match="not valid TOML"):
+        read_study(written("name = "))
+    with pytest.raises(ParameterError, match="the study varies nothing"):
+        read_study(written('name = "a"\nscenario = "b"\nplan = { kind = "grid" }\n[parameters]\n'))
+    with pytest.raises(ParameterError, match=r"parameters must be a table, as in \[parameters\]"):
+        read_study(written('name = "a"\nscenario = "b"\nplan = { kind = "grid" }\nparameters = 3\n'))
