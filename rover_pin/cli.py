@@ -1,12 +1,189 @@
-"""The command line: parse, call one public function, print."""
+"""rover-pin: drive a planetary rover on loose soil, and study what its wheels do."""
 
 from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from rover_pin.errors import ParameterError, RoverPinError
+
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
+
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object for machines instead of the table.")]
+Set = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Change any number, as terrain.wall_angle_deg=40.")]
+SoilName = Annotated[str, typer.Option("--soil", help="A soil of rover_pin.parameters.")]
+
+
+def main() -> None:
+    """Run the command line; one clear sentence and exit code 2 on what is refused."""
+    try:
+        app()
+    except RoverPinError as error:
+        print(f"rover-pin: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+@app.command()
+def drive(
+    scenario: Annotated[str, typer.Argument(help="ditch, flat, slope, bump, turn ...: a wrong name lists them all.")],
+    control: Annotated[str, typer.Option(help="none, eq9 (the paper's estimate), true (true slip), turn, point-turn.")] = "",
+    gravity: Annotated[str, typer.Option(help="earth, moon, mars, or m/s^2.")] = "earth",
+    soil: SoilName = "table-1",
+    set_: Set = [],  # noqa: B006 - typer wants a list
+    check: Annotated[bool, typer.Option("--check", help="Drive again at half the step and say how far x differs.")] = False,
+    out: Out = Path("out/drive"),
+    as_json: AsJson = False,
+) -> None:
+    """Drive a scenario; write its trace as a drive log, figures and a summary."""
+    from rover_pin import plot
+    from rover_pin.scenarios import Scenario
+    from rover_pin.scenarios import scenario as ready
+
+    settings: dict[str, Any] = {"gravity": gravity, "soil": soil, **assignments(set_)}
+    if control:
+        settings["control"] = control
+    chosen: Scenario = ready(scenario, **settings)
+    with progress(f"driving {scenario}", chosen.duration, silent=as_json) as advance:
+        trace = chosen.drive(advance)
+    result: dict[str, Any] = {"scenario": scenario, **trace.summary()}
+    if check:
+        result["x_change_at_half_step_mm"] = 1e3 * half_step_change(chosen, trace)
+    trace.save(out / "log")
+    result["files"] = [str(out / "log"), *map(str, plot.drive_figures(trace, chosen.model, out))]
+    report(result, as_json)
+    if str(trace.attrs["stop"]).startswith("diverged"):
+        raise typer.Exit(1)
+
+
+def half_step_change(chosen: Any, trace: Any) -> float:
+    """Return the largest distance [m] of the base's x from that of a drive at half the step."""
+    import dataclasses
+
+    import numpy as np
+
+    finer = dataclasses.replace(chosen, timing=chosen.timing.halved()).drive()
+    rows = min(len(trace["body_x"]), len(finer["body_x"]))
+    return float(np.max(np.abs(trace["body_x"][:rows] - finer["body_x"][:rows])))
+
+
+@app.command()
+def curve(
+    soil: SoilName = "table-1",
+    k: Annotated[list[float], typer.Option(help="Shear displacement k [m], repeatable; default: the soil's own.")] = [],  # noqa: B006
+    n: Annotated[float | None, typer.Option(help="Sinkage exponent, in place of the soil's.")] = None,
+    out: Out = Path("out/curve"),
+    as_json: AsJson = False,
+) -> None:
+    """Draw the load-traction factor F(S) against slip, in every form, at the soil's fixed angles."""
+    from rover_pin import plot
+    from rover_pin.soil.curves import traction_curves
+
+    table = traction_curves(soil_named(soil), k, n)
+    files = plot.traction_figure(table, soil, out)
+    at = {f"F({form}, k = {1e3 * value:g} mm)": curve for (form, value), curve in table.curves.items()}
+    rows = {name: {"S=0": float(curve[0]), "S=0.2": float(curve[20]), "S=1": float(curve[-1])} for name, curve in at.items()}
+    report({"soil": soil, **rows, "files": [str(file) for file in files]}, as_json)
+
+
+@app.command("check-urdf")
+def check_urdf(
+    file: Annotated[Path, typer.Argument(help="A rover's .toml, or a .urdf alone.")],
+    as_json: AsJson = False,
+) -> None:
+    """Check a rover description through yourdfpy and Pinocchio, and say what to mend."""
+    from rover_pin.body.urdf_check import check_urdf as check
+
+    report(check(file).as_dict(), as_json)
+
+
+@app.command()
+def sweep(
+    study: Annotated[Path, typer.Argument(help="A study's TOML file.")],
+    workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
+    scheduler: Annotated[str, typer.Option(help="Address of a Dask scheduler, as tcp://127.0.0.1:8786.")] = "",
+    out: Out = Path("out/sweep"),
+    as_json: AsJson = False,
+) -> None:
+    """Run a batch study; killed, it resumes where it stopped."""
+    from rover_pin.sweep import read_study
+    from rover_pin.sweep import sweep as run
+
+    result = run(read_study(study), out, workers=workers or None, scheduler=scheduler or None)
+    report(result.summary(), as_json)
+
+
+def soil_named(name: str) -> Any:
+    """Return a soil of rover_pin.parameters."""
+    from rover_pin.errors import closest
+    from rover_pin.parameters import SOILS
+
+    if name not in SOILS:
+        raise ParameterError(f"There is no soil '{name}': {closest(name, SOILS)}")
+    return SOILS[name]
+
+
+def assignments(words: Iterable[str]) -> dict[str, Any]:
+    """Return NAME=VALUE words as a dict; numbers as numbers."""
+    found: dict[str, Any] = {}
+    for word in words:
+        name, sign, value = word.partition("=")
+        if not sign:
+            raise ParameterError(f"--set {word}: write it as NAME=VALUE, as --set soil.k=0.01.")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            found[name] = value
+    return found
+
+
+def report(result: Mapping[str, Any], as_json: bool) -> None:
+    """Print a result as a short table, or as one JSON object."""
+    if as_json:
+        print(json.dumps(result, default=str))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(show_header=False, box=None)
+    for name, value in result.items():
+        table.add_row(name.replace("_", " "), shown(value))
+    Console().print(table)
+
+
+def shown(value: Any) -> str:
+    """Return a value as the table shows it."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {shown(each)}" for name, each in value.items())
+    if isinstance(value, (list, tuple)):
+        return "\n".join(shown(each) for each in value)
+    return str(value)
+
+
+class progress:  # noqa: N801 - used as a with-statement
+    """A progress bar over simulated seconds on a terminal; nothing where it would clutter."""
+
+    def __init__(self, what: str, total: float, silent: bool):
+        from rich.console import Console
+        from rich.progress import Progress
+
+        self.bar = Progress(console=Console(stderr=True), transient=True, disable=silent or not sys.stderr.isatty())
+        self.task = self.bar.add_task(what, total=total)
+
+    def __enter__(self) -> Callable[[float], None]:
+        self.bar.start()
+        return lambda done: self.bar.update(self.task, completed=done)
+
+    def __exit__(self, *_: object) -> None:
+        self.bar.stop()
+
+
+if __name__ == "__main__":
+    main()

@@ -253,7 +253,7 @@ class Kernel:
         longest = max(float(wheel.wheel.r) for wheel in self.model.rover.wheels)
         xs, zs, grounds, starts = [], [], [], [0]
         for profile in terrain.profiles:
-            x, z, ground = extended(profile)
+            x, z, ground = profile.extended()
             crowd = int(np.max(np.searchsorted(x, x + 2.2 * longest) - np.arange(len(x))))
             if crowd > MOST_FACETS:
                 raise ParameterError(
@@ -287,19 +287,6 @@ class Kernel:
             work_w=np.zeros(made.work[1] + 1),
         )
         self.keep["laws"] = made
-
-
-def extended(profile: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return x, z, ground of a profile whose first and last pieces go on for a kilometre."""
-    x, z = np.asarray(profile.x, dtype=float), np.asarray(profile.z, dtype=float)
-    far = 1000.0
-    first, last = (z[1] - z[0]) / (x[1] - x[0]), (z[-1] - z[-2]) / (x[-1] - x[-2])
-    ground = np.asarray(profile.ground)
-    return (
-        np.concatenate([[x[0] - far], x, [x[-1] + far]]),
-        np.concatenate([[z[0] - far * first], z, [z[-1] + far * last]]),
-        np.concatenate([ground[:1], ground, ground[-1:]]),
-    )
 
 
 def supports(model: pin.Model, joint: int) -> list[int]:

@@ -1,0 +1,162 @@
+"""Figures: a drive's snapshots and histories, traction curves. Files are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pinocchio as pin
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from rover_pin.body.rover import Rover
+from rover_pin.body.terrain import Terrain
+from rover_pin.motion.model import Model
+from rover_pin.motion.trace import Trace
+from rover_pin.soil.curves import TractionCurves
+
+COLOURS = tuple(matplotlib.colormaps["tab10"].colors)  # type: ignore[attr-defined]
+STYLES = {"l": "-", "r": "--"}
+WHEEL_COLOUR = {"f": COLOURS[0], "m": COLOURS[1], "r": COLOURS[2]}
+
+
+def save(figure: Figure, file: Path) -> Path:
+    """Write a figure as PNG, atomically; return its path."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_name(f".{file.name}.part")
+    figure.savefig(part, dpi=130, format="png")
+    os.replace(part, file)
+    return file
+
+
+def new_figure(rows: int, columns: int = 1, size: tuple[float, float] = (8.0, 6.0), **options: Any) -> tuple[Figure, Any]:
+    """Return a figure and its axes, without any window."""
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.subplots(rows, columns, **options)
+
+
+def drive_figures(trace: Trace, model: Model, out: Path) -> list[Path]:
+    """Write snapshots.png and history.png of a drive into `out`; return their paths. Nothing where nothing was driven."""
+    if len(trace["t_s"]) < 2:
+        return []
+    return [save(snapshots(trace, model), out / "snapshots.png"), save(history(trace), out / "history.png")]
+
+
+def configuration(rover: Rover, trace: Trace, row: int) -> np.ndarray:
+    """Return the configuration of a row of the trace; the wheels' own angles are left at zero."""
+    q = pin.neutral(rover.model)
+    q[:3] = [trace[f"body_{axis}"][row] for axis in "xyz"]
+    roll, pitch, yaw = (float(trace[f"body_{name}"][row]) for name in ("roll", "pitch", "yaw"))
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(roll, pitch, yaw)).coeffs()
+    for name, index in rover.angles.items():
+        q[index] = trace[name][row]
+    return q
+
+
+def draw_rover(axes: Axes, rover: Rover, q: np.ndarray, colour: Any) -> None:
+    """Draw the left side of the rover: links between joints, wheels, and the body's axis."""
+    data = rover.model.createData()
+    pin.forwardKinematics(rover.model, data, q)
+    left = {wheel.joint for wheel in rover.wheels if wheel.side == "l"}
+    shown = {joint for wheel in left for joint in rover.model.supports[wheel]}
+    for joint in sorted(shown - {0, 1}):
+        parent = rover.model.parents[joint]
+        start, end = data.oMi[parent].translation, data.oMi[joint].translation
+        axes.plot([start[0], end[0]], [start[2], end[2]], color=colour, lw=1.4, solid_capstyle="round")
+    for wheel in rover.wheels:
+        if wheel.side == "l":
+            x, _, z = data.oMi[wheel.joint].translation
+            axes.add_patch(Circle((x, z), float(wheel.wheel.r), fill=False, color=colour, lw=1.4))
+
+
+def ground_line(terrain: Terrain, low: float, high: float, y: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and height of the terrain along a track."""
+    x = np.linspace(low, high, 2000)
+    return x, np.array([terrain.height(each, y) for each in x])
+
+
+def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
+    """Return the rover's outline at evenly spaced instants on its terrain; later ones are darker."""
+    figure, axes = new_figure(1, size=(10.0, 3.4))
+    low, high = float(np.min(trace["body_x"])) - 0.3, float(np.max(trace["body_x"])) + 0.3
+    y = float(model.rover.half_track)
+    x, z = ground_line(model.terrain, low, high, y)
+    axes.fill_between(x, z, np.min(z) - 0.05, color="#d9c9a5", lw=0)
+    axes.plot(x, z, color="#8a7340", lw=1)
+    rows = np.linspace(0, len(trace["t_s"]) - 1, count).astype(int)
+    for shade, row in zip(np.linspace(0.65, 0.0, count), rows, strict=True):
+        draw_rover(axes, model.rover, configuration(model.rover, trace, row), str(shade))
+        top = float(trace["body_z"][row]) + 0.12
+        axes.text(float(trace["body_x"][row]), top, f"{trace['t_s'][row]:.1f} s", ha="center", fontsize=8, color=str(shade))
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(low, high), title=title_of(trace))
+    return figure
+
+
+def title_of(trace: Trace) -> str:
+    """Return what a figure says of its drive."""
+    attrs = trace.attrs
+    words = [
+        str(attrs.get("scenario", "drive")),
+        f"control: {attrs.get('control', '-')}",
+        f"traction form: {attrs.get('traction_form', '-')}",
+        f"g = {float(attrs.get('gravity_mps2', float('nan'))):.2f} m/s²",
+        f"stop: {attrs.get('stop', '-')}",
+    ]
+    return "   ".join(words)
+
+
+def history(trace: Trace) -> Figure:
+    """Return slip, speed, suspension angles and duty against time."""
+    figure, axes = new_figure(4, size=(9.0, 9.0), sharex=True)
+    t = trace["t_s"]
+    for wheel in trace.wheels:
+        look = {"color": WHEEL_COLOUR.get(wheel[0], "grey"), "ls": STYLES.get(wheel[-1], "-"), "lw": 1.2, "label": wheel}
+        axes[0].plot(t, trace[f"slip_{wheel}"], **look)
+        axes[3].plot(t, trace[f"duty_{wheel}"], **look)
+    speed = np.hypot(trace["body_vx"], trace["body_vy"])
+    axes[1].plot(t, 1e3 * trace["body_vx"], color="black", lw=1.2, label="forward (world x)")
+    if np.max(np.abs(trace["body_vy"])) > 1e-4:
+        axes[1].plot(t, 1e3 * speed, color="grey", lw=1.0, label="over the ground")
+    angles = [name for name in trace.channels if name.startswith(("rocker", "bogie"))]
+    for i, name in enumerate([*angles, "body_pitch"]):
+        axes[2].plot(t, np.degrees(trace[name]), lw=1.2, color=COLOURS[i], label=name.replace("_", " "))
+    for each, label in zip(axes, ("slip S [-]", "speed [mm/s]", "angle [deg]", "duty [-]"), strict=True):
+        each.set_ylabel(label)
+        each.grid(alpha=0.3)
+        each.legend(fontsize=7, ncols=3, loc="best")
+    axes[0].set_ylim(-1.05, 1.05)
+    axes[0].set_title(title_of(trace), fontsize=9)
+    axes[-1].set_xlabel("t [s]")
+    return figure
+
+
+def traction_figure(table: TractionCurves, name: str, out: Path) -> list[Path]:
+    """Write traction.csv and traction.png into `out`; return their paths."""
+    import pandas as pd
+
+    figure, axes = new_figure(1, size=(7.5, 5.0))
+    styles = dict(zip(("net", "torque", "gross"), ("-", "--", ":"), strict=True))
+    values = sorted({k for _, k in table.curves})
+    for (form, k), curve in table.curves.items():
+        colour = COLOURS[values.index(k) % len(COLOURS)]
+        axes.plot(table.S, curve, styles[form], color=colour, label=f"{form}, k = {1e3 * k:g} mm")
+    axes.axhline(0.0, color="black", lw=0.6)
+    axes.set(xlabel="slip S [-]", ylabel="load-traction factor F [-]", title=f"soil: {name}", xlim=(0.0, 1.0))
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    columns = {f"{form}_k{1e3 * k:g}mm": curve for (form, k), curve in table.curves.items()}
+    csv = write_csv(pd.DataFrame({"S": table.S, **columns}), out / "traction.csv")
+    return [csv, save(figure, out / "traction.png")]
+
+
+def write_csv(frame: Any, file: Path) -> Path:
+    """Write a table as CSV, atomically; return its path."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_name(f".{file.name}.part")
+    frame.to_csv(part, index=False)
+    os.replace(part, file)
+    return file

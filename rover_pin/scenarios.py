@@ -1,0 +1,235 @@
+"""Ready-made drives by name, with every number in them open to change: what the command line and sweeps run."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from rover_pin.body import shapes
+from rover_pin.body.rover import Rover, load_rover
+from rover_pin.body.terrain import Terrain
+from rover_pin.contact import Soil
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
+from rover_pin.control.steering import Turn
+from rover_pin.control.torque_limit import TorqueLimit
+from rover_pin.effects.gear_friction import GearFriction
+from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.errors import ParameterError, closest
+from rover_pin.motion.command import Controller
+from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED, Model, base_effects
+from rover_pin.motion.motor import Motor
+from rover_pin.motion.place import Start
+from rover_pin.motion.simulate import Progress, Timing, simulate
+from rover_pin.motion.trace import Trace
+from rover_pin.parameters import SOILS
+from rover_pin.parameters.gravity import EARTH, GRAVITIES
+from rover_pin.parameters.hard import HARD_GROUND
+from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.traction import FORMS, TorqueTraction, load_traction_factor
+
+ALGEBRAIC_DT = 0.002
+"""Step [s] with Eq (1) itself, which is stiffer than the relaxed slip: 0.06 mm over 20 s of the ditch."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A model, its commands, and how long to drive."""
+
+    name: str
+    model: Model
+    controller: Controller
+    duration: float
+    start: Start = field(default_factory=Start)
+    timing: Timing = field(default_factory=Timing)
+    symmetric: bool = False
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def drive(self, progress: Progress | None = None) -> Trace:
+        """Return the trace of the drive."""
+        trace = simulate(
+            self.model,
+            self.controller,
+            self.duration,
+            self.start,
+            self.timing,
+            symmetric=self.symmetric,
+            progress=progress,
+        )
+        about = {"scenario": self.name, "control": type(self.controller).__name__, "settings": dict(self.settings)}
+        return dataclasses.replace(trace, attrs={**trace.attrs, **about})
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A terrain with its usual settings, and what is driven on it."""
+
+    terrain: Callable[..., Terrain]
+    duration: float = 20.0
+    terrain_settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    symmetric: bool = False
+
+
+DEG = math.pi / 180.0
+SCENES: dict[str, Scene] = {
+    "flat": Scene(shapes.flat, 10.0, symmetric=True),
+    "incline": Scene(shapes.incline, 20.0, {"angle": 6 * DEG}, symmetric=True),
+    "slope": Scene(shapes.growing_slope, 60.0, symmetric=True),
+    "bump": Scene(shapes.bump, 30.0, symmetric=True),
+    "one-sided-bump": Scene(shapes.one_sided_bump, 30.0),
+    "ditch": Scene(shapes.ditch, 20.0, {"wall_angle": 30 * DEG}, symmetric=True),
+    "step": Scene(shapes.step, 20.0, symmetric=True),
+    "rocks": Scene(shapes.rocks, 30.0),
+    "washboard": Scene(shapes.washboard, 20.0, symmetric=True),
+    "cross-slope": Scene(shapes.cross_slope, 20.0, {"angle": 6 * DEG}),
+    "hills": Scene(shapes.hills, 30.0),
+    "turn": Scene(shapes.flat, 30.0, settings={"control": "turn", "soil.k": 0.003}),
+    "point-turn": Scene(shapes.flat, 20.0, settings={"control": "point-turn", "soil.k": 0.003}),
+    "park": Scene(shapes.incline, 10.0, {"angle": 6 * DEG, "start": -5.0}, {"control.delta": 0.0, "gear_friction": 0.1}),
+}
+
+
+def nexus6_motor(rover: Rover) -> Motor:
+    """Return the assumed motor, calibrated so that duty 0.55 gives 0.05 m/s on Table 1's sand on Earth."""
+    wheel = rover.wheels[0].wheel
+    load = EARTH * rover.mass / len(rover.wheels)
+    factor = load_traction_factor(CRUISE_SLIP, Soil(), wheel, TorqueTraction())
+    rate = CRUISE_SPEED / (1.0 - CRUISE_SLIP) / float(wheel.r)
+    return Motor().calibrated(CRUISE_DUTY, rate, float(factor) * float(wheel.r) * load)
+
+
+@lru_cache(maxsize=1)
+def nexus6_table() -> SpeedTable:
+    """Return the duty-to-speed table of the default rover on flat ground, measured by driving it."""
+    return calibrated_table(scenario("flat").model)
+
+
+def scenario(name: str, **settings: Any) -> Scenario:
+    """Return a ready-made drive, changed by dotted settings (pass them as `**{"terrain.wall_angle_deg": 40}`).
+
+    Parameters
+    ----------
+    name : str
+        One of SCENES.
+    **settings
+        `rover`, `soil` (a name of SOILS), `soil.FIELD`, `terrain.ARGUMENT`, `motor.FIELD`, `gravity` (name or m/s^2),
+        `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
+        `effect.CLASS.FIELD`, `control` (none, eq9, true, turn, point-turn), `control.FIELD`, `start.FIELD`,
+        `duration`, `dt` [s]. A `_deg` behind any angle reads degrees.
+
+    Raises
+    ------
+    ParameterError
+        An unknown name or setting, with the close matches.
+    """
+    if name not in SCENES:
+        raise ParameterError(f"There is no scenario '{name}': {closest(name, SCENES)}")
+    scene = SCENES[name]
+    asked = Settings({**scene.settings, **settings})
+    model = _model(scene, asked)
+    controller = _controller(model, asked)
+    start = Start(**{**{"y": 0.0}, **asked.group("start", ("x", "y", "yaw"))})
+    dt = float(asked.take("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT))
+    duration = float(asked.take("duration", scene.duration))
+    asked.finish()
+    symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
+    return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, dict(settings))
+
+
+class Settings:
+    """Dotted settings that are taken one by one; what is left at the end was not understood."""
+
+    def __init__(self, values: Mapping[str, Any]):
+        self.values = dict(values)
+        self.known: list[str] = []
+
+    def take(self, name: str, default: Any) -> Any:
+        """Return a setting, or its default."""
+        self.known.append(name)
+        return self.values.pop(name, default)
+
+    def choice(self, name: str, default: str, choices: Mapping[str, Any]) -> Any:
+        """Return what a setting's word stands for."""
+        word = self.take(name, default)
+        if word not in choices:
+            raise ParameterError(f"{name} = {word!r} is not known: {closest(str(word), choices)}")
+        return choices[word]
+
+    def group(self, prefix: str, names: tuple[str, ...]) -> dict[str, Any]:
+        """Return the settings `prefix.NAME` for these names, angles with `_deg` in radians."""
+        found = {}
+        for name in names:
+            self.known.append(f"{prefix}.{name}")
+            if f"{prefix}.{name}" in self.values:
+                found[name] = self.values.pop(f"{prefix}.{name}")
+            if f"{prefix}.{name}_deg" in self.values:
+                found[name] = math.radians(float(self.values.pop(f"{prefix}.{name}_deg")))
+        return found
+
+    def finish(self) -> None:
+        """Refuse what nothing has taken."""
+        for name in self.values:
+            raise ParameterError(f"There is no setting '{name}' here: {closest(name, self.known)}")
+
+
+def fields_of(record: Any) -> tuple[str, ...]:
+    """Return the names of a record's fields."""
+    return tuple(each.name for each in dataclasses.fields(record))
+
+
+def _model(scene: Scene, asked: Settings) -> Model:
+    rover = load_rover(str(asked.take("rover", "nexus6")))
+    soil = asked.choice("soil", "table-1", SOILS)
+    soil = soil.replace(**asked.group("soil", fields_of(soil)))
+    names = tuple(inspect.signature(scene.terrain).parameters)
+    terrain = scene.terrain(**{**scene.terrain_settings, **asked.group("terrain", names)})
+    motor = nexus6_motor(load_rover("nexus6"))
+    motor = motor.replace(**asked.group("motor", fields_of(motor)))
+    form = asked.choice("form", "torque", FORMS)
+    angles = asked.choice("angles", "fixed", {"fixed": FixedAngles(), "sinkage": SinkageAngles()})
+    model = Model(
+        rover,
+        terrain,
+        (soil, HARD_GROUND),
+        motor,
+        asked.choice("slip", "relaxed", {"relaxed": RelaxedSlip(), "algebraic": AlgebraicSlip()}),
+        base_effects(soil, rover, SoilTraction(form, angles)),
+        gravity=_gravity(asked.take("gravity", EARTH)),
+    )
+    friction = float(asked.take("gear_friction", 0.0))
+    if friction:
+        model = model.having(GearFriction(tau_c=friction))
+    for effect in (*model.contact_effects, *model.motor_effects):
+        changes = asked.group(f"effect.{type(effect).__name__}", fields_of(effect))
+        model = model.having(effect.replace(**changes)) if changes else model
+    return model
+
+
+def _gravity(word: Any) -> float:
+    if isinstance(word, str) and word in GRAVITIES:
+        return GRAVITIES[word]
+    try:
+        return float(word)
+    except ValueError:
+        raise ParameterError(f"gravity = {word!r} is neither a number [m/s^2] nor known: {closest(word, GRAVITIES)}") from None
+
+
+def _controller(model: Model, asked: Settings) -> Controller:
+    kind = asked.choice("control", "none", {each: each for each in ("none", "eq9", "true", "turn", "point-turn")})
+    if kind == "none":
+        return ConstantDuty(**asked.group("control", fields_of(ConstantDuty)))
+    if kind in ("turn", "point-turn"):
+        default = {"radius": 0.0} if kind == "point-turn" else {}
+        return Turn.of(model.rover, **{**default, **asked.group("control", ("radius", "delta"))})
+    gains = Gains(**asked.group("control", fields_of(Gains)))
+    wheel = model.rover.wheels[0].wheel
+    estimate = TrueSlip() if kind == "true" else TableEstimate(nexus6_table(), float(wheel.r))
+    return SlipControl(gains, estimate, TorqueLimit.of(model))
