@@ -1,0 +1,120 @@
+"""Patches against a brute-force arc: every point of the rim, its depth below the terrain, its pressure summed."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rover_pin.body.profile import Profile
+from rover_pin.body.section import patches, wheel_frame
+from rover_pin.body.shapes import ditch, flat, incline
+from rover_pin.body.terrain import HeightGrid, Lanes
+
+R = 0.045
+
+
+def upright(x, z, yaw=0.0):
+    return wheel_frame(np.array([x, 0.0, z]), np.array([-math.sin(yaw), math.cos(yaw), 0.0]))
+
+
+def resultant(found):
+    """Radial pressure in proportion to depth, summed over the patches: the exact resultant for n = 1."""
+    total = np.zeros(3)
+    for patch in found:
+        own = math.acos(1.0 - patch.h / R)
+        whole = own - math.sin(own) * math.cos(own)
+        t = np.cross(np.array([0.0, 1.0, 0.0]), patch.facet.normal)
+        total += R * whole * (patch.share * patch.facet.normal - patch.tilt * t)
+    return total
+
+
+def brute_force(corners, centre, count=40001):
+    """The same by the trapezoid rule; depth of a rim point = distance to the nearest line of a height profile."""
+    theta = np.linspace(-math.pi / 2, math.pi / 2, count) * 1.3
+    rim = centre + R * np.column_stack([np.sin(theta), -np.cos(theta)])
+    below = rim[:, 1] < np.interp(rim[:, 0], corners[:, 0], corners[:, 1])
+    depth = np.full(count, np.inf)
+    for a, b in zip(corners[:-1], corners[1:], strict=True):
+        along = b - a
+        share = np.clip((rim - a) @ along / (along @ along), 0.0, 1.0)
+        depth = np.minimum(depth, np.linalg.norm(rim - a - share[:, None] * along, axis=1))
+    depth[~below] = 0.0
+    inward = np.column_stack([-np.sin(theta), np.cos(theta)])
+    return np.trapezoid(depth[:, None] * inward, theta, axis=0)
+
+
+def test_flat_ground_is_one_whole_patch():
+    (patch,) = patches(flat(), upright(0.3, R - 0.006), R)
+    assert (patch.share, patch.tilt) == (1.0, 0.0)
+    assert patch.h == pytest.approx(0.006, abs=1e-15)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, 1.5, 2.6, -1.0])
+def test_a_slope_is_one_whole_patch_at_any_heading(yaw):
+    terrain = incline(math.radians(12.0), start=-5.0)
+    height = float(terrain.height(0.3, 0.0)) + 0.95 * R
+    found = patches(terrain, upright(0.3, height, yaw), R)
+    assert [patch.share for patch in found] == [1.0]
+    assert found[0].facet.normal == pytest.approx(terrain.normal(0.3, 0.0))
+
+
+@settings(max_examples=60, deadline=None)
+@given(cut=st.floats(-0.02, 0.02), h=st.floats(1e-4, 0.02))
+def test_a_corner_that_is_no_corner_changes_nothing(cut, h):
+    split = Lanes((Profile(np.array([-1.0, cut, 1.0]), np.zeros(3)),))
+    found = patches(split, upright(0.0, R - h), R)
+    whole = patches(flat(), upright(0.0, R - h), R)
+    assert resultant(found) == pytest.approx(resultant(whole), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("wall", [20.0, 45.0, 70.0])
+@pytest.mark.parametrize("x", [-0.03, -0.01, 0.0, 0.01, 0.02])
+def test_a_lip_is_the_arc_integral(wall, x):
+    corners = np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, -math.tan(math.radians(wall))]])
+    terrain = Lanes((Profile(corners[:, 0], corners[:, 1]),))
+    centre = np.array([x, R - 0.008])
+    found = resultant(patches(terrain, upright(*centre), R))
+    assert found[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
+
+
+def test_floor_and_wall_are_two_patches():
+    corners = np.array([[-1.0, 0.0], [0.0, 0.0], [0.5, 0.5]])
+    terrain = Lanes((Profile(corners[:, 0], corners[:, 1]),))
+    centre = np.array([-0.017, R - 0.004])
+    found = patches(terrain, upright(*centre), R)
+    assert len(found) == 2
+    assert resultant(found)[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
+
+
+@pytest.mark.parametrize("depth", [0.002, 0.008, 0.02])
+@pytest.mark.parametrize("wall", [30.0, 60.0, 85.0])
+def test_forces_are_continuous_along_a_ditch(depth, wall):
+    """The largest jump shrinks with the step; sunk deeper than r / 2, where drives stop, a jump of 1 % is left."""
+    terrain = ditch(wall_angle=math.radians(wall))
+
+    def largest_jump(count):
+        path = [resultant(patches(terrain, upright(x, R - depth), R)) for x in np.linspace(0.4, 0.8, count)]
+        return np.abs(np.diff(path, axis=0)).max() / np.abs(path).max()
+
+    assert largest_jump(8001) < 0.6 * largest_jump(4001)
+
+
+@settings(max_examples=40, deadline=None)
+@given(x=st.floats(0.4, 0.8), z=st.floats(R - 0.05, R))
+def test_a_ditch_mirrored_end_to_end_gives_mirrored_forces(x, z):
+    terrain, middle = ditch(wall_angle=math.radians(50.0)), 0.6
+    there = resultant(patches(terrain, upright(x, z), R))
+    back = resultant(patches(terrain, upright(2 * middle - x, z), R))
+    assert back == pytest.approx(there * [-1.0, 1.0, 1.0], rel=1e-7, abs=1e-12)
+
+
+def test_a_level_height_grid_is_flat_ground():
+    grid = HeightGrid(-1.0, -1.0, 0.1, 0.1, np.zeros((21, 21)))
+    frame = upright(0.033, R - 0.007, 0.4)
+    assert resultant(patches(grid, frame, R)) == pytest.approx(resultant(patches(flat(), frame, R)), rel=1e-9)
+
+
+def test_a_wheel_in_the_air_has_no_patch():
+    assert patches(ditch(), upright(0.3, R + 1e-9), R) == []

@@ -1,0 +1,154 @@
+"""Every effect file, found by looking: floats equal symbols, derivatives equal differences, neutral means absent."""
+
+import importlib
+import inspect
+import pkgutil
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import rover_pin.effects
+from rover_pin.contact import Contact, Load, Soil, Wheel
+from rover_pin.effects.effect import Drive, Effect, MotorEffect
+from rover_pin.motion.laws import contact_law, numbers
+from rover_pin.quantity import quantities
+
+
+def found(kind):
+    classes = set()
+    for module in pkgutil.iter_modules(rover_pin.effects.__path__):
+        members = inspect.getmembers(importlib.import_module(f"rover_pin.effects.{module.name}"), inspect.isclass)
+        classes |= {each for _, each in members if issubclass(each, kind) and each is not kind}
+    return sorted(classes, key=lambda each: each.__name__)
+
+
+CONTACT_EFFECTS, MOTOR_EFFECTS = found(Effect), found(MotorEffect)
+
+
+def contacts(rng, count, S=None):
+    for _ in range(count):
+        slip = rng.uniform(-0.9, 0.9) if S is None else S
+        yield Contact(
+            S=slip,
+            S_y=rng.uniform(-1, 1),
+            h=10 ** rng.uniform(-4, -1.8),
+            v_x=rng.uniform(0.01, 0.08),
+            v_y=rng.uniform(-0.02, 0.02),
+            v_n=rng.uniform(-0.05, 0.05),
+            rim=rng.uniform(0.01, 0.08),
+            x=rng.uniform(0, 2),
+            axle=float(rng.integers(0, 3)),
+            wheel=Wheel(),
+            soil=Soil(),
+        )
+
+
+def act(effect, contact, x):
+    """Run all three hooks; return the amended contact's numbers, the load and the rates as one flat tuple."""
+    contact = effect.amend(contact, x)
+    before = Load(f_t=1.0, f_y=0.1, f_n=8.0, torque=0.05)
+    load = before.plus(effect.load(contact, before, x))
+    constants = [*contact.wheel.values().values(), *contact.soil.values().values()]
+    return (*contact[:9], *constants, *load, *effect.rate(contact, load, x))
+
+
+def states_of(effect, rng):
+    return tuple(rng.uniform(-0.5, 0.5) for _ in effect.states)
+
+
+def drawn(kind, rng):
+    """The effect with each finite-bounded parameter drawn near its default, inside the bounds."""
+    effect = kind()
+    changes = {}
+    for name, about in quantities(effect).items():
+        value = float(getattr(effect, name)) * rng.uniform(0.7, 1.3)
+        changes[name] = min(max(value, about.low), about.high)
+    return effect.replace(**changes)
+
+
+@pytest.mark.parametrize("kind", CONTACT_EFFECTS, ids=lambda kind: kind.__name__)
+def test_floats_equal_symbols(kind):
+    rng = np.random.default_rng(1)
+    for contact in contacts(rng, 20):
+        effect = drawn(kind, rng)
+        x = states_of(effect, rng)
+        symbols = {name: ca.SX.sym(name) for name in (*Contact._fields[:9], *quantities(effect))}
+        xs = tuple(ca.SX.sym(f"x{i}") for i in range(len(x)))
+        symbolic = effect.replace(**{name: symbols[name] for name in quantities(effect)})
+        moved = contact._replace(**{name: symbols[name] for name in Contact._fields[:9]})
+        out = ca.Function("f", [*symbols.values(), *xs], [ca.vertcat(*map(ca.SX, act(symbolic, moved, xs)))])
+        values = [*contact[:9], *(float(getattr(effect, name)) for name in quantities(effect)), *x]
+        assert np.array(out(*values)).ravel() == pytest.approx([float(v) for v in act(effect, contact, x)], rel=1e-12, abs=1e-14)
+
+
+@pytest.mark.parametrize("kind", CONTACT_EFFECTS, ids=lambda kind: kind.__name__)
+def test_neutral_values_change_nothing(kind):
+    if not kind.neutral:
+        pytest.skip("the effect has no neutral values: the paper's own traction, or a slip law")
+    rng = np.random.default_rng(2)
+    neutral = kind().replace(**kind.neutral)
+    for contact in contacts(rng, 20):
+        x = tuple(0.0 for _ in neutral.states)
+        before = Load(f_t=1.0, f_y=0.1, f_n=8.0, torque=0.05)
+        amended = neutral.amend(contact, x)
+        assert amended[:9] == pytest.approx(contact[:9])
+        assert list(amended.soil.values().values()) == pytest.approx(list(contact.soil.values().values()))
+        assert [float(v) for v in neutral.load(amended, before, x)] == pytest.approx([0.0] * 4, abs=1e-15)
+
+
+@pytest.mark.parametrize("kind", CONTACT_EFFECTS, ids=lambda kind: kind.__name__)
+def test_finite_over_the_declared_bounds(kind):
+    rng = np.random.default_rng(3)
+    for contact in contacts(rng, 30):
+        changes = {}
+        for name, about in quantities(kind()).items():
+            low, high = max(about.low, -1e3), min(about.high, 1e3)
+            changes[name] = rng.choice([low, high, rng.uniform(low, high)])
+        effect = kind().replace(**changes)
+        assert np.all(np.isfinite([float(v) for v in act(effect, contact, states_of(effect, rng))]))
+
+
+@pytest.mark.parametrize("kind", CONTACT_EFFECTS, ids=lambda kind: kind.__name__)
+def test_derivatives_equal_central_differences(kind):
+    """Of the load by the speeds, as the implicit step uses them, at smooth points."""
+    from rover_pin.effects.slip import RelaxedSlip
+    from rover_pin.effects.soil_traction import SoilTraction
+
+    own = kind()
+    base = [RelaxedSlip(), SoilTraction()]
+    chain = [own if type(own) is type(each) else each for each in base]
+    chain = [chain[1], own] if kind.__name__ == "AlgebraicSlip" else chain if own in chain else [*chain, own]
+    chain = [own, SoilTraction()] if kind.__name__ == "AlgebraicSlip" else chain
+    law, parameters = contact_law(chain), numbers(chain)
+    states = np.zeros(law.numel_in(1))
+    states[: min(1, len(states))] = 0.2
+    contact = np.array([0.006, 0.045, 0.004, 0.01, 0.055, 0.3, 1.0, *numbers([Wheel(), Soil()])])
+    out = np.array(law(contact, states, parameters)).ravel()
+    for j in range(4):
+        step = np.zeros_like(contact)
+        step[1 + j] = 1e-6
+        ahead, behind = (np.array(law(contact + sign * step, states, parameters)).ravel()[:4] for sign in (1, -1))
+        assert out[4 + 4 * j : 8 + 4 * j] == pytest.approx((ahead - behind) / 2e-6, rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", MOTOR_EFFECTS, ids=lambda kind: kind.__name__)
+def test_a_motor_effect_is_passive_and_vanishes_at_its_neutral_values(kind):
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        drive = Drive(rng.uniform(-1, 1), rng.uniform(-3, 3), 7.2, 24.0, 3.3)
+        x = tuple(rng.uniform(-1, 1) for _ in kind.states)
+        neutral = kind().replace(**kind.neutral)
+        assert neutral.amend(drive, x) == drive
+        assert float(neutral.torque(drive, 0.3, x)) == 0.0
+        assert np.all(np.isfinite([float(v) for v in kind().rate(drive, 0.3, x)]))
+
+
+def test_dahl_friction_reaches_coulombs_level_and_holds_at_rest():
+    from rover_pin.effects.gear_friction import GearFriction
+
+    friction, z = GearFriction(tau_c=0.1, theta_c=0.02), 0.0
+    for _ in range(20000):
+        z += 1e-5 * float(friction.rate(Drive(0.0, 2.0, 7.2, 24.0, 3.3), 0.0, (z,))[0])
+    assert float(friction.torque(Drive(0.0, 2.0, 7.2, 24.0, 3.3), 0.0, (z,))) == pytest.approx(-0.1, rel=1e-3)
+    assert float(friction.rate(Drive(0.0, 0.0, 7.2, 24.0, 3.3), 0.0, (z,))[0]) == 0.0
