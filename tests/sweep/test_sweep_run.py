@@ -1,9 +1,11 @@
 """Sweeps on this machine: equal tables for any workers, failures as rows, resuming after a kill."""
 
 import dataclasses
+import io
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,6 +20,7 @@ import pytest
 import rover_pin
 from rover_pin.errors import DataError, ParameterError, SimulationError
 from rover_pin.sweep import Grid, Range, Sobol, Study, Values, collect, sweep
+from rover_pin.sweep import progress as progress_module
 from rover_pin.sweep import store as store_module
 from rover_pin.sweep.store import PARTS, RESULTS
 
@@ -251,3 +254,26 @@ def test_sobol_study_runs_with_repeats(tmp_path):
     table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"noise": case.seed / 2**63})
     assert list(table["repeat"]) == [0, 1] * 4
     assert table["noise"].nunique() == 8
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_shows_a_bar_with_failures_and_the_time_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
+    shown = sys.stderr.getvalue()
+    assert "16/16" in shown
+    assert "2 failed" in shown
+    assert re.search(r"0:00:00\S* left", shown)
+
+
+def test_elsewhere_lines_tell_the_time_left(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(progress_module, "SECONDS_BETWEEN_LINES", 0.0)
+    sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "trial: 0 of 16 cases, 0 failed"
+    assert re.fullmatch(r"trial: 8 of 16 cases, 0 failed, about \d+ s left", lines[8])
+    assert lines[-1] == "trial: 16 of 16 cases, 2 failed"
