@@ -1,8 +1,8 @@
 """T_sat and T_lim of one wheel as a CasADi function of the load and of every wheel and soil constant.
 
-The load fixes theta_1 by ln f_n(e^y) = ln W. The first Newton steps from the power law use few quadrature nodes; only the
-last point uses all of them, and the torque is carried on from there to the load by its Taylor series in ln W. That is
-a third of the work of equal steps, and it is what lets six wheels and their derivatives fit a control loop.
+The load fixes theta_1 by ln f_n(e^y) = ln W. Newton's steps from the power law use few quadrature nodes; only the last
+point uses all of them, and the torque is carried on from there to the load by its Taylor series in ln W. That is a
+third of the work of equal steps, and lets six wheels and their derivatives fit a control loop.
 """
 
 from __future__ import annotations
@@ -81,13 +81,13 @@ def unpacked(x: ca.SX) -> tuple[Scalar, Scalar, Wheel, Soil]:
 
 
 def driving_shear(S: Scalar, wheel: Wheel, soil: Soil) -> Mobilised:
-    """Return the share of the strength in use, Eq (2), for S in [0, 1]: j has one sign, which saves a tenth of the time."""
+    """Return the share of the strength in use, Eq (2), for S in [0, 1], where j has one sign."""
     stiffness = wheel.r / soil.k
     return lambda s, rise: -ca.expm1(-stiffness * (s - (1 - S) * rise))
 
 
 def _at_fixed_angles(law: Mobilised, log_load: Scalar, wheel: Wheel, soil: Soil, x: ca.SX) -> Carried:
-    """At the soil's theta_1, theta_2 torque and f_n keep their ratio: torque = W T / f_n, as F(S) f_n in section 3.3."""
+    """At the soil's own angles torque and f_n keep their ratio: torque = W T / f_n, as F(S) f_n in section 3.3."""
     at = forces(soil.theta_1, soil.theta_2, law, wheel, soil, entry_graded(FINE))
     torque = ca.exp(log_load) * at.torque / at.f_n
     return Carried(torque, torque, 0.0 * log_load)
@@ -96,7 +96,7 @@ def _at_fixed_angles(law: Mobilised, log_load: Scalar, wheel: Wheel, soil: Soil,
 def _at_sinkage(law: Mobilised, log_load: Scalar, wheel: Wheel, soil: Soil, x: ca.SX) -> Carried:
     """theta_1 carries the load. Series about the last point; its curvature comes from the point before."""
     y = power_law_guess(log_load, wheel, soil)
-    force = slope = None
+    force = slope = ca.SX(0)
     for nodes in COARSE:
         force, _, d_force, d_torque = _point(law, nodes, wheel, soil, x)(y, x)
         slope = d_torque / d_force

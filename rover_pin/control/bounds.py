@@ -1,4 +1,4 @@
-"""Traction-limited torque bounds: how much torque a wheel may take before the soil yields, or before it slips too much."""
+"""Traction-limited torque bounds: the torque at which the soil yields, and that at which a wheel slips too much."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def torque_bounds(
 ) -> Bounds:
     """Return the torques at which a wheel under a load breaks the soil (T_sat) and reaches its slip limit (T_lim).
 
-    T_sat = r^2 b int (c + sigma tan phi) dtheta, T_lim = r^2 b int tau(theta, S_lim) dtheta, each over the arc whose f_n
-    carries the load, Eq (6). T grows with S, so T <= T_lim means S <= S_lim in steady driving, and T_lim < T_sat.
+    T_sat = r^2 b int (c + sigma tan phi) dtheta, T_lim = r^2 b int tau(theta, S_lim) dtheta, each over the arc whose
+    f_n carries the load, Eq (6). T grows with S, so T <= T_lim means S <= S_lim in steady driving, and T_lim < T_sat.
 
     Parameters
     ----------
@@ -148,10 +148,11 @@ class TorqueBounds:
         self._loads = self._inputs[:, INPUTS.index("load")]
         self._outputs, self._refused = np.zeros((len(OUTPUTS) - 1, len(rows))), np.zeros(1)
         self._function, self.compiled = _vectorised(len(rows), angles)
+        self._buffer: Any
         self._buffer, self._run = self._function.buffer()
-        self._buffer.set_arg(0, memoryview(self._inputs.ravel()))
-        self._buffer.set_res(0, memoryview(self._outputs.ravel()))
-        self._buffer.set_res(1, memoryview(self._refused))
+        self._buffer.set_arg(0, self._inputs.ravel().data)
+        self._buffer.set_res(0, self._outputs.ravel().data)
+        self._buffer.set_res(1, self._refused.data)
 
     def __call__(self, loads: ArrayLike) -> WheelBounds:
         """Return the bounds at the loads [n] N, all 0 or more.
@@ -194,14 +195,14 @@ def _column(load: Scalar, slip_limit: Scalar, wheel: Wheel, soil: Soil) -> Any:
 def _check_slip_limit(slip_limit: Scalar) -> None:
     if not is_symbolic(slip_limit) and not 0.0 < slip_limit <= 1.0:
         raise ParameterError(
-            f"slip_limit = {float(slip_limit):g} cannot be reached: the slip of a driving wheel, Eq (1), lies in (0, 1]; "
-            f"give one in between, for example {SLIP_LIMIT:g}."
+            f"slip_limit = {float(slip_limit):g} cannot be reached: the slip of a driving wheel, Eq (1), lies "
+            f"in (0, 1]; give one there, for example {SLIP_LIMIT:g}."
         )
 
 
 def _refuse(loads: Sequence[float], wheels: Sequence[Wheel], soil: Soil) -> None:
     """Say why there is no bound."""
-    for i, (load, wheel) in enumerate(zip(loads, wheels, strict=True)):
+    for i, load in enumerate(loads):
         where = f"load[{i}]" if len(loads) > 1 else "load"
         if not math.isfinite(load):
             raise ParameterError(
