@@ -4,7 +4,7 @@ from rover_pin.sweep.axis import LogRange, Range, Values
 from rover_pin.sweep.case import drive_case
 from rover_pin.sweep.plan import Grid, LatinHypercube, Sobol
 from rover_pin.sweep.reading import read_study
-from rover_pin.sweep.run import sweep
+from rover_pin.sweep.run import Results, sweep
 from rover_pin.sweep.store import collect
 from rover_pin.sweep.study import Case, Study
 
@@ -14,6 +14,7 @@ __all__ = [
     "LatinHypercube",
     "LogRange",
     "Range",
+    "Results",
     "Sobol",
     "Study",
     "Values",

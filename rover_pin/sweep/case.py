@@ -2,27 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rover_pin.errors import DataError
+from rover_pin.errors import DataError, ParameterError
 from rover_pin.sweep.axis import plain
 from rover_pin.sweep.study import Case, Study
 
 CaseFunction = Callable[[Study, Case], Mapping[str, Any]]
 """What runs a case and returns its outcomes: name -> number, text, true/false or None."""
 Row = dict[str, Any]
+MOST_TRIED = 20
+UNKNOWN_NAME = ("There is no scenario", "There is no setting")
 LEADING = ("case", "repeat", "seed", "key")
 """Columns before the parameters; the outcomes, in alphabetical order, and `error` come after them."""
 
 
 def drive_case(study: Study, case: Case) -> Mapping[str, Any]:
-    """Return the summary of the study's scenario, driven with the case's values."""
-    from rover_pin.motion.scenarios import scenario
+    """Return the summary of the study's scenario, driven with the case's values, and why the drive stopped."""
+    trace = scenario_of(study, case).drive()
+    return {**trace.summary(), "stop": trace.attrs["stop"]}
 
-    step = {} if study.dt is None else {"dt": study.dt}
-    trace = scenario(study.scenario, **study.settings, **case.values).drive(duration=study.duration, **step)
-    return trace.summary()
+
+def scenario_of(study: Study, case: Case) -> Any:
+    """Return the scenario with the case's values; a terrain of chance is made from the case's seed."""
+    from rover_pin.scenarios import SCENES, scenario
+
+    times = {name: getattr(study, name) for name in ("duration", "dt") if getattr(study, name) is not None}
+    settings = {**times, **study.settings, **case.values}
+    if study.scenario in SCENES and "seed" in inspect.signature(SCENES[study.scenario].terrain).parameters:
+        settings.setdefault("terrain.seed", case.seed)
+    return scenario(study.scenario, **settings)
+
+
+def check_names(study: Study, cases: Sequence[Case]) -> None:
+    """Refuse a scenario or setting that does not exist, before every case fails by it.
+
+    A value that is not allowed is left to its case; only if the scenario can be built are its names known to be good.
+    """
+    for case in cases[:MOST_TRIED]:
+        try:
+            scenario_of(study, case)
+            return
+        except ParameterError as error:
+            if str(error).startswith(UNKNOWN_NAME):
+                raise ParameterError(f"study '{study.name}': {error}") from error
 
 
 def run_case(study: Study, case_function: CaseFunction, case: Case) -> Row:

@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from rover_pin.errors import ParameterError
-from rover_pin.sweep.case import CaseFunction, drive_case, run_case
+from rover_pin.sweep.case import CaseFunction, check_names, drive_case, run_case
 from rover_pin.sweep.progress import progress
 from rover_pin.sweep.spread import on_cluster, on_cores
-from rover_pin.sweep.store import Store
+from rover_pin.sweep.store import CSV, RESULTS, Store
 from rover_pin.sweep.study import Study
+
+
+@dataclass(frozen=True)
+class Results:
+    """What came of a sweep: a pandas DataFrame as of `collect`, and the folder where it lies."""
+
+    name: str
+    table: Any
+    folder: Path
+
+    def summary(self) -> dict[str, Any]:
+        """Return how many cases there are, how many failed and most often why, and the files."""
+        errors = self.table["error"].dropna()
+        reasons = {str(reason): int(count) for reason, count in errors.value_counts().head(3).items()}
+        files = [str(self.folder / name) for name in (RESULTS, CSV)]
+        return {"study": self.name, "cases": len(self.table), "failed": len(errors), "reasons": reasons, "files": files}
 
 
 def sweep(
@@ -22,8 +39,8 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     case_function: CaseFunction = drive_case,
-) -> Any:
-    """Run the study's cases and return their table; what is finished is in `folder` and is not run again.
+) -> Results:
+    """Run the study's cases and return their results; what is finished is in `folder` and is not run again.
 
     Parameters
     ----------
@@ -40,13 +57,14 @@ def sweep(
 
     Returns
     -------
-    pandas.DataFrame
-        One row a case, equal for any number of workers; a failed case has its reason in `error`.
+    Results
+        Whose `table` has one row a case, equal for any number of workers; a failed case has its reason in `error`.
 
     Raises
     ------
     ParameterError
-        Both `workers` and `scheduler` given, or a scheduler that does not answer.
+        A scenario or parameter that does not exist, both `workers` and `scheduler` given, a scheduler that does not
+        answer, or a function that cannot be sent to workers.
     DataError
         The folder holds another study.
     MissingExtraError
@@ -62,12 +80,14 @@ def sweep(
     left = [case for case in cases if case.key not in finished]
     work = partial(run_case, study, case_function)
     if left:
+        if case_function is drive_case:
+            check_names(study, left)
         rows = on_cores(work, left, workers) if scheduler is None else on_cluster(work, left, scheduler)
         with progress(study.name, len(cases), len(cases) - len(left)) as advance:
             for row in rows:
                 store.append(row)
                 advance(row["error"] is not None)
-    return store.finish()
+    return Results(study.name, store.finish(), store.folder)
 
 
 def fingerprint(study: Study, case_function: CaseFunction) -> dict[str, Any]:

@@ -52,8 +52,8 @@ class Study:
         Parameters that move together: lists of one length step by step, ranges at the same share of their way.
     settings : mapping
         Settings that every case shares.
-    duration : float
-        Of each drive [s].
+    duration : float, optional
+        Of each drive [s]; by default the scenario's.
     dt : float, optional
         Time step [s]; by default the scenario's.
     seed : int
@@ -73,7 +73,7 @@ class Study:
     plan: Plan
     paired: tuple[tuple[str, ...], ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
-    duration: float = 60.0
+    duration: float | None = None
     dt: float | None = None
     seed: int = 0
     repeats: int = 1
@@ -93,7 +93,7 @@ class Study:
     def _check_numbers(self) -> None:
         for name, unit in (("duration", "s"), ("dt", "s")):
             value = getattr(self, name)
-            if (name, value) != ("dt", None) and (kind_of(value) != "number" or value <= 0.0):
+            if value is not None and (kind_of(value) != "number" or value <= 0.0):
                 raise ParameterError(f"{name} = {value!r} is not allowed: it is a time above 0 {unit}.")
         for name, least in (("seed", 0), ("repeats", 1)):
             value = getattr(self, name)

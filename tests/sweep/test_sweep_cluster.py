@@ -80,9 +80,9 @@ def cluster(tmp_path):
 
 @pytest.mark.slow
 def test_a_cluster_gives_the_table_of_one_core(tmp_path):
-    here = sweep(STUDY, tmp_path / "here", workers=1, case_function=stub())
+    here = sweep(STUDY, tmp_path / "here", workers=1, case_function=stub()).table
     with cluster(tmp_path) as (address, _):
-        there = sweep(STUDY, tmp_path / "there", scheduler=address, case_function=stub())
+        there = sweep(STUDY, tmp_path / "there", scheduler=address, case_function=stub()).table
     pd.testing.assert_frame_equal(there, here)
     assert (tmp_path / "there" / RESULTS).read_bytes() == (tmp_path / "here" / RESULTS).read_bytes()
     assert list(there["error"].dropna()) == ["ValueError: no way"]
@@ -90,7 +90,7 @@ def test_a_cluster_gives_the_table_of_one_core(tmp_path):
 
 @pytest.mark.slow
 def test_a_scheduler_that_goes_away_is_told_and_the_sweep_resumes(tmp_path):
-    whole = sweep(STUDY, tmp_path / "whole", workers=1, case_function=stub())
+    whole = sweep(STUDY, tmp_path / "whole", workers=1, case_function=stub()).table
 
     with cluster(tmp_path) as (address, process):
         group, ordinary = process.pid, stub(0.05)
@@ -104,7 +104,7 @@ def test_a_scheduler_that_goes_away_is_told_and_the_sweep_resumes(tmp_path):
         with pytest.raises(SimulationError, match=r"The Dask scheduler at tcp://127.0.0.1:\d+ went away; the finished"):
             sweep(STUDY, tmp_path / "out", scheduler=address, case_function=killing)
     assert 0 < len(collect(tmp_path / "out")) < 16
-    pd.testing.assert_frame_equal(sweep(STUDY, tmp_path / "out", workers=1, case_function=stub()), whole)
+    pd.testing.assert_frame_equal(sweep(STUDY, tmp_path / "out", workers=1, case_function=stub()).table, whole)
 
 
 @pytest.mark.slow
@@ -115,7 +115,7 @@ def test_a_case_that_kills_its_worker_is_a_row_with_its_reason(tmp_path, monkeyp
         return os._exit(3) if case.index == 5 else {"x": 1.0}
 
     with cluster(tmp_path) as (address, _):
-        table = sweep(STUDY, tmp_path / "out", scheduler=address, case_function=deadly)
+        table = sweep(STUDY, tmp_path / "out", scheduler=address, case_function=deadly).table
     assert table["error"][5].startswith("KilledWorker: ")
     assert table["x"].notna().sum() >= 14
 

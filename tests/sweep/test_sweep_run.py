@@ -44,14 +44,14 @@ def files(folder):
 
 
 def test_tables_are_equal_to_the_byte_for_one_and_two_workers(tmp_path):
-    one = sweep(STUDY, tmp_path / "one", workers=1, case_function=stub())
-    two = sweep(STUDY, tmp_path / "two", workers=2, case_function=stub())
+    one = sweep(STUDY, tmp_path / "one", workers=1, case_function=stub()).table
+    two = sweep(STUDY, tmp_path / "two", workers=2, case_function=stub()).table
     pd.testing.assert_frame_equal(one, two)
     assert files(tmp_path / "one") == files(tmp_path / "two")
 
 
 def test_the_table_has_parameters_outcomes_and_reasons(tmp_path):
-    table = sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
+    table = sweep(STUDY, tmp_path / "out", workers=1, case_function=stub()).table
     assert list(table) == ["case", "repeat", "seed", "key", "a", "b", "way", "far", "stop", "x", "error"]
     assert list(table["case"]) == list(range(16))
     failed = table[table["error"].notna()]
@@ -65,14 +65,28 @@ def test_the_table_has_parameters_outcomes_and_reasons(tmp_path):
     np.testing.assert_array_equal(written["x"], table["x"])
 
 
+def test_the_summary_counts_failures_and_names_reasons_and_files(tmp_path):
+    summary = sweep(STUDY, tmp_path / "out", workers=1, case_function=stub()).summary()
+    assert {name: summary[name] for name in ("study", "cases", "failed")} == {
+        "study": "trial",
+        "cases": 16,
+        "failed": 2,
+    }
+    assert summary["reasons"] == {
+        "SimulationError: the rover fell at up": 1,
+        "SimulationError: the rover fell at down": 1,
+    }
+    assert all(Path(file).exists() for file in summary["files"])
+
+
 def test_a_finished_sweep_runs_nothing_again(tmp_path):
     def forbidden(study, case):
         raise AssertionError("run again")
 
     forbidden.__qualname__ = stub().__qualname__
-    first = sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
+    first = sweep(STUDY, tmp_path / "out", workers=1, case_function=stub()).table
     before = files(tmp_path / "out")
-    pd.testing.assert_frame_equal(sweep(STUDY, tmp_path / "out", workers=1, case_function=forbidden), first)
+    pd.testing.assert_frame_equal(sweep(STUDY, tmp_path / "out", workers=1, case_function=forbidden).table, first)
     assert files(tmp_path / "out") == before
     assert not list((tmp_path / "out" / PARTS).iterdir())
 
@@ -89,7 +103,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         sweep(STUDY, tmp_path / "out", workers=1, case_function=patience)
     assert list(collect(tmp_path / "out")["case"]) == [0, 1, 2, 3, 4]
-    assert len(sweep(STUDY, tmp_path / "out", workers=1, case_function=patience)) == 16
+    assert len(sweep(STUDY, tmp_path / "out", workers=1, case_function=patience).table) == 16
     assert sorted(calls) == sorted([*range(16), 5])
 
 
@@ -101,7 +115,7 @@ def test_many_parts_are_merged_and_lose_nothing(tmp_path, monkeypatch):
         counts.append(len(list((tmp_path / "out" / PARTS).iterdir())))
         return {"x": case.index}
 
-    table = sweep(STUDY, tmp_path / "out", workers=1, case_function=counting)
+    table = sweep(STUDY, tmp_path / "out", workers=1, case_function=counting).table
     assert max(counts) <= 4 + 3
     assert list(table["x"]) == list(range(16))
 
@@ -109,7 +123,7 @@ def test_many_parts_are_merged_and_lose_nothing(tmp_path, monkeypatch):
 def test_a_changed_study_is_refused_with_what_changed(tmp_path):
     sweep(STUDY, tmp_path / "out", workers=1, case_function=stub())
     other = dataclasses.replace(STUDY, duration=5.0, parameters=dict(reversed(STUDY.parameters.items())))
-    with pytest.raises(DataError, match=r"holds another study \(duration was 60.0, is 5.0; parameters was .*name"):
+    with pytest.raises(DataError, match=r"holds another study \(duration was null, is 5.0; parameters was .*name"):
         sweep(other, tmp_path / "out", case_function=stub())
     with pytest.raises(DataError, match=r"case_function was \".*stub.*\", is \"rover_pin.sweep.case.drive_case\""):
         sweep(STUDY, tmp_path / "out")
@@ -140,7 +154,7 @@ def test_damaged_files_are_named(tmp_path):
 @pytest.mark.parametrize("workers", [0, -1, 1.5, True])
 def test_workers_are_a_positive_number(tmp_path, workers):
     with pytest.raises(ParameterError, match=f"workers = {workers} is not allowed"):
-        sweep(STUDY, tmp_path / "out", workers=workers)
+        sweep(STUDY, tmp_path / "out", workers=workers, case_function=stub())
 
 
 def test_workers_and_scheduler_exclude_each_other(tmp_path):
@@ -163,14 +177,14 @@ def test_a_function_that_cannot_travel_is_told(tmp_path):
     ],
 )
 def test_outcomes_that_fit_no_column_are_reasons(tmp_path, returned, said):
-    table = sweep(STUDY, tmp_path / "out", workers=1, case_function=lambda study, case: returned)
+    table = sweep(STUDY, tmp_path / "out", workers=1, case_function=lambda study, case: returned).table
     assert table["error"].str.startswith(said).all()
 
 
 def test_odd_outcomes_lose_nothing(tmp_path):
     odd = [1, "stuck", None, np.float64(2.5), math.inf, True]
     study = Study("odd", "stub", {"a": Values(range(6))}, Grid())
-    table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"x": odd[case.index]})
+    table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"x": odd[case.index]}).table
     assert table["error"].isna().all()
     assert [None if pd.isna(x) else x for x in table["x"]] == ["1.0", "stuck", None, "2.5", "inf", "True"]
 
@@ -179,7 +193,7 @@ def test_workers_compute_with_one_thread(tmp_path):
     def threads(study, case):
         return {name: os.environ.get(name, "unset") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
 
-    table = sweep(STUDY, tmp_path / "out", workers=2, case_function=threads)
+    table = sweep(STUDY, tmp_path / "out", workers=2, case_function=threads).table
     assert set(table["OMP_NUM_THREADS"]) == set(table["OPENBLAS_NUM_THREADS"]) == {"1"}
 
 
@@ -251,7 +265,7 @@ def test_importing_the_sweep_loads_nothing_heavy():
 
 def test_sobol_study_runs_with_repeats(tmp_path):
     study = Study("repeated", "stub", {"a": Range(0.0, 1.0)}, Sobol(4), repeats=2)
-    table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"noise": case.seed / 2**63})
+    table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"noise": case.seed / 2**63}).table
     assert list(table["repeat"]) == [0, 1] * 4
     assert table["noise"].nunique() == 8
 
