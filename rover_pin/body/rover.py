@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.body.layout import Layout, read_layout, shipped
+from rover_pin.body.symmetry import Mirror, is_symmetric, mirror
 from rover_pin.body.urdf_check import refuse_faults
 from rover_pin.contact import Wheel
 from rover_pin.errors import ParameterError, UrdfError, closest
@@ -40,13 +41,6 @@ class Differential(NamedTuple):
     right: int
     q_left: int
     q_right: int
-
-
-class Mirror(NamedTuple):
-    """The image in the body's x-z plane: v_mirrored = sign * v[perm]; perm [nv], sign [nv]."""
-
-    perm: np.ndarray
-    sign: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +75,11 @@ class Rover:
     def mass(self) -> float:
         """Total mass [kg]."""
         return float(sum(body.mass for body in self.model.inertias))
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the left side weighs the same in the same places as the right."""
+        return is_symmetric(self.model, self.mirror)
 
     def under(self, gravity: float) -> Self:
         """Return this rover under another gravity [m/s^2]; its own model stays as it is."""
@@ -122,7 +121,7 @@ def assemble(layout: Layout) -> Rover:
         wheels=tuple(_mounts(model, layout)),
         differential=_differential(model, layout),
         angles=angles,
-        mirror=mirror(model, layout),
+        mirror=mirror(model, layout.pairs),
         urdf=layout.text,
     )
 
@@ -159,25 +158,6 @@ def _differential(model: pin.Model, layout: Layout) -> Differential | None:
         return None
     left, right = layout.differential
     return Differential(_dof(model, left), _dof(model, right), _angle(model, left), _angle(model, right))
-
-
-def mirror(model: pin.Model, layout: Layout) -> Mirror:
-    """Return the mirror image's permutation and signs; a joint's sign follows from its axis at zero angles."""
-    perm, sign = np.arange(model.nv), np.ones(model.nv)
-    sign[[1, 3, 5]] = -1.0
-    axes = joint_axes(model)
-    for left, right in layout.pairs:
-        a, b = _dof(model, left), _dof(model, right)
-        image = axes[a] * [-1.0, 1.0, -1.0]
-        perm[a], perm[b] = b, a
-        sign[a] = sign[b] = 1.0 if image @ axes[b] > 0.0 else -1.0
-    return Mirror(perm, sign)
-
-
-def joint_axes(model: pin.Model) -> np.ndarray:
-    """Return the axis of each degree of freedom at zero angles, in body axes [nv, 3]."""
-    data = model.createData()
-    return np.array(pin.computeJointJacobians(model, data, pin.neutral(model))[3:].T)
 
 
 def _dof(model: pin.Model, joint: str) -> int:

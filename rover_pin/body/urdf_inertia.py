@@ -1,0 +1,82 @@
+"""Faults in masses, inertias and units: numbers that no rover of that size can have."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from rover_pin.body.urdf_tree import Body, Link, UrdfTree
+
+SIZES = (0.02, 20.0)
+"""Distance across all joints of a rover [m]."""
+DENSITIES = (0.1, 5000.0)
+"""Mass over the cube of that distance [kg/m^3]; Nexus 6 has 64."""
+GYRATION_IN_SHAPE = (0.05, 1.5)
+"""Radius of gyration over the reach of the link's shapes."""
+GYRATION_IN_ROVER = (0.003, 1.0)
+"""The same over the distance across all joints, for a link without primitive shapes."""
+
+
+def inertia_faults(tree: UrdfTree) -> Iterator[str]:
+    """Yield links whose mass or inertia no body can have, and moving parts that have none."""
+    for link in tree.links:
+        if link.body is not None:
+            yield from _body_faults(link.name, link.body)
+    by_name = {link.name: link for link in tree.links}
+    for start in [*tree.roots, *(joint.child for joint in tree.joints if joint.moves)]:
+        if all(by_name[name].body is None for name in tree.rigid_group(start)):
+            yield (
+                f"link '{start}' has no <inertial> and nothing fixed to it has one; "
+                "give it mass, centre and inertia, what moves freely must weigh something."
+            )
+
+
+def _body_faults(name: str, body: Body) -> Iterator[str]:
+    if body.mass <= 0.0:
+        yield f"link '{name}' has mass {body.mass:g} kg; it must be above zero, or leave its <inertial> out."
+        return
+    moments = np.linalg.eigvalsh(body.inertia)
+    if moments[0] <= 0.0:
+        yield (
+            f"link '{name}' has an inertia that is not positive definite (smallest moment {moments[0]:.3g} kg m^2); "
+            "state all of ixx, iyy, izz about its centre of mass."
+        )
+    elif moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-3):
+        a, b, c = moments
+        yield (
+            f"link '{name}' has principal moments {a:.3g}, {b:.3g}, {c:.3g} kg m^2, and no body has one above the sum "
+            "of the others; take them from its drawing or from a uniform box of its size."
+        )
+
+
+def unit_faults(tree: UrdfTree, across: float) -> Iterator[str]:
+    """Yield signs of wrong units; `across` is the distance across all joints at zero angles [m]."""
+    low, high = SIZES
+    if not low <= across <= high:
+        hint = "divide lengths by 1000 if they are millimetres" if across > high else "are its joints' origins missing?"
+        yield f"its joints lie {across:.3g} m apart, no rover's size ({low:g} to {high:g} m): {hint}; metres are meant."
+        return
+    mass = sum(link.body.mass for link in tree.links if link.body is not None)
+    density, (low, high) = mass / across**3, DENSITIES
+    if not low <= density <= high:
+        hint = "are masses in grams?" if density > high else "are lengths in inches or masses in tonnes?"
+        yield f"it weighs {mass:.4g} kg with joints {across:.3g} m apart, which is no rover: {hint} kg and m are meant."
+        return
+    for link in tree.links:
+        if link.body is not None:
+            yield from _gyration_faults(link, link.body, across)
+
+
+def _gyration_faults(link: Link, body: Body, across: float) -> Iterator[str]:
+    gyration = math.sqrt(float(np.trace(body.inertia)) / (2.0 * body.mass))
+    shape = link.reach > 0.0
+    (low, high), reach = (GYRATION_IN_SHAPE, link.reach) if shape else (GYRATION_IN_ROVER, across)
+    if not low * reach <= gyration <= high * reach:
+        size = f"its shapes reach {reach:.3g} m" if shape else f"the rover is {reach:.3g} m across"
+        factor = "large" if gyration > reach else "small"
+        yield (
+            f"link '{link.name}' has an inertia far too {factor} for its mass: radius of gyration {gyration:.3g} m, "
+            f"and {size}; kg m^2 are meant (1 kg mm^2 = 1e-6, 1 g cm^2 = 1e-7)."
+        )

@@ -1,0 +1,59 @@
+"""Two libraries read the URDF and must place its links alike."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.urdf_tree import UrdfTree
+
+CONFIGURATIONS = 5
+"""Random configurations at which the two readers are compared."""
+AGREE = 1e-6
+"""Largest difference between the links' placements (m, and entries of the rotations)."""
+
+
+def reader_faults(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
+    """Yield the first link that Pinocchio and yourdfpy place differently, at random joint angles."""
+    import yourdfpy  # half a second, and only checks want it
+
+    try:
+        other = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False)
+    except Exception as error:
+        yield f"yourdfpy cannot read it ({error}); check its XML against the URDF format."
+        return
+    rng = np.random.default_rng(6)
+    for _ in range(CONFIGURATIONS):
+        angles = _random_angles(tree, rng)
+        for fault in _differences(tree, model, other, angles):
+            yield fault
+            return
+
+
+def _random_angles(tree: UrdfTree, rng: np.random.Generator) -> dict[str, float]:
+    moving = [joint for joint in tree.joints if joint.moves]
+    angles = {joint.name: float(rng.uniform(-1.0, 1.0)) for joint in moving}
+    for joint in moving:
+        if joint.mimic is not None:
+            angles[joint.name] = joint.mimic.multiplier * angles[joint.mimic.joint] + joint.mimic.offset
+    return angles
+
+
+def _differences(tree: UrdfTree, model: pin.Model, other: Any, angles: Mapping[str, float]) -> Iterator[str]:
+    data, v = model.createData(), np.zeros(model.nv)
+    for name, angle in angles.items():
+        v[model.joints[model.getJointId(name)].idx_v] = angle
+    pin.forwardKinematics(model, data, pin.integrate(model, pin.neutral(model), v))
+    other.update_cfg({name: angle for name, angle in angles.items() if name in other.actuated_joint_names})
+    for joint in (each for each in tree.joints if each.moves):
+        ours = data.oMi[model.getJointId(joint.name)].homogeneous
+        apart = float(np.max(np.abs(other.get_transform(joint.child, tree.roots[0]) - ours)))
+        if not apart <= AGREE:
+            yield (
+                f"Pinocchio and yourdfpy place link '{joint.child}' {apart:.2g} apart; "
+                f"look at the origin and axis of joint '{joint.name}'."
+            )

@@ -1,0 +1,85 @@
+"""Faults in what the TOML says of the URDF: joints that are not there, of the wrong kind, axis or side."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.layout import Layout
+from rover_pin.body.urdf_tree import UrdfTree
+from rover_pin.errors import closest
+
+ALONG = 0.95
+"""Least cosine between an axis and where it must point (18 deg: wheels may be cambered)."""
+
+
+def role_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
+    """Yield roles that do not fit the URDF's joints, by name and kind."""
+    if layout.base not in tree.roots:
+        yield f"the TOML's base '{layout.base}' is not its root link; write base = \"{tree.roots[0]}\"."
+    kinds = {joint.name: joint.kind for joint in tree.joints}
+    roles = [*((joint, "wheel") for joint in layout.wheel_joints), *((j, "pivot") for j in layout.angles.values())]
+    for joint, times in Counter(joint for joint, _ in roles).items():
+        if times > 1:
+            yield f"joint '{joint}' has {times} roles in the TOML; name it once."
+    for joint, role in roles:
+        if joint not in kinds:
+            yield f"there is no joint '{joint}', which the TOML names: {closest(joint, kinds)}"
+        elif role == "wheel" and kinds[joint] != "continuous":
+            yield f"wheel joint '{joint}' is {kinds[joint]}; a wheel turns without end, write type=\"continuous\"."
+        elif role == "pivot" and kinds[joint] != "revolute":
+            yield f"joint '{joint}' is {kinds[joint]}; suspension and steering need type=\"revolute\" with a <limit>."
+    for joint in (each.name for each in tree.joints if each.moves):
+        if joint not in dict(roles):
+            yield f"joint '{joint}' moves but the TOML gives it no role; name it in [suspension] or make it fixed."
+    yield from _mimic_faults(layout, tree)
+
+
+def _mimic_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
+    differential = set(layout.differential or ())
+    for joint in tree.joints:
+        if joint.mimic is None:
+            continue
+        if {joint.name, joint.mimic.joint} != differential:
+            yield (
+                f"joint '{joint.name}' mimics '{joint.mimic.joint}', but the TOML's [differential] does not join them; "
+                "name the pair there or take the <mimic> out."
+            )
+        elif (joint.mimic.multiplier, joint.mimic.offset) != (-1.0, 0.0):
+            yield (
+                f"joint '{joint.name}' mimics with multiplier {joint.mimic.multiplier:g} and offset "
+                f'{joint.mimic.offset:g}; a differential has multiplier="-1" and offset="0".'
+            )
+
+
+def axis_faults(layout: Layout, model: pin.Model, axes: np.ndarray) -> Iterator[str]:
+    """Yield joints whose axis [nv, 3] points wrong, and wheels on the wrong side or out of order."""
+    wanted = [(joint, "wheel", 1) for joint in layout.wheel_joints]
+    wanted += [(joint, "rocker of the differential", 1) for joint in layout.differential or ()]
+    wanted += [(joint, "steering", 2) for axle in layout.axles for joint in axle.steering if joint is not None]
+    for joint, role, direction in wanted:
+        axis = axes[model.joints[model.getJointId(joint)].idx_v]
+        if axis[direction] < ALONG:
+            xyz, name = " ".join(f"{each:.3g}" for each in axis + 0.0), "xyz"[direction]
+            yield (
+                f"{role} joint '{joint}' turns about ({xyz}) in the base's axes; it must be +{name}, so that a "
+                f"positive {'angle turns left' if direction == 2 else 'rate rolls forward'}: mend its <axis> or its rpy."
+            )
+    yield from _place_faults(layout, model)
+
+
+def _place_faults(layout: Layout, model: pin.Model) -> Iterator[str]:
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    where = {joint: data.oMi[model.getJointId(joint)].translation for joint in layout.wheel_joints}
+    for axle in layout.axles:
+        left, right = axle.wheels
+        if where[left][1] <= where[right][1]:
+            yield f"axle '{axle.name}': '{left}' is not to the left (+y) of '{right}'; write [left, right]."
+    middles = [(where[axle.wheels[0]][0] + where[axle.wheels[1]][0]) / 2.0 for axle in layout.axles]
+    for ahead, behind, x_ahead, x_behind in zip(layout.axles, layout.axles[1:], middles, middles[1:], strict=False):
+        if x_ahead <= x_behind:
+            yield f"axle '{ahead.name}' is not ahead (+x) of '{behind.name}'; list axles from front to rear."
