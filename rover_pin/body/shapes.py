@@ -119,7 +119,7 @@ def step(height: float = 0.05, wall_angle: float = STEEPEST, at: float = 0.5, gr
 
 
 def rocks(
-    seed: int,
+    seed: int = 0,
     count: int = 8,
     start: float = 0.5,
     length: float = 2.0,
@@ -142,13 +142,13 @@ def rocks(
     smallest, largest = diameters
     _within("smallest diameter", smallest, 1e-3, 100.0)
     _within("largest diameter", largest, smallest, 100.0)
-    _within("count", count, 1, 10000)
+    count = _whole("count", count, 1, 10000)
     if count * largest > length:
         raise ParameterError(
             f"{count} rocks of up to {largest:g} m may not fit into {length:g} m: "
             "ask for fewer, or for a longer stretch."
         )
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(_whole("seed", seed, 0, 2**53))
     size, left = rng.uniform(smallest, largest, count), rng.random(count) < 0.5
     free = np.sort(rng.uniform(0.0, length - np.sum(size), count))
     begin = start + free + np.concatenate([[0.0], np.cumsum(size)[:-1]])
@@ -162,7 +162,7 @@ def washboard(amplitude: float = 0.01, wavelength: float = 0.3, count: int = 10,
     """Return `count` waves z = amplitude (1 - cos(2 pi s / wavelength)) [m], each twice the amplitude high."""
     _within("amplitude", amplitude, 0.0, 100.0)
     _within("wavelength", wavelength, 1e-3, 1000.0)
-    _within("count", count, 1, 10000)
+    count = _whole("count", count, 1, 10000)
     phase = np.linspace(0.0, float(count), count * PIECES + 1)
     x = np.concatenate([[at - LEAD], at + wavelength * phase, [at + wavelength * count + LEAD]])
     z = np.concatenate([[0.0], amplitude * (1.0 - np.cos(2.0 * math.pi * phase)), [0.0]])
@@ -175,14 +175,14 @@ def cross_slope(angle: float) -> HeightGrid:
     return _grid(lambda x, y: y * math.tan(angle) + 0.0 * x, 0.1)
 
 
-def hills(seed: int, height: float = 0.05, wavelength: float = 1.5) -> HeightGrid:
+def hills(seed: int = 0, height: float = 0.05, wavelength: float = 1.5) -> HeightGrid:
     """Return random rolling ground, 20 m long and 8 m wide, of standard deviation `height` [m].
 
     The sum of 32 plane waves in random directions, of lengths between `wavelength` [m] and three times that.
     """
     _within("height", height, 0.0, 100.0)
     _within("wavelength", wavelength, 0.2, 1000.0)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(_whole("seed", seed, 0, 2**53))
     heading, phase = rng.uniform(0.0, 2.0 * math.pi, 32), rng.uniform(0.0, 2.0 * math.pi, 32)
     k = 2.0 * math.pi / (wavelength * rng.uniform(1.0, 3.0, 32))
 
@@ -268,3 +268,10 @@ def _within(name: str, value: float, low: float, high: float) -> None:
         raise ParameterError(
             f"The terrain's {name} = {value:g} is not allowed: it must lie in [{low:g}, {high:g}] (SI)."
         )
+
+
+def _whole(name: str, value: float, low: int, high: int) -> int:
+    _within(name, value, low, high)
+    if value != int(value):
+        raise ParameterError(f"The terrain's {name} = {value:g} is not allowed: it must be a whole number.")
+    return int(value)

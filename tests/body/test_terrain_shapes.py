@@ -160,6 +160,8 @@ def test_a_stretch_on_a_grid():
         (lambda: shapes.ditch(wall_angle=1.57), "wall_angle = 1.57"),
         (lambda: shapes.step(wall_angle=0.0), "wall_angle = 0"),
         (lambda: shapes.washboard(count=0), "count = 0"),
+        (lambda: shapes.washboard(count=2.5), "count = 2.5 is not allowed: it must be a whole number"),
+        (lambda: shapes.rocks(-1), "seed = -1"),
         (lambda: shapes.rocks(0, 30), "30 rocks of up to 0.1 m may not fit into 2 m"),
         (lambda: shapes.rocks(0, diameters=(0.1, 0.05)), "largest diameter = 0.05"),
         (lambda: shapes.cross_slope(1.5), "angle = 1.5"),

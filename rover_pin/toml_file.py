@@ -1,0 +1,77 @@
+"""TOML files: read with the line of a mistake, and written from plain values."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rover_pin.errors import DataError
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Return the table of a TOML file.
+
+    Raises
+    ------
+    DataError
+        The file is missing, or not TOML: with the line.
+    """
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"{path}: the file is not TOML: {error}.") from error
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise DataError(f"{path}: the file cannot be read: {reason}.") from error
+
+
+def toml_text(table: Mapping[str, Any]) -> str:
+    """Return the table as TOML: plain values first, then `[tables]` and `[[lists of tables]]`; None is left out.
+
+    Raises
+    ------
+    DataError
+        A value that TOML cannot hold.
+    """
+    plain, sections = [], []
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            sections.append(f"\n[{_key(name)}]\n{_pairs(value)}")
+        elif isinstance(value, Sequence) and value and all(isinstance(each, Mapping) for each in value):
+            sections += [f"\n[[{_key(name)}]]\n{_pairs(each)}" for each in value]
+        elif value is not None:
+            plain.append(f"{_key(name)} = {_value(name, value)}\n")
+    return "".join(plain + sections)
+
+
+def _pairs(table: Mapping[str, Any]) -> str:
+    return "".join(f"{_key(name)} = {_value(name, value)}\n" for name, value in table.items() if value is not None)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name, str(name))
+
+
+def _value(name: str, value: Any) -> str:
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, Mapping):
+        inner = (f"{_key(key)} = {_value(key, each)}" for key, each in value.items() if each is not None)
+        return "{" + ", ".join(inner) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_value(name, each) for each in value) + "]"
+    raise DataError(
+        f"'{name}' = {value!r} cannot be written to TOML: use text, numbers, true or false, lists or tables."
+    )
