@@ -1,0 +1,269 @@
+"""One wheel's torque bounds: against a search with the 30-digit oracle, against limits, and their derivatives."""
+
+import importlib.util
+import math
+from pathlib import Path
+
+import casadi as ca
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.control.bound_law import INPUTS
+from rover_pin.control.bounds import TorqueBounds, bound_gradient, torque_bounds
+from rover_pin.errors import ParameterError
+from rover_pin.parameters import SOILS
+from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.limits import saturation_torque, torque_at_slip
+
+_file = Path(__file__).parents[1] / "oracle" / "terramechanics.py"
+_spec = importlib.util.spec_from_file_location("terramechanics_oracle", _file)
+oracle = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(oracle)
+
+WHEEL = Wheel()
+SAND = SOILS["literature-sand"].replace(k=0.005)
+LOADS = (0.5, 4.0, 9.48, 25.0)
+
+
+class FullShear(oracle.Wheel):
+    """The oracle's wheel with all of the strength in use."""
+
+    def tau(self, theta, theta_1, S):
+        return self.c + self.sigma(theta, theta_1) * mp.tan(self.phi)
+
+
+def searched(load, S, soil, kind, wheel=WHEEL):
+    """T at the theta_1 whose f_n carries the load, found by the secant rule on the oracle's integrals."""
+    real = kind(wheel.r, wheel.b, soil.c, soil.phi, soil.k, soil.k_1, soil.k_2, soil.n)
+    at = lambda theta_1: real.forces(S, theta_1, -soil.exit_ratio * theta_1)  # noqa: E731
+    spare = lambda y: mp.log(at(mp.exp(y))["f_n"] / load)  # noqa: E731
+    with mp.workdps(18):
+        y = mp.findroot(spare, (math.log(0.35), math.log(0.4)), solver="secant", tol=1e-26)
+        return float(at(mp.exp(y))["torque"])
+
+
+@pytest.mark.parametrize(
+    ("name", "load", "S"),
+    [
+        ("table-1", 9.48, 0.2),
+        ("literature-sand", 2.0, 1.0),
+        pytest.param("hit-lss1", 20.0, 0.05, marks=pytest.mark.slow),
+        pytest.param("mars-sand", 9.48, 0.5, marks=pytest.mark.slow),
+    ],
+)
+def test_bounds_agree_with_a_search_by_the_oracle(name, load, S):
+    found = torque_bounds(load, SOILS[name], WHEEL, S)
+    assert found.limit == pytest.approx(searched(load, S, SOILS[name], oracle.Wheel), rel=1e-10)
+    assert found.saturation == pytest.approx(searched(load, S, SOILS[name], FullShear), rel=1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [0.3, 1.6])
+@pytest.mark.parametrize("k", [0.001, 0.1])
+@pytest.mark.parametrize("load", [0.1, 30.0])
+def test_bounds_agree_with_the_oracle_in_the_corners_of_the_box(n, k, load):
+    soil = SAND.replace(n=n, k=k, c=300.0, exit_ratio=0.5)
+    found = torque_bounds(load, soil, WHEEL, 0.3)
+    assert found.limit == pytest.approx(searched(load, 0.3, soil, oracle.Wheel), rel=1e-10)
+    assert found.saturation == pytest.approx(searched(load, 0.3, soil, FullShear), rel=1e-10)
+
+
+def test_the_limit_is_the_greatest_torque_below_the_slip_limit():
+    """Brute force: the torque at many slips, with the midpoint sum; none below the limit asks more than T_lim."""
+    limit = torque_bounds(9.48, SAND, WHEEL, 0.3).limit
+    slips = np.linspace(0.01, 1.0, 100)
+    torques = np.array([torque_at_slip(9.48, float(S), WHEEL, SAND) for S in slips])
+    below = slips <= 0.3 + 1e-12
+    assert np.max(torques[below]) == pytest.approx(limit, rel=1e-9)
+    assert np.all(torques[~below] > limit)
+    assert np.all(torques < torque_bounds(9.48, SAND, WHEEL, 0.3).saturation)
+
+
+@pytest.mark.parametrize("load", LOADS)
+def test_with_a_short_shear_displacement_any_slip_saturates(load):
+    found = [torque_bounds(load, SAND.replace(k=k), WHEEL, 1.0) for k in (1e-3, 1e-4, 1e-5)]
+    gaps = [1.0 - each.limit / each.saturation for each in found]
+    assert 0.0 < gaps[2] < gaps[1] < gaps[0]
+    assert gaps[2] < 1e-5
+    # what is missing is a layer of depth k / r at the entry, where sigma starts as its n-th power
+    assert gaps[1] / gaps[2] == pytest.approx(10.0 ** (SAND.n + 1.0), rel=0.05)
+
+
+@pytest.mark.parametrize("load", LOADS)
+def test_with_a_long_shear_displacement_the_limit_vanishes_as_one_over_k(load):
+    found = [torque_bounds(load, SAND.replace(k=k), WHEEL, 0.2).limit for k in (1.0, 10.0)]
+    assert found[0] / found[1] == pytest.approx(10.0, rel=0.02)
+
+
+def test_without_cohesion_saturation_approaches_friction_times_load():
+    """A light wheel hardly sinks: T_sat / (r W) tends to tan phi / 1 as theta_1 tends to 0."""
+    ratios = [torque_bounds(W, SAND, WHEEL).saturation / (WHEEL.r * W * math.tan(SAND.phi)) for W in (1.0, 1e-2, 1e-4)]
+    assert ratios[0] < ratios[1] < ratios[2] < 1.0
+    assert ratios[2] == pytest.approx(1.0, abs=2e-2)
+
+
+@pytest.mark.parametrize("angles", [None, FixedAngles()])
+def test_a_lifted_wheel_has_no_torque_and_no_slope(angles):
+    more = () if angles is None else (angles,)
+    assert torque_bounds(0.0, SAND, WHEEL, 0.2, *more) == (0.0, 0.0)
+    assert bound_gradient(0.0, SAND, WHEEL, 0.2, *more)["load"] == (0.0, 0.0)
+    W = ca.SX.sym("W")
+    both = ca.vertcat(*torque_bounds(W, SAND.replace(c=100.0), WHEEL, 0.2, *more))
+    curves = ca.Function("f", [W], [both, ca.jacobian(both, W)])
+    for load in (-1.0, -1e-9, 0.0, 1e-12, 1e-9, 1e-6, 1e-3):
+        value, slope = (np.array(each) for each in curves(load))
+        assert np.all(np.isfinite(value))
+        assert np.all(np.isfinite(slope))
+        assert np.all(value > 0.0) if load > 1e-9 else np.all(value >= 0.0)
+        assert load > 0.0 or np.all(value == 0.0)
+
+
+def test_bounds_grow_smoothly_with_the_load_down_to_nothing():
+    loads = np.logspace(-9, 1.4, 300)
+    found = np.array([torque_bounds(float(W), SAND, WHEEL) for W in loads])
+    assert np.all(np.diff(found, axis=0) > 0.0)
+    bend = np.diff(np.log(found), 2, axis=0)
+    assert np.max(np.abs(bend[loads[1:-1] > 1e-4])) < 0.01
+
+
+soils = st.builds(
+    lambda c, phi, k, k_1, n, ratio: SAND.replace(c=c, phi=phi, k=k, k_1=k_1, n=n, exit_ratio=ratio),
+    st.floats(0.0, 1e3), st.floats(0.2, 0.8), st.floats(2e-3, 0.1), st.floats(4e4, 4e5), st.floats(0.5, 1.4),
+    st.floats(0.0, 0.6),
+)  # fmt: skip
+
+
+@settings(max_examples=60, deadline=None)
+@given(soils, st.floats(0.1, 20.0), st.floats(0.02, 1.0))
+def test_bounds_agree_with_the_soils_own_slower_route(soil, load, S):
+    found = torque_bounds(load, soil, WHEEL, S)
+    assert found.saturation == pytest.approx(saturation_torque(load, WHEEL, soil), rel=1e-8)
+    assert found.limit == pytest.approx(torque_at_slip(load, S, WHEEL, soil), rel=1e-7)
+    assert 0.0 < found.limit < found.saturation
+
+
+@settings(max_examples=40, deadline=None)
+@given(soils, st.floats(0.5, 20.0), st.floats(0.05, 0.95))
+def test_gradients_are_central_differences(soil, load, S):
+    gradient = bound_gradient(load, soil, WHEEL, S)
+    values = {"load": load, "slip_limit": S, **WHEEL.values(), **soil.values()}
+
+    def at(**change):
+        new = {**values, **change}
+        wheel = Wheel(r=new["r"], b=new["b"])
+        changed = soil.replace(**{key: new[key] for key in soil.values()})
+        return torque_bounds(new["load"], changed, wheel, new["slip_limit"])
+
+    checked = 0
+    for name in set(INPUTS) - {"theta_1", "theta_2"}:
+        step = 1e-4 * max(abs(values[name]), {"c": 10.0, "k_2": 1e3, "exit_ratio": 0.1}.get(name, 0.0))
+        if name in ("c", "exit_ratio") and values[name] < step:
+            continue
+        checked += 1
+        high, low = (at(**{name: values[name] + sign * step}) for sign in (1.0, -1.0))
+        for slope, above, below in zip(gradient[name], high, low, strict=True):
+            # round-off and the bounds' own 1e-10, over the step
+            assert slope == pytest.approx((above - below) / (2 * step), rel=2e-5, abs=1e-9 * above / step)
+    assert checked >= 9
+    assert gradient["theta_1"] == gradient["theta_2"] == (0.0, 0.0)
+
+
+def test_bounds_are_symbolic_in_every_parameter():
+    names = ca.SX.sym("x", len(INPUTS))
+    load, S, r, b, *rest = ca.vertsplit(names)
+    soil = Soil(**dict(zip(SAND.values(), rest, strict=True)))
+    found = torque_bounds(load, soil, Wheel(r, b), S)
+    function = ca.Function("bounds", [names], [ca.vertcat(*found), ca.jacobian(ca.vertcat(*found), names)])
+    numbers = [9.48, 0.2, *WHEEL.values().values(), *SAND.values().values()]
+    value, slopes = (np.array(each) for each in function(numbers))
+    assert value.ravel() == pytest.approx(torque_bounds(9.48, SAND, WHEEL, 0.2), rel=1e-12)
+    gradient = bound_gradient(9.48, SAND, WHEEL, 0.2)
+    expected = np.array([gradient[name] for name in INPUTS]).T
+    np.testing.assert_allclose(slopes, expected, rtol=1e-9, atol=1e-15)
+    assert ca.Function("mx", [m := ca.MX.sym("W")], [torque_bounds(m, SAND, WHEEL).limit])(9.48) == pytest.approx(
+        torque_bounds(9.48, SAND, WHEEL).limit, rel=1e-12
+    )
+
+
+def test_fixed_angles_give_torque_in_proportion_to_the_load():
+    one, two = (torque_bounds(W, SAND, WHEEL, 0.2, FixedAngles()) for W in (3.0, 6.0))
+    assert two == pytest.approx((2.0 * one.saturation, 2.0 * one.limit), rel=1e-12)
+    real = oracle.Wheel(WHEEL.r, WHEEL.b, SAND.c, SAND.phi, SAND.k, SAND.k_1, SAND.k_2, SAND.n)
+    at = real.forces(0.2, SAND.theta_1, SAND.theta_2)
+    assert one.limit == pytest.approx(float(3.0 * at["torque"] / at["f_n"]), rel=1e-10)
+    full = FullShear(WHEEL.r, WHEEL.b, SAND.c, SAND.phi, SAND.k, SAND.k_1, SAND.k_2, SAND.n)
+    at = full.forces(0.2, SAND.theta_1, SAND.theta_2)
+    assert one.saturation == pytest.approx(float(3.0 * at["torque"] / at["f_n"]), rel=1e-10)
+
+
+@pytest.mark.parametrize("angles", [None, FixedAngles()])
+def test_the_prepared_bounds_are_those_of_each_wheel(angles):
+    more = () if angles is None else (angles,)
+    wheels = [WHEEL, Wheel(r=0.06), WHEEL, Wheel(b=0.08), WHEEL, WHEEL]
+    loads = np.array([4.0, 9.0, 0.0, 12.0, 1e-3, 20.0])
+    found = TorqueBounds(wheels, SAND, 0.3, *more)(loads)
+    for i, (load, wheel) in enumerate(zip(loads, wheels, strict=True)):
+        one = torque_bounds(float(load), SAND, wheel, 0.3, *more)
+        slope = bound_gradient(float(load), SAND, wheel, 0.3, *more)["load"]
+        assert (found.saturation[i], found.limit[i]) == pytest.approx(one, rel=1e-12, abs=1e-300)
+        assert (found.d_saturation[i], found.d_limit[i]) == pytest.approx(slope, rel=1e-8, abs=1e-300)
+
+
+def test_prepared_bounds_work_without_a_compiler_and_keep_their_results(monkeypatch):
+    import rover_pin.control.bounds as module
+    from rover_pin.errors import MissingExtraError
+
+    def none(source, name):
+        raise MissingExtraError("no compiler")
+
+    compiled = TorqueBounds([WHEEL] * 3, SAND)
+    module._vectorised.cache_clear()
+    monkeypatch.setattr(module, "shared_library", none)
+    slow = TorqueBounds([WHEEL] * 3, SAND)
+    module._vectorised.cache_clear()
+    assert not slow.compiled
+    first = slow([1.0, 2.0, 3.0])
+    kept = first.limit.copy()
+    slow([4.0, 5.0, 6.0])
+    assert np.array_equal(first.limit, kept)
+    assert np.array(first) == pytest.approx(np.array(compiled([1.0, 2.0, 3.0])), rel=1e-12)
+
+
+@pytest.mark.parametrize("slip_limit", [0.0, -0.1, 1.0001, math.nan])
+def test_a_slip_that_cannot_be_reached_is_refused(slip_limit):
+    for call in (lambda: torque_bounds(9.0, SAND, WHEEL, slip_limit), lambda: TorqueBounds([WHEEL], SAND, slip_limit)):
+        with pytest.raises(ParameterError, match=r"slip_limit = .* cannot be reached: .* \(0, 1\]"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("load", "says"),
+    [
+        (-1.0, " = -1 N is negative: .* give 0 for a lifted wheel"),
+        (math.nan, " = nan N is not a finite number"),
+        (math.inf, " = inf N is not a finite number"),
+    ],
+)
+def test_a_load_that_is_none_is_refused(load, says):
+    with pytest.raises(ParameterError, match="load" + says):
+        torque_bounds(load, SAND, WHEEL)
+    with pytest.raises(ParameterError, match=r"load\[1\]" + says):
+        TorqueBounds([WHEEL] * 2, SAND)([1.0, load])
+
+
+def test_a_load_that_the_soil_cannot_carry_is_refused():
+    for call in (lambda: torque_bounds(1e4, SAND, WHEEL), lambda: TorqueBounds([WHEEL] * 2, SAND)([1.0, 1e4])):
+        with pytest.raises(ParameterError, match=r"load = 10000 N is too much for this soil .* choose a firmer soil"):
+            call()
+
+
+def test_wrong_numbers_of_wheels_and_loads_are_refused():
+    with pytest.raises(ParameterError, match="no wheels are given"):
+        TorqueBounds([], SAND)
+    for loads in ([1.0, 2.0, 3.0], "some"):
+        with pytest.raises(ParameterError, match="give 2 numbers"):
+            TorqueBounds([WHEEL] * 2, SAND)(loads)
