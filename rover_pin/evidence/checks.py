@@ -1,0 +1,65 @@
+"""Checks of measured columns: each refuses with one sentence that names the place, the row and what to do.
+
+Rows are counted from 1, without the header.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rover_pin.errors import DataError
+
+def column(values: Any, name: str, where: str) -> np.ndarray:
+    """Return `values` as a one-dimensional array of finite floats, not empty."""
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{where}: {name} holds something that is not a number ({error}); give numbers only.") from None
+    if array.ndim != 1 or array.size == 0:
+        raise DataError(f"{where}: {name} has no data; give at least one measured point, as a plain list of numbers.")
+    _refuse_where(~np.isfinite(array), array, f"{where}: {name}", "is missing or not finite", "remove or fill that row")
+    array.setflags(write=False)
+    return array
+
+
+def same_length(where: str, **columns: np.ndarray) -> None:
+    """Refuse columns of different lengths."""
+    lengths = {name: len(values) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise DataError(f"{where}: the columns have different lengths ({told}); give one value a point in each.")
+
+
+def slips(values: np.ndarray, name: str, where: str) -> None:
+    """Refuse slip ratios outside [-1, 1], and say so where they look like percent."""
+    outside = np.abs(values) > 1
+    if not outside.any():
+        return
+    if 2 < np.abs(values).max() <= 100:
+        raise DataError(
+            f"{where}: {name} reaches {np.abs(values).max():g}, which looks like percent; give a fraction in [-1, 1]."
+        )
+    _refuse_where(outside, values, f"{where}: {name}", "lies outside [-1, 1]", "slip is Eq (1)'s fraction")
+
+
+def positive(values: np.ndarray, name: str, unit: str, where: str) -> None:
+    """Refuse values that are zero or negative."""
+    todo = f"{name} must be above 0 {unit}".rstrip()
+    _refuse_where(values <= 0, values, f"{where}: {name}", "is not positive", todo)
+
+
+def depths(values: np.ndarray, radius: float, name: str, where: str) -> None:
+    """Refuse sinkages deeper than the axle, which millimetres taken for metres are."""
+    if (values > radius).any():
+        raise DataError(
+            f"{where}: {name} reaches {values.max():g} m in row {int(values.argmax()) + 1}, deeper than the axle of a "
+            f"wheel of radius {radius:g} m; if these are millimetres, divide them by 1000."
+        )
+
+
+def _refuse_where(bad: np.ndarray, values: np.ndarray, what: str, is_wrong: str, todo: str) -> None:
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise DataError(f"{what} {is_wrong} in row {row + 1} ({values[row]:g}); {todo}.")

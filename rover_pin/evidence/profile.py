@@ -1,0 +1,108 @@
+"""Profile likelihood: how far one parameter can move while the others do their best to keep the fit."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.evidence.levenberg import descend
+from rover_pin.evidence.problem import Problem
+
+NORMAL_95 = 1.959964
+"""Root of the rise in chi2 that bounds a 95 % interval of one parameter."""
+
+TRIES = 40
+CLOSE = 5e-3
+"""How near, in the root of chi2's rise, an end of the interval is found."""
+
+
+class Best(NamedTuple):
+    """A minimum and its local covariance in u."""
+
+    u: np.ndarray
+    chi2: float
+    covariance: np.ndarray
+
+
+class Interval(NamedTuple):
+    """A 95 % interval in u; an end that chi2 does not close is the parameter's bound."""
+
+    low: float
+    high: float
+    closed_low: bool
+    closed_high: bool
+
+
+class LowerMinimum(Exception):  # noqa: N818
+    """A refit found a lower chi2 than the fit: the fit was at another minimum. Internal; `u` is the better point."""
+
+    def __init__(self, u: np.ndarray):
+        super().__init__("a profile found a lower minimum")
+        self.u = u
+
+
+def interval(problem: Problem, best: Best, index: int, scale: float) -> Interval:
+    """Return where chi2 has risen by (1.96 scale)^2 on both sides, with all other parameters refitted.
+
+    Raises
+    ------
+    LowerMinimum
+        chi2 fell below the fit's on the way.
+    OptimisationError
+        A refit did not settle.
+    """
+    (low, closed_low), (high, closed_high) = (_end(problem, best, index, side, scale * NORMAL_95) for side in (-1, 1))
+    return Interval(low, high, closed_low, closed_high)
+
+
+def rise(problem: Problem, best: Best, index: int, x: float, guess: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the root of chi2's rise with coordinate `index` at x, and the refitted u."""
+    start = guess.copy()
+    start[index] = x
+    u, chi2 = descend(problem, start, held=index)
+    if chi2 < best.chi2 - 1e-3:
+        raise LowerMinimum(u)
+    return float(np.sqrt(max(chi2 - best.chi2, 0.0))), u
+
+
+def _end(problem: Problem, best: Best, index: int, side: int, target: float) -> tuple[float, bool]:
+    """Return one end of the interval and whether chi2 closes it, by a bracketed secant on the root of the rise."""
+    centre = best.u[index]
+    bound = float((problem.space.low, problem.space.high)[side > 0][index])
+    sd = float(np.sqrt(best.covariance[index, index]))
+    inside, outside = (centre, 0.0), None
+    x, u = _within(centre + side * target * sd, centre, bound), best.u
+    for _ in range(TRIES):
+        z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if outside is None else u)
+        if abs(z - target) < CLOSE:
+            return x, True
+        if z > target:
+            outside = (x, z)
+        elif x == bound:
+            return bound, False
+        else:
+            inside = (x, z)
+        x = _next(inside, outside, centre, bound, target)
+    return x, True
+
+
+def _next(
+    inside: tuple[float, float], outside: tuple[float, float] | None, centre: float, bound: float, target: float
+) -> float:
+    """Return the next trial: stretch until the target is passed, then a secant kept off the ends of the bracket."""
+    if outside is None:
+        reach = inside[0] - centre
+        return _within(centre + reach * min(target / max(inside[1], 0.1 * target) * 1.05, 4.0), centre, bound)
+    share = (target - inside[1]) / (outside[1] - inside[1])
+    return inside[0] + min(max(share, 0.1), 0.9) * (outside[0] - inside[0])
+
+
+def _follow(problem: Problem, best: Best, index: int, x: float) -> np.ndarray:
+    """Return where the other parameters go, to first order, when one moves to x."""
+    along = best.covariance[:, index] / best.covariance[index, index]
+    return np.clip(best.u + along * (x - best.u[index]), problem.space.low, problem.space.high)
+
+
+def _within(x: float, centre: float, bound: float) -> float:
+    return float(np.clip(x, min(centre, bound), max(centre, bound)))
