@@ -1,0 +1,60 @@
+"""Names and units of what is recorded of a drive: the columns of a drive log, and the truth that only a model knows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
+"""Wheel names unless a log says otherwise: front, middle, rear; left, right."""
+
+PER_WHEEL = {
+    "duty": "-",
+    "wheel_rate": "rad/s",
+    "steer": "rad",
+    "slip": "-",
+    "sinkage": "m",
+    "normal": "N",
+    "tangential": "N",
+    "lateral": "N",
+    "torque": "N m",
+    "travel": "m/s",
+}
+"""Channels named `CHANNEL_WHEEL`; the motor current is `current_WHEEL_A`. From slip on they are truth only."""
+TELLING = ("duty", "wheel_rate", "steer", "slip")
+"""Channels from whose names the wheels are read; others may be of something else, as a torque_sensor."""
+
+WHOLE = {
+    "t_s": "s",
+    **{f"body_{axis}": "m" for axis in "xyz"},
+    **{f"body_{angle}": "rad" for angle in ("roll", "pitch", "yaw")},
+    **{f"body_v{axis}": "m/s" for axis in "xyz"},
+    "battery_V": "V",
+    "differential_torque": "N m",
+}
+"""Channels of the rover; joint angles and energies are told by the start of their names."""
+BY_START = {"rocker_": "rad", "bogie_": "rad", "energy_": "J"}
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a channel by its name; empty where the name tells none."""
+    if name in WHOLE:
+        return WHOLE[name]
+    if name.startswith("current_") and name.endswith("_A"):
+        return "A"
+    starts = {**BY_START, **{f"{channel}_": unit for channel, unit in PER_WHEEL.items()}}
+    return next((unit for start, unit in starts.items() if name.startswith(start)), "")
+
+
+def wheel_of(name: str) -> str | None:
+    """Return the wheel that a channel's name ends with, or None where it tells none."""
+    if name.startswith("current_") and name.endswith("_A"):
+        return name[len("current_") : -len("_A")]
+    for channel in TELLING:
+        if name.startswith(f"{channel}_"):
+            return name[len(channel) + 1 :]
+    return None
+
+
+def wheels_in(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the wheels that channels are of, in order of appearance."""
+    return tuple(dict.fromkeys(wheel for wheel in map(wheel_of, names) if wheel))

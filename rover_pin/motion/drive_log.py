@@ -1,0 +1,213 @@
+"""Drive logs: a folder with `drive.toml` and one CSV or Parquet file a run, measured and simulated alike.
+
+`drive.toml` as in::
+
+    kind = "drive-log"
+    name = "slope"
+    source = "our test field, 2026"
+    rover = "nexus6"                      # or a TOML beside its URDF
+    gravity = 9.81                        # m/s^2, or { value = ..., unit = "..." }
+    wheels = ["fl", "fr", "ml", "mr", "rl", "rr"]
+    [terrain]                             # see log_terrain
+    polyline = "slope.csv"
+    [soil]                                # what is known of it: { value, unit, sd }; so [wheel] and [motor]
+    phi = { value = 30.0, unit = "deg" }
+    [noise]                               # one standard deviation a channel, sample period, delays
+    wheel_rate = { value = 0.02, unit = "rad/s" }
+    [[run]]
+    file = "climb.csv"
+    start = { x = 0.0, y = 0.0, yaw = 0.0 }
+    purpose = "climb until it stops"
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rover_pin.body.terrain import Terrain
+from rover_pin.columns import columns_text, replace_file
+from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.motion.channels import WHEELS, unit_of
+from rover_pin.motion.log_terrain import terrain_from
+from rover_pin.motion.trace import Trace
+from rover_pin.motion.trace_files import read_run
+from rover_pin.parameters.gravity import EARTH
+from rover_pin.quantity import to_si
+from rover_pin.toml_file import read_toml, toml_text
+
+FILE, KIND = "drive.toml", "drive-log"
+RUN_KEYS = ("file", "start", "purpose", "units", "attrs")
+START_KEYS = ("x", "y", "yaw")
+
+
+@dataclass(frozen=True)
+class About:
+    """What a drive log declares besides its runs; the tables stay as written."""
+
+    name: str
+    source: str = ""
+    rover: str = "nexus6"
+    gravity: float = EARTH
+    wheels: tuple[str, ...] = WHEELS
+    licence: str = ""
+    method: str = ""
+    missing: Any = ""
+    terrain: Mapping[str, Any] = field(default_factory=dict)
+    soil: Mapping[str, Any] = field(default_factory=dict)
+    wheel: Mapping[str, Any] = field(default_factory=dict)
+    motor: Mapping[str, Any] = field(default_factory=dict)
+    noise: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, trace: Trace, name: str) -> About:
+        """Return what a trace's attributes tell of its log."""
+        rover, gravity = trace.attrs.get("rover", "nexus6"), trace.attrs.get("gravity_mps2", EARTH)
+        return cls(name, trace.attrs.get("made_by", ""), rover, gravity, trace.wheels or WHEELS)
+
+
+TABLES = ("terrain", "soil", "wheel", "motor", "noise")
+TEXTS = ("name", "source", "rover", "licence", "method")
+
+
+@dataclass(frozen=True)
+class DriveLog:
+    """The runs of a drive log in its order; each trace's attributes have its file, purpose, start, rover, gravity."""
+
+    folder: Path
+    about: About
+    runs: tuple[Trace, ...]
+
+    def run(self, name: str) -> Trace:
+        """Return the run whose file is `name`, with or without its suffix."""
+        stems = [Path(trace.attrs["file"]).stem for trace in self.runs]
+        for trace, stem in zip(self.runs, stems, strict=True):
+            if name in (stem, Path(trace.attrs["file"]).name):
+                return trace
+        raise ParameterError(f"{self.folder}: there is no run '{name}': {closest(name, stems)}")
+
+    def terrain(self) -> Terrain:
+        """Return the terrain that the log declares."""
+        return terrain_from(self.about.terrain, self.folder)
+
+    @property
+    def rover(self) -> str:
+        """What `load_rover` takes: the rover's name, or the path of its file in the folder."""
+        beside = self.folder / self.about.rover
+        return str(beside) if beside.is_file() else self.about.rover
+
+
+def read_drive_log(folder: str | Path) -> DriveLog:
+    """Return the drive log in a folder.
+
+    Raises
+    ------
+    DataError
+        No `drive.toml`, one that is not TOML or not a drive log, an unknown or missing key, a run file that is missing
+        or that `read_run` refuses.
+    """
+    folder = Path(folder)
+    file = folder / FILE
+    if not file.is_file():
+        raise DataError(
+            f"{folder}: there is no {FILE}: give the folder of a drive log, or write one with `write_drive_log`."
+        )
+    table = read_toml(file)
+    if table.get("kind") != KIND:
+        raise DataError(f"{file}: kind = {table.get('kind')!r}, but a drive log has kind = '{KIND}'.")
+    entries = table.get("run")
+    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
+        raise DataError(f"{file}: there is no run: add a [[run]] with file = '...' for each.")
+    about = _about(file, {key: value for key, value in table.items() if key not in ("kind", "run")})
+    return DriveLog(folder, about, tuple(_run(file, about, at, entry) for at, entry in enumerate(entries, 1)))
+
+
+def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], about: About) -> Path:
+    """Write traces, each to `NAME.csv` with every digit, then `drive.toml`; return the folder.
+
+    Raises
+    ------
+    DataError
+        No trace, one without rows, a name that is no file name, or a value that TOML cannot hold.
+    """
+    folder = Path(folder)
+    for name, trace in traces.items():
+        if Path(name).name != name or name.startswith("."):
+            raise DataError(f"{folder}: '{name}' is not a file name for a run: leave out folders and leading dots.")
+        if not len(trace.t):
+            raise DataError(f"{folder}: run '{name}' has no rows, so there is nothing to write.")
+    if not traces:
+        raise DataError(f"{folder}: a drive log needs one run at least.")
+    declared = {key: value for key, value in dataclasses.asdict(about).items() if value not in ("", {})}
+    entries = [_entry(name, trace) for name, trace in traces.items()]
+    text = toml_text({"kind": KIND, **declared, "run": entries})
+    for name, trace in traces.items():
+        replace_file(folder / f"{name}.csv", columns_text(trace.channels))
+    replace_file(folder / FILE, text)
+    return folder
+
+
+def _entry(name: str, trace: Trace) -> dict[str, Any]:
+    """Return a run's entry; units that a channel's name tells are left out."""
+    told: dict[str, Any] = {key: trace.attrs[key] for key in ("start", "purpose") if key in trace.attrs}
+    units = {channel: unit for channel, unit in trace.units.items() if unit != unit_of(channel)}
+    attrs = {key: value for key, value in trace.attrs.items() if key not in ("file", *told)}
+    return {"file": f"{name}.csv", **told, **({"units": units} if units else {}), **({"attrs": attrs} if attrs else {})}
+
+
+def _about(file: Path, table: dict[str, Any]) -> About:
+    known = [each.name for each in dataclasses.fields(About)]
+    for key, value in table.items():
+        if key not in known:
+            raise DataError(f"{file}: there is no key '{key}' in a drive log: {closest(key, known)}")
+        kind, word = (dict, "a table") if key in TABLES else (str, "text")
+        if key in (*TABLES, *TEXTS) and not isinstance(value, kind):
+            raise DataError(f"{file}: {key} = {value!r} must be {word}.")
+    if not table.get("name"):
+        raise DataError(f"{file}: there is no name: add name = '...'.")
+    wheels = table.get("wheels", list(WHEELS))
+    if not isinstance(wheels, list) or not all(isinstance(wheel, str) for wheel in wheels):
+        raise DataError(f"{file}: wheels = {wheels!r} must be a list of names, as ['fl', 'fr'].")
+    return About(**{**table, "wheels": tuple(wheels), "gravity": _gravity(file, table.get("gravity", EARTH))})
+
+
+def _gravity(file: Path, entry: Any) -> float:
+    value, unit = (entry.get("value"), entry.get("unit", "m/s^2")) if isinstance(entry, dict) else (entry, "m/s^2")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < 100.0:
+        raise DataError(f"{file}: gravity = {entry!r} must be a number in (0, 100) m/s^2, or {{ value, unit }}.")
+    try:
+        return to_si(value, str(unit), "m/s^2", f"{file}: 'gravity'")
+    except ParameterError as error:
+        raise DataError(str(error)) from error
+
+
+def _run(file: Path, about: About, at: int, entry: dict[str, Any]) -> Trace:
+    for key in entry:
+        if key not in RUN_KEYS:
+            raise DataError(f"{file}: run {at} has an unknown key '{key}': {closest(key, RUN_KEYS)}")
+    for key in ("units", "attrs"):
+        if not isinstance(entry.get(key, {}), dict):
+            raise DataError(f"{file}: run {at} has {key} = {entry[key]!r}: give a table.")
+    name = entry.get("file")
+    if not isinstance(name, str) or not (file.parent / name).is_file():
+        raise DataError(
+            f"{file}: run {at} names the file {name!r}, which is not in {file.parent}: add it, or mend its name."
+        )
+    told = {"file": name, "rover": about.rover, "gravity_mps2": about.gravity, "wheels": list(about.wheels)}
+    told |= {"start": _start(file, at, entry["start"])} if "start" in entry else {}
+    told |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
+    trace = read_run(file.parent / name, about.wheels)
+    units = {**trace.units, **entry.get("units", {})}
+    return Trace(trace.channels, units, {**told, **trace.attrs, **entry.get("attrs", {})})
+
+
+def _start(file: Path, at: int, start: Any) -> dict[str, float]:
+    if not isinstance(start, dict) or not set(start) <= set(START_KEYS):
+        raise DataError(f"{file}: run {at} has start = {start!r}: give {{ x = [m], y = [m], yaw = [rad] }}.")
+    try:
+        return {key: float(start.get(key, 0.0)) for key in START_KEYS}
+    except (TypeError, ValueError):
+        raise DataError(f"{file}: run {at} has start = {start!r}: x, y [m] and yaw [rad] must be numbers.") from None

@@ -1,0 +1,84 @@
+"""The `[terrain]` of a drive log: polylines or a height grid in files beside it, and stretches of other soil.
+
+[terrain]
+polyline = "ground.csv"                   # x_m, z_m[, ground], extruded sideways
+# or: polylines = ["right.csv", "left.csv"] and borders = [0.0], the y [m] between them
+# or: grid = "ground.npz"
+patch = [{ x_from = 1.0, x_to = 2.0, ground = 1 }]
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rover_pin.body.shapes import with_ground
+from rover_pin.body.terrain import HeightGrid, Lanes, Terrain
+from rover_pin.body.terrain_files import from_grid, from_polyline, to_grid, to_polyline
+from rover_pin.errors import DataError, ParameterError, closest
+
+KINDS = ("polyline", "polylines", "grid")
+KEYS = (*KINDS, "borders", "patch")
+PATCH_KEYS = ("x_from", "x_to", "ground")
+
+
+def terrain_from(table: Mapping[str, Any], folder: str | Path) -> Terrain:
+    """Return the terrain that a drive log's table declares, its files in `folder`.
+
+    Raises
+    ------
+    DataError
+        None or more than one kind of terrain, an unknown key, or what its files' readers refuse.
+    """
+    folder = Path(folder)
+    for key in table:
+        if key not in KEYS:
+            raise DataError(f"{folder}: [terrain] has an unknown key '{key}': {closest(key, KEYS)}")
+    kinds = [kind for kind in KINDS if kind in table]
+    if len(kinds) != 1:
+        raise DataError(
+            f"{folder}: [terrain] must have one of {', '.join(KINDS)}, but it has {', '.join(kinds) or 'none'}."
+        )
+    for key in ("polylines", "borders", "patch"):
+        if not isinstance(table.get(key, []), list):
+            raise DataError(f"{folder}: [terrain] has {key} = {table[key]!r}: give a list.")
+    try:
+        terrain = _bare(kinds[0], table, folder)
+        for patch in table.get("patch", []):
+            terrain = _laid(terrain, patch, folder)
+    except ParameterError as error:
+        raise DataError(f"{folder}: [terrain]: {error}") from error
+    return terrain
+
+
+def write_terrain(folder: str | Path, terrain: Terrain) -> dict[str, Any]:
+    """Write a terrain's files into a drive log's folder; return its `[terrain]` table, for `About`."""
+    folder = Path(folder)
+    if isinstance(terrain, HeightGrid):
+        return {"grid": to_grid(folder / "terrain.npz", terrain).name}
+    assert isinstance(terrain, Lanes)
+    if len(terrain.profiles) == 1:
+        return {"polyline": to_polyline(folder / "terrain.csv", terrain.profiles[0]).name}
+    files = [to_polyline(folder / f"terrain-{at}.csv", profile).name for at, profile in enumerate(terrain.profiles)]
+    return {"polylines": files, "borders": list(terrain.borders)}
+
+
+def _bare(kind: str, table: Mapping[str, Any], folder: Path) -> Terrain:
+    if kind == "grid":
+        return from_grid(folder / str(table["grid"]))
+    if kind == "polyline":
+        return from_polyline(folder / str(table["polyline"]))
+    lanes = [from_polyline(folder / str(name)).profiles[0] for name in table["polylines"]]
+    return Lanes(tuple(lanes), tuple(table.get("borders", ())))
+
+
+def _laid(terrain: Terrain, patch: Any, folder: Path) -> Terrain:
+    if not isinstance(patch, Mapping) or not set(patch) <= set(PATCH_KEYS) or "ground" not in patch:
+        raise DataError(f"{folder}: [terrain] has patch = {patch!r}: give {{ x_from = [m], x_to = [m], ground = 1 }}.")
+    try:
+        ends = [float(patch.get("x_from", -math.inf)), float(patch.get("x_to", math.inf))]
+    except (TypeError, ValueError):
+        raise DataError(f"{folder}: [terrain] has patch = {patch!r}: x_from and x_to must be numbers [m].") from None
+    return with_ground(terrain, ends[0], ends[1], patch["ground"])

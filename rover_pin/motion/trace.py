@@ -1,0 +1,202 @@
+"""What a drive leaves: named channels over time, with units, that can judge themselves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.motion.channels import unit_of, wheels_in
+
+NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential")
+"""Energy channels beside what soil, stops, servos and further effects take."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """Channels of one drive, simulated or measured.
+
+    Parameters
+    ----------
+    channels : dict of name -> array (T,)
+        `t_s` [s], increasing, and any others of the same length, named as the columns of a drive log; NaN is a gap.
+    units : dict of name -> str, optional
+        Units; those of the known names need not be given.
+    attrs : dict, optional
+        Plain values about the drive: rover, control, traction form, dt_s, gravity_mps2, stop, versions, ...
+
+    Raises
+    ------
+    DataError
+        No `t_s`, a time that is not finite or not increasing, or channels of different lengths.
+    """
+
+    channels: dict[str, np.ndarray]
+    units: dict[str, str] = field(default_factory=dict)
+    attrs: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        channels = {name: np.array(values, dtype=float) for name, values in self.channels.items()}
+        for values in channels.values():
+            values.flags.writeable = False
+        object.__setattr__(self, "channels", channels)
+        object.__setattr__(self, "units", {name: self.units.get(name, unit_of(name)) for name in channels})
+        (t,) = self.need("t_s")
+        for name, values in channels.items():
+            if values.shape != t.shape or t.ndim != 1:
+                raise DataError(
+                    f"Channel '{name}' has shape {values.shape}, t_s {t.shape}: give one number a row to each."
+                )
+        wrong = np.flatnonzero(~(np.diff(t, prepend=-np.inf) > 0.0) | ~np.isfinite(t))
+        if wrong.size:
+            raise DataError(f"t_s must be finite and increase, but it is {t[wrong[0]]:g} s at row {wrong[0]}.")
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.channels:
+            raise ParameterError(f"The trace has no channel '{name}': {closest(name, self.channels)}")
+        return self.channels[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.channels
+
+    @property
+    def t(self) -> np.ndarray:
+        """Time [s] (T,)."""
+        return self.channels["t_s"]
+
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """Names of the wheels: as declared in `attrs`, else those that channels are of."""
+        return tuple(self.attrs.get("wheels") or wheels_in(self.channels))
+
+    def unit(self, name: str) -> str:
+        """Return a channel's unit."""
+        self[name]
+        return self.units[name]
+
+    def stack(self, name: str) -> np.ndarray:
+        """Return a channel of all wheels (T, wheels), as in `stack("slip")`, in the order of `wheels`."""
+        suffix = "_A" if name == "current" else ""
+        return np.column_stack([self[f"{name}_{wheel}{suffix}"] for wheel in self.wheels])
+
+    def need(self, *names: str) -> tuple[np.ndarray, ...]:
+        """Return these channels; one error names all that are missing.
+
+        Raises
+        ------
+        DataError
+            A channel that was not recorded.
+        """
+        missing = [name for name in names if name not in self.channels]
+        if missing:
+            where = f"{self.attrs['file']}: " if "file" in self.attrs else ""
+            raise DataError(
+                f"{where}channel{'s' * (len(missing) > 1)} {', '.join(missing)} needed and not recorded: "
+                f"{closest(missing[0], self.channels)}"
+            )
+        return tuple(self.channels[name] for name in names)
+
+    def energy_error(self) -> float:
+        """Return the greatest energy that the balance leaves unexplained, over the greatest energy in it [-].
+
+        |E_motor - (E_kinetic + E_potential + sum of losses)| / max |term|, each term counted from the first row, both
+        maxima over time; the losses are all other `energy_` channels but the electric one: soil, stops, servos, ...
+        0 where nothing moves, NaN where there are fewer than two rows.
+        """
+        motor, *stored = (
+            values - values[:1] for values in self.need("energy_motor", "energy_kinetic", "energy_potential")
+        )
+        losses = [
+            values - values[:1]
+            for name, values in self.channels.items()
+            if name.startswith("energy_") and name not in NOT_LOSSES
+        ]
+        if len(self.t) < 2:
+            return math.nan
+        left = np.max(np.abs(motor - sum(stored) - sum(losses)))
+        scale = max(float(np.max(np.abs(term))) for term in (motor, *stored, *losses))
+        return float(left / scale) if scale > 0.0 else 0.0
+
+    def summary(self) -> dict[str, Any]:
+        """Return a few plain values of the drive; what was not recorded is left out, and gaps are passed over."""
+        short = {"end_time_s": float(self.t[-1]), **self._travel()} if len(self.t) else {}
+        if "body_pitch" in self:
+            short["max_pitch_deg"] = math.degrees(_over(np.max, np.abs(self["body_pitch"])))
+        if self.wheels and all(f"slip_{wheel}" in self for wheel in self.wheels):
+            slip = self.stack("slip")
+            short["mean_slip"], short["max_slip"] = _over(np.mean, slip), _over(np.max, slip)
+        if {"energy_motor", "energy_kinetic", "energy_potential"} <= self.channels.keys():
+            short["energy_motor_J"], short["energy_error"] = float(self["energy_motor"][-1]), self.energy_error()
+        stop = {"stop": self.attrs["stop"]} if "stop" in self.attrs else {}
+        return {**stop, **{name: value for name, value in short.items() if math.isfinite(value)}}
+
+    def _travel(self) -> dict[str, float]:
+        if not {"body_x", "body_y"} <= self.channels.keys():
+            return {}
+        x, y = self.need("body_x", "body_y")
+        seen = np.isfinite(x) & np.isfinite(y)
+        if not np.any(seen):
+            return {}
+        x, y = x[seen], y[seen]
+        path = float(np.sum(np.hypot(np.diff(x), np.diff(y))))
+        return {"distance_m": path, "end_x_m": float(x[-1]), "end_y_m": float(y[-1])}
+
+    def to_frame(self) -> Any:
+        """Return the channels as a pandas DataFrame; its `attrs` hold the trace's attributes and units."""
+        import pandas
+
+        frame = pandas.DataFrame(self.channels)
+        frame.attrs = {**self.attrs, "units": dict(self.units)}
+        return frame
+
+    def save(self, path: str | Path) -> Path:
+        """Write a Parquet file where `path` ends with `.parquet`, else a folder with a drive log of this one run.
+
+        Numbers come back exactly. Every file is written whole or not at all; `drive.toml` comes last.
+
+        Raises
+        ------
+        DataError
+            It cannot be written there, or an attribute is not a plain value.
+        """
+        from rover_pin.motion import drive_log, trace_files
+
+        path = Path(path)
+        if path.suffix == ".parquet":
+            return trace_files.write_parquet(path, self)
+        if path.suffix == ".csv":
+            raise DataError(
+                f"{path}: a trace is saved to a folder, which gets a CSV and its description, or to .parquet."
+            )
+        return drive_log.write_drive_log(path, {"run": self}, drive_log.About.of(self, path.name))
+
+    @staticmethod
+    def load(path: str | Path) -> Trace:
+        """Return the trace that `save` wrote: a Parquet file, or the only run of a drive log's folder.
+
+        Raises
+        ------
+        DataError
+            The file or folder is not that, or the log has several runs.
+        """
+        from rover_pin.motion import drive_log, trace_files
+
+        path = Path(path)
+        if path.suffix == ".parquet":
+            return trace_files.read_run(path)
+        runs = drive_log.read_drive_log(path).runs
+        if len(runs) > 1:
+            raise DataError(
+                f"{path}: the drive log has {len(runs)} runs: read it with `read_drive_log`, and choose one."
+            )
+        return runs[0]
+
+
+def _over(reduce: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
+    seen = values[np.isfinite(values)]
+    return float(reduce(seen)) if seen.size else math.nan

@@ -1,0 +1,84 @@
+"""One run in a file: read from CSV or Parquet with its checks, written to Parquet with its attributes."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rover_pin.columns import Columns, read_columns, replace_file
+from rover_pin.errors import DataError, closest
+from rover_pin.motion.channels import wheel_of
+from rover_pin.motion.trace import Trace
+
+METADATA = b"rover_pin"
+
+
+def read_run(path: str | Path, wheels: Sequence[str] = (), attrs: Mapping[str, Any] | None = None) -> Trace:
+    """Return the run in a CSV or Parquet file; `attrs` are added to those that the file holds.
+
+    Raises
+    ------
+    DataError
+        A file that cannot be read, no `t_s`, text where a number belongs, a time that is missing or does not increase,
+        a duty outside [-1, 1], or channels of a wheel that is not among `wheels`, where any are given.
+    """
+    table = read_columns(path)
+    table.need("t_s")
+    table.refuse_gaps("t_s")
+    table.refuse_steps_back("t_s")
+    _refuse_percent(table)
+    _refuse_strange_wheels(table, wheels)
+    held = _metadata(table.path) if table.path.suffix == ".parquet" else {}
+    return Trace(table.values, held.get("units", {}), {**held.get("attrs", {}), **(attrs or {})})
+
+
+def write_parquet(path: str | Path, trace: Trace) -> Path:
+    """Write a trace to one Parquet file that `read_run` reads; return its path."""
+    import pyarrow
+    import pyarrow.parquet
+
+    try:
+        about = json.dumps({"units": trace.units, "attrs": trace.attrs}, default=_plain)
+    except TypeError as error:
+        raise DataError(f"{path}: an attribute of the trace is not a plain value: {error}.") from error
+    table = pyarrow.table(trace.channels).replace_schema_metadata({METADATA: about.encode()})
+    content = io.BytesIO()
+    pyarrow.parquet.write_table(table, content)
+    return replace_file(path, content.getvalue())
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise TypeError(f"{value!r}")
+
+
+def _metadata(path: Path) -> dict[str, Any]:
+    import pyarrow.parquet
+
+    held = (pyarrow.parquet.read_schema(path).metadata or {}).get(METADATA)
+    return json.loads(held) if held else {}
+
+
+def _refuse_percent(table: Columns) -> None:
+    for name, values in table.values.items():
+        wrong = np.flatnonzero(np.abs(values) > 1.0) if name.startswith("duty_") else np.zeros(0, dtype=int)
+        if wrong.size:
+            raise DataError(
+                f"{table.path}, {table.places[wrong[0]]}: {name} = {values[wrong[0]]:g} is outside [-1, 1]: "
+                "give the duty as a signed share, not in percent."
+            )
+
+
+def _refuse_strange_wheels(table: Columns, wheels: Sequence[str]) -> None:
+    for name in table.values:
+        wheel = wheel_of(name)
+        if wheels and wheel is not None and wheel not in wheels:
+            raise DataError(
+                f"{table.path}: column '{name}' is of a wheel '{wheel}' that is not declared: {closest(wheel, wheels)}"
+            )
