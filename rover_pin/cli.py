@@ -16,7 +16,9 @@ app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_
 
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object for machines instead of the table.")]
-Set = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Change any number, as terrain.wall_angle_deg=40.")]
+Set = Annotated[
+    list[str], typer.Option("--set", metavar="NAME=VALUE", help="Change any number, as terrain.wall_angle_deg=40.")
+]
 SoilName = Annotated[str, typer.Option("--soil", help="A soil of rover_pin.parameters.")]
 
 
@@ -32,11 +34,15 @@ def main() -> None:
 @app.command()
 def drive(
     scenario: Annotated[str, typer.Argument(help="ditch, flat, slope, bump, turn ...: a wrong name lists them all.")],
-    control: Annotated[str, typer.Option(help="none, eq9 (the paper's estimate), true (true slip), turn, point-turn.")] = "",
+    control: Annotated[
+        str, typer.Option(help="none, eq9 (the paper's estimate), true (true slip), turn, point-turn.")
+    ] = "",
     gravity: Annotated[str, typer.Option(help="earth, moon, mars, or m/s^2.")] = "earth",
     soil: SoilName = "table-1",
     set_: Set = [],  # noqa: B006 - typer wants a list
-    check: Annotated[bool, typer.Option("--check", help="Drive again at half the step and say how far x differs.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Drive again at half the step and say how far x differs.")
+    ] = False,
     out: Out = Path("out/drive"),
     as_json: AsJson = False,
 ) -> None:
@@ -87,7 +93,9 @@ def curve(
     table = traction_curves(soil_named(soil), k, n)
     files = plot.traction_figure(table, soil, out)
     at = {f"F({form}, k = {1e3 * value:g} mm)": curve for (form, value), curve in table.curves.items()}
-    rows = {name: {"S=0": float(curve[0]), "S=0.2": float(curve[20]), "S=1": float(curve[-1])} for name, curve in at.items()}
+    rows = {
+        name: {"S=0": float(curve[0]), "S=0.2": float(curve[20]), "S=1": float(curve[-1])} for name, curve in at.items()
+    }
     report({"soil": soil, **rows, "files": [str(file) for file in files]}, as_json)
 
 

@@ -33,7 +33,9 @@ def save(figure: Figure, file: Path) -> Path:
     return file
 
 
-def new_figure(rows: int, columns: int = 1, size: tuple[float, float] = (8.0, 6.0), **options: Any) -> tuple[Figure, Any]:
+def new_figure(
+    rows: int, columns: int = 1, size: tuple[float, float] = (8.0, 6.0), **options: Any
+) -> tuple[Figure, Any]:
     """Return a figure and its axes, without any window."""
     figure = Figure(figsize=size, layout="constrained")
     return figure, figure.subplots(rows, columns, **options)
@@ -91,7 +93,9 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     for shade, row in zip(np.linspace(0.65, 0.0, count), rows, strict=True):
         draw_rover(axes, model.rover, configuration(model.rover, trace, row), str(shade))
         top = float(trace["body_z"][row]) + 0.12
-        axes.text(float(trace["body_x"][row]), top, f"{trace['t_s'][row]:.1f} s", ha="center", fontsize=8, color=str(shade))
+        axes.text(
+            float(trace["body_x"][row]), top, f"{trace['t_s'][row]:.1f} s", ha="center", fontsize=8, color=str(shade)
+        )
     axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(low, high), title=title_of(trace))
     return figure
 
@@ -114,7 +118,12 @@ def history(trace: Trace) -> Figure:
     figure, axes = new_figure(4, size=(9.0, 9.0), sharex=True)
     t = trace["t_s"]
     for wheel in trace.wheels:
-        look = {"color": WHEEL_COLOUR.get(wheel[0], "grey"), "ls": STYLES.get(wheel[-1], "-"), "lw": 1.2, "label": wheel}
+        look = {
+            "color": WHEEL_COLOUR.get(wheel[0], "grey"),
+            "ls": STYLES.get(wheel[-1], "-"),
+            "lw": 1.2,
+            "label": wheel,
+        }
         axes[0].plot(t, trace[f"slip_{wheel}"], **look)
         axes[3].plot(t, trace[f"duty_{wheel}"], **look)
     speed = np.hypot(trace["body_vx"], trace["body_vy"])

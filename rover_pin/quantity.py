@@ -102,9 +102,7 @@ class Record:
 def quantities(record: Record | type[Record]) -> dict[str, Quantity]:
     """Return name -> Quantity of a record or of its class, in order of definition."""
     return {
-        field.name: field.metadata["quantity"]
-        for field in dataclasses.fields(record)
-        if "quantity" in field.metadata
+        field.name: field.metadata["quantity"] for field in dataclasses.fields(record) if "quantity" in field.metadata
     }
 
 
@@ -135,7 +133,9 @@ def to_si(value: float, unit: str, expected: str, where: str) -> float:
     known = UNITS.get(unit)
     if known is None or known[0] != UNITS.get(expected, (expected, 1.0))[0]:
         kind = [name for name, (si, _) in UNITS.items() if si == expected] or [expected]
-        raise ParameterError(f"{where}: unit '{unit}' does not measure what is asked for; use one of {', '.join(kind)}.")
+        raise ParameterError(
+            f"{where}: unit '{unit}' does not measure what is asked for; use one of {', '.join(kind)}."
+        )
     return float(value) * known[1]
 
 
@@ -154,8 +154,12 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
             raise ParameterError(f"{where}: {record.__name__} has no field '{name}': {closest(name, about)}")
         if isinstance(entry, Mapping):
             if "value" not in entry:
-                raise ParameterError(f"{where}: '{name}' needs a 'value', as in {name} = {{ value = 1.0, unit = '...' }}.")
-            entry = to_si(entry["value"], str(entry.get("unit", about[name].unit)), about[name].unit, f"{where}: '{name}'")
+                raise ParameterError(
+                    f"{where}: '{name}' needs a 'value', as in {name} = {{ value = 1.0, unit = '...' }}."
+                )
+            entry = to_si(
+                entry["value"], str(entry.get("unit", about[name].unit)), about[name].unit, f"{where}: '{name}'"
+            )
         fields[name] = entry
     try:
         return record(**fields)

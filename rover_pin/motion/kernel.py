@@ -84,7 +84,9 @@ def compiled_laws(structure: Any) -> CompiledLaws:
     functions = (laws.contact_law(structure.contact), laws.motor_law(structure.motor, structure.motor_effects))
     handle = shared_library(laws.generated_source(*functions), "laws")
     contact, motor = (ctypes.cast(getattr(handle, f.name()), ctypes.c_void_p).value or 0 for f in functions)
-    return CompiledLaws(handle, contact, motor, tuple(max(f.__getattribute__(n)() for f in functions) for n in ("sz_iw", "sz_w")))
+    return CompiledLaws(
+        handle, contact, motor, tuple(max(f.__getattribute__(n)() for f in functions) for n in ("sz_iw", "sz_w"))
+    )
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,9 @@ class Kernel:
         columns = [supports(model, wheel.joint) for wheel in rover.wheels]
         most = max(map(len, columns))
         if model.nv > MAX_DOF or most > MAX_COLS:
-            raise ParameterError(f"The rover has {model.nv} degrees of freedom, {most} above a wheel; the step holds {MAX_DOF} and {MAX_COLS}.")
+            raise ParameterError(
+                f"The rover has {model.nv} degrees of freedom, {most} above a wheel; the step holds {MAX_DOF} and {MAX_COLS}."
+            )
         cols = np.zeros((len(columns), most), dtype=np.int64)
         for row, own in zip(cols, columns, strict=True):
             row[: len(own)] = own

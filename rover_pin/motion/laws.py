@@ -114,7 +114,9 @@ def number_of_states(effects: Sequence[Effect] | Sequence[MotorEffect]) -> int:
     count = sum(len(effect.states) for effect in effects)
     if count > MAX_STATES:
         names = [state.name for effect in effects for state in effect.states]
-        raise ParameterError(f"The effects have {count} states a wheel ({', '.join(names)}); at most {MAX_STATES} are allowed.")
+        raise ParameterError(
+            f"The effects have {count} states a wheel ({', '.join(names)}); at most {MAX_STATES} are allowed."
+        )
     return count
 
 

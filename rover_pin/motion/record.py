@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from rover_pin.motion.kernel import ENERGY, RECORD
 from rover_pin.motion.model import Model
 from rover_pin.motion.state import base_rotation, roll_pitch_yaw
 from rover_pin.motion.trace import Trace
+from rover_pin.version import __version__
 
 WHEEL_CHANNELS = {
     "slip": ("slip", "-"),
@@ -75,5 +75,5 @@ def about(model: Model) -> dict[str, Any]:
         "slip_law": type(model.slip).__name__,
         "effects": [type(effect).__name__ for effect in (*model.effects, *model.motor_effects)],
         "gravity_mps2": model.gravity,
-        "made_by": "rover_pin " + version("rover-pin"),
+        "made_by": "rover_pin " + __version__,
     }

@@ -79,7 +79,9 @@ def test_floats_equal_symbols(kind):
         moved = contact._replace(**{name: symbols[name] for name in Contact._fields[:9]})
         out = ca.Function("f", [*symbols.values(), *xs], [ca.vertcat(*map(ca.SX, act(symbolic, moved, xs)))])
         values = [*contact[:9], *(float(getattr(effect, name)) for name in quantities(effect)), *x]
-        assert np.array(out(*values)).ravel() == pytest.approx([float(v) for v in act(effect, contact, x)], rel=1e-12, abs=1e-14)
+        assert np.array(out(*values)).ravel() == pytest.approx(
+            [float(v) for v in act(effect, contact, x)], rel=1e-12, abs=1e-14
+        )
 
 
 @pytest.mark.parametrize("kind", CONTACT_EFFECTS, ids=lambda kind: kind.__name__)

@@ -1,0 +1,100 @@
+"""The compiled step against the plain one, which shares neither geometry code nor linear algebra with it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.body import shapes
+from rover_pin.body.rover import load_rover
+from rover_pin.contact import Soil
+from rover_pin.effects.gear_friction import GearFriction
+from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.motor import Motor
+from rover_pin.motion.place import Start, settled
+from rover_pin.motion.plain import Plain
+from rover_pin.parameters.hard import HARD_GROUND
+from rover_pin.soil.angles import SinkageAngles
+from rover_pin.soil.traction import NetTraction
+
+ROVER = load_rover()
+GRIPPY = Soil(k=0.004)
+
+
+def model(terrain, slip, traction=SoilTraction(), soil=GRIPPY):
+    made = Model(ROVER, terrain, (soil, HARD_GROUND), Motor(), slip, base_effects(soil, ROVER, traction))
+    return made.having(GearFriction(tau_c=0.02))
+
+
+CASES = {
+    "ditch": (model(shapes.ditch(wall_angle=math.radians(45.0), at=0.25), RelaxedSlip()), Start()),
+    "rocks": (model(shapes.rocks(seed=3), RelaxedSlip()), Start()),
+    "yawed": (model(shapes.ditch(wall_angle=math.radians(40.0), at=0.3), RelaxedSlip()), Start(yaw=0.6)),
+    "backwards": (model(shapes.step(0.02, at=0.3), RelaxedSlip()), Start(x=0.6, yaw=math.pi)),
+    "hills": (model(shapes.hills(1), RelaxedSlip()), Start(y=0.3, yaw=1.0)),
+    "eq-1": (model(shapes.bump(at=0.2, ground=1), AlgebraicSlip()), Start()),
+    "net": (model(shapes.flat(), RelaxedSlip(), SoilTraction(NetTraction(), SinkageAngles())), Start()),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_steps_agree(name):
+    """State by state, so that a chaotic moment cannot hide an error or make one."""
+    made, start = CASES[name]
+    state = settled(made, start)
+    kernel = Kernel(made, state, 0.005, symmetric=False)
+    other = state.copy()
+    plain = Plain(made, other, 0.005, symmetric=False)
+    duty, steer = np.linspace(0.4, 0.9, 6), np.array([0.1, 0.12, -0.1, -0.12])
+    for k in range(1200):
+        if k == 900:
+            duty = -duty
+        kernel.duty[:], kernel.servo_target[:] = duty, steer
+        if k % 40 == 0:
+            for mine, theirs in (
+                (other.q, state.q),
+                (other.v, state.v),
+                (other.contact, state.contact),
+                (other.motor, state.motor),
+            ):
+                mine[:] = theirs
+            plain.duty[:], plain.servo_target[:] = duty, steer
+            plain.energy[:] = kernel.energy
+            assert (plain.step(), kernel.step()) == (0, 0)
+            assert other.q == pytest.approx(state.q, abs=1e-11)
+            assert other.v == pytest.approx(state.v, abs=1e-9)
+            assert other.contact == pytest.approx(state.contact, abs=1e-9)
+            assert other.motor == pytest.approx(state.motor, abs=1e-9)
+            assert plain.record == pytest.approx(kernel.record, rel=1e-8, abs=1e-8)
+            assert plain.loads == pytest.approx(kernel.loads, rel=1e-8, abs=1e-8)
+            assert plain.energy == pytest.approx(kernel.energy, rel=1e-9, abs=1e-10)
+        else:
+            assert kernel.step() == 0
+
+
+def test_a_dropped_rover_is_the_same_in_both():
+    """All wheels in the air, then touching."""
+    made, start = CASES["ditch"]
+    state = settled(made, start)
+    state.q[2] += 0.01
+    other = state.copy()
+    kernel, plain = Kernel(made, state, 0.005, False), Plain(made, other, 0.005, False)
+    for _ in range(40):
+        assert (kernel.step(), plain.step()) == (0, 0)
+    assert other.q == pytest.approx(state.q, abs=1e-9)
+    assert kernel.record[:, 2].min() > 0.0
+
+
+def test_the_mirror_symmetric_mode_is_symmetric():
+    made, start = CASES["ditch"]
+    state = settled(made, start, symmetric=True)
+    kernel = Kernel(made, state, 0.005, symmetric=True)
+    kernel.duty[:] = 0.8
+    for _ in range(2000):
+        kernel.step()
+    perm, sign = ROVER.mirror
+    assert np.array_equal(state.v, sign * state.v[perm])
+    assert state.q[1] == 0.0

@@ -1,0 +1,255 @@
+"""What a drive must do whatever the numbers: energy, rest, convergence, reasons of a stop, nothing lost."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.body import shapes
+from rover_pin.contact import Soil
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.effects.gear_friction import GearFriction
+from rover_pin.effects.normal_damping import NormalDamping
+from rover_pin.errors import ParameterError, RoverPinError, SimulationError
+from rover_pin.motion.command import Command
+from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.place import Start, settled
+from rover_pin.motion.simulate import Timing, convergence, plain_simulate, simulate
+from rover_pin.scenarios import scenario
+
+DEG = math.pi / 180.0
+
+
+def made(name, **settings):
+    return scenario(name, **settings).model
+
+
+def test_the_paper_s_duty_gives_the_paper_s_speed_on_the_flat():
+    trace = simulate(made("flat"), ConstantDuty(0.55), 10.0)
+    assert trace["body_vx"][-1] == pytest.approx(0.05, rel=1e-3)
+    assert trace.stack("slip")[-1] == pytest.approx(0.05, abs=0.005)
+
+
+def test_tangential_force_is_the_factor_times_the_normal_force():
+    """f_t = F(S) f_n on a slope, with the factor evaluated on its own."""
+    from rover_pin.contact import Wheel
+    from rover_pin.effects.motion_resistance import MotionResistance
+    from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+
+    model = made("incline", **{"terrain.angle_deg": 5.0, "terrain.start": -3.0})
+    resistance = model.effect(MotionResistance).R
+    trace = simulate(model, ConstantDuty(0.55), 15.0)
+    for wheel in trace.wheels:
+        S = float(trace[f"slip_{wheel}"][-1])
+        factor = float(load_traction_factor(S, model.soils[0], Wheel(), TorqueTraction())) - resistance
+        assert trace[f"tangential_{wheel}"][-1] == pytest.approx(factor * trace[f"normal_{wheel}"][-1], rel=2e-3)
+    assert trace.stack("tangential")[-1].sum() == pytest.approx(5.8 * 9.81 * math.sin(5 * DEG), rel=1e-3)
+    assert trace.stack("normal")[-1].sum() == pytest.approx(5.8 * 9.81 * math.cos(5 * DEG), rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["flat", "incline", "ditch", "bump", "one-sided-bump", "hills", "turn"])
+def test_energy_closes(name):
+    trace = scenario(name, duration=8.0).drive()
+    assert trace.energy_error() < 0.01
+
+
+@pytest.mark.parametrize("angle", [3.0, 6.0])
+def test_a_parked_rover_stays(angle):
+    """Creep below 0.01 mm/s on the slope, once the sand has taken the load up."""
+    model = scenario("park", **{"terrain.angle_deg": angle}).model
+    trace = simulate(model, ConstantDuty(0.0), 20.0)
+    late = trace["t_s"] > 15.0
+    creep = np.ptp(trace["body_x"][late]) / np.ptp(trace["t_s"][late])
+    assert creep < 1e-5
+    assert np.abs(trace["body_vx"][late]).max() < 1e-5
+
+
+def test_rest_on_the_flat_is_rest():
+    trace = simulate(made("flat"), ConstantDuty(0.0), 2.0)
+    assert np.ptp(trace["body_x"]) < 1e-6
+    assert np.ptp(trace["body_z"]) < 1e-6
+
+
+def test_reversing_is_driving_mirrored():
+    """From the middle of a symmetric bump field the way back is the way there, up to the rover's own asymmetry."""
+    model = made("flat")
+    ahead = simulate(model, ConstantDuty(0.5), 4.0)
+    back = simulate(model, ConstantDuty(-0.5), 4.0)
+    assert back["body_vx"][-1] == pytest.approx(-ahead["body_vx"][-1], rel=0.02)
+    assert back.stack("slip")[-1] == pytest.approx(-ahead.stack("slip")[-1], abs=0.01)
+
+
+def test_a_reversal_under_way_is_smooth():
+    def controller(reading):
+        return 0.55 if reading.t < 2.0 else -0.55
+
+    trace = simulate(made("flat"), controller, 5.0)
+    assert trace["body_vx"][-1] == pytest.approx(-0.05, rel=0.05)
+    assert trace.energy_error() < 0.01
+
+
+@pytest.mark.parametrize("slip", ["relaxed", "algebraic"])
+def test_the_default_step_is_converged(slip):
+    """0.1 mm over 20 s of the 30-deg-wall ditch, against a step 16 times finer."""
+    drive = scenario("ditch", slip=slip, **{"soil.k": 0.01})
+    state = settled(drive.model, drive.start, symmetric=True)
+    coarse = simulate(drive.model, drive.controller, 20.0, state, drive.timing, symmetric=True)
+    fine_timing = Timing(drive.timing.dt / 16, drive.timing.control, drive.timing.sample)
+    fine = simulate(drive.model, drive.controller, 20.0, state, fine_timing, symmetric=True)
+    assert np.abs(coarse["body_x"] - fine["body_x"]).max() < 1e-4
+
+
+def test_the_step_is_of_second_order_under_way():
+    """On a slope, with the duty changing; near rest and at corners the forces have kinks, and the order falls."""
+    drive = scenario("incline", **{"soil.k": 0.01, "terrain.start": -3.0})
+    state = settled(drive.model, drive.start, symmetric=True)
+    kernel = Kernel(drive.model, state, 0.001, symmetric=True)
+    kernel.duty[:] = 0.5
+    for _ in range(2000):
+        kernel.step()
+
+    def x(dt):
+        return simulate(drive.model, lambda reading: 0.5 + 0.1 * reading.t, 1.5, state, Timing(dt), symmetric=True)[
+            "body_x"
+        ]
+
+    reference = x(0.05 / 640)
+    errors = [np.abs(x(dt) - reference).max() for dt in (0.005, 0.0025, 0.00125)]
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.slow
+def test_the_plain_reference_agrees_over_a_whole_drive():
+    drive = scenario("ditch", duration=20.0, **{"soil.k": 0.01})
+    state = settled(drive.model, drive.start, symmetric=True)
+    fast = simulate(drive.model, drive.controller, 20.0, state, symmetric=True)
+    plain = plain_simulate(drive.model, drive.controller, 20.0, state, symmetric=True)
+    assert np.abs(fast["body_x"] - plain["body_x"]).max() < 1e-5
+    assert np.abs(fast["body_z"] - plain["body_z"]).max() < 1e-5
+
+
+def test_convergence_says_how_far_half_the_step_ends():
+    trace, change = convergence(made("flat"), ConstantDuty(0.55), 2.0)
+    assert trace.attrs["dt_s"] == 0.005
+    assert 0.0 < change < 1e-4
+
+
+def test_a_drop_settles_with_damping():
+    model = made("flat")
+    state = settled(model, Start())
+    rest = state.q[2]
+    state.q[2] += 0.012
+    trace = simulate(model, ConstantDuty(0.0), 2.0, state)
+    assert np.ptp(trace["body_z"][trace["t_s"] > 1.0]) < 1e-5
+    assert trace["body_z"][-1] == pytest.approx(rest, abs=1e-4)
+    bouncing = simulate(model.having(NormalDamping(d=0.0)), ConstantDuty(0.0), 2.0, state)
+    assert np.ptp(bouncing["body_z"][bouncing["t_s"] > 1.0]) > 1e-3
+
+
+def test_the_moon_asks_less_of_the_sand():
+    earth, moon = (simulate(made("flat", gravity=g), ConstantDuty(0.55), 3.0) for g in ("earth", "moon"))
+    assert moon["sinkage_ml"][-1] < 0.4 * earth["sinkage_ml"][-1]
+    assert moon.stack("normal")[-1].sum() == pytest.approx(5.8 * 1.62, rel=1e-3)
+
+
+def test_a_capsized_rover_stops_with_the_reason_and_the_trace():
+    model = made("flat")
+    state = settled(model, Start())
+    state.v[3] = 30.0
+    trace = simulate(model, ConstantDuty(0.0), 5.0, state)
+    assert str(trace.attrs["stop"]).startswith("capsized: roll")
+    assert len(trace["t_s"]) >= 1
+
+
+def test_a_buried_wheel_stops_the_drive():
+    model = made("flat", **{"soil.k_1": 8e3})
+    with pytest.raises(SimulationError, match="does not settle|sinks"):
+        simulate(made("flat", **{"soil.k_1": 1.0}), ConstantDuty(0.3), 2.0)
+    trace = simulate(model, ConstantDuty(0.3), 2.0)
+    assert str(trace.attrs["stop"]).startswith("buried: wheel")
+
+
+def test_a_diverged_drive_keeps_what_was_driven():
+    calls = []
+
+    def wild(reading):
+        calls.append(reading.t)
+        return 0.5
+
+    model = made("flat")
+    state = settled(model, Start())
+    state.v[0] = 50.0
+    trace = simulate(model, wild, 1.0, state)
+    assert "diverged" in str(trace.attrs["stop"])
+
+
+def test_commands_are_checked():
+    model = made("flat")
+    with pytest.raises(SimulationError, match="give one number, or 6 finite numbers"):
+        simulate(model, lambda reading: np.array([0.5, 0.5]), 1.0)
+    with pytest.raises(SimulationError, match="returned the duty"):
+        simulate(model, lambda reading: math.nan, 1.0)
+    with pytest.raises(SimulationError, match="a steered wheel"):
+        simulate(model, lambda reading: Command(0.5, np.zeros(3)), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: simulate(made("flat"), ConstantDuty(), -1.0), "duration = -1 s is not allowed"),
+        (lambda: Timing(dt=0.0), r"dt = 0 s is not allowed"),
+        (lambda: Timing(dt=0.003), "must be a whole multiple of dt"),
+        (
+            lambda: simulate(made("one-sided-bump"), ConstantDuty(), 1.0, symmetric=True),
+            "same on the left and on the right",
+        ),
+        (lambda: scenario("dich"), "did you mean 'ditch'"),
+        (lambda: scenario("ditch", soyl="table-1"), "There is no setting 'soyl'"),
+        (lambda: scenario("ditch", soil="tabel-1"), "did you mean 'table-1'"),
+        (lambda: scenario("ditch", gravity="mon"), "did you mean 'moon'"),
+        (lambda: scenario("ditch", gravity=-1.0), "must lie in"),
+        (lambda: scenario("ditch", **{"soil.k": -1.0}), "Soil.k = -1 m is not allowed"),
+        (lambda: made("flat").replace(terain=1), "did you mean 'terrain'"),
+        (lambda: made("flat").effect(GearFriction), "has no effect GearFriction"),
+    ],
+)
+def test_what_is_refused_is_said(call, words):
+    with pytest.raises(RoverPinError, match=words):
+        call()
+
+
+def test_a_model_without_the_soil_of_its_terrain_is_refused():
+    import dataclasses
+
+    with pytest.raises(ParameterError, match="soil index 1, but the model has 1 soils"):
+        dataclasses.replace(made("flat"), terrain=shapes.bump(ground=1), soils=(Soil(),))
+
+
+def test_having_replaces_one_of_the_same_class_and_adds_another():
+    model = made("flat")
+    assert len(model.having(NormalDamping(d=3.0)).effects) == len(model.effects)
+    assert model.having(NormalDamping(d=3.0)).effect(NormalDamping).d == 3.0
+    assert len(model.having(GearFriction()).motor_effects) == 1
+    assert len(model.without(NormalDamping).effects) == len(model.effects) - 1
+
+
+@pytest.mark.parametrize("radius", [0.6, 1.0])
+def test_a_turn_has_about_its_radius(radius):
+    """Within a few percent at low slip on grippy soil, and the mirror image the other way round."""
+    traces = {}
+    for sign in (1, -1):
+        drive = scenario("turn", duration=20.0, **{"soil.k": 0.001, "control.radius": sign * radius})
+        traces[sign] = drive.drive()
+    trace = traces[1]
+    late = trace["t_s"] > 5.0
+    rate = np.polyfit(trace["t_s"][late], trace["body_yaw"][late], 1)[0]
+    speed = np.hypot(trace["body_vx"][late], trace["body_vy"][late]).mean()
+    assert speed / rate == pytest.approx(radius, rel=0.06)
+    assert traces[-1]["body_y"] == pytest.approx(-trace["body_y"], abs=2e-6)
+
+
+def test_a_point_turn_stays_where_it_is():
+    trace = scenario("point-turn", duration=10.0, **{"soil.k": 0.001}).drive()
+    assert abs(trace["body_yaw"][-1]) > 1.0
+    assert np.hypot(trace["body_x"], trace["body_y"]).max() < 0.03
