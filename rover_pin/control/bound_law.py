@@ -30,8 +30,9 @@ OUTPUTS = ("saturation", "limit", "d_saturation", "d_limit", "refused")
 COARSE, FINE = (6, 12), 24
 """Quadrature nodes of the Newton steps and of the last point.
 
-Both bounds are then right to 1e-10 for theta_1 up to 70 deg, n 0.3 to 1.6, r / k up to 45 and exit ratios up to 0.9,
-and to 1e-8 for wheels sunk to 85 deg; their derivatives to 1e-6, and to 1e-9 in the usual case.
+Both bounds are then right to 1e-10 for loads from 0.3 N (below, the lifted wheel's floor shows), theta_1 up to 70 deg,
+n 0.3 to 1.6, r / k up to 45, exit ratios up to 0.9; to 1e-8 for theta_1 up to 85 deg. The derivatives by the load are
+right to 1e-6 there, to 1e-10 in the usual case.
 """
 
 CARRIED = 1e-4

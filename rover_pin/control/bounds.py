@@ -147,9 +147,13 @@ class TorqueBounds:
         self._inputs = np.ascontiguousarray(rows)
         self._loads = self._inputs[:, INPUTS.index("load")]
         self._outputs, self._refused = np.zeros((len(OUTPUTS) - 1, len(rows))), np.zeros(1)
-        self._function, self.compiled = _vectorised(len(rows), angles)
+        self.bind(_compiled(len(rows), angles) or interpreted(len(rows), angles))
+
+    def bind(self, function: ca.Function) -> None:
+        """Let `function`, made by `interpreted` or compiled from it, read and write this object's arrays."""
+        self._function, self.compiled = function, function.class_name() == "External"
         self._buffer: Any
-        self._buffer, self._run = self._function.buffer()
+        self._buffer, self._run = function.buffer()
         self._buffer.set_arg(0, self._inputs.ravel().data)
         self._buffer.set_res(0, self._outputs.ravel().data)
         self._buffer.set_res(1, self._refused.data)
@@ -174,18 +178,22 @@ class TorqueBounds:
         return WheelBounds(*self._outputs.copy())
 
 
-@lru_cache(maxsize=8)
-def _vectorised(n: int, angles: FixedAngles | SinkageAngles) -> tuple[ca.Function, bool]:
-    """Return (inputs of n wheels) -> outputs [n, 4] and how many are refused, and whether it is compiled."""
+def interpreted(n: int, angles: FixedAngles | SinkageAngles) -> ca.Function:
+    """Return the function of the inputs of n wheels: outputs [n, 4], and how many are refused."""
     x = ca.MX.sym("x", len(INPUTS), n)
     out = bound_law(angles).map(n)(x)
-    name = f"torque_bounds_{n}"
-    function = ca.Function(name, [x], [ca.densify(out[:-1, :].T), ca.sum2(out[-1, :])])
+    return ca.Function(f"torque_bounds_{n}", [x], [ca.densify(out[:-1, :].T), ca.sum2(out[-1, :])])
+
+
+@lru_cache(maxsize=8)
+def _compiled(n: int, angles: FixedAngles | SinkageAngles) -> ca.Function | None:
+    """Return the same compiled, or None where there is no compiler."""
+    function = interpreted(n, angles)
     try:
         library = shared_library(generated_source(function), "bounds")
     except MissingExtraError:
-        return function, False
-    return ca.external(name, library._name), True
+        return None
+    return ca.external(function.name(), library._name)
 
 
 def _column(load: Scalar, slip_limit: Scalar, wheel: Wheel, soil: Soil) -> Any:

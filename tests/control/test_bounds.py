@@ -64,7 +64,7 @@ def test_bounds_agree_with_a_search_by_the_oracle(name, load, S):
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [0.3, 1.6])
 @pytest.mark.parametrize("k", [0.001, 0.1])
-@pytest.mark.parametrize("load", [0.1, 30.0])
+@pytest.mark.parametrize("load", [0.3, 30.0])
 def test_bounds_agree_with_the_oracle_in_the_corners_of_the_box(n, k, load):
     soil = SAND.replace(n=n, k=k, c=300.0, exit_ratio=0.5)
     found = torque_bounds(load, soil, WHEEL, 0.3)
@@ -221,10 +221,10 @@ def test_prepared_bounds_work_without_a_compiler_and_keep_their_results(monkeypa
         raise MissingExtraError("no compiler")
 
     compiled = TorqueBounds([WHEEL] * 3, SAND)
-    module._vectorised.cache_clear()
+    module._compiled.cache_clear()
     monkeypatch.setattr(module, "shared_library", none)
     slow = TorqueBounds([WHEEL] * 3, SAND)
-    module._vectorised.cache_clear()
+    module._compiled.cache_clear()
     assert not slow.compiled
     first = slow([1.0, 2.0, 3.0])
     kept = first.limit.copy()
