@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -55,21 +56,25 @@ def growing_slope(rate: float = 10.0 * DEG, start: float = 0.5, steepest: float 
     return Lanes((_polyline(x, np.concatenate([[0.0], z, [z[-1] + LEAD * math.tan(steepest)]])),))
 
 
-def bump(height: float = 0.04, length: float = 0.2, at: float = 0.5, ground: int = 0) -> Lanes:
+def bump(height: float = 0.04, length: float = 0.3, at: float = 0.5, ground: int = 0) -> Lanes:
     """Return a raised cosine of `height` over `length` [m] across the whole width, of soil index `ground`.
 
     z = height / 2 (1 - cos(2 pi s / length)), s = x - at.
 
-    Source: paper, Fig 7: "rover motion moving over a bump". Shape and size are assumed. The paper supposes that its
-    obstacle is hard and the sand around it loose: give `ground` = 1 and a harder soil for that.
+    Source: paper, Fig 7: "rover motion moving over a bump". Shape and size are assumed: steep enough to
+    matter, gentle enough to be crossed on sand, as in the paper's simulation, where "all the surface is modeled as
+    dry sand". The paper supposes that the real obstacle was hard: give `ground` = 1 and a harder soil.
     """
     return Lanes((_bump_profile(height, length, at, ground),))
 
 
 def one_sided_bump(
-    height: float = 0.04, length: float = 0.2, at: float = 0.5, ground: int = 0, *, left: bool = True
+    height: float = 0.04, length: float = 0.3, at: float = 0.5, ground: int = 0, *, left: bool = True
 ) -> Lanes:
-    """Return the same under the left wheels (y > 0) only, or under the right ones."""
+    """Return the same bump under the left wheels (y > 0) only, or under the right ones.
+
+    It ends at y = 0 with a sheer edge: a wheel that drifts across it there finds itself inside the bump.
+    """
     level, raised = flat().profiles[0], _bump_profile(height, length, at, ground)
     return Lanes((level, raised) if left else (raised, level), (0.0,))
 
@@ -264,6 +269,8 @@ def _grid(height: Callable[[np.ndarray, np.ndarray], np.ndarray], spacing: float
 
 
 def _within(name: str, value: float, low: float, high: float) -> None:
+    if not isinstance(value, Real):
+        raise ParameterError(f"The terrain's {name} = {value!r} is not a number: give one in [{low:g}, {high:g}] (SI).")
     if not low <= value <= high:
         raise ParameterError(
             f"The terrain's {name} = {value:g} is not allowed: it must lie in [{low:g}, {high:g}] (SI)."

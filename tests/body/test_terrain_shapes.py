@@ -44,8 +44,8 @@ def test_bump_and_its_soil():
 def test_one_sided_bump_is_on_its_side():
     left, right = shapes.one_sided_bump(), shapes.one_sided_bump(left=False)
     y = np.array([0.16, -0.16])
-    assert left.height(0.6, y) == pytest.approx([0.04, 0.0])
-    assert right.height(0.6, y) == pytest.approx([0.0, 0.04])
+    assert left.height(0.65, y) == pytest.approx([0.04, 0.0])
+    assert right.height(0.65, y) == pytest.approx([0.0, 0.04])
     assert not left.mirror_symmetric
 
 
@@ -152,6 +152,7 @@ def test_a_stretch_on_a_grid():
     ("make", "says"),
     [
         (lambda: shapes.incline(1.57), "angle = 1.57 is not allowed: it must lie in [-1.55334, 1.55334] (SI)"),
+        (lambda: shapes.incline("steep"), "angle = 'steep' is not a number"),
         (lambda: shapes.growing_slope(0.0), "rate = 0"),
         (lambda: shapes.growing_slope(steepest=1.5), "steepest = 1.5"),
         (lambda: shapes.bump(length=0.0), "length = 0"),
