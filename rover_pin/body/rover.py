@@ -15,8 +15,9 @@ import pinocchio as pin
 from rover_pin.body.layout import Layout, read_layout, shipped
 from rover_pin.body.symmetry import Mirror, is_symmetric, mirror
 from rover_pin.body.urdf_check import refuse_faults
+from rover_pin.body.urdf_readers import free_tree
 from rover_pin.contact import Wheel
-from rover_pin.errors import ParameterError, UrdfError, closest
+from rover_pin.errors import ParameterError, closest
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def load_rover(rover: str | Path = "nexus6") -> Rover:
 
 def assemble(layout: Layout) -> Rover:
     """Return the rover of a layout whose URDF has been checked."""
-    model = tree(layout.text, layout.file)
+    model = free_tree(layout.text)
     angles = {name: _angle(model, joint) for name, joint in layout.angles.items()}
     return Rover(
         name=layout.name,
@@ -124,14 +125,6 @@ def assemble(layout: Layout) -> Rover:
         mirror=mirror(model, layout.pairs),
         urdf=layout.text,
     )
-
-
-def tree(text: str, where: str) -> pin.Model:
-    """Return Pinocchio's tree with a free-flyer at the root and every mimicking joint set free."""
-    try:
-        return pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), False)
-    except Exception as error:
-        raise UrdfError(f"{where}: Pinocchio cannot read it ({error}); check its XML and its joints.") from error
 
 
 def _mounts(model: pin.Model, layout: Layout) -> list[WheelMount]:

@@ -12,7 +12,7 @@ import pinocchio as pin
 from rover_pin.body.layout import Layout, read_layout
 from rover_pin.body.symmetry import axes_at_zero, is_symmetric, mirror
 from rover_pin.body.urdf_inertia import inertia_faults, unit_faults
-from rover_pin.body.urdf_readers import reader_faults
+from rover_pin.body.urdf_readers import free_tree, reader_faults
 from rover_pin.body.urdf_roles import axis_faults, role_faults
 from rover_pin.body.urdf_structure import structure_faults
 from rover_pin.body.urdf_tree import UrdfTree, read_tree
@@ -52,7 +52,7 @@ def check_urdf(path: str | Path) -> UrdfReport:
     faults = tuple(f"{tree.file}: {fault}" for fault in _faults(tree, text, layout))
     if faults:
         return UrdfReport(path.name, faults, (), ())
-    model = _model(text)
+    model = free_tree(text)
     notes = [*_notes(tree, layout), *(() if layout is None else _stance_notes(layout, model))]
     return UrdfReport(
         path.name, (), tuple(f"{tree.file}: {note}" for note in notes), tuple(_facts(tree, model, layout))
@@ -96,7 +96,7 @@ def _written(tree: UrdfTree, text: str, layout: Layout | None) -> Iterator[str]:
 
 def _placed(tree: UrdfTree, text: str, layout: Layout | None) -> Iterator[str]:
     try:
-        model = _model(text)
+        model = free_tree(text)
     except Exception as error:
         yield f"Pinocchio cannot read it ({error}); check its joints."
         return
@@ -104,10 +104,6 @@ def _placed(tree: UrdfTree, text: str, layout: Layout | None) -> Iterator[str]:
     if layout is not None:
         yield from axis_faults(layout, model, axes_at_zero(model))
     yield from reader_faults(tree, text, model)
-
-
-def _model(text: str) -> pin.Model:
-    return pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), False)
 
 
 def across(model: pin.Model) -> float:

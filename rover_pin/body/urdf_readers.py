@@ -17,6 +17,11 @@ AGREE = 1e-6
 """Largest difference between the links' placements (m, and entries of the rotations)."""
 
 
+def free_tree(text: str) -> pin.Model:
+    """Return Pinocchio's tree with a free-flyer at the root and every mimicking joint set free."""
+    return pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), False)
+
+
 def reader_faults(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
     """Yield the first link that Pinocchio and yourdfpy place differently, at random joint angles."""
     import yourdfpy  # half a second, and only checks want it

@@ -66,7 +66,7 @@ def axis_faults(layout: Layout, model: pin.Model, axes: np.ndarray) -> Iterator[
             xyz, name = " ".join(f"{each:.3g}" for each in axis + 0.0), "xyz"[direction]
             yield (
                 f"{role} joint '{joint}' turns about ({xyz}) in the base's axes; it must be +{name}, so that a "
-                f"positive {'angle turns left' if direction == 2 else 'rate rolls forward'}: mend its <axis> or its rpy."
+                f"positive {'angle turns left' if direction == 2 else 'rate rolls forward'}: mend <axis> or rpy."
             )
     yield from _place_faults(layout, model)
 
