@@ -12,6 +12,7 @@ import pytest
 from rover_pin.body.rover import Rover, load_rover
 
 HERE = Path(__file__).parent
+URDF = HERE.parents[1] / "urdf"
 ROVERS = {
     "nexus6": "nexus6",
     "cart": "cart",
@@ -56,3 +57,15 @@ def random_state():
         return State(q, v, rng.normal(size=nv), rng.normal(0.0, 5.0, (n, 6)))
 
     return make
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A function that puts a URDF beside Nexus 6's TOML, or another, and returns the TOML's path."""
+
+    def write(text: str, layout: str | None = None) -> Path:
+        (tmp_path / "nexus6.urdf").write_text(text)
+        (tmp_path / "nexus6.toml").write_text(layout or (URDF / "nexus6.toml").read_text())
+        return tmp_path / "nexus6.toml"
+
+    return write
