@@ -46,9 +46,15 @@ class OptimisationError(RoverPinError):
         self.status = status
 
 
+MOST_NAMES = 20
+"""How many names an error lists; of more, the nearest."""
+
+
 def closest(name: str, known: Iterable[str]) -> str:
     """Return `did you mean 'x'? ` or nothing, then the known names: the tail of an unknown-name message."""
     known = sorted(known)
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean '{near[0]}'? " if near else ""
-    return f"{hint}Known: {', '.join(known)}."
+    near = difflib.get_close_matches(name, known, n=8, cutoff=0.5)
+    hint = f"did you mean '{near[0]}'? " if near and difflib.SequenceMatcher(None, name, near[0]).ratio() > 0.6 else ""
+    if len(known) <= MOST_NAMES:
+        return f"{hint}Known: {', '.join(known)}."
+    return f"{hint}Known and alike: {', '.join(near or known[:8])}; {len(known)} in all."

@@ -15,6 +15,7 @@ from matplotlib.patches import Circle
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.terrain import Terrain
+from rover_pin.control.steering import wheel_places
 from rover_pin.motion.model import Model
 from rover_pin.motion.trace import Trace
 from rover_pin.soil.curves import TractionCurves
@@ -83,20 +84,22 @@ def ground_line(terrain: Terrain, low: float, high: float, y: float) -> tuple[np
 
 def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     """Return the rover's outline at evenly spaced instants on its terrain; later ones are darker."""
-    figure, axes = new_figure(1, size=(10.0, 3.4))
+    figure, axes = new_figure(1, size=(10.0, 3.8))
     low, high = float(np.min(trace["body_x"])) - 0.3, float(np.max(trace["body_x"])) + 0.3
-    y = float(model.rover.half_track)
+    y = max(place[1] for place in wheel_places(model.rover).values())
     x, z = ground_line(model.terrain, low, high, y)
     axes.fill_between(x, z, np.min(z) - 0.05, color="#d9c9a5", lw=0)
     axes.plot(x, z, color="#8a7340", lw=1)
     rows = np.linspace(0, len(trace["t_s"]) - 1, count).astype(int)
+    top, labelled = float(np.max(trace["body_z"])) + 0.05, -np.inf
     for shade, row in zip(np.linspace(0.65, 0.0, count), rows, strict=True):
         draw_rover(axes, model.rover, configuration(model.rover, trace, row), str(shade))
-        top = float(trace["body_z"][row]) + 0.12
-        axes.text(
-            float(trace["body_x"][row]), top, f"{trace['t_s'][row]:.1f} s", ha="center", fontsize=8, color=str(shade)
-        )
-    axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(low, high), title=title_of(trace))
+        at = float(trace["body_x"][row])
+        if abs(at - labelled) > 0.07:
+            axes.text(at, top, f"{trace['t_s'][row]:.1f} s", ha="center", fontsize=8, color=str(shade))
+            labelled = at
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(low, high), ylim=(None, top + 0.04))
+    axes.set_title(title_of(trace), fontsize=9)
     return figure
 
 

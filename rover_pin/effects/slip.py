@@ -35,23 +35,25 @@ class AlgebraicSlip(Effect):
 
 @dataclass(frozen=True)
 class RelaxedSlip(Effect):
-    """Slip that builds up over a length of travel: L dS/dt = r omega - v - max(|r omega|, |v|) S.
+    """Slip that builds up over a length of travel: L ds/dt = r omega - v - max(|r omega|, |v|) s, S = s + T ds/dt.
 
-    Its steady state is Eq (1); at rest S keeps its value, so that a parked wheel holds a slope without creeping, and
-    nothing is singular. S_y follows the sideways speed in the same way.
-    Source: first-order relaxation as for tyres (Pacejka, Tyre and Vehicle Dynamics, transient slip).
+    Its steady state is Eq (1); at rest s keeps its value, so that a parked wheel holds a slope without creeping, and
+    nothing is singular. T damps the swing of the rover's mass on the slip. S_y follows the sideways speed likewise.
+    Source: first-order relaxation with low-speed damping, as for tyres (Pacejka, Tyre and Vehicle Dynamics).
     Differs from the paper: it has Eq (1) only.
     """
 
     length: Scalar = quantity(0.031, "m", "assumed: contact length r (theta_1 - theta_2) of Table 1", 1e-4, 1.0, "L")
+    damping: Scalar = quantity(0.1, "s", "assumed: the start on the flat hardly rings", 0.0, 10.0, "T")
     states: ClassVar[tuple[State, ...]] = (State("S", odd=True), State("S_y", odd=True))
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Take S and S_y from the states."""
-        return contact._replace(S=ca.fmin(1.0, ca.fmax(-1.0, x[0])), S_y=x[1])
+        """Set S and S_y from the states and their rates."""
+        S, S_y = (each + self.damping * rate for each, rate in zip(x, self.rate(contact, Load(), x), strict=True))
+        return contact._replace(S=ca.fmin(1.0, ca.fmax(-1.0, S)), S_y=S_y)
 
     def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        """Return dS/dt and dS_y/dt."""
+        """Return ds/dt and ds_y/dt."""
         rolling = ca.fmax(ca.fabs(contact.rim), ca.fabs(contact.v_x))
         along = (contact.rim - contact.v_x - rolling * x[0]) / self.length
         return along, (contact.v_y - sliding_speed(contact) * x[1]) / self.length
