@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rover_pin.errors import DataError, ParameterError
+from rover_pin.errors import DataError, MissingExtraError, ParameterError
 from rover_pin.sweep.axis import plain
 from rover_pin.sweep.study import Case, Study
 
@@ -20,9 +20,8 @@ LEADING = ("case", "repeat", "seed", "key")
 
 
 def drive_case(study: Study, case: Case) -> Mapping[str, Any]:
-    """Return the summary of the study's scenario, driven with the case's values, and why the drive stopped."""
-    trace = scenario_of(study, case).drive()
-    return {**trace.summary(), "stop": trace.attrs["stop"]}
+    """Return the summary of the study's scenario, driven with the case's values; `stop` says why it ended."""
+    return scenario_of(study, case).drive().summary()
 
 
 def scenario_of(study: Study, case: Case) -> Any:
@@ -51,9 +50,17 @@ def check_names(study: Study, cases: Sequence[Case]) -> None:
 
 
 def run_case(study: Study, case_function: CaseFunction, case: Case) -> Row:
-    """Return the case's row; whatever goes wrong in it becomes the row's `error`. Wall time is no part of a row."""
+    """Return the case's row; whatever goes wrong in it becomes the row's `error`. Wall time is no part of a row.
+
+    Raises
+    ------
+    MissingExtraError
+        The machine, not the case, lacks something: a C compiler, an optional package.
+    """
     try:
         outcomes = _checked(study, case_function(study, case))
+    except MissingExtraError:
+        raise
     except Exception as error:
         return failed_row(case, error)
     return {**_head(case), **outcomes, "error": None}

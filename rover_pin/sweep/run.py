@@ -68,7 +68,7 @@ def sweep(
     DataError
         The folder holds another study.
     MissingExtraError
-        `scheduler` given and Dask not installed.
+        `scheduler` given and Dask not installed, or a worker lacks what a drive needs.
     SimulationError
         The workers or the scheduler died; finished cases are kept.
     """

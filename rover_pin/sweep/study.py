@@ -30,8 +30,8 @@ class Case:
 
     @cached_property
     def seed(self) -> int:
-        """A seed in [0, 2^63) that comes from the key alone."""
-        return int(np.random.SeedSequence(int(self.key, 16)).generate_state(1, np.uint64)[0] >> np.uint64(1))
+        """A seed in [0, 2^53), exact in any table, that comes from the key alone."""
+        return int(np.random.SeedSequence(int(self.key, 16)).generate_state(1, np.uint64)[0] >> np.uint64(11))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import pandas as pd
 import pytest
 
 import rover_pin
-from rover_pin.errors import DataError, ParameterError, SimulationError
+from rover_pin.errors import DataError, MissingExtraError, ParameterError, SimulationError
 from rover_pin.sweep import Grid, Range, Sobol, Study, Values, collect, sweep
 from rover_pin.sweep import progress as progress_module
 from rover_pin.sweep import store as store_module
@@ -181,6 +181,16 @@ def test_outcomes_that_fit_no_column_are_reasons(tmp_path, returned, said):
     assert table["error"].str.startswith(said).all()
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_what_the_machine_lacks_stops_the_sweep_and_is_no_result(tmp_path, workers):
+    def lacking(study, case):
+        raise MissingExtraError("No C compiler found.")
+
+    with pytest.raises(MissingExtraError, match=r"No C compiler found"):
+        sweep(STUDY, tmp_path / "out", workers=workers, case_function=lacking)
+    assert collect(tmp_path / "out").empty
+
+
 def test_odd_outcomes_lose_nothing(tmp_path):
     odd = [1, "stuck", None, np.float64(2.5), math.inf, True]
     study = Study("odd", "stub", {"a": Values(range(6))}, Grid())
@@ -265,7 +275,7 @@ def test_importing_the_sweep_loads_nothing_heavy():
 
 def test_sobol_study_runs_with_repeats(tmp_path):
     study = Study("repeated", "stub", {"a": Range(0.0, 1.0)}, Sobol(4), repeats=2)
-    table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"noise": case.seed / 2**63}).table
+    table = sweep(study, tmp_path / "out", workers=1, case_function=lambda _, case: {"noise": case.seed / 2**53}).table
     assert list(table["repeat"]) == [0, 1] * 4
     assert table["noise"].nunique() == 8
 

@@ -1,0 +1,61 @@
+"""Sweeps over real drives of the ready-made scenarios."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import pytest
+
+from rover_pin.errors import ParameterError
+from rover_pin.sweep import Grid, Range, Study, Values, drive_case, read_study, sweep
+from rover_pin.sweep.case import scenario_of
+from rover_pin.sweep.store import RESULTS
+
+FLAT = Study("flat", "flat", {"soil.k": Values([0.01, 0.05]), "motor.supply": Values([7.2, 8.0])}, Grid(), duration=1.0)
+STUDIES = Path(__file__).parents[2] / "studies"
+
+
+@pytest.mark.slow
+def test_drives_are_equal_for_one_and_two_workers(tmp_path):
+    one = sweep(FLAT, tmp_path / "one", workers=1).table
+    sweep(FLAT, tmp_path / "two", workers=2)
+    assert one["error"].isna().all()
+    assert (tmp_path / "one" / RESULTS).read_bytes() == (tmp_path / "two" / RESULTS).read_bytes()
+    assert one["distance_m"][1] > one["distance_m"][0] > 0.0  # more volts, more way
+
+
+def test_a_drive_that_cannot_be_is_a_row_with_its_reason(tmp_path):
+    study = dataclasses.replace(FLAT, scenario="ditch", parameters={"terrain.wall_angle": Values([0.1, 0.8])})
+    table = sweep(study, tmp_path / "out", workers=1).table
+    assert table["error"][0].startswith("ParameterError: The ditch's walls at 5.7")
+    assert table["stop"][1] == "duration"
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"scenario": "dich"}, "study 'flat': There is no scenario 'dich': did you mean 'ditch'"),
+        ({"parameters": {"soil.kk": Values([1.0])}}, "study 'flat': There is no setting 'soil.kk' here: did you mean"),
+        ({"settings": {"terrain.wall_angel": 1.0}}, "There is no setting 'terrain.wall_angel' here"),
+    ],
+)
+def test_unknown_names_are_refused_before_any_drive(tmp_path, changes, said):
+    with pytest.raises(ParameterError, match=said):
+        sweep(dataclasses.replace(FLAT, **changes), tmp_path / "out")
+
+
+def test_a_terrain_of_chance_comes_from_the_case(tmp_path):
+    study = Study("hills", "hills", {"soil.k": Range(0.01, 0.05)}, Grid(2), duration=1.0, repeats=2)
+    made = [scenario_of(study, case) for case in study.cases()]
+    assert len({scene.settings["terrain.seed"] for scene in made}) == 4
+    fixed = dataclasses.replace(study, settings={"terrain.seed": 3})
+    assert {scenario_of(fixed, case).settings["terrain.seed"] for case in fixed.cases()} == {3}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", sorted(STUDIES.glob("*.toml")), ids=lambda file: file.stem)
+def test_shipped_studies_read_and_their_first_drives_run(file):
+    study = dataclasses.replace(read_study(file), duration=0.5)
+    cases = study.cases()
+    assert math.isfinite(drive_case(study, cases[0])["distance_m"])
+    assert math.isfinite(drive_case(study, cases[-1])["distance_m"])
