@@ -11,6 +11,7 @@ import numpy as np
 
 from rover_pin.errors import DataError
 
+
 def column(values: Any, name: str, where: str) -> np.ndarray:
     """Return `values` as a one-dimensional array of finite floats, not empty."""
     try:

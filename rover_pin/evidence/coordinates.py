@@ -16,6 +16,9 @@ from rover_pin.quantity import Quantity, quantities
 DECADES = 1e-6
 """A logarithm whose bound is zero or negative stops at this share of where it starts."""
 
+MOST_EXIT = 0.99
+"""Greatest exit ratio of a fit: at 1 the stress ends on a second singularity, where derivatives jump."""
+
 RATIO = 4.0
 """A 95 % interval of a logarithm is called found up to this ratio of its ends."""
 
@@ -178,7 +181,8 @@ def _modulus_axis(name: str, about: Quantity, base: dict[str, float], free: tupl
 
 def _linear_axis(name: str, about: Quantity, scale: float, widest: float) -> Axis:
     coordinate = Linear(scale, widest / scale)
-    return Axis(name, about, coordinate, coordinate.u(about.low), coordinate.u(about.high))
+    high = MOST_EXIT if name == "exit_ratio" else about.high
+    return Axis(name, about, coordinate, coordinate.u(about.low), coordinate.u(high))
 
 
 def _log_axis(name: str, about: Quantity, value: float, shift: float) -> Axis:

@@ -122,7 +122,9 @@ def profile(
         raise ParameterError(f"the profile of '{name}' needs it among the free parameters {', '.join(free)}.")
     axis = problem.space.axes[index]
     if not all(axis.about.low <= value <= axis.about.high for value in values):
-        raise ParameterError(f"the profile of {name} leaves [{axis.about.low:g}, {axis.about.high:g}] {axis.about.unit}.")
+        raise ParameterError(
+            f"the profile of {name} leaves [{axis.about.low:g}, {axis.about.high:g}] {axis.about.unit}."
+        )
     best = _lowest(problem, [_solve(problem, u, SEARCH.evaluations) for u in scatter(problem, SEARCH)])
     wanted = np.clip([axis.coordinate.u(float(value)) for value in values], axis.low, axis.high)
     chi2 = np.empty(len(wanted))
@@ -134,9 +136,7 @@ def profile(
     return chi2
 
 
-def build(
-    data: Evidence | Sequence[Evidence], soil: Soil, free: Sequence[str], priors: Mapping[str, Prior]
-) -> Problem:
+def build(data: Evidence | Sequence[Evidence], soil: Soil, free: Sequence[str], priors: Mapping[str, Prior]) -> Problem:
     """Return the least-squares problem of a fit; raises as `identify`."""
     sets: tuple[Evidence, ...] = tuple(data) if isinstance(data, Sequence) else (data,)
     if not sets:

@@ -105,7 +105,9 @@ class Identification:
                 f"the model misses the data by more than their noise: SDs and intervals are widened {self.misfit:.3g} "
                 "times, and hold only if the missing effect does not move the parameters"
             ]
-        lines += [f"  {c.name}: RMSE {c.rmse:.3g} {c.unit} over {c.points} points, chi2 {c.chi2:.4g}" for c in self.channels]
+        lines += [
+            f"  {c.name}: RMSE {c.rmse:.3g} {c.unit} over {c.points} points, chi2 {c.chi2:.4g}" for c in self.channels
+        ]
         lines += [f"weakest combination: {self._weakest()}", *self._strong_correlations(), self._starts()]
         return "\n".join(lines)
 

@@ -19,6 +19,8 @@ def judge(problem: Problem, best: Best, index: int, interval: Interval, misfit: 
     """Return the estimate of one free parameter from its profile interval, with SDs widened by `misfit`."""
     axis = problem.space.axes[index]
     verdict, reason = _verdict(problem, best, index, interval)
+    if verdict is Verdict.FOUND and misfit > 1:
+        reason += ", if what the model misses does not move it"
     value = float(problem.space.values(best.u)[index])
     ends = np.clip([axis.coordinate.value(end) for end in interval[:2]], axis.about.low, axis.about.high)
     return Estimate(

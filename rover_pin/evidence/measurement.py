@@ -94,7 +94,9 @@ class WheelRig:
         load = column(np.atleast_1d(self.load), "load", self.name)
         load = np.full(slip.size, load[0]) if load.size == 1 else load
         if not self.channels:
-            raise DataError(f"{self.name}: no channel was measured; give one of {', '.join(c.column for c in CHANNELS)}.")
+            raise DataError(
+                f"{self.name}: no channel was measured; give one of {', '.join(c.column for c in CHANNELS)}."
+            )
         same_length(self.name, slip=slip, load=load, **{c.column: c.measured for c in self.channels})
         slips(slip, "slip", self.name)
         positive(load, "load", "N", self.name)
@@ -174,7 +176,9 @@ def read_wheel_rig(folder: str | Path) -> WheelRig:
 
 def _channels(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> tuple[RigChannel, ...]:
     present = [kind for kind in CHANNELS if kind.column in table]
-    return tuple(kind(column(table[kind.column], kind.column, where), _sd(kind, table, noise, where)) for kind in present)
+    return tuple(
+        kind(column(table[kind.column], kind.column, where), _sd(kind, table, noise, where)) for kind in present
+    )
 
 
 def _sd(kind: type[RigChannel], table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> Any:
@@ -186,7 +190,9 @@ def _sd(kind: type[RigChannel], table: pd.DataFrame, noise: Mapping[str, Any], w
         return share * column(table["load_N"], "load_N", where)
     if f"{stem}_sd_{suffix}" in table:
         return table[f"{stem}_sd_{suffix}"]
-    raise DataError(f"{where}: the noise of {stem} is not stated; write [noise] {stem} = {{ value, unit = '{kind.unit}' }}.")
+    raise DataError(
+        f"{where}: the noise of {stem} is not stated; write [noise] {stem} = {{ value, unit = '{kind.unit}' }}."
+    )
 
 
 def _si(entry: Any, expected: str, where: str) -> float:

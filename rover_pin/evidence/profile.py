@@ -6,15 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.errors import OptimisationError
 from rover_pin.evidence.levenberg import descend
 from rover_pin.evidence.problem import Problem
 
 NORMAL_95 = 1.959964
 """Root of the rise in chi2 that bounds a 95 % interval of one parameter."""
 
-TRIES = 40
-CLOSE = 5e-3
-"""How near, in the root of chi2's rise, an end of the interval is found."""
+TRIES = 60
+JUMP = 0.01
+"""A bracket this narrow, relative to its distance, that holds no end came from a refit that went astray: look on."""
+
+CLOSE = 3e-3
+"""How near, relative to the interval's half width, an end is found."""
 
 
 class Best(NamedTuple):
@@ -34,7 +38,7 @@ class Interval(NamedTuple):
     closed_high: bool
 
 
-class LowerMinimum(Exception):  # noqa: N818
+class LowerMinimum(Exception):
     """A refit found a lower chi2 than the fit: the fit was at another minimum. Internal; `u` is the better point."""
 
     def __init__(self, u: np.ndarray):
@@ -71,31 +75,41 @@ def _end(problem: Problem, best: Best, index: int, side: int, target: float) -> 
     centre = best.u[index]
     bound = float((problem.space.low, problem.space.high)[side > 0][index])
     sd = float(np.sqrt(best.covariance[index, index]))
-    inside, outside = (centre, 0.0), None
-    x, u = _within(centre + side * target * sd, centre, bound), best.u
-    for _ in range(TRIES):
-        z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if outside is None else u)
-        if abs(z - target) < CLOSE:
+    inside, outside, kept = (centre, 0.0), None, best.u
+    x = _within(centre + side * target * sd, centre, bound)
+    for turn in range(TRIES):
+        z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if kept is best.u else kept)
+        if abs(z - target) < CLOSE * target:
             return x, True
         if z > target:
             outside = (x, z)
         elif x == bound:
             return bound, False
         else:
-            inside = (x, z)
-        x = _next(inside, outside, centre, bound, target)
-    return x, True
+            inside, kept = (x, z), u
+        if outside is not None and abs(outside[0] - inside[0]) < JUMP * abs(inside[0] - centre):
+            outside = None
+        x = _next(inside, outside, (centre, bound), target, turn)
+    raise OptimisationError(
+        f"the profile of {problem.space.names[index]} jumps near {problem.space.axes[index].coordinate.value(x):g}: "
+        "the fit has several branches; give more starts or free fewer parameters.",
+        status=TRIES,
+    )
 
 
 def _next(
-    inside: tuple[float, float], outside: tuple[float, float] | None, centre: float, bound: float, target: float
+    inside: tuple[float, float],
+    outside: tuple[float, float] | None,
+    limits: tuple[float, float],
+    target: float,
+    turn: int,
 ) -> float:
-    """Return the next trial: stretch until the target is passed, then a secant kept off the ends of the bracket."""
+    """Return the next trial: stretch until the target is passed, then secant and middle of the bracket in turn."""
     if outside is None:
-        reach = inside[0] - centre
-        return _within(centre + reach * min(target / max(inside[1], 0.1 * target) * 1.05, 4.0), centre, bound)
-    share = (target - inside[1]) / (outside[1] - inside[1])
-    return inside[0] + min(max(share, 0.1), 0.9) * (outside[0] - inside[0])
+        reach = inside[0] - limits[0]
+        return _within(limits[0] + reach * min(target / max(inside[1], 0.1 * target) * 1.05, 4.0), *limits)
+    share = (target - inside[1]) / (outside[1] - inside[1]) if turn % 3 else 0.5
+    return inside[0] + share * (outside[0] - inside[0])
 
 
 def _follow(problem: Problem, best: Best, index: int, x: float) -> np.ndarray:

@@ -95,7 +95,9 @@ class TractionPoints:
         levels, at, count = np.unique(slip, return_inverse=True, return_counts=True)
         means = np.bincount(at, factor) / count
         if len(slip) == len(levels):
-            raise DataError("scatter: no slip ratio is repeated, so the scatter is unknown; use TractionPoints with sd.")
+            raise DataError(
+                "scatter: no slip ratio is repeated, so the scatter is unknown; use TractionPoints with sd."
+            )
         pooled = np.sqrt(np.sum((factor - means[at]) ** 2) / (len(slip) - len(levels)))
         return cls(levels, means, pooled / np.sqrt(count), wheel, form)
 

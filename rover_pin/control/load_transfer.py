@@ -1,0 +1,69 @@
+"""How the axles share the weight, and how their pulls shift it from one to another."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.acceleration import constraint_row, mass_matrix, wheel_jacobians
+from rover_pin.body.rover import Rover
+
+
+class AxleLoads(NamedTuple):
+    """Vertical loads W = rest + shift H of the axles under their horizontal pushes H, at zero joint angles."""
+
+    rest: np.ndarray
+    "loads of the axles at rest on level ground (3) [N]"
+    shift: np.ndarray
+    "change of the load of axle i by a forward push of axle j (3, 3) [-]"
+    place: np.ndarray
+    "x of the axles from the base (3) [m]"
+    half_track: float
+    "how far the wheels run from the middle [m]"
+
+
+def axle_loads(rover: Rover, gravity: float) -> AxleLoads:
+    """Return the axles' loads by balance of forces and moments on the base and on every free pivot.
+
+    A push that nothing holds back accelerates the rover, and its inertia is part of the balance (d'Alembert):
+
+        S (g(q) + M e_x sum(H) / m - sum_i J_i^T (W_i e_z + H_i e_x) - G^T lambda) = 0.
+
+    Parameters
+    ----------
+    gravity : float
+        m/s^2.
+
+    Source: section 4, "static balance among forces and moments"; here with the pulls, whose lever is the pivots' height.
+    """
+    rover = rover.under(gravity)
+    q = pin.neutral(rover.model)
+    lifts, pushes = (_unit_forces(rover, q, axis) for axis in np.eye(3)[[2, 0]])
+    axles = np.array([wheel.axle for wheel in rover.wheels])
+    member = (axles[:, None] == np.unique(axles)).astype(float)
+    weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
+    inertia = mass_matrix(rover, q)[:, :1] / rover.mass
+    asked = np.column_stack([weight, inertia - pushes @ (member / member.sum(axis=0))])
+    free = _free_dofs(rover)
+    found, *_ = np.linalg.lstsq(np.column_stack([lifts, constraint_row(rover)])[free], asked[free], rcond=1e-10)
+    loads = member.T @ found[:-1]
+    data = rover.model.createData()
+    pin.forwardKinematics(rover.model, data, q)
+    centres = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels])
+    places = member.T @ centres[:, 0] / member.sum(axis=0)
+    return AxleLoads(loads[:, 0], loads[:, 1:], places, float(np.mean(np.abs(centres[:, 1]))))
+
+
+def _unit_forces(rover: Rover, q: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return the generalised force of a newton at each wheel's lowest point [nv, n]."""
+    arms = [np.cross([0.0, 0.0, -float(wheel.wheel.r)], direction) for wheel in rover.wheels]
+    return np.column_stack(
+        [J[:3].T @ direction + J[3:].T @ arm for J, arm in zip(wheel_jacobians(rover, q), arms, strict=True)]
+    )
+
+
+def _free_dofs(rover: Rover) -> list[int]:
+    held = {wheel.dof for wheel in rover.wheels} | {wheel.steer_dof for wheel in rover.wheels}
+    return [place for place in range(rover.model.nv) if place not in held]

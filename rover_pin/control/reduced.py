@@ -1,0 +1,251 @@
+"""A longitudinal model of the driving rover, small enough to be differentiated through a whole drive.
+
+Unknowns: x and v of the rover; of each axle the wheel rate, the effects' own states, the duty and the control's
+integral. The axles follow the path of a wheel's centre over the terrain; with p its slope and F = f_t / f_n,
+
+    m dv/dt = sum H_i,   H_i = W_i (F_i - p_i) / (1 + F_i p_i),   W = rest + shift H,
+    J domega_i/dt = motor torque - M_i f_n,i,   f_n = W sqrt(1 + p^2) / (1 + F p),   M = soil torque / f_n.
+
+F and M are the model's own effects evaluated at the static sinkage: the same expressions as in the simulator. Left out:
+the suspension's motion, the two patches of a lip, and the mirrored view of a wheel that runs backwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.control.load_transfer import AxleLoads, axle_loads
+from rover_pin.control.reduced_loop import Loop
+from rover_pin.control.slip_control import Gains
+from rover_pin.control.wheel_path import WheelPath, wheel_path
+from rover_pin.errors import OptimisationError
+from rover_pin.motion.model import CRUISE_SPEED, Model
+from rover_pin.motion.motor import motor_current
+from rover_pin.quantity import quantities
+from rover_pin.soil.sinkage import entry_angle, sinkage
+
+AXLES = 3
+LIGHTEST = 0.05
+"""Load of an axle that is about to lift, as a share of its load at rest: the shear model has no wheel in the air."""
+FASTEST = 3.0
+"""How far the path is laid out, over cruise speed times duration."""
+TOLERANCES = {"abstol": 1e-6, "reltol": 1e-5, "max_num_steps": 20000}
+"""Of CVODES: the cost is then right to 1e-5, at half the time of ten times finer ones."""
+GAIN_NAMES = tuple(quantities(Gains))
+
+
+class Outcome(NamedTuple):
+    """What a drive of the reduced model comes to."""
+
+    x_end: Scalar
+    "m"
+    speed_end: Scalar
+    "mean speed over the last part of the drive [m/s]"
+    slip: Scalar
+    "mean over time and wheels of S^2 [-]"
+    energy: Scalar
+    "electric energy [J]"
+
+
+class Axle(NamedTuple):
+    """One axle's soil and motor at an instant."""
+
+    F: Scalar
+    M: Scalar
+    S: Scalar
+    contact_rate: tuple[Scalar, ...]
+    motor_torque: Scalar
+    motor_rate: tuple[Scalar, ...]
+    power: Scalar
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """A model's reduced drive under a loop, for gains still open.
+
+    Parameters
+    ----------
+    model : Model
+        With a rover of three axles.
+    loop : Loop
+        The control with its estimate and limits.
+    duration : float
+        s.
+    start : float
+        x of the base at the start [m].
+    """
+
+    model: Model
+    loop: Loop
+    duration: float
+    start: float = 0.0
+    tail: float = 3.0
+    "the last part of the drive, over which the end speed is taken [s]"
+
+    @cached_property
+    def loads(self) -> AxleLoads:
+        """The axles' loads."""
+        return axle_loads(self.model.rover, self.model.gravity)
+
+    @cached_property
+    def sunk(self) -> float:
+        """Sinkage of a wheel under a sixth of the weight [m]."""
+        wheel, soil = self.model.rover.wheel, self.model.soils[0]
+        load = float(np.sum(self.loads.rest)) / len(self.model.rover.wheels)
+        return float(sinkage(entry_angle(load, 0.1, wheel, soil), wheel))
+
+    @cached_property
+    def path(self) -> WheelPath:
+        """The path of the wheels' centres."""
+        rover = self.model.rover
+        reach = FASTEST * CRUISE_SPEED * self.duration
+        low, high = self.start - 1.0, self.start + 1.0 + reach
+        radius = float(rover.wheel.r) - self.sunk
+        return wheel_path(self.model.terrain, radius, self.loads.half_track, low, high)
+
+    @cached_property
+    def ode(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
+        """States, gains, their rates, the rates of the quadratures (S^2, power), and the outputs (v, S, omega)."""
+        model, effects = self.model, self.model.contact_effects
+        nx = sum(len(effect.states) for effect in effects)
+        nm = sum(len(effect.states) for effect in model.motor_effects)
+        x, v = ca.SX.sym("x"), ca.SX.sym("v")
+        own = [ca.SX.sym(f"axle_{i}", 3 + nx + nm) for i in range(AXLES)]
+        p = ca.SX.sym("gains", len(GAIN_NAMES))
+        gains = Gains(**dict(zip(GAIN_NAMES, ca.vertsplit(p), strict=True)))
+        places = [x + float(each) for each in self.loads.place]
+        slopes = [self.path.slope_at(each) for each in places]
+        heights = [self.path.height_at(each) for each in places]
+        pitch = (heights[2] / 2 + heights[1] / 2 - heights[0]) / _rocker_length(self.loads.place)
+        axles = [self._axle(i, slopes[i], v, own[i], nx) for i in range(AXLES)]
+        normal, push = self._balance(slopes, [axle.F for axle in axles])
+        rates = [v, sum(push) / model.rover.mass]
+        for i, axle in enumerate(axles):
+            omega, duty, integral = own[i][0], own[i][1], own[i][2]
+            soil = axle.M * normal[i] / 2
+            S_hat = self.loop.estimated(axle.S, duty, model.rover.wheel.r * omega)
+            highest = self.loop.highest(i, pitch, omega)
+            d_integral, d_duty = self.loop.rates(gains, S_hat, highest, integral, duty)
+            spin = (axle.motor_torque - soil) / self._inertia
+            rates += [spin, d_duty, d_integral, *axle.contact_rate, *axle.motor_rate]
+        slip = sum(axle.S**2 for axle in axles) / AXLES
+        power = sum(axle.power for axle in axles) * 2
+        outputs = ca.vertcat(v, *(axle.S for axle in axles), *(each[0] for each in own))
+        return ca.vertcat(x, v, *own), p, ca.vertcat(*rates), ca.vertcat(slip, power), outputs
+
+    @cached_property
+    def _inertia(self) -> float:
+        """Spin inertia of a wheel with its rotor [kg m^2]."""
+        rover = self.model.rover
+        axis = np.array([0.0, 1.0, 0.0])
+        wheel = rover.model.inertias[rover.wheels[0].joint].inertia
+        return float(axis @ wheel @ axis) + float(self.model.motor.armature)
+
+    def _axle(self, i: int, p: Scalar, v: Scalar, own: ca.SX, nx: int) -> Axle:
+        """Return what soil and motor do at axle `i` on slope `p`."""
+        model, omega, duty = self.model, own[0], own[1]
+        states, motor_states = ca.vertsplit(own)[3 : 3 + nx], ca.vertsplit(own)[3 + nx :]
+        wheel = model.rover.wheel
+        speed = v * ca.sqrt(1 + p**2)
+        # S, S_y, h, v_x, v_y, v_n, rim, x, axle
+        contact = Contact(0.0, 0.0, self.sunk, speed, 0.0, 0.0, wheel.r * omega, 0.0, float(i), wheel, model.soils[0])
+        contact, load, contact_rate = through_effects(model, contact, states)
+        drive, torque, motor_rate = through_motor(model, duty, omega, motor_states)
+        M = load.torque / load.f_n
+        power = duty * drive.supply * motor_current(drive)
+        return Axle(load.f_t / load.f_n, M, contact.S, contact_rate, torque, motor_rate, power)
+
+    def _balance(self, slopes: list[Scalar], factors: list[Scalar]) -> tuple[list[Scalar], list[Scalar]]:
+        """Return the normal force and the horizontal push of each axle [N]."""
+        ease = [(F - p) / (1 + F * p) for F, p in zip(factors, slopes, strict=True)]
+        shift = ca.SX(self.loads.shift)
+        vertical = ca.solve(ca.SX.eye(AXLES) - shift @ ca.diag(ca.vertcat(*ease)), ca.SX(self.loads.rest))
+        W = [ca.fmax(vertical[i], LIGHTEST * float(self.loads.rest[i])) for i in range(AXLES)]
+        # a wheel presses the slope by the share of its load that neither pull nor chassis carries
+        normal = [w * ca.sqrt(1 + p**2) / (1 + F * p) for w, p, F in zip(W, slopes, factors, strict=True)]
+        return normal, [w * each for w, each in zip(W, ease, strict=True)]
+
+    @cached_property
+    def initial(self) -> np.ndarray:
+        """States at rest at the start."""
+        return np.concatenate([[self.start], np.zeros(self.ode[0].numel() - 1)])
+
+    def outcome(self) -> ca.Function:
+        """Return the function gains (7) -> Outcome (4), differentiable forwards and backwards."""
+        state, p, rate, quad, _ = self.ode
+        grid = [self.duration - self.tail, self.duration]
+        dae = {"x": state, "p": p, "ode": rate, "quad": quad}
+        options = {**TOLERANCES, "show_eval_warnings": False, "disable_internal_warnings": True}
+        integrator = ca.integrator("drive", "cvodes", dae, 0.0, grid, options)
+        gains = ca.MX.sym("gains", len(GAIN_NAMES))
+        end = integrator(x0=self.initial, p=gains)
+        x = end["xf"][0, :]
+        out = ca.vertcat(x[1], (x[1] - x[0]) / self.tail, end["qf"][0, 1] / self.duration, end["qf"][1, 1])
+        return ca.Function("outcome", [gains], [out])
+
+    def drive(self, gains: Gains, times: np.ndarray) -> dict[str, np.ndarray]:
+        """Return x [m], v [m/s] (T,), slip [-] and wheel rate [rad/s] (T, 3) at increasing `times` [s] from above 0.
+
+        Raises
+        ------
+        OptimisationError
+            The integrator gives up.
+        """
+        state, p, rate, _, outputs = self.ode
+        options = {**TOLERANCES, "show_eval_warnings": False, "disable_internal_warnings": True}
+        integrator = ca.integrator("trace", "cvodes", {"x": state, "p": p, "ode": rate}, 0.0, list(times), options)
+        try:
+            path = integrator(x0=self.initial, p=as_column(gains))["xf"]
+        except RuntimeError as error:
+            raise OptimisationError(f"The reduced model cannot be driven with {gains}: {error}") from error
+        seen = np.array(ca.Function("seen", [state], [outputs]).map(len(times))(path))
+        return {"x": np.array(path[0, :]).ravel(), "v": seen[0], "slip": seen[1:4].T, "wheel_rate": seen[4:7].T}
+
+
+def as_column(gains: Gains) -> np.ndarray:
+    """Return the gains as a vector, in the order of GAIN_NAMES."""
+    return np.array([float(value) for value in gains.values().values()])
+
+
+def through_effects(
+    model: Model, contact: Contact, states: list[Scalar]
+) -> tuple[Contact, Load, tuple[Scalar, ...]]:
+    """Return contact, load and rates of the own states after all of a model's contact effects."""
+    parts = _split(states, [len(effect.states) for effect in model.contact_effects])
+    for effect, x in zip(model.contact_effects, parts, strict=True):
+        contact = effect.amend(contact, x)
+    load = Load()
+    for effect, x in zip(model.contact_effects, parts, strict=True):
+        load = load.plus(effect.load(contact, load, x))
+    rates = [effect.rate(contact, load, x) for effect, x in zip(model.contact_effects, parts, strict=True)]
+    return contact, load, tuple(each for rate in rates for each in rate)
+
+
+def through_motor(
+    model: Model, duty: Scalar, omega: Scalar, states: list[Scalar]
+) -> tuple[Any, Scalar, tuple[Scalar, ...]]:
+    """Return drive, torque at the wheel and rates of the own states after all of a model's motor effects."""
+    parts = _split(states, [len(effect.states) for effect in model.motor_effects])
+    drive = model.motor.drive(duty, omega)
+    for effect, x in zip(model.motor_effects, parts, strict=True):
+        drive = effect.amend(drive, x)
+    torque = drive.constant * motor_current(drive)
+    for effect, x in zip(model.motor_effects, parts, strict=True):
+        torque = torque + effect.torque(drive, torque, x)
+    rates = [effect.rate(drive, torque, x) for effect, x in zip(model.motor_effects, parts, strict=True)]
+    return drive, torque, tuple(each for rate in rates for each in rate)
+
+
+def _split(values: list[Scalar], sizes: list[int]) -> list[tuple[Scalar, ...]]:
+    ends = np.cumsum([0, *sizes])
+    return [tuple(values[start:end]) for start, end in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def _rocker_length(place: np.ndarray) -> float:
+    return float(place[0] - 0.5 * (place[1] + place[2]))

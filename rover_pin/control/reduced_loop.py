@@ -1,0 +1,54 @@
+"""The slip control of Fig 9 in continuous time, as CasADi expressions: what `SlipControl` does between its samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from rover_pin.contact import Scalar
+from rover_pin.control.slip_control import Gains
+from rover_pin.control.slip_estimate import SLOWEST_RIM, TableEstimate, TrueSlip
+from rover_pin.control.smooth import greater, lesser
+from rover_pin.control.torque_limit import NoLimit, TorqueLimit
+from rover_pin.control.wheel_path import piecewise
+from rover_pin.motion.simulate import CONTROL_PERIOD
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What closes the loop; `smoothing` rounds its limits by as much [duty]."""
+
+    estimate: TrueSlip | TableEstimate
+    limit: TorqueLimit | NoLimit
+    smoothing: float = 0.0
+
+    def estimated(self, S: Scalar, duty: Scalar, rim: Scalar) -> Scalar:
+        """Return S_hat [-] of a wheel: the slip itself, or Eq (9)."""
+        if isinstance(self.estimate, TrueSlip):
+            return S
+        table = self.estimate.table
+        sense = ca.tanh(rim / SLOWEST_RIM)
+        v_hat = piecewise(ca.fabs(duty), table.duty, table.speed) * ca.sign(duty)
+        speed = greater(ca.fabs(rim), SLOWEST_RIM, self.smoothing * SLOWEST_RIM)
+        return lesser(1.0, greater(-1.0, 1.0 - sense * v_hat / speed, self.smoothing), self.smoothing)
+
+    def highest(self, axle: int, pitch: Scalar, omega: Scalar) -> Scalar:
+        """Return the highest duty that the torque limit allows [-]; the axle's two wheels have the same."""
+        if isinstance(self.limit, NoLimit):
+            return 1.0
+        motor = self.limit.motor
+        torque = piecewise(pitch, self.limit.pitches, [row[2 * axle] for row in self.limit.torques])
+        most = torque / motor.stall_torque + omega / motor.no_load_rate
+        return lesser(1.0, greater(0.0, most, self.smoothing), self.smoothing)
+
+    def rates(
+        self, gains: Gains, S_hat: Scalar, highest: Scalar, integral: Scalar, duty: Scalar
+    ) -> tuple[Scalar, Scalar]:
+        """Return the time derivatives of the integral and of the duty, which follows within one control period."""
+        error = gains.S_d - S_hat
+        asked = gains.delta_0 + gains.k_p * error + integral
+        most = lesser(gains.delta_max, highest, self.smoothing)
+        least = lesser(gains.delta_min, most, self.smoothing)
+        given = lesser(greater(asked, least, self.smoothing), most, self.smoothing)
+        return gains.k_i * error + gains.k_aw * (given - asked), (given - duty) / CONTROL_PERIOD

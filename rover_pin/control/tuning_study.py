@@ -1,0 +1,230 @@
+"""What is to be tuned, on which drives, at what effort: declared in Python or in a TOML file."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rover_pin.control.drive_score import Cost
+from rover_pin.control.slip_control import Gains
+from rover_pin.errors import ParameterError, closest
+from rover_pin.quantity import quantities, record_from
+from rover_pin.toml_file import read_toml, toml_text
+
+ESTIMATES = ("true", "eq9")
+"""The slip of Eq (1) itself, or the paper's estimate, Eq (9)."""
+LOGARITHMIC = ("k_p", "k_i", "k_aw")
+"""Gains that are searched on a logarithmic scale."""
+
+
+@dataclass(frozen=True)
+class DriveCase:
+    """A ready-made scenario with its settings; `post_peak` is the share of shear strength lost past the peak."""
+
+    name: str
+    scenario: str
+    settings: tuple[tuple[str, Any], ...] = ()
+    post_peak: float = 0.0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is tried.
+
+    `population` and `generations` of differential evolution on the reduced model; from the `starts` best of it,
+    gradient polish with `steps` evaluations each; the `keep` best of all are driven by the full rover.
+    """
+
+    population: int = 12
+    generations: int = 8
+    starts: int = 2
+    steps: int = 8
+    keep: int = 4
+
+    def __post_init__(self) -> None:
+        for name, low in (("population", 5), ("generations", 0), ("starts", 0), ("steps", 1), ("keep", 1)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < low:
+                raise ParameterError(f"effort.{name} = {value!r} is not allowed: give a whole number from {low} on.")
+
+
+@dataclass(frozen=True)
+class TuningStudy:
+    """Gains to find: `free` names them with their bounds; the others keep their values in `before`.
+
+    Raises
+    ------
+    ParameterError
+        No training scenario, nothing free, an unknown gain or estimate, bounds that leave nothing between them.
+    """
+
+    name: str
+    training: tuple[DriveCase, ...]
+    held_out: tuple[DriveCase, ...] = ()
+    free: Mapping[str, tuple[float, float]] = field(default_factory=lambda: {"k_p": (0.01, 10.0), "k_i": (0.01, 10.0)})
+    before: Gains = field(default_factory=Gains)
+    estimate: str = "true"
+    cost: Cost = field(default_factory=Cost)
+    effort: Effort = field(default_factory=Effort)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.training:
+            raise ParameterError(f"Tuning '{self.name}' has no training scenarios: give one or more.")
+        if self.estimate not in ESTIMATES:
+            raise ParameterError(f"Tuning '{self.name}': estimate = {self.estimate!r}: {closest(self.estimate, ESTIMATES)}")
+        if not self.free:
+            raise ParameterError(f"Tuning '{self.name}' has no free gains: name some of {', '.join(quantities(Gains))}.")
+        names = [case.name for case in (*self.training, *self.held_out)]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ParameterError(f"Tuning '{self.name}' has two drives named '{twice[0]}': give each its own name.")
+        for name, bounds in self.free.items():
+            _check_bounds(self.name, name, bounds)
+
+    def gains(self, unit: Iterable[float]) -> Gains:
+        """Return the gains at a point of the unit cube, one coordinate a free gain."""
+        return self.before.replace(**{n: placed(n, b, u) for (n, b), u in zip(self.free.items(), unit, strict=True)})
+
+
+def placed(name: str, bounds: tuple[float, float], u: float) -> float:
+    """Return the gain at the share `u` of the way between its bounds, logarithmic for the k's."""
+    low, high = bounds
+    if name in LOGARITHMIC:
+        return min(max(math.exp(math.log(low) + u * math.log(high / low)), low), high)
+    return low + u * (high - low)
+
+
+def _check_bounds(study: str, name: str, bounds: tuple[float, float]) -> None:
+    about = quantities(Gains)
+    if name not in about:
+        raise ParameterError(f"Tuning '{study}': there is no gain '{name}': {closest(name, about)}")
+    try:
+        low, high = map(float, bounds)
+    except (TypeError, ValueError):
+        raise ParameterError(f"Tuning '{study}': {name} needs its bounds as two numbers, [low, high].") from None
+    if not low < high:
+        raise ParameterError(
+            f"Tuning '{study}': the bounds of {name} leave nothing between low = {low:g} and high = {high:g}: "
+            "swap or widen them."
+        )
+    floor = 1e-12 if name in LOGARITHMIC else about[name].low
+    if not (floor <= low and high <= about[name].high):
+        raise ParameterError(
+            f"Tuning '{study}': the bounds of {name} must lie in [{floor:g}, {about[name].high:g}], but are "
+            f"[{low:g}, {high:g}]{' (it is searched on a logarithmic scale)' if name in LOGARITHMIC else ''}."
+        )
+
+
+def read_tuning(path: str | Path) -> TuningStudy:
+    """Return the study in a TOML file, as in::
+
+        name = "ditch"
+        estimate = "true"              # the true slip, or "eq9"
+        seed = 0
+        [free]                         # gains to find, with their bounds
+        k_p = [0.01, 10.0]
+        S_d = [0.05, 0.9]
+        [before]                       # the other gains, and where the free ones come from
+        k_aw = 2.0
+        [cost]
+        slip = 0.3
+        [effort]
+        population = 12
+        [[training]]
+        scenario = "ditch"
+        post_peak = 0.3
+        soil.k = 0.01
+        terrain.wall_angle_deg = 35
+        [[held_out]]
+        scenario = "incline"
+
+    Raises
+    ------
+    DataError
+        A file that is missing or not TOML.
+    ParameterError
+        An unknown key or name, with the close ones; anything that TuningStudy refuses.
+    """
+    table = read_toml(path)
+    try:
+        return _study(table, Path(path).stem)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from error
+
+
+def _study(table: dict[str, Any], stem: str) -> TuningStudy:
+    known = [each.name for each in dataclasses.fields(TuningStudy)]
+    for key in table:
+        if key not in known:
+            raise ParameterError(f"the study has no key '{key}': {closest(key, known)}")
+    fields = {key: value for key, value in table.items() if key in ("name", "estimate", "seed")}
+    if "free" in table:
+        fields["free"] = {name: _pair(name, bounds) for name, bounds in table["free"].items()}
+    effort = table.get("effort", {})
+    efforts = [each.name for each in dataclasses.fields(Effort)]
+    for key in effort:
+        if key not in efforts:
+            raise ParameterError(f"[effort] has no key '{key}': {closest(key, efforts)}")
+    return TuningStudy(
+        **{"name": stem, **fields},
+        training=_cases("training", table.get("training", [])),
+        held_out=_cases("held_out", table.get("held_out", [])),
+        before=record_from(Gains, table.get("before", {}), "[before]"),
+        cost=record_from(Cost, table.get("cost", {}), "[cost]"),
+        effort=Effort(**effort),
+    )
+
+
+def _pair(name: str, bounds: Any) -> Any:
+    return tuple(bounds) if isinstance(bounds, list) else bounds
+
+
+def _cases(where: str, entries: Any) -> tuple[DriveCase, ...]:
+    if not isinstance(entries, list) or not all(isinstance(entry, Mapping) for entry in entries):
+        raise ParameterError(f"'{where}' must be a list of drives: write each under its own [[{where}]].")
+    return tuple(_case(f"{where} {i + 1}", dict(entry)) for i, entry in enumerate(entries))
+
+
+def _case(where: str, entry: dict[str, Any]) -> DriveCase:
+    if "scenario" not in entry:
+        raise ParameterError(f"{where} names no scenario: add scenario = \"ditch\", say.")
+    scenario, name = entry.pop("scenario"), entry.pop("name", where)
+    post_peak = float(entry.pop("post_peak", 0.0))
+    return DriveCase(str(name), str(scenario), tuple(sorted(_flat(entry))), post_peak)
+
+
+def _flat(entry: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    """Return dotted name -> value: in TOML `soil.k = 1` is a table in a table."""
+    flat: list[tuple[str, Any]] = []
+    for name, value in entry.items():
+        flat += _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else [(f"{prefix}{name}", value)]
+    return flat
+
+
+def save_gains(gains: Gains, path: str | Path, about: str = "") -> Path:
+    """Write gains as a TOML file, one `name = value` a line; `about` becomes a comment."""
+    path = Path(path)
+    text = toml_text({name: float(value) for name, value in gains.values().items()})
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.part")
+    part.write_text("".join(f"# {line}\n" for line in about.splitlines()) + text, encoding="utf-8")
+    part.replace(path)
+    return path
+
+
+def load_gains(path: str | Path) -> Gains:
+    """Return the gains of a TOML file; those that it does not name keep their defaults.
+
+    Raises
+    ------
+    DataError
+        A file that is missing or not TOML.
+    ParameterError
+        An unknown gain, with the close ones, or a value out of its bounds.
+    """
+    return record_from(Gains, read_toml(path), str(path))
