@@ -60,8 +60,9 @@ def drive(
     result: dict[str, Any] = {"scenario": scenario, **trace.summary()}
     if check:
         result["x_change_at_half_step_mm"] = 1e3 * half_step_change(chosen, trace)
-    trace.save(out / "log")
-    result["files"] = [str(out / "log"), *map(str, plot.drive_figures(trace, chosen.model, out))]
+    if len(trace["t_s"]):
+        trace.save(out / "log")
+        result["files"] = [str(out / "log"), *map(str, plot.drive_figures(trace, chosen.model, out))]
     report(result, as_json)
     if str(trace.attrs["stop"]).startswith("diverged"):
         raise typer.Exit(1)
@@ -107,7 +108,10 @@ def check_urdf(
     """Check a rover description through yourdfpy and Pinocchio, and say what to mend."""
     from rover_pin.body.urdf_check import check_urdf as check
 
-    report(check(file).as_dict(), as_json)
+    found = check(file)
+    report({"file": str(file), "faults": list(found.faults), "notes": list(found.notes), "facts": list(found.facts)}, as_json)
+    if not found.ok:
+        raise typer.Exit(1)
 
 
 @app.command()

@@ -22,7 +22,7 @@ class MotionResistance(Effect):
     """
 
     R: Scalar = quantity(0.028, "", "assumed: F(S = 0.05) of the torque form with Table 1", 0.0, 1.0, "R")
-    v_0: Scalar = quantity(0.001, "m/s", "assumed: a fiftieth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
+    v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
     neutral: ClassVar[dict[str, float]] = {"R": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:

@@ -166,6 +166,7 @@ static integer cut_lane(const Drive *d, const Wheel *w, double radius, Facet *fa
 
 static double grid_height(const Drive *d, double x, double y, double *slope_x, double *slope_y, integer *ground) {
   double u = (x - d->grid_x0) / d->grid_dx, v = (y - d->grid_y0) / d->grid_dy;
+  int level_x = u < 0.0 || u > d->grid_nx - 1.0, level_y = v < 0.0 || v > d->grid_ny - 1.0; /* beyond the grid */
   u = fmin(fmax(u, 0.0), d->grid_nx - 1.0);
   v = fmin(fmax(v, 0.0), d->grid_ny - 1.0);
   integer i = (integer)u, j = (integer)v;
@@ -175,8 +176,8 @@ static double grid_height(const Drive *d, double x, double y, double *slope_x, d
   v -= j;
   const double *z = d->grid_z + i * d->grid_ny + j;
   double z00 = z[0], z01 = z[1], z10 = z[d->grid_ny], z11 = z[d->grid_ny + 1];
-  *slope_x = ((z10 - z00) * (1 - v) + (z11 - z01) * v) / d->grid_dx;
-  *slope_y = ((z01 - z00) * (1 - u) + (z11 - z10) * u) / d->grid_dy;
+  *slope_x = level_x ? 0.0 : ((z10 - z00) * (1 - v) + (z11 - z01) * v) / d->grid_dx;
+  *slope_y = level_y ? 0.0 : ((z01 - z00) * (1 - u) + (z11 - z10) * u) / d->grid_dy;
   *ground = d->grid_ground[i * (d->grid_ny - 1) + j];
   return (z00 * (1 - u) + z10 * u) * (1 - v) + (z01 * (1 - u) + z11 * u) * v;
 }

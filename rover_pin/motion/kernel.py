@@ -146,8 +146,7 @@ class Kernel:
     def energies(self) -> tuple[float, float]:
         """Return kinetic and potential energy [J] at the present state."""
         kinetic = pin.computeKineticEnergy(self.pin_model, self.data, self.state.q, self.state.v)
-        armature = 0.5 * float(np.dot(self.pin_model.armature, self.state.v**2))
-        return kinetic + armature, pin.computePotentialEnergy(self.pin_model, self.data, self.state.q)
+        return kinetic, pin.computePotentialEnergy(self.pin_model, self.data, self.state.q)
 
     def _set(self, **values: Any) -> None:
         for name, value in values.items():

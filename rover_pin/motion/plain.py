@@ -64,8 +64,7 @@ class Plain:
     def energies(self) -> tuple[float, float]:
         """Return kinetic and potential energy [J] at the present state."""
         kinetic = pin.computeKineticEnergy(self.pin_model, self.data, self.state.q, self.state.v)
-        armature = 0.5 * float(self.pin_model.armature @ self.state.v**2)
-        return kinetic + armature, pin.computePotentialEnergy(self.pin_model, self.data, self.state.q)
+        return kinetic, pin.computePotentialEnergy(self.pin_model, self.data, self.state.q)
 
     def step(self) -> int:
         """Advance the state by dt; return 0, or 1 when a number is not finite."""
