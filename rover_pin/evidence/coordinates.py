@@ -26,10 +26,13 @@ RATIO = 4.0
 class Coordinate(Protocol):
     """One parameter's u."""
 
-    spread: float
-    "how far apart, in u, starts are scattered"
-    widest: float
-    "width in u up to which a 95 % interval still tells the parameter"
+    @property
+    def spread(self) -> float:
+        """How far apart, in u, starts are scattered."""
+
+    @property
+    def widest(self) -> float:
+        """Width in u up to which a 95 % interval still tells the parameter."""
 
     def u(self, value: float) -> float:
         """Return the coordinate of a value."""

@@ -219,12 +219,12 @@ def _intervals(problem: Problem, best: Best, scale: float) -> tuple[Best, list[I
 
 
 def _agreement(problem: Problem, ended: Sequence[Ended], best: Best) -> Starts:
-    converged = [end for end in ended if end.u is not None]
+    converged = [(end.u, end.chi2) for end in ended if end.u is not None]
     others: dict[float, dict[str, float]] = {}
-    for end in converged:
-        if end.chi2 > best.chi2 + SAME_CHI2 and all(abs(end.chi2 - seen) > SAME_CHI2 for seen in others):
-            others[end.chi2] = dict(zip(problem.space.names, problem.space.values(end.u).tolist(), strict=True))
-    agreed = sum(end.chi2 <= best.chi2 + SAME_CHI2 for end in converged)
+    for u, chi2 in converged:
+        if chi2 > best.chi2 + SAME_CHI2 and all(abs(chi2 - seen) > SAME_CHI2 for seen in others):
+            others[chi2] = dict(zip(problem.space.names, problem.space.values(u).tolist(), strict=True))
+    agreed = sum(chi2 <= best.chi2 + SAME_CHI2 for _, chi2 in converged)
     return Starts(len(ended), len(converged), agreed, tuple(sorted(others.items())))
 
 

@@ -1,4 +1,4 @@
-"""A small Levenberg-Marquardt descent with a trust radius and bounds, for the many short refits of a profile likelihood.
+"""A small Levenberg-Marquardt descent with a trust radius and bounds, for the short refits of a profile likelihood.
 
 `scipy.optimize.least_squares` does the global work; near a minimum its overhead is several times the model's cost.
 """
@@ -104,7 +104,7 @@ def _next_radius(radius: float, step: np.ndarray, fall: float, promised: float) 
 
 
 def _bounded(u: np.ndarray, step: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return u + step, shortened as a whole to end on the first bound it meets: a clipped step would leave the valley."""
+    """Return u + step, shortened as a whole to end on the first bound: a clipped step would leave the valley."""
     room = np.where(step < 0, low - u, high - u)
     share = np.divide(room, step, out=np.full(len(u), np.inf), where=step != 0)
     first = int(np.argmin(share))

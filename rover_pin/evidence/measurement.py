@@ -1,4 +1,4 @@
-"""Wheel-rig sets: what a single wheel pulled, asked for and sank at given slips and loads, and the folders they come in."""
+"""Wheel-rig sets: what a single wheel pulled, asked for and sank at given slips and loads, and their folders."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ class RigLaw:
         turning = -ca.jacobian(balance, free) / ca.jacobian(balance, theta_1)
         jacobian = ca.jacobian(values, free) + ca.mtimes(ca.jacobian(values, theta_1), turning)
         solved = entry_angle(load, S, wheel, soil)
-        return tuple(ca.substitute([values, jacobian], [theta_1], [solved]))
+        values, jacobian = ca.substitute([values, jacobian], [theta_1], [solved])
+        return values, jacobian
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,8 +213,8 @@ def _ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, floa
     ranges = {}
     for name, entry in table.items():
         if isinstance(entry, Mapping) and {"low", "high"} <= entry.keys():
-            unit = str(entry.get("unit", "m"))
-            ranges[name] = tuple(to_si(entry[end], unit, "m", f"{where}: {name}") for end in ("low", "high"))
+            unit, place = str(entry.get("unit", "m")), f"{where}: {name}"
+            ranges[name] = (to_si(entry["low"], unit, "m", place), to_si(entry["high"], unit, "m", place))
     return ranges
 
 

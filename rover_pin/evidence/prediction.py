@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -13,7 +14,7 @@ from rover_pin.evidence.channel import FIELDS
 from rover_pin.quantity import quantities
 
 
-class Law(Protocol):
+class Law(Hashable, Protocol):
     """What is predicted at one point; hashable, so that a law is compiled once."""
 
     def build(self, condition: Any, wheel: Wheel, soil: Soil, free: Any) -> tuple[Any, Any]:
@@ -40,11 +41,13 @@ class CompiledPrediction:
         self._fields = np.zeros(len(FIELDS))
         self._values = np.zeros((points, rows))
         self._jacobian = np.zeros((points, len(free), rows))
-        self._buffer, self._evaluate = function.buffer()
-        self._buffer.set_arg(0, memoryview(self._conditions))
-        self._buffer.set_arg(1, memoryview(self._fields))
-        self._buffer.set_res(0, memoryview(self._values))
-        self._buffer.set_res(1, memoryview(self._jacobian))
+        buffer: Any
+        buffer, self._evaluate = function.buffer()
+        for place, array in enumerate((self._conditions, self._fields)):
+            buffer.set_arg(place, memoryview(array))
+        for place, array in enumerate((self._values, self._jacobian)):
+            buffer.set_res(place, memoryview(array))
+        self._buffer = buffer
 
     def __call__(self, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the predictions [m], channel by channel, and their Jacobian [m, p] at these values of `FIELDS`."""
@@ -53,7 +56,7 @@ class CompiledPrediction:
             self._fields[index] = value
         self._evaluate()
         free = self._jacobian.shape[1]
-        return self._values.T.ravel(), self._jacobian.transpose(2, 0, 1).reshape(-1, free)
+        return self._values.T.flatten(), np.array(self._jacobian.transpose(2, 0, 1)).reshape(-1, free)
 
 
 @lru_cache(maxsize=64)

@@ -22,8 +22,8 @@ class Prior:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mean) and np.isfinite(self.sd) and self.sd > 0):
             raise ParameterError(
-                f"Prior({self.mean:g}, {self.sd:g}) needs a finite mean and a positive sd; to hold a parameter exactly, "
-                f"leave it out of `free` and give its value in the soil."
+                f"Prior({self.mean:g}, {self.sd:g}) needs a finite mean and a positive sd; to hold a parameter "
+                f"exactly, leave it out of `free` and give its value in the soil."
             )
 
 

@@ -119,7 +119,7 @@ class TractionPoints:
 def read_traction_points(
     path: str | Path, wheel: Wheel = NEXUS6_WHEEL, form: TractionForm = FORM, angles: Angles = ANGLES
 ) -> TractionPoints:
-    """Return the points of a CSV file with the columns `slip, traction_factor, sd` and, where `sd` is the scatter, `count`.
+    """Return the points of a CSV file: columns `slip, traction_factor, sd` and, where `sd` is the scatter, `count`.
 
     Raises
     ------
