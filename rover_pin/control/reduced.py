@@ -213,9 +213,7 @@ def as_column(gains: Gains) -> np.ndarray:
     return np.array([float(value) for value in gains.values().values()])
 
 
-def through_effects(
-    model: Model, contact: Contact, states: list[Scalar]
-) -> tuple[Contact, Load, tuple[Scalar, ...]]:
+def through_effects(model: Model, contact: Contact, states: list[Scalar]) -> tuple[Contact, Load, tuple[Scalar, ...]]:
     """Return contact, load and rates of the own states after all of a model's contact effects."""
     parts = _split(states, [len(effect.states) for effect in model.contact_effects])
     for effect, x in zip(model.contact_effects, parts, strict=True):

@@ -76,9 +76,13 @@ class TuningStudy:
         if not self.training:
             raise ParameterError(f"Tuning '{self.name}' has no training scenarios: give one or more.")
         if self.estimate not in ESTIMATES:
-            raise ParameterError(f"Tuning '{self.name}': estimate = {self.estimate!r}: {closest(self.estimate, ESTIMATES)}")
+            raise ParameterError(
+                f"Tuning '{self.name}': estimate = {self.estimate!r}: {closest(self.estimate, ESTIMATES)}"
+            )
         if not self.free:
-            raise ParameterError(f"Tuning '{self.name}' has no free gains: name some of {', '.join(quantities(Gains))}.")
+            raise ParameterError(
+                f"Tuning '{self.name}' has no free gains: name some of {', '.join(quantities(Gains))}."
+            )
         names = [case.name for case in (*self.training, *self.held_out)]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
@@ -192,7 +196,7 @@ def _cases(where: str, entries: Any) -> tuple[DriveCase, ...]:
 
 def _case(where: str, entry: dict[str, Any]) -> DriveCase:
     if "scenario" not in entry:
-        raise ParameterError(f"{where} names no scenario: add scenario = \"ditch\", say.")
+        raise ParameterError(f'{where} names no scenario: add scenario = "ditch", say.')
     scenario, name = entry.pop("scenario"), entry.pop("name", where)
     post_peak = float(entry.pop("post_peak", 0.0))
     return DriveCase(str(name), str(scenario), tuple(sorted(_flat(entry))), post_peak)

@@ -1,0 +1,97 @@
+"""Evaluations on all cores, remembered: what is finished is in a file and is not run again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rover_pin.errors import DataError
+from rover_pin.version import __version__
+
+FILE = "evaluations.jsonl"
+Progress = Callable[[str, int, int], None]
+"""Called with the stage's name, how many of its evaluations are done, and how many there are."""
+
+
+class Evaluations:
+    """Runs `function(*arguments) -> list of float`; a result stands in the file before it is used.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Where the file lies; without one nothing is remembered.
+    workers : int, optional
+        Processes; by default one a core. One worker is this process itself.
+
+    Raises
+    ------
+    DataError
+        The folder cannot be used.
+    """
+
+    def __init__(self, folder: Path | None, workers: int | None, progress: Progress | None):
+        self.file = None if folder is None else folder / FILE
+        self.workers, self.progress = workers, progress
+        self.known = {} if self.file is None else _read(self.file)
+        self.fresh = 0
+
+    def run(
+        self, stage: str, function: Callable[..., list[float]], jobs: Sequence[tuple[Any, ...]]
+    ) -> list[list[float]]:
+        """Return the results of all jobs, in order."""
+        keys = [key_of(function, job) for job in jobs]
+        new = {key: job for key, job in zip(keys, jobs, strict=True) if key not in self.known}
+        done = len(jobs) - len(new)
+        for key, result in zip(new, self._computed(function, list(new.values())), strict=True):
+            self._remember(key, result)
+            done += 1
+            if self.progress:
+                self.progress(stage, done, len(jobs))
+        return [self.known[key] for key in keys]
+
+    def _computed(self, function: Callable[..., list[float]], jobs: list[tuple[Any, ...]]) -> Any:
+        if not jobs:
+            return []
+        if self.workers == 1:
+            return (function(*job) for job in jobs)
+        from joblib import Parallel, delayed, parallel_config
+
+        with parallel_config(backend="loky", inner_max_num_threads=1):
+            parallel = Parallel(n_jobs=self.workers or -1, return_as="generator")
+        return parallel(delayed(partial(function, *job))() for job in jobs)
+
+    def _remember(self, key: str, result: list[float]) -> None:
+        self.known[key] = result
+        self.fresh += 1
+        if self.file is not None:
+            with self.file.open("ab") as file:
+                # One write: a killed process leaves whole lines and at most one torn one, which is not read.
+                file.write(json.dumps([key, result]).encode() + b"\n")
+                file.flush()
+                os.fsync(file.fileno())
+
+
+def key_of(function: Callable[..., Any], job: tuple[Any, ...]) -> str:
+    """Return what names an evaluation: version, function, and every argument to its last digit."""
+    return hashlib.sha1(repr((__version__, function.__qualname__, job)).encode()).hexdigest()
+
+
+def _read(file: Path) -> dict[str, list[float]]:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        text = file.read_bytes() if file.exists() else b""
+        whole = text[: text.rfind(b"\n") + 1]
+        if len(whole) < len(text):
+            part = file.with_name(f".{file.name}.part")
+            part.write_bytes(whole)
+            part.replace(file)
+        return dict(json.loads(line) for line in whole.splitlines())
+    except OSError as error:
+        raise DataError(f"{file}: evaluations cannot be kept there: {error.strerror}; name another folder.") from error
+    except (ValueError, TypeError) as error:
+        raise DataError(f"{file}: the file is damaged ({error}); remove it and tune again.") from error

@@ -1,0 +1,235 @@
+"""Find gains: a global search and a gradient polish on the reduced model, then the verdict of the full rover.
+
+The landscape of the gains has several minima and cliffs, so that differential evolution looks everywhere first. L-BFGS
+then follows derivatives that adjoints carry through the reduced model, with limits rounded by SMOOTHING. What they
+find is driven by the full rover, together with the gains from before; its unsmoothed score alone decides.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import differential_evolution, minimize
+from scipy.stats import qmc
+
+from rover_pin.control.drive_score import Score
+from rover_pin.control.evaluations import Evaluations, Progress
+from rover_pin.control.reduced import GAIN_NAMES, as_column
+from rover_pin.control.slip_control import Gains
+from rover_pin.control.tuning_drives import (
+    CONSTANT,
+    Control,
+    built,
+    full_score,
+    reduced_errors,
+    reduced_gradient,
+    reduced_score,
+)
+from rover_pin.control.tuning_report import Candidate, Drives, TuningResult, write_result
+from rover_pin.control.tuning_study import ESTIMATES, LOGARITHMIC, DriveCase, TuningStudy
+from rover_pin.errors import OptimisationError
+
+APART = 0.1
+"""Points closer than this in every coordinate of the unit cube count as one."""
+
+
+class Point(NamedTuple):
+    """A point of the unit cube with the reduced model's cost."""
+
+    place: np.ndarray
+    cost: float
+    stage: str
+
+
+def tune_gains(
+    study: TuningStudy,
+    out: str | Path | None = None,
+    progress: Progress | None = None,
+    workers: int | None = None,
+) -> TuningResult:
+    """Return the best gains found for a study, and what they are worth beside the gains before and constant duty.
+
+    Parameters
+    ----------
+    out : path, optional
+        Folder for gains.toml, the tables and the finished evaluations; a killed tuning resumes there.
+    progress : callable, optional
+        Called with the stage, its finished evaluations and their number.
+    workers : int, optional
+        Processes; by default one a core. The result does not depend on it.
+
+    Raises
+    ------
+    ParameterError
+        A drive with an unknown scenario or setting.
+    OptimisationError
+        Every training drive ends stuck whatever the gains; `status` holds constant duty's scores.
+    DataError
+        The folder cannot be used.
+    """
+    begin = time.perf_counter()
+    for case in (*study.training, *study.held_out):
+        built(case)
+    evaluations = Evaluations(None if out is None else Path(out), workers, progress)
+    points = search(study, evaluations)
+    points += [polish(study, evaluations, start.place) for start in spread(points, study.effort.starts)]
+    candidates = judged(study, evaluations, spread(points, study.effort.keep))
+    constant = _drives(evaluations, study.training, Control(CONSTANT, values(study.before)))
+    if all(score.stuck for each in candidates for score in each.scores):
+        raise OptimisationError(
+            f"Tuning '{study.name}': every training drive ends stuck whatever the gains "
+            f"({len(candidates)} sets driven by the full rover); constant duty {study.before.delta_0:g} costs "
+            f"{_mean_cost(study, constant.training):.3f} with {_stuck(constant.training)} of {len(study.training)} "
+            "stuck: choose gentler drives, or do without this control.",
+            status=constant.training,
+        )
+    best = min(candidates, key=lambda each: each.cost)
+    result = TuningResult(
+        study,
+        best.gains,
+        candidates,
+        tuple(_report(study, evaluations, best.gains)),
+        tuple(_checked(study, evaluations, best.gains)),
+        evaluations.fresh,
+        time.perf_counter() - begin,
+    )
+    return result if out is None else write_result(result, Path(out))
+
+
+def search(study: TuningStudy, evaluations: Evaluations) -> list[Point]:
+    """Return every point that differential evolution tries on the reduced model, the gains before among the first."""
+    effort, size = study.effort, len(study.free)
+    tried: list[Point] = []
+
+    def costs(places: np.ndarray) -> np.ndarray:
+        gains = [study.gains(place) for place in places.T]
+        found = reduced_costs(study, evaluations, gains)
+        tried.extend(Point(place.copy(), float(cost), "search") for place, cost in zip(places.T, found, strict=True))
+        return found
+
+    first = qmc.LatinHypercube(size, seed=study.seed).random(effort.population)
+    first[0] = place_of(study, study.before)
+    differential_evolution(
+        costs,
+        [(0.0, 1.0)] * size,
+        init=first,
+        maxiter=effort.generations,
+        tol=0.0,
+        polish=False,
+        updating="deferred",
+        vectorized=True,
+        seed=study.seed,
+    )
+    return tried
+
+
+def reduced_costs(study: TuningStudy, evaluations: Evaluations, gains: Sequence[Gains]) -> np.ndarray:
+    """Return the ensemble's cost of each set of gains on the reduced model, unsmoothed but for the stuck share."""
+    jobs = [(case, Control(study.estimate, values(each))) for each in gains for case in study.training]
+    scores = evaluations.run("search on the reduced model", reduced_score, jobs)
+    costs = [Score(*score).cost(study.cost) for score in scores]
+    return study.cost.over(np.reshape(costs, (len(gains), len(study.training))))
+
+
+def polish(study: TuningStudy, evaluations: Evaluations, start: np.ndarray) -> Point:
+    """Return where L-BFGS-B comes to from a point of the unit cube, with the rounded reduced model's derivatives."""
+
+    def cost_and_slope(place: np.ndarray) -> tuple[float, np.ndarray]:
+        control = Control(study.estimate, values(study.gains(place)))
+        jobs = [(case, control, study.cost) for case in study.training]
+        found = np.array(evaluations.run("polish by gradients", reduced_gradient, jobs))
+        share = np.full(len(jobs), (1.0 - study.cost.worst) / len(jobs))
+        share[int(np.argmax(found[:, 0]))] += study.cost.worst
+        return float(study.cost.over(found[:, 0])), share @ found[:, 1:] @ slope_of(study, place)
+
+    limits = {"maxfun": study.effort.steps, "maxiter": study.effort.steps}
+    bounds = [(0.0, 1.0)] * len(start)
+    found = minimize(cost_and_slope, start, jac=True, method="L-BFGS-B", bounds=bounds, options=limits)
+    return Point(np.clip(found.x, 0.0, 1.0), float(found.fun), "polish")
+
+
+def slope_of(study: TuningStudy, place: np.ndarray) -> np.ndarray:
+    """Return d(all gains) / d(unit cube), a column a free gain."""
+    slope = np.zeros((len(GAIN_NAMES), len(study.free)))
+    gains = study.gains(place)
+    for j, (name, (low, high)) in enumerate(study.free.items()):
+        row = GAIN_NAMES.index(name)
+        slope[row, j] = getattr(gains, name) * math.log(high / low) if name in LOGARITHMIC else high - low
+    return slope
+
+
+def spread(points: Sequence[Point], most: int) -> list[Point]:
+    """Return the best points that lie apart from each other, the best first."""
+    kept: list[Point] = []
+    for point in sorted(points, key=lambda each: each.cost):
+        if len(kept) < most and all(np.max(np.abs(point.place - each.place)) > APART for each in kept):
+            kept.append(point)
+    return kept
+
+
+def judged(study: TuningStudy, evaluations: Evaluations, points: Sequence[Point]) -> tuple[Candidate, ...]:
+    """Return the gains before and those of the points, each with the full rover's scores on the training drives."""
+    sets = [("before", study.before), *((point.stage, study.gains(point.place)) for point in points)]
+    reduced = reduced_costs(study, evaluations, [gains for _, gains in sets])
+    jobs = [(case, Control(study.estimate, values(gains))) for _, gains in sets for case in study.training]
+    found = [Score(*score) for score in evaluations.run("verdict of the full rover", full_score, jobs)]
+    size = len(study.training)
+    scores = [tuple(found[i * size : (i + 1) * size]) for i in range(len(sets))]
+    return tuple(
+        Candidate(stage, gains, float(cost), _mean_cost(study, own), own)
+        for (stage, gains), cost, own in zip(sets, reduced, scores, strict=True)
+    )
+
+
+def values(gains: Gains) -> tuple[float, ...]:
+    """Return the gains as a tuple, in the order of GAIN_NAMES."""
+    return tuple(float(each) for each in as_column(gains))
+
+
+def place_of(study: TuningStudy, gains: Gains) -> np.ndarray:
+    """Return the point of the unit cube where the free gains are these, at the nearest bound where outside."""
+    place = []
+    for name, (low, high) in study.free.items():
+        value = min(max(float(getattr(gains, name)), low), high)
+        place.append(
+            math.log(value / low) / math.log(high / low) if name in LOGARITHMIC else (value - low) / (high - low)
+        )
+    return np.array(place)
+
+
+def _report(study: TuningStudy, evaluations: Evaluations, gains: Gains) -> list[Drives]:
+    """Return all drives without control, with the gains before and with those found, by either estimate."""
+    controls = {"constant duty": Control(CONSTANT, values(study.before))}
+    for estimate in ESTIMATES:
+        controls[f"before, {estimate}"] = Control(estimate, values(study.before))
+        controls[f"tuned, {estimate}"] = Control(estimate, values(gains))
+    both = (*study.training, *study.held_out)
+    jobs = [(case, control) for control in controls.values() for case in both]
+    found = [Score(*score) for score in evaluations.run("report on all drives", full_score, jobs)]
+    rows = [tuple(found[i * len(both) : (i + 1) * len(both)]) for i in range(len(controls))]
+    split = len(study.training)
+    return [Drives(name, row[:split], row[split:]) for name, row in zip(controls, rows, strict=True)]
+
+
+def _checked(study: TuningStudy, evaluations: Evaluations, gains: Gains) -> list[tuple[str, float, float, float]]:
+    jobs = [(case, Control(study.estimate, values(gains))) for case in study.training]
+    found = evaluations.run("check of the reduced model", reduced_errors, jobs)
+    return [(case.name, *errors) for case, errors in zip(study.training, found, strict=True)]  # type: ignore[misc]
+
+
+def _drives(evaluations: Evaluations, cases: Sequence[DriveCase], control: Control) -> Drives:
+    scores = evaluations.run("constant duty", full_score, [(case, control) for case in cases])
+    return Drives("constant duty", tuple(Score(*score) for score in scores), ())
+
+
+def _mean_cost(study: TuningStudy, scores: Sequence[Score]) -> float:
+    return float(study.cost.over(np.array([score.cost(study.cost) for score in scores])))
+
+
+def _stuck(scores: Sequence[Score]) -> int:
+    return int(sum(score.stuck for score in scores))

@@ -1,0 +1,166 @@
+"""The single evaluations of a tuning, as functions of plain arguments: what workers run and the store remembers."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from rover_pin.body.rover import load_rover
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.drive_score import TAIL, Cost, Score, score_outcome, score_trace
+from rover_pin.control.reduced import GAIN_NAMES, Outcome, Reduced
+from rover_pin.control.reduced_loop import Loop
+from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
+from rover_pin.control.torque_limit import TorqueLimit
+from rover_pin.control.tuning_study import DriveCase
+from rover_pin.effects.post_peak import PostPeak
+from rover_pin.errors import ParameterError
+from rover_pin.motion.command import Controller
+from rover_pin.motion.simulate import simulate
+from rover_pin.motion.trace import Trace
+
+if TYPE_CHECKING:
+    from rover_pin.scenarios import Scenario
+
+FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0)
+"""The score of a drive that the integrator gives up: worse than any that stands still."""
+SMOOTHING = 0.005
+"""Rounding of the limits [duty] where derivatives are taken; it moves the cost by about 0.2 %."""
+CONSTANT = "constant"
+"""The name of the drive without control, beside those of the estimates."""
+
+
+class Control(NamedTuple):
+    """A control law as plain values: `true` or `eq9` (slip control by that estimate), or `constant` (delta_0)."""
+
+    estimate: str
+    gains: tuple[float, ...]
+
+    @property
+    def named(self) -> Gains:
+        """The gains."""
+        return Gains(**dict(zip(GAIN_NAMES, self.gains, strict=True)))
+
+
+@lru_cache(maxsize=64)
+def built(case: DriveCase) -> Scenario:
+    """Return the case's scenario, without control.
+
+    Raises
+    ------
+    ParameterError
+        An unknown scenario or setting, or settings of the control, which the tuning sets itself.
+    """
+    # Ready-made drives know every room; this room asks for one by name only when it is to be driven.
+    from rover_pin.scenarios import scenario
+
+    try:
+        for name, _ in case.settings:
+            if name.split(".")[0] == "control":
+                raise ParameterError(f"the setting '{name}' is the tuning's own: leave it out.")
+        made = scenario(case.scenario, **dict(case.settings))
+    except ParameterError as error:
+        raise ParameterError(f"{case.name}: {error}") from error
+    if not case.post_peak:
+        return made
+    return dataclasses.replace(made, model=made.model.having(PostPeak(fraction=case.post_peak)))
+
+
+@lru_cache(maxsize=4)
+def estimate_named(name: str) -> TrueSlip | TableEstimate:
+    """Return the slip estimate of this name; Eq (9)'s table is that of the default rover on the flat."""
+    if name == "true":
+        return TrueSlip()
+    from rover_pin.scenarios import nexus6_table
+
+    return TableEstimate(nexus6_table(), float(load_rover("nexus6").wheel.r))
+
+
+@lru_cache(maxsize=64)
+def limit_of(case: DriveCase) -> TorqueLimit:
+    """Return the torque limit of the case's rover on its ground."""
+    return TorqueLimit.of(built(case).model)
+
+
+def controller_of(case: DriveCase, control: Control) -> Controller:
+    """Return the controller for the full rover."""
+    if control.estimate == CONSTANT:
+        return ConstantDuty(control.named.delta_0)
+    return SlipControl(control.named, estimate_named(control.estimate), limit_of(case))
+
+
+def drive_full(case: DriveCase, controller: Controller) -> Trace:
+    """Return the trace of the full rover under a controller."""
+    scene = built(case)
+    return simulate(scene.model, controller, scene.duration, scene.start, scene.timing, symmetric=scene.symmetric)
+
+
+def full_score(case: DriveCase, control: Control) -> list[float]:
+    """Return the score of the full rover's drive."""
+    scene = built(case)
+    return list(score_trace(drive_full(case, controller_of(case, control)), scene.model, scene.duration))
+
+
+@lru_cache(maxsize=64)
+def reduced_of(case: DriveCase, estimate: str, smoothing: float) -> Reduced:
+    """Return the reduced model of a case."""
+    scene = built(case)
+    loop = Loop(estimate_named(estimate), limit_of(case), smoothing)
+    return Reduced(scene.model, loop, scene.duration, scene.start.x, TAIL)
+
+
+@lru_cache(maxsize=64)
+def _scores(case: DriveCase, estimate: str, smoothing: float) -> ca.Function:
+    """Return gains -> Score of the reduced model."""
+    reduced = reduced_of(case, estimate, smoothing)
+    gains = ca.MX.sym("gains", len(GAIN_NAMES))
+    outcome = Outcome(*ca.vertsplit(reduced.outcome()(gains)))
+    score = score_outcome(outcome, reduced.model, reduced.start, reduced.duration)
+    return ca.Function("score", [gains], [ca.vertcat(*score)])
+
+
+@lru_cache(maxsize=64)
+def _sensitivity(case: DriveCase, estimate: str, smoothing: float, cost: Cost) -> ca.Function:
+    """Return gains -> J and its gradient, by adjoints through CVODES."""
+    gains = ca.MX.sym("gains", len(GAIN_NAMES))
+    J = cost.total(*ca.vertsplit(_scores(case, estimate, smoothing)(gains)))
+    return ca.Function("sensitivity", [gains], [ca.vertcat(J, ca.gradient(J, gains))])
+
+
+def reduced_score(case: DriveCase, control: Control, smoothing: float = 0.0) -> list[float]:
+    """Return the score of the reduced model's drive; FAILED where the integrator gives up."""
+    return _numbers(_scores(case, control.estimate, smoothing), control.gains, list(FAILED))
+
+
+def reduced_gradient(case: DriveCase, control: Control, cost: Cost, smoothing: float = SMOOTHING) -> list[float]:
+    """Return J of the rounded reduced model and its gradient by all gains; FAILED and flat where there is none."""
+    failed = [FAILED.cost(cost)] + [0.0] * len(GAIN_NAMES)
+    return _numbers(_sensitivity(case, control.estimate, smoothing, cost), control.gains, failed)
+
+
+def _numbers(function: ca.Function, gains: tuple[float, ...], failed: list[float]) -> list[float]:
+    try:
+        out = np.array(function(np.array(gains))).ravel()
+    except RuntimeError:
+        return failed
+    return [float(each) for each in out] if np.all(np.isfinite(out)) else failed
+
+
+def reduced_errors(case: DriveCase, control: Control) -> list[float]:
+    """Return how far the reduced drive is from the full one: RMSE of slip [-] and of speed [m/s], end distance [m]."""
+    trace = drive_full(case, controller_of(case, control))
+    # The reduced model knows constant duty as a control whose gains are zero.
+    gains = control.named
+    estimate = control.estimate
+    if estimate == CONSTANT:
+        gains, estimate = gains.replace(k_p=0.0, k_i=0.0, k_aw=0.0, delta_min=-1.0, delta_max=1.0), "true"
+    own = reduced_of(case, estimate, 0.0).drive(gains, trace.t)
+    axle = [wheel.axle for wheel in built(case).model.rover.wheels]
+    slip = np.sqrt(np.mean((own["slip"][:, axle] - trace.stack("slip")) ** 2))
+    speed = np.sqrt(np.mean((own["v"] - trace["body_vx"]) ** 2))
+    return [float(slip), float(speed), abs(float(own["x"][-1] - trace["body_x"][-1]))]

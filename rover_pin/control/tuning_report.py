@@ -1,0 +1,159 @@
+"""What a tuning has found, in numbers and sentences: before and after, training and held out, beside constant duty."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rover_pin.control.drive_score import Cost, Score
+from rover_pin.control.slip_control import Gains
+from rover_pin.control.tuning_study import ESTIMATES, TuningStudy, save_gains
+
+ALIKE = 1e-3
+"""Costs closer than this count as equal."""
+
+
+class Candidate(NamedTuple):
+    """Gains that the full rover has driven on the training drives."""
+
+    stage: str
+    "where they come from: before, search or polish"
+    gains: Gains
+    reduced_cost: float
+    cost: float
+    "of the full rover"
+    scores: tuple[Score, ...]
+
+
+class Drives(NamedTuple):
+    """The full rover's scores under one control."""
+
+    control: str
+    training: tuple[Score, ...]
+    held_out: tuple[Score, ...]
+
+
+class Digest(NamedTuple):
+    """An ensemble in a few numbers."""
+
+    mean: float
+    worst: float
+    tail: float
+    "mean of the worst tenth, one drive at least"
+    stuck: float
+    "share of drives that end stuck"
+
+
+def digest(scores: Sequence[Score], cost: Cost) -> Digest:
+    """Return mean, worst, 10 % tail and stuck share of an ensemble's costs."""
+    costs = np.sort([score.cost(cost) for score in scores])
+    worst = costs[-max(1, math.ceil(len(costs) / 10)) :]
+    stuck = float(np.mean([score.stuck for score in scores]))
+    return Digest(float(np.mean(costs)), float(costs[-1]), float(np.mean(worst)), stuck)
+
+
+@dataclass(frozen=True)
+class TuningResult:
+    """The gains and how they were judged."""
+
+    study: TuningStudy
+    gains: Gains
+    candidates: tuple[Candidate, ...]
+    drives: tuple[Drives, ...]
+    check: tuple[tuple[str, float, float, float], ...]
+    "drive, RMSE of slip [-], of speed [m/s], end distance [m] of the reduced model from the full rover"
+    evaluations: int
+    seconds: float
+    files: tuple[Path, ...] = ()
+
+    def digests(self) -> dict[str, dict[str, Digest]]:
+        """Return 'training' and 'held out' -> control -> Digest; without held-out drives only the first."""
+        cost = self.study.cost
+        found = {"training": {each.control: digest(each.training, cost) for each in self.drives}}
+        if self.study.held_out:
+            found["held out"] = {each.control: digest(each.held_out, cost) for each in self.drives}
+        return found
+
+    def verdicts(self) -> list[str]:
+        """Return sentences on what the tuning is worth, the bad news included."""
+        sentences = []
+        for where, table in self.digests().items():
+            constant = table["constant duty"]
+            for estimate in ESTIMATES:
+                before, after = table[f"before, {estimate}"], table[f"tuned, {estimate}"]
+                sentences.append(
+                    f"{where}, {estimate} slip: tuned {after.mean:.3f} against {before.mean:.3f} before and "
+                    f"{constant.mean:.3f} at constant duty{_warning(after, constant)}"
+                )
+        return sentences
+
+    def summary(self) -> dict[str, Any]:
+        """Return the gains, the digests, the check of the reduced model and the verdicts, for a table or JSON."""
+        rows = {
+            f"{where}: {control}": dict(zip(("mean", "worst", "10 % tail", "stuck share"), each, strict=True))
+            for where, table in self.digests().items()
+            for control, each in table.items()
+        }
+        check = {
+            f"reduced model on {name}": {"slip RMSE": slip, "speed RMSE [mm/s]": 1e3 * speed, "end x [mm]": 1e3 * end}
+            for name, slip, speed, end in self.check
+        }
+        return {
+            "study": self.study.name,
+            "tuned by": f"{self.study.estimate} slip",
+            "gains": {name: float(value) for name, value in self.gains.values().items()},
+            **rows,
+            **check,
+            "verdict": self.verdicts(),
+            "new evaluations": self.evaluations,
+            "seconds": round(self.seconds, 1),
+            "files": [str(file) for file in self.files],
+        }
+
+    def table(self) -> Any:
+        """Return a pandas DataFrame with a row for every drive under every control."""
+        import pandas as pd
+
+        rows = []
+        for each in self.drives:
+            for where, cases, scores in (
+                ("training", self.study.training, each.training),
+                ("held out", self.study.held_out, each.held_out),
+            ):
+                for case, score in zip(cases, scores, strict=True):
+                    rows.append((where, case.name, each.control, score.cost(self.study.cost), *score))
+        return pd.DataFrame(rows, columns=["set", "drive", "control", "cost", *Score._fields])
+
+
+def _warning(after: Digest, constant: Digest) -> str:
+    if after.mean > constant.mean + ALIKE:
+        return ": the control makes things WORSE than constant duty."
+    if after.mean > constant.mean - ALIKE:
+        return ": the control changes nothing."
+    return f", stuck {100 * after.stuck:.0f} % against {100 * constant.stuck:.0f} %."
+
+
+def write_result(result: TuningResult, out: Path) -> TuningResult:
+    """Write gains.toml, drives.csv and candidates.csv into `out`; return the result with their paths."""
+    import dataclasses
+
+    import pandas as pd
+
+    from rover_pin.plot import write_csv
+
+    about = f"Found by rover_pin for '{result.study.name}' with {result.study.estimate} slip.\n" + "\n".join(
+        result.verdicts()
+    )
+    rows = [(each.stage, *each.gains.values().values(), each.reduced_cost, each.cost) for each in result.candidates]
+    names = ["stage", *result.gains.values(), "reduced_cost", "full_cost"]
+    files = (
+        save_gains(result.gains, out / "gains.toml", about),
+        write_csv(result.table(), out / "drives.csv"),
+        write_csv(pd.DataFrame(rows, columns=names), out / "candidates.csv"),
+    )
+    return dataclasses.replace(result, files=files)
