@@ -14,7 +14,7 @@ Result
     0.03 to 0.08 and T_sat at 0.19 to 0.33: duty 0.55 spins any wheel that the rover cannot follow.
     All wheels at S = 0.2 hold 3.3 deg on Table 1 and 6.6 deg on the literature's sand (torque form), at S = 1 10.3 and
     17.7 deg; in the net form not even the flat at S = 0.2. Full shear would hold 28 and 30 deg, but with k = 50 or 25
-    mm under a 45 mm wheel even S = 1 mobilises about half of the strength.
+    mm under a 45 mm wheel even S = 1 asks a third and a half of T_sat.
 What the paper says
     Section 5: "limit the driving torque not to exceed the maximum share"; section 4.2: at 12 deg "the tire driving
     force exceeded the maximum share force of the soil, then the wheel started to dig a hole".

@@ -150,6 +150,33 @@ def _root(spare: Callable[[float], float]) -> float:
     return float(brentq(spare, -STEEPEST, STEEPEST, xtol=1e-9))
 
 
+def bounds_report(
+    rover: Rover,
+    soil: Soil,
+    slope: float = 0.0,
+    gravity: float = EARTH,
+    limit: TractionLimit = DEFAULT_LIMIT,
+    motor: Motor | None = None,
+) -> dict[str, Any]:
+    """Return all that is known of a rover's bounds as plain values: the slopes that they hold, and one dict a wheel.
+
+    Parameters and errors are those of `rover_torque_bounds`, `motor` that of `RoverBounds.rows`.
+    """
+    bounds = rover_torque_bounds(rover, soil, slope, gravity=gravity, limit=limit)
+    full, slipping = climbable_slope(rover, soil, limit, gravity)
+    return {
+        "rover": rover.name,
+        "slope_deg": math.degrees(slope),
+        "gravity_mps2": gravity,
+        "slip_limit": limit.slip,
+        "form": limit.form.name,
+        "first_to_slip": list(bounds.first_to_slip),
+        "climbable_at_slip_limit_deg": math.degrees(slipping),
+        "climbable_at_full_shear_deg": math.degrees(full),
+        "wheels": bounds.rows(motor),
+    }
+
+
 def bounds_table(bounds: RoverBounds, motor: Motor | None = None) -> str:
     """Return the bounds as lines to print, one a wheel, torques in mN m."""
     head = f"{'wheel':>5} {'W/N':>7} {'T_lim/mNm':>10} {'T_sat/mNm':>10} {'pull_lim/N':>11} {'pull_sat/N':>11}"

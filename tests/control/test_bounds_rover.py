@@ -12,7 +12,7 @@ from rover_pin.body.statics import wheel_loads
 from rover_pin.contact import Wheel
 from rover_pin.control.bound_pull import TractionLimit, pull_at_bounds
 from rover_pin.control.bounds import torque_bounds
-from rover_pin.control.rover_bounds import bounds_table, climbable_slope, rover_torque_bounds
+from rover_pin.control.rover_bounds import bounds_report, bounds_table, climbable_slope, rover_torque_bounds
 from rover_pin.errors import ParameterError
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters import SOILS
@@ -121,6 +121,15 @@ def test_rows_and_table_tell_the_margin_of_a_motor():
     assert f"{1e3 * bounds.limit[0]:.1f}" in lines[1]
     assert sum("slips first" in line for line in lines) == len(bounds.first_to_slip)
     assert "stall" not in bounds_table(bounds)
+
+
+def test_the_report_holds_plain_values():
+    report = json.loads(json.dumps(bounds_report(ROVER, SAND, 10 * DEG, 3.71, TractionLimit(0.3), Motor())))
+    full, slipping = climbable_slope(ROVER, SAND, TractionLimit(0.3), 3.71)
+    assert report["climbable_at_slip_limit_deg"] == pytest.approx(slipping / DEG)
+    assert report["climbable_at_full_shear_deg"] == pytest.approx(full / DEG)
+    assert report["wheels"] == rover_torque_bounds(ROVER, SAND, 10 * DEG, 0.0, 3.71, TractionLimit(0.3)).rows(Motor())
+    assert (report["slope_deg"], report["form"], report["first_to_slip"]) == (pytest.approx(10.0), "net", ["ml", "mr"])
 
 
 def test_a_slope_on_which_a_wheel_lifts_is_refused_by_name():
