@@ -44,9 +44,9 @@ class CompiledPrediction:
         buffer: Any
         buffer, self._evaluate = function.buffer()
         for place, array in enumerate((self._conditions, self._fields)):
-            buffer.set_arg(place, memoryview(array))
+            buffer.set_arg(place, array.data)
         for place, array in enumerate((self._values, self._jacobian)):
-            buffer.set_res(place, memoryview(array))
+            buffer.set_res(place, array.data)
         self._buffer = buffer
 
     def __call__(self, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
