@@ -61,7 +61,7 @@ def drive(
     if check:
         result["x_change_at_half_step_mm"] = 1e3 * half_step_change(chosen, trace)
     if len(trace["t_s"]):
-        trace.save(out / "log")
+        chosen.write_log(trace, out / "log")
         result["files"] = [str(out / "log"), *map(str, plot.drive_figures(trace, chosen.model, out))]
     report(result, as_json)
     if str(trace.attrs["stop"]).startswith("diverged"):

@@ -8,11 +8,13 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from rover_pin.body import shapes
 from rover_pin.body.rover import Rover, load_rover
 from rover_pin.body.terrain import Terrain
+from rover_pin.body.terrain_files import from_grid, from_polyline
 from rover_pin.contact import Soil
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.slip_control import Gains, SlipControl
@@ -24,6 +26,8 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.command import Controller
+from rover_pin.motion.drive_log import About, write_drive_log
+from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED, Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.place import Start
@@ -32,6 +36,7 @@ from rover_pin.motion.trace import Trace
 from rover_pin.parameters import SOILS
 from rover_pin.parameters.gravity import EARTH, GRAVITIES
 from rover_pin.parameters.hard import HARD_GROUND
+from rover_pin.quantity import Record, quantities
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import FORMS, TorqueTraction, load_traction_factor
 
@@ -63,8 +68,33 @@ class Scenario:
             symmetric=self.symmetric,
             progress=progress,
         )
-        about = {"scenario": self.name, "control": type(self.controller).__name__, "settings": dict(self.settings)}
+        about = {
+            "scenario": self.name,
+            "control": type(self.controller).__name__,
+            "settings": dict(self.settings),
+            "start": dataclasses.asdict(self.start),
+        }
         return dataclasses.replace(trace, attrs={**trace.attrs, **about})
+
+    def write_log(self, trace: Trace, folder: str | Path) -> Path:
+        """Write a drive of this scenario as a drive log that declares its terrain, soil, wheel and motor."""
+        model = self.model
+        about = dataclasses.replace(
+            About.of(trace, self.name),
+            terrain=write_terrain(folder, model.terrain),
+            soil=declared(model.soils[0]),
+            wheel=declared(model.rover.wheel),
+            motor=declared(model.motor),
+        )
+        return write_drive_log(folder, {"run": trace}, about)
+
+
+def declared(record: Record) -> dict[str, Any]:
+    """Return a record as the table of a log: { value, unit } by name."""
+    return {
+        name: {"value": float(getattr(record, name)), **({"unit": about.unit} if about.unit else {})}
+        for name, about in quantities(record).items()
+    }
 
 
 @dataclass(frozen=True)
@@ -93,6 +123,8 @@ SCENES: dict[str, Scene] = {
     "hills": Scene(shapes.hills, 30.0),
     "turn": Scene(shapes.flat, 30.0, settings={"control": "turn", "soil.k": 0.003}),
     "point-turn": Scene(shapes.flat, 20.0, settings={"control": "point-turn", "soil.k": 0.003}),
+    "polyline": Scene(from_polyline, 30.0, {"path": "terrain.csv"}),
+    "grid": Scene(from_grid, 30.0, {"path": "terrain.npz"}),
     "park": Scene(
         shapes.incline, 10.0, {"angle": 6 * DEG, "start": -5.0}, {"control.delta": 0.0, "gear_friction": 0.1}
     ),
@@ -122,8 +154,8 @@ def scenario(name: str, **settings: Any) -> Scenario:
     name : str
         One of SCENES.
     **settings
-        `rover`, `soil` (a name of SOILS), `soil.FIELD`, `terrain.ARGUMENT`, `motor.FIELD`, `gravity` (name or m/s^2),
-        `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
+        `rover`, `soil` (a name of SOILS), `soil.FIELD`, `terrain.ARGUMENT` (`terrain.path` of a file),
+        `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor.FIELD`, `gravity` (name or m/s^2), `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
         `effect.CLASS.FIELD`, `control` (none, eq9, true, turn, point-turn), `control.FIELD`, `start.FIELD`,
         `duration`, `dt` [s]. A `_deg` behind any angle reads degrees.
 
@@ -193,6 +225,9 @@ def _model(scene: Scene, asked: Settings) -> Model:
     soil = soil.replace(**asked.group("soil", fields_of(soil)))
     names = tuple(inspect.signature(scene.terrain).parameters)
     terrain = scene.terrain(**{**scene.terrain_settings, **asked.group("terrain", names)})
+    patch = asked.group("patch", ("x_from", "x_to"))
+    if patch:
+        terrain = shapes.with_ground(terrain, **{"x_from": -math.inf, "x_to": math.inf, **patch}, index=1)
     motor = nexus6_motor(load_rover("nexus6"))
     motor = motor.replace(**asked.group("motor", fields_of(motor)))
     form = asked.choice("form", "torque", FORMS)
@@ -236,4 +271,4 @@ def _controller(model: Model, asked: Settings) -> Controller:
     gains = Gains(**asked.group("control", fields_of(Gains)))
     wheel = model.rover.wheels[0].wheel
     estimate = TrueSlip() if kind == "true" else TableEstimate(nexus6_table(), float(wheel.r))
-    return SlipControl(gains, estimate, TorqueLimit.of(model))
+    return SlipControl(gains, estimate, TorqueLimit.saturation(model))
