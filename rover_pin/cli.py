@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from rover_pin.errors import ParameterError, RoverPinError
+from rover_pin.parameters import soil_named
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 
@@ -119,7 +120,7 @@ def sweep(
     study: Annotated[Path, typer.Argument(help="A study's TOML file.")],
     workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
     scheduler: Annotated[str, typer.Option(help="Address of a Dask scheduler, as tcp://127.0.0.1:8786.")] = "",
-    out: Out = Path("out/sweep"),
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; out/NAME OF THE STUDY.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Run a batch study; killed, it resumes where it stopped."""
@@ -130,14 +131,86 @@ def sweep(
     report(result.summary(), as_json)
 
 
-def soil_named(name: str) -> Any:
-    """Return a soil of rover_pin.parameters."""
-    from rover_pin.errors import closest
-    from rover_pin.parameters import SOILS
+@app.command()
+def bounds(
+    slope_deg: Annotated[float, typer.Option(help="Nose-up inclination [deg].")] = 0.0,
+    soil: SoilName = "table-1",
+    slip: Annotated[float, typer.Option(help="Slip limit, in (0, 1].")] = 0.2,
+    form: Annotated[str, typer.Option(help="Which traction factor: net, torque, gross.")] = "torque",
+    rover: Annotated[str, typer.Option(help="nexus6, cart, or your rover's TOML.")] = "nexus6",
+    gravity: Annotated[str, typer.Option(help="earth, moon, mars, or m/s^2.")] = "earth",
+    as_json: AsJson = False,
+) -> None:
+    """Print the traction-limited torque of every wheel of a rover on a slope, and the motor's margin."""
+    import math
 
-    if name not in SOILS:
-        raise ParameterError(f"There is no soil '{name}': {closest(name, SOILS)}")
-    return SOILS[name]
+    from rover_pin.body.rover import load_rover
+    from rover_pin.control.bound_pull import TractionLimit
+    from rover_pin.control.rover_bounds import bounds_report, bounds_table, rover_torque_bounds
+    from rover_pin.parameters.gravity import gravity_named
+    from rover_pin.scenarios import nexus6_motor
+    from rover_pin.soil.traction import form_named
+
+    own, ground, g = load_rover(rover), soil_named(soil), gravity_named(gravity)
+    limit, motor = TractionLimit(slip, form_named(form)), nexus6_motor(load_rover("nexus6"))
+    result = bounds_report(own, ground, math.radians(slope_deg), g, limit, motor)
+    if as_json:
+        report(result, as_json)
+        return
+    print(bounds_table(rover_torque_bounds(own, ground, math.radians(slope_deg), gravity=g, limit=limit), motor))
+    report({name: value for name, value in result.items() if name != "wheels"}, as_json)
+
+
+@app.command()
+def identify(
+    data: Annotated[Path, typer.Argument(help="Folder with rig.toml or drive.toml, or a CSV of slip, traction_factor, sd.")],
+    free: Annotated[str, typer.Option(help="Parameters to find, as k,phi,k_1; angles in rad.")] = "k,phi",
+    soil: SoilName = "table-1",
+    set_: Set = [],  # noqa: B006
+    prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, what is known of a parameter, repeatable.")] = [],  # noqa: B006
+    as_json: AsJson = False,
+) -> None:
+    """Fit soil parameters to measured data, and say which of them the data tell."""
+    from rover_pin.evidence.fit import identify as fit
+    from rover_pin.evidence.reading import read_evidence
+
+    start = soil_named(soil).replace(**{name.removeprefix("soil."): value for name, value in assignments(set_).items()})
+    names = tuple(name.strip() for name in free.split(",") if name.strip())
+    found = fit(read_evidence(data), start, names, priors(prior))
+    print(json.dumps(found.as_dict()) if as_json else found.report())
+
+
+@app.command()
+def tune(
+    study: Annotated[Path, typer.Argument(help="A tuning study's TOML file.")],
+    workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
+    out: Out = Path("out/tune"),
+    as_json: AsJson = False,
+) -> None:
+    """Tune the slip control's gains over an ensemble of drives; killed, it resumes where it stopped."""
+    from rover_pin.control.tuning import tune_gains
+    from rover_pin.control.tuning_study import read_tuning
+
+    def stage(name: str, done: int, total: int) -> None:
+        if not as_json:
+            print(f"{name}: {done} of {total}", file=sys.stderr)
+
+    report(tune_gains(read_tuning(study), out, stage, workers or None).summary(), as_json)
+
+
+def priors(words: Iterable[str]) -> dict[str, Any]:
+    """Return NAME=MEAN:SD words as priors by name."""
+    from rover_pin.evidence.problem import Prior
+
+    found = {}
+    for word in words:
+        name, _, value = word.partition("=")
+        mean, _, sd = value.partition(":")
+        try:
+            found[name] = Prior(float(mean), float(sd))
+        except ValueError:
+            raise ParameterError(f"--prior {word}: write it as NAME=MEAN:SD, as --prior n=1.1:0.1.") from None
+    return found
 
 
 def assignments(words: Iterable[str]) -> dict[str, Any]:

@@ -34,7 +34,7 @@ from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import Progress, Timing, simulate
 from rover_pin.motion.trace import Trace
 from rover_pin.parameters import SOILS
-from rover_pin.parameters.gravity import EARTH, GRAVITIES
+from rover_pin.parameters.gravity import EARTH, gravity_named
 from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.quantity import Record, quantities
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
@@ -239,7 +239,7 @@ def _model(scene: Scene, asked: Settings) -> Model:
         motor,
         asked.choice("slip", "relaxed", {"relaxed": RelaxedSlip(), "algebraic": AlgebraicSlip()}),
         base_effects(soil, rover, SoilTraction(form, angles)),
-        gravity=_gravity(asked.take("gravity", EARTH)),
+        gravity=gravity_named(asked.take("gravity", EARTH)),
     )
     friction = float(asked.take("gear_friction", 0.0))
     if friction:
@@ -248,17 +248,6 @@ def _model(scene: Scene, asked: Settings) -> Model:
         changes = asked.group(f"effect.{type(effect).__name__}", fields_of(effect))
         model = model.having(effect.replace(**changes)) if changes else model
     return model
-
-
-def _gravity(word: Any) -> float:
-    if isinstance(word, str) and word in GRAVITIES:
-        return GRAVITIES[word]
-    try:
-        return float(word)
-    except ValueError:
-        raise ParameterError(
-            f"gravity = {word!r} is neither a number [m/s^2] nor known: {closest(word, GRAVITIES)}"
-        ) from None
 
 
 def _controller(model: Model, asked: Settings) -> Controller:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -95,6 +95,30 @@ class Identification:
     def found(self) -> tuple[str, ...]:
         """Names of the parameters that the data tell."""
         return tuple(estimate.name for estimate in self.estimates if estimate.verdict is Verdict.FOUND)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as plain values, for JSON; SI units."""
+        rows = {
+            estimate.name: {
+                "value": estimate.value,
+                "sd": estimate.sd,
+                "low": estimate.low,
+                "high": estimate.high,
+                "unit": estimate.unit,
+                "verdict": estimate.verdict.value,
+                "reason": estimate.reason,
+            }
+            for estimate in self.estimates
+        }
+        return {
+            "parameters": rows,
+            "correlation": self.correlation.tolist(),
+            "singular_values": self.singular_values.tolist(),
+            "chi2": self.chi2,
+            "freedom": self.freedom,
+            "misfit": self.misfit,
+            "channels": [channel._asdict() for channel in self.channels],
+        }
 
     def report(self) -> str:
         """Return the whole result as text; angles in degrees."""

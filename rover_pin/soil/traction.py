@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple, Protocol
 import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel
+from rover_pin.errors import ParameterError, closest
 from rover_pin.soil.angles import Angles, FixedAngles
 from rover_pin.soil.arc import Arc, Mobilised, integrate, shear_law, strength, stress_scale
 from rover_pin.soil.quadrature import FAST, Graded, entry_graded
@@ -124,6 +125,14 @@ class GrossTraction:
 
 FORMS: dict[str, TractionForm] = {form.name: form for form in (NetTraction(), TorqueTraction(), GrossTraction())}
 """The forms by name, for the command line and files."""
+
+
+def form_named(name: str) -> TractionForm:
+    """Return a form by its name."""
+    if name not in FORMS:
+        raise ParameterError(f"There is no traction form '{name}': {closest(name, FORMS)}")
+    return FORMS[name]
+
 
 NET, FIXED = NetTraction(), FixedAngles()
 

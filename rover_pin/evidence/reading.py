@@ -1,0 +1,32 @@
+"""Measured data of any kind from one path: a wheel-rig set, a drive log, or a table of traction factors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rover_pin.errors import DataError
+from rover_pin.evidence.channel import Evidence
+from rover_pin.evidence.drive_points import read_drive_points
+from rover_pin.evidence.measurement import read_wheel_rig
+from rover_pin.evidence.traction_points import read_traction_points
+
+
+def read_evidence(path: str | Path) -> Evidence:
+    """Return a `WheelRig` (folder with rig.toml), or `TractionPoints` (folder with drive.toml, or a CSV file).
+
+    Raises
+    ------
+    DataError
+        None of these, or what its reader refuses.
+    """
+    path = Path(path)
+    if (path / "rig.toml").is_file():
+        return read_wheel_rig(path)
+    if (path / "drive.toml").is_file():
+        return read_drive_points(path)
+    if path.is_file():
+        return read_traction_points(path)
+    raise DataError(
+        f"{path}: give a folder with rig.toml (wheel rig) or drive.toml (drive log), or a CSV file with the columns "
+        "slip, traction_factor, sd."
+    )
