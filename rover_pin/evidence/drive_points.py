@@ -1,4 +1,4 @@
-"""Traction factors from a drive log, as section 4 of the paper takes them: motor torque over static load, against slip."""
+"""Traction factors from a drive log, as the paper's section 4 takes them: motor torque over static load, against slip."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ class Sampling:
 
     `settle` s at the start and `slowest` rim speed [m/s] cut out what is not steady; `rate` [m/s^2] cuts out changes of
     speed; samples within `correlated` s of each other count as one; `levels` classes of slip are made. `load_error` is
-    the relative error of a static load (statics leaves out that driving torques load the pivots: 5 to 9 % in a simulated climb), and does not average.
+    the relative error of a static load, which does not average: statics leaves out that driving torques load the
+    pivots, 5 to 9 % in a simulated climb.
     """
 
     levels: int = 12
@@ -76,8 +77,8 @@ def drive_points(log: DriveLog, motor: Motor, sampling: Sampling = SAMPLING) -> 
     means = classes(slip, factor, worth, sampling)
     if not means:
         raise DataError(
-            f"{log.folder}: no class of slip has {sampling.least} steady, independent samples: drive longer at constant "
-            "duty, over slopes that change the slip."
+            f"{log.folder}: no class of slip has {sampling.least} steady, independent samples: drive longer at "
+            "constant duty, over slopes that change the slip."
         )
     points = np.array(means)
     return TractionPoints(points[:, 0], points[:, 1], points[:, 2], rover.wheel, TorqueTraction())
