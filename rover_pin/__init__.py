@@ -1,0 +1,75 @@
+"""A planetary rover on loose soil: slip-based traction (CasADi), rigid-body dynamics (Pinocchio), and its control.
+
+The names below are loaded on first use, so `import rover_pin` costs nothing. Everything else is imported from its own
+module, batch studies from `rover_pin.sweep`.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from rover_pin.version import __version__
+
+if TYPE_CHECKING:
+    from rover_pin.body.rover import load_rover
+    from rover_pin.contact import Soil, Wheel
+    from rover_pin.control.bounds import torque_bounds
+    from rover_pin.control.constant import ConstantDuty
+    from rover_pin.control.slip_control import SlipControl
+    from rover_pin.errors import RoverPinError
+    from rover_pin.motion.model import Model
+    from rover_pin.motion.motor import Motor
+    from rover_pin.motion.simulate import convergence, plain_simulate, simulate
+    from rover_pin.motion.trace import Trace
+    from rover_pin.parameters import SOILS
+    from rover_pin.scenarios import scenario
+    from rover_pin.soil.traction import load_traction_factor, wheel_forces
+
+__all__ = [
+    "SOILS",
+    "ConstantDuty",
+    "Model",
+    "Motor",
+    "RoverPinError",
+    "SlipControl",
+    "Soil",
+    "Trace",
+    "Wheel",
+    "__version__",
+    "convergence",
+    "load_rover",
+    "load_traction_factor",
+    "plain_simulate",
+    "scenario",
+    "simulate",
+    "torque_bounds",
+    "wheel_forces",
+]
+
+_HOMES = {
+    "body.rover": ("load_rover",),
+    "contact": ("Soil", "Wheel"),
+    "control.bounds": ("torque_bounds",),
+    "control.constant": ("ConstantDuty",),
+    "control.slip_control": ("SlipControl",),
+    "errors": ("RoverPinError",),
+    "motion.model": ("Model",),
+    "motion.motor": ("Motor",),
+    "motion.simulate": ("convergence", "plain_simulate", "simulate"),
+    "motion.trace": ("Trace",),
+    "parameters": ("SOILS",),
+    "scenarios": ("scenario",),
+    "soil.traction": ("load_traction_factor", "wheel_forces"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from its home on first use."""
+    for home, names in _HOMES.items():
+        if name in names:
+            value = globals()[name] = getattr(import_module(f"{__name__}.{home}"), name)
+            return value
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

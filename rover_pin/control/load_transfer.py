@@ -36,7 +36,7 @@ def axle_loads(rover: Rover, gravity: float) -> AxleLoads:
     gravity : float
         m/s^2.
 
-    Source: section 4, "static balance among forces and moments"; here with the pulls, whose lever is the pivots' height.
+    Source: section 4, "static balance among forces and moments"; here with the pulls at the height of the pivots.
     """
     rover = rover.under(gravity)
     q = pin.neutral(rover.model)

@@ -12,6 +12,7 @@ the suspension's motion, the two patches of a lip, and the mirrored view of a wh
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -242,7 +243,7 @@ def through_motor(
 
 def _split(values: list[Scalar], sizes: list[int]) -> list[tuple[Scalar, ...]]:
     ends = np.cumsum([0, *sizes])
-    return [tuple(values[start:end]) for start, end in zip(ends[:-1], ends[1:], strict=True)]
+    return [tuple(values[start:end]) for start, end in itertools.pairwise(ends)]
 
 
 def _rocker_length(place: np.ndarray) -> float:

@@ -84,7 +84,7 @@ def estimate_named(name: str) -> TrueSlip | TableEstimate:
 @lru_cache(maxsize=64)
 def limit_of(case: DriveCase) -> TorqueLimit:
     """Return the torque limit of the case's rover on its ground."""
-    return TorqueLimit.of(built(case).model)
+    return TorqueLimit.saturation(built(case).model)
 
 
 def controller_of(case: DriveCase, control: Control) -> Controller:

@@ -1,0 +1,163 @@
+"""Fig 8: a slope with increasing inclination: when is the grip lost, how suddenly, and does the rover still climb?
+
+Question
+    Does the slip stay near 0 up to 12 deg, then switch to 1, with the elevation still rising?
+Method
+    Inclination growing by 10 deg a metre (assumed: 12 deg after 25 s at 0.05 m/s), duty 0.55, 80 s. Table 1 in the
+    three forms of the traction factor; a smaller k; and a sand made to switch: a small k, so that grip comes at little
+    slip, with a small phi, so that it ends low. S is that of the left middle wheel, the inclination the terrain's under
+    the body. "Most" is atan F(1), where climbing must end.
+Result
+    Table 1, torque form: S = 0.05 on the flat, 0.5 at 4.6 deg (23.5 s), 0.9 at 8.4 deg (57.5 s); after 80 s 9.2 deg of
+    at most 10.3, still rising by 5 mm in 10 s. Gross form the same within 0.2 deg. Net form: S = 0.99 on the flat, it
+    does not come to the slope. k = 30 mm instead of 50: 0.5 at 6.9 deg, 12.1 deg after 80 s of at most 14.8. Net form
+    with k = 14.5 mm: S = 0.25 on the flat, 0.5 at 5.3 deg, 10.7 deg of at most 12.0. Only the made-up sand (k = 1 mm,
+    phi = 13 deg) switches: 0.1 at 9.9 deg, 0.5 at 11.3, 0.9 at 11.8, and rises by 2.5 mm in the last 10 s.
+    The times at S = 0.5 are the same at half the step.
+What the paper says
+    Experiment: "the slip ratio stays near 0 before t = 25 [s]"; "at t = 25 [s], the inclination of the slope reaches
+    almost 12 degrees. After that the slip ratio increases up to 1"; "the elevation stayed constant after t = 30".
+    Simulation: "the slip ratio switches from 0 to 1 at the inclination of 12 degrees"; "the elevation keeps rising
+    after switching the value of the slip".
+What differs
+    With Table 1 nothing stays near 0 and nothing switches: the slip grows by 0.1 a degree from the start, and the end
+    lies at 10.3, not 12 deg. In every reading the elevation goes on rising, as the paper says of its simulation, ever
+    more slowly. A switch at 12 deg asks for a grip that comes at once and ends low, against Table 1's k and phi.
+
+Run: python studies/fig8_slope.py [--quick] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.motion.trace import Trace
+from rover_pin.plot import COLOURS, save, write_csv
+from rover_pin.scenarios import Scenario, scenario
+from rover_pin.soil.traction import load_traction_factor
+
+RATE, START, STEEPEST = math.radians(10.0), 0.5, math.radians(20.0)
+TWELVE = 12.0
+
+
+class Reading(NamedTuple):
+    """One reading of Table 1, or a departure from it."""
+
+    label: str
+    settings: dict[str, Any]
+
+
+READINGS = (
+    Reading("Table 1, torque form", {}),
+    Reading("Table 1, gross form", {"form": "gross"}),
+    Reading("Table 1, net form", {"form": "net"}),
+    Reading("torque form, k = 30 mm", {"soil.k": 0.030}),
+    Reading("net form, k = 14.5 mm", {"form": "net", "soil.k": 0.0145}),
+    Reading(
+        "torque form, k = 1 mm, phi = 13 deg, R = 0.03",
+        {"soil.k": 0.001, "soil.phi_deg": 13.0, "effect.MotionResistance.R": 0.03},
+    ),
+)
+
+
+def main() -> None:
+    """Compute, write and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="three readings, 40 s, one step size")
+    parser.add_argument("--out", type=Path, default=Path("out/fig8_slope"))
+    options = parser.parse_args()
+    duration, readings = (40.0, READINGS[::2]) if options.quick else (80.0, READINGS)
+    cases = {each.label: scenario("slope", **each.settings, duration=duration) for each in readings}
+    traces = {label: case.drive() for label, case in cases.items()}
+    table = pd.DataFrame([row(label, cases[label], traces[label], options.quick) for label in cases])
+    csv = write_csv(histories(traces), options.out / "fig8_slope.csv")
+    write_csv(table, options.out / "fig8_summary.csv")
+    png = save(draw(traces), options.out / "fig8_slope.png")
+    print(table.to_string(index=False))
+    print(f"written: {csv}, {png}")
+
+
+def inclination(trace: Trace) -> np.ndarray:
+    """Return the terrain's inclination under the body [deg]."""
+    return np.degrees(np.clip(RATE * (trace["body_x"] - START), 0.0, STEEPEST))
+
+
+def reached(trace: Trace, slip: float) -> tuple[float, float]:
+    """Return the time [s] and inclination [deg] at which the slip is above `slip` from then on; NaN where never."""
+    below = np.flatnonzero(trace["slip_ml"] <= slip)
+    first = 0 if below.size == 0 else int(below[-1]) + 1
+    if first >= len(trace.t):
+        return math.nan, math.nan
+    return float(trace.t[first]), float(inclination(trace)[first])
+
+
+def steepest(case: Scenario) -> float:
+    """Return atan F(1) of the case's soil and form [deg]."""
+    law, wheel = case.model.effect(SoilTraction), case.model.rover.wheel
+    return math.degrees(math.atan(load_traction_factor(1.0, case.model.soils[0], wheel, law.form, law.angles)))
+
+
+def row(label: str, case: Scenario, trace: Trace, quick: bool) -> dict[str, Any]:
+    made = {"reading": label, "most_deg": steepest(case), "S_10s": float(np.interp(10.0, trace.t, trace["slip_ml"]))}
+    for slip in (0.1, 0.5, 0.9):
+        made[f"S{slip}_at_s"], made[f"S{slip}_at_deg"] = reached(trace, slip)
+    after = trace["body_z"][-1] - np.interp(trace.t[-1] - 10.0, trace.t, trace["body_z"])
+    made |= {"end_deg": float(inclination(trace)[-1]), "end_S": float(trace["slip_ml"][-1])}
+    made["last_10s_rise_mm"] = 1e3 * float(after)
+    if not quick:
+        half = dataclasses.replace(case, timing=case.timing.halved()).drive()
+        made["S0.5_at_s_half_dt"] = reached(half, 0.5)[0]
+    return {key: round(value, 3) if isinstance(value, float) else value for key, value in made.items()}
+
+
+def histories(traces: dict[str, Trace]) -> pd.DataFrame:
+    parts = []
+    for label, trace in traces.items():
+        part = {"reading": label, "t_s": trace.t, "slip": trace["slip_ml"], "inclination_deg": inclination(trace)}
+        part |= {"elevation_m": trace["body_z"] - trace["body_z"][0], "speed_mps": trace["body_vx"]}
+        parts.append(pd.DataFrame(part)[::10].round(6))
+    return pd.concat(parts)
+
+
+def draw(traces: dict[str, Trace]) -> Figure:
+    figure = Figure(figsize=(12, 8), layout="constrained")
+    time_slip, steep_slip, steep_time, height = figure.subplots(2, 2).ravel()
+    for (label, trace), colour in zip(traces.items(), COLOURS, strict=False):
+        look = {"color": colour, "ls": "--" if "gross" in label else "-", "lw": 1.6}
+        steep, slip = inclination(trace), trace["slip_ml"]
+        time_slip.plot(trace.t, slip, label=label, **look)
+        steep_slip.plot(steep[steep > 0], slip[steep > 0], **look)
+        steep_time.plot(trace.t, steep, **look)
+        height.plot(trace.t, 1e3 * (trace["body_z"] - trace["body_z"][0]), **look)
+    paper(time_slip, steep_slip, steep_time)
+    time_slip.set(ylabel="slip of the middle wheel [-]", xlabel="t [s]", ylim=(-0.15, 1.05))
+    steep_slip.set(ylabel="slip of the middle wheel [-]", xlabel="inclination under the body [deg]", ylim=(-0.15, 1.05))
+    steep_time.set(ylabel="inclination under the body [deg]", xlabel="t [s]", ylim=(0, 14))
+    height.set(ylabel="elevation gained [mm]", xlabel="t [s]")
+    for axes in (time_slip, steep_slip, steep_time, height):
+        axes.grid(alpha=0.3)
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def paper(time_slip: Axes, steep_slip: Axes, steep_time: Axes) -> None:
+    """Draw what the text says of its experiment."""
+    look = {"color": "black", "ls": ":", "lw": 1.4}
+    time_slip.plot([0, 25, 30, 40], [0, 0, 1, 1], label="the text, experiment (times)", **look)
+    steep_slip.plot([0, TWELVE, TWELVE], [0, 0, 1], **look)
+    steep_time.plot([25], [TWELVE], "k*", ms=9)
+    steep_time.annotate("the text: 12 deg at 25 s", (25, TWELVE), (4, 12.8), fontsize=9)
+
+
+if __name__ == "__main__":
+    main()
