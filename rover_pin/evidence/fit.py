@@ -15,7 +15,7 @@ from rover_pin.errors import DataError, OptimisationError, ParameterError
 from rover_pin.evidence.channel import FIELDS, Evidence
 from rover_pin.evidence.coordinates import space
 from rover_pin.evidence.identifiability import correlation, covariance, refuse_untold, singular_values
-from rover_pin.evidence.identification import ChannelFit, Identification, Starts
+from rover_pin.evidence.identification import ChannelFit, Estimate, Identification, Starts
 from rover_pin.evidence.judge import judge
 from rover_pin.evidence.levenberg import descend
 from rover_pin.evidence.problem import Prior, Problem
@@ -96,9 +96,11 @@ def identify(
     refuse_untold(problem, starts)
     ended = [_solve(problem, u, search.evaluations) for u in starts]
     best = _lowest(problem, ended)
-    scale = misfit(best.chi2, problem.freedom)
-    best, intervals = _intervals(problem, best, scale)
-    return _identification(problem, best, intervals, _agreement(problem, ended, best), soil)
+    widen = misfit(best.chi2, problem.freedom)
+    judged = problem.widened(widen)
+    best, intervals = _intervals(judged, _settled(judged, best.u))
+    estimates = tuple(judge(judged, best, index, one, widen) for index, one in enumerate(intervals))
+    return _identification(problem, best, estimates, ended, soil)
 
 
 def profile(
@@ -204,46 +206,51 @@ def _lowest(problem: Problem, ended: Sequence[Ended]) -> Best:
     return Best(lowest.u, lowest.chi2, covariance(problem, lowest.u))
 
 
-def _intervals(problem: Problem, best: Best, scale: float) -> tuple[Best, list[Interval]]:
+def _settled(problem: Problem, u: np.ndarray) -> Best:
+    u, chi2 = descend(problem, u)
+    return Best(u, chi2, covariance(problem, u))
+
+
+def _intervals(problem: Problem, best: Best) -> tuple[Best, list[Interval]]:
     """Return the intervals of all parameters; a lower minimum found on the way becomes the fit."""
     for _ in range(POLISHES):
         try:
-            return best, [interval(problem, best, index, scale) for index in range(len(best.u))]
+            return best, [interval(problem, best, index) for index in range(len(best.u))]
         except LowerMinimum as lower:
-            u, chi2 = descend(problem, lower.u)
-            best = Best(u, chi2, covariance(problem, u))
-            scale = misfit(best.chi2, problem.freedom)
+            best = _settled(problem, lower.u)
     raise OptimisationError(
         f"chi2 still falls after {POLISHES} profiles; give more starts or free fewer parameters.", status=best.chi2
     )
 
 
-def _agreement(problem: Problem, ended: Sequence[Ended], best: Best) -> Starts:
+def _agreement(problem: Problem, ended: Sequence[Ended]) -> Starts:
     converged = [(end.u, end.chi2) for end in ended if end.u is not None]
+    lowest = min(chi2 for _, chi2 in converged)
     others: dict[float, dict[str, float]] = {}
     for u, chi2 in converged:
-        if chi2 > best.chi2 + SAME_CHI2 and all(abs(chi2 - seen) > SAME_CHI2 for seen in others):
+        if chi2 > lowest + SAME_CHI2 and all(abs(chi2 - seen) > SAME_CHI2 for seen in others):
             others[chi2] = dict(zip(problem.space.names, problem.space.values(u).tolist(), strict=True))
-    agreed = sum(chi2 <= best.chi2 + SAME_CHI2 for _, chi2 in converged)
+    agreed = sum(chi2 <= lowest + SAME_CHI2 for _, chi2 in converged)
     return Starts(len(ended), len(converged), agreed, tuple(sorted(others.items())))
 
 
 def _identification(
-    problem: Problem, best: Best, intervals: Sequence[Interval], starts: Starts, soil: Soil
+    problem: Problem, best: Best, estimates: tuple[Estimate, ...], ended: Sequence[Ended], soil: Soil
 ) -> Identification:
-    scale = misfit(best.chi2, problem.freedom)
+    """Return the result, with chi2 and singular values by the noise as stated."""
+    chi2 = problem.chi2(best.u)
     values, directions = singular_values(problem, best.u)
     fitted = dict(zip(FIELDS, problem.space.fields(best.u).tolist(), strict=True))
     return Identification(
-        estimates=tuple(judge(problem, best, index, one, scale) for index, one in enumerate(intervals)),
+        estimates=estimates,
         correlation=correlation(best.covariance),
         singular_values=values,
         directions=directions,
         channels=_channel_fits(problem, best.u),
-        chi2=best.chi2,
+        chi2=chi2,
         freedom=problem.freedom,
-        misfit=scale,
-        starts=starts,
+        misfit=misfit(chi2, problem.freedom),
+        starts=_agreement(problem, ended),
         soil=soil.replace(**{name: fitted[name] for name in problem.space.names if name in quantities(soil)}),
     )
 

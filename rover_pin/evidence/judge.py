@@ -16,7 +16,7 @@ OWN_SHARE = 0.5
 
 
 def judge(problem: Problem, best: Best, index: int, interval: Interval, misfit: float) -> Estimate:
-    """Return the estimate of one free parameter from its profile interval, with SDs widened by `misfit`."""
+    """Return the estimate of one free parameter from its profile interval, of a problem widened by `misfit`."""
     axis = problem.space.axes[index]
     verdict, reason = _verdict(problem, best, index, interval)
     if verdict is Verdict.FOUND and misfit > 1:
@@ -27,7 +27,7 @@ def judge(problem: Problem, best: Best, index: int, interval: Interval, misfit: 
         name=axis.name,
         unit=axis.about.unit,
         value=math.nan if verdict is Verdict.NOT_IDENTIFIABLE else value,
-        sd=misfit * math.sqrt(best.covariance[index, index]) * float(problem.space.slopes(best.u)[index]),
+        sd=math.sqrt(best.covariance[index, index]) * float(problem.space.slopes(best.u)[index]),
         low=float(ends[0]),
         high=float(ends[1]),
         verdict=verdict,

@@ -30,6 +30,11 @@ class Prior:
 class Problem:
     """Residuals and Jacobian in the coordinates u of a `Space`: (predicted - measured) / sd, then the priors' rows.
 
+    Parameters
+    ----------
+    widen : float
+        Factor on the stated standard deviations of the data, not of the priors.
+
     Raises
     ------
     DataError
@@ -38,13 +43,13 @@ class Problem:
         A prior of a parameter that is not free.
     """
 
-    def __init__(self, data: Sequence[Evidence], space: Space, priors: Mapping[str, Prior]):
+    def __init__(self, data: Sequence[Evidence], space: Space, priors: Mapping[str, Prior], widen: float = 1.0):
         for name in priors:
             if name not in space.names:
                 raise ParameterError(f"the prior of '{name}' has no free parameter: {closest(name, space.names)}")
         self.data, self.space, self.priors = tuple(data), space, dict(priors)
         self.measured = np.concatenate([channel.measured for one in data for channel in one.channels])
-        self.sd = np.concatenate([channel.sd for one in data for channel in one.channels])
+        self.sd = widen * np.concatenate([channel.sd for one in data for channel in one.channels])
         self._predictors = [one.predictor(space.names) for one in data]
         self._prior_at = [space.names.index(name) for name in priors]
         self._prior_mean = np.array([prior.mean for prior in priors.values()])
@@ -55,6 +60,10 @@ class Problem:
                 f"{without} free parameters without a prior and {self.measured.size} measured values: more parameters "
                 f"than data; free fewer, state priors or measure more points."
             )
+
+    def widened(self, factor: float) -> Problem:
+        """Return the same problem with the data's standard deviations multiplied by `factor`."""
+        return Problem(self.data, self.space, self.priors, factor)
 
     @property
     def freedom(self) -> int:

@@ -46,8 +46,8 @@ class LowerMinimum(Exception):
         self.u = u
 
 
-def interval(problem: Problem, best: Best, index: int, scale: float) -> Interval:
-    """Return where chi2 has risen by (1.96 scale)^2 on both sides, with all other parameters refitted.
+def interval(problem: Problem, best: Best, index: int) -> Interval:
+    """Return where chi2 has risen by 1.96^2 on both sides, with all other parameters refitted.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def interval(problem: Problem, best: Best, index: int, scale: float) -> Interval
     OptimisationError
         A refit did not settle.
     """
-    (low, closed_low), (high, closed_high) = (_end(problem, best, index, side, scale * NORMAL_95) for side in (-1, 1))
+    (low, closed_low), (high, closed_high) = (_end(problem, best, index, side, NORMAL_95) for side in (-1, 1))
     return Interval(low, high, closed_low, closed_high)
 
 

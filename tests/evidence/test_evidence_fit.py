@@ -288,7 +288,7 @@ def test_a_parameter_without_influence_is_refused():
     still = rig().rows(slice(0, 1)).only(Sinkage)
     nothing = WheelRig(WHEEL, still.slip, still.load, (Sinkage(still.channels[0].measured, 1e6),))
     with pytest.raises(
-        ParameterError, match=r"k is not identifiable: it moves nothing in sinkage; drawbar pull or torque"
+        ParameterError, match=r"k is not identifiable: it moves nothing in sinkage; a direct shear test"
     ):
         identify(nothing, SAND, ("k",))
 
