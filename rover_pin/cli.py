@@ -110,7 +110,8 @@ def check_urdf(
     from rover_pin.body.urdf_check import check_urdf as check
 
     found = check(file)
-    report({"file": str(file), "faults": list(found.faults), "notes": list(found.notes), "facts": list(found.facts)}, as_json)
+    said = {"faults": list(found.faults), "notes": list(found.notes), "facts": list(found.facts)}
+    report({"file": str(file), **said}, as_json)
     if not found.ok:
         raise typer.Exit(1)
 
@@ -163,7 +164,9 @@ def bounds(
 
 @app.command()
 def identify(
-    data: Annotated[Path, typer.Argument(help="Folder with rig.toml or drive.toml, or a CSV of slip, traction_factor, sd.")],
+    data: Annotated[
+        Path, typer.Argument(help="Folder with rig.toml or drive.toml, or a CSV of slip, traction_factor, sd.")
+    ],
     free: Annotated[str, typer.Option(help="Parameters to find, as k,phi,k_1; angles in rad.")] = "k,phi",
     soil: SoilName = "table-1",
     set_: Set = [],  # noqa: B006
@@ -252,7 +255,7 @@ def shown(value: Any) -> str:
     return str(value)
 
 
-class progress:  # noqa: N801 - used as a with-statement
+class progress:
     """A progress bar over simulated seconds on a terminal; nothing where it would clutter."""
 
     def __init__(self, what: str, total: float, silent: bool):

@@ -20,7 +20,7 @@ from rover_pin.motion.model import Model
 from rover_pin.motion.trace import Trace
 from rover_pin.soil.curves import TractionCurves
 
-COLOURS = tuple(matplotlib.colormaps["tab10"].colors)  # type: ignore[attr-defined]
+COLOURS = tuple(matplotlib.colormaps["tab10"].colors)
 STYLES = {"l": "-", "r": "--"}
 WHEEL_COLOUR = {"f": COLOURS[0], "m": COLOURS[1], "r": COLOURS[2]}
 
@@ -43,7 +43,7 @@ def new_figure(
 
 
 def drive_figures(trace: Trace, model: Model, out: Path) -> list[Path]:
-    """Write snapshots.png and history.png of a drive into `out`; return their paths. Nothing where nothing was driven."""
+    """Write snapshots.png and history.png of a drive into `out`; return their paths: none where nothing was driven."""
     if len(trace["t_s"]) < 2:
         return []
     return [save(snapshots(trace, model), out / "snapshots.png"), save(history(trace), out / "history.png")]

@@ -110,7 +110,7 @@ def check(owner: str, name: str, value: Any, about: Quantity) -> None:
     """Refuse a number that is not finite or is out of bounds; let expressions pass."""
     if is_symbolic(value):
         return
-    if isinstance(value, bool) or not isinstance(value, (int, float)) and not hasattr(value, "__float__"):
+    if isinstance(value, bool) or not hasattr(value, "__float__"):
         raise ParameterError(f"{owner}.{name} = {value!r} is not a number; give one in {about.unit or 'no unit'}.")
     number = float(value)
     if not (math.isfinite(number) and about.low <= number <= about.high):

@@ -21,6 +21,7 @@ from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_limit import TorqueLimit
+from rover_pin.effects.effect import Effect, MotorEffect
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
@@ -155,7 +156,8 @@ def scenario(name: str, **settings: Any) -> Scenario:
         One of SCENES.
     **settings
         `rover`, `soil` (a name of SOILS), `soil.FIELD`, `terrain.ARGUMENT` (`terrain.path` of a file),
-        `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor.FIELD`, `gravity` (name or m/s^2), `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
+        `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor.FIELD`, `gravity` (name or m/s^2),
+        `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
         `effect.CLASS.FIELD`, `control` (none, eq9, true, turn, point-turn), `control.FIELD`, `start.FIELD`,
         `duration`, `dt` [s]. A `_deg` behind any angle reads degrees.
 
@@ -244,7 +246,8 @@ def _model(scene: Scene, asked: Settings) -> Model:
     friction = float(asked.take("gear_friction", 0.0))
     if friction:
         model = model.having(GearFriction(tau_c=friction))
-    for effect in (*model.contact_effects, *model.motor_effects):
+    acting: tuple[Effect | MotorEffect, ...] = (*model.contact_effects, *model.motor_effects)
+    for effect in acting:
         changes = asked.group(f"effect.{type(effect).__name__}", fields_of(effect))
         model = model.having(effect.replace(**changes)) if changes else model
     return model

@@ -7,6 +7,7 @@ its neighbours, so that patches tile the arc: one on flats and slopes, two at a 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -103,7 +104,7 @@ def cut_grid(terrain: HeightGrid, frame: WheelFrame, r: float) -> list[Facet]:
             lean = frame.up[2] - slope_x * frame.up[0] - slope_y * frame.up[1]
             t += (terrain.height(x, y) - z) / lean
         points.append(np.array([s, t]))
-    return [_grid_facet(terrain, frame, a, b) for a, b in zip(points[:-1], points[1:], strict=True)]
+    return [_grid_facet(terrain, frame, a, b) for a, b in pairwise(points)]
 
 
 def _grid_facet(terrain: HeightGrid, frame: WheelFrame, start: np.ndarray, end: np.ndarray) -> Facet:

@@ -52,8 +52,8 @@ class Turn:
         worst = max(steered, key=lambda wheel: abs(angles[wheel.name]))
         if abs(angles[worst.name]) > MOST_STEER:
             raise ParameterError(
-                f"A turn of radius {radius:g} m wants wheel {worst.name} at {math.degrees(angles[worst.name]):.0f} deg; "
-                f"at most {math.degrees(MOST_STEER):.0f} deg are allowed: widen the turn."
+                f"A turn of radius {radius:g} m wants wheel {worst.name} at {math.degrees(angles[worst.name]):.0f} "
+                f"deg; at most {math.degrees(MOST_STEER):.0f} deg are allowed: widen the turn."
             )
         direction = 1.0 if radius >= 0.0 else -1.0
         scale = direction * delta / max(abs(speed) for speed in speeds)

@@ -17,8 +17,8 @@ from rover_pin.soil.angles import SinkageAngles
 class SideShear(Effect):
     """f_y = -sgn(j_y) scale (c A / f_n + tan phi) f_n (1 - exp(-|j_y| / k)), j_y = S_y r (theta_1 - theta_2) / 2.
 
-    j_y is the sideways shear displacement half-way through the contact, A = r b (theta_1 - theta_2) its area; the soil's
-    own k, c and phi are used. Source: Yoshida and Ishigami, IROS 2004 (lateral shear by Janosi's law; there the shear is
+    j_y is the sideways shear displacement half-way through the contact, A = r b (theta_1 - theta_2) its area, with the
+    soil's own k, c and phi. Source: Yoshida and Ishigami, IROS 2004 (lateral shear by Janosi's law; there the shear is
     integrated over the contact, here taken at its middle). Differs from the paper: it has no side force at all.
     """
 

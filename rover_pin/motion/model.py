@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.terrain import Terrain
@@ -19,6 +19,8 @@ from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.soil.traction import load_traction_factor
+
+AnyEffect = TypeVar("AnyEffect", Effect, MotorEffect)
 
 
 @dataclass(frozen=True)
@@ -56,13 +58,9 @@ class Model:
         """Return the model with this effect added, in the place of one of the same class."""
         if isinstance(effect, (AlgebraicSlip, RelaxedSlip)):
             return dataclasses.replace(self, slip=effect)
-        name = "motor_effects" if isinstance(effect, MotorEffect) else "effects"
-        present = getattr(self, name)
-        if any(type(other) is type(effect) for other in present):
-            changed = tuple(effect if type(other) is type(effect) else other for other in present)
-        else:
-            changed = (*present, effect)
-        return dataclasses.replace(self, **{name: changed})
+        if isinstance(effect, MotorEffect):
+            return dataclasses.replace(self, motor_effects=_having(self.motor_effects, effect))
+        return dataclasses.replace(self, effects=_having(self.effects, effect))
 
     def without(self, kind: type[Effect] | type[MotorEffect]) -> Self:
         """Return the model without the effects of this class."""
@@ -87,6 +85,13 @@ class Model:
             if name not in names:
                 raise ParameterError(f"Model has no field '{name}': {closest(name, names)}")
         return dataclasses.replace(self, **changes)
+
+
+def _having(present: tuple[AnyEffect, ...], effect: AnyEffect) -> tuple[AnyEffect, ...]:
+    changed = [effect if type(other) is type(effect) else other for other in present]
+    if not any(each is effect for each in changed):
+        changed.append(effect)
+    return tuple(changed)
 
 
 CRUISE_SLIP = 0.05

@@ -1,8 +1,8 @@
 """The step in plain NumPy and Pinocchio: slow, readable, and the reference of the compiled kernel.
 
-One step of Eq (8), second order: half a step of the configuration, the velocities by the linearly implicit midpoint rule
-with the forces there, the other half. With u the velocities, x the effects' own states, Q(u, x) the soil's generalised
-force and tau(u) the motors',
+One step of Eq (8), second order: half a step of the configuration, the velocities by the linearly implicit midpoint
+rule with the forces there, the other half. With u the velocities, x the effects' own states, Q(u, x) the soil's
+generalised force and tau(u) the motors',
 
     q <- q (+) dt/2 u,    (M - dt/2 D) du = dt (Q + tau - nle) + G^T lambda,    G (u + du) = 0,
     D = dQ/du + dQ/dx dx/du + dtau/du,    u <- u + du,    q <- q (+) dt/2 u,
@@ -53,7 +53,8 @@ class Plain:
         n = len(self.rover.wheels)
         self.record, self.loads, self.energy = np.zeros((n, N_RECORD)), np.zeros((n, 6)), np.zeros(len(ENERGY))
         self.duty = np.zeros(n)
-        self.servo_wheels = [i for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None]
+        steered = {i: wheel.steer_dof for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None}
+        self.servo_wheels, self.servo_dofs = list(steered), list(steered.values())
         self.servo_target = np.zeros(max(1, len(self.servo_wheels)))
         self.law = laws.as_numbers(laws.contact_law(model.contact_effects))
         self.motor = laws.as_numbers(laws.motor_law(model.motor, model.motor_effects))
@@ -84,8 +85,8 @@ class Plain:
             row += gain + 0.5 * slope * du[wheel.dof]
         state.v += du
         if self.symmetric:
-            index, sign = self.rover.mirror
-            state.v[:] = 0.5 * (state.v + np.asarray(sign) * state.v[np.asarray(index)])
+            perm, sign = self.rover.mirror
+            state.v[:] = 0.5 * (state.v + np.asarray(sign) * state.v[np.asarray(perm)])
         state.q[:] = pin.integrate(self.pin_model, state.q, 0.5 * self.dt * state.v)
         return 0 if np.all(np.isfinite(state.v)) else 1
 
@@ -124,7 +125,7 @@ class Plain:
             return np.zeros(nx), np.zeros((nx, J.shape[1]))
         self.record[index, [0, 1, 7]] /= sum(weights)
         self.record[index, 8] = 0.0 if airborne else len(found)
-        return sum(gains) / sum(weights), sum(slopes) / sum(weights)
+        return np.sum(gains, axis=0) / sum(weights), np.sum(slopes, axis=0) / sum(weights)
 
     def _patch(
         self, index: int, frame: WheelFrame, J: np.ndarray, patch: Patch
@@ -222,8 +223,7 @@ class Plain:
             force[dof] = -gains[0] * (over + 0.5 * self.dt * state.v[dof]) - gains[1] * state.v[dof]
             slope[dof] = -0.5 * gains[0] * self.dt - gains[1]
 
-        for target, index in zip(self.servo_target, self.servo_wheels, strict=False):
-            dof = self.rover.wheels[index].steer_dof
+        for target, dof in zip(self.servo_target, self.servo_dofs, strict=False):
             spring(dof, state.q[q_of[dof]] - target, SERVO_GAIN)
         for dof in stop_dofs(self.rover):
             angle = state.q[q_of[dof]]
@@ -234,9 +234,8 @@ class Plain:
 
     def _account(self, du: np.ndarray, motor: np.ndarray, springs: np.ndarray) -> None:
         speed = self.state.v + 0.5 * du
-        servos = [self.rover.wheels[index].steer_dof for index in self.servo_wheels]
         stopped = springs.copy()
-        stopped[servos] = 0.0
+        stopped[self.servo_dofs] = 0.0
         electric = float(np.sum(self.record[:, 10] * self.record[:, 11] * self.duty))
         soil = (self.soil_Q + 0.5 * self.soil_D @ du) @ speed
         steered = (springs - stopped) @ speed

@@ -12,7 +12,8 @@ import numpy as np
 
 from rover_pin.errors import SimulationError
 from rover_pin.motion.command import Command, Controller, Reading, Truth
-from rover_pin.motion.kernel import RECORD, Kernel, stop_dofs
+from rover_pin.motion.failure import Suspension, failure, suspension_of
+from rover_pin.motion.kernel import RECORD, Kernel
 from rover_pin.motion.model import Model
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.plain import Plain
@@ -26,15 +27,6 @@ CONTROL_PERIOD = 0.05
 """Sample time of the controller [s] (assumed; the command is held in between)."""
 SAMPLE = 0.05
 """Time between the trace's rows [s]."""
-CAPSIZED = math.radians(60.0)
-UPRIGHT = math.cos(CAPSIZED)
-"""The body's own vertical must stay within CAPSIZED of the world's."""
-FOLDED = math.radians(10.0)
-"""How far past its stop a suspension joint may go [rad]."""
-BURIED = 0.5
-"""Sinkage over wheel radius at which a wheel counts as buried: the contact model ends there."""
-FASTEST = 10.0
-"""Speed [m/s] beyond which a run counts as diverged."""
 
 
 class Stepper(Protocol):
@@ -94,8 +86,8 @@ def simulate(
     model: Model,
     controller: Controller,
     duration: float,
-    start: Start | DriveState = Start(),  # noqa: B008 - frozen
-    timing: Timing = Timing(),  # noqa: B008 - frozen
+    start: Start | DriveState = Start(),
+    timing: Timing = Timing(),
     *,
     symmetric: bool = False,
     progress: Progress | None = None,
@@ -129,8 +121,8 @@ def plain_simulate(
     model: Model,
     controller: Controller,
     duration: float,
-    start: Start | DriveState = Start(),  # noqa: B008 - frozen
-    timing: Timing = Timing(),  # noqa: B008 - frozen
+    start: Start | DriveState = Start(),
+    timing: Timing = Timing(),
     *,
     symmetric: bool = False,
     progress: Progress | None = None,
@@ -162,13 +154,14 @@ def _simulate(
     return trace_of(model, rows, attrs)
 
 
-def run(drive: Drive, duration: float, progress: Progress | None) -> tuple[list[Any], str]:
+def run(drive: Drive, duration: float, progress: Progress | None) -> tuple[list[Row], str]:
     """Step until the end; return the rows and the reason of the stop."""
     timing, state, stepper = drive.timing, drive.state, drive.stepper
     steps = round(duration / timing.dt)
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     suspension = suspension_of(drive.model)
-    begin, rows = state.t, []
+    rows: list[Row] = []
+    begin = state.t
     step = stepper.step
     for k in range(steps):
         if k % per_control == 0:
@@ -181,7 +174,7 @@ def run(drive: Drive, duration: float, progress: Progress | None) -> tuple[list[
         state.t = begin + (k + 1) * timing.dt
         if k % per_sample == per_sample - 1:
             rows.append(row_of(drive))
-            reason = failure(drive, suspension)
+            reason = failure(drive.model, state, stepper.record, suspension)
             if reason:
                 return rows, f"{reason} at {state.t:.2f} s"
             if progress and len(rows) % 50 == 0:
@@ -215,21 +208,6 @@ def row_of(drive: Drive) -> Row:
         stepper.energy.copy(),
         stepper.energies(),
     )
-
-
-class Suspension(NamedTuple):
-    """The suspension joints: their places in q and their limits [rad]."""
-
-    index: np.ndarray
-    limits: tuple[np.ndarray, np.ndarray]
-
-
-def suspension_of(model: Model) -> Suspension:
-    """Return the suspension joints of a model's rover."""
-    pin_model = model.rover.model
-    q_of = {joint.idx_v: joint.idx_q for joint in list(pin_model.joints)[2:]}
-    index = np.array([q_of[dof] for dof in stop_dofs(model.rover)], dtype=int)
-    return Suspension(index, (pin_model.lowerPositionLimit[index], pin_model.upperPositionLimit[index]))
 
 
 def obey(drive: Drive, k: int, suspension: Suspension) -> None:
@@ -272,30 +250,10 @@ def reading_of(drive: Drive, suspension: Suspension) -> Reading:
         drive.stepper.duty.copy(),
         state.v[[wheel.dof for wheel in drive.model.rover.wheels]],
         column["current"].copy(),
-        state.q[suspension.index],
+        state.q[suspension.places],
         roll_pitch_yaw(state.q),
         truth,
     )
-
-
-def failure(drive: Drive, suspension: Suspension) -> str | None:
-    """Return why the run cannot go on, or None."""
-    state, model = drive.state, drive.model
-    if not float(np.abs(state.v[:3]).max()) < FASTEST:
-        return "diverged: the rover is faster than any rover"
-    x, y = state.q[3], state.q[4]
-    if 1.0 - 2.0 * (x * x + y * y) < UPRIGHT:
-        roll, pitch, _ = roll_pitch_yaw(state.q)
-        return f"capsized: roll {math.degrees(roll):.0f} deg, pitch {math.degrees(pitch):.0f} deg"
-    sinkage = drive.stepper.record[:, RECORD.index("sinkage")].tolist()
-    for wheel, depth in zip(model.rover.wheels, sinkage, strict=True):
-        if depth > BURIED * wheel.wheel.r:
-            return f"buried: wheel {wheel.name} has sunk by {1e3 * depth:.0f} mm"
-    angle, (lower, upper) = state.q[suspension.index], suspension.limits
-    if suspension.index.size and max((angle - upper).max(), (lower - angle).max()) > FOLDED:
-        over = math.degrees(max((angle - upper).max(), (lower - angle).max()))
-        return f"folded: a suspension joint is {over:.0f} deg past its stop"
-    return None
 
 
 def convergence(model: Model, controller: Controller, duration: float, **options: Any) -> tuple[Trace, float]:

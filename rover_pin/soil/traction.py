@@ -123,11 +123,13 @@ class GrossTraction:
         return forces.thrust / forces.f_n
 
 
-FORMS: dict[str, TractionForm] = {form.name: form for form in (NetTraction(), TorqueTraction(), GrossTraction())}
+FORMS: dict[str, NetTraction | TorqueTraction | GrossTraction] = {
+    form.name: form for form in (NetTraction(), TorqueTraction(), GrossTraction())
+}
 """The forms by name, for the command line and files."""
 
 
-def form_named(name: str) -> TractionForm:
+def form_named(name: str) -> NetTraction | TorqueTraction | GrossTraction:
     """Return a form by its name."""
     if name not in FORMS:
         raise ParameterError(f"There is no traction form '{name}': {closest(name, FORMS)}")

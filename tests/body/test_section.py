@@ -1,6 +1,7 @@
 """Patches against a brute-force arc: every point of the rim, its depth below the terrain, its pressure summed."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ def brute_force(corners, centre, count=40001):
     rim = centre + R * np.column_stack([np.sin(theta), -np.cos(theta)])
     below = rim[:, 1] < np.interp(rim[:, 0], corners[:, 0], corners[:, 1])
     depth = np.full(count, np.inf)
-    for a, b in zip(corners[:-1], corners[1:], strict=True):
+    for a, b in pairwise(corners):
         along = b - a
         share = np.clip((rim - a) @ along / (along @ along), 0.0, 1.0)
         depth = np.minimum(depth, np.linalg.norm(rim - a - share[:, None] * along, axis=1))

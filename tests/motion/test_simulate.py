@@ -166,7 +166,7 @@ def test_a_capsized_rover_stops_with_the_reason_and_the_trace():
 
 def test_a_buried_wheel_stops_the_drive():
     model = made("flat", **{"soil.k_1": 8e3})
-    with pytest.raises(SimulationError, match="does not settle|sinks"):
+    with pytest.raises(SimulationError, match=r"does not settle|sinks"):
         simulate(made("flat", **{"soil.k_1": 1.0}), ConstantDuty(0.3), 2.0)
     trace = simulate(model, ConstantDuty(0.3), 2.0)
     assert str(trace.attrs["stop"]).startswith("buried: wheel")
