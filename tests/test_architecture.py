@@ -1,0 +1,132 @@
+"""The house rules that a reader relies on: which room may import which, no cycles, docstrings, short files."""
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "rover_pin"
+FILES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(PACKAGE.rglob("*.py"))}
+STUDIES = sorted((ROOT / "studies").rglob("*.py"))
+LONGEST = 300
+
+GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file")
+ROOMS = ("ground", "parameters", "soil", "effects", "body", "motion", "control", "evidence",
+         "scenarios", "plot", "sweep", "tuning", "cli")  # fmt: skip
+"""From the bottom up: a room imports itself and what is below it.
+
+`scenarios`, `plot`, `sweep` have this order among themselves: figures and sweeps are made of ready-made drives.
+`tuning` (control/tuning*.py) stands above its folder's other files: it drives scenarios and sweeps, they do not.
+"""
+FOREIGN = {"parameters": "pinocchio", "soil": "pinocchio", "effects": "pinocchio", "body": "casadi"}
+"""What a room never imports itself. (casadi comes to body through quantity, which must know an expression.)"""
+TRACE = "rover_pin.motion.trace"
+DEFERRED = {(TRACE, "rover_pin.motion.drive_log"), (TRACE, "rover_pin.motion.trace_files")}
+"""Not counted as a cycle: a trace saves and loads itself, and the file formats, made of traces, are imported then."""
+
+
+def module(path):
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module(path): path for path in FILES}
+
+
+def room(name):
+    first = name.split(".")[1]
+    return "ground" if first in GROUND else "tuning" if name.startswith("rover_pin.control.tuning") else first
+
+
+def imports(tree):
+    """Yield the modules that a file imports anywhere, also inside functions."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield inner if inner in MODULES else node.module
+
+
+INSIDE = [path for path in FILES if path != PACKAGE / "__init__.py"]
+OWN = {module(path): {name for name in imports(FILES[path]) if name.split(".")[0] == "rover_pin"} for path in INSIDE}
+
+
+def test_every_module_is_in_a_room_and_every_room_is_there():
+    assert {room(name) for name in OWN} == set(ROOMS)
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_rooms_import_downwards(name):
+    allowed = ROOMS[: ROOMS.index(room(name)) + 1]
+    upwards = {other for other in OWN[name] - {"rover_pin"} if room(other) not in allowed}
+    assert not upwards, f"{name} ({room(name)}) imports from above: {sorted(upwards)}"
+
+
+def test_nothing_inside_imports_the_front_door():
+    assert not [name for name, own in OWN.items() if "rover_pin" in own]
+
+
+def test_no_import_cycles():
+    state = defaultdict(lambda: "new")
+
+    def visit(name, way):
+        assert state[name] != "open", "cycle: " + " -> ".join([*way[way.index(name) :], name])
+        if state[name] == "new":
+            state[name] = "open"
+            for other in sorted(OWN.get(name, ())):
+                if (name, other) not in DEFERRED:
+                    visit(other, [*way, name])
+            state[name] = "done"
+
+    for name in OWN:
+        visit(name, [])
+
+
+@pytest.mark.parametrize(("place", "foreign"), FOREIGN.items())
+def test_numbers_and_symbols_stay_in_their_rooms(place, foreign):
+    guilty = [
+        module(path)
+        for path in INSIDE
+        if room(module(path)) == place and any(name.split(".")[0] == foreign for name in imports(FILES[path]))
+    ]
+    assert not guilty, f"{foreign} in {place}/"
+
+
+def undocumented(tree):
+    """Yield the public module, classes, functions and methods that lack a docstring."""
+    if ast.get_docstring(tree) is None:
+        yield "the module"
+    for node in tree.body:
+        if isinstance(node, (ast.ClassDef, ast.FunctionDef)) and not node.name.startswith("_"):
+            if ast.get_docstring(node) is None:
+                yield node.name
+            for member in node.body if isinstance(node, ast.ClassDef) else ():
+                named = isinstance(member, ast.FunctionDef) and (member.name == "__call__" or member.name[0] != "_")
+                if named and ast.get_docstring(member) is None:
+                    yield f"{node.name}.{member.name}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=module)
+def test_what_is_public_has_a_docstring(path):
+    assert not list(undocumented(FILES[path]))
+
+
+@pytest.mark.parametrize("path", [*FILES, *STUDIES], ids=lambda path: path.stem)
+def test_files_are_short(path):
+    lines = len(path.read_text(encoding="utf-8").splitlines())
+    assert lines < LONGEST, f"{path.name} has {lines} lines: split it"
+
+
+def test_the_packages_own_names_are_there():
+    import rover_pin
+
+    for name in rover_pin.__all__:
+        assert getattr(rover_pin, name) is not None
+    assert set(rover_pin.__all__) <= set(dir(rover_pin))
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        _ = rover_pin.simulat
