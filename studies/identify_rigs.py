@@ -131,7 +131,7 @@ def draw(done: list[tuple[Case, Identification]]) -> plt.Figure:
                 draw_channel(axis, case, result, case.data.channels[row], COLOURS[row])
             else:
                 axis.set_axis_off()
-        axes[0, column].set_title(f"{case.label}: {summary(result)}", fontsize=10)
+        axes[0, column].set_title(f"{case.label}:\n{summary(result)}", fontsize=10)
     figure.suptitle("Measured wheels (points, +-1 SD) and the best fit of Eqs (2)-(7) with theta_1 from the load")
     return figure
 
@@ -141,7 +141,10 @@ def draw_channel(axis: Axes, case: Case, result: Identification, channel: RigCha
     fields = {**case.data.wheel.values(), **result.soil.values()}
     predicted, _ = case.data.only(type(channel)).predictor(("k",))(np.array(list(fields.values())))
     axis.errorbar(case.data.slip, channel.measured, channel.sd, fmt="ko", ms=4, capsize=2)
-    axis.plot(case.data.slip[order], predicted[order], "-", color=colour)
+    axis.plot(
+        case.data.slip[order], predicted[order], "s:", mfc="none", color=colour, label="best fit at each run's load"
+    )
+    axis.legend(fontsize=8)
     axis.set(xlabel="slip ratio S [-]", ylabel=f"{channel.name} [{channel.unit}]")
 
 

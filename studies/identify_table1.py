@@ -120,7 +120,7 @@ def draw_points(axis: Axes, points: TractionPoints, result: Identification) -> N
         label = f"k = {1000 * soil.k:.0f} mm, phi = {soil.phi * DEG:.0f} deg"
         axis.plot(fine, curve, style, label=("best fit: " if k is None else "end of the 95 %: ") + label)
     axis.set(
-        xlabel="slip ratio S [-]", ylabel="F = f_t / f_n [-]", title="One experiment at Table 1", ylim=(-0.24, 0.05)
+        xlabel="slip ratio S [-]", ylabel="F = f_t / f_n [-]", title="One experiment at Table 1", ylim=(-0.29, 0.05)
     )
     axis.legend(loc="lower right")
 

@@ -15,7 +15,7 @@ NORMAL_95 = 1.959964
 
 TRIES = 60
 JUMP = 0.01
-"""A bracket this narrow, relative to its distance, that holds no end came from a refit that went astray: look on."""
+"""A bracket this narrow, relative to its distance, is a jump of chi2, or came from a refit that went astray."""
 
 CLOSE = 3e-3
 """How near, relative to the interval's half width, an end is found."""
@@ -88,11 +88,14 @@ def _end(problem: Problem, best: Best, index: int, side: int, target: float) -> 
         else:
             inside, kept = (x, z), u
         if outside is not None and abs(outside[0] - inside[0]) < JUMP * abs(inside[0] - centre):
-            outside = None
+            z, u = rise(problem, best, index, outside[0], kept)
+            if z > target:
+                return outside[0], True
+            inside, kept, outside = (outside[0], z), u, None
         x = _next(inside, outside, (centre, bound), target, turn)
     raise OptimisationError(
-        f"the profile of {problem.space.names[index]} jumps near {problem.space.axes[index].coordinate.value(x):g}: "
-        "the fit has several branches; give more starts or free fewer parameters.",
+        f"the profile of {problem.space.names[index]} was not followed to its end in {TRIES} refits; "
+        "give more starts or free fewer parameters.",
         status=TRIES,
     )
 
