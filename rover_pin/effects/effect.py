@@ -54,6 +54,15 @@ class Drive(NamedTuple):
     "winding resistance [ohm]"
     constant: Scalar
     "torque constant times gear ratio, k_t N = k_e N [N m/A = V s/rad]"
+    wheel: Scalar = 0.0
+    "which wheel of the rover, counted from 0"
+    bus_current: Scalar = 0.0
+    "what all motors together draw from the supply, one step ago [A]"
+
+    @property
+    def current(self) -> Scalar:
+        """Current of the motor, (delta V - K omega) / R [A]."""
+        return (self.delta * self.supply - self.constant * self.omega) / self.resistance
 
 
 @dataclass(frozen=True)

@@ -486,9 +486,16 @@ static void add_wheel(const Drive *d, integer index, System *system, StateUpdate
   }
 }
 
-static void add_motor(const Drive *d, integer index, System *system, double step[][2]) {
+/* What all motors drew from the supply at the last step, a duty share of each winding's current. */
+static double bus_current(const Drive *d) {
+  double total = 0.0;
+  for (integer w = 0; w < d->n_wheels; ++w) total += d->duty[w] * d->record[w * N_RECORD + 10];
+  return total;
+}
+
+static void add_motor(const Drive *d, integer index, double bus, System *system, double step[][2]) {
   integer dof = d->wheel_dof[index], nx = d->n_motor_states;
-  double input[2] = {d->duty[index], d->v[dof]}, out[MAX_OUT], rate_by_state[MAX_STATES][MAX_STATES];
+  double input[4] = {d->duty[index], d->v[dof], (double)index, bus}, out[MAX_OUT], rate_by_state[MAX_STATES][MAX_STATES];
   const double *arguments[3] = {input, d->motor_states + index * nx, d->motor_parameters};
   double *results[1] = {out};
   d->motor_law(arguments, results, d->work_i, d->work_w, 0);
@@ -667,9 +674,10 @@ int rover_pin_step(Drive *d) {
   integer nv = d->nv, nx = d->n_contact_states;
   for (integer i = 0; i < nv; ++i) memset(system.soil_D[i], 0, nv * sizeof(double));
   memset(system.soil_Q, 0, sizeof(System) - offsetof(System, soil_Q));
+  const double bus = bus_current(d);
   for (integer w = 0; w < d->n_wheels; ++w) {
     add_wheel(d, w, &system, &updates[w]);
-    add_motor(d, w, &system, motor_steps[w]);
+    add_motor(d, w, bus, &system, motor_steps[w]);
     d->record[w * N_RECORD + 9] = system.motor_torque[d->wheel_dof[w]];
   }
   add_springs(d, &system);

@@ -70,15 +70,15 @@ def contact_law(effects: Sequence[Effect]) -> ca.Function:
 
 
 def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
-    """Return the function ((delta, omega), states, parameters) -> torque and what the implicit step needs.
+    """Return the function ((delta, omega, wheel, bus current), states, parameters) -> torque and its derivatives.
 
     One output column: torque; d torque / d omega; current; supply voltage; rate; d rate / d omega;
     d torque / d states; d rate / d states.
     """
     (own_motor, *own), parameters = symbolic([motor, *effects])
-    delta, omega = ca.SX.sym("delta"), ca.SX.sym("omega")
+    delta, omega, wheel, bus = (ca.SX.sym(name) for name in ("delta", "omega", "wheel", "bus_current"))
     states = _states(effects)
-    drive: Drive = own_motor.drive(delta, omega)  # type: ignore[attr-defined]
+    drive: Drive = own_motor.drive(delta, omega)._replace(wheel=wheel, bus_current=bus)  # type: ignore[attr-defined]
     for effect, x in zip(own, states, strict=True):
         drive = effect.amend(drive, x)  # type: ignore[attr-defined]
     current = motor_current(drive)
@@ -98,7 +98,7 @@ def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
         *_derivatives(rate, x),
     ]
     out = ca.densify(ca.vertcat(*blocks))
-    return ca.Function("motor_law", [ca.vertcat(delta, omega), x, parameters], [out])
+    return ca.Function("motor_law", [ca.vertcat(delta, omega, wheel, bus), x, parameters], [out])
 
 
 def generated_source(*functions: ca.Function) -> str:

@@ -73,6 +73,7 @@ class Plain:
         state.q[:] = pin.integrate(self.pin_model, state.q, 0.5 * self.dt * state.v)
         pin.computeJointJacobians(self.pin_model, self.data, state.q)
         self.soil_Q, self.soil_D = np.zeros(nv), np.zeros((nv, nv))
+        self.bus = float(self.duty @ self.record[:, 10])
         self.record[:], self.loads[:] = 0.0, 0.0
         updates = [self._wheel(index) for index in range(len(self.rover.wheels))]
         motor_Q, motor_D, motor_steps = self._motors()
@@ -202,7 +203,9 @@ class Plain:
         torque, slope, steps = np.zeros(nv), np.zeros(nv), []
         for index, wheel in enumerate(self.rover.wheels):
             states = self.state.motor[index]
-            out = self.motor(np.array([self.duty[index], self.state.v[wheel.dof]]), states, self.motor_parameters)
+            out = self.motor(
+                np.array([self.duty[index], self.state.v[wheel.dof], index, self.bus]), states, self.motor_parameters
+            )
             rate, rate_slope, by_state = np.split(out[4 : 4 + 3 * nx], 3)
             implicit = np.eye(nx) - 0.5 * self.dt * out[4 + 3 * nx :].reshape((nx, nx), order="F")
             gain = np.linalg.solve(implicit, self.dt * rate)
