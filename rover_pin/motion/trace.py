@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -153,48 +152,6 @@ class Trace:
         frame = pandas.DataFrame(self.channels)
         frame.attrs = {**self.attrs, "units": dict(self.units)}
         return frame
-
-    def save(self, path: str | Path) -> Path:
-        """Write a Parquet file where `path` ends with `.parquet`, else a folder with a drive log of this one run.
-
-        Numbers come back exactly. Every file is written whole or not at all; `drive.toml` comes last.
-
-        Raises
-        ------
-        DataError
-            It cannot be written there, or an attribute is not a plain value.
-        """
-        from rover_pin.motion import drive_log, trace_files
-
-        path = Path(path)
-        if path.suffix == ".parquet":
-            return trace_files.write_parquet(path, self)
-        if path.suffix == ".csv":
-            raise DataError(
-                f"{path}: a trace is saved to a folder, which gets a CSV and its description, or to .parquet."
-            )
-        return drive_log.write_drive_log(path, {"run": self}, drive_log.About.of(self, path.name))
-
-    @staticmethod
-    def load(path: str | Path) -> Trace:
-        """Return the trace that `save` wrote: a Parquet file, or the only run of a drive log's folder.
-
-        Raises
-        ------
-        DataError
-            The file or folder is not that, or the log has several runs.
-        """
-        from rover_pin.motion import drive_log, trace_files
-
-        path = Path(path)
-        if path.suffix == ".parquet":
-            return trace_files.read_run(path)
-        runs = drive_log.read_drive_log(path).runs
-        if len(runs) > 1:
-            raise DataError(
-                f"{path}: the drive log has {len(runs)} runs: read it with `read_drive_log`, and choose one."
-            )
-        return runs[0]
 
 
 def _over(reduce: Callable[[np.ndarray], Any], values: np.ndarray) -> float:

@@ -13,6 +13,7 @@ from hypothesis.extra import numpy as hnp
 
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.motion.channels import unit_of, wheels_in
+from rover_pin.motion.saved import load_trace, save_trace
 from rover_pin.motion.trace import Trace
 
 T = np.linspace(0.1, 1.0, 10)
@@ -194,21 +195,21 @@ def test_save_and_load_exactly(tmp_path_factory, name, values):
         {"t_s": T[:4] / 3.0, "slip_fl": values[:, 0], "a": values[:, 1], "b": values[:, 2]}, {"a": "kg"}, ATTRS
     )
     path = tmp_path_factory.mktemp("trace") / name
-    assert trace.save(path) == path
-    again = Trace.load(path)
+    assert save_trace(trace, path) == path
+    again = load_trace(path)
     assert same(trace, again)
     assert {key: again.attrs[key] for key in ATTRS} == ATTRS
 
 
 def test_save_leaves_no_other_files(tmp_path):
-    drive().save(tmp_path / "log")
-    drive().save(tmp_path / "log")
+    save_trace(drive(), tmp_path / "log")
+    save_trace(drive(), tmp_path / "log")
     assert sorted(entry.name for entry in (tmp_path / "log").iterdir()) == ["drive.toml", "run.csv"]
 
 
 def test_a_parquet_of_others_is_a_run_too(tmp_path):
     drive().to_frame().assign(count=range(10)).drop(columns="body_y").to_parquet(tmp_path / "run.parquet")
-    assert Trace.load(tmp_path / "run.parquet")["count"][3] == 3.0
+    assert load_trace(tmp_path / "run.parquet")["count"][3] == 3.0
 
 
 def test_pickles():
@@ -218,11 +219,11 @@ def test_pickles():
 def test_saving_what_cannot_be_saved(tmp_path):
     strange = Trace({"t_s": T}, {}, {"rig": object()})
     with pytest.raises(DataError, match="'rig' = <object object"):
-        strange.save(tmp_path / "log")
+        save_trace(strange, tmp_path / "log")
     with pytest.raises(DataError, match="an attribute of the trace is not a plain value: <object object"):
-        strange.save(tmp_path / "trace.parquet")
+        save_trace(strange, tmp_path / "trace.parquet")
     with pytest.raises(DataError, match="saved to a folder"):
-        drive().save(tmp_path / "trace.csv")
+        save_trace(drive(), tmp_path / "trace.csv")
     with pytest.raises(DataError, match="run 'run' has no rows"):
-        Trace({"t_s": np.zeros(0)}).save(tmp_path / "log")
+        save_trace(Trace({"t_s": np.zeros(0)}), tmp_path / "log")
     assert list(tmp_path.iterdir()) == []

@@ -9,6 +9,7 @@ from rover_pin.body import shapes
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
 from rover_pin.motion.log_terrain import write_terrain
+from rover_pin.motion.saved import load_trace, save_trace
 from rover_pin.motion.trace import Trace
 from rover_pin.toml_file import read_toml, toml_text
 
@@ -92,12 +93,12 @@ def test_a_simulated_log_there_and_back(tmp_path, terrain):
         for name in trace.channels:
             assert np.array_equal(trace[name], again[name])
     with pytest.raises(DataError, match="has 2 runs"):
-        Trace.load(tmp_path)
+        load_trace(tmp_path)
 
 
 def test_runs_in_parquet(log):
     folder = log(HEAD + '[[run]]\nfile = "climb.parquet"\n')
-    Trace({"t_s": [0.0, 1.0], "duty_fl": [0.1, 0.2]}, {}, {"stop": "x"}).save(folder / "climb.parquet")
+    save_trace(Trace({"t_s": [0.0, 1.0], "duty_fl": [0.1, 0.2]}, {}, {"stop": "x"}), folder / "climb.parquet")
     (run,) = read_drive_log(folder).runs
     assert run["duty_fl"].tolist() == [0.1, 0.2]
     assert (run.attrs["stop"], run.attrs["file"]) == ("x", "climb.parquet")
