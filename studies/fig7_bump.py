@@ -10,9 +10,9 @@ Method
     time scaled to one, over time. Every drive is repeated at half the step.
 Result
     Full width: 16.4 s over sand, 13.3 s over the hard bump, 1.23 times as long; left wheels only: 15.6 and 13.6 s, 1.14
-    times. The bogie turns by 15 deg in all four, the rocker by 3.7 (sand) and 4.5 deg (hard, left only). On one clock
-    the bogie angles of sand and hard differ by 11.7 deg rms, with the crossing time scaled to one by 5.6, over the place
-    by 1.7 deg (left only: 10.7, 6.6, 4.4). So the guess holds in kind: the ground of the obstacle changes the time
+    times. The bogie turns by 15 deg in all four, the rocker by 3.7 (sand) and 4.5 deg (hard, left only). Bogie angles
+    of sand and hard differ by 11.7 deg rms on one clock, by 5.6 with the crossing time scaled to one, by 1.7 over the
+    place (left only: 10.7, 6.6, 4.4). So the guess holds in kind: the ground of the obstacle changes the time
     scale, much less the profile. How much hinges on the height: 0.02 m 1.15 times, 0.04 m 1.41 times. On sand the
     one-sided bump also turns the rover: by 15 deg, and at 0.04 m so far that a right wheel runs into the bump's edge.
     Halving the step changes no crossing time by 0.01 s.
@@ -99,7 +99,12 @@ def summary(cases: dict[Case, Scenario], traces: dict[Case, Trace], quick: bool)
 def row(case: Scenario, trace: Trace, names: tuple[str, int, float], quick: bool) -> dict[str, object]:
     width, ground, height = names
     begin, end = crossing(trace)
-    made = {"bump": WIDTHS[width], "of": GROUNDS[ground][0], "height_mm": 1e3 * height, "crossing_s": round(end - begin, 2)}
+    made = {
+        "bump": WIDTHS[width],
+        "of": GROUNDS[ground][0],
+        "height_mm": 1e3 * height,
+        "crossing_s": round(end - begin, 2),
+    }
     made |= {f"{each}_deg": round(peak(trace, f"{each}_l"), 1) for each in ("rocker", "bogie")}
     made |= {f"{each}_deg": round(peak(trace, f"body_{each}"), 1) for each in ("pitch", "yaw")}
     if not quick:
@@ -112,7 +117,9 @@ def histories(traces: dict[Case, Trace]) -> pd.DataFrame:
     """Return the angles of all drives over time, one below the other."""
     parts = []
     for (width, ground), trace in traces.items():
-        part = pd.DataFrame({"bump": WIDTHS[width], "of": GROUNDS[ground][0], "t_s": trace.t, "body_x_m": trace["body_x"]})
+        part = pd.DataFrame(
+            {"bump": WIDTHS[width], "of": GROUNDS[ground][0], "t_s": trace.t, "body_x_m": trace["body_x"]}
+        )
         for name in ("rocker_l", "rocker_r", "bogie_l", "bogie_r", "body_pitch", "body_roll", "body_yaw"):
             part[f"{name}_deg"] = np.degrees(trace[name])
         part["speed_mps"] = trace["body_vx"]
@@ -135,7 +142,7 @@ def agreement(sand: Trace, hard: Trace) -> str:
     pairs = ((sand, a, b), (hard, c, d))
     scaled = apart(*(np.interp(begin + (end - begin) * share, each.t, each[angle]) for each, begin, end in pairs))
     return (
-        f"crossing on sand takes {(b - a) / (d - c):.2f} times as long as over the hard bump; bogie angles differ (rms) "
+        f"crossing on sand takes {(b - a) / (d - c):.2f} times as long as over the hard bump; bogies differ (rms) "
         f"by {same_clock:.1f} deg on one clock, {scaled:.1f} deg with time scaled, {over_place:.1f} deg over the place"
     )
 
@@ -158,7 +165,9 @@ def draw(cases: dict[Case, Scenario], traces: dict[Case, Trace]) -> Figure:
         full = traces["bump", ground]
         axes["d"].plot(full.t, 1e3 * full["body_vx"], color=colour, label=f"full width, {name} bump")
         axes["d"].plot(trace.t, 1e3 * trace["body_vx"], ":", color=colour, label=f"left only, {name} bump")
-    axes["c"].set(title="left wheels only: the same over the place", xlabel="body x [m]", ylabel="angle [deg]", xlim=(0.2, 1.1))
+    axes["c"].set(
+        title="left wheels only: the same over the place", xlabel="body x [m]", ylabel="angle [deg]", xlim=(0.2, 1.1)
+    )
     axes["d"].set(title="speed: the time scale", xlabel="t [s]", ylabel="forward speed [mm/s]", xlim=(4, 24))
     for key in "abcd":
         axes[key].grid(alpha=0.3)

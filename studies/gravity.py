@@ -4,11 +4,11 @@ Question
     What does a smaller gravity change, and how much of the answer comes from the fixed theta_1, theta_2 of Table 1?
 Method
     Flat, an incline of 6 deg, a bump of sand, a bump of hard ground (0.04 m over 0.3 m), a step of 0.04 m down and the
-    ditch of Fig 10 (walls 30 deg), duty 0.55, torque form. Table 1, but k = 10 mm in the ditch, where Table 1 is stuck everywhere. Resistance
-    and motor are the Earth's. With "fixed" angles the load decides the sinkage, F(S) and the torque factor do not care;
-    with "sinkage" both angles follow Eq 5 at each instant. Sinkage and slip are means over wheels and time after the
-    first 2 s; "lift-off" is the share of wheels and rows without a normal force, "load swing" the standard deviation of
-    the normal forces over their mean. Times are repeated at half the step.
+    ditch of Fig 10 (walls 30 deg), duty 0.55, torque form. Table 1, but k = 10 mm in the ditch, where Table 1 is stuck
+    everywhere. Resistance and motor are the Earth's. With "fixed" angles the load decides the sinkage and F(S) does not
+    care; with "sinkage" both angles follow Eq 5 at each instant. Sinkage and slip are means over wheels and time after
+    the first 2 s; "lift-off" is the share of wheels and rows without a normal force, "load swing" the standard
+    deviation of the normal forces over their mean. Times are repeated at half the step.
 Result
     Sinkage falls with the weight, as Eq 5 has it: 8.1 mm on Earth, 4.2 on Mars, 2.4 on the Moon. With fixed angles
     nothing else changes much: flat slip 0.05 everywhere, all drives arrive within 9 % of the Earth's time (earlier, as
@@ -96,12 +96,18 @@ def row(names: tuple[str, str, str], case: Scenario, trace: Trace, quick: bool) 
     made = {"scene": scene, "angles": angles, "place": place, "g_mps2": GRAVITIES[place]}
     made |= {"sinkage_mm": 1e3 * float(np.mean(trace.stack("sinkage")[later]))}
     made |= {"slip": float(np.mean(trace.stack("slip")[later])), "time_s": passing(trace, SCENES[scene][3])}
-    made |= {"lift_off": float(np.mean(normal < 1e-6)), "bogie_deg": peak(trace, "bogie_l"), "pitch_deg": peak(trace, "body_pitch")}
+    made |= {
+        "lift_off": float(np.mean(normal < 1e-6)),
+        "bogie_deg": peak(trace, "bogie_l"),
+        "pitch_deg": peak(trace, "body_pitch"),
+    }
     made |= {"load_swing": float(np.std(normal / np.mean(normal)))}
     if not quick:
         half = dataclasses.replace(case, timing=case.timing.halved()).drive()
         made["time_half_dt_s"] = passing(half, SCENES[scene][3])
-    return {key: round(value, 3) if isinstance(value, float) else value for key, value in made.items()} | {"stop": trace.attrs["stop"]}
+    return {key: round(value, 3) if isinstance(value, float) else value for key, value in made.items()} | {
+        "stop": trace.attrs["stop"]
+    }
 
 
 def peak(trace: Trace, name: str) -> float:
@@ -113,11 +119,19 @@ def draw(table: pd.DataFrame, traces: dict[tuple[str, str, str], Trace]) -> Figu
     figure = Figure(figsize=(13, 8.5), layout="constrained")
     above, below = figure.subfigures(2, 1)
     bars = above.subplots(1, 3)
-    titles = {"sinkage_mm": "mean sinkage [mm]", "slip": "mean slip [-]", "time_s": "time to the mark [s] (no bar: not reached)"}
+    titles = {
+        "sinkage_mm": "mean sinkage [mm]",
+        "slip": "mean slip [-]",
+        "time_s": "time to the mark [s] (no bar: not reached)",
+    }
     for axes, (column, title) in zip(bars, titles.items(), strict=True):
         for i, (angles, place) in enumerate((angles, place) for angles in ANGLES for place in PLACES):
             part = table[(table.angles == angles) & (table.place == place)].set_index("scene")[column].reindex(scenes)
-            look = {"color": COLOURS[PLACES.index(place)], "hatch": "" if angles == "fixed" else "///", "edgecolor": "white"}
+            look = {
+                "color": COLOURS[PLACES.index(place)],
+                "hatch": "" if angles == "fixed" else "///",
+                "edgecolor": "white",
+            }
             axes.bar(np.arange(len(scenes)) + 0.13 * (i - 2.5), part, 0.125, label=f"{place}, {angles} angles", **look)
         axes.set_xticks(range(len(scenes)), [name.replace(", ", "\n") for name in scenes], fontsize=8)
         axes.set_title(title, fontsize=10)

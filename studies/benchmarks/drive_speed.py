@@ -1,0 +1,232 @@
+"""How fast a drive is: 20 s of the ditch on one core, by part, beside the plain reference and MuJoCo on rigid ground.
+
+    python studies/benchmarks/drive_speed.py [--quick]
+
+The ditch has walls of 30 deg, Table 1 in the torque form. Accuracy is the greatest distance in x, over 20 s, from the
+same drive at a sixteenth of the step. Times are CPU seconds of the one thread, the least of several repeats: the wall
+time on a core that is free, even if this one is not. "Plain" is the step in NumPy, CasADi's
+own machine and Pinocchio, over the first second of the drive. MuJoCo (if installed) drives the same URDF, same masses,
+motors and rotors, differential as an equality, over the same ditch of rigid boxes; it sees no soil.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.motion import simulate as motion
+from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.place import settled
+from rover_pin.scenarios import Scenario, scenario
+
+DURATION = 20.0
+WALL, DEPTH, WIDTH, AT = math.radians(30.0), 0.05, 0.2, 0.5
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="fewer repeats; accuracy against a quarter of the step")
+    quick = parser.parse_args().quick
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    case = scenario("ditch")
+    case.drive()
+    seconds = whole_drive(case, 2 if quick else 15)
+    accuracy(case, "", 4 if quick else 16)
+    accuracy(scenario("ditch", **{"soil.k": 0.010}), "with k = 10 mm, which gets out: ", 4 if quick else 16)
+    parts(case, 500 if quick else 5000)
+    plain(case, 0.2 if quick else 1.0, seconds / DURATION)
+    mujoco_drive(case, 1 if quick else 5, seconds)
+    footprint()
+    print(
+        f"{platform.machine()}, Python {platform.python_version()}, {os.cpu_count()} cores under load {os.getloadavg()[0]:.1f}"
+    )
+
+
+def least(call: Callable[[], Any], repeats: int) -> float:
+    """Return the least CPU time of a call [s]."""
+    times = []
+    for _ in range(repeats):
+        begin = time.process_time()
+        call()
+        times.append(time.process_time() - begin)
+    return min(times)
+
+
+def whole_drive(case: Scenario, repeats: int) -> float:
+    """Print and return the time of the drive: settling, stepping, control, sampling, the trace."""
+    seconds = least(case.drive, repeats)
+    settling = least(lambda: settled(case.model, case.start, case.symmetric), repeats)
+    print(
+        f"20 s of the ditch at dt = {1e3 * case.timing.dt:g} ms: {seconds:.3f} s, {DURATION / seconds:.0f} x real time"
+    )
+    print(
+        f"    of these {settling:.3f} s settle the rover at its start; without, {DURATION / (seconds - settling):.0f} x"
+    )
+    return seconds
+
+
+def accuracy(case: Scenario, label: str, finer: int) -> None:
+    """Print the distance in x from the same drive at a finer step."""
+    reference = at_step(case, case.timing.dt / finer)
+    for share in (2, 1):
+        dt = case.timing.dt * share / 2
+        off = float(np.max(np.abs(at_step(case, dt) - reference)))
+        print(
+            f"    {label}x at dt = {1e3 * dt:g} ms against dt = {1e3 * case.timing.dt / finer:g} ms: {1e3 * off:.4f} mm"
+        )
+
+
+def at_step(case: Scenario, dt: float) -> np.ndarray:
+    """Return x of the drive at a step."""
+    return dataclasses.replace(case, timing=dataclasses.replace(case.timing, dt=dt)).drive()["body_x"]
+
+
+def parts(case: Scenario, count: int) -> None:
+    """Print microseconds by part of a step, in the ditch."""
+    state = settled(case.model, case.start, case.symmetric)
+    kernel = Kernel(case.model, state, case.timing.dt, case.symmetric)
+    kernel.duty[:] = 0.55
+    for _ in range(round(10.0 / case.timing.dt)):
+        kernel.step()
+    model, data, keep = kernel.pin_model, kernel.data, state.copy()
+    whole = 1e6 * each(kernel.step, count)
+    state.q[:], state.v[:], state.contact[:] = keep.q, keep.v, keep.contact
+    crba = 1e6 * each(lambda: pin.crba(model, data, state.q, pin.Convention.WORLD), count)
+    nle = 1e6 * each(lambda: pin.nonLinearEffects(model, data, state.q, state.v), count)
+    drive = motion.Drive(case.model, state, kernel, case.controller, case.timing)
+    suspension = motion.suspension_of(case.model)
+    obey = 1e6 * each(lambda: motion.obey(drive, 0, suspension), count)
+    row = 1e6 * each(lambda: motion.row_of(drive), count)
+    print(f"microseconds per step: {whole:.1f} in all: Pinocchio's crba {crba:.1f}, its nle {nle:.1f}, ", end="")
+    print(f"compiled kernel and the rest {whole - crba - nle:.1f}")
+    shares = case.timing.dt / case.timing.control, case.timing.dt / case.timing.sample
+    print(f"    control {obey:.1f} us a call, {obey * shares[0]:.1f} us a step; ", end="")
+    print(f"sampling {row:.1f} us a row, {row * shares[1]:.1f} us a step")
+
+
+def each(call: Callable[[], Any], count: int) -> float:
+    """Return the least mean time of a call over short loops [s]."""
+
+    def loop() -> None:
+        for _ in range(50):
+            call()
+
+    return least(loop, max(2, count // 50)) / 50
+
+
+def plain(case: Scenario, duration: float, ours: float) -> None:
+    """Print how much longer the plain reference takes, and how far it ends from the kernel's drive."""
+    options = {
+        "start": settled(case.model, case.start, case.symmetric),
+        "timing": case.timing,
+        "symmetric": case.symmetric,
+    }
+    begin = time.process_time()
+    trace = motion.plain_simulate(case.model, case.controller, duration, **options)
+    seconds = time.process_time() - begin
+    off = abs(trace["body_x"][-1] - motion.simulate(case.model, case.controller, duration, **options)["body_x"][-1])
+    print(
+        f"plain reference: {seconds / duration:.2f} s a second, {seconds / duration / ours:.0f} times as long; ", end=""
+    )
+    print(f"x after {duration:g} s differs by {1e3 * off:.1e} mm")
+
+
+def mujoco_drive(case: Scenario, repeats: int, ours: float) -> None:
+    """Print the time MuJoCo takes for 20 s over the same ditch, rigid."""
+    try:
+        import mujoco
+    except ImportError:
+        print("MuJoCo: not installed")
+        return
+    for dt, integrator in ((0.002, "mjINT_IMPLICITFAST"), (0.004, "mjINT_IMPLICITFAST")):
+        model = mujoco_model(mujoco, case, dt, getattr(mujoco.mjtIntegrator, integrator))
+        ends = []
+
+        def run(model: Any = model, ends: list[float] = ends) -> None:
+            data = mujoco.MjData(model)
+            data.ctrl[:] = 0.55
+            mujoco.mj_step(model, data, round(DURATION / model.opt.timestep))
+            ends.append(float(data.qpos[0]))
+
+        seconds = least(run, repeats)
+        print(
+            f"MuJoCo {mujoco.__version__}, rigid, dt = {1e3 * dt:g} ms: {seconds:.3f} s, {DURATION / seconds:.0f} x ",
+            end="",
+        )
+        print(f"real time, {seconds / ours:.1f} times ours; the rover ends at x = {ends[-1]:.2f} m")
+
+
+def mujoco_model(mujoco: Any, case: Scenario, dt: float, integrator: Any) -> Any:
+    """Return MuJoCo's model of our URDF with our motors on a ditch of boxes."""
+    spec = mujoco.MjSpec.from_string(case.model.rover.urdf)
+    spec.compiler.fusestatic, spec.compiler.discardvisual = False, True
+    spec.option.timestep, spec.option.integrator = dt, integrator
+    base = spec.worldbody.first_body()
+    base.pos = [0.0, 0.0, 0.13 + 0.001]
+    base.add_freejoint()
+    motor = case.model.motor
+    for wheel in case.model.rover.wheels:
+        joint = spec.joint(case.model.rover.model.names[wheel.joint])
+        joint.armature = float(motor.armature)
+        back = float(motor.stall_torque / motor.no_load_rate)
+        act = spec.add_actuator(name=f"motor_{wheel.name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        act.gainprm[0], act.biastype, act.biasprm[2] = float(motor.stall_torque), mujoco.mjtBias.mjBIAS_AFFINE, -back
+    for joint in spec.joints:
+        if joint.name.startswith("steer"):
+            joint.stiffness[0], joint.damping[0] = 20.0, 0.2
+    differential = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1="rocker_l", name2="rocker_r")
+    differential.data[:2] = 0.0, -1.0
+    add_ditch(mujoco, spec)
+    return spec.compile()
+
+
+def add_ditch(mujoco: Any, spec: Any) -> None:
+    """Add ground, walls and floor as boxes whose tops are the profile."""
+    run = DEPTH / math.tan(WALL)
+    corners = [(-3.0, 0.0), (AT, 0.0), (AT + run, -DEPTH), (AT + WIDTH - run, -DEPTH), (AT + WIDTH, 0.0), (5.0, 0.0)]
+    for (x0, z0), (x1, z1) in zip(corners[:-1], corners[1:], strict=True):
+        length, angle = math.hypot(x1 - x0, z1 - z0), math.atan2(z1 - z0, x1 - x0)
+        middle = np.array([(x0 + x1) / 2, 0.0, (z0 + z1) / 2]) - 0.05 * np.array(
+            [-math.sin(angle), 0.0, math.cos(angle)]
+        )
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[length / 2, 1.0, 0.05],
+            pos=middle,
+            quat=[math.cos(angle / 2), 0.0, -math.sin(angle / 2), 0.0],
+        )
+
+
+def footprint() -> None:
+    """Print peak memory of this process without MuJoCo's share, and the time to import the package."""
+    code = (
+        "import time; t = time.perf_counter(); import rover_pin; a = time.perf_counter() - t\n"
+        "from rover_pin.scenarios import scenario; b = time.perf_counter() - t\n"
+        "scenario('ditch').drive(); import resource\n"
+        "print(a, b, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+    )
+    got = [
+        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+        for _ in range(3)
+    ]
+    bare, scenes, memory = np.min([[float(word) for word in line.split()] for line in got], axis=0)
+    print(f"import rover_pin {bare:.2f} s, with its scenarios {scenes:.2f} s; peak memory of a drive {memory:.0f} MB")
+    print(f"peak memory of this benchmark {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+
+
+if __name__ == "__main__":
+    main()
