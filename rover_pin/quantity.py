@@ -114,9 +114,10 @@ def check(owner: str, name: str, value: Any, about: Quantity) -> None:
         raise ParameterError(f"{owner}.{name} = {value!r} is not a number; give one in {about.unit or 'no unit'}.")
     number = float(value)
     if not (math.isfinite(number) and about.low <= number <= about.high):
+        unit = f" {about.unit}" if about.unit else ""
         raise ParameterError(
-            f"{owner}.{name} = {number:g} {about.unit} is not allowed: it must lie in "
-            f"[{about.low:g}, {about.high:g}] {about.unit}. Its default comes from: {about.source}."
+            f"{owner}.{name} = {number:g}{unit} is not allowed: it must lie in "
+            f"[{about.low:g}, {about.high:g}]{unit}. Its default comes from: {about.source}."
         )
 
 

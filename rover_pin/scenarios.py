@@ -110,6 +110,7 @@ class Scene:
 
 
 DEG = math.pi / 180.0
+PLACE = tuple(each.name for each in dataclasses.fields(Start))
 SCENES: dict[str, Scene] = {
     "flat": Scene(shapes.flat, 10.0, symmetric=True),
     "incline": Scene(shapes.incline, 20.0, {"angle": 6 * DEG}, symmetric=True),
@@ -172,9 +173,9 @@ def scenario(name: str, **settings: Any) -> Scenario:
     asked = Settings({**scene.settings, **settings})
     model = _model(scene, asked)
     controller = _controller(model, asked)
-    start = Start(**{**{"y": 0.0}, **asked.group("start", ("x", "y", "yaw"))})
-    dt = float(asked.take("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT))
-    duration = float(asked.take("duration", scene.duration))
+    start = Start(**asked.numbers("start", PLACE))
+    dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT)
+    duration = asked.number("duration", scene.duration)
     asked.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
     return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, dict(settings))
@@ -192,6 +193,10 @@ class Settings:
         self.known.append(name)
         return self.values.pop(name, default)
 
+    def number(self, name: str, default: float) -> float:
+        """Return a setting that is a number, or its default."""
+        return number(name, self.take(name, default))
+
     def choice(self, name: str, default: str, choices: Mapping[str, Any]) -> Any:
         """Return what a setting's word stands for."""
         word = self.take(name, default)
@@ -207,8 +212,12 @@ class Settings:
             if f"{prefix}.{name}" in self.values:
                 found[name] = self.values.pop(f"{prefix}.{name}")
             if f"{prefix}.{name}_deg" in self.values:
-                found[name] = math.radians(float(self.values.pop(f"{prefix}.{name}_deg")))
+                found[name] = math.radians(number(f"{prefix}.{name}_deg", self.values.pop(f"{prefix}.{name}_deg")))
         return found
+
+    def numbers(self, prefix: str, names: tuple[str, ...]) -> dict[str, float]:
+        """Return the settings of a group that are all numbers."""
+        return {name: number(f"{prefix}.{name}", value) for name, value in self.group(prefix, names).items()}
 
     def finish(self) -> None:
         """Refuse what nothing has taken."""
@@ -216,20 +225,37 @@ class Settings:
             raise ParameterError(f"There is no setting '{name}' here: {closest(name, self.known)}")
 
 
+def number(name: str, value: Any) -> float:
+    """Return a setting's value as a float."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{name} = {value!r} is not a number.") from None
+
+
 def fields_of(record: Any) -> tuple[str, ...]:
     """Return the names of a record's fields."""
     return tuple(each.name for each in dataclasses.fields(record))
+
+
+def _terrain(scene: Scene, asked: Settings) -> Terrain:
+    given = asked.group("terrain", tuple(inspect.signature(scene.terrain).parameters))
+    for name, value in given.items():
+        given[name] = (
+            str(value) if name == "path" else value if isinstance(value, tuple) else number(f"terrain.{name}", value)
+        )
+    terrain = scene.terrain(**{**scene.terrain_settings, **given})
+    patch = asked.numbers("patch", ("x_from", "x_to"))
+    if patch:
+        terrain = shapes.with_ground(terrain, **{"x_from": -math.inf, "x_to": math.inf, **patch}, index=1)
+    return terrain
 
 
 def _model(scene: Scene, asked: Settings) -> Model:
     rover = load_rover(str(asked.take("rover", "nexus6")))
     soil = asked.choice("soil", "table-1", SOILS)
     soil = soil.replace(**asked.group("soil", fields_of(soil)))
-    names = tuple(inspect.signature(scene.terrain).parameters)
-    terrain = scene.terrain(**{**scene.terrain_settings, **asked.group("terrain", names)})
-    patch = asked.group("patch", ("x_from", "x_to"))
-    if patch:
-        terrain = shapes.with_ground(terrain, **{"x_from": -math.inf, "x_to": math.inf, **patch}, index=1)
+    terrain = _terrain(scene, asked)
     motor = nexus6_motor(load_rover("nexus6"))
     motor = motor.replace(**asked.group("motor", fields_of(motor)))
     form = asked.choice("form", "torque", FORMS)
@@ -243,12 +269,12 @@ def _model(scene: Scene, asked: Settings) -> Model:
         base_effects(soil, rover, SoilTraction(form, angles)),
         gravity=gravity_named(asked.take("gravity", EARTH)),
     )
-    friction = float(asked.take("gear_friction", 0.0))
+    friction = asked.number("gear_friction", 0.0)
     if friction:
         model = model.having(GearFriction(tau_c=friction))
     acting: tuple[Effect | MotorEffect, ...] = (*model.contact_effects, *model.motor_effects)
     for effect in acting:
-        changes = asked.group(f"effect.{type(effect).__name__}", fields_of(effect))
+        changes = asked.group(f"effect.{type(effect).__name__}", tuple(quantities(effect)))
         model = model.having(effect.replace(**changes)) if changes else model
     return model
 
@@ -259,7 +285,7 @@ def _controller(model: Model, asked: Settings) -> Controller:
         return ConstantDuty(**asked.group("control", fields_of(ConstantDuty)))
     if kind in ("turn", "point-turn"):
         default = {"radius": 0.0} if kind == "point-turn" else {}
-        return Turn.of(model.rover, **{**default, **asked.group("control", ("radius", "delta"))})
+        return Turn.of(model.rover, **{**default, **asked.numbers("control", ("radius", "delta"))})
     gains = Gains(**asked.group("control", fields_of(Gains)))
     wheel = model.rover.wheels[0].wheel
     estimate = TrueSlip() if kind == "true" else TableEstimate(nexus6_table(), float(wheel.r))
