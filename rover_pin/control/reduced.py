@@ -126,7 +126,7 @@ class Reduced:
         pitch = (heights[2] / 2 + heights[1] / 2 - heights[0]) / _rocker_length(self.loads.place)
         axles = [self._axle(i, slopes[i], v, own[i], nx) for i in range(AXLES)]
         normal, push = self._balance(slopes, [axle.F for axle in axles])
-        rates = [v, sum(push) / model.rover.mass]
+        rates: list[Scalar] = [v, sum(push) / model.rover.mass]
         for i, axle in enumerate(axles):
             omega, duty, integral = own[i][0], own[i][1], own[i][2]
             soil = axle.M * normal[i] / 2

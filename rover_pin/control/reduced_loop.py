@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from rover_pin.contact import Scalar
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.slip_estimate import SLOWEST_RIM, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
-from rover_pin.control.torque_limit import NoLimit, TorqueLimit
+from rover_pin.control.torque_limit import PITCHES, NoLimit, TorqueLimit
 from rover_pin.control.wheel_path import piecewise
 from rover_pin.motion.simulate import CONTROL_PERIOD
 
@@ -29,7 +30,7 @@ class Loop:
             return S
         table = self.estimate.table
         sense = ca.tanh(rim / SLOWEST_RIM)
-        v_hat = piecewise(ca.fabs(duty), table.duty, table.speed) * ca.sign(duty)
+        v_hat = piecewise(ca.fabs(duty), np.array(table.duty), np.array(table.speed)) * ca.sign(duty)
         speed = greater(ca.fabs(rim), SLOWEST_RIM, self.smoothing * SLOWEST_RIM)
         return lesser(1.0, greater(-1.0, 1.0 - sense * v_hat / speed, self.smoothing), self.smoothing)
 
@@ -38,7 +39,8 @@ class Loop:
         if isinstance(self.limit, NoLimit):
             return 1.0
         motor = self.limit.motor
-        torque = piecewise(pitch, self.limit.pitches, [row[2 * axle] for row in self.limit.torques])
+        torques = np.array(self.limit.torques)[:, 2 * axle]
+        torque = piecewise(pitch, PITCHES, torques)
         most = torque / motor.stall_torque + omega / motor.no_load_rate
         return lesser(1.0, greater(0.0, most, self.smoothing), self.smoothing)
 

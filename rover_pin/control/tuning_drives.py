@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -23,9 +23,7 @@ from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Controller
 from rover_pin.motion.simulate import simulate
 from rover_pin.motion.trace import Trace
-
-if TYPE_CHECKING:
-    from rover_pin.scenarios import Scenario
+from rover_pin.scenarios import Scenario, nexus6_table, scenario
 
 FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0)
 """The score of a drive that the integrator gives up: worse than any that stands still."""
@@ -56,9 +54,6 @@ def built(case: DriveCase) -> Scenario:
     ParameterError
         An unknown scenario or setting, or settings of the control, which the tuning sets itself.
     """
-    # Ready-made drives know every room; this room asks for one by name only when it is to be driven.
-    from rover_pin.scenarios import scenario
-
     try:
         for name, _ in case.settings:
             if name.split(".")[0] == "control":
@@ -76,8 +71,6 @@ def estimate_named(name: str) -> TrueSlip | TableEstimate:
     """Return the slip estimate of this name; Eq (9)'s table is that of the default rover on the flat."""
     if name == "true":
         return TrueSlip()
-    from rover_pin.scenarios import nexus6_table
-
     return TableEstimate(nexus6_table(), float(load_rover("nexus6").wheel.r))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from rover_pin.control.drive_score import Cost, Score
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.tuning_study import ESTIMATES, TuningStudy, save_gains
+from rover_pin.plot import write_csv
 
 ALIKE = 1e-3
 """Costs closer than this count as equal."""
@@ -140,11 +142,7 @@ def _warning(after: Digest, constant: Digest) -> str:
 
 def write_result(result: TuningResult, out: Path) -> TuningResult:
     """Write gains.toml, drives.csv and candidates.csv into `out`; return the result with their paths."""
-    import dataclasses
-
     import pandas as pd
-
-    from rover_pin.plot import write_csv
 
     about = f"Found by rover_pin for '{result.study.name}' with {result.study.estimate} slip.\n" + "\n".join(
         result.verdicts()

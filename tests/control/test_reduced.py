@@ -1,0 +1,127 @@
+"""The reduced model against the full rover, statics, and finite differences."""
+
+import math
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from rover_pin.body import shapes
+from rover_pin.body.rover import load_rover
+from rover_pin.body.statics import wheel_loads
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.load_transfer import axle_loads
+from rover_pin.control.reduced import GAIN_NAMES, Reduced, as_column
+from rover_pin.control.reduced_loop import Loop
+from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
+from rover_pin.control.smooth import greater, lesser
+from rover_pin.control.torque_limit import NoLimit, TorqueLimit
+from rover_pin.control.wheel_path import SLOPE_ERROR, simplified, wheel_path
+from rover_pin.effects.gear_friction import GearFriction
+from rover_pin.effects.post_peak import PostPeak
+from rover_pin.errors import OptimisationError
+from rover_pin.motion.simulate import simulate
+from rover_pin.scenarios import scenario
+
+HELD = Gains(k_p=0.0, k_i=0.0, k_aw=0.0)
+OPEN = Loop(TrueSlip(), NoLimit())
+
+
+def test_axle_loads_at_rest_are_those_of_the_wheels():
+    rover = load_rover()
+    assert axle_loads(rover, 9.81).rest == pytest.approx(wheel_loads(rover, 0.0).reshape(3, 2).sum(axis=1))
+
+
+def test_a_push_moves_load_backwards_by_the_height_of_the_centre_of_mass():
+    """No load appears or vanishes, and the moment about the ground is the inertia's: sum x_i dW_i = -h per newton."""
+    rover = load_rover()
+    loads, q = axle_loads(rover, 9.81), pin.neutral(rover.model)
+    data = rover.model.createData()
+    centre = pin.centerOfMass(rover.model, data, q)[2]
+    bottom = data.oMi[rover.wheels[0].joint].translation[2] - rover.wheel.r
+    assert loads.shift.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
+    assert loads.place @ loads.shift == pytest.approx(np.full(3, bottom - centre))
+
+
+def test_path_over_level_ground_and_walls():
+    path = wheel_path(shapes.ditch(wall_angle=math.radians(40)), 0.037, 0.16, -0.5, 2.0)
+    assert float(path.height_at(0.0)) == pytest.approx(0.037, abs=1e-3)
+    assert float(path.slope_at(0.2)) == pytest.approx(0.0, abs=SLOPE_ERROR)
+    steepest = max(float(path.slope_at(x)) for x in np.linspace(0.5, 0.8, 301))
+    assert steepest == pytest.approx(math.tan(math.radians(40)), abs=2 * SLOPE_ERROR)
+
+
+def test_pieces_keep_to_the_curve():
+    values = np.sin(np.linspace(0.0, 6.0, 500))
+    kept = simplified(values, 0.01)
+    assert len(kept) < 40
+    assert np.interp(np.arange(500), kept, values[kept]) == pytest.approx(values, abs=0.0101)
+
+
+@pytest.mark.parametrize("eps", [0.0, 0.005])
+def test_rounded_greater_and_lesser(eps):
+    for a, b in ((0.1, 0.7), (0.3, 0.3), (-2.0, 1.0)):
+        assert max(a, b) <= float(greater(a, b, eps)) <= max(a, b) + eps / 2 + 1e-15
+        assert min(a, b) - eps / 2 - 1e-15 <= float(lesser(a, b, eps)) <= min(a, b)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "slip", "speed"),
+    [
+        ("flat", {}, 0.01, 2e-3),
+        ("incline", {"soil.k": 0.02, "terrain.angle_deg": 8, "terrain.start": 0.3}, 0.04, 3e-3),
+        ("bump", {"soil.k": 0.01}, 0.1, 8e-3),
+    ],
+)
+def test_reduced_drive_is_near_the_full_one(name, settings, slip, speed):
+    """RMSE over 12 s; the bump's is what the suspension's own motion, left out, is worth."""
+    scene = scenario(name, **settings, duration=12.0)
+    trace = simulate(scene.model, ConstantDuty(), 12.0, symmetric=True)
+    own = Reduced(scene.model, OPEN, 12.0).drive(HELD, trace.t)
+    assert np.sqrt(np.mean((own["v"] - trace["body_vx"]) ** 2)) < speed
+    assert np.sqrt(np.mean((own["slip"] - trace.stack("slip")[:, ::2]) ** 2)) < slip
+
+
+def test_reduced_drive_under_control_is_near_the_full_one():
+    """Post-peak loss, gear friction, torque limit and Eq (9) at once: every branch of the reduced loop."""
+    scene = scenario("incline", **{"soil.k": 0.01, "terrain.angle_deg": 5, "terrain.start": 0.2})
+    model = scene.model.having(PostPeak(fraction=0.2)).having(GearFriction(tau_c=0.05))
+    estimate = TableEstimate(SpeedTable((0.0, 0.1, 1.0), (0.0, 0.003, 0.092)), 0.045)
+    limit, gains = TorqueLimit.saturation(model), Gains(k_p=0.2, k_i=0.3, delta_max=0.7)
+    trace = simulate(model, SlipControl(gains, estimate, limit), 12.0, symmetric=True)
+    own = Reduced(model, Loop(estimate, limit), 12.0).drive(gains, trace.t)
+    assert own["x"][-1] == pytest.approx(trace["body_x"][-1], rel=0.03)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.005])
+def test_adjoint_gradient_equals_finite_differences(smoothing):
+    """Of end position and slip, by every gain that acts; the difference step is far above the integrator's noise."""
+    scene = scenario("incline", **{"soil.k": 0.01, "terrain.angle_deg": 10, "terrain.start": 0.0})
+    gains = Gains(S_d=0.15, k_p=0.5, k_i=0.8, delta_max=0.6)
+    outcome = Reduced(scene.model, Loop(TrueSlip(), NoLimit(), smoothing), 6.0).outcome()
+    symbols = ca.MX.sym("gains", len(GAIN_NAMES))
+    judged = outcome(symbols)[0] - outcome(symbols)[2]
+    adjoint = np.array(ca.Function("g", [symbols], [ca.gradient(judged, symbols)])(as_column(gains))).ravel()
+    value = ca.Function("v", [symbols], [judged])
+    for name in ("S_d", "k_p", "k_i", "delta_0"):
+        step = np.zeros(len(GAIN_NAMES))
+        step[GAIN_NAMES.index(name)] = 0.01
+        slope = float(value(as_column(gains) + step) - value(as_column(gains) - step)) / 0.02
+        assert adjoint[GAIN_NAMES.index(name)] == pytest.approx(slope, rel=0.05, abs=2e-3), name
+
+
+def test_a_stuck_drive_stays_finite():
+    """The clamped slip: a rover that rolls back on too steep a slope must not blow up."""
+    scene = scenario("incline", **{"terrain.angle_deg": 20, "terrain.start": 0.2})
+    out = np.array(Reduced(scene.model, OPEN, 20.0).outcome()(as_column(HELD))).ravel()
+    assert np.all(np.isfinite(out))
+    assert abs(out[0]) < 1.0
+
+
+def test_an_integrator_that_gives_up_is_reported(monkeypatch):
+    monkeypatch.setattr("rover_pin.control.reduced.TOLERANCES", {"max_num_steps": 3})
+    scene = scenario("flat")
+    with pytest.raises(OptimisationError, match="reduced model cannot be driven with Gains"):
+        Reduced(scene.model, OPEN, 5.0).drive(HELD, np.array([1.0, 5.0]))
