@@ -1,0 +1,32 @@
+"""Shear that depends on how fast the rim slides, not only on how far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.effects.effect import Effect
+from rover_pin.quantity import quantity
+
+
+@dataclass(frozen=True)
+class RateDependence(Effect):
+    """Shear <- shear (1 + c_r ln(1 + v_j / v_0)), v_j = |r omega - v|; f_t changes by what torque changes, over r.
+
+    c_r > 0 is sand that strengthens with rate, c_r < 0 one that loses grip, as single-wheel tests at speed show. Acts
+    on the load of the effects before it: torque and f_y, and f_t by its shear.
+    Source: assumed form, the logarithmic rate law that is common in soil mechanics; loss of drawbar pull with speed:
+    Rodriguez-Martinez et al., arXiv 2306.02167. Differs from the paper: it knows the slip ratio only.
+    """
+
+    c_r: Scalar = quantity(0.05, "", "assumed: -0.05 to 0.15 is plausible", -0.15, 0.5, "c_r")
+    v_0: Scalar = quantity(0.01, "m/s", "assumed: a fifth of the paper's 0.05 m/s", 1e-4, 1.0, "v_0")
+    neutral: ClassVar[dict[str, float]] = {"c_r": 0.0}
+
+    def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
+        """Return what the rate adds to the shear."""
+        more = self.c_r * ca.log1p(ca.fabs(contact.rim - contact.v_x) / self.v_0)
+        return Load(f_t=more * load.torque / contact.wheel.r, f_y=more * load.f_y, torque=more * load.torque)
