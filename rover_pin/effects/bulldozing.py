@@ -1,0 +1,41 @@
+"""The soil that a sunk wheel pushes ahead."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.effects.effect import Effect
+from rover_pin.quantity import quantity
+
+
+@dataclass(frozen=True)
+class Bulldozing(Effect):
+    """f_t = -B b D_1 (c h + D_2 gamma h^2 / 2) v / sqrt(v^2 + v_0^2): earth pressure on the front of the rim.
+
+    D_1 = cot X + tan(X + phi), D_2 = cot X + cot^2 X tan phi, X = 45 deg - phi / 2. B is the share of the front that
+    pushes like a vertical plate of width b and height h: a wheel rolls over most of what a blade would push.
+    Source: Hegedus (1960), in the form of Ishigami, Miwa, Nagatani and Yoshida, J. Field Robotics 24 (2007) 233, who
+    put it on the sides of a wheel. Differs from the paper: its only resistance is that of compaction, in the net form.
+    """
+
+    share: Scalar = quantity(0.5, "", "assumed: between rolling over and pushing", 0.0, 3.0, "B")
+    gamma: Scalar = quantity(15700.0, "N/m^3", "assumed: loose dry sand, 1600 kg/m^3, on Earth", 0.0, 1e5, "gamma")
+    v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
+    neutral: ClassVar[dict[str, float]] = {"share": 0.0}
+
+    def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
+        """Return the resistance."""
+        soil, wheel = contact.soil, contact.wheel
+        tilt = math.pi / 4 - soil.phi / 2
+        cot = 1.0 / ca.tan(tilt)
+        D_1 = cot + ca.tan(tilt + soil.phi)
+        D_2 = cot + cot * cot * ca.tan(soil.phi)
+        h = ca.fmax(contact.h, 0.0)
+        pressure = D_1 * (soil.c * h + D_2 * self.gamma * h * h / 2)
+        sense = contact.v_x / ca.sqrt(contact.v_x * contact.v_x + self.v_0 * self.v_0)
+        return Load(f_t=-self.share * wheel.b * pressure * sense)
