@@ -1,0 +1,46 @@
+"""Lugs on the rim: the soil shears at a radius greater than that of the wheel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.effects.effect import Effect
+from rover_pin.quantity import quantity
+
+
+@dataclass(frozen=True)
+class Grousers(Effect):
+    """Shear at r_s = r + lambda_s h_s = q r: S <- slip of the rim at r_s, k <- k / q, torque <- q^2 torque.
+
+    With Eq (2) at r_s, j = r_s (theta_1 - theta) - (v / omega)(sin theta_1 - sin theta), which is Eq (2) at r with v /
+    (r omega) and k divided by q. The moment of the stress gains q for the arm and q for the area; f_t gains (q - 1) of
+    its shear, torque / r. The normal stress stays at r. The slip that is recorded is then that at r_s.
+
+    Source: shearing radius between rim and lug tip, Ding, Gao, Deng, Nagatani and Yoshida, J. Terramechanics 48 (2011)
+    27. Differs from the paper: smooth wheels. Differs from lugs one by one: no ripple at their passing.
+    """
+
+    h_s: Scalar = quantity(0.003, "m", "assumed: 1 to 5 mm on a wheel of this size", 0.0, 0.02, "h_s")
+    lambda_s: Scalar = quantity(0.5, "", "assumed: half-way between rim and lug tip", 0.0, 1.0, "lambda_s")
+    neutral: ClassVar[dict[str, float]] = {"h_s": 0.0}
+
+    def _ratio(self, contact: Contact) -> Scalar:
+        return 1.0 + self.lambda_s * self.h_s / contact.wheel.r
+
+    def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
+        """Return the contact with slip and shear displacement at the lugs' radius."""
+        q, S = self._ratio(contact), contact.S
+        faster = q * (1.0 + ca.fmin(S, 0.0))
+        braking = ca.if_else(faster < 1.0, S + (q - 1.0) * (1.0 + S), 1.0 - 1.0 / ca.fmax(faster, 1.0))
+        driving = S + (1.0 - S) * (1.0 - 1.0 / q)
+        soil = contact.soil.replace(k=contact.soil.k / q)
+        return contact._replace(S=ca.if_else(S < 0.0, braking, driving), soil=soil)
+
+    def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
+        """Return what the greater radius adds."""
+        q = self._ratio(contact)
+        return Load(f_t=(q - 1.0) * load.torque / contact.wheel.r, torque=(q * q - 1.0) * load.torque)
