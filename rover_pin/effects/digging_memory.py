@@ -1,0 +1,47 @@
+"""A hole that a slipping wheel digs, and that it keeps until it has rolled out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.effects.effect import Effect, State
+from rover_pin.quantity import quantity
+
+TOUCH = 1e-4
+"""Sinkage [m] from which a spinning rim digs at full rate: none in the air."""
+
+
+@dataclass(frozen=True)
+class DiggingMemory(Effect):
+    """dD/dt = c_d max(r omega - v, 0) (1 - 2 D / r) - D |v| / L; h <- max(h - D, 0); f_t = -f_n D / r against travel.
+
+    D is the depth of the hole: the ground under the wheel is lower by D, at most by r / 2, and the wheel climbs its
+    rim; the sense of travel is v / sqrt(v^2 + v_0^2). Unlike `SlipSinkage` it follows the slip that was, not that of
+    now, and stays through a pause.
+    Source: assumed form. Differs from the paper: it says that digging is not modelled.
+    """
+
+    c_d: Scalar = quantity(0.05, "", "assumed: a twentieth of what the rim throws deepens the hole", 0.0, 1.0, "c_d")
+    length: Scalar = quantity(0.04, "m", "assumed: a contact length of travel leaves the hole", 1e-3, 1.0, "L")
+    v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
+    states: ClassVar[tuple[State, ...]] = (State("dug"),)
+    neutral: ClassVar[dict[str, float]] = {"c_d": 0.0}
+
+    def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
+        """Return the contact on the bottom of the hole."""
+        return contact._replace(h=ca.fmax(contact.h - x[0], 0.0))
+
+    def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
+        """Return the resistance of the hole's rim."""
+        sense = contact.v_x / ca.sqrt(contact.v_x * contact.v_x + self.v_0 * self.v_0)
+        return Load(f_t=-load.f_n * x[0] / contact.wheel.r * sense)
+
+    def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+        """Return dD/dt."""
+        thrown = ca.fmax(contact.rim - contact.v_x, 0.0) * ca.fmin(contact.h / TOUCH, 1.0)
+        left = x[0] * ca.fabs(contact.v_x) / self.length
+        return (self.c_d * thrown * (1.0 - 2.0 * x[0] / contact.wheel.r) - left,)

@@ -1,0 +1,43 @@
+"""Digging with a memory: the hole deepens with slip, is left by travel, and holds the wheel back."""
+
+import math
+
+import pytest
+
+from rover_pin.contact import Load
+from rover_pin.effects.digging_memory import DiggingMemory
+
+
+def test_a_wheel_that_spins_on_the_spot_digs_to_half_its_radius(patch):
+    effect, depth, dt = DiggingMemory(c_d=0.1), 0.0, 1e-3
+    for _ in range(8000):
+        depth += dt * float(effect.rate(patch(rim=0.05, v_x=0.0), Load(), (depth,))[0])
+    assert depth == pytest.approx(0.0225 * (1 - math.exp(-2 * 0.1 * 0.05 * 8.0 / 0.045)), rel=1e-3)
+    assert float(effect.rate(patch(rim=0.05, v_x=0.0), Load(), (0.0225,))[0]) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_travel_leaves_the_hole_over_its_length(patch):
+    assert float(DiggingMemory(length=0.04).rate(patch(rim=0.05, v_x=0.05), Load(), (0.004,))[0]) == pytest.approx(
+        -0.004 * 0.05 / 0.04
+    )
+
+
+def test_a_pause_keeps_the_hole_and_a_braking_wheel_digs_none(patch):
+    assert float(DiggingMemory().rate(patch(rim=0.0, v_x=0.0), Load(), (0.005,))[0]) == 0.0
+    assert float(DiggingMemory().rate(patch(rim=0.02, v_x=0.05), Load(), (0.0,))[0]) == 0.0
+
+
+def test_a_wheel_in_the_air_digs_nothing(patch):
+    assert float(DiggingMemory().rate(patch(h=0.0, rim=0.05, v_x=0.0), Load(), (0.0,))[0]) == 0.0
+
+
+def test_the_hole_lowers_the_ground_and_holds_the_wheel_back(patch):
+    effect, x = DiggingMemory(), (0.0045,)
+    assert float(effect.amend(patch(h=0.006), x).h) == pytest.approx(0.0015)
+    assert float(effect.amend(patch(h=0.003), x).h) == 0.0
+    forward, back, parked = (
+        float(effect.load(patch(v_x=v), Load(f_n=9.0, torque=0.1), x).f_t) for v in (5.0, -5.0, 0.0)
+    )
+    assert forward == pytest.approx(-0.9, rel=1e-5)
+    assert back == pytest.approx(0.9, rel=1e-5)
+    assert parked == 0.0
