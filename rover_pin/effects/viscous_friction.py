@@ -1,0 +1,27 @@
+"""Friction of bearings and grease that grows with speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rover_pin.contact import Scalar
+from rover_pin.effects.effect import Drive, MotorEffect
+from rover_pin.quantity import quantity
+
+
+@dataclass(frozen=True)
+class ViscousFriction(MotorEffect):
+    """torque = -b_v omega.
+
+    Alone it looks like a smaller no-load rate of the motor: without the current nothing tells them apart.
+    Source: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083. Differs from the paper: it has no
+    friction.
+    """
+
+    b_v: Scalar = quantity(0.01, "N m s", "assumed: 2 % of the stall torque at full speed", 0.0, 10.0, "b_v")
+    neutral: ClassVar[dict[str, float]] = {"b_v": 0.0}
+
+    def torque(self, drive: Drive, torque: Scalar, x: tuple[Scalar, ...]) -> Scalar:
+        """Return the friction torque."""
+        return -self.b_v * drive.omega
