@@ -1,0 +1,36 @@
+"""A winding that warms up, resists more and gives less torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rover_pin.contact import Scalar
+from rover_pin.effects.effect import Drive, MotorEffect, State
+from rover_pin.quantity import quantity
+
+ALPHA_COPPER = 0.00393
+"""Temperature coefficient of copper's resistance [1/K], IEC 60028."""
+
+
+@dataclass(frozen=True)
+class WindingHeating(MotorEffect):
+    """R <- R (1 + alpha R_th y), dy/dt = (i^2 R - y) / tau: y is the smoothed loss [W].
+
+    R_th y is the temperature rise of the winding. One thermal mass against the air; alpha is copper's. The magnets' own
+    weakening is left out.
+    Source: first-order thermal model of motor data sheets. Differs from the paper: its motor has one resistance.
+    """
+
+    R_th: Scalar = quantity(30.0, "K/W", "assumed: a small DC motor in air", 0.0, 500.0, "R_th")
+    tau: Scalar = quantity(60.0, "s", "assumed: winding and rotor of a small motor", 0.1, 1e4, "tau")
+    states: ClassVar[tuple[State, ...]] = (State("loss"),)
+    neutral: ClassVar[dict[str, float]] = {"R_th": 0.0}
+
+    def amend(self, drive: Drive, x: tuple[Scalar, ...]) -> Drive:
+        """Return the drive with the warm winding."""
+        return drive._replace(resistance=drive.resistance * (1.0 + ALPHA_COPPER * self.R_th * x[0]))
+
+    def rate(self, drive: Drive, torque: Scalar, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+        """Return dy/dt."""
+        return ((drive.current * drive.current * drive.resistance - x[0]) / self.tau,)
