@@ -25,7 +25,7 @@ class SlipSinkage(Effect):
     n, and says that digging is not modelled.
     """
 
-    n_1: Scalar = quantity(0.5, "", "assumed: within 0 to 0.8 reported for rover wheels in sand", 0.0, 2.0, "n_1")
+    n_1: Scalar = quantity(0.5, "", "assumed: 0 to 0.8 is plausible for rover wheels in sand", 0.0, 2.0, "n_1")
     neutral: ClassVar[dict[str, float]] = {"n_1": 0.0}
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
