@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -143,8 +144,6 @@ def bounds(
     as_json: AsJson = False,
 ) -> None:
     """Print the traction-limited torque of every wheel of a rover on a slope, and the motor's margin."""
-    import math
-
     from rover_pin.body.rover import load_rover
     from rover_pin.control.bound_pull import TractionLimit
     from rover_pin.control.rover_bounds import bounds_report, bounds_table, rover_torque_bounds
@@ -180,7 +179,7 @@ def identify(
     start = soil_named(soil).replace(**{name.removeprefix("soil."): value for name, value in assignments(set_).items()})
     names = tuple(name.strip() for name in free.split(",") if name.strip())
     found = fit(read_evidence(data), start, names, priors(prior))
-    print(json.dumps(found.as_dict()) if as_json else found.report())
+    print(json_text(found.as_dict()) if as_json else found.report())
 
 
 @app.command()
@@ -233,7 +232,7 @@ def assignments(words: Iterable[str]) -> dict[str, Any]:
 def report(result: Mapping[str, Any], as_json: bool) -> None:
     """Print a result as a short table, or as one JSON object."""
     if as_json:
-        print(json.dumps(result, default=str))
+        print(json_text(result))
         return
     from rich.console import Console
     from rich.table import Table
@@ -242,6 +241,19 @@ def report(result: Mapping[str, Any], as_json: bool) -> None:
     for name, value in result.items():
         table.add_row(name.replace("_", " "), shown(value))
     Console().print(table)
+
+
+def json_text(result: Mapping[str, Any]) -> str:
+    """Return a result as strict JSON: a number that is not finite becomes null."""
+
+    def strict(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {str(name): strict(each) for name, each in value.items()}
+        if isinstance(value, (list, tuple)):
+            return [strict(each) for each in value]
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    return json.dumps(strict(result), default=str, allow_nan=False)
 
 
 def shown(value: Any) -> str:

@@ -1,0 +1,249 @@
+"""Every command: what it prints and writes, and one clear sentence with a non-zero exit for what it refuses."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rover_pin.cli import main
+from rover_pin.motion.saved import load_trace
+
+ROOT = Path(__file__).parents[1]
+RIG = ROOT / "studies" / "data" / "cmu-smooth-wheel"
+SWEEP = """
+name = "three"
+scenario = "flat"
+duration = 1.0
+plan = { kind = "grid", points = 3 }
+[parameters]
+soil.k = { low = 10, high = 50, unit = "mm" }
+"""
+TUNE = """
+name = "tiny"
+free = { k_p = [0.01, 10.0] }
+effort = { population = 5, generations = 0, starts = 0, keep = 1 }
+[[training]]
+name = "flat"
+scenario = "flat"
+duration = 2
+"""
+
+
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path):
+    """Run the command line in an empty folder; return exit code, standard output and standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def command(*words):
+        monkeypatch.setattr(sys, "argv", ["rover-pin", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        return (end.value.code, *capsys.readouterr())
+
+    return command
+
+
+def strict(text):
+    """Parse JSON as machines do: NaN and Infinity are no JSON."""
+    return json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
+
+
+def said(run, *words):
+    code, out, _ = run(*words, "--json")
+    assert code == 0
+    return strict(out)
+
+
+def test_drive_writes_a_log_and_figures(run):
+    told = said(run, "drive", "ditch", "--set", "duration=2", "--out", "here")
+    assert told["stop"] == "duration"
+    assert told["end_time_s"] == pytest.approx(2.0)
+    assert 0.05 < told["distance_m"] < 0.15
+    assert told["files"] == ["here/log", "here/snapshots.png", "here/history.png"]
+    assert all(Path(file).exists() for file in told["files"])
+    trace = load_trace("here/log")
+    assert trace["body_x"][-1] == told["end_x_m"]
+    assert Path("here/snapshots.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_drive_prints_a_short_table(run):
+    code, out, _ = run("drive", "flat", "--set", "duration=1")
+    assert code == 0
+    assert "scenario" in out
+    assert "end x m" in out
+    assert len(out.splitlines()) < 20
+    assert Path("out/drive/log/drive.toml").is_file()
+
+
+def test_drive_takes_control_gravity_soil_and_settings(run):
+    told = said(
+        run, "drive", "flat", "--control", "true", "--gravity", "moon", "--soil", "fjs-1", "--set", "duration=1"
+    )
+    attrs = load_trace("out/drive/log").attrs
+    assert (attrs["control"], attrs["gravity_mps2"]) == ("SlipControl", 1.62)
+    assert told["scenario"] == "flat"
+
+
+def test_drive_says_how_well_the_step_converged(run):
+    told = said(run, "drive", "flat", "--set", "duration=2", "--check")
+    assert 0.0 <= told["x_change_at_half_step_mm"] < 0.1
+
+
+def test_a_drive_that_ends_early_still_leaves_its_trace(run):
+    told = said(run, "drive", "flat", "--set", "soil.k_1=8000")
+    assert told["stop"].startswith("buried: wheel")
+    assert len(load_trace("out/drive/log").t) >= 1
+
+
+def test_curve_gives_every_form(run):
+    told = said(run, "curve", "--k", "0.01", "--k", "0.05")
+    assert told["F(net, k = 50 mm)"]["S=1"] == pytest.approx(0.0012, abs=1e-4)
+    assert told["F(torque, k = 50 mm)"]["S=1"] == pytest.approx(0.182, abs=1e-3)
+    csv, png = map(Path, told["files"])
+    assert len(csv.read_text().splitlines()) == 102
+    assert png.is_file()
+    assert len(csv.read_text().splitlines()[0].split(",")) == 7
+
+
+def test_check_urdf_tells_facts_of_a_good_file(run):
+    told = said(run, "check-urdf", ROOT / "urdf" / "nexus6.toml")
+    assert told["faults"] == []
+    assert any("5.8 kg" in fact for fact in told["facts"])
+
+
+def test_check_urdf_fails_on_a_broken_file(run):
+    text = (ROOT / "urdf" / "cart.urdf").read_text()
+    Path("cart.urdf").write_text(text.replace('<mass value="', '<mass value="-'))
+    Path("cart.toml").write_text((ROOT / "urdf" / "cart.toml").read_text())
+    code, out, _ = run("check-urdf", "cart.toml", "--json")
+    assert code == 1
+    assert any("mass" in fault for fault in strict(out)["faults"])
+
+
+def test_sweep_writes_a_table(run):
+    Path("three.toml").write_text(SWEEP)
+    told = said(run, "sweep", "three.toml", "--workers", "1")
+    assert (told["study"], told["cases"], told["failed"]) == ("three", 3, 0)
+    assert all(Path(file).is_file() for file in told["files"])
+
+
+def test_bounds_for_every_wheel(run):
+    told = said(run, "bounds", "--slope-deg", "5", "--gravity", "mars")
+    assert [wheel["wheel"] for wheel in told["wheels"]] == ["fl", "fr", "ml", "mr", "rl", "rr"]
+    assert all(0.0 < wheel["T_lim_Nm"] < wheel["T_sat_Nm"] for wheel in told["wheels"])
+    code, out, _ = run("bounds")
+    assert code == 0
+    assert "T_sat" in out
+
+
+def test_identify_says_what_the_data_tell(run):
+    told = said(run, "identify", RIG, "--free", "phi")
+    assert set(told["parameters"]) == {"phi"}
+    code, out, _ = run("identify", RIG, "--free", "phi")
+    assert code == 0
+    assert "phi" in out
+
+
+@pytest.mark.slow
+def test_tune_writes_gains(run):
+    Path("tiny.toml").write_text(TUNE)
+    told = said(run, "tune", "tiny.toml", "--workers", "1", "--out", "tuned")
+    assert Path("tuned/gains.toml").is_file()
+    assert told["study"] == "tiny"
+
+
+REFUSED = [
+    ("drive dicth", "did you mean 'ditch'"),
+    ("drive ditch --soil tabel-1", "did you mean 'table-1'"),
+    ("drive ditch --gravity erth", "did you mean 'earth'"),
+    ("drive ditch --gravity -3", r"gravity = -3 m/s^2 is not allowed"),
+    ("drive ditch --control pid", "Known: eq9, none"),
+    ("drive ditch --set soil.kk=1", "did you mean 'soil.k'"),
+    ("drive ditch --set soil.k", "write it as NAME=VALUE"),
+    ("drive ditch --set soil.k=-1", "Soil.k = -1 m is not allowed: it must lie in [1e-05, 10] m"),
+    ("drive ditch --set soil.k=abc", "Soil.k = 'abc' is not a number"),
+    ("drive ditch --set soil.n=9", "Soil.n = 9 is not allowed: it must lie in [0.05, 3]. "),
+    ("drive ditch --set duration=abc", "duration = 'abc' is not a number"),
+    ("drive ditch --set duration=-1", "give a positive time"),
+    ("drive ditch --set dt=0.003", "whole multiple of dt"),
+    ("drive ditch --set terrain.wall_angle_deg=x", "terrain.wall_angle_deg = 'x' is not a number"),
+    ("drive ditch --set start.x=q", "start.x = 'q' is not a number"),
+    ("drive ditch --set patch.x_from=a", "patch.x_from = 'a' is not a number"),
+    ("drive turn --set control.radius=x", "control.radius = 'x' is not a number"),
+    ("drive ditch --set form=nett", "did you mean 'net'"),
+    ("drive ditch --set effect.SoilTraction.form=net", "There is no setting"),
+    ("drive ditch --set rover=nexus7", "did you mean 'nexus6'"),
+    ("drive flat --set rover=gone.toml", "There is no rover file 'gone.toml'"),
+    ("drive flat --set rover=broken.toml", "broken.toml: not a TOML file"),
+    ("drive polyline --set terrain.path=gone.csv", "gone.csv: the file cannot be read"),
+    ("drive polyline --set terrain.path=3", "the file cannot be read"),
+    ("drive flat --set duration=0.5 --out broken.toml", "broken.toml"),
+    ("curve --soil xx", "no soil is named 'xx'"),
+    ("curve --k -1", "Soil.k = -1 m is not allowed"),
+    ("sweep gone.toml", "cannot be read"),
+    ("sweep broken.toml", "not valid TOML"),
+    ("sweep empty.toml", "add it"),
+    ("bounds --form nt", "did you mean 'net'"),
+    ("bounds --slip 3", "slip_limit = 3"),
+    ("bounds --slope-deg 100", "slope = 100 deg is not allowed"),
+    ("bounds --rover x", "There is no rover 'x'"),
+    ("bounds --gravity z", "gravity = 'z'"),
+    ("identify gone", "gone: give a folder with rig.toml"),
+    ("identify empty.csv", "empty.csv"),
+    ("tune gone.toml", "cannot be read"),
+    ("tune broken.toml", "not TOML"),
+]
+
+
+@pytest.fixture
+def files(run):
+    Path("broken.toml").write_text("kind = [")
+    Path("empty.toml").write_text("")
+    Path("empty.csv").write_text("")
+
+
+@pytest.mark.usefixtures("files")
+@pytest.mark.parametrize(("line", "sentence"), REFUSED, ids=[line for line, _ in REFUSED])
+def test_what_is_refused_gets_one_sentence(run, line, sentence):
+    code, out, err = run(*line.split())
+    assert code == 2
+    assert sentence in err
+    assert err.startswith("rover-pin: ")
+    assert len(err.strip().splitlines()) == 1
+    assert out == ""
+
+
+def test_identify_refuses_parameters_and_priors(run):
+    for words, sentence in (
+        (("--free", "kk"), "did you mean 'k'"),
+        (("--prior", "k"), "write it as NAME=MEAN:SD"),
+        (("--set", "soil.kk=1"), "Soil has no field 'kk'"),
+    ):
+        code, _, err = run("identify", RIG, *words)
+        assert code == 2
+        assert sentence in err
+
+
+@pytest.mark.parametrize("line", ["driv", "drive", "drive ditch --foo", "curve --n abc", "check-urdf"])
+def test_words_that_are_no_command(run, line):
+    code, _, err = run(*line.split())
+    assert code == 2
+    assert "Traceback" not in err
+
+
+def test_the_installed_command_runs_without_a_traceback(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "rover_pin.cli", "drive", "dicth"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert done.stderr.startswith("rover-pin: There is no scenario 'dicth'")
+
+
+def test_help_names_every_command(run):
+    code, out, _ = run("--help")
+    assert code == 0
+    for command in ("drive", "curve", "check-urdf", "sweep", "bounds", "identify", "tune"):
+        assert command in out
