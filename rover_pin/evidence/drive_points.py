@@ -14,7 +14,7 @@ from rover_pin.body.statics import wheel_loads
 from rover_pin.errors import DataError
 from rover_pin.evidence.traction_points import TractionPoints
 from rover_pin.motion.drive_log import DriveLog, read_drive_log
-from rover_pin.motion.motor import Motor, motor_current
+from rover_pin.motion.motor import Motor
 from rover_pin.motion.trace import Trace
 from rover_pin.quantity import record_from
 from rover_pin.soil.slip import slip_ratio
@@ -100,7 +100,7 @@ def samples(trace: Trace, rover: Rover, motor: Motor, gravity: float, sampling: 
         drive = motor.drive(duties[i][use], rates[i][use])
         load = np.interp(pitch[use], PITCHES, table[:, i])
         slip = np.array([float(slip_ratio(a, b)) for a, b in zip(rim[use], speed[use], strict=True)])
-        found.append((slip, drive.constant * motor_current(drive) / (r * load)))
+        found.append((slip, drive.constant * drive.current / (r * load)))
     worth = min(1.0, float(np.median(np.diff(t))) / sampling.correlated)
     slip, factor = (np.concatenate(each) for each in zip(*found, strict=True))
     return slip, factor, np.full(slip.shape, worth)

@@ -11,7 +11,7 @@ import numpy as np
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Drive, Effect, MotorEffect
 from rover_pin.errors import ParameterError
-from rover_pin.motion.motor import Motor, motor_current
+from rover_pin.motion.motor import Motor
 from rover_pin.quantity import Record, quantities
 
 GEOMETRY = ("h", "v_x", "v_y", "v_n", "rim", "x", "axle")
@@ -81,7 +81,7 @@ def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
     drive: Drive = own_motor.drive(delta, omega)._replace(wheel=wheel, bus_current=bus)  # type: ignore[attr-defined]
     for effect, x in zip(own, states, strict=True):
         drive = effect.amend(drive, x)  # type: ignore[attr-defined]
-    current = motor_current(drive)
+    current = drive.current
     torque = drive.constant * current
     for effect, x in zip(own, states, strict=True):
         torque = torque + effect.torque(drive, torque, x)  # type: ignore[attr-defined]

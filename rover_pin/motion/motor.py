@@ -67,8 +67,3 @@ class Motor(Record):
             resistance=constant * self.supply / self.stall_torque,
             rotor_inertia=self.armature / gear**2,
         )
-
-
-def motor_current(drive: Drive) -> Scalar:
-    """Return i = (delta V - K omega) / R [A]."""
-    return (drive.delta * drive.supply - drive.constant * drive.omega) / drive.resistance
