@@ -1,0 +1,210 @@
+"""Candidates refitted with every nuisance parameter free, and compared: penalised gain, and levels held out."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rover_pin.effects.effect import Effect
+from rover_pin.errors import OptimisationError
+from rover_pin.evidence.calibrate import Setting, own_sizes
+from rover_pin.evidence.candidates import shapes, sizes
+from rover_pin.evidence.heldout import held_out, loss
+from rover_pin.evidence.rig_fit import RigFit, RigProblem, fit_from
+from rover_pin.evidence.screen import Screened, entry_fee
+
+PLAUSIBLE = 8
+"""Candidates that are refitted, at least; every one whose score pays a quarter of its fee is."""
+
+PAIRED = 6
+"""Singles from which pairs are made."""
+
+FURTHER = entry_fee(1)
+"""Fee of each parameter beyond an effect's first: 2 ln(1 / 0.05)."""
+
+ODDS = 9.2
+"""Candidates within this of the best are not told apart: 2 ln 100, odds of 1 in 100."""
+
+MOST_FREE = 0.5
+"""Free parameters without a prior for each measured value, at most."""
+
+SMALL = 0.05
+"""Share of the default size from which a refit starts, besides the default."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One effect, or a pair, added to the base model and refitted."""
+
+    effects: tuple[Effect, ...] = field(repr=False)
+    fit: RigFit = field(repr=False)
+    fee: float
+    "what chance alone would gain"
+    gain: float
+    "fall of chi2 from the model that it is compared with, over the misfit that is left"
+    loss: float
+    "held-out loss, 1 is the noise"
+    reference_loss: float
+    "held-out loss of the model that it is compared with"
+
+    @property
+    def name(self) -> str:
+        """Names of the effects."""
+        return " + ".join(type(effect).__name__ for effect in self.effects)
+
+    @property
+    def net(self) -> float:
+        """Gain minus fee: above 0, chance is not enough."""
+        return self.gain - self.fee
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it gains more than chance and predicts held-out levels better."""
+        return self.net > 0 and self.loss < self.reference_loss
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """All candidates of one kind (singles or pairs), best first."""
+
+    ranked: tuple[Candidate, ...]
+
+    @property
+    def best(self) -> Candidate | None:
+        """The best accepted candidate, or None."""
+        return next((one for one in self.ranked if one.accepted), None)
+
+    @property
+    def alike(self) -> tuple[Candidate, ...]:
+        """The accepted candidates that the data cannot tell from the best."""
+        best = self.best
+        if best is None:
+            return ()
+        return tuple(one for one in self.ranked if one.accepted and best.net - one.net <= ODDS)
+
+
+def compare_singles(
+    setting: Setting, base: RigFit, screened: Sequence[Screened], progress: Progress = lambda said: None
+) -> Comparison:
+    """Return the refits of the plausible candidates."""
+    fee = entry_fee(len(screened))
+    told = [row for row in screened if row.told]
+    plausible = [row for place, row in enumerate(told) if place < PLAUSIBLE or row.gain > fee / 4]
+    reference = loss(held_out(setting.data, base))
+    found = []
+    for row in plausible:
+        progress(f"refitting with {row.name}")
+        found += _variants(setting, base, (row.effect,), fee, [])
+    return _ranked(base, found, reference, setting)
+
+
+def compare_pairs(
+    setting: Setting, base: RigFit, singles: Comparison, count: int, progress: Progress = lambda said: None
+) -> Comparison:
+    """Return the refits of pairs of the best singles, compared with the best single."""
+    parent = singles.best.fit if singles.best else base
+    fee, reference = entry_fee(count), loss(held_out(setting.data, parent))
+    found = []
+    for one, other in itertools.combinations(singles.ranked[:PAIRED], 2):
+        progress(f"refitting with {one.name} + {other.name}")
+        found += _variants(setting, base, (*one.effects, *other.effects), fee, [one.fit, other.fit])
+    extra = fee if singles.best is None else 0.0
+    return _ranked(parent, [(effects, fit, paid + extra) for effects, fit, paid in found], reference, setting)
+
+
+Found = tuple[tuple[Effect, ...], RigFit, float]
+
+
+def _variants(
+    setting: Setting, base: RigFit, effects: tuple[Effect, ...], fee: float, warm: Sequence[RigFit]
+) -> list[Found]:
+    """Return the refit with sizes free, and with shapes free too where the data can bear them."""
+    free = tuple(name for effect in effects for name in sizes(effect))
+    form = tuple(name for effect in effects for name in shapes(effect))
+    found: list[Found] = []
+    for extra in dict.fromkeys((free, (*free, *form))):
+        fit = _refit(setting, base, effects, extra, [one[1] for one in found] or warm)
+        if fit is not None:
+            found.append((effects, fit, fee + FURTHER * (len(extra) - 1)))
+    return found
+
+
+def _refit(
+    setting: Setting, base: RigFit, effects: tuple[Effect, ...], extra: tuple[str, ...], warm: Sequence[RigFit]
+) -> RigFit | None:
+    """Return the best fit from the base's values and from `warm` fits, or None where none is to be had."""
+    model = base.model
+    for effect in effects:
+        model = model.having(effect)
+    problem = setting.problem(model, (*own_sizes(base.model), *extra))
+    if len(problem.space.names) - len(problem.priors) > MOST_FREE * problem.measured.size:
+        return None
+    try:
+        return fit_from(problem, [*_starts(problem, effects), *_from(problem, warm)])
+    except OptimisationError:
+        return None
+
+
+def _starts(problem: RigProblem, effects: Sequence[Effect]) -> list[np.ndarray]:
+    """Return the base's values with the effects small, at their default size, and small in the other sense."""
+    names, centre = problem.space.names, problem.space.start()
+    starts = []
+    for share in (SMALL, 1.0, -SMALL):
+        start = centre.copy()
+        for effect in effects:
+            for name, neutral in effect.neutral.items():
+                at = names.index(f"{type(effect).__name__}.{name}")
+                size = neutral + share * (float(getattr(effect, name)) - neutral)
+                start[at] = problem.space.axes[at].coordinate.u(size)
+        starts.append(start)
+    return starts
+
+
+def _from(problem: RigProblem, warm: Sequence[RigFit]) -> list[np.ndarray]:
+    """Return each warm fit's values, what it does not have kept small."""
+    small = 1.0 * problem.space.start()
+    starts = []
+    for fit in warm:
+        start = small.copy()
+        own = dict(zip(fit.problem.space.names, fit.problem.space.values(fit.u), strict=True))
+        for at, axis in enumerate(problem.space.axes):
+            if axis.name in own:
+                start[at] = axis.coordinate.u(float(own[axis.name]))
+            elif "." in axis.name:
+                start[at] = _little(problem, axis.name)
+        starts.append(start)
+    return starts
+
+
+def _little(problem: RigProblem, name: str) -> float:
+    """Return u of a small size of an effect's parameter; of a shape, its own value."""
+    kind, _, quantity = name.partition(".")
+    effect = next(one for one in problem.data[0].model.effects if type(one).__name__ == kind)
+    value = float(getattr(effect, quantity))
+    if quantity in effect.neutral:
+        value = effect.neutral[quantity] + SMALL * (value - effect.neutral[quantity])
+    return problem.space.axes[problem.space.names.index(name)].coordinate.u(value)
+
+
+def _ranked(parent: RigFit, found: Sequence[Found], reference: float, setting: Setting) -> Comparison:
+    """Return the candidates by net gain, the better variant of each; chi2 counts in units of the best one's misfit."""
+    if not found:
+        return Comparison(())
+    left = max(1.0, min(fit.misfit for _, fit, _ in found))
+    best: dict[tuple[str, ...], Found] = {}
+    for one in found:
+        key = tuple(type(effect).__name__ for effect in one[0])
+        if key not in best or one[1].chi2 / left + one[2] < best[key][1].chi2 / left + best[key][2]:
+            best[key] = one
+    ranked = sorted(best.values(), key=lambda one: one[1].chi2 / left + one[2])
+    return Comparison(
+        tuple(
+            Candidate(effects, fit, fee, (parent.chi2 - fit.chi2) / left, loss(held_out(setting.data, fit)), reference)
+            for effects, fit, fee in ranked
+        )
+    )

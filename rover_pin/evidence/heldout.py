@@ -1,0 +1,90 @@
+"""Errors on data that were not fitted: every level predicted by a fit to the others."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.errors import OptimisationError
+from rover_pin.evidence.rig_fit import STRAY, RigFit, fit_from
+from rover_pin.evidence.rig_set import RigSet
+
+DRAWS = 2000
+"""Resamplings of the bootstrap."""
+
+LOST = 1e3
+"""Residual [SD] that stands for a level that the fit to the others cannot predict at all."""
+
+
+def held_out(data: RigSet, fit: RigFit) -> np.ndarray:
+    """Return (predicted - measured) / stated SD [channels, runs], each level predicted without itself.
+
+    A level that the fit to the others does not predict counts as `LOST`.
+    """
+    residual = np.full(fit.residual.shape, np.nan)
+    for number in range(len(data.level_names)):
+        left_out = data.level == number
+        with contextlib.suppress(OptimisationError):
+            refit = fit_from(fit.problem.keeping(~left_out), [fit.u])
+            residual[:, left_out] = refit.residual[:, left_out]
+    return np.where(np.isfinite(residual), residual, LOST)
+
+
+def loss(residual: np.ndarray) -> float:
+    """Return the mean robust loss of residuals in SDs: 1 is the noise."""
+    size = np.abs(residual)
+    return float(np.mean(np.where(size > STRAY, 2 * STRAY * size - STRAY**2, size**2)))
+
+
+class ChannelScore(NamedTuple):
+    """The held-out error of one channel before and after, in the channel's unit."""
+
+    name: str
+    unit: str
+    floor: float
+    "RMS of the noise: what no model can beat"
+    before: float
+    after: float
+    change: float
+    "after / before - 1"
+    low: float
+    high: float
+    "ends of the 95 % interval of the change, levels resampled"
+
+    @property
+    def said(self) -> str:
+        """What may be claimed."""
+        at_floor = f"at its noise floor before ({self.before / self.floor:.2f} x): no gain to claim"
+        if self.before <= AT_FLOOR * self.floor and self.after <= AT_FLOOR * self.floor:
+            return at_floor
+        if self.high < 0:
+            return "better"
+        if self.low > 0:
+            return "worse"
+        if self.before <= AT_FLOOR * self.floor:
+            return "worse, within what the levels scatter" if self.change > 0 else at_floor
+        return f"{'better' if self.change < 0 else 'worse'}, within what the levels scatter"
+
+
+AT_FLOOR = 1.25
+"""An error within this of the noise floor has nothing left to gain."""
+
+
+def scores(data: RigSet, before: np.ndarray, after: np.ndarray, seed: int) -> tuple[ChannelScore, ...]:
+    """Return held-out RMSE per channel before and after, with a bootstrap over levels of the paired change."""
+    levels = len(data.level_names)
+    draws = np.random.default_rng(seed).integers(0, levels, (DRAWS, levels))
+    found = []
+    for row, channel in enumerate(data.rig.channels):
+        floor = float(np.sqrt(np.mean(channel.sd**2)))
+        square = [(residual[row] * channel.sd) ** 2 for residual in (before, after)]
+        sums = [np.bincount(data.level, part, levels) for part in square]
+        ratio = np.sqrt(sums[1][draws].sum(axis=1) / np.maximum(sums[0][draws].sum(axis=1), 1e-300)) - 1
+        was, now = (float(np.sqrt(np.mean(part))) for part in square)
+        low, high = np.quantile(ratio, [0.025, 0.975])
+        found.append(
+            ChannelScore(channel.name, channel.unit, floor, was, now, now / was - 1, float(low), float(high))
+        )
+    return tuple(found)

@@ -1,0 +1,155 @@
+"""A wheel-rig set as the loop needs it: runs with their levels and speeds, checked, with what was measured elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from rover_pin.contact import Soil
+from rover_pin.errors import DataError
+from rover_pin.evidence.checks import column
+from rover_pin.evidence.measurement import WheelRig, read_wheel_rig
+from rover_pin.evidence.pressed import Trial, exponent, press, read_trials
+from rover_pin.evidence.tables import read_table, read_toml
+from rover_pin.quantity import quantities
+
+SAME_LEVEL = 0.02
+"""Slips within this of their neighbour are one level where the data name none."""
+
+SPEEDS = ("travel_speed_mps", "rim_speed_mps")
+
+
+class Independent(NamedTuple):
+    """A soil constant known from another measurement: its range [SI] at a given exponent."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class RigSet:
+    """Runs of a wheel rig; `level` [runs] numbers the levels whose `level_names` are kept."""
+
+    rig: WheelRig
+    level: np.ndarray = field(repr=False)
+    level_names: tuple[str, ...]
+    runs: tuple[str, ...] = field(repr=False)
+    speeds: np.ndarray | None = field(default=None, repr=False)
+    trials: tuple[Trial, ...] = field(default=(), repr=False)
+    soil_stated: tuple[str, ...] = ()
+    "which soil constants came with the data"
+    source: str = ""
+
+    def rows(self, keep: Any) -> RigSet:
+        """Return the set with these runs only."""
+        level_names = np.array(self.level_names)[self.level[keep]]
+        names, level = np.unique(level_names, return_inverse=True)
+        order = np.argsort([np.mean(self.rig.slip[keep][level_names == name]) for name in names])
+        place = np.argsort(order)
+        return RigSet(
+            self.rig.rows(keep),
+            place[level],
+            tuple(map(str, names[order])),
+            tuple(np.array(self.runs)[keep]),
+            None if self.speeds is None else self.speeds[keep],
+            self.trials,
+            self.soil_stated,
+            self.source,
+        )
+
+    def soil(self) -> Soil:
+        """Return the soil as declared: what the data state, n from pressing the wheel in, the rest as Table 1 has it.
+
+        One width tells k_1 + k_2 b only, so all of it is put into k_1.
+        """
+        soil = self.rig.declared_soil(Soil())
+        b = float(self.rig.wheel.b)
+        soil = soil.replace(k_1=soil.k_1 + soil.k_2 * b, k_2=0.0)
+        if not self.trials:
+            return soil
+        n = soil.n if "n" in self.soil_stated else exponent(self.trials, self.rig.wheel)
+        return soil.replace(n=n, k_1=press(self.trials, self.rig.wheel, n).mean * b**n)
+
+    def independent(self, n: float) -> tuple[Independent, ...]:
+        """Return what other measurements say of the soil, at the exponent n."""
+        known = [
+            Independent(name, quantities(Soil)[name].unit, value, value, "stated with the data")
+            for name, value in self.rig.declared.items()
+            if name in quantities(Soil) and name not in ("n", "k_1", "k_2")
+        ]
+        if self.trials:
+            moduli = press(self.trials, self.rig.wheel, n).moduli
+            said = f"the same wheel pressed in without turning, {len(moduli)} trials"
+            known.append(Independent("K_eff", "Pa/m^n", float(moduli.min()), float(moduli.max()), said))
+        return tuple(known)
+
+
+def read_rig_set(folder: str | Path) -> RigSet:
+    """Return the set of a folder with `rig.toml`, with levels, speeds and pressing trials where it has them.
+
+    Raises
+    ------
+    DataError
+        What `read_wheel_rig` refuses; speeds that contradict the slip; a pressing file that cannot be read.
+    """
+    folder = Path(folder)
+    rig, about = read_wheel_rig(folder), read_toml(folder / "rig.toml")
+    files = about.get("files", {})
+    points = folder / files.get("points", "points.csv")
+    table = read_table(points, ("slip", "load_N"))
+    speeds = _speeds(table, rig.slip, f"{folder.name}/{points.name}")
+    trials: tuple[Trial, ...] = ()
+    if "penetration" in files:
+        trials = read_trials(folder / files["penetration"], str(about.get("wheel", {}).get("surface", "")))
+    names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
+    stated = tuple(rig.declared)
+    return as_rig_set(rig, names, speeds, trials, stated, str(about.get("source", "")))
+
+
+def as_rig_set(
+    rig: WheelRig,
+    runs: tuple[str, ...] = (),
+    speeds: np.ndarray | None = None,
+    trials: tuple[Trial, ...] = (),
+    soil_stated: tuple[str, ...] = (),
+    source: str = "",
+) -> RigSet:
+    """Return a `WheelRig` as a `RigSet`: its own levels, or classes of slip where it names none."""
+    slip = np.asarray(rig.slip)
+    labels = _classes(slip) if rig.levels is None else np.asarray(rig.levels).astype(str)
+    names, level = np.unique(labels, return_inverse=True)
+    order = np.argsort([slip[level == i].mean() for i in range(len(names))])
+    place = np.argsort(order)
+    runs = runs or tuple(f"run {i + 1}" for i in range(slip.size))
+    return RigSet(rig, place[level], tuple(map(str, names[order])), runs, speeds, trials, soil_stated, source)
+
+
+def _classes(slip: np.ndarray) -> np.ndarray:
+    order = np.argsort(slip)
+    jumps = np.concatenate([[0], np.cumsum(np.diff(slip[order]) > SAME_LEVEL)])
+    index = np.empty(slip.size, dtype=int)
+    index[order] = jumps
+    return np.array([f"S = {slip[index == i].mean():.2f}" for i in index])
+
+
+def _speeds(table: pd.DataFrame, slip: np.ndarray, where: str) -> np.ndarray | None:
+    """Return travel and rim speed [runs, 2], or None; refuse speeds that contradict the slip."""
+    if not set(SPEEDS) <= set(table.columns):
+        return None
+    travel, rim = (column(table[name], name, where) for name in SPEEDS)
+    own = (rim - travel) / np.maximum(np.maximum(np.abs(rim), np.abs(travel)), 1e-12)
+    off = np.abs(own - slip)
+    if off.max() > 0.05:
+        row = int(off.argmax())
+        raise DataError(
+            f"{where}: row {row + 1} has slip {slip[row]:.3g}, but its speeds give {own[row]:.3g} by Eq (1); check the "
+            "units and signs of slip, rim_speed_mps and travel_speed_mps."
+        )
+    return np.column_stack([travel, rim])
