@@ -1,8 +1,8 @@
 """What tuned gains are worth: the paper's slip control before and after, by true slip and by Eq 9, beside none at all.
 
 Question
-    The paper gives S_d = 0.1 and no gains. What gains does an optimiser choose for ditches, slopes, bumps and weak motors
-    together, what do they cost on drives that it has not seen, and is the control then better than constant duty?
+    The paper gives S_d = 0.1 and no gains. What gains does an optimiser choose for ditches, slopes, bumps and weak
+    motors together, what do they cost on drives that it has not seen, and is the control better than constant duty?
 Method
     `tune_gains` on studies/tune_ditch.toml, once with the true slip fed back, once with Eq 9's estimate: differential
     evolution and adjoint L-BFGS on the reduced model, judged by the full rover. Then the landscape over k_p and k_i at

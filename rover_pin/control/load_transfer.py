@@ -15,11 +15,11 @@ class AxleLoads(NamedTuple):
     """Vertical loads W = rest + shift H of the axles under their horizontal pushes H, at zero joint angles."""
 
     rest: np.ndarray
-    "loads of the axles at rest on level ground (3) [N]"
+    "loads of the axles at rest on level ground (axles) [N]"
     shift: np.ndarray
-    "change of the load of axle i by a forward push of axle j (3, 3) [-]"
+    "change of the load of axle i by a forward push of axle j (axles, axles) [-]"
     place: np.ndarray
-    "x of the axles from the base (3) [m]"
+    "x of the axles from the base (axles) [m]"
     half_track: float
     "how far the wheels run from the middle [m]"
 

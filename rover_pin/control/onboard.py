@@ -28,6 +28,8 @@ STRAIGHT = 1e-3
 class Tacking(Record):
     """How the rover tacks: kappa = gain (psi_d - psi) within 1 / radius, psi_d = +-heading on uneven ground, else 0.
 
+    Ground is uneven from when a suspension angle exceeds `alert` until `calm` after it last did; there, and where the
+    nose points up by more than `alert`, the duty is `delta_climb`.
     Source: none; found with the package's own optimisation (studies/beyond_the_paper.py).
     """
 
@@ -42,7 +44,7 @@ class Tacking(Record):
 
 @dataclass
 class TackingControl:
-    """The controller: reads yaw and suspension angles only, commands one duty and the steering.
+    """The controller: reads yaw, pitch and suspension angles only, commands the duty and the steering.
 
     Every obstacle is taken on the other side than the one before, so that the rover keeps its course on the whole.
     Source: none. Differs from the paper: it knows no slip, and it steers.
@@ -68,7 +70,8 @@ class TackingControl:
         uneven = reading.t <= self.uneven_until
         asked = self.side * law.heading if uneven else 0.0
         bend = min(max(law.gain * (asked - reading.attitude[2]), -1.0 / law.radius), 1.0 / law.radius)
-        delta = law.delta_climb if uneven else law.delta
+        nose_up = -reading.attitude[1]
+        delta = law.delta_climb if uneven or nose_up > law.alert else law.delta
         if abs(bend) < STRAIGHT:
             return Command(delta)
         turn = Turn.of(self.rover, 1.0 / bend, delta)

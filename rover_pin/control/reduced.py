@@ -12,7 +12,10 @@ the suspension's motion, the two patches of a lip, and the mirrored view of a wh
 
 from __future__ import annotations
 
+import contextlib
+import io
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -27,11 +30,9 @@ from rover_pin.control.slip_control import Gains
 from rover_pin.control.wheel_path import WheelPath, wheel_path
 from rover_pin.errors import OptimisationError
 from rover_pin.motion.model import CRUISE_SPEED, Model
-from rover_pin.motion.motor import motor_current
 from rover_pin.quantity import quantities
 from rover_pin.soil.sinkage import entry_angle, sinkage
 
-AXLES = 3
 LIGHTEST = 0.05
 """Load of an axle that is about to lift, as a share of its load at rest: the shear model has no wheel in the air."""
 FASTEST = 3.0
@@ -73,7 +74,7 @@ class Reduced:
     Parameters
     ----------
     model : Model
-        With a rover of three axles.
+        With a rover of two or more axles of two wheels, the front one on rockers where there are three.
     loop : Loop
         The control with its estimate and limits.
     duration : float
@@ -93,6 +94,11 @@ class Reduced:
     def loads(self) -> AxleLoads:
         """The axles' loads."""
         return axle_loads(self.model.rover, self.model.gravity)
+
+    @property
+    def axles(self) -> int:
+        """How many axles the rover has."""
+        return len(self.loads.rest)
 
     @cached_property
     def sunk(self) -> float:
@@ -117,14 +123,14 @@ class Reduced:
         nx = sum(len(effect.states) for effect in effects)
         nm = sum(len(effect.states) for effect in model.motor_effects)
         x, v = ca.SX.sym("x"), ca.SX.sym("v")
-        own = [ca.SX.sym(f"axle_{i}", 3 + nx + nm) for i in range(AXLES)]
+        own = [ca.SX.sym(f"axle_{i}", 3 + nx + nm) for i in range(self.axles)]
         p = ca.SX.sym("gains", len(GAIN_NAMES))
         gains = Gains(**dict(zip(GAIN_NAMES, ca.vertsplit(p), strict=True)))
         places = [x + float(each) for each in self.loads.place]
         slopes = [self.path.slope_at(each) for each in places]
         heights = [self.path.height_at(each) for each in places]
-        pitch = (heights[2] / 2 + heights[1] / 2 - heights[0]) / _rocker_length(self.loads.place)
-        axles = [self._axle(i, slopes[i], v, own[i], nx) for i in range(AXLES)]
+        pitch = (_mean(heights[1:]) - heights[0]) / (self.loads.place[0] - _mean(self.loads.place[1:]))
+        axles = [self._axle(i, slopes[i], v, own[i], nx) for i in range(self.axles)]
         normal, push = self._balance(slopes, [axle.F for axle in axles])
         rates: list[Scalar] = [v, sum(push) / model.rover.mass]
         for i, axle in enumerate(axles):
@@ -135,7 +141,7 @@ class Reduced:
             d_integral, d_duty = self.loop.rates(gains, S_hat, highest, integral, duty)
             spin = (axle.motor_torque - soil) / self._inertia
             rates += [spin, d_duty, d_integral, *axle.contact_rate, *axle.motor_rate]
-        slip = sum(axle.S**2 for axle in axles) / AXLES
+        slip = sum(axle.S**2 for axle in axles) / self.axles
         power = sum(axle.power for axle in axles) * 2
         outputs = ca.vertcat(v, *(axle.S for axle in axles), *(each[0] for each in own))
         return ca.vertcat(x, v, *own), p, ca.vertcat(*rates), ca.vertcat(slip, power), outputs
@@ -159,15 +165,15 @@ class Reduced:
         contact, load, contact_rate = through_effects(model, contact, states)
         drive, torque, motor_rate = through_motor(model, duty, omega, motor_states)
         M = load.torque / load.f_n
-        power = duty * drive.supply * motor_current(drive)
+        power = duty * drive.supply * drive.current
         return Axle(load.f_t / load.f_n, M, contact.S, contact_rate, torque, motor_rate, power)
 
     def _balance(self, slopes: list[Scalar], factors: list[Scalar]) -> tuple[list[Scalar], list[Scalar]]:
         """Return the normal force and the horizontal push of each axle [N]."""
         ease = [(F - p) / (1 + F * p) for F, p in zip(factors, slopes, strict=True)]
         shift = ca.SX(self.loads.shift)
-        vertical = ca.solve(ca.SX.eye(AXLES) - shift @ ca.diag(ca.vertcat(*ease)), ca.SX(self.loads.rest))
-        W = [ca.fmax(vertical[i], LIGHTEST * float(self.loads.rest[i])) for i in range(AXLES)]
+        vertical = ca.solve(ca.SX.eye(self.axles) - shift @ ca.diag(ca.vertcat(*ease)), ca.SX(self.loads.rest))
+        W = [ca.fmax(vertical[i], LIGHTEST * float(self.loads.rest[i])) for i in range(self.axles)]
         # a wheel presses the slope by the share of its load that neither pull nor chassis carries
         normal = [w * ca.sqrt(1 + p**2) / (1 + F * p) for w, p, F in zip(W, slopes, factors, strict=True)]
         return normal, [w * each for w, each in zip(W, ease, strict=True)]
@@ -191,7 +197,7 @@ class Reduced:
         return ca.Function("outcome", [gains], [out])
 
     def drive(self, gains: Gains, times: np.ndarray) -> dict[str, np.ndarray]:
-        """Return x [m], v [m/s] (T,), slip [-] and wheel rate [rad/s] (T, 3) at increasing `times` [s] from above 0.
+        """Return x [m], v [m/s] (T,), slip [-] and wheel rate [rad/s] (T, axles) at increasing `times` [s].
 
         Raises
         ------
@@ -202,11 +208,14 @@ class Reduced:
         options = {**TOLERANCES, "show_eval_warnings": False, "disable_internal_warnings": True}
         integrator = ca.integrator("trace", "cvodes", {"x": state, "p": p, "ode": rate}, 0.0, list(times), options)
         try:
-            path = integrator(x0=self.initial, p=as_column(gains))["xf"]
+            # CasADi prints the inputs of a call that fails.
+            with contextlib.redirect_stdout(io.StringIO()):
+                path = integrator(x0=self.initial, p=as_column(gains))["xf"]
         except RuntimeError as error:
             raise OptimisationError(f"The reduced model cannot be driven with {gains}: {error}") from error
         seen = np.array(ca.Function("seen", [state], [outputs]).map(len(times))(path))
-        return {"x": np.array(path[0, :]).ravel(), "v": seen[0], "slip": seen[1:4].T, "wheel_rate": seen[4:7].T}
+        slip, wheel_rate = np.split(seen[1:], 2)
+        return {"x": np.array(path[0, :]).ravel(), "v": seen[0], "slip": slip.T, "wheel_rate": wheel_rate.T}
 
 
 def as_column(gains: Gains) -> np.ndarray:
@@ -234,7 +243,7 @@ def through_motor(
     drive = model.motor.drive(duty, omega)
     for effect, x in zip(model.motor_effects, parts, strict=True):
         drive = effect.amend(drive, x)
-    torque = drive.constant * motor_current(drive)
+    torque = drive.constant * drive.current
     for effect, x in zip(model.motor_effects, parts, strict=True):
         torque = torque + effect.torque(drive, torque, x)
     rates = [effect.rate(drive, torque, x) for effect, x in zip(model.motor_effects, parts, strict=True)]
@@ -246,5 +255,5 @@ def _split(values: list[Scalar], sizes: list[int]) -> list[tuple[Scalar, ...]]:
     return [tuple(values[start:end]) for start, end in itertools.pairwise(ends)]
 
 
-def _rocker_length(place: np.ndarray) -> float:
-    return float(place[0] - 0.5 * (place[1] + place[2]))
+def _mean(values: Sequence[Scalar] | np.ndarray) -> Scalar:
+    return sum(values) / len(values)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import io
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -138,7 +140,9 @@ def reduced_gradient(case: DriveCase, control: Control, cost: Cost, smoothing: f
 
 def _numbers(function: ca.Function, gains: tuple[float, ...], failed: list[float]) -> list[float]:
     try:
-        out = np.array(function(np.array(gains))).ravel()
+        # CasADi prints the inputs of a call that fails.
+        with contextlib.redirect_stdout(io.StringIO()):
+            out = np.array(function(np.array(gains))).ravel()
     except RuntimeError:
         return failed
     return [float(each) for each in out] if np.all(np.isfinite(out)) else failed

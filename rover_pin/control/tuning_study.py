@@ -99,8 +99,8 @@ def placed(name: str, bounds: tuple[float, float], u: float) -> float:
     """Return the gain at the share `u` of the way between its bounds, logarithmic for the k's."""
     low, high = bounds
     if name in LOGARITHMIC:
-        return min(max(math.exp(math.log(low) + u * math.log(high / low)), low), high)
-    return low + u * (high - low)
+        return min(max(math.exp(math.log(low) + float(u) * math.log(high / low)), low), high)
+    return low + float(u) * (high - low)
 
 
 def _check_bounds(study: str, name: str, bounds: tuple[float, float]) -> None:

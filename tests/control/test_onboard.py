@@ -15,9 +15,9 @@ from rover_pin.scenarios import scenario
 LAW = Tacking(calm=2.0, delta=0.5, delta_climb=0.8)
 
 
-def reading(t, fold, yaw=0.0):
+def reading(t, fold, yaw=0.0, pitch=0.0):
     """What the rover reads: no truth, which the controller must not touch."""
-    return Reading(t, np.zeros(6), np.ones(6), np.ones(6), np.array([0.0, fold, 0.0, fold]), (0.0, 0.0, yaw), None)
+    return Reading(t, np.zeros(6), np.ones(6), np.ones(6), np.array([0.0, fold, 0.0, fold]), (0.0, pitch, yaw), None)
 
 
 @pytest.fixture
@@ -40,6 +40,11 @@ def test_folded_bogies_turn_it_to_one_side_and_then_to_the_other(control):
     assert control(reading(2.9, 0.0)).steer[0] > 0.0
     assert control(reading(3.1, 0.0)).duty == 0.5
     assert control(reading(5.0, math.radians(8))).steer[0] < 0.0
+
+
+def test_a_slope_is_climbed_straight_and_with_the_duty_for_climbing(control):
+    assert control(reading(0.0, 0.0, pitch=math.radians(-10))) == (0.8, 0.0)
+    assert control(reading(1.0, 0.0, pitch=math.radians(10))) == (0.5, 0.0)
 
 
 def test_it_straightens_once_the_heading_is_reached(control):

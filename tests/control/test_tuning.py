@@ -125,7 +125,7 @@ def test_points_that_are_near_each_other_count_once():
     assert [float(each.place[0]) for each in spread(points, 3)] == [0.0, 0.3, 0.9]
 
 
-def test_an_integrator_that_gives_up_costs_the_penalty(monkeypatch):
+def test_an_integrator_that_gives_up_costs_the_penalty_and_prints_nothing(monkeypatch, capsys):
     from rover_pin.control import reduced, tuning_drives
 
     monkeypatch.setattr(reduced, "TOLERANCES", {"max_num_steps": 2})
@@ -133,6 +133,7 @@ def test_an_integrator_that_gives_up_costs_the_penalty(monkeypatch):
     control = Control("true", values(Gains()))
     assert tuning_drives.reduced_score(hopeless, control) == list(FAILED)
     assert tuning_drives.reduced_gradient(hopeless, control, Cost()) == [FAILED.cost(Cost())] + [0.0] * 7
+    assert capsys.readouterr().out == ""
 
 
 def test_a_drive_that_ends_early_is_stuck_and_one_without_rows_is_the_worst():
@@ -164,3 +165,12 @@ def test_a_damaged_or_impossible_file_of_evaluations(tmp_path):
         Evaluations(tmp_path, 1, None)
     with pytest.raises(DataError, match="name another folder"):
         Evaluations(tmp_path / FILE / "below", 1, None)
+
+
+def test_reduced_and_full_score_agree_part_by_part():
+    """Progress, slip and energy of an incline, computed from integrals of CVODES and from the trace's rows."""
+    control = Control("true", values(Gains(S_d=0.5)))
+    reduced, full = Score(*reduced_score(INCLINE, control)), Score(*full_score(INCLINE, control))
+    assert reduced.progress == pytest.approx(full.progress, abs=0.05)
+    assert reduced.slip == pytest.approx(full.slip, abs=0.02)
+    assert reduced.energy == pytest.approx(full.energy, rel=0.1)
