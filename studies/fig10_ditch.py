@@ -1,0 +1,302 @@
+"""Fig 10: the sandy ditch with and without slip control, and when the paper's story does and does not come out.
+
+Question
+    Without control the rover stops at the far wall with S = 1 for good; with control (S_d = 0.1) the wheels slow down,
+    the slip falls and it drives out. Does that follow from the paper's model? If not, what is missing?
+Method
+    Ditch 0.05 m deep and 0.2 m wide; the wall angle, which the paper does not state, is the map's first axis. Constant
+    duty 0.55 against the PI of Fig 9 with several gains, fed with the true slip or with Eq 9's estimate. Sands with F
+    rising in S, as Eqs 2-7 give it: Table 1 and smaller k; and the same with `PostPeak`, a loss of shear strength past
+    the peak, which the text speaks of and Eq 2 lacks. "Out": the rear wheels are past the far lip within 45 s. An
+    outcome counts only if it is the same at the step and at half of it, else it is "open". Mirror-symmetric drives.
+Result
+    The left half of Fig 10 comes out with Table 1 as it stands, at every wall (a ditch of this size has none below
+    26.6 deg): at 30 deg 0.050 m/s and S = 0.05 for 5 s, 0.17 m/s going down, the front wheels stop at the far wall at
+    8.0 s, S > 0.95 from 11 s on. The right half does not: 0 of 80 controlled drives get out. Nor with any sand whose F
+    rises with S: over four values of k, 0 of 132 stuck drives are rescued with the true slip, 0 of 44 with Eq 9; S
+    falls, and F(S) with it. The true slip turns 80 of 108 passes into failures, Eq 9 6 of 36.
+    With strength lost past the peak the story comes out in a window of 1.5 to 2 deg of wall angle: 30 % lost, 49 to
+    50 deg, 10 rescues of 42; 50 % lost, 46.5 to 48 deg, 12 of 42; all but one with S_d = 0.2. At 47 deg S goes to 0.89,
+    the wheels stop and roll back, S falls, the rover is out 9 s later. Eq 9 rescues none. No outcome depends on the
+    step. So the story hinges on a strength loss, on a wall angle just past what the duty can climb, and on a slip
+    that is truly known; `fig10_hinges.py` changes the other unstated numbers.
+What the paper says
+    Without: "the vehicle lost the velocity at t = 7 [s]. After the vehicle has stopped, the wheel was yet rotating
+    constantly, then the slip ratio went up to S = 1 and there was no chance to get recovered." With: "when the slip
+    ratio went to S = 1 at t = 8 [s], the slip control functioned to slow down the wheel velocity. This action worked
+    out successfully to get the tire slip decreased, as well as the vehicle velocity increased. Finally, after
+    t = 14 [s] the rover went out of the ditch".
+What differs
+    Eqs 2-7 give no reason for slip control to help: the more slip, the more pull. The estimate of Eq 9 reads a wheel
+    slowed by its load as one that grips, and raises its duty instead. In the story as found the rear wheels hang at
+    the far wall, not the front ones, and on a sand far stiffer (k = 2.5 mm) than Table 1's.
+
+Run: python studies/fig10_ditch.py [--quick] [--out DIR] [--workers N]
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from rover_pin.body.shapes import ditch
+from rover_pin.control.slip_control import SlipControl
+from rover_pin.effects.post_peak import PostPeak
+from rover_pin.motion.trace import Trace
+from rover_pin.plot import COLOURS, configuration, draw_rover, ground_line, save, write_csv
+from rover_pin.scenarios import Scenario, scenario
+
+OUT_AT = 0.95
+"""Body x [m] at which the rear wheels (0.155 m behind it) have left the far lip at 0.7 m."""
+DURATION = 45.0
+LOW_RESISTANCE = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03}
+
+
+@dataclass(frozen=True)
+class Sand:
+    """A sand, whether it loses strength, and the wall angles [deg] worth driving."""
+
+    label: str
+    settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    loss: PostPeak | None = None
+    walls: tuple[float, ...] = (27.0, 30.0, 33.0, 36.0, 39.0, 42.0, 45.0, 50.0, 55.0, 60.0)
+
+
+class Control(NamedTuple):
+    """No control, or the PI with one kind of slip and one set of gains."""
+
+    kind: str
+    S_d: float = 0.1
+    k_p: float = 0.1
+    k_i: float = 1.0
+
+    @property
+    def label(self) -> str:
+        """What the map calls it."""
+        words = {"none": "duty 0.55", "true": "true slip", "eq9": "Eq 9"}
+        gains = "" if self.kind == "none" else f"  {self.S_d:g}  {self.k_p:g}  {self.k_i:g}"
+        return words[self.kind] + gains
+
+
+SANDS = (
+    Sand("Table 1: k = 50 mm"),
+    Sand("k = 25 mm", {"soil.k": 0.025}),
+    Sand("k = 10 mm", {"soil.k": 0.010}),
+    Sand("k = 2.5 mm, R = 0.03", LOW_RESISTANCE, None, (40.0, 50.0, 52.0, 54.0, 56.0, 58.0, 60.0, 65.0, 70.0, 80.0)),
+    Sand("the same, 30 % lost", LOW_RESISTANCE, PostPeak(fraction=0.3), tuple(np.arange(46.0, 52.1, 0.5))),
+    Sand("the same, 50 % lost", LOW_RESISTANCE, PostPeak(fraction=0.5), tuple(np.arange(43.5, 49.6, 0.5))),
+)
+GAINS = ((0.1, 0.3), (0.1, 1.0), (0.3, 3.0))
+CONTROLS = (
+    Control("none"),
+    *(Control("true", S_d, *gains) for S_d in (0.1, 0.2) for gains in GAINS),
+    *(Control("eq9", 0.1, *gains) for gains in GAINS[:2]),
+)
+STORY = (SANDS[5], 47.0, Control("true", 0.2, 0.1, 1.0))
+"""Where the story comes out at its clearest."""
+SHOWN = {
+    "Table 1, walls 30 deg:\nwithout control": (SANDS[0], 30.0, Control("none")),
+    "Table 1, walls 30 deg:\ntrue slip, S_d = 0.1": (SANDS[0], 30.0, Control("true")),
+    "50 % of a stiff sand's shear lost, walls 47 deg:\nwithout control": (*STORY[:2], Control("none")),
+    "50 % of a stiff sand's shear lost, walls 47 deg:\ntrue slip, S_d = 0.2": STORY,
+}
+"""The drives of the figure."""
+
+
+def main() -> None:
+    """Compute, write and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a map of two sands, two walls and three controls")
+    parser.add_argument("--out", type=Path, default=Path("out/fig10_ditch"))
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    traces = shown()
+    write_csv(histories(traces), options.out / "fig10_ditch.csv")
+    first = save(draw_story(traces), options.out / "fig10_ditch.png")
+    table = outcomes(planned(options.quick), options.workers)
+    csv = write_csv(table, options.out / "fig10_map.csv")
+    second = save(draw_map(table), options.out / "fig10_map.png")
+    print(summary(table).to_string(index=False))
+    print(f"written: {csv}, {first}, {second}")
+
+
+@lru_cache(maxsize=32)
+def prepared(sand: Sand, kind: str) -> Scenario:
+    """Return the drive of this sand and kind of control; walls and gains are put in later."""
+    made = scenario("ditch", **sand.settings, control=kind, duration=DURATION)
+    return dataclasses.replace(made, model=made.model.having(sand.loss)) if sand.loss else made
+
+
+def case_of(sand: Sand, wall: float, control: Control) -> Scenario:
+    made = prepared(sand, control.kind)
+    model, law = made.model.replace(terrain=ditch(wall_angle=math.radians(wall))), made.controller
+    if isinstance(law, SlipControl):
+        gains = law.gains.replace(S_d=control.S_d, k_p=control.k_p, k_i=control.k_i)
+        law = dataclasses.replace(law, gains=gains, integral=0.0)
+    return dataclasses.replace(made, model=model, controller=law)
+
+
+def time_out(trace: Trace) -> float:
+    """Return when the rover is out [s]; NaN if it is not."""
+    past = np.flatnonzero(trace["body_x"] > OUT_AT)
+    return float(trace.t[past[0]]) if past.size else math.nan
+
+
+def planned(quick: bool) -> list[tuple[Sand, float, Control]]:
+    if quick:
+        controls = (CONTROLS[0], STORY[2], CONTROLS[-1])
+        return [
+            (sand, wall, control) for sand in (SANDS[0], STORY[0]) for wall in sand.walls[6:8] for control in controls
+        ]
+    return [(sand, wall, control) for sand in SANDS for wall in sand.walls for control in CONTROLS]
+
+
+def outcome(case: Scenario, sand: Sand, wall: float, control: Control) -> dict[str, Any]:
+    """Return a row of the map: the drive at the step and at half of it."""
+    traces = [case.drive(), dataclasses.replace(case, timing=case.timing.halved()).drive()]
+    times = [time_out(trace) for trace in traces]
+    got = [math.isfinite(each) for each in times]
+    verdict = "open" if got[0] != got[1] else "out" if got[0] else "stuck"
+    end = {"end_x_m": float(traces[1]["body_x"][-1]), "stop": traces[1].attrs["stop"]}
+    made = {"sand": sand.label, "wall_deg": wall, "control": control.label, **control._asdict()}
+    return made | {"verdict": verdict, "out_s": times[0], "out_half_dt_s": times[1], **end}
+
+
+def outcomes(plan: list[tuple[Sand, float, Control]], workers: int) -> pd.DataFrame:
+    found = Parallel(n_jobs=workers, return_as="generator", batch_size=4)(
+        delayed(outcome)(case_of(*each), *each) for each in plan
+    )
+    rows = []
+    for row in found:
+        rows.append(row)
+        print(f"\r{len(rows)} of {len(plan)} cases", end="", flush=True)
+    print()
+    return pd.DataFrame(rows).round(4)
+
+
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return, per sand, which walls are passed without control, and what control adds and takes away."""
+    rows = []
+    for sand, part in table.groupby("sand", sort=False):
+        bare = part[part.kind == "none"].set_index("wall_deg").verdict
+        controlled = part[part.kind != "none"]
+        before = controlled.wall_deg.map(bare)
+        rescued = controlled[(before == "stuck") & (controlled.verdict == "out")]
+        lost = controlled[(before == "out") & (controlled.verdict == "stuck")]
+        passed = bare[bare == "out"].index
+        row = {"sand": sand, "passes_up_to_deg": passed.max() if len(passed) else None, "cases": len(controlled)}
+        for kind in ("true", "eq9"):
+            row[f"rescued_{kind}"] = (
+                f"{(rescued.kind == kind).sum()} of {((before == 'stuck') & (controlled.kind == kind)).sum()}"
+            )
+            row[f"lost_{kind}"] = (
+                f"{(lost.kind == kind).sum()} of {((before == 'out') & (controlled.kind == kind)).sum()}"
+            )
+        rescues = sorted(rescued.wall_deg.unique())
+        row["rescued_at_deg"] = f"{rescues[0]:g} to {rescues[-1]:g}" if rescues else "-"
+        rows.append(row | {"open": int((part.verdict == "open").sum())})
+    return pd.DataFrame(rows)
+
+
+def shown() -> dict[str, tuple[Scenario, Trace]]:
+    """Return the drives of the figure."""
+    cases = {title: case_of(*each) for title, each in SHOWN.items()}
+    return {title: (case, case.drive()) for title, case in cases.items()}
+
+
+def histories(traces: dict[str, tuple[Scenario, Trace]]) -> pd.DataFrame:
+    parts = []
+    for title, (_, trace) in traces.items():
+        part = {
+            "drive": title.replace("\n", " "),
+            "t_s": trace.t,
+            "body_x_m": trace["body_x"],
+            "speed_mps": trace["body_vx"],
+        }
+        part |= {
+            f"{name}_{wheel}": trace[f"{name}_{wheel}"]
+            for name in ("slip", "duty", "wheel_rate")
+            for wheel in ("fl", "ml", "rl")
+        }
+        parts.append(pd.DataFrame(part)[::5].round(6))
+    return pd.concat(parts)
+
+
+def draw_story(traces: dict[str, tuple[Scenario, Trace]]) -> Figure:
+    figure = Figure(figsize=(18, 9), layout="constrained")
+    axes = figure.subplots(4, len(traces), sharey="row")
+    for column, (title, (case, trace)) in zip(axes.T, traces.items(), strict=True):
+        snapshots(column[0], case, trace)
+        column[0].set_title(title, fontsize=10)
+        column[1].plot(trace.t, trace["slip_ml"], color=COLOURS[1])
+        column[2].plot(trace.t, 1e3 * trace["body_vx"], color="black")
+        for wheel, name, colour in (("fl", "front", 0), ("ml", "middle", 1), ("rl", "rear", 2)):
+            column[3].plot(trace.t, 45.0 * trace[f"wheel_rate_{wheel}"], color=COLOURS[colour], label=name, lw=1.1)
+        column[1].set(ylim=(-0.3, 1.05))
+        column[2].set(ylim=(-45, 190))
+        column[3].set(xlabel="t [s]", ylim=(-45, 110))
+        for each in column[1:]:
+            each.set_xlim(0, 35)
+            each.grid(alpha=0.3)
+    for each, label in zip(
+        axes[:, 0], ("z [m]", "slip of the middle wheel [-]", "speed [mm/s]", "rim speeds [mm/s]"), strict=True
+    ):
+        each.set_ylabel(label)
+    axes[3, 0].legend(fontsize=8, ncols=3, loc="upper left")
+    return figure
+
+
+def snapshots(axes: Axes, case: Scenario, trace: Trace) -> None:
+    low, high = -0.05, 1.25
+    x, z = ground_line(case.model.terrain, low, high, 0.16)
+    axes.fill_between(x, z, -0.09, color="#d9c9a5", lw=0)
+    axes.plot(x, z, color="#8a7340", lw=1)
+    places = np.linspace(0.2, min(1.0, float(np.max(trace["body_x"]))), 3)
+    for colour, place in zip(("0.6", "0.35", "0.0"), places, strict=True):
+        at = int(np.searchsorted(np.maximum.accumulate(trace["body_x"]), place - 1e-9))
+        draw_rover(axes, case.model.rover, configuration(case.model.rover, trace, min(at, len(trace.t) - 1)), colour)
+        axes.text(place, 0.16, f"{trace.t[min(at, len(trace.t) - 1)]:.0f} s", ha="center", fontsize=9, color=colour)
+    axes.set(aspect="equal", xlim=(low, high), ylim=(-0.09, 0.2), xlabel="x [m]")
+
+
+def draw_map(table: pd.DataFrame) -> Figure:
+    sands = list(dict.fromkeys(table.sand))
+    rows = math.ceil(len(sands) / 2)
+    figure = Figure(figsize=(15, 3.6 * rows), layout="constrained")
+    for axes, sand in zip(figure.subplots(rows, 2, squeeze=False).ravel(), sands, strict=False):
+        panel(axes, table[table.sand == sand], sand)
+    figure.suptitle(
+        "seconds until the rover is out; x: stuck; ?: not the same at half the step.   Rows: slip, S_d, k_p, k_i"
+    )
+    return figure
+
+
+def panel(axes: Axes, part: pd.DataFrame, title: str) -> None:
+    """Draw one sand: walls from left to right, controls from top to bottom."""
+    walls, controls = sorted(part.wall_deg.unique()), list(dict.fromkeys(part.control))
+    colours = {"out": "#a8d5a2", "stuck": "#e8b4ae", "open": "#d8d8d8"}
+    for each in part.itertuples():
+        at = walls.index(each.wall_deg), controls.index(each.control)
+        axes.add_patch(Rectangle((at[0] - 0.48, at[1] - 0.48), 0.96, 0.96, color=colours[each.verdict], lw=0))
+        word = {"out": f"{each.out_s:.0f}", "stuck": "x", "open": "?"}[each.verdict]
+        axes.text(*at, word, ha="center", va="center", fontsize=8)
+    axes.set(xlim=(-0.5, len(walls) - 0.5), ylim=(len(controls) - 0.5, -0.5), title=title, xlabel="wall angle [deg]")
+    axes.set_xticks(range(len(walls)), [f"{wall:g}" for wall in walls])
+    axes.set_yticks(range(len(controls)), controls, fontsize=8)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,53 @@
+"""Every study and benchmark runs with --quick, from any folder, and leaves what it says that it writes."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+STUDIES = sorted(ROOT.glob("studies/*.py"))
+BENCHMARKS = sorted(ROOT.glob("studies/benchmarks/*.py"))
+SHORT = {"fig3", "fig6", "fig8_slope"}
+"""A few seconds each: part of the default suite. The others together take minutes."""
+SECTIONS = ("Question", "Method", "Result", "What the paper says", "What differs")
+
+
+def run(file, *options, folder):
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    command = [sys.executable, "-W", "error::RuntimeWarning", str(file), "--quick", *options]
+    got = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=600, check=False)
+    assert got.returncode == 0, got.stderr[-2000:]
+    return got.stdout
+
+
+def marked(files):
+    return [pytest.param(file, id=file.stem, marks=[] if file.stem in SHORT else [pytest.mark.slow]) for file in files]
+
+
+@pytest.mark.parametrize("file", marked(STUDIES))
+def test_a_study_runs_quickly(file, tmp_path):
+    out = tmp_path / "results"
+    said = run(file, "--out", str(out), folder=tmp_path)
+    suffixes = {each.suffix for each in out.rglob("*") if each.is_file()}
+    assert {".csv", ".png"} <= suffixes
+    assert said.strip()
+
+
+@pytest.mark.parametrize("file", marked(BENCHMARKS))
+def test_a_benchmark_runs_quickly(file, tmp_path):
+    assert re.search(r"\d", run(file, folder=tmp_path))
+
+
+@pytest.mark.parametrize("file", STUDIES, ids=lambda file: file.stem)
+def test_a_study_says_what_it_asks_and_what_it_finds(file):
+    text = file.read_text()
+    docstring = text.split('"""')[1]
+    for section in SECTIONS:
+        assert f"\n{section}\n" in docstring
+    assert "--quick" in text
+    assert "RESULT" not in docstring
+    assert "DIFFERS" not in docstring
