@@ -1,0 +1,70 @@
+"""The README does what it says: its Python runs, its TOML is a rover, its files, commands and numbers exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from rover_pin.body.rover import load_rover
+from rover_pin.cli import app
+from rover_pin.parameters import TABLE_1
+from rover_pin.soil.traction import FORMS, load_traction_factor
+
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", TEXT, re.DOTALL)
+
+
+@pytest.mark.parametrize("code", blocks("python"), ids=lambda code: code.splitlines()[0][:40])
+def test_the_python_runs(code, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    # Dataclasses look their module up by name, so the block needs one.
+    exec(compile(code, "README.md", "exec"), {"__name__": __name__})
+    assert capsys.readouterr().out
+
+
+def test_the_example_is_short():
+    assert len([line for line in blocks("python")[0].splitlines() if line.strip()]) <= 20
+
+
+def test_the_toml_is_a_rover(tmp_path):
+    (code,) = blocks("toml")
+    (tmp_path / "mine.toml").write_text(code)
+    (tmp_path / "cart.urdf").write_text((ROOT / "urdf" / "cart.urdf").read_text())
+    assert len(load_rover(tmp_path / "mine.toml").wheels) == 4
+
+
+def test_there_are_two_commands_for_a_bare_machine():
+    commands = blocks("sh")
+    assert len(commands) == 2
+    assert all(command.startswith("python3 -m venv .venv && ") and command.count("\n") == 1 for command in commands)
+
+
+def test_the_files_it_names_are_there():
+    named = set(re.findall(r"(?:studies|urdf|tests|docs|rover_pin)/[\w./-]*\w", TEXT))
+    named |= {
+        f"rover_pin/{path}" for path in re.findall(r"`((?:soil|effects|body|motion|control)/[\w./]*\.(?:py|c))", TEXT)
+    }
+    assert len(named) > 20
+    assert not [path for path in sorted(named) if not (ROOT / path).exists()]
+
+
+def test_it_shows_every_command():
+    names = {command.name or command.callback.__name__ for command in app.registered_commands}
+    assert names == set(re.findall(r"^\| `([\w-]+)` \| `rover-pin \1 ", TEXT, re.MULTILINE))
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_the_traction_table_has_the_numbers_of_table_1(name, nexus6_wheel):
+    row = next(line for line in TEXT.splitlines() if line.startswith(f"| `{name}` |"))
+    printed = [float(cell) for cell in row.split("|")[3:6]]
+    computed = [load_traction_factor(S, TABLE_1, nexus6_wheel, FORMS[name]) for S in (0.0, 0.2, 1.0)]
+    assert printed == pytest.approx(computed, abs=5.1e-4)
+
+
+@pytest.fixture
+def nexus6_wheel():
+    return load_rover().wheel
