@@ -1,4 +1,4 @@
-"""The base model first: its uncertain soil constants fitted, so that a wrong one is not mistaken for a missing effect."""
+"""The base model first: its uncertain constants fitted, so that a wrong one does not pass for a missing effect."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def flags(data: RigSet, fit: RigFit, fitted: tuple[Fitted, ...]) -> tuple[Flag, 
     soil, b = fit.model.soil, float(fit.model.wheel.b)
     rows = {one.name: (one.value, one.low, one.high) for one in fitted}
     if "k_1" in rows:
-        rows["K_eff"] = tuple((value + soil.k_2 * b) / b**soil.n for value in rows["k_1"])  # type: ignore[assignment]
+        rows["K_eff"] = tuple((value + soil.k_2 * b) / b**soil.n for value in rows["k_1"])
     found = []
     for known in data.independent(float(soil.n)):
         if known.name in rows:

@@ -31,6 +31,9 @@ ODDS = 9.2
 MOST_FREE = 0.5
 """Free parameters without a prior for each measured value, at most."""
 
+HALF = 0.5
+"""Share of the best's net gain from which better held-out predictions make a rival."""
+
 SMALL = 0.05
 """Share of the default size from which a refit starts, besides the default."""
 
@@ -81,11 +84,17 @@ class Comparison:
 
     @property
     def alike(self) -> tuple[Candidate, ...]:
-        """The accepted candidates that the data cannot tell from the best."""
+        """The accepted candidates that the data cannot tell from the best.
+
+        Their net gain is within `ODDS` of the best's, or they predict held-out levels better at half of its gain.
+        """
         best = self.best
         if best is None:
             return ()
-        return tuple(one for one in self.ranked if one.accepted and best.net - one.net <= ODDS)
+        rivals = (one for one in self.ranked if one.accepted)
+        return tuple(
+            one for one in rivals if best.net - one.net <= ODDS or (one.loss < best.loss and one.net > HALF * best.net)
+        )
 
 
 def compare_singles(

@@ -64,8 +64,8 @@ class ChannelScore(NamedTuple):
         if self.low > 0:
             return "worse"
         if self.before <= AT_FLOOR * self.floor:
-            return "worse, within what the levels scatter" if self.change > 0 else at_floor
-        return f"{'better' if self.change < 0 else 'worse'}, within what the levels scatter"
+            return "worse, not beyond what the levels scatter" if self.change > 0 else at_floor
+        return f"{'better' if self.change < 0 else 'worse'}, not beyond what the levels scatter: nothing to claim"
 
 
 AT_FLOOR = 1.25
@@ -84,7 +84,5 @@ def scores(data: RigSet, before: np.ndarray, after: np.ndarray, seed: int) -> tu
         ratio = np.sqrt(sums[1][draws].sum(axis=1) / np.maximum(sums[0][draws].sum(axis=1), 1e-300)) - 1
         was, now = (float(np.sqrt(np.mean(part))) for part in square)
         low, high = np.quantile(ratio, [0.025, 0.975])
-        found.append(
-            ChannelScore(channel.name, channel.unit, floor, was, now, now / was - 1, float(low), float(high))
-        )
+        found.append(ChannelScore(channel.name, channel.unit, floor, was, now, now / was - 1, float(low), float(high)))
     return tuple(found)

@@ -1,4 +1,4 @@
-"""The same wheel pressed into the soil without turning: an independent measurement of the pressure-sinkage constants."""
+"""The same wheel pressed in without turning: an independent measurement of the pressure-sinkage constants."""
 
 from __future__ import annotations
 

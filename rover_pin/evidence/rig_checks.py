@@ -79,8 +79,9 @@ def _refuse_unit(data: RigSet, channel: RigChannel) -> None:
     arm = data.rig.wheel.r if isinstance(channel, Torque) else 1.0
     share = np.abs(channel.measured) / (np.asarray(data.rig.load) * float(arm))
     if np.median(share) > MOST_FORCE:
+        of = "load times radius" if isinstance(channel, Torque) else "load"
         raise DataError(
-            f"{data.rig.name}: {channel.column} is {np.median(share):.3g} times the load{' and radius' * (arm != 1.0)}, "
+            f"{data.rig.name}: {channel.column} is {np.median(share):.3g} times the {of}, "
             f"more than any soil gives; check the units of {channel.column} and load_N."
         )
 
@@ -105,7 +106,8 @@ def too_poor(data: RigSet, nuisances: int) -> str:
 
 def findings(data: RigSet) -> list[Finding]:
     """Return what a reader should know of the set before any result."""
-    rig, found = data.rig, []
+    rig = data.rig
+    found: list[Finding] = []
     missing = [kind for kind in ROWS if kind not in [type(channel) for channel in rig.channels]]
     for kind in missing:
         found.append(Finding(f"{kind.name} was not measured", kind.column, "effects that it alone shows stay hidden"))
@@ -113,7 +115,9 @@ def findings(data: RigSet) -> list[Finding]:
         what = f"all loads are alike ({np.min(rig.load):.3g} to {np.max(rig.load):.3g} N)"
         found.append(Finding(what, "load_N", "n, c and effects of the load cannot be told; vary the load 1.5 times"))
     if np.bincount(data.level).max() < 2:
-        found.append(Finding("no level is repeated", "level", "the noise is as stated, not measured; repeat each level"))
+        found.append(
+            Finding("no level is repeated", "level", "the noise is as stated, not measured; repeat each level")
+        )
     if data.speeds is None:
         found.append(Finding("no speeds", "rim_speed_mps", "effects of speed are left out; record both speeds"))
     for channel in rig.channels:
@@ -131,7 +135,8 @@ def repeat_sd(data: RigSet, channel: RigChannel) -> float:
 
 
 def _of_repeats(data: RigSet, channel: RigChannel) -> list[Finding]:
-    found, repeats = [], repeat_sd(data, channel)
+    found: list[Finding] = []
+    repeats = repeat_sd(data, channel)
     loads_differ = np.ptp(data.rig.load) > 0.5 * np.mean(data.rig.load)
     if loads_differ:
         return found

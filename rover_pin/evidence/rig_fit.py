@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rover_pin.contact import Soil, Wheel
+from rover_pin.contact import Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.errors import OptimisationError
 from rover_pin.evidence.channel import Channel, DrawbarPull, Predictor, RigChannel, Sinkage, Torque
@@ -129,7 +129,8 @@ class RigProblem(Problem):
         widen: float = 1.0,
         keep: np.ndarray | None = None,
     ):
-        super().__init__((evidence,), space, {name: prior for name, prior in priors.items() if name in space.names})
+        stated = {name: prior for name, prior in priors.items() if name in space.names}
+        super().__init__((evidence,), space, stated)  # type: ignore[arg-type]
         self.sd = widen * self.sd
         self.widen = widen
         self.keep = np.ones(self.measured.size, dtype=bool) if keep is None else keep
@@ -219,5 +220,3 @@ def spread_starts(problem: RigProblem, count: int, seed: int) -> list[np.ndarray
     spread = np.array([axis.coordinate.spread for axis in problem.space.axes])
     draws = np.random.default_rng(seed).uniform(-1, 1, (count - 1, len(centre)))
     return [centre, *np.clip(centre + draws * spread, problem.space.low, problem.space.high)]
-
-

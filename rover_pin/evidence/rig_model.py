@@ -87,11 +87,10 @@ class RigModel:
     def at(self, vector: np.ndarray) -> RigModel:
         """Return the model with these values of all parameters."""
         values = iter(np.asarray(vector, dtype=float).tolist())
-        records = [
-            record.replace(**{name: next(values) for name in quantities(record)})
-            for record in (self.wheel, self.soil, *self.effects)
-        ]
-        return RigModel(records[0], records[1], tuple(records[2:]))
+        wheel = self.wheel.replace(**{name: next(values) for name in quantities(Wheel)})
+        soil = self.soil.replace(**{name: next(values) for name in quantities(Soil)})
+        own = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in self.effects]
+        return RigModel(wheel, soil, tuple(own))
 
     def predict(self, load: Any, slip: Any, speeds: Any = None) -> Steady:
         """Return drawbar pull, torque and sinkage at loads [N] and slips [-], travel and rim `speeds` [runs, 2] [m/s].
@@ -193,9 +192,9 @@ def _run(effects: tuple[Effect, ...], free: tuple[str, ...]) -> ca.Function:
 def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) -> tuple[Load, ca.SX, ca.SX]:
     """Return the load of all effects in turn, what must vanish at the balance, and where Newton's method starts."""
     values = iter(ca.vertsplit(p))
-    wheel, soil, *own = (
-        record.replace(**{name: next(values) for name in quantities(record)}) for record in (Wheel(), Soil(), *effects)
-    )
+    wheel = Wheel().replace(**{name: next(values) for name in quantities(Wheel)})
+    soil = Soil().replace(**{name: next(values) for name in quantities(Soil)})
+    own = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in effects]
     states = iter(ca.vertsplit(z)[1:])
     x = [tuple(next(states) for _ in effect.states) for effect in effects]
     load, S, v_x, rim = ca.vertsplit(condition)
@@ -205,9 +204,7 @@ def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) 
     push = Load()
     for effect, own_states in zip(own, x, strict=True):
         push = push.plus(effect.load(contact, push, own_states))
-    rates = [
-        rate for effect, own_states in zip(own, x, strict=True) for rate in effect.rate(contact, push, own_states)
-    ]
+    rates = [rate for effect, own_states in zip(own, x, strict=True) for rate in effect.rate(contact, push, own_states)]
     shallow = 2 * wheel.r * ca.sin(ca.exp(power_law_guess(ca.log(load), wheel, soil)) / 2) ** 2
     start = ca.vertcat(ca.log(shallow), *[0.0] * (z.numel() - 1))
     return push, ca.vertcat(ca.log(push.f_n / load), *rates), start

@@ -1,4 +1,4 @@
-"""A wheel-rig set as the loop needs it: runs with their levels and speeds, checked, with what was measured elsewhere."""
+"""A wheel-rig set as the loop needs it: runs with levels and speeds, and what was measured elsewhere."""
 
 from __future__ import annotations
 

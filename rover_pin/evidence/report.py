@@ -1,0 +1,102 @@
+"""A loop's verdict as one HTML page that needs nothing else, with its figures as PNG files beside it."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+
+import jinja2
+
+from rover_pin.columns import replace_file
+from rover_pin.evidence.report_figures import (
+    added_names,
+    candidates_figure,
+    channels_figure,
+    png,
+    residuals_figure,
+)
+from rover_pin.evidence.rig_set import RigSet
+from rover_pin.evidence.verdict import Answer, Verdict, flag_line, shown
+
+TEMPLATE = "report.html"
+
+HEADLINES = {
+    Answer.NAMED: "The model lacks {names}",
+    Answer.SET: "The model lacks one of {alike}",
+    Answer.NONE_NEEDED: "No effect needed",
+    Answer.NONE_FITS: "None of the known effects fits",
+    Answer.CANNOT_TELL: "These data cannot tell",
+}
+
+
+def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
+    """Write report.html and its figures, and return their paths."""
+    figures = {"channels": channels_figure(verdict, data), "residuals": residuals_figure(verdict, data)}
+    if verdict.singles.ranked:
+        figures["candidates"] = candidates_figure(verdict)
+    images = {name: png(figure) for name, figure in figures.items()}
+    files = [replace_file(out / f"{name}.png", image) for name, image in images.items()]
+    inline = {name: "data:image/png;base64," + base64.b64encode(image).decode() for name, image in images.items()}
+    return [replace_file(out / "report.html", html(verdict, data, inline)), *files]
+
+
+def html(verdict: Verdict, data: RigSet, images: dict[str, str]) -> str:
+    """Return the page."""
+    loader = jinja2.PackageLoader("rover_pin.evidence", "")
+    page = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    page.filters["shown"] = shown
+    return page.get_template(TEMPLATE).render(
+        verdict=verdict,
+        data=data,
+        images=images,
+        headline=headline(verdict),
+        channels=channel_rows(verdict),
+        parameters=parameter_rows(verdict),
+        flag_line=flag_line,
+        names=added_names(verdict),
+    )
+
+
+def headline(verdict: Verdict) -> str:
+    """Return the verdict in a line."""
+    return HEADLINES[verdict.answer].format(names=added_names(verdict), alike=" / ".join(verdict.alike))
+
+
+def channel_rows(verdict: Verdict) -> list[dict[str, str]]:
+    """Return one row a channel: fitted and held-out RMSE before and after, the noise, what may be claimed."""
+    rows = []
+    for score, was, now in zip(verdict.scores, verdict.before.remainders, verdict.after.remainders, strict=True):
+        rows.append(
+            {
+                "name": score.name,
+                "floor": shown(score.floor, score.unit),
+                "fit_before": f"{was.rms:.2f}",
+                "fit_after": f"{now.rms:.2f}",
+                "before": shown(score.before, score.unit),
+                "after": shown(score.after, score.unit),
+                "times": f"{score.before / score.floor:.1f} to {score.after / score.floor:.1f}",
+                "change": f"{score.change:+.0%} [{score.low:+.0%}, {score.high:+.0%}]",
+                "said": score.said,
+            }
+        )
+    return rows
+
+
+def parameter_rows(verdict: Verdict) -> list[dict[str, str]]:
+    """Return one row a parameter: before and after with 95 % intervals."""
+    before = {one.name: one for one in verdict.before.parameters}
+    rows = []
+    for one in verdict.after.parameters:
+        was = before.get(one.name)
+        rows.append(
+            {
+                "name": one.name,
+                "before": f"{shown(was.value, was.unit)} [{shown(was.low, was.unit)}, {shown(was.high, was.unit)}]"
+                if was
+                else "not in the model",
+                "after": f"{shown(one.value, one.unit)} [{shown(one.low, one.unit)}, {shown(one.high, one.unit)}]",
+                "note": "at its bound" if one.at_bound else "" if one.closed else "not closed by the data",
+                "prior": one.prior,
+            }
+        )
+    return rows

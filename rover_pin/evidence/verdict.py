@@ -1,0 +1,194 @@
+"""What the loop found: the effect, or the set of effects, or none, with all the evidence for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from rover_pin.effects.effect import Effect
+from rover_pin.evidence.calibrate import Fitted, Flag
+from rover_pin.evidence.compare import Candidate, Comparison
+from rover_pin.evidence.experiment import Experiment
+from rover_pin.evidence.heldout import ChannelScore
+from rover_pin.evidence.remainder import Remainder
+from rover_pin.evidence.rig_checks import Finding
+from rover_pin.evidence.rig_model import RigModel
+from rover_pin.evidence.screen import Screened
+
+
+class Answer(Enum):
+    """What may be said of the model."""
+
+    NAMED = "an effect is missing"
+    SET = "one of a set of effects is missing"
+    NONE_NEEDED = "no effect needed"
+    NONE_FITS = "none of these"
+    CANNOT_TELL = "cannot tell"
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """A model before or after: fitted values with intervals, what disagrees with other measurements, what is left."""
+
+    model: RigModel
+    parameters: tuple[Fitted, ...]
+    flags: tuple[Flag, ...]
+    remainders: tuple[Remainder, ...]
+    misfit: float
+    "chi2 per degree of freedom; 1 is the noise"
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """The result of `close_the_loop`. `model` carries the fitted effects and predicts at once."""
+
+    answer: Answer
+    name: str
+    "name of the data set"
+    sentence: str
+    model: RigModel
+    effects: tuple[Effect, ...]
+    "what was added to the base model, at its fitted values"
+    alike: tuple[str, ...]
+    "the candidates that the data cannot tell apart, the best first"
+    before: Side
+    after: Side
+    scores: tuple[ChannelScore, ...] = field(repr=False)
+    screened: tuple[Screened, ...] = field(repr=False)
+    singles: Comparison = field(repr=False)
+    pairs: Comparison = field(repr=False)
+    explained: float
+    "share of chi2 beyond the noise that the added effects take"
+    findings: tuple[Finding, ...]
+    experiments: tuple[Experiment, ...]
+    provenance: dict[str, Any] = field(repr=False)
+    "versions, seed, seconds, the command that repeats it"
+    files: tuple[Path, ...] = ()
+
+    def summary(self) -> str:
+        """Return the verdict in a page of text; angles in degrees."""
+        lines = [f"{self.name}: {self.answer.value}", f"  {self.sentence}"]
+        lines += [f"  check: {finding}" for finding in self.findings]
+        lines += [f"  {score_line(score)}" for score in self.scores]
+        lines += [f"  {flag_line(flag, 'before')}" for flag in self.before.flags]
+        if self.effects:
+            lines += [f"  {flag_line(flag, 'after')}" for flag in self.after.flags]
+        lines += [f"  {parameter_line(one)}" for one in self.after.parameters]
+        lines += [f"  left: {one.said}" for one in self.after.remainders]
+        lines += [f"  next: {one.said}" for one in self.experiments]
+        lines += [f"  written: {file}" for file in self.files]
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the verdict as plain values for JSON; SI units, NaN and infinities as None."""
+        return plain(
+            {
+                "kind": "rig-verdict",
+                "name": self.name,
+                "answer": self.answer.value,
+                "sentence": self.sentence,
+                "effects": [type(effect).__name__ for effect in self.effects],
+                "alike": list(self.alike),
+                "explained": self.explained,
+                "findings": [str(finding) for finding in self.findings],
+                "held_out": [score._asdict() | {"said": score.said} for score in self.scores],
+                "before": _side(self.before),
+                "after": _side(self.after),
+                "screened": [_screened(row) for row in self.screened],
+                "singles": [_candidate(one) for one in self.singles.ranked],
+                "pairs": [_candidate(one) for one in self.pairs.ranked],
+                "experiments": [one._asdict() for one in self.experiments],
+                "files": [str(file) for file in self.files],
+                **self.provenance,
+            }
+        )
+
+
+def _side(side: Side) -> dict[str, Any]:
+    return {
+        "misfit": side.misfit,
+        "parameters": {one.name: one._asdict() for one in side.parameters},
+        "flags": [
+            {
+                "name": flag.name,
+                "unit": flag.unit,
+                "fitted": flag.fitted,
+                "independent": [flag.independent.low, flag.independent.high],
+                "source": flag.independent.source,
+                "agrees": flag.agrees,
+            }
+            for flag in side.flags
+        ],
+        "remainder": [
+            one._asdict() | {"levels": [level._asdict() for level in one.levels], "said": one.said}
+            for one in side.remainders
+        ],
+    }
+
+
+def _screened(row: Screened) -> dict[str, Any]:
+    return row._asdict() | {"effect": row.name}
+
+
+def _candidate(one: Candidate) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "net": one.net,
+        "gain": one.gain,
+        "fee": one.fee,
+        "chi2": one.fit.chi2,
+        "misfit": one.fit.misfit,
+        "held_out_loss": one.loss,
+        "held_out_loss_without": one.reference_loss,
+        "accepted": one.accepted,
+        "values": {name: one.fit.value(name) for name in one.fit.problem.space.names},
+    }
+
+
+def plain(value: Any) -> Any:
+    """Return nested values with NaN and infinities as None."""
+    if isinstance(value, dict):
+        return {str(key): plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def shown(value: float, unit: str) -> str:
+    """Return a number as a reader wants it: degrees, millimetres, kilopascals."""
+    factor, name = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm"), "Pa": (1e-3, "kPa")}.get(unit, (1.0, unit))
+    if unit == "Pa/m^n":
+        factor, name = 1e-3, "kPa/m^n"
+    return f"{factor * value:.4g} {name}".rstrip()
+
+
+def score_line(score: ChannelScore) -> str:
+    """Return one channel's held-out error before and after."""
+    return (
+        f"held-out {score.name}: RMSE {shown(score.before, score.unit)} -> {shown(score.after, score.unit)} "
+        f"({score.change:+.0%}, 95 % [{score.low:+.0%}, {score.high:+.0%}], noise {shown(score.floor, score.unit)}): "
+        f"{score.said}"
+    )
+
+
+def flag_line(flag: Flag, when: str) -> str:
+    """Return one fitted constant against its independent measurement."""
+    value, low, high = (shown(each, flag.unit) for each in flag.fitted)
+    known = shown(flag.independent.low, flag.unit)
+    if flag.independent.high > flag.independent.low:
+        known += f" to {shown(flag.independent.high, flag.unit)}"
+    said = "agrees with" if flag.agrees else "sits away from"
+    return f"{when}: {flag.name} = {value} [{low}, {high}] {said} {known} ({flag.independent.source})"
+
+
+def parameter_line(one: Fitted) -> str:
+    """Return one fitted parameter."""
+    said = f"{one.name} = {shown(one.value, one.unit)}, 95 % [{shown(one.low, one.unit)}, {shown(one.high, one.unit)}]"
+    if one.prior:
+        said += f", assumed beforehand {one.prior}"
+    return said + (", AT ITS BOUND" if one.at_bound else "" if one.closed else ", not closed by the data")
