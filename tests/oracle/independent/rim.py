@@ -1,0 +1,133 @@
+"""The contact of wheels with polylines of ground, by sums over many points of each rim.
+
+Every rim point belongs to the straight piece of ground between whose corner bisectors it lies, and is as deep as it is
+below that piece's line. A piece presses on the wheel like a whole wheel sunk as deep as its deepest point, times the
+share that the sum of depth x cosine has of that whole wheel's; the sum of depth x sine leans the push.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .bodies import cross
+
+FAR = 1000.0
+REACH = np.radians(115.0)
+"""Rim points lie this far to either side of the lowest."""
+
+
+class Ground:
+    """Polylines z(x), one a lane from right to left, between borders in y; the end pieces go on."""
+
+    def __init__(self, lanes, borders=()):
+        self.borders = np.array(borders, dtype=float)
+        self.lanes = [extended(np.array(x, dtype=float), np.array(z, dtype=float)) for x, z in lanes]
+        longest = max(len(x) for x, _ in self.lanes)
+        self.x, self.z = (
+            np.array([np.pad(lane[i], (0, longest - len(lane[i])), mode="linear_ramp", end_values=end(lane, i, 10.0))
+                      for lane in self.lanes]) for i in (0, 1)
+        )  # fmt: skip
+
+    def height(self, x, y):
+        return float(np.interp(x, *self.lanes[int(np.searchsorted(self.borders, y))]))
+
+    def near(self, centre, reach):
+        """Return the corners (x, z) of the pieces within reach of every wheel, one more on either side."""
+        lane = np.searchsorted(self.borders, centre[:, 1])
+        low = np.array([np.searchsorted(self.x[k], x - reach) - 2 for k, x in zip(lane, centre[:, 0], strict=True)])
+        high = np.array([np.searchsorted(self.x[k], x + reach) + 2 for k, x in zip(lane, centre[:, 0], strict=True)])
+        count = min(int((high - low).max()), self.x.shape[1])
+        first = np.clip(low, 0, self.x.shape[1] - count)
+        index = first[:, None] + np.arange(count)
+        return self.x[lane[:, None], index], self.z[lane[:, None], index]
+
+
+def extended(x, z):
+    ends = np.array([x[0] - FAR, x[-1] + FAR])
+    slopes = np.array([(z[1] - z[0]) / (x[1] - x[0]), (z[-1] - z[-2]) / (x[-1] - x[-2])])
+    heights = np.array([z[0], z[-1]]) + slopes * [-FAR, FAR]
+    return np.concatenate([ends[:1], x, ends[1:]]), np.concatenate([heights[:1], z, heights[1:]])
+
+
+def end(lane, axis, further):
+    """Return where the last piece comes to when it goes on."""
+    along = lane[axis][-1] - lane[axis][-2]
+    return lane[axis][-1] + further * along
+
+
+class Pieces(NamedTuple):
+    """What presses on the wheels, a row each."""
+
+    wheel: np.ndarray
+    h: np.ndarray
+    share: np.ndarray
+    lean: np.ndarray
+    normal: np.ndarray
+    inward: np.ndarray
+    "unit normal of the cut within the wheel's plane, in the world"
+
+
+class Rim:
+    def __init__(self, r, points=721):
+        self.r = r
+        self.phi = np.linspace(-REACH, REACH, points)
+        self.gap = self.phi[1] - self.phi[0]
+        self.point = r * np.stack([np.sin(self.phi), -np.cos(self.phi)])
+        self.floor = self.wholes(np.linspace(0.0, 1.0, 401) ** 2 * np.pi / 2)
+
+    def wholes(self, theta):
+        """Return table of h and the sum of depth x cosine over a whole wheel sunk by h."""
+        fine = np.linspace(-1.0, 1.0, 2001)
+        angle = theta[:, None] * fine
+        depth = np.cos(angle) - np.cos(theta)[:, None]
+        return theta, np.trapezoid(depth * np.cos(angle), angle, axis=1)
+
+    def whole(self, h):
+        """By interpolation in theta cubed, in which the table is nearly straight."""
+        theta, total = self.floor
+        at = np.arccos(1.0 - np.minimum(h / self.r, 1.0))
+        ratio = np.interp(at, theta[1:], total[1:] / theta[1:] ** 3)
+        return ratio * at**3
+
+    def contact(self, ground, centre, axle):
+        """Return the pieces under wheels with these centres and axles [wheels, 3]."""
+        up = np.array([0.0, 0.0, 1.0]) - axle[:, 2:] * axle
+        up /= np.sqrt(np.sum(up**2, axis=1))[:, None]
+        forward = cross(axle, up)
+        heading = np.sign(forward[:, 0])[:, None]
+        x, z = ground.near(centre, 1.05 * self.r)
+        dx, dz = x - centre[:, :1], z - centre[:, 2:]
+        dy = -(axle[:, :1] * dx + axle[:, 2:] * dz) / axle[:, 1:2]
+        s = forward[:, :1] * dx + forward[:, 1:2] * dy + forward[:, 2:] * dz
+        t = up[:, :1] * dx + up[:, 1:2] * dy + up[:, 2:] * dz
+        run, rise = heading * (s[:, 1:] - s[:, :-1]), heading * (t[:, 1:] - t[:, :-1])
+        length = np.hypot(run, rise)
+        across = np.stack([-rise / length, run / length])
+        h, total, leaning = self._sums(s, t, across, heading)
+        reached = (np.maximum(s[:, 1:], s[:, :-1]) >= -self.r) & (np.minimum(s[:, 1:], s[:, :-1]) <= self.r)
+        keep = reached & (h > 1e-12 * self.r) & (total > 0.0)
+        wheel, piece = np.nonzero(keep)
+        h = np.minimum(h[keep], 0.98 * self.r)
+        whole = self.whole(h)
+        dx, dz = x[wheel, piece + 1] - x[wheel, piece], z[wheel, piece + 1] - z[wheel, piece]
+        normal = np.stack([-dz, np.zeros(len(wheel)), dx], axis=1) / np.hypot(dx, dz)[:, None]
+        inward = across[0][keep][:, None] * forward[wheel] + across[1][keep][:, None] * up[wheel]
+        return Pieces(wheel, h, total[keep] / whole, leaning[keep] / whole, normal, inward)
+
+    def _sums(self, s, t, across, heading):
+        """Return deepest point, sum of depth x cosine, sum of depth x sine of each piece [wheels, pieces]."""
+        n_s, n_t = across[0][:, :, None], across[1][:, :, None]
+        toward = n_s * self.point[0] + n_t * self.point[1]
+        depth = (s[:, :-1] * across[0] + t[:, :-1] * across[1])[:, :, None] - toward
+        weight = (depth > 0.0).astype(float)
+        if s.shape[1] > 2:
+            half = across[:, :, 1:] + across[:, :, :-1]
+            half = (half / np.hypot(half[0], half[1]))[:, :, :, None]
+            ahead = half[1] * (self.point[0] - s[:, 1:-1, None]) - half[0] * (self.point[1] - t[:, 1:-1, None])
+            over = np.clip(0.5 + heading[:, :, None] * ahead / (self.r * self.gap), 0.0, 1.0)
+            weight[:, 1:] *= over
+            weight[:, :-1] *= 1.0 - over
+        inside = np.where(weight > 0.0, depth, 0.0)
+        pressed = weight * inside * (self.gap / self.r**2)
+        sine = n_t * self.point[0] - n_s * self.point[1]
+        return inside.max(axis=2), -np.sum(pressed * toward, axis=2), np.sum(pressed * sine, axis=2)
