@@ -44,7 +44,7 @@ typedef struct { /* field order is mirrored in kernel.py */
   integer *lane_ground;
   double *grid_z;
   integer *grid_ground;
-  double *record, *energy, *loads; /* record: n_wheels x N_RECORD; energy: 5 */
+  double *record, *energy, *loads, *differential; /* record: n_wheels x N_RECORD; energy: 5; differential: its torque */
   casadi_function contact_law, motor_law;
   integer *work_i;
   double *work_w;
@@ -616,6 +616,16 @@ static void account(const Drive *d, const System *system) {
     d->energy[ENERGY_ELECTRIC] += d->dt * d->record[w * N_RECORD + 10] * d->record[w * N_RECORD + 11] * d->duty[w];
 }
 
+/* The differential's torque on the left rocker: what Eq (8) lacks in its row. */
+static double differential_torque(const Drive *d, const System *system) {
+  integer i = d->differential_left;
+  if (i < 0) return 0.0;
+  double torque = d->nle[i] - system->soil_Q[i] - system->other_Q[i] - system->other_slope[i] * d->du[i];
+  for (integer j = 0; j < d->nv; ++j)
+    torque += (d->M[i * d->nv + j] / d->dt - 0.5 * system->soil_D[i][j]) * d->du[j];
+  return torque;
+}
+
 /* ---- configuration ---- */
 
 static void advance_base(double *q, const double *v, double dt) {
@@ -684,6 +694,7 @@ int rover_pin_step(Drive *d) {
   int status = solve_speeds(d, &system);
   if (status != OK) return status;
   account(d, &system);
+  *d->differential = differential_torque(d, &system);
   for (integer w = 0; w < d->n_wheels; ++w) {
     for (integer i = 0; i < nx; ++i) {
       double change = updates[w].gain[i];

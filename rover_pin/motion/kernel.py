@@ -27,7 +27,7 @@ POINTERS = (
     "M nle J q v du centres cols col_count wheel_dof axle radius width joint_dof joint_q joint_unbounded servo_dof "
     "servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain mirror_index mirror_sign contact_states "
     "motor_states contact_odd contact_parameters motor_parameters soils duty lane_borders lane_start lane_x lane_z "
-    "lane_ground grid_z grid_ground record energy loads contact_law motor_law work_i work_w"
+    "lane_ground grid_z grid_ground record energy loads differential contact_law motor_law work_i work_w"
 ).split()
 """Fields of the C struct Drive, in its order."""
 
@@ -78,7 +78,7 @@ class Kernel:
         self.struct = DriveStruct()
         self.record = np.zeros((len(rover.wheels), N_RECORD))
         self.loads = np.zeros((len(rover.wheels), 6))
-        self.energy = np.zeros(len(ENERGY))
+        self.energy, self.differential = np.zeros(len(ENERGY)), np.zeros(1)
         self._set(dt=dt, direction_speed=DIRECTION_SPEED, symmetric=int(symmetric))
         self._bind_body(rover)
         self._bind_springs(rover)
@@ -152,6 +152,7 @@ class Kernel:
             du=np.zeros(model.nv),
             record=self.record,
             energy=self.energy,
+            differential=self.differential,
             loads=self.loads,
         )
 

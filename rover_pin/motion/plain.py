@@ -52,6 +52,7 @@ class Plain:
         self.data = self.pin_model.createData()
         n = len(self.rover.wheels)
         self.record, self.loads, self.energy = np.zeros((n, N_RECORD)), np.zeros((n, 6)), np.zeros(len(ENERGY))
+        self.differential = np.zeros(1)
         self.duty = np.zeros(n)
         steered = {i: wheel.steer_dof for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None}
         self.servo_wheels, self.servo_dofs = list(steered), list(steered.values())
@@ -103,7 +104,9 @@ class Plain:
         G = np.zeros((1, model.nv))
         G[0, [differential.left, differential.right]] = 1.0
         saddle = np.block([[left, G.T], [G, np.zeros((1, 1))]])
-        return np.linalg.solve(saddle, np.append(right, -G @ state.v))[: model.nv]
+        solved = np.linalg.solve(saddle, np.append(right, -G @ state.v))
+        self.differential[0] = -solved[-1] / self.dt
+        return solved[: model.nv]
 
     def _wheel(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Add a wheel's patches; return how its states move: gain and slope by du."""

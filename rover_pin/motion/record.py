@@ -60,6 +60,8 @@ def trace_of(model: Model, rows: Sequence[Any], attrs: Mapping[str, Any]) -> Tra
     put("battery_V", "V", record[:, 0, RECORD.index("supply")])
     for i, name in enumerate(ENERGY):
         put(name, "J", energy[:, i])
+    if model.rover.differential is not None:
+        put("differential_torque", "N m", [row.differential for row in rows])
     put("energy_kinetic", "J", [row.mechanical[0] for row in rows])
     put("energy_potential", "J", [row.mechanical[1] for row in rows])
     return Trace(channels, units, {**about(model), **attrs})

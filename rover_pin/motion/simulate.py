@@ -37,6 +37,7 @@ class Stepper(Protocol):
     duty: np.ndarray
     servo_target: np.ndarray
     servo_wheels: list[int]
+    differential: np.ndarray
 
     def step(self) -> int:
         """Advance the state; 0 when all is well."""
@@ -192,6 +193,7 @@ class Row(NamedTuple):
     duty: np.ndarray
     servo: np.ndarray
     energy: np.ndarray
+    differential: float
     mechanical: tuple[float, float]
 
 
@@ -206,6 +208,7 @@ def row_of(drive: Drive) -> Row:
         stepper.duty.copy(),
         stepper.servo_target.copy(),
         stepper.energy.copy(),
+        float(stepper.differential[0]),
         stepper.energies(),
     )
 

@@ -71,6 +71,7 @@ def test_steps_agree(name):
             assert plain.record == pytest.approx(kernel.record, rel=1e-8, abs=1e-8)
             assert plain.loads == pytest.approx(kernel.loads, rel=1e-8, abs=1e-8)
             assert plain.energy == pytest.approx(kernel.energy, rel=1e-9, abs=1e-10)
+            assert plain.differential == pytest.approx(kernel.differential, rel=1e-8, abs=1e-9)
         else:
             assert kernel.step() == 0
 
