@@ -16,8 +16,8 @@ from rover_pin.quantity import Record, quantity
 
 TAIL = 3.0
 """The end of a drive [s], whose mean speed tells whether the rover is stuck."""
-STUCK_SPEED = 0.1 * CRUISE_SPEED
-"""A rover that is slower than this over the tail is stuck [m/s]."""
+STUCK_SPEED = 0.02 * CRUISE_SPEED
+"""A rover that is slower than this over the tail is stuck [m/s]; at a wall some crawl at 2 mm/s and still get out."""
 STUCK_WIDTH = 0.2 * STUCK_SPEED
 """Width of the smooth step that stands for it where derivatives are wanted [m/s]."""
 

@@ -37,7 +37,7 @@ LIGHTEST = 0.05
 """Load of an axle that is about to lift, as a share of its load at rest: the shear model has no wheel in the air."""
 FASTEST = 3.0
 """How far the path is laid out, over cruise speed times duration."""
-TOLERANCES = {"abstol": 1e-6, "reltol": 1e-5, "max_num_steps": 20000}
+TOLERANCES = {"abstol": 1e-6, "reltol": 1e-5, "max_num_steps": 8000}
 """Of CVODES: the cost is then right to 1e-5, at half the time of ten times finer ones."""
 GAIN_NAMES = tuple(quantities(Gains))
 

@@ -52,15 +52,18 @@ def main() -> None:
     print(f"{len(study.training)} drives, {options.workers} workers, load before {os.getloadavg()[0]:.1f}")
     result = tune_gains(study, workers=options.workers)
     reduced, full = min((each.cost, each.reduced_cost) for each in result.candidates)[::-1]
-    print(
-        f"tune_gains:  {result.seconds:6.1f} s, {result.evaluations} evaluations, cost {reduced:.4f} reduced, {full:.4f} full"
-    )
+    told(f"tune_gains:  {result.seconds:6.1f} s, {result.evaluations} drives", reduced, full)
     begin = time.perf_counter()
     gains, reduced, count = nelder_mead(study, 10 if options.quick else EVALUATIONS, options.workers)
     full = full_costs(study, gains, options.workers)
     seconds = time.perf_counter() - begin
-    print(f"Nelder-Mead: {seconds:6.1f} s, {count} drives, cost {reduced:.4f} reduced, {full:.4f} full")
-    print(f"gains before: cost {result.candidates[0].reduced_cost:.4f} reduced, {result.candidates[0].cost:.4f} full")
+    told(f"Nelder-Mead: {seconds:6.1f} s, {count} drives", reduced, full)
+    told("gains before", result.candidates[0].reduced_cost, result.candidates[0].cost)
+
+
+def told(what: str, reduced: float, full: float) -> None:
+    """Print a line of the comparison."""
+    print(f"{what}: cost {reduced:.4f} on the reduced model, {full:.4f} on the full rover")
 
 
 def full_costs(study: TuningStudy, gains: Gains, workers: int) -> float:

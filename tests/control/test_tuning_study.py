@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from rover_pin.control.slip_control import Gains
+from rover_pin.control.tuning_ensemble import random_drives
 from rover_pin.control.tuning_study import DriveCase, Effort, TuningStudy, load_gains, placed, read_tuning, save_gains
 from rover_pin.errors import DataError, ParameterError
 
@@ -86,3 +87,18 @@ def test_refusals_are_one_clear_sentence(tmp_path, text, message):
 def test_effort_wants_whole_numbers():
     with pytest.raises(ParameterError, match="keep = 0 is not allowed"):
         Effort(keep=0)
+
+
+def test_random_drives_depend_on_the_seed_only():
+    drives = random_drives(3, 4, 2, 30.0)
+    assert drives == random_drives(3, 4, 2, 30.0)
+    assert drives != random_drives(4, 4, 2, 30.0)
+    assert [each.scenario for each in drives] == ["ditch"] * 4 + ["incline"] * 2
+    assert len({each.name for each in drives}) == 6
+    assert any(each.post_peak for each in drives)
+    assert not all(each.post_peak for each in drives)
+
+
+def test_fewer_than_no_drives():
+    with pytest.raises(ParameterError, match="-1 ditches and 2 inclines cannot be drawn"):
+        random_drives(0, -1, 2, 30.0)

@@ -1,0 +1,43 @@
+"""Ensembles of drives drawn at random, to tune on one and judge on another."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from rover_pin.control.tuning_study import DriveCase
+from rover_pin.errors import ParameterError
+
+SHEAR = (10**-2.5, 10**-1.5)
+"""Range of k [m], drawn on a logarithmic scale: about 3 to 32 mm."""
+WALLS, INCLINES = (30.0, 65.0), (6.0, 18.0)
+"""Ranges of a ditch's walls and of an incline [deg]."""
+LOSSES = (0.05, 0.4)
+"""Range of the strength lost past the peak; half of the drives lose none."""
+
+
+def random_drives(seed: int, ditches: int, inclines: int, duration: float) -> tuple[DriveCase, ...]:
+    """Return drives of `duration` [s] through ditches, then up inclines that begin half a metre ahead.
+
+    Raises
+    ------
+    ParameterError
+        A negative number of drives.
+    """
+    if min(ditches, inclines) < 0:
+        raise ParameterError(f"{ditches} ditches and {inclines} inclines cannot be drawn: give numbers from 0 on.")
+    chance = np.random.default_rng(seed)
+    return tuple(_drawn(chance, i < ditches, duration, i + 1) for i in range(ditches + inclines))
+
+
+def _drawn(chance: np.random.Generator, ditch: bool, duration: float, number: int) -> DriveCase:
+    k = round(math.exp(chance.uniform(*np.log(SHEAR))), 5)
+    lost = round(float(chance.uniform(*LOSSES)), 3) if chance.random() < 0.5 else 0.0
+    angle = round(float(chance.uniform(*(WALLS if ditch else INCLINES))), 1)
+    ground = {"terrain.wall_angle_deg": angle} if ditch else {"terrain.angle_deg": angle, "terrain.start": 0.5}
+    kind = "ditch" if ditch else "incline"
+    name = f"{number}: {kind} {angle:g} deg, k {1e3 * k:.1f} mm, past {100 * lost:.0f} %"
+    settings: dict[str, Any] = {"soil.k": k, "duration": duration, **ground}
+    return DriveCase(name, kind, tuple(sorted(settings.items())), lost)
