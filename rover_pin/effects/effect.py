@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
+
+import numpy as np
 
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.quantity import Record
@@ -83,3 +86,14 @@ class MotorEffect(Record):
     def rate(self, drive: Drive, torque: Scalar, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         """Return d(states)/dt, given the drive and the whole torque."""
         return ()
+
+
+@dataclass(frozen=True)
+class SensorEffect(Record):
+    """An effect between what happens and what is logged; it works on whole channels, arrays over time."""
+
+    neutral: ClassVar[dict[str, float]] = {}
+
+    def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the channels that the sensor reports otherwise than they are."""
+        return {}

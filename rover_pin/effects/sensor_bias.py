@@ -1,0 +1,29 @@
+"""A channel that reads a constant too much."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from rover_pin.contact import Scalar
+from rover_pin.effects.effect import SensorEffect
+from rover_pin.quantity import quantity
+
+
+@dataclass(frozen=True)
+class SensorBias(SensorEffect):
+    """channel -> channel + bias, in the channel's unit.
+
+    Source: zero error of a potentiometer or level (assumed form). Differs from the paper: its sensors are exact.
+    """
+
+    bias: Scalar = quantity(0.017, "", "assumed: 1 deg, in the channel's unit", -1e3, 1e3, "bias")
+    channel: str = "body_pitch"
+    neutral: ClassVar[dict[str, float]] = {"bias": 0.0}
+
+    def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the shifted channel."""
+        return {self.channel: channels[self.channel] + self.bias} if self.channel in channels else {}

@@ -1,0 +1,30 @@
+"""Tachogenerators that read too fast or too slow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from rover_pin.contact import Scalar
+from rover_pin.effects.effect import SensorEffect
+from rover_pin.quantity import quantity
+
+
+@dataclass(frozen=True)
+class TachoScale(SensorEffect):
+    """wheel_rate -> (1 + e) wheel_rate, of one wheel by name or, with an empty name, of all.
+
+    Source: gain error of a tachogenerator (assumed form). Differs from the paper: its sensors are exact.
+    """
+
+    e: Scalar = quantity(0.02, "", "assumed: a gain 2 % too high", -0.5, 0.5, "e")
+    wheel: str = ""
+    neutral: ClassVar[dict[str, float]] = {"e": 0.0}
+
+    def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the scaled rates."""
+        start = f"wheel_rate_{self.wheel}"
+        return {name: (1.0 + self.e) * values for name, values in channels.items() if name.startswith(start)}

@@ -1,0 +1,29 @@
+"""An external tracker whose picture of the body is late."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from rover_pin.contact import Scalar
+from rover_pin.effects.effect import SensorEffect
+from rover_pin.quantity import quantity
+
+
+@dataclass(frozen=True)
+class TrackingDelay(SensorEffect):
+    """body(t) -> body(t - d) for position, attitude and velocity; before the first sample, the first sample.
+
+    Source: latency of video tracking (assumed form). Differs from the paper: its tracker is in step with the wheels.
+    """
+
+    d: Scalar = quantity(0.1, "s", "assumed: three frames at 30 Hz", 0.0, 5.0, "d")
+    neutral: ClassVar[dict[str, float]] = {"d": 0.0}
+
+    def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the late channels."""
+        late = np.asarray(t) - self.d
+        return {name: np.interp(late, t, values) for name, values in channels.items() if name.startswith("body_")}
