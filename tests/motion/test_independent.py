@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rover_pin.body.terrain import HeightGrid
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.motion.command import Command
 from rover_pin.motion.place import Start, settled
@@ -116,6 +117,25 @@ def test_statics_find_the_same_rest():
     hinges = np.delete(np.arange(len(mine.angles)), other.wheel_angle)
     assert mine.angles[hinges] == pytest.approx(theirs.angles[hinges], abs=1e-5)
     assert mine.along == pytest.approx(theirs.along, abs=1e-5)
+
+
+@pytest.mark.xfail(reason="settled() leaves the soil unsheared on any slope: 18 mm/s after 0.05 s on 3 deg")
+def test_a_rover_set_down_on_a_gentle_slope_is_at_rest():
+    """Statics hold it with the wheels braked, at s = 0.23; then only the rolling against the motors is left."""
+    model = scenario("incline", **{"terrain.start": -3.0, "terrain.angle_deg": 3.0}).model
+    trace = simulate(model, lambda reading: 0.0, 0.05, timing=FINE)
+    assert abs(trace["body_vx"][0]) < 2e-3
+
+
+@pytest.mark.xfail(reason="patches of one plane do not add up to the plane: 1.6 mm over 4 s")
+def test_a_plane_is_a_plane_in_a_grid_too():
+    lanes = scenario("incline", **SLOPE).model
+    x = np.arange(-2.0, 2.01, 0.5)
+    grid = HeightGrid(-2.0, -2.0, 0.5, 0.5, np.tile(lanes.terrain.height(x, 0.0)[:, None], (1, len(x))))
+    one, other = (
+        simulate(model, lambda reading: 0.6, 4.0, Start(yaw=1.2)) for model in (lanes, lanes.replace(terrain=grid))
+    )
+    assert other["body_x"] == pytest.approx(one["body_x"], abs=1e-4)
 
 
 @pytest.mark.parametrize(
