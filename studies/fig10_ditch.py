@@ -251,9 +251,8 @@ def draw_story(traces: dict[str, tuple[Scenario, Trace]]) -> Figure:
         for each in column[1:]:
             each.set_xlim(0, 35)
             each.grid(alpha=0.3)
-    for each, label in zip(
-        axes[:, 0], ("z [m]", "slip of the middle wheel [-]", "speed [mm/s]", "rim speeds [mm/s]"), strict=True
-    ):
+    labels = ("z [m]", "slip of the middle wheel [-]", "speed [mm/s]", "rim speeds [mm/s]")
+    for each, label in zip(axes[:, 0], labels, strict=True):
         each.set_ylabel(label)
     axes[3, 0].legend(fontsize=8, ncols=3, loc="upper left")
     return figure
@@ -278,9 +277,7 @@ def draw_map(table: pd.DataFrame) -> Figure:
     figure = Figure(figsize=(15, 3.6 * rows), layout="constrained")
     for axes, sand in zip(figure.subplots(rows, 2, squeeze=False).ravel(), sands, strict=False):
         panel(axes, table[table.sand == sand], sand)
-    figure.suptitle(
-        "seconds until the rover is out; x: stuck; ?: not the same at half the step.   Rows: slip, S_d, k_p, k_i"
-    )
+    figure.suptitle("seconds until out; x: stuck; ?: not the same at half the step.   Rows: slip, S_d, k_p, k_i")
     return figure
 
 

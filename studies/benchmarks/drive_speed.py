@@ -52,7 +52,7 @@ def main() -> None:
     mujoco_drive(case, 1 if quick else 5, seconds)
     footprint()
     print(
-        f"{platform.machine()}, Python {platform.python_version()}, {os.cpu_count()} cores under load {os.getloadavg()[0]:.1f}"
+        f"{platform.machine()}, Python {platform.python_version()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
     )
 
 
