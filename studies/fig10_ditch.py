@@ -19,7 +19,7 @@ Result
     50 deg, 10 rescues of 42; 50 % lost, 46.5 to 48 deg, 12 of 42; all but one with S_d = 0.2. At 47 deg S goes to 0.89,
     the wheels stop and roll back, S falls, the rover is out 9 s later. Eq 9 rescues none. No outcome depends on the
     step. So the story hinges on a strength loss, on a wall angle just past what the duty can climb, and on a slip
-    that is truly known; `fig10_hinges.py` changes the other unstated numbers.
+    that is truly known; `fig10_hinges.py` changes the other numbers (R = 0.1 widens the window to 9 deg).
 What the paper says
     Without: "the vehicle lost the velocity at t = 7 [s]. After the vehicle has stopped, the wheel was yet rotating
     constantly, then the slip ratio went up to S = 1 and there was no chance to get recovered." With: "when the slip
