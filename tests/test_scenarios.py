@@ -76,7 +76,7 @@ def test_wrong_settings_are_said(settings, words):
 def test_a_motor_that_cannot_be_calibrated_is_said():
     from rover_pin.motion.motor import Motor
 
-    with pytest.raises(ParameterError, match="cannot hold 0.9 N m"):
+    with pytest.raises(ParameterError, match=r"cannot hold 0\.9 N m"):
         Motor().calibrated(0.55, 1.0, 0.9)
     made = Motor().calibrated(0.5, 1.2, 0.02)
     assert made.stall_torque == pytest.approx(Motor().stall_torque)

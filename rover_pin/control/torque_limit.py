@@ -61,7 +61,7 @@ class TorqueLimit:
 
 
 def _bounds(model: Model, slip_limit: float) -> list[WheelBounds]:
-    """Return the bounds on the model's ground at each of PITCHES; a wheel that statics would lift counts as unloaded."""
+    """Return the bounds on the model's ground at each of PITCHES; a wheel that statics would lift is unloaded."""
     wheels = [mount.wheel for mount in model.rover.wheels]
     bounds = TorqueBounds(wheels, model.soils[0], slip_limit)
     loads = [wheel_loads(model.rover, -float(pitch), gravity=model.gravity) for pitch in PITCHES]

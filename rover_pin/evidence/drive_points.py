@@ -1,4 +1,4 @@
-"""Traction factors from a drive log, as the paper's section 4 takes them: motor torque over static load, against slip."""
+"""Traction factors from a drive log, as section 4 of the paper takes them: motor torque over static load, by slip."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def samples(trace: Trace, rover: Rover, motor: Motor, gravity: float, sampling: 
 
 def classes(slip: np.ndarray, factor: np.ndarray, worth: np.ndarray, sampling: Sampling) -> list[tuple[float, ...]]:
     """Return (mean slip, mean factor, SD of the mean) of every class of slip from 0 to 1 that has enough samples."""
-    made = []
+    made: list[tuple[float, ...]] = []
     edges = np.linspace(0.0, 1.0, sampling.levels + 1)
     for low, high in zip(edges[:-1], edges[1:], strict=True):
         inside = (slip >= low) & (slip < high)

@@ -51,9 +51,8 @@ def main() -> None:
     plain(case, 0.2 if quick else 1.0, seconds / DURATION)
     mujoco_drive(case, 1 if quick else 5, seconds)
     footprint()
-    print(
-        f"{platform.machine()}, Python {platform.python_version()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
-    )
+    machine, python, cores = platform.machine(), platform.python_version(), os.cpu_count()
+    print(f"{machine}, Python {python}, {cores} cores, load {os.getloadavg()[0]:.1f}")
 
 
 def least(call: Callable[[], Any], repeats: int) -> float:
