@@ -16,8 +16,11 @@ from rover_pin.evidence.heldout import held_out, loss
 from rover_pin.evidence.rig_fit import RigFit, RigProblem, fit_from
 from rover_pin.evidence.screen import Screened, entry_fee
 
-PLAUSIBLE = 8
+PLAUSIBLE = 5
 """Candidates that are refitted, at least; every one whose score pays a quarter of its fee is."""
+
+SHOWN = 3
+"""Leaders whose levels are held out even if chance explains their gain."""
 
 PAIRED = 6
 """Singles from which pairs are made."""
@@ -30,6 +33,9 @@ ODDS = 9.2
 
 MOST_FREE = 0.5
 """Free parameters without a prior for each measured value, at most."""
+
+MUCH = 1.25
+"""Ratio of held-out losses from which a rival is out."""
 
 HALF = 0.5
 """Share of the best's net gain from which better held-out predictions make a rival."""
@@ -51,7 +57,7 @@ class Candidate:
     gain: float
     "fall of chi2 from the model that it is compared with, over the misfit that is left"
     loss: float
-    "held-out loss, 1 is the noise"
+    "held-out loss, 1 is the noise; NaN where the gain is too small to ask"
     reference_loss: float
     "held-out loss of the model that it is compared with"
 
@@ -75,7 +81,9 @@ class Candidate:
 class Comparison:
     """All candidates of one kind (singles or pairs), best first."""
 
-    ranked: tuple[Candidate, ...]
+    ranked: tuple[Candidate, ...] = ()
+    without: float = 1.0
+    "chi2 per degree of freedom of the model that they are compared with"
 
     @property
     def best(self) -> Candidate | None:
@@ -84,17 +92,18 @@ class Comparison:
 
     @property
     def alike(self) -> tuple[Candidate, ...]:
-        """The accepted candidates that the data cannot tell from the best.
+        """The candidates that the data cannot tell from the best, the best first.
 
-        Their net gain is within `ODDS` of the best's, or they predict held-out levels better at half of its gain.
+        Their net gain is within `ODDS` of the best's and their held-out loss not much above the model's without them,
+        or they predict held-out levels better than the best at half of its gain.
         """
         best = self.best
         if best is None:
             return ()
-        rivals = (one for one in self.ranked if one.accepted)
-        return tuple(
-            one for one in rivals if best.net - one.net <= ODDS or (one.loss < best.loss and one.net > HALF * best.net)
-        )
+        enough = max(0.0, best.net - ODDS)
+        near = [one for one in self.ranked if one.net > enough and one.loss < MUCH * one.reference_loss]
+        better = [one for one in self.ranked if one.accepted and one.loss < best.loss and one.net > HALF * best.net]
+        return (best, *(one for one in self.ranked if one is not best and (one in near or one in better)))
 
 
 def compare_singles(
@@ -108,7 +117,7 @@ def compare_singles(
     found = []
     for row in plausible:
         progress(f"refitting with {row.name}")
-        found += _variants(setting, base, (row.effect,), fee, [])
+        found += _variants(setting, base, row.effect, fee)
     return _ranked(base, found, reference, setting)
 
 
@@ -121,7 +130,7 @@ def compare_pairs(
     found = []
     for one, other in itertools.combinations(singles.ranked[:PAIRED], 2):
         progress(f"refitting with {one.name} + {other.name}")
-        found += _variants(setting, base, (*one.effects, *other.effects), fee, [one.fit, other.fit])
+        found += _pair(setting, base, one, other, fee)
     extra = fee if singles.best is None else 0.0
     return _ranked(parent, [(effects, fit, paid + extra) for effects, fit, paid in found], reference, setting)
 
@@ -129,18 +138,26 @@ def compare_pairs(
 Found = tuple[tuple[Effect, ...], RigFit, float]
 
 
-def _variants(
-    setting: Setting, base: RigFit, effects: tuple[Effect, ...], fee: float, warm: Sequence[RigFit]
-) -> list[Found]:
+def _variants(setting: Setting, base: RigFit, effect: Effect, fee: float) -> list[Found]:
     """Return the refit with sizes free, and with shapes free too where the data can bear them."""
-    free = tuple(name for effect in effects for name in sizes(effect))
-    form = tuple(name for effect in effects for name in shapes(effect))
     found: list[Found] = []
-    for extra in dict.fromkeys((free, (*free, *form))):
-        fit = _refit(setting, base, effects, extra, [one[1] for one in found] or warm)
+    for extra in dict.fromkeys((sizes(effect), (*sizes(effect), *shapes(effect)))):
+        fit = _refit(setting, base, (effect,), extra, [one[1] for one in found])
         if fit is not None:
-            found.append((effects, fit, fee + FURTHER * (len(extra) - 1)))
+            found.append(((effect,), fit, fee + FURTHER * (len(extra) - 1)))
     return found
+
+
+def _pair(setting: Setting, base: RigFit, one: Candidate, other: Candidate, fee: float) -> list[Found]:
+    """Return the refit with what was free in either single; with sizes only where that is more than the data bear."""
+    effects = (*one.effects, *other.effects)
+    own = set(base.problem.space.names)
+    freed = [name for single in (one, other) for name in single.fit.problem.space.names if name not in own]
+    for extra in dict.fromkeys((tuple(freed), tuple(name for effect in effects for name in sizes(effect)))):
+        fit = _refit(setting, base, effects, extra, [one.fit, other.fit])
+        if fit is not None:
+            return [(effects, fit, fee + FURTHER * (len(extra) - 1))]
+    return []
 
 
 def _refit(
@@ -154,7 +171,8 @@ def _refit(
     if len(problem.space.names) - len(problem.priors) > MOST_FREE * problem.measured.size:
         return None
     try:
-        return fit_from(problem, [*_starts(problem, effects), *_from(problem, warm)])
+        own = _starts(problem, effects)
+        return fit_from(problem, [*(own[1:2] if warm else own), *_from(problem, warm)])
     except OptimisationError:
         return None
 
@@ -203,7 +221,7 @@ def _little(problem: RigProblem, name: str) -> float:
 def _ranked(parent: RigFit, found: Sequence[Found], reference: float, setting: Setting) -> Comparison:
     """Return the candidates by net gain, the better variant of each; chi2 counts in units of the best one's misfit."""
     if not found:
-        return Comparison(())
+        return Comparison((), parent.misfit)
     left = max(1.0, min(fit.misfit for _, fit, _ in found))
     best: dict[tuple[str, ...], Found] = {}
     for one in found:
@@ -211,9 +229,10 @@ def _ranked(parent: RigFit, found: Sequence[Found], reference: float, setting: S
         if key not in best or one[1].chi2 / left + one[2] < best[key][1].chi2 / left + best[key][2]:
             best[key] = one
     ranked = sorted(best.values(), key=lambda one: one[1].chi2 / left + one[2])
-    return Comparison(
-        tuple(
-            Candidate(effects, fit, fee, (parent.chi2 - fit.chi2) / left, loss(held_out(setting.data, fit)), reference)
-            for effects, fit, fee in ranked
-        )
-    )
+    made = []
+    for place, (effects, fit, fee) in enumerate(ranked):
+        gain = (parent.chi2 - fit.chi2) / left
+        judged = gain > fee or place < SHOWN
+        lost = loss(held_out(setting.data, fit)) if judged else float("nan")
+        made.append(Candidate(effects, fit, fee, gain, lost, reference))
+    return Comparison(tuple(made), parent.misfit)

@@ -41,7 +41,7 @@ from rover_pin.evidence.screen import screen
 from rover_pin.evidence.verdict import Answer, Side, Verdict
 from rover_pin.version import __version__
 
-ENOUGH = 0.85
+ENOUGH = 0.9
 """Least share of chi2 beyond the noise that an effect must take to be named rather than mentioned."""
 
 RIVALS = 3
@@ -122,11 +122,11 @@ def _decide(setting: Setting, base: RigFit, effects: str | Path | None, progress
     """Return the verdict: too poor, or screened, refitted, paired where one is not enough, and judged."""
     poor = too_poor(setting.data, len(setting.free))
     if poor:
-        return _verdict(setting, base, None, (Comparison(()), Comparison(())), (), poor)
+        return _verdict(setting, base, None, (Comparison(), Comparison()), (), poor)
     progress("score test of every candidate")
     screened = screen(setting, base, effect_kinds(effects))
     singles = compare_singles(setting, base, screened, progress)
-    pairs, chosen = Comparison(()), singles
+    pairs, chosen = Comparison(), singles
     if remains(singles.best.fit if singles.best else base):
         pairs = compare_pairs(setting, base, singles, len(screened), progress)
         chosen = pairs if pairs.best else singles
@@ -145,17 +145,20 @@ def _verdict(
     data, best = setting.data, chosen.best if chosen else None
     explained = _explained(base, best)
     answer = _answer(base, chosen, explained, bool(poor))
+    left = remains(best.fit if best else base)
+    if answer is Answer.NONE_FITS:
+        best = None  # the nearest is mentioned, not added
     fit, before = _side(data, settled(base))
     last, after = (fit, before) if best is None else _side(data, settled(best.fit))
     alike = chosen.alike if chosen else ()
-    runs = [separating_run(data, alike[0], rival) for rival in alike[1 : 1 + RIVALS]]
+    runs = [separating_run(data, alike[0], rival) for rival in alike[1 : 1 + RIVALS]] if best else []
     added = () if best is None else after.model.effects[len(base.model.effects) :]
     was = held_out(data, fit) if not poor else fit.residual
     now = held_out(data, last) if best is not None else was
     return Verdict(
         answer=answer,
         name=data.rig.name,
-        sentence=poor or _sentence(answer, alike, explained, remains(best.fit if best else base)),
+        sentence=poor or _sentence(answer, alike, explained, left),
         model=after.model,
         effects=added,
         alike=tuple(one.name for one in alike),

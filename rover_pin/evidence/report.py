@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import inspect
 from pathlib import Path
 
 import jinja2
@@ -54,6 +55,7 @@ def html(verdict: Verdict, data: RigSet, images: dict[str, str]) -> str:
         parameters=parameter_rows(verdict),
         flag_line=flag_line,
         names=added_names(verdict),
+        about={type(effect).__name__: inspect.getdoc(type(effect)) for effect in verdict.effects},
     )
 
 

@@ -124,11 +124,12 @@ def candidates_figure(verdict: Verdict) -> Figure:
     fits = sorted(rows, key=lambda one: one.fit.misfit)[:MOST_BARS][::-1]
     figure = Figure(figsize=(8.2, 0.42 * max(len(fits), 2) + 1.2), layout="constrained")
     axis = figure.subplots()
-    base = verdict.before.misfit
+    base = verdict.singles.without
     for place, one in enumerate(fits):
         colour = AFTER if one.name in verdict.alike else "#9fb8c1" if one.accepted else "#cccccc"
         axis.barh(place, one.fit.misfit, color=colour, hatch="//" if one in pairs else None, edgecolor="white")
-        axis.text(one.fit.misfit, place, f" held-out loss {one.loss:.3g}", va="center", fontsize=8)
+        if np.isfinite(one.loss):
+            axis.text(one.fit.misfit, place, f" held-out loss {one.loss:.3g}", va="center", fontsize=8)
     axis.axvline(1.0, color="k", lw=1)
     axis.axvline(base, color=BEFORE, ls="--", lw=1.2)
     axis.set_yticks(range(len(fits)), [one.name for one in fits])

@@ -136,20 +136,22 @@ class Predicted(NamedTuple):
 class RigPredictor:
     """The channels of a model structure at given runs, as a function of all its parameters."""
 
-    def __init__(self, function: ca.Function, runs: np.ndarray, free: int):
+    def __init__(self, function: ca.Function, runs: np.ndarray, repeats: np.ndarray, free: int):
         self._function, self._runs, self._free = function, ca.DM(runs.T), free
+        self._repeats = repeats
 
     def __call__(self, vector: np.ndarray) -> Predicted:
         """Return the prediction at these values of all parameters."""
-        out = self._function(self._runs, ca.DM(vector)).full()
-        jacobian = out[4:].reshape(self._free, 3, self._runs.shape[1]).transpose(1, 2, 0)
+        out = self._function(self._runs, ca.DM(vector)).full()[:, self._repeats]
+        jacobian = out[4:].reshape(self._free, 3, self._repeats.size).transpose(1, 2, 0)
         return Predicted(out[:3], jacobian, out[3])
 
 
 def predictor(model: RigModel, free: Sequence[str], runs: np.ndarray) -> RigPredictor:
     """Return the predictor of a model's structure at `runs` [runs, 4], with derivatives by the `free` parameters."""
     shape = tuple(_skeleton(effect) for effect in model.effects)
-    return RigPredictor(_mapped(shape, tuple(free), len(runs)), runs, len(free))
+    different, repeats = np.unique(runs, axis=0, return_inverse=True)
+    return RigPredictor(_mapped(shape, tuple(free), len(different)), different, repeats.ravel(), len(free))
 
 
 def _skeleton(effect: Effect) -> Effect:

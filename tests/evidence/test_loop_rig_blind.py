@@ -1,0 +1,67 @@
+"""Many hidden effects from the plain generator, with right and wrong nominal soils: how often the loop is right."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+from rover_pin.evidence.loop import close_the_loop
+from rover_pin.evidence.verdict import Answer
+
+_file = Path(__file__).parents[1] / "oracle" / "rig_generator.py"
+_spec = importlib.util.spec_from_file_location("rig_generator_blind", _file)
+hidden = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(hidden)
+
+WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
+IS = {
+    "slip_sinkage": "SlipSinkage",
+    "exit_angle": "ExitAngle",
+    "peak_stress": "PeakStress",
+    "motion_resistance": "MotionResistance",
+    "post_peak": "PostPeak",
+    "rate_dependence": "RateDependence",
+    "digging": "DiggingMemory",
+}
+SOILS = ({}, {"n": 0.9, "K": 6e4, "phi": 0.6, "k": 0.015}, {"n": 1.3, "K": 2e5, "phi": 0.45, "c": 50.0, "k": 0.004})
+
+
+def verdict_of(folder, effect, seed, severity=1.0):
+    rig = hidden.Rig(effect, severity * hidden.SIZES[effect], **SOILS[seed % 3])
+    path = hidden.write(folder, rig, hidden.rig_set(rig, seed=seed), WRONG if seed % 2 else None)
+    return close_the_loop(path)
+
+
+@pytest.mark.slow
+def test_hidden_effects_are_named_or_within_the_stated_set(tmp_path):
+    wrong = []
+    for effect, name in IS.items():
+        for seed in range(4):
+            verdict = verdict_of(tmp_path / f"{effect}{seed}", effect, seed, severity=(1.0, 0.5)[seed // 2])
+            if verdict.answer not in (Answer.NAMED, Answer.SET) or name not in " ".join(verdict.alike):
+                wrong.append((effect, seed, verdict.answer.name, verdict.alike, round(verdict.before.misfit, 2)))
+    print(f"{len(wrong)} of {4 * len(IS)} not named: {wrong}")
+    assert len(wrong) <= 1, wrong
+
+
+@pytest.mark.slow
+def test_null_sets_raise_no_alarm(tmp_path):
+    alarms = []
+    for seed in range(20):
+        verdict = verdict_of(tmp_path / f"none{seed}", "none", seed)
+        if verdict.answer is not Answer.NONE_NEEDED:
+            alarms.append((seed, verdict.answer.name, verdict.alike))
+    print(f"{len(alarms)} of 20 false alarms: {alarms}")
+    assert len(alarms) <= 1, alarms
+
+
+@pytest.mark.slow
+def test_what_is_on_no_list_is_not_named(tmp_path):
+    named = []
+    for effect in ("slip_squared_drag", "sinkage_bump"):
+        for seed in range(4):
+            verdict = verdict_of(tmp_path / f"{effect}{seed}", effect, seed)
+            if verdict.answer is not Answer.NONE_FITS:
+                named.append((effect, seed, verdict.answer.name, verdict.alike, round(verdict.explained, 2)))
+    print(f"{len(named)} of 8 off-list sets named: {named}")
+    assert len(named) <= 2, named
