@@ -128,7 +128,7 @@ def plain_simulate(
     symmetric: bool = False,
     progress: Progress | None = None,
 ) -> Trace:
-    """Do as `simulate` with the plain NumPy step: no compiler wanted beyond the settling, about 100 times slower."""
+    """Do as `simulate` with the plain NumPy step, about 130 times slower; from a `DriveState` it needs no compiler."""
     return _simulate(Plain, model, controller, duration, start, timing, symmetric, progress)
 
 

@@ -46,7 +46,7 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
     if command is None:
         raise MissingExtraError(
             "No C compiler found, and the fast simulator is compiled on first use: install gcc or clang, or "
-            "`pip install rover-pin[compiler]`; or simulate with the slow reference, plain_simulate."
+            "the package `ziglang` (`pip install rover-pin[compiler]`)."
         )
     key = hashlib.sha256("\0".join([source, *command, *FLAGS, sys.platform, os.uname().machine]).encode()).hexdigest()
     folder = writable_folder()
@@ -78,6 +78,6 @@ def _compile(command: list[str], source: str, target: Path) -> None:
         if run.returncode:
             raise MissingExtraError(
                 f"The C compiler {' '.join(command)} failed: {run.stderr.strip().splitlines()[-1:]}; "
-                "set CC to one that works, or simulate with the slow reference, plain_simulate."
+                "set CC to one that works."
             )
         os.replace(made, target)
