@@ -14,6 +14,10 @@ import numpy as np
 
 from rover_pin.body.terrain import HeightGrid, Lanes, Terrain
 
+_LEGENDRE = np.polynomial.legendre.leggauss(10)
+NODES, WEIGHTS = 0.5 * (_LEGENDRE[0] + 1.0), 0.5 * _LEGENDRE[1]
+"""Gauss-Legendre rule on [0, 1]."""
+
 DEEPEST = 0.98
 """A wheel is reckoned sunk by this share of its radius at most; simulations stop long before."""
 
@@ -43,11 +47,13 @@ class Facet(NamedTuple):
 
 
 class Patch(NamedTuple):
-    """Sinkage h [m], share of the facet's whole contact, and the lean of its pressure along the facet [-]."""
+    """A part of a facet's contact: sinkage h of the facet's plane, greatest depth within the part [m], shares [-]."""
 
     h: float
+    depth: float
     share: float
     tilt: float
+    turn: float
     facet: Facet
 
 
@@ -58,10 +64,10 @@ def wheel_frame(centre: np.ndarray, axle: np.ndarray) -> WheelFrame:
     return WheelFrame(centre, axle, np.cross(axle, up), up)
 
 
-def patches(terrain: Terrain, frame: WheelFrame, r: float) -> list[Patch]:
-    """Return the contact patches of a wheel of radius `r` [m]."""
+def patches(terrain: Terrain, frame: WheelFrame, r: float, exponents: Sequence[float]) -> list[Patch]:
+    """Return the contact patches of a wheel of radius `r` [m]; `exponents` are n of the soils by index."""
     facets = cut(terrain, frame, r)
-    found = (patch_of(facets, k, r) for k in range(len(facets)))
+    found = (patch_of(facets, k, r, exponents[facet.ground]) for k, facet in enumerate(facets))
     return [patch for patch in found if patch is not None]
 
 
@@ -117,12 +123,13 @@ def _grid_facet(terrain: HeightGrid, frame: WheelFrame, start: np.ndarray, end: 
     return Facet(start, end, normal / np.linalg.norm(normal), int(terrain.ground_at(x, y)))
 
 
-def patch_of(facets: list[Facet], k: int, r: float) -> Patch | None:
+def patch_of(facets: list[Facet], k: int, r: float, exponent: float) -> Patch | None:
     """Return the patch of facet `k`, or None where the wheel does not touch it.
 
-    With theta from the facet's in-plane normal, the rim is r (cos theta - cos theta_0) under the facet's line; h is
-    the greatest such depth within the bisectors. `share` is int (cos theta - cos theta_0) cos theta dtheta within them
-    over the same of a whole wheel sunk by h, `tilt` that with sin theta: radial pressure pushes the wheel back by it.
+    With theta from the facet's in-plane normal, the rim is d = r (cos theta - cos theta_0) under the facet's line, and
+    the pressure goes as d^n. `share` is int d^n cos theta dtheta within the bisectors over the same of the whole plane
+    sunk by h, `turn` that without the cosine (torque), `tilt` that with a sine: radial pressure pushes the wheel back
+    by it. Parts of one plane thus add up to the plane, whatever n.
     """
     facet = facets[k]
     n = facet.in_plane
@@ -137,18 +144,29 @@ def patch_of(facets: list[Facet], k: int, r: float) -> Patch | None:
         low, high = clip_at_bisector(n, facets[k + 1].in_plane, facet.end, r, (low, high), -1.0)
     if low >= high:
         return None
-    if (low, high) == (-theta_0, theta_0):
-        return Patch(min(h, DEEPEST * r), 1.0, 0.0, facet)
     cosine = math.cos(theta_0)
-    h = r * (math.cos(min(max(0.0, low), high)) - cosine)
-    if h <= 1e-12 * r:
+    deepest = math.cos(min(max(0.0, low), high)) - cosine
+    sunk = min(h, DEEPEST * r)
+    if (low, high) == (-theta_0, theta_0):
+        return Patch(sunk, r * deepest, 1.0, 0.0, 1.0, facet)
+    if deepest <= 1e-12:
         return None
-    h = min(h, DEEPEST * r)
-    own = math.acos(1.0 - h / r)
-    whole = 2.0 * _cosine_part(own, math.cos(own))
-    share = (_cosine_part(high, cosine) - _cosine_part(low, cosine)) / whole
-    tilt = (_sine_part(high, cosine) - _sine_part(low, cosine)) / whole
-    return Patch(h, share, tilt, facet)
+    whole = depth_integrals(0.0, math.acos(1.0 - sunk / r), exponent)
+    part = depth_integrals(low, theta_0, exponent) - depth_integrals(high, theta_0, exponent)
+    share, turn = 0.5 * part / whole
+    rise = [max(math.cos(theta) - cosine, 0.0) ** (exponent + 1.0) for theta in (low, high)]
+    tilt = 0.5 * (rise[0] - rise[1]) / ((exponent + 1.0) * whole[0])
+    return Patch(sunk, r * deepest, float(share), float(tilt), float(turn), facet)
+
+
+def depth_integrals(theta: float, theta_0: float, exponent: float) -> np.ndarray:
+    """Return int_theta^theta_0 (cos t - cos theta_0)^n {cos t, 1} dt, nodes graded by u^2 towards the end theta_0."""
+    if theta < 0.0:
+        return 2.0 * depth_integrals(0.0, theta_0, exponent) - depth_integrals(-theta, theta_0, exponent)
+    back = (theta_0 - theta) * NODES**2
+    depth = 2.0 * np.sin(theta_0 - 0.5 * back) * np.sin(0.5 * back)
+    part = WEIGHTS * 2.0 * (theta_0 - theta) * NODES * depth**exponent
+    return np.array([part @ np.cos(theta_0 - back), part.sum()])
 
 
 def clip_at_bisector(
@@ -168,11 +186,3 @@ def clip_at_bisector(
     edge, turn = math.asin(-a / r), math.copysign(math.pi, side)
     delta = math.asin(max(-1.0, min(1.0, float(own @ ahead))))
     return max(arc[0], min(edge, turn - edge) + delta), min(arc[1], max(edge, turn - edge) + delta)
-
-
-def _cosine_part(theta: float, cosine: float) -> float:
-    return 0.5 * theta + 0.25 * math.sin(2.0 * theta) - cosine * math.sin(theta)
-
-
-def _sine_part(theta: float, cosine: float) -> float:
-    return 0.5 * math.sin(theta) ** 2 + cosine * math.cos(theta)

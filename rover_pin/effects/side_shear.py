@@ -13,12 +13,17 @@ from rover_pin.quantity import quantity
 from rover_pin.soil.angles import SinkageAngles
 
 
+LEAST_SHARE = 0.05
+"""Share of the strength that is left for f_y however large f_t is: keeps the root smooth."""
+
+
 @dataclass(frozen=True)
 class SideShear(Effect):
-    """f_y = -sgn(j_y) scale (c A / f_n + tan phi) f_n (1 - exp(-|j_y| / k)), j_y = S_y r (theta_1 - theta_2) / 2.
+    """f_y = -sgn(j_y) scale sqrt(T^2 - f_t^2) (1 - exp(-|j_y| / k)), T = c A + f_n tan phi.
 
-    j_y is the sideways shear displacement half-way through the contact, A = r b (theta_1 - theta_2) its area, with the
-    soil's own k, c and phi. Source: Yoshida and Ishigami, IROS 2004 (lateral shear by Janosi's law; there the shear is
+    j_y = S_y r (theta_1 - theta_2) / 2 is the sideways shear displacement half-way through the contact,
+    A = r b (theta_1 - theta_2) its area. What f_t takes of the strength T is not there for f_y, so that the resultant
+    obeys Eq (3). Source: Yoshida and Ishigami, IROS 2004 (lateral shear by Janosi's law; there the shear is
     integrated over the contact, here taken at its middle). Differs from the paper: it has no side force at all.
     """
 
@@ -33,4 +38,5 @@ class SideShear(Effect):
         j_y = contact.S_y * length / 2.0
         strength = soil.c * wheel.b * length + load.f_n * ca.tan(soil.phi)
         grip = ca.if_else(j_y < 0.0, ca.expm1(j_y / soil.k), -ca.expm1(-j_y / soil.k))
-        return Load(f_y=-self.scale * strength * grip)
+        left = ca.fmax(strength * strength - load.f_t * load.f_t, (LEAST_SHARE * strength) ** 2 + 1e-24)
+        return Load(f_y=-self.scale * ca.sqrt(left) * grip)

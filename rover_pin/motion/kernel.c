@@ -12,6 +12,7 @@
 #define MAX_STATES 8
 #define MAX_OUT 192
 #define N_SOIL 9
+#define SOIL_N 5 /* place of the exponent n in a soil's constants */
 #define N_CONTACT (9 + N_SOIL)
 #define N_RECORD 12
 #define PI 3.14159265358979323846
@@ -61,7 +62,7 @@ typedef struct {
 } Facet;
 
 typedef struct {
-  double sinkage, share, tilt;
+  double sinkage, depth, share, tilt, turn; /* sinkage of the facet's plane; greatest depth within the patch */
   const Facet *facet;
 } Patch;
 
@@ -222,8 +223,37 @@ static int clip_at_bisector(double a, double r, double delta, double side, doubl
   return *low < *high;
 }
 
-/* The part of facet k's contact arc that belongs to it: theta from its normal, between the bisectors to its neighbours. */
-static int find_patch(const Facet *facets, integer n, integer k, double radius, Patch *patch) {
+#define N_GAUSS 10
+static const double GAUSS_NODE[N_GAUSS] = {
+    0.013046735741414128, 0.067468316655507732, 0.16029521585048778, 0.28330230293537639, 0.42556283050918442,
+    0.57443716949081558, 0.71669769706462361, 0.83970478414951222, 0.93253168334449232, 0.98695326425858587};
+static const double GAUSS_WEIGHT[N_GAUSS] = {
+    0.033335672154344069, 0.074725674575290293, 0.10954318125799102, 0.13463335965499817, 0.14776211235737644,
+    0.14776211235737644, 0.13463335965499817, 0.10954318125799102, 0.074725674575290293, 0.033335672154344069};
+
+/* int_theta^theta_0 (cos t - cos theta_0)^n {cos t, 1} dt, nodes graded by u^2 towards the singular end theta_0. */
+static void depth_integrals(double theta, double theta_0, double n, double out[2]) {
+  if (theta < 0.0) { /* the integrand is even */
+    double whole[2], rest[2];
+    depth_integrals(0.0, theta_0, n, whole);
+    depth_integrals(-theta, theta_0, n, rest);
+    for (int i = 0; i < 2; ++i) out[i] = 2.0 * whole[i] - rest[i];
+    return;
+  }
+  double length = theta_0 - theta;
+  out[0] = out[1] = 0.0;
+  for (int i = 0; i < N_GAUSS; ++i) {
+    double u = GAUSS_NODE[i], back = length * u * u, t = theta_0 - back;
+    double depth = 2.0 * sin(theta_0 - 0.5 * back) * sin(0.5 * back);
+    double part = GAUSS_WEIGHT[i] * 2.0 * length * u * pow(depth, n);
+    out[0] += part * cos(t);
+    out[1] += part;
+  }
+}
+
+/* The part of facet k's contact arc that belongs to it: theta from its normal, between the bisectors to its neighbours.
+   Parts of one plane share the plane's sinkage, and their shares add up to 1. */
+static int find_patch(const Facet *facets, integer n, integer k, double radius, double n_soil, Patch *patch) {
   const Facet *f = facets + k;
   double distance = -(f->s * f->n_s + f->t * f->n_t);
   double h = radius - distance;
@@ -241,23 +271,22 @@ static int find_patch(const Facet *facets, integer n, integer k, double radius, 
     double tilt = asin(fmin(1.0, fmax(-1.0, f->n_s * ahead_s + f->n_t * ahead_t)));
     if (!clip_at_bisector(a, radius, 2.0 * tilt, side, &low, &high)) return 0;
   }
+  double cosine = cos(theta), deepest = cos(fmin(fmax(0.0, low), high)) - cosine;
   patch->facet = f;
   patch->sinkage = fmin(h, DEEPEST * radius);
-  patch->share = 1.0;
+  patch->depth = radius * deepest;
+  patch->share = patch->turn = 1.0;
   patch->tilt = 0.0;
   if (low > -theta || high < theta) {
-    double cosine = cos(theta), deepest = fmin(fmax(0.0, low), high);
-    patch->sinkage = radius * (cos(deepest) - cosine);
-    if (patch->sinkage <= 1e-12 * radius) return 0;
-    if (patch->sinkage > DEEPEST * radius) patch->sinkage = DEEPEST * radius;
-    double own = acos(1.0 - patch->sinkage / radius);
-    double whole = own + 0.5 * sin(2.0 * own) - 2.0 * cos(own) * sin(own);
-    double upper = 0.5 * high + 0.25 * sin(2.0 * high) - cosine * sin(high);
-    double lower = 0.5 * low + 0.25 * sin(2.0 * low) - cosine * sin(low);
-    double sine_upper = 0.5 * sin(high) * sin(high) + cosine * cos(high);
-    double sine_lower = 0.5 * sin(low) * sin(low) + cosine * cos(low);
-    patch->share = (upper - lower) / whole;
-    patch->tilt = (sine_upper - sine_lower) / whole;
+    if (deepest <= 1e-12) return 0;
+    double whole[2], upper[2], lower[2], reference = acos(1.0 - patch->sinkage / radius);
+    depth_integrals(0.0, reference, n_soil, whole);
+    depth_integrals(low, theta, n_soil, lower);
+    depth_integrals(high, theta, n_soil, upper);
+    patch->share = 0.5 * (lower[0] - upper[0]) / whole[0];
+    patch->turn = 0.5 * (lower[1] - upper[1]) / whole[1];
+    double from = fmax(cos(low) - cosine, 0.0), to = fmax(cos(high) - cosine, 0.0);
+    patch->tilt = 0.5 * (pow(from, n_soil + 1.0) - pow(to, n_soil + 1.0)) / ((n_soil + 1.0) * whole[0]);
   }
   return 1;
 }
@@ -392,7 +421,7 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
   }
   double in_plane[3];
   for (int c = 0; c < 3; ++c) in_plane[c] = patch->facet->n_s * w->forward[c] + patch->facet->n_t * w->up[c];
-  double share = patch->share, tilt = patch->tilt;
+  double share = patch->share, tilt = patch->tilt, turn = patch->turn;
   double e_t[3], e_n[3], moment_n[3], moment_y[3];
   for (int c = 0; c < 3; ++c) {
     arm[c] = -r * in_plane[c];
@@ -413,7 +442,7 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
     push[0][i] = dot(lin, e_t);
     push[1][i] = share * dot(lin, l) + dot(ang, moment_y);
     push[2][i] = dot(lin, e_n) + dot(ang, moment_n);
-    push[3][i] = -share * spin;
+    push[3][i] = -turn * spin;
     see[0][i] = dot(lin, t);
     see[1][i] = dot(lin, l);
     see[2][i] = -dot(lin, N);
@@ -439,17 +468,17 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
   double *record = d->record + index * N_RECORD;
   record[0] += weight * law.slip[0];
   record[1] += weight * law.slip[1];
-  record[2] = fmax(record[2], patch->sinkage);
+  record[2] = fmax(record[2], patch->depth);
   record[3] += share * law.load[2];
   record[4] += share * law.load[0];
   record[5] += share * law.load[1];
-  record[6] += share * law.load[3];
+  record[6] += turn * law.load[3];
   record[7] += weight * contact[1];
   record[8] += 1.0;
   for (int c = 0; c < 3; ++c)
     d->loads[6 * index + c] += e_n[c] * law.load[2] + e_t[c] * law.load[0] + share * l[c] * law.load[1];
   for (int c = 0; c < 3; ++c)
-    d->loads[6 * index + 3 + c] += moment_n[c] * law.load[2] + moment_y[c] * law.load[1] - share * w->axle[c] * law.load[3];
+    d->loads[6 * index + 3 + c] += moment_n[c] * law.load[2] + moment_y[c] * law.load[1] - turn * w->axle[c] * law.load[3];
 }
 
 static void add_wheel(const Drive *d, integer index, System *system, StateUpdate *update) {
@@ -464,13 +493,14 @@ static void add_wheel(const Drive *d, integer index, System *system, StateUpdate
   integer touching = 0;
   for (integer k = 0; k < n; ++k) {
     Patch patch;
-    if (!find_patch(facets, n, k, radius, &patch)) continue;
+    double n_soil = d->soils[N_SOIL * facets[k].ground + SOIL_N];
+    if (!find_patch(facets, n, k, radius, n_soil, &patch)) continue;
     ++touching;
     add_patch(d, &wheel, index, &patch, system, update);
   }
   if (!touching && d->n_contact_states) { /* in the air: the states go on, nothing pushes */
     Facet below = {0, -radius, 0, 1, {wheel.up[0], wheel.up[1], wheel.up[2]}, 0};
-    Patch patch = {1e-9, 0.0, 0.0, &below};
+    Patch patch = {1e-9, 0.0, 0.0, 0.0, 0.0, &below};
     add_patch(d, &wheel, index, &patch, system, update);
     d->record[index * N_RECORD + 8] = 0.0;
   }
@@ -531,7 +561,9 @@ static void add_springs(const Drive *d, System *system) {
     if (angle > d->stop_limits[2 * i + 1]) over = angle - d->stop_limits[2 * i + 1];
     if (angle < d->stop_limits[2 * i]) over = angle - d->stop_limits[2 * i];
     if (over == 0.0) continue;
-    system->other_Q[dof] = -d->stop_gain[0] * (over + 0.5 * d->dt * d->v[dof]) - d->stop_gain[1] * d->v[dof];
+    double push = -d->stop_gain[0] * (over + 0.5 * d->dt * d->v[dof]) - d->stop_gain[1] * d->v[dof];
+    if (push * over > 0.0) continue; /* leaving faster than the damper: a stop does not pull */
+    system->other_Q[dof] = push;
     system->other_slope[dof] = -0.5 * d->stop_gain[0] * d->dt - d->stop_gain[1];
   }
 }
@@ -675,6 +707,9 @@ static void mirror_speeds(const Drive *d) {
   for (integer i = 0; i < d->nv; ++i) image[i] = d->mirror_sign[i] * d->v[d->mirror_index[i]];
   for (integer i = 0; i < d->nv; ++i) d->v[i] = 0.5 * (d->v[i] + image[i]);
 }
+
+/* For the caller to check that its mirror of the struct is this one. */
+integer rover_pin_size(void) { return (integer)sizeof(Drive); }
 
 /* The second half of a step: speeds from the forces half-way, then the configuration to the end. */
 int rover_pin_step(Drive *d) {

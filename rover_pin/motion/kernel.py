@@ -62,6 +62,7 @@ def library() -> ctypes.CDLL:
     made.rover_pin_step.argtypes = [ctypes.c_void_p]
     made.rover_pin_drift.argtypes = [ctypes.c_void_p]
     made.rover_pin_drift.restype = None
+    assert made.rover_pin_size() == ctypes.sizeof(DriveStruct), "kernel.py does not mirror the struct of kernel.c"
     return made
 
 

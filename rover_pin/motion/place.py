@@ -53,9 +53,19 @@ def settled(model: Model, start: Start, symmetric: bool = False) -> DriveState:
     return chosen
 
 
+LOCKED = 1e6
+"""Rotor inertia [kg m^2] that keeps a wheel from turning within a step."""
+
+
 def relax(kernel: Kernel, held: list[int], *, shearing: bool) -> float:
-    """Let the kernel's state come to rest in place, its speed cut after every step; return the fastest speed left."""
+    """Let the kernel's state come to rest in place, its speed cut after every step; return the fastest speed left.
+
+    The rates of `held` are zeroed after every step; the wheels are locked within it too.
+    """
     state, fastest = kernel.state, math.inf
+    armature = np.array(kernel.pin_model.armature)
+    armature[[wheel.dof for wheel in kernel.model.rover.wheels]] = LOCKED
+    kernel.pin_model.armature = armature
     for _ in range(SETTLE_STEPS):
         if kernel.step():
             return math.inf

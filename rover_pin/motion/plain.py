@@ -114,11 +114,11 @@ class Plain:
         centre = self.data.oMi[mount.joint].translation.copy()
         J = pin.getJointJacobian(self.pin_model, self.data, mount.joint, pin.LOCAL_WORLD_ALIGNED)
         frame = wheel_frame(centre, J[3:, mount.dof].copy())
-        found = patches(self.model.terrain, frame, float(mount.wheel.r))
+        found = patches(self.model.terrain, frame, float(mount.wheel.r), [float(soil.n) for soil in self.model.soils])
         nx = self.state.contact.shape[1]
         airborne = not found
         if airborne and nx:
-            found = [Patch(1e-9, 0.0, 0.0, _below(frame))]
+            found = [Patch(1e-9, 0.0, 0.0, 0.0, 0.0, _below(frame))]
         weights, gains, slopes = [], [], []
         for patch in found:
             weight, gain, slope = self._patch(index, frame, J, patch)
@@ -150,19 +150,18 @@ class Plain:
 
         in_plane = patch.facet.in_plane
         arm = -r * (in_plane[0] * frame.forward + in_plane[1] * frame.up)
-        share, tilt = patch.share, patch.tilt
+        share, tilt, turn = patch.share, patch.tilt, patch.turn
         forces = np.array([share * t + tilt * N, share * side, share * N - tilt * t, np.zeros(3)])
         off_axle = np.eye(3) - np.outer(frame.axle, frame.axle)
-        moments = share * np.array(
-            [np.zeros(3), off_axle @ np.cross(arm, side), off_axle @ np.cross(arm, N), -frame.axle]
-        )
+        lever = [np.zeros(3), share * np.cross(arm, side), share * np.cross(arm, N)]
+        moments = np.array([*(off_axle @ each for each in lever), -turn * frame.axle])
         push = forces @ J[:3] + moments @ J[3:]
         self.soil_Q += push.T @ load
         self.soil_D += push.T @ by_speed @ see
         weight = max(share * load[2], 1e-12)
-        felt = Load(*(share * load))
+        felt = Load(*(np.array([share, share, share, turn]) * load))
         self.record[index, :2] += weight * law.slip
-        self.record[index, 2] = max(self.record[index, 2], patch.h)
+        self.record[index, 2] = max(self.record[index, 2], patch.depth)
         self.record[index, 3:8] += [felt.f_n, felt.f_t, felt.f_y, felt.torque, weight * float(velocity @ t)]
         self.loads[index] += np.concatenate([forces.T @ load, moments.T @ load])
         return weight, step, step_by_speed @ see
@@ -220,7 +219,7 @@ class Plain:
         return torque, slope, steps
 
     def _springs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return steering servos and end stops: stiff springs taken at the end of the step."""
+        """Return steering servos and end stops (which push, never pull): stiff springs taken at the end of the step."""
         model, state = self.pin_model, self.state
         force, slope = np.zeros(model.nv), np.zeros(model.nv)
         q_of = {model.joints[j].idx_v: model.joints[j].idx_q for j in range(2, model.njoints)}
@@ -236,6 +235,8 @@ class Plain:
             over = angle - np.clip(angle, model.lowerPositionLimit[q_of[dof]], model.upperPositionLimit[q_of[dof]])
             if over != 0.0:
                 spring(dof, over, STOP_GAIN)
+            if force[dof] * over > 0.0:
+                force[dof] = slope[dof] = 0.0
         return force, slope
 
     def _account(self, du: np.ndarray, motor: np.ndarray, springs: np.ndarray) -> None:

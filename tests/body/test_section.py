@@ -47,7 +47,7 @@ def brute_force(corners, centre, count=40001):
 
 
 def test_flat_ground_is_one_whole_patch():
-    (patch,) = patches(flat(), upright(0.3, R - 0.006), R)
+    (patch,) = patches(flat(), upright(0.3, R - 0.006), R, [1.0])
     assert (patch.share, patch.tilt) == (1.0, 0.0)
     assert patch.h == pytest.approx(0.006, abs=1e-15)
 
@@ -56,17 +56,30 @@ def test_flat_ground_is_one_whole_patch():
 def test_a_slope_is_one_whole_patch_at_any_heading(yaw):
     terrain = incline(math.radians(12.0), start=-5.0)
     height = float(terrain.height(0.3, 0.0)) + 0.95 * R
-    found = patches(terrain, upright(0.3, height, yaw), R)
+    found = patches(terrain, upright(0.3, height, yaw), R, [1.0])
     assert [patch.share for patch in found] == [1.0]
     assert found[0].facet.normal == pytest.approx(terrain.normal(0.3, 0.0))
+
+
+@settings(max_examples=60, deadline=None)
+@given(cut=st.floats(-0.02, 0.02), h=st.floats(1e-4, 0.02), n=st.floats(0.3, 1.6))
+def test_parts_of_a_plane_add_up_to_the_plane(cut, h, n):
+    """For any exponent: one sinkage, shares that add up to 1, leans that cancel."""
+    split = Lanes((Profile(np.array([-1.0, cut - 0.011, cut, cut + 0.007, 1.0]), np.zeros(5)),))
+    found = patches(split, upright(0.0, R - h), R, [n])
+    assert [patch.h for patch in found] == pytest.approx([h] * len(found))
+    assert sum(patch.share for patch in found) == pytest.approx(1.0, rel=1e-9)
+    assert sum(patch.turn for patch in found) == pytest.approx(1.0, rel=1e-9)
+    assert sum(patch.tilt for patch in found) == pytest.approx(0.0, abs=1e-9)
+    assert max(patch.depth for patch in found) == pytest.approx(h)
 
 
 @settings(max_examples=60, deadline=None)
 @given(cut=st.floats(-0.02, 0.02), h=st.floats(1e-4, 0.02))
 def test_a_corner_that_is_no_corner_changes_nothing(cut, h):
     split = Lanes((Profile(np.array([-1.0, cut, 1.0]), np.zeros(3)),))
-    found = patches(split, upright(0.0, R - h), R)
-    whole = patches(flat(), upright(0.0, R - h), R)
+    found = patches(split, upright(0.0, R - h), R, [1.0])
+    whole = patches(flat(), upright(0.0, R - h), R, [1.0])
     assert resultant(found) == pytest.approx(resultant(whole), rel=1e-9, abs=1e-12)
 
 
@@ -76,7 +89,7 @@ def test_a_lip_is_the_arc_integral(wall, x):
     corners = np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, -math.tan(math.radians(wall))]])
     terrain = Lanes((Profile(corners[:, 0], corners[:, 1]),))
     centre = np.array([x, R - 0.008])
-    found = resultant(patches(terrain, upright(*centre), R))
+    found = resultant(patches(terrain, upright(*centre), R, [1.0]))
     assert found[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
 
 
@@ -84,7 +97,7 @@ def test_floor_and_wall_are_two_patches():
     corners = np.array([[-1.0, 0.0], [0.0, 0.0], [0.5, 0.5]])
     terrain = Lanes((Profile(corners[:, 0], corners[:, 1]),))
     centre = np.array([-0.017, R - 0.004])
-    found = patches(terrain, upright(*centre), R)
+    found = patches(terrain, upright(*centre), R, [1.0])
     assert len(found) == 2
     assert resultant(found)[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
 
@@ -95,7 +108,7 @@ def test_forces_are_continuous_along_a_ditch(wall, depth):
     terrain = ditch(wall_angle=math.radians(wall))
 
     def largest_jump(count):
-        path = [resultant(patches(terrain, upright(x, R - depth), R)) for x in np.linspace(0.4, 0.8, count)]
+        path = [resultant(patches(terrain, upright(x, R - depth), R, [1.0])) for x in np.linspace(0.4, 0.8, count)]
         return np.abs(np.diff(path, axis=0)).max() / np.abs(path).max()
 
     assert largest_jump(8001) < 0.6 * largest_jump(4001)
@@ -105,16 +118,16 @@ def test_forces_are_continuous_along_a_ditch(wall, depth):
 @given(x=st.floats(0.4, 0.8), z=st.floats(R - 0.05, R))
 def test_a_ditch_mirrored_end_to_end_gives_mirrored_forces(x, z):
     terrain, middle = ditch(wall_angle=math.radians(50.0)), 0.6
-    there = resultant(patches(terrain, upright(x, z), R))
-    back = resultant(patches(terrain, upright(2 * middle - x, z), R))
+    there = resultant(patches(terrain, upright(x, z), R, [1.0]))
+    back = resultant(patches(terrain, upright(2 * middle - x, z), R, [1.0]))
     assert back == pytest.approx(there * [-1.0, 1.0, 1.0], rel=1e-7, abs=1e-12)
 
 
 def test_a_level_height_grid_is_flat_ground():
     grid = HeightGrid(-1.0, -1.0, 0.1, 0.1, np.zeros((21, 21)))
     frame = upright(0.033, R - 0.007, 0.4)
-    assert resultant(patches(grid, frame, R)) == pytest.approx(resultant(patches(flat(), frame, R)), rel=1e-9)
+    assert resultant(patches(grid, frame, R, [1.0])) == pytest.approx(resultant(patches(flat(), frame, R, [1.0])), rel=1e-9)
 
 
 def test_a_wheel_in_the_air_has_no_patch():
-    assert patches(ditch(), upright(0.3, R + 1e-9), R) == []
+    assert patches(ditch(), upright(0.3, R + 1e-9), R, [1.0]) == []

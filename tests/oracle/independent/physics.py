@@ -208,15 +208,16 @@ class Physics:
         f_n, factor = soils.load_and_factor(S, pieces.h, soil, world.r, world.b)
         f_n = f_n * np.maximum(0.0, 1.0 + world.damping * approach)
         f_t = factor * f_n - world.resistance * f_n * v / np.hypot(v, world.resistance_speed)
-        f_y = self.side_force(S_y, f_n, pieces.h)
+        f_y = self.side_force(S_y, f_n, f_t, pieces.h)
         return Load(f_t, f_y, f_n, factor * world.r * f_n, S, along_rate, across_rate)
 
-    def side_force(self, S_y, f_n, h):
+    def side_force(self, S_y, f_n, f_t, h):
         world, soil = self.world, self.world.soil
         length = world.r * (1.0 + soil.exit_ratio) * soils.entry_angle(h, world.r)
         j = 0.5 * S_y * length
         strength = soil.c * world.b * length + f_n * np.tan(soil.phi)
-        return -np.sign(j) * world.side * strength * (1.0 - np.exp(-np.abs(j) / soil.k))
+        left = np.sqrt(np.maximum(strength**2 - f_t**2, (0.05 * strength) ** 2))
+        return -np.sign(j) * world.side * left * (1.0 - np.exp(-np.abs(j) / soil.k))
 
 
 def dot(a, b):
