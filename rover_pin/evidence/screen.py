@@ -51,6 +51,13 @@ class Screened(NamedTuple):
         """Name of the effect."""
         return type(self.effect).__name__
 
+    @property
+    def shows_from(self) -> str:
+        """The smallest size that these data would show, in words: linear in the default size."""
+        sizes = self.effect.neutral.items()
+        moved = {name: zero + self.smallest * (float(getattr(self.effect, name)) - zero) for name, zero in sizes}
+        return f"{self.name} from about " + ", ".join(f"{name} = {size:.2g}" for name, size in moved.items())
+
 
 def screen(setting: Setting, base: RigFit, kinds: Sequence[type[Effect]]) -> list[Screened]:
     """Return every candidate that the model does not have yet, the most promising first."""

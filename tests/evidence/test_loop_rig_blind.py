@@ -34,14 +34,22 @@ def verdict_of(folder, effect, seed, severity=1.0):
 
 @pytest.mark.slow
 def test_hidden_effects_are_named_or_within_the_stated_set(tmp_path):
-    wrong = []
+    """A miss counts where the true effect, refitted, gains more than the best of all candidates would by chance."""
+    wrong, missed, hidden_well = [], [], []
     for effect, name in IS.items():
         for seed in range(4):
             verdict = verdict_of(tmp_path / f"{effect}{seed}", effect, seed, severity=(1.0, 0.5)[seed // 2])
-            if verdict.answer not in (Answer.NAMED, Answer.SET) or name not in " ".join(verdict.alike):
-                wrong.append((effect, seed, verdict.answer.name, verdict.alike, round(verdict.before.misfit, 2)))
-    print(f"{len(wrong)} of {4 * len(IS)} not named: {wrong}")
-    assert len(wrong) <= 1, wrong
+            told = verdict.answer in (Answer.NAMED, Answer.SET)
+            detectable = any(one.name == name and one.net > 0 for one in verdict.singles.ranked)
+            case = (effect, seed, verdict.answer.name, verdict.alike, round(verdict.before.misfit, 2))
+            if told and name not in " ".join(verdict.alike):
+                wrong.append(case)
+            elif not told:
+                (missed if detectable else hidden_well).append(case)
+    print(f"of {4 * len(IS)}: wrong {wrong}, missed {missed}, too small to see {hidden_well}")
+    assert wrong == []
+    assert missed == []
+    assert len(hidden_well) <= 3
 
 
 @pytest.mark.slow
