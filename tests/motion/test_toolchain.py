@@ -33,7 +33,7 @@ def test_a_folder_that_cannot_be_written_is_no_obstacle(tmp_path, monkeypatch):
 
 def test_no_compiler_is_said(monkeypatch):
     monkeypatch.setattr(toolchain, "compiler", lambda: None)
-    with pytest.raises(MissingExtraError, match=r"install gcc or clang, or `pip install rover-pin\[compiler\]`"):
+    with pytest.raises(MissingExtraError, match=r"install gcc or clang, or the package `ziglang`"):
         toolchain.shared_library(SOURCE, "twice")
 
 

@@ -144,7 +144,9 @@ def test_a_scheduler_without_workers_is_told(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "address", [f"tcp://127.0.0.1:{free_port()}", "127.0.0.1", "nonsense://x", "tcp://127.0.0.1:no"]
+    "address",
+    [f"tcp://127.0.0.1:{free_port()}", "127.0.0.1", "nonsense://x", "tcp://127.0.0.1:no"],
+    ids=["nobody listens", "no port", "no such protocol", "port is no number"],
 )
 def test_a_scheduler_that_does_not_answer_is_told_soon(tmp_path, address):
     pytest.importorskip("distributed")
