@@ -153,7 +153,7 @@ class Physics:
         arm = -r * pieces.inward
         moment = cross(arm, load.f_y[:, None] * side + load.f_n[:, None] * n)
         moment -= dot(moment, axle)[:, None] * axle
-        moment = share * (moment - load.torque[:, None] * axle)
+        moment = share * moment - pieces.turn[:, None] * load.torque[:, None] * axle
         force = np.einsum("pij,pi->j", to_velocity[w], push) + np.einsum("pij,pi->j", to_spin[w], moment)
         weight = np.maximum(pieces.share * load.f_n, 1e-12)
         total = np.bincount(w, weight, N)
@@ -167,7 +167,7 @@ class Physics:
             "normal": np.bincount(w, pieces.share * load.f_n, N),
             "tangential": np.bincount(w, pieces.share * load.f_t, N),
             "lateral": np.bincount(w, pieces.share * load.f_y, N),
-            "sinkage": np.where(air, 0.0, np.array([pieces.h[w == i].max() for i in range(N)])),
+            "sinkage": np.where(air, 0.0, np.array([pieces.deepest[w == i].max() for i in range(N)])),
         }
         return force, mean(load.along_rate), mean(load.across_rate)
 
@@ -180,7 +180,7 @@ class Physics:
         up = np.array([0.0, 0.0, 1.0]) - axle[air][:, 2:] * axle[air]
         up /= np.linalg.norm(up, axis=1)[:, None]
         count = int(air.sum())
-        none = Pieces(np.flatnonzero(air), np.full(count, 1e-9), np.ones(count), np.zeros(count), up, up)
+        none = Pieces(np.flatnonzero(air), *np.full((2, count), 1e-9), *np.zeros((3, count)), up, up)
         return Pieces(*(np.concatenate(parts) for parts in zip(found, none, strict=True))), air
 
     def blended(self, t, state, pieces, speeds, centre):

@@ -1,8 +1,8 @@
 """The contact of wheels with polylines of ground, by sums over many points of each rim.
 
 Every rim point belongs to the straight piece of ground between whose corner bisectors it lies, and is as deep as it is
-below that piece's line. A piece presses on the wheel like a whole wheel sunk as deep as its deepest point, times the
-share that the sum of depth x cosine has of that whole wheel's; the sum of depth x sine leans the push.
+below that piece's line. A piece presses on the wheel like a whole wheel sunk into its plane, times the share that the
+sum of depth x cosine has of that whole wheel's; the sum of depth x sine leans the push, that of depth alone turns.
 """
 
 from typing import NamedTuple
@@ -60,8 +60,10 @@ class Pieces(NamedTuple):
 
     wheel: np.ndarray
     h: np.ndarray
+    deepest: np.ndarray
     share: np.ndarray
     lean: np.ndarray
+    turn: np.ndarray
     normal: np.ndarray
     inward: np.ndarray
     "unit normal of the cut within the wheel's plane, in the world"
@@ -103,19 +105,21 @@ class Rim:
         run, rise = heading * (s[:, 1:] - s[:, :-1]), heading * (t[:, 1:] - t[:, :-1])
         length = np.hypot(run, rise)
         across = np.stack([-rise / length, run / length])
-        h, total, leaning = self._sums(s, t, across, heading)
+        deepest, total, leaning, turning = self._sums(s, t, across, heading)
+        h = s[:, :-1] * across[0] + t[:, :-1] * across[1] + self.r
         reached = (np.maximum(s[:, 1:], s[:, :-1]) >= -self.r) & (np.minimum(s[:, 1:], s[:, :-1]) <= self.r)
-        keep = reached & (h > 1e-12 * self.r) & (total > 0.0)
+        keep = reached & (deepest > 1e-12 * self.r)
         wheel, piece = np.nonzero(keep)
         h = np.minimum(h[keep], 0.98 * self.r)
-        whole = self.whole(h)
+        whole, at = self.whole(h), np.arccos(1.0 - h / self.r)
+        turn = turning[keep] / (2.0 * (np.sin(at) - at * np.cos(at)))
         dx, dz = x[wheel, piece + 1] - x[wheel, piece], z[wheel, piece + 1] - z[wheel, piece]
         normal = np.stack([-dz, np.zeros(len(wheel)), dx], axis=1) / np.hypot(dx, dz)[:, None]
         inward = across[0][keep][:, None] * forward[wheel] + across[1][keep][:, None] * up[wheel]
-        return Pieces(wheel, h, total[keep] / whole, leaning[keep] / whole, normal, inward)
+        return Pieces(wheel, h, deepest[keep], total[keep] / whole, leaning[keep] / whole, turn, normal, inward)
 
     def _sums(self, s, t, across, heading):
-        """Return deepest point, sum of depth x cosine, sum of depth x sine of each piece [wheels, pieces]."""
+        """Return deepest point and the sums of depth x cosine, depth x sine, depth of each piece [wheels, pieces]."""
         n_s, n_t = across[0][:, :, None], across[1][:, :, None]
         toward = n_s * self.point[0] + n_t * self.point[1]
         depth = (s[:, :-1] * across[0] + t[:, :-1] * across[1])[:, :, None] - toward
@@ -130,4 +134,5 @@ class Rim:
         inside = np.where(weight > 0.0, depth, 0.0)
         pressed = weight * inside * (self.gap / self.r**2)
         sine = n_t * self.point[0] - n_s * self.point[1]
-        return inside.max(axis=2), -np.sum(pressed * toward, axis=2), np.sum(pressed * sine, axis=2)
+        sums = (-np.sum(pressed * toward, axis=2), np.sum(pressed * sine, axis=2), self.r * np.sum(pressed, axis=2))
+        return inside.max(axis=2), *sums
