@@ -9,12 +9,19 @@ Method
     radius and alert are tuned by differential evolution on the full rover over a training ensemble, at the duty 0.55 of
     the paper; then 36 held-out drives of 100 s, drawn from another seed: ditches with walls of 30 to 65 deg, inclines
     of 6 to 18 deg, k from 3 to 32 mm, half of them with 5 to 40 % strength lost past the peak. A ditch is passed when
-    the base is 0.25 m behind its far lip, an incline when the rover still moves at the end.
+    the base comes 0.25 m behind its far lip, an incline when it comes 1 m up.
     For what no straight control passes: the steepest grade by max F(S) for inclines, and for ditches duty profiles of
     every axle (three stretches, forwards and backwards, up to full duty) that know the whole ground, found by
     differential evolution.
 Result
-    RESULT
+    Tacking (heading 34 deg, radius 0.58 m, alert 7.9 deg) passes 17 of the 24 held-out ditches; constant duty 10 at
+    0.55 and at 1, the paper's law by Eq 9 7 with hand-set and 9 with tuned gains, by the true slip none. With full duty
+    while climbing: 7 wins, 0 losses, 29 ties against constant duty of either height, 10/0/26 against Eq 9, 8/0/28
+    against Eq 9 tuned. At duty 0.55 throughout it loses one incline of 12, which it comes up 0.96 m instead of 1 m.
+    Inclines: all pass the same 7 of 12; the other 5 are steeper than any straight duty can climb (max F less the
+    resistance). Of the 14 ditches that no straight control passes, no profile of axle duties found passes one either
+    (20 tried each: the best found, no proof); tacking passes 7. The 8 drives with different outcomes end within 10 mm
+    of the same place at half the step.
 What the paper says
     "The proposed slip control ... was successfully demonstrated to traverse over a ditch, which was not done without".
 What differs
@@ -38,7 +45,7 @@ from scipy.optimize import differential_evolution
 
 from rover_pin import plot
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.drive_score import STUCK_SPEED, Cost, Score, score_trace
+from rover_pin.control.drive_score import Cost, Score, score_trace
 from rover_pin.control.evaluations import Evaluations
 from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains, SlipControl
@@ -55,7 +62,8 @@ from rover_pin.soil.traction import load_traction_factor
 
 TRAINING, HELD_OUT, BOUND = 50.0, 100.0, 60.0
 """Durations [s]: a rover that crawls at a wall gets its time."""
-BEHIND = 0.95
+GOAL = {"ditch": 0.95, "incline": 1.5}
+"""Where the base must come [m]: 0.25 m behind the ditch, 1 m up the incline."""
 BOUNDS = {
     "heading": (math.radians(10), math.radians(60)),
     "radius": (0.4, 1.5),
@@ -63,8 +71,14 @@ BOUNDS = {
 }
 OWN = ("tacking", "tacking, full duty")
 CONTROLS = ("constant 0.55", "constant 1", "paper, Eq 9", "paper, Eq 9, tuned", "paper, true slip", *OWN)
-TUNED = Gains(S_d=0.8319, k_p=0.05983, k_i=1.407)
-"""What studies/tune_gains.py finds."""
+TUNED = Gains(S_d=0.8558, k_p=0.03928, k_i=0.2037)
+"""What studies/tune_gains.py finds for Eq 9."""
+LOOKS = {
+    (True, True): ("tacking and constant 0.55 pass", "o", 0),
+    (True, False): ("tacking only", "*", 2),
+    (False, True): ("constant 0.55 only", "v", 1),
+    (False, False): ("neither", "x", 3),
+}
 STRETCHES = 3
 """Duties of an axle in an open-loop profile."""
 
@@ -112,12 +126,11 @@ def controller(case: DriveCase, name: str, law: Tacking) -> Any:
 
 
 def judged(case: DriveCase, name: str, law: Tacking) -> list[float]:
-    """Return Score, x at the end, time behind the obstacle (nan: never), whether passed."""
+    """Return Score, x at the end, and when the goal was reached (nan: never)."""
     trace = drive(case, controller(case, name, law), symmetric=not name.startswith("tacking"))
     score = score_trace(trace, built(case).model, built(case).duration)
-    behind = trace.t[trace["body_x"] > BEHIND]
-    passed = bool(len(behind)) if case.scenario == "ditch" else not score.stuck
-    return [*score, float(trace["body_x"][-1]), float(behind[0]) if len(behind) else math.nan, float(passed)]
+    there = trace.t[trace["body_x"] > GOAL[case.scenario]]
+    return [*score, float(trace["body_x"][-1]), float(there[0]) if len(there) else math.nan]
 
 
 def tuned(evaluations: Evaluations, training: tuple[DriveCase, ...], population: int, generations: int) -> Tacking:
@@ -145,9 +158,9 @@ def compared(evaluations: Evaluations, cases: tuple[DriveCase, ...], law: Tackin
     jobs = [(case, name, law) for name in CONTROLS for case in cases]
     found = evaluations.run("held-out drives", judged, jobs)
     rows = [(case.name, case.scenario, name, *each) for (case, name, _), each in zip(jobs, found, strict=True)]
-    columns = ["drive", "kind", "control", *Score._fields, "end_x", "out_s", "passed"]
+    columns = ["drive", "kind", "control", *Score._fields, "end_x", "goal_s"]
     table = pd.DataFrame(rows, columns=columns)
-    return table.assign(passed=table.passed > 0.5)
+    return table.assign(passed=table.end_x > table.kind.map(GOAL))
 
 
 class Profile:
@@ -177,12 +190,12 @@ def bounded(evaluations: Evaluations, cases: list[DriveCase], population: int, g
             rows.append((case.name, "steepest grade by max F [deg]", grade, grade > asked))
         else:
             best = best_profile(evaluations, case, population, generations)
-            rows.append((case.name, "farthest x of any profile tried [m]", best, best > BEHIND))
+            rows.append((case.name, "farthest x of any profile tried [m]", best, best > GOAL["ditch"]))
     return pd.DataFrame(rows, columns=["drive", "bound", "value", "passable"])
 
 
 def steepest(case: DriveCase) -> float:
-    """Return the grade [deg] beyond which no duty keeps STUCK_SPEED: all wheels at the peak of F, less resistance."""
+    """Return the grade [deg] beyond which no duty goes 1 m in time: all wheels at the peak of F, less resistance."""
     model = built(case).model
     law = model.effect(SoilTraction)
     S = np.linspace(0.0, 1.0, 201)
@@ -191,7 +204,8 @@ def steepest(case: DriveCase) -> float:
         past = model.effect(PostPeak)
         F = F * (1.0 - past.fraction * (1.0 - np.exp(-((S / past.S_w) ** 2))))
     resistance = model.effect(MotionResistance)
-    held_back = float(resistance.R) * STUCK_SPEED / math.hypot(STUCK_SPEED, float(resistance.v_0))
+    slowest = 1.0 / HELD_OUT
+    held_back = float(resistance.R) * slowest / math.hypot(slowest, float(resistance.v_0))
     return math.degrees(math.atan(float(np.max(F)) - held_back))
 
 
@@ -236,37 +250,27 @@ def report(results: pd.DataFrame, law: Tacking, bounds: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
+def outcomes(axis: Any, kind: str, cases: tuple[DriveCase, ...], passed: pd.DataFrame) -> None:
+    """Draw who passes which drives of a kind, over k and the angle of the ground."""
+    spots: dict[tuple[bool, bool], list[tuple[float, float]]] = {pair: [] for pair in LOOKS}
+    for case in (each for each in cases if each.scenario == kind):
+        angle = next(float(value) for name, value in case.settings if name.endswith("angle_deg"))
+        pair = bool(passed.loc[case.name, "tacking"]), bool(passed.loc[case.name, "constant 0.55"])
+        spots[pair].append((1e3 * dict(case.settings)["soil.k"], angle))
+    for pair, (label, mark, colour) in LOOKS.items():
+        if spots[pair]:
+            axis.plot(*np.transpose(spots[pair]), mark, color=plot.COLOURS[colour], ms=9, label=label)
+    axis.set(xlabel="k [mm]", ylabel="wall or incline [deg]", xscale="log", title=f"held-out drives: {kind}")
+    axis.legend(fontsize=8)
+    axis.grid(alpha=0.3)
+
+
 def figure(results: pd.DataFrame, cases: tuple[DriveCase, ...], law: Tacking, out: Path) -> None:
     """Draw who passes what, and one rescued drive beside the same without control."""
     sheet, axes = plot.new_figure(1, 3, size=(15.0, 4.6))
     passed = results.pivot(index="drive", columns="control", values="passed")
-    for axis, kind, key in ((axes[0], "ditch", "terrain.wall_angle_deg"), (axes[1], "incline", "terrain.angle_deg")):
-        marks: dict[str, list[tuple[float, float]]] = {
-            "all pass": [],
-            "tacking only": [],
-            "straight only": [],
-            "none": [],
-        }
-        for case in (each for each in cases if each.scenario == kind):
-            own, paper = passed.loc[case.name, "tacking"], passed.loc[case.name, "constant 0.55"]
-            word = {(True, True): "all pass", (True, False): "tacking only", (False, True): "straight only"}.get(
-                (own, paper), "none"
-            )
-            settings = dict(case.settings)
-            marks[word].append((1e3 * settings["soil.k"], settings[key]))
-        for (word, spots), (mark, colour) in zip(marks.items(), ("o0", "*2", "v1", "x3"), strict=True):
-            if spots:
-                axis.plot(
-                    *np.transpose(spots), mark, color=plot.COLOURS[int(colour)], ms=10 if mark == "*" else 7, label=word
-                )
-        axis.set(
-            xlabel="k [mm]",
-            ylabel="wall [deg]" if kind == "ditch" else "incline [deg]",
-            xscale="log",
-            title=f"held-out drives: {kind}",
-        )
-        axis.legend(fontsize=8)
-        axis.grid(alpha=0.3)
+    for axis, kind in zip(axes, GOAL, strict=False):
+        outcomes(axis, kind, cases, passed)
     won = [case for case in cases if passed.loc[case.name, "tacking"] and not passed.loc[case.name, "constant 0.55"]]
     shown = (won or list(cases))[0]
     for name, colour in zip(
@@ -278,7 +282,7 @@ def figure(results: pd.DataFrame, cases: tuple[DriveCase, ...], law: Tacking, ou
             right = axes[2].twinx()
             right.plot(trace.t, np.degrees(trace["body_yaw"]), color=colour, ls=":")
             right.set_ylabel("yaw of tacking [deg] (dotted)")
-    axes[2].axhline(BEHIND, color="black", lw=0.6)
+    axes[2].axhline(GOAL[shown.scenario], color="black", lw=0.6)
     axes[2].set(xlabel="t [s]", ylabel="x of the base [m]", title=shown.name)
     axes[2].legend(fontsize=8)
     plot.save(sheet, out / "beyond_the_paper.png")

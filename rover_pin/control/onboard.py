@@ -33,10 +33,10 @@ class Tacking(Record):
     Source: none; found with the package's own optimisation (studies/beyond_the_paper.py).
     """
 
-    heading: Scalar = quantity(math.radians(35.0), "rad", "tuned", 0.0, math.radians(80.0), "psi")
-    radius: Scalar = quantity(0.5, "m", "tuned", 0.4, 100.0, "R")
+    heading: Scalar = quantity(math.radians(34.0), "rad", "tuned", 0.0, math.radians(80.0), "psi")
+    radius: Scalar = quantity(0.58, "m", "tuned", 0.4, 100.0, "R")
     gain: Scalar = quantity(4.0, "1/m", "assumed: full lock at 30 deg off", 0.0, 100.0)
-    alert: Scalar = quantity(math.radians(5.0), "rad", "tuned: bogies fold by 10 deg and more in a ditch", 0.0, 1.0)
+    alert: Scalar = quantity(math.radians(7.9), "rad", "tuned: bogies fold by 10 deg and more in a ditch", 0.0, 1.0)
     calm: Scalar = quantity(6.0, "s", "assumed: a rover's length at 0.05 m/s", 0.0, 1e3)
     delta: Scalar = quantity(0.55, "", "paper, section 5", 0.0, 1.0, "delta")
     delta_climb: Scalar = quantity(0.55, "", "the duty without control", 0.0, 1.0)
