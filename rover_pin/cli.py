@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from rover_pin.errors import ParameterError, RoverPinError
+from rover_pin.errors import RoverPinError
 from rover_pin.parameters import soil_named
+from rover_pin.terminal import assignments, priors, progress, report
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 
@@ -152,7 +152,7 @@ def bounds(
     from rover_pin.soil.traction import form_named
 
     own, ground, g = load_rover(rover), soil_named(soil), gravity_named(gravity)
-    limit, motor = TractionLimit(slip, form_named(form)), nexus6_motor(load_rover("nexus6"))
+    limit, motor = TractionLimit(slip, form_named(form)), nexus6_motor()
     result = bounds_report(own, ground, math.radians(slope_deg), g, limit, motor)
     if as_json:
         report(result, as_json)
@@ -182,6 +182,26 @@ def identify(
     print(json_text(found.as_dict()) if as_json else found.report())
 
 
+@app.command("close-loop")
+def close_loop(
+    data: Annotated[Path, typer.Argument(help="A wheel-rig set: folder with rig.toml.")],
+    model: Annotated[Path | None, typer.Option(help="Model file to start from, as an earlier run wrote it.")] = None,
+    effects: Annotated[Path | None, typer.Option(help="Your own effect's .py file, or a folder of them.")] = None,
+    out: Out = Path("out/close_loop"),
+    as_json: AsJson = False,
+) -> None:
+    """Find the effect that the model lacks, add it, and report the error before and after."""
+    from rover_pin.evidence.loop import close_the_loop
+    from rover_pin.evidence.model_file import read_model
+
+    start = None if model is None else read_model(model)
+    say = (lambda said: None) if as_json else (lambda said: print(said, file=sys.stderr))
+    verdict = close_the_loop(data, start, effects, out, say)
+    print(
+        json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nreport: {out / 'report.html'}"
+    )
+
+
 @app.command()
 def tune(
     study: Annotated[Path, typer.Argument(help="A tuning study's TOML file.")],
@@ -198,91 +218,6 @@ def tune(
             print(f"{name}: {done} of {total}", file=sys.stderr)
 
     report(tune_gains(read_tuning(study), out, stage, workers or None).summary(), as_json)
-
-
-def priors(words: Iterable[str]) -> dict[str, Any]:
-    """Return NAME=MEAN:SD words as priors by name."""
-    from rover_pin.evidence.problem import Prior
-
-    found = {}
-    for word in words:
-        name, _, value = word.partition("=")
-        mean, _, sd = value.partition(":")
-        try:
-            found[name] = Prior(float(mean), float(sd))
-        except ValueError:
-            raise ParameterError(f"--prior {word}: write it as NAME=MEAN:SD, as --prior n=1.1:0.1.") from None
-    return found
-
-
-def assignments(words: Iterable[str]) -> dict[str, Any]:
-    """Return NAME=VALUE words as a dict; numbers as numbers."""
-    found: dict[str, Any] = {}
-    for word in words:
-        name, sign, value = word.partition("=")
-        if not sign:
-            raise ParameterError(f"--set {word}: write it as NAME=VALUE, as --set soil.k=0.01.")
-        try:
-            found[name] = float(value)
-        except ValueError:
-            found[name] = value
-    return found
-
-
-def report(result: Mapping[str, Any], as_json: bool) -> None:
-    """Print a result as a short table, or as one JSON object."""
-    if as_json:
-        print(json_text(result))
-        return
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(show_header=False, box=None)
-    for name, value in result.items():
-        table.add_row(name.replace("_", " "), shown(value))
-    Console().print(table)
-
-
-def json_text(result: Mapping[str, Any]) -> str:
-    """Return a result as strict JSON: a number that is not finite becomes null."""
-
-    def strict(value: Any) -> Any:
-        if isinstance(value, Mapping):
-            return {str(name): strict(each) for name, each in value.items()}
-        if isinstance(value, (list, tuple)):
-            return [strict(each) for each in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    return json.dumps(strict(result), default=str, allow_nan=False)
-
-
-def shown(value: Any) -> str:
-    """Return a value as the table shows it."""
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, Mapping):
-        return ", ".join(f"{name} {shown(each)}" for name, each in value.items())
-    if isinstance(value, (list, tuple)):
-        return "\n".join(shown(each) for each in value)
-    return str(value)
-
-
-class progress:
-    """A progress bar over simulated seconds on a terminal; nothing where it would clutter."""
-
-    def __init__(self, what: str, total: float, silent: bool):
-        from rich.console import Console
-        from rich.progress import Progress
-
-        self.bar = Progress(console=Console(stderr=True), transient=True, disable=silent or not sys.stderr.isatty())
-        self.task = self.bar.add_task(what, total=total)
-
-    def __enter__(self) -> Callable[[float], None]:
-        self.bar.start()
-        return lambda done: self.bar.update(self.task, completed=done)
-
-    def __exit__(self, *_: object) -> None:
-        self.bar.stop()
 
 
 if __name__ == "__main__":

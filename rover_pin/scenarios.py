@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.body import shapes
-from rover_pin.body.rover import Rover, load_rover
+from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.body.terrain_files import from_grid, from_polyline
 from rover_pin.contact import Soil
 from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.gains_file import load_gains
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
 from rover_pin.control.steering import Turn
@@ -133,8 +134,10 @@ SCENES: dict[str, Scene] = {
 }
 
 
-def nexus6_motor(rover: Rover) -> Motor:
-    """Return the assumed motor, calibrated so that duty 0.55 gives 0.05 m/s on Table 1's sand on Earth."""
+@lru_cache(maxsize=1)
+def nexus6_motor() -> Motor:
+    """Return the assumed motor, calibrated so that duty 0.55 drives Nexus 6 at 0.05 m/s on Table 1's sand on Earth."""
+    rover = load_rover("nexus6")
     wheel = rover.wheels[0].wheel
     load = EARTH * rover.mass / len(rover.wheels)
     factor = load_traction_factor(CRUISE_SLIP, Soil(), wheel, TorqueTraction())
@@ -159,8 +162,8 @@ def scenario(name: str, **settings: Any) -> Scenario:
         `rover`, `soil` (a name of SOILS), `soil.FIELD`, `terrain.ARGUMENT` (`terrain.path` of a file),
         `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor.FIELD`, `gravity` (name or m/s^2),
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
-        `effect.CLASS.FIELD`, `control` (none, eq9, true, turn, point-turn), `control.FIELD`, `start.FIELD`,
-        `duration`, `dt` [s]. A `_deg` behind any angle reads degrees.
+        `effect.CLASS.FIELD`, `control` (none, eq9, true, turn, point-turn), `control.FIELD`,
+        `control.gains` (a file of tuned gains), `start.FIELD`, `duration`, `dt` [s]. A `_deg` behind any angle reads degrees.
 
     Raises
     ------
@@ -256,7 +259,7 @@ def _model(scene: Scene, asked: Settings) -> Model:
     soil = asked.choice("soil", "table-1", SOILS)
     soil = soil.replace(**asked.group("soil", fields_of(soil)))
     terrain = _terrain(scene, asked)
-    motor = nexus6_motor(load_rover("nexus6"))
+    motor = nexus6_motor()
     motor = motor.replace(**asked.group("motor", fields_of(motor)))
     form = asked.choice("form", "torque", FORMS)
     angles = asked.choice("angles", "fixed", {"fixed": FixedAngles(), "sinkage": SinkageAngles()})
@@ -286,7 +289,8 @@ def _controller(model: Model, asked: Settings) -> Controller:
     if kind in ("turn", "point-turn"):
         default = {"radius": 0.0} if kind == "point-turn" else {}
         return Turn.of(model.rover, **{**default, **asked.numbers("control", ("radius", "delta"))})
-    gains = Gains(**asked.group("control", fields_of(Gains)))
+    file = asked.take("control.gains", None)
+    gains = (Gains() if file is None else load_gains(str(file))).replace(**asked.group("control", fields_of(Gains)))
     wheel = model.rover.wheels[0].wheel
     estimate = TrueSlip() if kind == "true" else TableEstimate(nexus6_table(), float(wheel.r))
     return SlipControl(gains, estimate, TorqueLimit.saturation(model))

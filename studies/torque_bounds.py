@@ -49,7 +49,7 @@ from rover_pin.scenarios import nexus6_motor
 from rover_pin.soil.traction import FORMS
 
 ROVER = load_rover("nexus6")
-MOTOR = nexus6_motor(ROVER)
+MOTOR = nexus6_motor()
 S_LIM = 0.2
 SETS = {"table-1": "tab:blue", "literature-sand": "tab:orange", "hit-lss1": "tab:green", "fjs-1": "tab:red"}
 ON_SLOPE = "literature-sand"

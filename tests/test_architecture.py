@@ -14,7 +14,7 @@ LONGEST = 300
 
 GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file")
 ROOMS = ("ground", "parameters", "soil", "effects", "body", "motion", "control", "evidence",
-         "scenarios", "plot", "sweep", "tuning", "cli")  # fmt: skip
+         "scenarios", "plot", "sweep", "tuning", "terminal", "cli")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.
 
 `scenarios`, `plot`, `sweep` have this order among themselves: figures and sweeps are made of ready-made drives.

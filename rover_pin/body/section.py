@@ -7,6 +7,7 @@ its neighbours, so that patches tile the arc: one on flats and slopes, two at a 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.control.drive_score import Cost, Score
+from rover_pin.control.gains_file import save_gains
 from rover_pin.control.slip_control import Gains
-from rover_pin.control.tuning_study import ESTIMATES, TuningStudy, save_gains
+from rover_pin.control.tuning_study import ESTIMATES, TuningStudy
 from rover_pin.plot import write_csv
 
 ALIKE = 1e-3

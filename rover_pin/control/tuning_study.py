@@ -13,7 +13,7 @@ from rover_pin.control.drive_score import Cost
 from rover_pin.control.slip_control import Gains
 from rover_pin.errors import ParameterError, closest
 from rover_pin.quantity import quantities, record_from
-from rover_pin.toml_file import read_toml, toml_text
+from rover_pin.toml_file import read_toml
 
 ESTIMATES = ("true", "eq9")
 """The slip of Eq (1) itself, or the paper's estimate, Eq (9)."""
@@ -208,27 +208,3 @@ def _flat(entry: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     for name, value in entry.items():
         flat += _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else [(f"{prefix}{name}", value)]
     return flat
-
-
-def save_gains(gains: Gains, path: str | Path, about: str = "") -> Path:
-    """Write gains as a TOML file, one `name = value` a line; `about` becomes a comment."""
-    path = Path(path)
-    text = toml_text({name: float(value) for name, value in gains.values().items()})
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.part")
-    part.write_text("".join(f"# {line}\n" for line in about.splitlines()) + text, encoding="utf-8")
-    part.replace(path)
-    return path
-
-
-def load_gains(path: str | Path) -> Gains:
-    """Return the gains of a TOML file; those that it does not name keep their defaults.
-
-    Raises
-    ------
-    DataError
-        A file that is missing or not TOML.
-    ParameterError
-        An unknown gain, with the close ones, or a value out of its bounds.
-    """
-    return record_from(Gains, read_toml(path), str(path))

@@ -12,7 +12,6 @@ from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
 from rover_pin.soil.angles import SinkageAngles
 
-
 LEAST_SHARE = 0.05
 """Share of the strength that is left for f_y however large f_t is: keeps the root smooth."""
 

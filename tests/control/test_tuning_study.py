@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin.control.gains_file import load_gains, save_gains
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.tuning_ensemble import random_drives
-from rover_pin.control.tuning_study import DriveCase, Effort, TuningStudy, load_gains, placed, read_tuning, save_gains
+from rover_pin.control.tuning_study import DriveCase, Effort, TuningStudy, placed, read_tuning
 from rover_pin.errors import DataError, ParameterError
 
 EXAMPLE = Path(__file__).parents[2] / "studies" / "tune_ditch.toml"

@@ -1,0 +1,95 @@
+"""What the command line takes in and prints: assignments, priors, tables, JSON, progress."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from rover_pin.errors import ParameterError
+
+
+def priors(words: Iterable[str]) -> dict[str, Any]:
+    """Return NAME=MEAN:SD words as priors by name."""
+    from rover_pin.evidence.problem import Prior
+
+    found = {}
+    for word in words:
+        name, _, value = word.partition("=")
+        mean, _, sd = value.partition(":")
+        try:
+            found[name] = Prior(float(mean), float(sd))
+        except ValueError:
+            raise ParameterError(f"--prior {word}: write it as NAME=MEAN:SD, as --prior n=1.1:0.1.") from None
+    return found
+
+
+def assignments(words: Iterable[str]) -> dict[str, Any]:
+    """Return NAME=VALUE words as a dict; numbers as numbers."""
+    found: dict[str, Any] = {}
+    for word in words:
+        name, sign, value = word.partition("=")
+        if not sign:
+            raise ParameterError(f"--set {word}: write it as NAME=VALUE, as --set soil.k=0.01.")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            found[name] = value
+    return found
+
+
+def report(result: Mapping[str, Any], as_json: bool) -> None:
+    """Print a result as a short table, or as one JSON object."""
+    if as_json:
+        print(json_text(result))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(show_header=False, box=None)
+    for name, value in result.items():
+        table.add_row(name.replace("_", " "), shown(value))
+    Console().print(table)
+
+
+def json_text(result: Mapping[str, Any]) -> str:
+    """Return a result as strict JSON: a number that is not finite becomes null."""
+
+    def strict(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {str(name): strict(each) for name, each in value.items()}
+        if isinstance(value, (list, tuple)):
+            return [strict(each) for each in value]
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    return json.dumps(strict(result), default=str, allow_nan=False)
+
+
+def shown(value: Any) -> str:
+    """Return a value as the table shows it."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {shown(each)}" for name, each in value.items())
+    if isinstance(value, (list, tuple)):
+        return "\n".join(shown(each) for each in value)
+    return str(value)
+
+
+class progress:
+    """A progress bar over simulated seconds on a terminal; nothing where it would clutter."""
+
+    def __init__(self, what: str, total: float, silent: bool):
+        from rich.console import Console
+        from rich.progress import Progress
+
+        self.bar = Progress(console=Console(stderr=True), transient=True, disable=silent or not sys.stderr.isatty())
+        self.task = self.bar.add_task(what, total=total)
+
+    def __enter__(self) -> Callable[[float], None]:
+        self.bar.start()
+        return lambda done: self.bar.update(self.task, completed=done)
+
+    def __exit__(self, *_: object) -> None:
+        self.bar.stop()
