@@ -12,7 +12,7 @@ import typer
 
 from rover_pin.errors import RoverPinError
 from rover_pin.parameters import soil_named
-from rover_pin.terminal import assignments, priors, progress, report
+from rover_pin.terminal import assignments, json_text, priors, progress, report
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 

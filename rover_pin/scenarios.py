@@ -163,7 +163,8 @@ def scenario(name: str, **settings: Any) -> Scenario:
         `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor.FIELD`, `gravity` (name or m/s^2),
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
         `effect.CLASS.FIELD`, `control` (none, eq9, true, turn, point-turn), `control.FIELD`,
-        `control.gains` (a file of tuned gains), `start.FIELD`, `duration`, `dt` [s]. A `_deg` behind any angle reads degrees.
+        `control.gains` (a file of tuned gains), `start.FIELD`, `duration`, `dt` [s].
+        A `_deg` behind any angle reads degrees.
 
     Raises
     ------
