@@ -214,8 +214,8 @@ def tune(
     from rover_pin.control.tuning_study import read_tuning
 
     def stage(name: str, done: int, total: int) -> None:
-        if not as_json:
-            print(f"{name}: {done} of {total}", file=sys.stderr)
+        if not as_json and done == total:
+            print(f"{name}: {total} done", file=sys.stderr)
 
     report(tune_gains(read_tuning(study), out, stage, workers or None).summary(), as_json)
 
