@@ -2,7 +2,7 @@
 
 The differences are given a model compiled with a single column of the Jacobian, the least that compiles.
 
-Run: python studies/benchmarks/identification.py [--repeats N]
+Run: python studies/benchmarks/identification.py [--quick] [--repeats N]
 """
 
 from __future__ import annotations
@@ -30,9 +30,11 @@ GOAL = 0.2
 
 
 def main() -> None:
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--repeats", type=int, default=20)
-    repeats = options.parse_args().repeats
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="two repeats")
+    parser.add_argument("--repeats", type=int, default=20)
+    options = parser.parse_args()
+    repeats = 2 if options.quick else options.repeats
     smooth = read_wheel_rig(DATA / "cmu-smooth-wheel")
     cases = {
         "simulated rig, 3 loads, 21 runs, F + T + h, 5 free": (simulated(), START, FREE),
