@@ -210,7 +210,7 @@ def test_what_is_refused_gets_one_sentence(run, line, sentence):
     code, out, err = run(*line.split())
     assert code == 2
     assert sentence in err
-    assert err.startswith("rover-pin: ")
+    assert err.strip().startswith("rover-pin: ")
     assert len(err.strip().splitlines()) == 1
     assert out == ""
 
