@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from rover_pin.errors import MissingExtraError, ParameterError, SimulationError
@@ -12,6 +12,8 @@ from rover_pin.sweep.study import Case
 
 CONNECT_SECONDS = 5
 """How long a scheduler may take to answer, and then its first worker to be there."""
+AGAIN_SECONDS = 60
+"""How long a case may take that Dask runs again."""
 KEPT = "the finished cases are kept: run the sweep again to go on"
 
 
@@ -45,6 +47,12 @@ def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str)
         case_of = dict(zip(client.map(work, cases, pure=False), cases, strict=True))
         for future, result in as_completed(list(case_of), loop=client.loop, with_results=True, raise_errors=False):
             case = case_of.pop(future)
+            if future.status in (
+                "pending",
+                "lost",
+            ):  # lost with its worker: Dask runs it again
+                with suppress(Exception):
+                    result = future.result(timeout=AGAIN_SECONDS)
             if future.status == "finished":
                 yield result
             elif future.status != "error":
