@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import io
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from matplotlib.patches import Circle
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.terrain import Terrain
+from rover_pin.columns import replace_file
 from rover_pin.control.steering import wheel_places
 from rover_pin.motion.model import Model
 from rover_pin.motion.trace import Trace
@@ -27,11 +28,9 @@ WHEEL_COLOUR = {"f": COLOURS[0], "m": COLOURS[1], "r": COLOURS[2]}
 
 def save(figure: Figure, file: Path) -> Path:
     """Write a figure as PNG, atomically; return its path."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_name(f".{file.name}.part")
-    figure.savefig(part, dpi=130, format="png")
-    os.replace(part, file)
-    return file
+    content = io.BytesIO()
+    figure.savefig(content, dpi=130, format="png")
+    return replace_file(file, content.getvalue())
 
 
 def new_figure(
@@ -167,8 +166,4 @@ def traction_figure(table: TractionCurves, name: str, out: Path) -> list[Path]:
 
 def write_csv(frame: Any, file: Path) -> Path:
     """Write a table as CSV, atomically; return its path."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_name(f".{file.name}.part")
-    frame.to_csv(part, index=False)
-    os.replace(part, file)
-    return file
+    return replace_file(file, frame.to_csv(index=False))
