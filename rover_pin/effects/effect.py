@@ -1,4 +1,8 @@
-"""What an effect is: a record of parameters and at most three hooks, with do-nothing defaults."""
+"""What an effect is: a record of parameters and at most three hooks, with do-nothing defaults.
+
+There are four kinds, by where they act: at a wheel's contact, in a motor, on the body, in a sensor. Each names its
+`neutral` values, at which it vanishes, and its `places`: the quantities that say where it is, not how large.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +32,11 @@ class Effect(Record):
     states. `neutral` names the parameter values at which the effect vanishes.
     """
 
+    before_slip: ClassVar[bool] = False
+    "whether it amends the speeds from which the slip is taken"
     states: ClassVar[tuple[State, ...]] = ()
     neutral: ClassVar[dict[str, float]] = {}
+    places: ClassVar[tuple[str, ...]] = ()
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact as the later effects shall see it."""
@@ -74,6 +81,7 @@ class MotorEffect(Record):
 
     states: ClassVar[tuple[State, ...]] = ()
     neutral: ClassVar[dict[str, float]] = {}
+    places: ClassVar[tuple[str, ...]] = ()
 
     def amend(self, drive: Drive, x: tuple[Scalar, ...]) -> Drive:
         """Return the drive as the later effects shall see it."""
@@ -88,11 +96,99 @@ class MotorEffect(Record):
         return ()
 
 
+class Body(NamedTuple):
+    """What an effect on the body sees; scalars, floats or expressions. Joints are in the order of the rover's v."""
+
+    x: Scalar
+    "world position of the base's origin [m]"
+    y: Scalar
+    z: Scalar
+    roll: Scalar
+    "attitude of the base, world z-y-x [rad]"
+    pitch: Scalar
+    yaw: Scalar
+    v_x: Scalar
+    "world velocity of the base's origin [m/s]"
+    v_y: Scalar
+    v_z: Scalar
+    w_x: Scalar
+    "angular velocity of the base in the world [rad/s]"
+    w_y: Scalar
+    w_z: Scalar
+    angles: tuple[Scalar, ...]
+    "of the suspension's joints [rad]"
+    rates: tuple[Scalar, ...]
+    "of the suspension's joints [rad/s]"
+    known_rates: tuple[Scalar, ...]
+    "the same numbers, which the implicit step takes as they are: write friction as -f(known) rate, and it never swings"
+    twist: Scalar = 0.0
+    "sum of the two rockers' angles, which a rigid differential holds at 0 [rad]"
+    twist_rate: Scalar = 0.0
+    "its rate [rad/s]"
+
+
+class Push(NamedTuple):
+    """What a body effect pushes with; pushes add."""
+
+    f_x: Scalar = 0.0
+    "force on the base at its origin, in the world [N]"
+    f_y: Scalar = 0.0
+    f_z: Scalar = 0.0
+    m_x: Scalar = 0.0
+    "moment on the base, in the world [N m]"
+    m_y: Scalar = 0.0
+    m_z: Scalar = 0.0
+    joints: tuple[Scalar, ...] = ()
+    "torques on the suspension's joints, one each, or none at all [N m]"
+    differential: Scalar = 0.0
+    "torque of the differential on either rocker [N m]"
+
+
+class Ballast(NamedTuple):
+    """What the base weighs besides: numbers, not expressions."""
+
+    mass: float = 0.0
+    "added at the rover's centre of mass [kg]"
+    shift_x: float = 0.0
+    "of the rover's centre of mass, by what the base carries, in the base's axes [m]"
+    shift_z: float = 0.0
+
+
+@dataclass(frozen=True)
+class BodyEffect(Record):
+    """An effect on the rover's body: what pushes it besides wheels and motors, what it weighs, where down is.
+
+    `push` is a formula of scalars, taken fully implicitly in the speeds; it has no own states. `ballast` and `rise` are
+    read once, before the drive.
+    """
+
+    neutral: ClassVar[dict[str, float]] = {}
+    places: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def frees_differential(self) -> bool:
+        """Whether the differential is this effect's `Push.differential` instead of rigid."""
+        return False
+
+    def push(self, body: Body) -> Push:
+        """Return what this effect pushes with."""
+        return Push()
+
+    def ballast(self) -> Ballast:
+        """Return what the base carries besides."""
+        return Ballast()
+
+    def rise(self) -> tuple[float, float]:
+        """Return by what angle what is taken for level rises towards +x and towards +y [rad]."""
+        return 0.0, 0.0
+
+
 @dataclass(frozen=True)
 class SensorEffect(Record):
     """An effect between what happens and what is logged; it works on whole channels, arrays over time."""
 
     neutral: ClassVar[dict[str, float]] = {}
+    places: ClassVar[tuple[str, ...]] = ()
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the channels that the sensor reports otherwise than they are."""

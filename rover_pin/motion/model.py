@@ -9,7 +9,7 @@ from typing import Any, Self, TypeVar
 from rover_pin.body.rover import Rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.contact import Soil
-from rover_pin.effects.effect import Effect, MotorEffect
+from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.side_shear import SideShear
@@ -20,14 +20,18 @@ from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.soil.traction import load_traction_factor
 
-AnyEffect = TypeVar("AnyEffect", Effect, MotorEffect)
+AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
+OneKind = TypeVar("OneKind", bound=AnyEffect)
+OWNERS = ("wheel", "channel")
+"""Fields that say whose an effect is: a model may have one of a class for each."""
 
 
 @dataclass(frozen=True)
 class Model:
     """Everything a drive needs besides its commands. Frozen: `having`, `without` and `replace` give new models.
 
-    `soils[0]` is the ground; the terrain's ground index names the others. `slip` comes first of all effects.
+    `soils[0]` is the ground; the terrain's ground index names the others. `slip` comes first of all effects but those
+    on the speeds it is taken from. `sensor_effects` say how a log of the drive reads; the drive itself ignores them.
     """
 
     rover: Rover
@@ -38,6 +42,8 @@ class Model:
     effects: tuple[Effect, ...] = ()
     motor_effects: tuple[MotorEffect, ...] = ()
     gravity: float = EARTH
+    body_effects: tuple[BodyEffect, ...] = ()
+    sensor_effects: tuple[SensorEffect, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 < self.gravity < 100.0:
@@ -52,30 +58,42 @@ class Model:
     @property
     def contact_effects(self) -> tuple[Effect, ...]:
         """All contact effects in the order in which they act."""
-        return (self.slip, *self.effects)
+        first = tuple(effect for effect in self.effects if effect.before_slip)
+        return (*first, self.slip, *(effect for effect in self.effects if not effect.before_slip))
 
-    def having(self, effect: Effect | MotorEffect) -> Self:
-        """Return the model with this effect added, in the place of one of the same class."""
+    @property
+    def all_effects(self) -> tuple[AnyEffect, ...]:
+        """All effects: at the contact, in the motors, on the body, in the sensors."""
+        return (*self.contact_effects, *self.motor_effects, *self.body_effects, *self.sensor_effects)
+
+    def having(self, effect: AnyEffect) -> Self:
+        """Return the model with this effect added, in the place of one of the same class and wheel or channel."""
         if isinstance(effect, (AlgebraicSlip, RelaxedSlip)):
             return dataclasses.replace(self, slip=effect)
         if isinstance(effect, MotorEffect):
             return dataclasses.replace(self, motor_effects=_having(self.motor_effects, effect))
+        if isinstance(effect, BodyEffect):
+            return dataclasses.replace(self, body_effects=_having(self.body_effects, effect))
+        if isinstance(effect, SensorEffect):
+            return dataclasses.replace(self, sensor_effects=_having(self.sensor_effects, effect))
         return dataclasses.replace(self, effects=_having(self.effects, effect))
 
-    def without(self, kind: type[Effect] | type[MotorEffect]) -> Self:
-        """Return the model without the effects of this class."""
+    def without(self, kind: type[AnyEffect]) -> Self:
+        """Return the model without the effects of this class; the slip stays."""
         return dataclasses.replace(
             self,
-            effects=tuple(effect for effect in self.effects if not isinstance(effect, kind)),
-            motor_effects=tuple(effect for effect in self.motor_effects if not isinstance(effect, kind)),
+            effects=_without(self.effects, kind),
+            motor_effects=_without(self.motor_effects, kind),
+            body_effects=_without(self.body_effects, kind),
+            sensor_effects=_without(self.sensor_effects, kind),
         )
 
     def effect(self, kind: type[Any]) -> Any:
-        """Return the model's effect of this class."""
-        for effect in (*self.contact_effects, *self.motor_effects):
+        """Return the model's effect of this class, the first where there are several."""
+        for effect in self.all_effects:
             if isinstance(effect, kind):
                 return effect
-        names = [type(effect).__name__ for effect in (*self.contact_effects, *self.motor_effects)]
+        names = [type(effect).__name__ for effect in self.all_effects]
         raise ParameterError(f"The model has no effect {kind.__name__}: {closest(kind.__name__, names)}")
 
     def replace(self, **changes: Any) -> Self:
@@ -87,11 +105,20 @@ class Model:
         return dataclasses.replace(self, **changes)
 
 
-def _having(present: tuple[AnyEffect, ...], effect: AnyEffect) -> tuple[AnyEffect, ...]:
-    changed = [effect if type(other) is type(effect) else other for other in present]
+def _having(present: tuple[OneKind, ...], effect: OneKind) -> tuple[OneKind, ...]:
+    changed = [effect if _same(other, effect) else other for other in present]
     if not any(each is effect for each in changed):
         changed.append(effect)
     return tuple(changed)
+
+
+def _same(one: AnyEffect, other: AnyEffect) -> bool:
+    owners = [tuple(getattr(each, name, None) for name in OWNERS) for each in (one, other)]
+    return type(one) is type(other) and owners[0] == owners[1]
+
+
+def _without(present: tuple[OneKind, ...], kind: type[AnyEffect]) -> tuple[OneKind, ...]:
+    return tuple(effect for effect in present if not isinstance(effect, kind))
 
 
 CRUISE_SLIP = 0.05

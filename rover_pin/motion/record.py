@@ -75,7 +75,7 @@ def about(model: Model) -> dict[str, Any]:
         "wheels": [wheel.name for wheel in model.rover.wheels],
         "traction_form": forms[0] if forms else "none",
         "slip_law": type(model.slip).__name__,
-        "effects": [type(effect).__name__ for effect in (*model.effects, *model.motor_effects)],
+        "effects": [type(effect).__name__ for effect in (*model.effects, *model.motor_effects, *model.body_effects)],
         "gravity_mps2": model.gravity,
         "made_by": "rover_pin " + __version__,
     }

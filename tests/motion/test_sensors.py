@@ -66,6 +66,13 @@ def test_effects_do_as_they_say(trace):
     assert shifted["body_pitch"] == pytest.approx(trace["body_pitch"] + 0.02)
 
 
+def test_tachos_of_several_wheels_are_read_each_by_its_own_scale(trace):
+    scaled = measured(trace, EXACT, 0, [TachoScale(e=0.03, wheel="ml"), TachoScale(e=-0.1, wheel="rr")])
+    assert scaled["wheel_rate_ml"] == pytest.approx(1.03 * trace["wheel_rate_ml"])
+    assert scaled["wheel_rate_rr"] == pytest.approx(0.9 * trace["wheel_rate_rr"])
+    assert np.array_equal(scaled["wheel_rate_fl"], trace["wheel_rate_fl"])
+
+
 def test_the_filter_follows_a_ramp_late_by_its_time_constant():
     t = np.arange(0.0, 5.0, 0.05)
     y = VelocityFilter(tau=0.3).read(t, {"body_vx": t})["body_vx"]

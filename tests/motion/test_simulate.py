@@ -10,6 +10,9 @@ from rover_pin.contact import Soil
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.normal_damping import NormalDamping
+from rover_pin.effects.sensor_bias import SensorBias
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.errors import ParameterError, RoverPinError, SimulationError
 from rover_pin.motion.command import Command
 from rover_pin.motion.kernel import Kernel
@@ -234,6 +237,23 @@ def test_having_replaces_one_of_the_same_class_and_adds_another():
     assert model.having(NormalDamping(d=3.0)).effect(NormalDamping).d == 3.0
     assert len(model.having(GearFriction()).motor_effects) == 1
     assert len(model.without(NormalDamping).effects) == len(model.effects) - 1
+
+
+def test_a_model_holds_one_effect_of_a_class_for_each_wheel_and_channel():
+    model = made("flat").having(WeakMotor(g=0.1, wheel=0)).having(WeakMotor(g=0.2, wheel=3))
+    assert [each.g for each in model.having(WeakMotor(g=0.3, wheel=3)).motor_effects] == [0.1, 0.3]
+    for wheel in ("fl", "mr"):
+        model = model.having(TachoScale(wheel=wheel))
+    model = model.having(SensorBias(channel="body_roll")).having(SensorBias(channel="body_pitch"))
+    assert len(model.sensor_effects) == 4
+    assert model.effect(TachoScale).wheel == "fl"
+    assert model.without(TachoScale).without(WeakMotor).all_effects[-2:] == model.sensor_effects[2:]
+
+
+def test_sensor_effects_do_not_change_the_drive():
+    model = made("flat")
+    plain, read = (simulate(each, ConstantDuty(0.5), 0.5) for each in (model, model.having(TachoScale(e=0.1))))
+    assert all(np.array_equal(plain[name], read[name]) for name in plain.channels)
 
 
 @pytest.mark.parametrize("radius", [0.6, 1.0])
