@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from rover_pin.errors import DataError
 from rover_pin.evidence.channel import DrawbarPull, RigChannel, Torque
+from rover_pin.evidence.finding import Finding
 from rover_pin.evidence.identifiability import SAME_LOAD
 from rover_pin.evidence.rig_fit import ROWS
 from rover_pin.evidence.rig_set import RigSet
@@ -23,17 +22,6 @@ MOST_FORCE = 3.0
 
 OUTLYING = 5.0
 """A run this many SDs from the median of its repeats is named."""
-
-
-class Finding(NamedTuple):
-    """One line of the data check."""
-
-    what: str
-    where: str
-    todo: str
-
-    def __str__(self) -> str:
-        return f"{self.where}: {self.what}; {self.todo}."
 
 
 def refuse_unfit(data: RigSet) -> None:

@@ -1,0 +1,115 @@
+"""Whether a drive log can answer at all: refusals, findings that a reader should know of, and what to drive next.
+
+`read_drive_log` has refused before: clocks that run back, text for numbers, duties in percent, undeclared wheels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from rover_pin.body.rover import load_rover
+from rover_pin.body.terrain import Terrain
+from rover_pin.contact import Wheel
+from rover_pin.errors import DataError
+from rover_pin.evidence import drive_excitation
+from rover_pin.evidence.drive_columns import column_faults, column_findings, gap_findings
+from rover_pin.evidence.drive_sensors import frozen_faults, jump_findings, range_findings, stuck_findings
+from rover_pin.evidence.drive_signs import differential_findings, sign_faults
+from rover_pin.evidence.drive_units import unit_faults
+from rover_pin.evidence.driven import Driven
+from rover_pin.evidence.finding import Finding, gathered
+from rover_pin.motion.drive_log import DriveLog
+from rover_pin.motion.motor import Motor
+from rover_pin.quantity import quantities, record_from
+
+
+class DriveFindings(NamedTuple):
+    """What the check of a drive log that can be used found."""
+
+    found: tuple[Finding, ...]
+    too_poor: str
+    "why the log cannot answer and what would; empty where it can"
+
+
+def check(log: DriveLog) -> DriveFindings:
+    """Return everything that a reader should know of the log before any result.
+
+    Raises
+    ------
+    DataError
+        What `refuse_unfit` refuses.
+    """
+    refuse_unfit(log)
+    return DriveFindings(findings(log), too_poor(log))
+
+
+def refuse_unfit(log: DriveLog) -> None:
+    """Refuse a log that would mislead whatever the model.
+
+    Raises
+    ------
+    DataError
+        A needed channel that is missing, mostly empty or stuck; a wrong unit; a wrong sign. The first of `faults`.
+    """
+    found = faults(log)
+    if found:
+        more = f" ({len(found) - 1} more such faults.)" if len(found) > 1 else ""
+        raise DataError(f"{log.folder.name}/{found[0]}{more}")
+
+
+def faults(log: DriveLog) -> tuple[Finding, ...]:
+    """Return every reason to refuse the log, those that differ only in their run as one."""
+    missing = gathered(column_faults(log))
+    if missing:
+        return missing
+    motor, terrain = declared_motor(log), _terrain(log)
+    return gathered(fault for run in driven(log) for fault in _of_run(run, motor, terrain))
+
+
+def _of_run(run: Driven, motor: Motor | None, terrain: Terrain | None) -> list[Finding]:
+    """Return a run's faults: the signs only where the units are right, as they are judged by speeds."""
+    found = [*frozen_faults(run), *unit_faults(run, motor)]
+    return found or list(sign_faults(run, terrain))
+
+
+def findings(log: DriveLog) -> tuple[Finding, ...]:
+    """Return what a reader should know, one line each: channels, gaps, sensors, then excitation."""
+    return gathered(_findings(log))
+
+
+def _findings(log: DriveLog) -> Iterator[Finding]:
+    runs, motor = driven(log), declared_motor(log)
+    joined = load_rover(log.rover).differential is not None
+    yield from column_findings(log)
+    for run in runs:
+        yield from gap_findings(run.trace)
+        yield from stuck_findings(run)
+        yield from jump_findings(run)
+        yield from range_findings(run, motor)
+        if joined:
+            yield from differential_findings(run)
+    yield from drive_excitation.excitation_findings(runs, log.about.name)
+
+
+def too_poor(log: DriveLog) -> str:
+    """Return why the log cannot tell an effect from soil and motor and what would, or an empty string."""
+    return drive_excitation.too_poor(driven(log))
+
+
+def driven(log: DriveLog) -> list[Driven]:
+    """Return the runs as the checks look at them, with the wheels' radius as declared, else the rover's."""
+    stated = {name: entry for name, entry in log.about.wheel.items() if name == "r"}
+    wheel = record_from(Wheel, stated, f"{log.folder.name}: [wheel]") if stated else load_rover(log.rover).wheel
+    return [Driven(run, float(wheel.r)) for run in log.runs]
+
+
+def declared_motor(log: DriveLog) -> Motor | None:
+    """Return the motor that the log declares, or None; what it declares of it beyond a `Motor` is left out."""
+    table = {name: entry for name, entry in log.about.motor.items() if name in quantities(Motor)}
+    stated = {"supply", "resistance"} <= table.keys()
+    return record_from(Motor, table, f"{log.folder.name}: [motor]") if stated else None
+
+
+def _terrain(log: DriveLog) -> Terrain | None:
+    return log.terrain() if log.about.terrain else None

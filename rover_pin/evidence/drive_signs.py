@@ -1,0 +1,138 @@
+"""Signs of a drive log: duty against wheel, wheel against travel, heading against course, pitch against climb."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from rover_pin.body.terrain import Terrain
+from rover_pin.evidence.drive_units import AT_LEAST
+from rover_pin.evidence.driven import Driven, degrees
+from rover_pin.evidence.finding import Finding
+
+OPPOSITE = -0.5
+"""Correlation about zero from which two channels run against each other."""
+
+CREEP = 0.1
+"""Share of the rim speed below which the travel tells no direction."""
+
+ASTRAY = math.radians(75.0)
+"""Angle between heading and course that is no crabbing any more."""
+
+ALIGNED = 0.9
+"""Length of the mean of unit vectors from which they all point one way."""
+
+ENOUGH_CLIMB = math.radians(1.5)
+"""SD of the climb from which the pitch can be held against it."""
+
+STEEPER = 5.0
+"""Change of pitch over change of climb from which the pitch is in another unit."""
+
+UNLEVEL = 0.02
+"""Mean of rocker_l + rocker_r [rad] from which it is named: 1.1 deg, beyond a potentiometer's noise."""
+
+
+def sign_faults(run: Driven, terrain: Terrain | None) -> Iterator[Finding]:
+    """Yield channels of a run that are upside down or turned round."""
+    yield from _wheels(run)
+    yield from _heading(run)
+    yield from _pitch(run, terrain)
+
+
+def _wheels(run: Driven) -> Iterator[Finding]:
+    for i, wheel in enumerate(run.wheels):
+        current = f"current_{wheel}_A"
+        if _correlation(run.duty[:, i], run.rate[:, i]) < OPPOSITE:
+            against = _correlation(run.rate[:, i], run.speed) < OPPOSITE
+            turned, other = ("wheel_rate", "duty") if against else ("duty", "wheel_rate")
+            what = f"{turned}_{wheel} runs against {other}_{wheel}"
+            yield Finding(what, run.name, f"multiply {turned}_{wheel} by -1: positive is forward")
+        elif current in run.trace and _correlation(run.duty[:, i], run.mean(run.trace[current])) < OPPOSITE:
+            yield Finding(
+                f"{current} runs against duty_{wheel}", run.name, "multiply it by -1: positive drives forward"
+            )
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the correlation about zero of what both know; 0 where that is too little."""
+    use = np.isfinite(a) & np.isfinite(b)
+    size = math.sqrt(float(np.sum(a[use] ** 2)) * float(np.sum(b[use] ** 2)))
+    return float(np.sum(a[use] * b[use])) / size if np.sum(use) >= AT_LEAST and size > 0.0 else 0.0
+
+
+def _heading(run: Driven) -> Iterator[Finding]:
+    """Yield a yaw in degrees, or one that is off from the course by more than crabbing explains."""
+    use = run.steady & np.isfinite(run.velocity) & (np.abs(run.velocity) > CREEP * np.abs(run.rim))
+    use &= np.abs(run.rim) > 0.0
+    if np.sum(use) < AT_LEAST:
+        return
+    course = run.velocity[use] / np.abs(run.velocity[use]) * np.sign(run.rim[use])
+    off = complex(np.mean(course * np.conj(run.heading[use])))
+    aligned = abs(off) > ALIGNED
+    if _in_degrees(run, course, use, off):
+        yield Finding("body_yaw looks like degrees", run.name, "give radians: multiply it by pi / 180")
+    elif aligned and abs(np.angle(off)) > ASTRAY:
+        yield _turned(run, float(np.angle(off)))
+
+
+def _in_degrees(run: Driven, course: np.ndarray, use: np.ndarray, off: complex) -> bool:
+    """Whether the heading follows the course if taken in degrees, and does not as it is."""
+    yaw = run.trace["body_yaw"]
+    as_degrees = complex(np.mean(course * np.conj(run.direction(np.radians(yaw))[use])))
+    follows = abs(as_degrees) > ALIGNED and abs(np.angle(as_degrees)) < 0.5 * ASTRAY
+    beyond = np.nanmax(np.abs(yaw)) > 2.0 * math.pi and abs(np.angle(off)) > abs(np.angle(as_degrees)) + 0.2
+    return bool(follows and (abs(off) < ALIGNED or beyond))
+
+
+def _turned(run: Driven, off: float) -> Finding:
+    what = f"the rover travels {degrees(abs(off))} off its heading, body_yaw"
+    if abs(abs(off) - math.pi) < 0.3:
+        return Finding(what, run.name, "add pi to body_yaw, or turn the signs of duties and wheel rates")
+    return Finding(what, run.name, "check the axes of body_x and body_y, and which axis body_yaw is taken from")
+
+
+def _pitch(run: Driven, terrain: Terrain | None) -> Iterator[Finding]:
+    """Yield a pitch that falls where the rover climbs, or rises too fast; nose down is positive."""
+    height = _height(run, terrain)
+    if height is None or "body_pitch" not in run.trace:
+        return
+    along = np.real(run.velocity * np.conj(run.heading))
+    pitch, rising = run.mean(run.trace["body_pitch"]), run.slope(height)
+    use = run.steady & np.isfinite(along * pitch * rising) & (np.abs(along) > 0.5 * CREEP * np.abs(run.rim))
+    if np.sum(use) < AT_LEAST:
+        return
+    climb = np.arctan(rising[use] / along[use])
+    if np.std(climb) < ENOUGH_CLIMB:
+        return
+    gain = -float(np.cov(climb, pitch[use])[0, 1] / np.var(climb))
+    if gain < -0.5:
+        yield Finding("body_pitch rises where the rover climbs", run.name, "multiply it by -1: nose down is positive")
+    elif gain > STEEPER:
+        what = f"body_pitch changes {gain:.0f} times as much as the climb"
+        yield Finding(what, run.name, "if it is in degrees multiply it by pi / 180")
+
+
+def _height(run: Driven, terrain: Terrain | None) -> np.ndarray | None:
+    """Return the tracked height, or the declared ground's under the tracked place [m] (T,)."""
+    if "body_z" in run.trace and np.isfinite(run.trace["body_z"]).any():
+        return run.trace["body_z"]
+    if terrain is None:
+        return None
+    x, y = run.trace["body_x"], run.trace["body_y"]
+    known = np.isfinite(x) & np.isfinite(y)
+    height = np.full(len(x), np.nan)
+    height[known] = terrain.height(x[known], y[known])
+    return height
+
+
+def differential_findings(run: Driven) -> Iterator[Finding]:
+    """Yield rocker angles that do not add up to 0, as a differential makes them."""
+    if "rocker_l" not in run.trace or "rocker_r" not in run.trace:
+        return
+    total = run.trace["rocker_l"] + run.trace["rocker_r"]
+    total = total[np.isfinite(total)]
+    if total.size and abs(float(np.mean(total))) > UNLEVEL:
+        what = f"rocker_l + rocker_r is {np.mean(total):.3f} rad in the mean (SD {np.std(total):.3f}), not 0"
+        yield Finding(what, run.name, "take the potentiometers' zero on level ground, or expect a sensor bias")

@@ -1,0 +1,157 @@
+"""A logged run in short blocks: the means and speeds that the checks of a drive log look at."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rover_pin.motion.trace import Trace
+
+BLOCK = 1.0
+"""Length of a block [s]: a tracker's 1.5 mm at 25 Hz then gives the speed within 1 mm/s."""
+
+LEAST_SAMPLES = 5
+"""Samples that a block has at least; blocks of a slower log are longer."""
+
+STILL = 0.2
+"""Wheel rate [rad/s] below which a wheel counts as standing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """One run of a drive log; `radius` is the wheels' [m]. Blocks that are mostly gaps are NaN."""
+
+    trace: Trace
+    radius: float
+
+    @property
+    def name(self) -> str:
+        """The run's file."""
+        return str(self.trace.attrs.get("file", "run"))
+
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """The wheels, in the log's order."""
+        return self.trace.wheels
+
+    @cached_property
+    def period(self) -> float:
+        """Median time between samples [s]; 0 with fewer than two."""
+        return float(np.median(np.diff(self.trace.t))) if len(self.trace.t) > 1 else 0.0
+
+    @cached_property
+    def length(self) -> float:
+        """Length of a block [s]."""
+        return max(BLOCK, LEAST_SAMPLES * self.period)
+
+    @cached_property
+    def block(self) -> np.ndarray:
+        """Number of the block that a sample is in (T,)."""
+        t = self.trace.t
+        return np.floor((t - t[0]) / self.length).astype(int) if len(t) else np.zeros(0, dtype=int)
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Return the mean of a channel in every block (B,)."""
+        known = np.isfinite(values)
+        count = np.bincount(self.block[known], minlength=self._count)
+        total = np.bincount(self.block[known], values[known], minlength=self._count)
+        enough = count >= np.maximum(0.5 * np.bincount(self.block, minlength=self._count), 1)
+        return np.where(enough, total / np.maximum(count, 1), np.nan)
+
+    def slope(self, values: np.ndarray) -> np.ndarray:
+        """Return the rate of change of a channel in every block by least squares (B,)."""
+        values = np.where(np.isfinite(values), values, np.nan)
+        t = np.where(np.isfinite(values), self.trace.t, np.nan)
+        own_t = t - self.mean(t)[self.block]
+        own = values - self.mean(values)[self.block]
+        spread, together = self.mean(own_t**2), self.mean(own_t * own)
+        return np.where(spread > 0.0, together / np.where(spread > 0.0, spread, 1.0), np.nan)
+
+    @property
+    def _count(self) -> int:
+        return int(self.block[-1]) + 1 if len(self.block) else 0
+
+    def per_wheel(self, channel: str) -> np.ndarray:
+        """Return the block means of a channel of all wheels (B, wheels)."""
+        return np.column_stack([self.mean(column) for column in self.trace.stack(channel).T])
+
+    @cached_property
+    def duty(self) -> np.ndarray:
+        """Mean duties (B, wheels)."""
+        return self.per_wheel("duty")
+
+    @cached_property
+    def rate(self) -> np.ndarray:
+        """Mean wheel rates [rad/s] (B, wheels)."""
+        return self.per_wheel("wheel_rate")
+
+    @cached_property
+    def rim(self) -> np.ndarray:
+        """Mean rim speed of the wheels that are known [m/s] (B,); 0 where a rover turns on the spot."""
+        known = np.isfinite(self.rate)
+        total = np.sum(np.where(known, self.rate, 0.0), axis=1)
+        count = np.sum(known, axis=1)
+        return np.where(count > 0, self.radius * total / np.maximum(count, 1), np.nan)
+
+    @cached_property
+    def velocity(self) -> np.ndarray:
+        """Tracked horizontal velocity v_x + i v_y [m/s] (B,)."""
+        return self.slope(self.trace["body_x"]) + 1j * self.slope(self.trace["body_y"])
+
+    @cached_property
+    def heading(self) -> np.ndarray:
+        """Mean direction of the body's x axis as a unit complex number (B,)."""
+        return self.direction(self.trace["body_yaw"])
+
+    def direction(self, yaw: np.ndarray) -> np.ndarray:
+        """Return the mean of exp(i yaw) in every block, of length 1 (B,)."""
+        mean = self.mean(np.cos(yaw)) + 1j * self.mean(np.sin(yaw))
+        return mean / np.where(np.abs(mean) > 0.0, np.abs(mean), 1.0)
+
+    @cached_property
+    def speed(self) -> np.ndarray:
+        """Tracked speed along the heading, and along the slope where the pitch is known [m/s] (B,)."""
+        along = np.real(self.velocity * np.conj(self.heading))
+        if "body_pitch" not in self.trace:
+            return along
+        steepness = np.cos(self.mean(self.trace["body_pitch"]))
+        return along / np.where(steepness > 0.2, steepness, 1.0)
+
+    @cached_property
+    def moving(self) -> np.ndarray:
+        """Whether a wheel turns in a block (B,)."""
+        return np.any(np.abs(np.where(np.isfinite(self.rate), self.rate, 0.0)) > STILL, axis=1)
+
+    @cached_property
+    def steady(self) -> np.ndarray:
+        """Whether a block is driven, and neither its first nor one in which the duty changes its sign (B,)."""
+        sign = np.sign(np.where(np.isfinite(self.duty), self.duty, 0.0)).sum(axis=1)
+        turned = np.concatenate([[True], np.sign(sign[1:]) != np.sign(sign[:-1])]) if len(sign) else sign > 0
+        return self.moving & ~turned & np.isfinite(self.rim)
+
+    @property
+    def moving_time(self) -> float:
+        """How long a wheel turns [s]."""
+        return float(np.sum(self.moving[self.block])) * self.period
+
+    @property
+    def slip(self) -> np.ndarray:
+        """Slip ratio of the rover as a whole in its steady blocks, by Eq (1) (blocks,)."""
+        rim, speed = self.rim[self.steady], self.speed[self.steady]
+        greatest = np.maximum(np.abs(rim), np.abs(speed))
+        use = np.isfinite(greatest) & (greatest > 0.1 * STILL * self.radius)
+        return (rim[use] - speed[use]) * np.sign(rim[use]) / greatest[use]
+
+
+def spread(values: np.ndarray) -> float:
+    """Return the range from the 5th to the 95th percentile of what is known; 0 where nothing is."""
+    known = values[np.isfinite(values)]
+    return float(np.ptp(np.percentile(known, [5, 95]))) if known.size else 0.0
+
+
+def degrees(angle: float) -> str:
+    """Return an angle [rad] as text in degrees."""
+    return f"{math.degrees(angle):.3g} deg"

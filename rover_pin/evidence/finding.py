@@ -1,0 +1,33 @@
+"""What a data check says: one line with what is wrong, where, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+MOST_PLACES = 4
+"""Places that one line lists; of more, the first and how many more."""
+
+
+class Finding(NamedTuple):
+    """One line of the data check."""
+
+    what: str
+    where: str
+    todo: str
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.what}; {self.todo}."
+
+
+def gathered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the findings with those that differ only in their place made one."""
+    places: dict[tuple[str, str], list[str]] = {}
+    for each in findings:
+        places.setdefault((each.what, each.todo), []).append(each.where)
+    return tuple(Finding(what, _listed(where), todo) for (what, todo), where in places.items())
+
+
+def _listed(places: list[str]) -> str:
+    more = len(places) - MOST_PLACES
+    return ", ".join(places[:MOST_PLACES]) + (f" and {more} more" if more > 0 else "")
