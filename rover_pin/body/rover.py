@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -70,7 +71,15 @@ class Rover:
     @property
     def gravity(self) -> float:
         """Gravity [m/s^2], downwards."""
-        return -float(self.model.gravity.linear[2])
+        return float(self.up @ -self.model.gravity.linear)
+
+    @property
+    def up(self) -> np.ndarray:
+        """Unit vector against gravity in the world [3], z unless the rover is `rising`."""
+        linear = np.array(self.model.gravity.linear)
+        if not np.any(linear[:2]):
+            return np.array([0.0, 0.0, 1.0])
+        return np.asarray(math.copysign(1.0, -linear[2]) * -linear / np.linalg.norm(linear))
 
     @cached_property
     def mass(self) -> float:
@@ -87,7 +96,58 @@ class Rover:
         if not np.isfinite(gravity):
             raise ParameterError(f"gravity = {gravity} m/s^2 is not a number; Earth has 9.81, the Moon 1.62.")
         model = self.model.copy()
-        model.gravity.linear = np.array([0.0, 0.0, -float(gravity)])
+        model.gravity.linear = 0.0 - float(gravity) * self.up
+        return dataclasses.replace(self, model=model)
+
+    def rising(self, rise_x: float, rise_y: float) -> Self:
+        """Return this rover in a world whose horizontal rises by `rise_x` [rad] towards +x, `rise_y` towards +y.
+
+        Gravity is -g (sin rise_x, sin rise_y, sqrt(1 - sin^2 rise_x - sin^2 rise_y)).
+        """
+        x, y = math.sin(rise_x), math.sin(rise_y)
+        if not (abs(rise_x) < math.pi / 2 and abs(rise_y) < math.pi / 2 and x * x + y * y < 1.0):
+            raise ParameterError(
+                f"A rise of {math.degrees(rise_x):g} and {math.degrees(rise_y):g} deg leaves no upper side: "
+                "give angles well below 90 deg."
+            )
+        model = self.model.copy()
+        model.gravity.linear = -self.gravity * np.array([x, y, math.sqrt(1.0 - x * x - y * y)])
+        return dataclasses.replace(self, model=model)
+
+    def carrying(self, mass: float, shift_x: float = 0.0, shift_z: float = 0.0) -> Self:
+        """Return this rover with its base heavier by `mass` and its centre of mass shifted, at zero joint angles.
+
+        The mass is a point at the rover's centre of mass, so that alone it does not move that. Then the base's own
+        centre of mass is moved so that the rover's moves by the shift; the base's inertia about its own centre stays.
+
+        Parameters
+        ----------
+        mass : float
+            kg, negative where the base is lighter than its URDF says.
+        shift_x, shift_z : float
+            Shift of the whole rover's centre of mass in the base's axes [m].
+
+        Raises
+        ------
+        ParameterError
+            The base would be left without mass or with an inertia that no body has.
+        """
+        model, data = self.model.copy(), self.model.createData()
+        centre = pin.centerOfMass(self.model, data, pin.neutral(self.model))
+        base = model.inertias[1]
+        heavy = base.mass + float(mass)
+        if not heavy > 0.0:
+            raise ParameterError(
+                f"mass = {mass:g} kg is not allowed: the base of rover '{self.name}' has {base.mass:g} kg."
+            )
+        from_base, from_old = centre - base.lever, float(mass) / heavy * (centre - base.lever)
+        spread = base.mass * float(mass) / heavy
+        inertia = base.inertia + spread * (from_base @ from_base * np.eye(3) - np.outer(from_base, from_base))
+        axes = np.linalg.eigvalsh(inertia)
+        if not (axes[0] > 0.0 and axes[0] + axes[1] > axes[2]):
+            raise ParameterError(f"mass = {mass:g} kg is not allowed: it leaves the base an inertia that no body has.")
+        shift = (self.mass + float(mass)) / heavy * np.array([shift_x, 0.0, shift_z])
+        model.inertias[1] = pin.Inertia(heavy, base.lever + from_old + shift, inertia)
         return dataclasses.replace(self, model=model)
 
     def mount(self, name: str) -> WheelMount:

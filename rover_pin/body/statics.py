@@ -30,7 +30,7 @@ def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: fl
     Parameters
     ----------
     slope : float
-        Nose-up inclination [rad].
+        Nose-up inclination [rad], besides what the rover is `rising`.
     side_slope : float
         Inclination to the side [rad], left side up.
     gravity : float
@@ -65,12 +65,12 @@ def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: fl
             f"Rover '{rover.name}' cannot stand on its wheels: a pivot of its suspension stays out of balance; "
             "give it a differential or a fixed joint there."
         )
-    return np.array(found[:-1] * rotation[2, 2])
+    return np.array(found[:-1] * (rotation[:, 2] @ rover.up))
 
 
 def _vertical_pushes(rover: Rover, q: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Return the generalised force of one upward newton at each wheel's lowest point on the plane [nv, n]."""
-    jacobians, up = wheel_jacobians(rover, q), np.array([0.0, 0.0, 1.0])
+    """Return the generalised force of one newton against gravity at each wheel's lowest point on the plane [nv, n]."""
+    jacobians, up = wheel_jacobians(rover, q), rover.up
     return np.column_stack(
         [
             J[:3].T @ up + J[3:].T @ np.cross(-float(wheel.wheel.r) * normal, up)

@@ -162,6 +162,8 @@ class BodyEffect(Record):
     read once, before the drive.
     """
 
+    only_resists: ClassVar[bool] = False
+    "whether it acts against motion alone, so that where a rover stands at rest does not depend on it"
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
 

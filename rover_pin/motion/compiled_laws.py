@@ -1,4 +1,4 @@
-"""A model's two generated laws, compiled once for each structure of effects."""
+"""A model's generated laws, compiled once for each structure of effects."""
 
 from __future__ import annotations
 
@@ -8,30 +8,34 @@ from functools import lru_cache
 from typing import Any
 
 from rover_pin.motion import laws
+from rover_pin.motion.body_law import Joints, body_law
 from rover_pin.motion.model import Model
+from rover_pin.motion.suspension import joints_of
 from rover_pin.motion.toolchain import shared_library
 from rover_pin.quantity import quantities
 
 
 @dataclass(frozen=True)
 class CompiledLaws:
-    """The addresses of the generated laws and the work space they want."""
+    """The addresses of the generated laws and the work space they want; `body` is 0 where nothing acts on it."""
 
     handle: ctypes.CDLL
     contact: int
     motor: int
+    body: int
     work: tuple[int, int]
 
 
 @lru_cache(maxsize=64)
 def compiled_laws(structure: Any) -> CompiledLaws:
     """Return the laws of this structure, compiled; the numbers stay parameters, so a sweep compiles once."""
-    functions = (laws.contact_law(structure.contact), laws.motor_law(structure.motor, structure.motor_effects))
+    functions = [laws.contact_law(structure.contact), laws.motor_law(structure.motor, structure.motor_effects)]
+    if structure.body_effects:
+        functions.append(body_law(structure.body_effects, structure.joints))
     handle = shared_library(laws.generated_source(*functions), "laws")
-    contact, motor = (ctypes.cast(getattr(handle, f.name()), ctypes.c_void_p).value or 0 for f in functions)
-    return CompiledLaws(
-        handle, contact, motor, tuple(max(f.__getattribute__(n)() for f in functions) for n in ("sz_iw", "sz_w"))
-    )
+    contact, motor, *body = (ctypes.cast(getattr(handle, f.name()), ctypes.c_void_p).value or 0 for f in functions)
+    work = max(f.sz_iw() for f in functions), max(f.sz_w() for f in functions)
+    return CompiledLaws(handle, contact, motor, body[0] if body else 0, work)
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,8 @@ class Structure:
     contact: tuple[Any, ...]
     motor: Any
     motor_effects: tuple[Any, ...]
+    body_effects: tuple[Any, ...] = ()
+    joints: Joints | None = None
 
 
 def structure_of(model: Model) -> Structure:
@@ -49,6 +55,8 @@ def structure_of(model: Model) -> Structure:
         tuple(_plain(effect) for effect in model.contact_effects),
         type(model.motor)(),
         tuple(_plain(effect) for effect in model.motor_effects),
+        tuple(_plain(effect) for effect in model.body_effects),
+        joints_of(model.rover) if model.body_effects else None,
     )
 
 

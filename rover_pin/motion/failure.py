@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.motion.kernel import RECORD, stop_dofs
+from rover_pin.motion.kernel import RECORD
 from rover_pin.motion.model import Model
 from rover_pin.motion.state import DriveState, roll_pitch_yaw
+from rover_pin.motion.suspension import suspension_places
 
 CAPSIZED = math.radians(60.0)
 UPRIGHT = math.cos(CAPSIZED)
@@ -32,8 +33,7 @@ class Suspension(NamedTuple):
 def suspension_of(model: Model) -> Suspension:
     """Return the suspension joints of a model's rover."""
     pin_model = model.rover.model
-    q_of = {joint.idx_v: joint.idx_q for joint in list(pin_model.joints)[2:]}
-    index = np.array([q_of[dof] for dof in stop_dofs(model.rover)], dtype=int)
+    index = np.array(suspension_places(model.rover), dtype=int)
     return Suspension(index, (pin_model.lowerPositionLimit[index], pin_model.upperPositionLimit[index]))
 
 

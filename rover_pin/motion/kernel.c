@@ -22,7 +22,7 @@ typedef int64_t integer;
 typedef int (*casadi_function)(const double **, double **, integer *, double *, int);
 
 typedef struct { /* field order is mirrored in kernel.py */
-  integer nv, n_wheels, n_cols, n_axles, n_contact_states, n_motor_states, n_joints, n_servos, n_stops, n_lanes, grid_nx, grid_ny;
+  integer nv, n_wheels, n_cols, n_axles, n_contact_states, n_motor_states, n_joints, n_servos, n_stops, n_body, n_lanes, grid_nx, grid_ny;
   integer differential_left, differential_right, symmetric;
   double dt, direction_speed, grid_x0, grid_y0, grid_dx, grid_dy;
   double *M, *nle, *J, *q, *v, *du;
@@ -34,24 +34,25 @@ typedef struct { /* field order is mirrored in kernel.py */
   double *servo_target, *servo_gain; /* gain: stiffness, damping */
   integer *stop_dof, *stop_q;
   double *stop_limits, *stop_gain; /* limits: lower, upper per stop */
+  integer *body_dof, *body_q; /* base (6), then the suspension's joints; body_q: those joints alone */
   integer *mirror_index;
   double *mirror_sign;
   double *contact_states, *motor_states;
   double *contact_odd;
-  double *contact_parameters, *motor_parameters, *soils, *duty;
+  double *contact_parameters, *motor_parameters, *body_parameters, *soils, *duty;
   double *lane_borders;
   integer *lane_start;
   double *lane_x, *lane_z;
   integer *lane_ground;
   double *grid_z;
   integer *grid_ground;
-  double *record, *energy, *loads, *differential; /* record: n_wheels x N_RECORD; energy: 5; differential: its torque */
-  casadi_function contact_law, motor_law;
+  double *record, *energy, *loads, *differential; /* record: n_wheels x N_RECORD; energy: 6; differential: its torque */
+  casadi_function contact_law, motor_law, body_law;
   integer *work_i;
   double *work_w;
 } Drive;
 
-enum { ENERGY_MOTOR, ENERGY_SOIL, ENERGY_STOPS, ENERGY_SERVOS, ENERGY_ELECTRIC };
+enum { ENERGY_MOTOR, ENERGY_SOIL, ENERGY_STOPS, ENERGY_SERVOS, ENERGY_ELECTRIC, ENERGY_BODY };
 enum { OK, NOT_FINITE, SINGULAR };
 
 typedef struct {
@@ -387,6 +388,10 @@ typedef struct {
   double other_Q[MAX_DOF], other_slope[MAX_DOF];
 } System;
 
+typedef struct { /* what acts on the n degrees of freedom body_dof: force Q + D du (D by columns), and T of the differential */
+  double Q[MAX_DOF], D[MAX_DOF * MAX_DOF], torque, torque_slope[MAX_DOF];
+} BodyPush;
+
 typedef struct { /* what a wheel's states need once the new speeds are known */
   double weight, gain[MAX_STATES], by_col[MAX_STATES][MAX_COLS];
 } StateUpdate;
@@ -568,6 +573,31 @@ static void add_springs(const Drive *d, System *system) {
   }
 }
 
+static void push_body(const Drive *d, BodyPush *push) {
+  const integer n = d->n_body, joints = n - 6;
+  double input[14 + 2 * MAX_DOF], out[MAX_DOF * (MAX_DOF + 2) + 1], *next = input;
+  memcpy(next, d->q, 7 * sizeof(double));
+  memcpy(next + 7, d->v, 6 * sizeof(double));
+  next += 13;
+  for (integer i = 0; i < joints; ++i) *next++ = d->q[d->body_q[i]];
+  for (integer i = 0; i < joints; ++i) *next++ = d->v[d->body_dof[6 + i]];
+  *next = 0.5 * d->dt;
+  const double *arguments[3] = {input, 0, d->body_parameters};
+  double *results[1] = {out};
+  d->body_law(arguments, results, d->work_i, d->work_w, 0);
+  memcpy(push->Q, out, n * sizeof(double));
+  memcpy(push->D, out + n, n * n * sizeof(double));
+  push->torque = out[n + n * n];
+  memcpy(push->torque_slope, out + n + n * n + 1, n * sizeof(double));
+}
+
+/* Component i of the body's push at the end of the step. */
+static double body_force(const Drive *d, const BodyPush *push, integer i) {
+  double force = push->Q[i];
+  for (integer j = 0; j < d->n_body; ++j) force += push->D[i + j * d->n_body] * d->du[d->body_dof[j]];
+  return force;
+}
+
 /* Gaussian elimination with row pivoting on A (n x n) and b. */
 static int solve(integer n, double A[][MAX_DOF], double *b) {
   for (integer p = 0; p < n; ++p) {
@@ -593,8 +623,8 @@ static int solve(integer n, double A[][MAX_DOF], double *b) {
   return OK;
 }
 
-/* (M - dt/2 D) du = dt (Q - nle), with v_right = -v_left for the rockers of a differential; springs fully implicit. */
-static int solve_speeds(const Drive *d, System *system) {
+/* (M - dt/2 D) du = dt (Q - nle), with v_right = -v_left for the rockers of a differential; springs and the body's push fully implicit. */
+static int solve_speeds(const Drive *d, System *system, const BodyPush *push) {
   integer nv = d->nv, left = d->differential_left, right = d->differential_right, n = 0, index[MAX_DOF];
   double b[MAX_DOF], half = 0.5 * d->dt;
   for (integer j = 0; j < nv; ++j)
@@ -606,6 +636,10 @@ static int solve_speeds(const Drive *d, System *system) {
   for (integer i = 0; i < nv; ++i) {
     system->A[i][i] -= half * system->motor_slope[i] + d->dt * system->other_slope[i];
     b[i] = d->dt * (system->soil_Q[i] + system->motor_torque[i] + system->other_Q[i] - d->nle[i]);
+  }
+  for (integer j = 0; j < d->n_body; ++j) {
+    b[d->body_dof[j]] += d->dt * push->Q[j];
+    for (integer i = 0; i < d->n_body; ++i) system->A[d->body_dof[i]][d->body_dof[j]] -= d->dt * push->D[i + j * d->n_body];
   }
   if (left >= 0) {
     for (integer j = 0; j < nv; ++j) system->A[left][j] -= system->A[right][j];
@@ -627,7 +661,7 @@ static int solve_speeds(const Drive *d, System *system) {
   return status;
 }
 
-static void account(const Drive *d, const System *system) {
+static void account(const Drive *d, const System *system, const BodyPush *push) {
   double soil = 0, motor = 0, other = 0, servos = 0;
   for (integer i = 0; i < d->nv; ++i) {
     double speed = d->v[i] + 0.5 * d->du[i], force = system->soil_Q[i];
@@ -640,6 +674,10 @@ static void account(const Drive *d, const System *system) {
     integer i = d->servo_dof[k];
     servos -= (system->other_Q[i] + system->other_slope[i] * d->du[i]) * (d->v[i] + 0.5 * d->du[i]);
   }
+  for (integer k = 0; k < d->n_body; ++k) {
+    integer i = d->body_dof[k];
+    d->energy[ENERGY_BODY] -= d->dt * body_force(d, push, k) * (d->v[i] + 0.5 * d->du[i]);
+  }
   d->energy[ENERGY_MOTOR] += d->dt * motor;
   d->energy[ENERGY_SOIL] += d->dt * soil;
   d->energy[ENERGY_STOPS] += d->dt * (other - servos);
@@ -648,13 +686,18 @@ static void account(const Drive *d, const System *system) {
     d->energy[ENERGY_ELECTRIC] += d->dt * d->record[w * N_RECORD + 10] * d->record[w * N_RECORD + 11] * d->duty[w];
 }
 
-/* The differential's torque on the left rocker: what Eq (8) lacks in its row. */
-static double differential_torque(const Drive *d, const System *system) {
+/* The differential's torque on the left rocker: what Eq (8) lacks in its row, or what stands for it on the body. */
+static double differential_torque(const Drive *d, const System *system, const BodyPush *push) {
   integer i = d->differential_left;
-  if (i < 0) return 0.0;
+  if (i < 0) {
+    double torque = d->n_body ? push->torque : 0.0;
+    for (integer j = 0; j < d->n_body; ++j) torque += push->torque_slope[j] * d->du[d->body_dof[j]];
+    return torque;
+  }
   double torque = d->nle[i] - system->soil_Q[i] - system->other_Q[i] - system->other_slope[i] * d->du[i];
   for (integer j = 0; j < d->nv; ++j)
     torque += (d->M[i * d->nv + j] / d->dt - 0.5 * system->soil_D[i][j]) * d->du[j];
+  for (integer k = 6; k < d->n_body; ++k) if (d->body_dof[k] == i) torque -= body_force(d, push, k);
   return torque;
 }
 
@@ -714,6 +757,7 @@ integer rover_pin_size(void) { return (integer)sizeof(Drive); }
 /* The second half of a step: speeds from the forces half-way, then the configuration to the end. */
 int rover_pin_step(Drive *d) {
   System system;
+  BodyPush push;
   StateUpdate updates[MAX_DOF];
   double motor_steps[MAX_DOF][MAX_STATES][2];
   integer nv = d->nv, nx = d->n_contact_states;
@@ -726,10 +770,11 @@ int rover_pin_step(Drive *d) {
     d->record[w * N_RECORD + 9] = system.motor_torque[d->wheel_dof[w]];
   }
   add_springs(d, &system);
-  int status = solve_speeds(d, &system);
+  if (d->n_body) push_body(d, &push);
+  int status = solve_speeds(d, &system, &push);
   if (status != OK) return status;
-  account(d, &system);
-  *d->differential = differential_torque(d, &system);
+  account(d, &system, &push);
+  *d->differential = differential_torque(d, &system, &push);
   for (integer w = 0; w < d->n_wheels; ++w) {
     for (integer i = 0; i < nx; ++i) {
       double change = updates[w].gain[i];

@@ -16,24 +16,26 @@ from rover_pin.motion import laws
 from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.model import Model
 from rover_pin.motion.state import DriveState
+from rover_pin.motion.suspension import suspension_dofs
 from rover_pin.motion.toolchain import shared_library
 
 INTEGERS = (
-    "nv n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_lanes grid_nx grid_ny "
-    "differential_left differential_right symmetric"
+    "nv n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes grid_nx "
+    "grid_ny differential_left differential_right symmetric"
 ).split()
 NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy".split()
 POINTERS = (
     "M nle J q v du centres cols col_count wheel_dof axle radius width joint_dof joint_q joint_unbounded servo_dof "
-    "servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain mirror_index mirror_sign contact_states "
-    "motor_states contact_odd contact_parameters motor_parameters soils duty lane_borders lane_start lane_x lane_z "
-    "lane_ground grid_z grid_ground record energy loads differential contact_law motor_law work_i work_w"
+    "servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain body_dof body_q mirror_index mirror_sign "
+    "contact_states motor_states contact_odd contact_parameters motor_parameters body_parameters soils duty "
+    "lane_borders lane_start lane_x lane_z lane_ground grid_z grid_ground record energy loads differential "
+    "contact_law motor_law body_law work_i work_w"
 ).split()
 """Fields of the C struct Drive, in its order."""
 
 RECORD = ("slip", "slip_y", "sinkage", "normal", "tangential", "lateral", "soil_torque", "travel", "patches", "torque",
           "current", "supply")  # fmt: skip
-ENERGY = ("energy_motor", "energy_soil", "energy_stops", "energy_servos", "energy_electric")
+ENERGY = ("energy_motor", "energy_soil", "energy_stops", "energy_servos", "energy_electric", "energy_body")
 DIRECTION_SPEED = 0.005
 """Below this mean of rim and travel speed [m/s] the direction of travel is blended."""
 SERVO_GAIN = (20.0, 0.2)
@@ -72,7 +74,7 @@ class Kernel:
     def __init__(self, model: Model, state: DriveState, dt: float, symmetric: bool):
         self.model = model
         self.state = state
-        rover = model.rover.under(model.gravity)
+        rover = model.built
         self.pin_model = armed(rover.model, model)
         self.data = self.pin_model.createData()
         self.keep: dict[str, Any] = {}
@@ -126,7 +128,7 @@ class Kernel:
         self.centres = [data.oMi[wheel.joint].translation for wheel in rover.wheels]
         joints = [model.joints[j] for j in range(2, model.njoints)]
         perm, sign = rover.mirror
-        differential = rover.differential
+        differential = rover.differential if self.model.rigid_differential else None
         self._set(
             nv=model.nv,
             n_wheels=len(columns),
@@ -161,11 +163,15 @@ class Kernel:
         model = self.pin_model
         q_of = {model.joints[j].idx_v: model.joints[j].idx_q for j in range(2, model.njoints)}
         servos = [wheel.steer_dof for wheel in rover.wheels if wheel.steer_dof is not None]
-        stops = stop_dofs(rover)
+        stops = suspension_dofs(rover)
         limits = [(model.lowerPositionLimit[q_of[i]], model.upperPositionLimit[q_of[i]]) for i in stops]
         self.servo_target = np.zeros(max(1, len(servos)))
         self.servo_wheels = [i for i, wheel in enumerate(rover.wheels) if wheel.steer_dof is not None]
+        body_dofs = [*range(6), *stops] if self.model.body_effects else []
         self._set(
+            n_body=len(body_dofs),
+            body_dof=np.array(body_dofs or [0], dtype=np.int64),
+            body_q=np.array([q_of[i] for i in stops] or [0], dtype=np.int64),
             n_servos=len(servos),
             servo_dof=np.array(servos or [0], dtype=np.int64),
             servo_q=np.array([q_of[i] for i in servos] or [0], dtype=np.int64),
@@ -240,8 +246,10 @@ class Kernel:
             soils=soils,
             contact_parameters=np.append(laws.numbers(model.contact_effects), 0.0),
             motor_parameters=laws.numbers([model.motor, *model.motor_effects]),
+            body_parameters=np.append(laws.numbers(model.body_effects), 0.0),
             contact_law=made.contact,
             motor_law=made.motor,
+            body_law=made.body,
             work_i=np.zeros(made.work[0] + 1, dtype=np.int64),
             work_w=np.zeros(made.work[1] + 1),
         )
@@ -255,12 +263,6 @@ def supports(model: pin.Model, joint: int) -> list[int]:
         for each in list(model.supports[joint])[1:]
         for index in range(model.joints[each].idx_v, model.joints[each].idx_v + model.joints[each].nv)
     ]
-
-
-def stop_dofs(rover: Any) -> list[int]:
-    """Return the velocity indices of the suspension's joints: neither base, wheel nor steering."""
-    driven = {wheel.dof for wheel in rover.wheels} | {wheel.steer_dof for wheel in rover.wheels}
-    return [i for i in range(6, rover.model.nv) if i not in driven]
 
 
 def armed(model: pin.Model, drive: Model) -> pin.Model:

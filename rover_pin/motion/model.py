@@ -54,12 +54,33 @@ class Model:
                 f"The terrain has ground of soil index {max(used)}, but the model has {len(self.soils)} soils; "
                 "give one soil per index."
             )
+        for effect in self.body_effects:
+            if effect.frees_differential and self.rover.differential is None:
+                raise ParameterError(
+                    f"{type(effect).__name__} acts in a differential, but rover '{self.rover.name}' has none: "
+                    "leave the effect out."
+                )
 
     @property
     def contact_effects(self) -> tuple[Effect, ...]:
         """All contact effects in the order in which they act."""
         first = tuple(effect for effect in self.effects if effect.before_slip)
         return (*first, self.slip, *(effect for effect in self.effects if not effect.before_slip))
+
+    @property
+    def rigid_differential(self) -> bool:
+        """Whether the differential, if the rover has one, holds its rockers rigidly together."""
+        return not any(effect.frees_differential for effect in self.body_effects)
+
+    @property
+    def built(self) -> Rover:
+        """The rover as it is driven: under the model's gravity, with what its effects make it carry and lean."""
+        rover = self.rover.under(self.gravity)
+        for effect in self.body_effects:
+            ballast, rise = effect.ballast(), effect.rise()
+            rover = rover.carrying(*ballast) if any(ballast) else rover
+            rover = rover.rising(*rise) if any(rise) else rover
+        return rover
 
     @property
     def all_effects(self) -> tuple[AnyEffect, ...]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
+from rover_pin.effects.effect import BodyEffect
 from rover_pin.errors import SimulationError
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model
@@ -32,13 +34,15 @@ class Start:
 def settled(model: Model, start: Start, symmetric: bool = False) -> DriveState:
     """Return the state at rest at `start`, wheels held: first straight down, then until the shear of the soil holds it.
 
-    On ground too steep to hold it (or with a slip law that cannot), the rover starts unsheared and slides.
+    On ground too steep to hold it (or with a slip law that cannot), the rover starts unsheared and slides. Friction in
+    its pivots is left out: it is set down where it would come to rest without.
 
     Raises
     ------
     SimulationError
         The rover does not come to rest there even when it is held against sliding.
     """
+    model = dataclasses.replace(model, body_effects=tuple(map(_at_rest, model.body_effects)))
     state = hovering(model, start)
     wheels = [wheel.dof for wheel in model.rover.wheels]
     if relax(Kernel(model, state, 2e-3, symmetric), [0, 1, 5, *wheels], shearing=False) > NEARLY_AT_REST:
@@ -51,6 +55,10 @@ def settled(model: Model, start: Start, symmetric: bool = False) -> DriveState:
     chosen = sheared if held else state
     chosen.v[:], chosen.motor[:] = 0.0, 0.0
     return chosen
+
+
+def _at_rest(effect: BodyEffect) -> BodyEffect:
+    return effect.replace(**effect.neutral) if effect.only_resists else effect
 
 
 LOCKED = 1e6

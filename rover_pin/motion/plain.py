@@ -7,9 +7,10 @@ generalised force and tau(u) the motors',
     q <- q (+) dt/2 u,    (M - dt/2 D) du = dt (Q + tau - nle) + G^T lambda,    G (u + du) = 0,
     D = dQ/du + dQ/dx dx/du + dtau/du,    u <- u + du,    q <- q (+) dt/2 u,
 
-where the states' own step dx = (I - dt/2 r_x)^-1 dt (r + r_u du/2), r = dx/dt, enters Q with one half. Steering servos
-and end stops are springs taken fully implicitly. Forces that change with u are thus stiffly stable, those that change
-with q (soil as a spring of some 2 kN/m a wheel) are explicit, and stable to steps of ten times the default.
+where the states' own step dx = (I - dt/2 r_x)^-1 dt (r + r_u du/2), r = dx/dt, enters Q with one half. Steering servos,
+end stops and what pushes the body are taken fully implicitly. Forces that change with u are thus stiffly stable,
+those of the soil that change with q (a spring of some 2 kN/m a wheel) are explicit, and stable to steps of ten times
+the default.
 """
 
 from __future__ import annotations
@@ -22,9 +23,11 @@ import pinocchio as pin
 from rover_pin.body.section import Facet, Patch, WheelFrame, patches, wheel_frame
 from rover_pin.contact import Load
 from rover_pin.motion import laws
-from rover_pin.motion.kernel import DIRECTION_SPEED, ENERGY, N_RECORD, SERVO_GAIN, STOP_GAIN, armed, stop_dofs
+from rover_pin.motion.body_law import body_law
+from rover_pin.motion.kernel import DIRECTION_SPEED, ENERGY, N_RECORD, SERVO_GAIN, STOP_GAIN, armed
 from rover_pin.motion.model import Model
 from rover_pin.motion.state import DriveState
+from rover_pin.motion.suspension import joints_of, suspension_dofs, suspension_places
 
 TRAVEL_SIGNS = np.array([-1.0, -1.0, 1.0, -1.0])
 """How (f_t, f_y, f_n, torque) and (v_x, v_y, v_n, rim) change when the direction of travel is mirrored."""
@@ -47,7 +50,7 @@ class Plain:
 
     def __init__(self, model: Model, state: DriveState, dt: float, symmetric: bool):
         self.model, self.state, self.dt, self.symmetric = model, state, dt, symmetric
-        self.rover = model.rover.under(model.gravity)
+        self.rover = model.built
         self.pin_model = armed(self.rover.model, model)
         self.data = self.pin_model.createData()
         n = len(self.rover.wheels)
@@ -59,6 +62,7 @@ class Plain:
         self.servo_target = np.zeros(max(1, len(self.servo_wheels)))
         self.law = laws.as_numbers(laws.contact_law(model.contact_effects))
         self.motor = laws.as_numbers(laws.motor_law(model.motor, model.motor_effects))
+        self.body = laws.as_numbers(body_law(model.body_effects, joints_of(self.rover)))
         self.parameters = laws.numbers(model.contact_effects)
         self.motor_parameters = laws.numbers([model.motor, *model.motor_effects])
         self.odd = np.array([-1.0 if each.odd else 1.0 for effect in model.contact_effects for each in effect.states])
@@ -79,8 +83,11 @@ class Plain:
         updates = [self._wheel(index) for index in range(len(self.rover.wheels))]
         motor_Q, motor_D, motor_steps = self._motors()
         spring_Q, spring_D = self._springs()
-        du = self._solve(self.soil_Q + motor_Q + spring_Q, self.soil_D + np.diag(motor_D + 2.0 * spring_D))
-        self._account(du, motor_Q + 0.5 * motor_D * du, spring_Q + spring_D * du)
+        push_Q, push_D = self._push()
+        du = self._solve(
+            self.soil_Q + motor_Q + spring_Q + push_Q, self.soil_D + np.diag(motor_D + 2.0 * spring_D) + 2.0 * push_D
+        )
+        self._account(du, motor_Q + 0.5 * motor_D * du, spring_Q + spring_D * du, push_Q + push_D @ du)
         for index, (gain, slope) in enumerate(updates):
             state.contact[index] += gain + 0.5 * slope @ du
         for wheel, row, (gain, slope) in zip(self.rover.wheels, state.motor, motor_steps, strict=True):
@@ -99,8 +106,10 @@ class Plain:
         nle = pin.nonLinearEffects(model, self.data, state.q, state.v)
         left, right = M - 0.5 * self.dt * D, self.dt * (force - nle)
         differential = self.rover.differential
-        if differential is None:
-            return np.linalg.solve(left, right)
+        if differential is None or not self.model.rigid_differential:
+            du = np.linalg.solve(left, right)
+            self.differential[0] = self.torque + self.torque_slope @ du
+            return np.asarray(du)
         G = np.zeros((1, model.nv))
         G[0, [differential.left, differential.right]] = 1.0
         saddle = np.block([[left, G.T], [G, np.zeros((1, 1))]])
@@ -230,7 +239,7 @@ class Plain:
 
         for target, dof in zip(self.servo_target, self.servo_dofs, strict=False):
             spring(dof, state.q[q_of[dof]] - target, SERVO_GAIN)
-        for dof in stop_dofs(self.rover):
+        for dof in suspension_dofs(self.rover):
             angle = state.q[q_of[dof]]
             over = angle - np.clip(angle, model.lowerPositionLimit[q_of[dof]], model.upperPositionLimit[q_of[dof]])
             if over != 0.0:
@@ -239,14 +248,28 @@ class Plain:
                 force[dof] = slope[dof] = 0.0
         return force, slope
 
-    def _account(self, du: np.ndarray, motor: np.ndarray, springs: np.ndarray) -> None:
+    def _push(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what acts on the body at the end of the step, and its slope; keep the differential's torque."""
+        state, nv = self.state, self.pin_model.nv
+        joints, places = suspension_dofs(self.rover), suspension_places(self.rover)
+        m, at = 6 + len(joints), [*range(6), *joints]
+        seen = np.concatenate([state.q[:7], state.v[:6], state.q[places], state.v[joints], [0.5 * self.dt]])
+        out = self.body(seen, np.zeros(0), laws.numbers(self.model.body_effects))
+        force, slope, self.torque_slope = np.zeros(nv), np.zeros((nv, nv)), np.zeros(nv)
+        force[at], slope[np.ix_(at, at)] = out[:m], out[m : m + m * m].reshape((m, m), order="F")
+        self.torque, self.torque_slope[at] = float(out[m + m * m]), out[m + m * m + 1 :]
+        return force, slope
+
+    def _account(self, du: np.ndarray, motor: np.ndarray, springs: np.ndarray, push: np.ndarray) -> None:
         speed = self.state.v + 0.5 * du
         stopped = springs.copy()
         stopped[self.servo_dofs] = 0.0
         electric = float(np.sum(self.record[:, 10] * self.record[:, 11] * self.duty))
         soil = (self.soil_Q + 0.5 * self.soil_D @ du) @ speed
         steered = (springs - stopped) @ speed
-        self.energy += self.dt * np.array([motor @ speed, -soil, -(stopped @ speed), -steered, electric])
+        self.energy += self.dt * np.array(
+            [motor @ speed, -soil, -(stopped @ speed), -steered, electric, -(push @ speed)]
+        )
 
 
 def _below(frame: WheelFrame) -> Facet:

@@ -58,7 +58,7 @@ def trace_of(model: Model, rows: Sequence[Any], attrs: Mapping[str, Any]) -> Tra
     for i, axis in enumerate("xyz"):
         put(f"body_v{axis}", "m/s", world[:, i])
     put("battery_V", "V", record[:, 0, RECORD.index("supply")])
-    for i, name in enumerate(ENERGY):
+    for i, name in enumerate(ENERGY if model.body_effects else ENERGY[:-1]):
         put(name, "J", energy[:, i])
     if model.rover.differential is not None:
         put("differential_torque", "N m", [row.differential for row in rows])

@@ -146,6 +146,8 @@ def _simulate(
         raise SimulationError(f"duration = {duration:g} s is not allowed: give a positive time.")
     if symmetric and not model.terrain.mirror_symmetric:
         raise SimulationError("A mirror-symmetric drive needs a terrain that is the same on the left and on the right.")
+    if symmetric and model.built.up[1] != 0.0:
+        raise SimulationError("A mirror-symmetric drive needs gravity without a pull to one side: set rise_y to 0.")
     state = start.copy() if isinstance(start, DriveState) else settled(model, start, symmetric)
     if hasattr(controller, "reset"):
         controller.reset()

@@ -9,7 +9,7 @@ import pytest
 
 import rover_pin.effects
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.effects.effect import Effect, MotorEffect
+from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect
 from rover_pin.motion.simulate import simulate
 from rover_pin.scenarios import scenario
 
@@ -22,7 +22,7 @@ def added_effects():
     for module in pkgutil.iter_modules(rover_pin.effects.__path__):
         members = inspect.getmembers(importlib.import_module(f"rover_pin.effects.{module.name}"), inspect.isclass)
         for _, kind in members:
-            if issubclass(kind, (Effect, MotorEffect)) and kind.neutral and kind not in present:
+            if issubclass(kind, (Effect, MotorEffect, BodyEffect)) and kind.neutral and kind not in present:
                 present.add(kind)
                 yield kind
 

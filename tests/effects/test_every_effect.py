@@ -10,7 +10,8 @@ import pytest
 
 import rover_pin.effects
 from rover_pin.contact import Contact, Load, Soil, Wheel
-from rover_pin.effects.effect import Drive, Effect, MotorEffect
+from rover_pin.effects.effect import Body, BodyEffect, Drive, Effect, MotorEffect, SensorEffect
+from rover_pin.motion.body_law import Joints, body_law
 from rover_pin.motion.laws import contact_law, numbers
 from rover_pin.quantity import quantities
 
@@ -23,7 +24,7 @@ def found(kind):
     return sorted(classes, key=lambda each: each.__name__)
 
 
-CONTACT_EFFECTS, MOTOR_EFFECTS = found(Effect), found(MotorEffect)
+CONTACT_EFFECTS, MOTOR_EFFECTS, BODY_EFFECTS = found(Effect), found(MotorEffect), found(BodyEffect)
 
 
 def contacts(rng, count, S=None):
@@ -144,6 +145,65 @@ def test_a_motor_effect_is_passive_and_vanishes_at_its_neutral_values(kind):
         assert neutral.amend(drive, x) == drive
         assert float(neutral.torque(drive, 0.3, x)) == 0.0
         assert np.all(np.isfinite([float(v) for v in kind().rate(drive, 0.3, x)]))
+
+
+@pytest.mark.parametrize("kind", [*CONTACT_EFFECTS, *MOTOR_EFFECTS, *BODY_EFFECTS, *found(SensorEffect)])
+def test_sizes_and_places_are_quantities_and_none_is_both(kind):
+    assert set(kind.neutral) | set(kind.places) <= set(quantities(kind))
+    assert not set(kind.neutral) & set(kind.places)
+
+
+def bodies(rng, count):
+    """Bodies with four joints, the first and the third joined by a differential."""
+    for _ in range(count):
+        angles, rates = rng.uniform(-0.3, 0.3, 4).tolist(), tuple(rng.uniform(-0.5, 0.5, 4).tolist())
+        twist, twist_rate = angles[0] + angles[2], rates[0] + rates[2]
+        yield Body(*rng.uniform(-0.3, 0.3, 12).tolist(), tuple(angles), rates, rates, twist, twist_rate)
+
+
+def pushed(effect, body):
+    push = effect.push(body)
+    return [float(v) for v in (*push[:6], *(push.joints or (0.0,) * 4), push.differential)]
+
+
+@pytest.mark.parametrize("kind", BODY_EFFECTS, ids=lambda kind: kind.__name__)
+def test_a_body_effect_vanishes_at_its_neutral_values_and_is_finite_within_its_bounds(kind):
+    rng = np.random.default_rng(5)
+    neutral = kind().replace(**kind.neutral)
+    assert (tuple(neutral.ballast()), neutral.rise(), neutral.frees_differential) == ((0, 0, 0), (0, 0), False)
+    for body in bodies(rng, 30):
+        assert pushed(neutral, body) == pytest.approx([0.0] * 11, abs=1e-15)
+        changes = {name: rng.choice([about.low, about.high]) for name, about in quantities(kind).items()}
+        assert np.all(np.isfinite(pushed(kind(**changes), body)))
+
+
+@pytest.mark.parametrize("kind", BODY_EFFECTS, ids=lambda kind: kind.__name__)
+def test_the_law_of_the_body_is_the_push_in_the_base_s_own_axes(kind):
+    """Against the effect on floats: as it stands with no time step, and as far as it has moved with one."""
+    import pinocchio as pin
+
+    rng = np.random.default_rng(6)
+    law, joints = body_law([kind()], Joints(4, (0, 2))), [0, 2]
+    for body in bodies(rng, 10):
+        rotation = pin.rpy.rpyToMatrix(*body[3:6])
+        push = np.array(pushed(kind(), body))
+        expected = np.concatenate([rotation.T @ push[:3], rotation.T @ push[3:6], push[6:10]])
+        expected[[6 + joint for joint in joints]] += push[10]
+        own = [*(rotation.T @ body[6:9]), *(rotation.T @ body[9:12])]
+        seen = [*body[:3], *pin.Quaternion(rotation).coeffs(), *own, *body.angles, *body.rates]
+        out = np.array(law([*seen, 0.0], np.zeros(0), numbers([kind()]))).ravel()
+        assert out[:10] == pytest.approx(expected, rel=1e-10, abs=1e-12)
+        assert out[110] == pytest.approx(push[10], rel=1e-10, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", BODY_EFFECTS, ids=lambda kind: kind.__name__)
+def test_a_body_effect_takes_energy_from_a_body_that_moves(kind):
+    """Power of what does not depend on where the body is: friction and drag give none."""
+    for body in bodies(np.random.default_rng(7), 50):
+        body = body._replace(twist=0.0, twist_rate=0.0)
+        push = pushed(kind(), body)
+        power = np.dot(push[:6], body[6:12]) + np.dot(push[6:10], body.rates)
+        assert power <= 0.0
 
 
 def test_dahl_friction_reaches_coulombs_level_and_holds_at_rest():

@@ -1,0 +1,99 @@
+"""A model's effects on its body as one CasADi function: generalised force on base and suspension, and its slope."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from rover_pin.effects.effect import Body, BodyEffect, Push
+from rover_pin.errors import ParameterError
+from rover_pin.motion.laws import symbolic
+
+
+class Joints(NamedTuple):
+    """The suspension as the law counts it: how many joints, and which two the differential joins."""
+
+    number: int
+    rockers: tuple[int, int] | None
+
+
+class _Symbols(NamedTuple):
+    position: Any
+    quaternion: Any
+    base_speed: Any
+    angles: Any
+    rates: Any
+    half_step: Any
+    known_rates: Any
+
+
+def body_law(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
+    """Return the function (body, no states, parameters) -> generalised force and its slope.
+
+    The body vector is q of the base (7), v of the base (6), angles and rates of the suspension's joints, and half the
+    time step. With u the speeds (base, then joints), F the force at the half-step configuration q, one output column:
+
+        Q = F + dt/2 dF/dq q', D = dF/du + dt/2 dF/dq dq'/du (column-major), the differential's torque T, dT/du (a row),
+
+    so that Q + D du is the force at the end of the step, to first order; dF/dq leaves the attitude out.
+    """
+    own, parameters = symbolic(effects)
+    n = joints.number
+    sizes = {"position": 3, "quaternion": 4, "base_speed": 6, "angles": n, "rates": n, "half_step": 1, "known_rates": n}
+    s = _Symbols(**{name: ca.SX.sym(name, size) for name, size in sizes.items()})
+    rotation = _rotation(s.quaternion)
+    body = _body(s, rotation, joints)
+    pushes = [effect.push(body) for effect in own]  # type: ignore[attr-defined]
+    differential = sum((push.differential for push in pushes), ca.SX(0))
+    force = ca.vertcat(_generalised(pushes, rotation, differential, joints), differential)
+    speeds, places = ca.vertcat(s.base_speed, s.rates), ca.vertcat(s.position, s.angles)
+    moves = ca.SX(3 + n, 6 + n)
+    moves[:3, :3], moves[3:, 6:] = rotation, ca.SX.eye(n)
+    drift = s.half_step * ca.mtimes(ca.jacobian(force, places), moves)
+    slope = ca.jacobian(force, speeds) + drift
+    at_end = force + ca.mtimes(drift, speeds)
+    m = 6 + n
+    blocks = [at_end[:m], ca.vec(ca.densify(slope[:m, :])), at_end[m], ca.densify(slope[m, :]).T]
+    out = ca.substitute(ca.densify(ca.vertcat(*blocks)), s.known_rates, s.rates)
+    return ca.Function("body_law", [ca.vertcat(*s[:-1]), ca.SX(0, 1), parameters], [out])
+
+
+def _body(s: _Symbols, rotation: ca.SX, joints: Joints) -> Body:
+    velocity, spin = ca.mtimes(rotation, s.base_speed[:3]), ca.mtimes(rotation, s.base_speed[3:])
+    x, y, z, w = ca.vertsplit(s.quaternion)
+    roll = ca.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = ca.asin(ca.fmax(-1.0, ca.fmin(1.0, 2 * (w * y - z * x))))
+    yaw = ca.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    angles, rates, known = (tuple(ca.vertsplit(each)) if joints.number else () for each in (s.angles, s.rates, s[-1]))
+    base = [*ca.vertsplit(s.position), roll, pitch, yaw, *ca.vertsplit(velocity), *ca.vertsplit(spin)]
+    twist, twist_rate = (sum((each[i] for i in joints.rockers or ()), 0.0) for each in (angles, rates))
+    return Body(*base, angles, rates, known, twist, twist_rate)  # type: ignore[call-arg]
+
+
+def _generalised(pushes: Sequence[Push], rotation: ca.SX, differential: ca.SX, joints: Joints) -> ca.SX:
+    """Return the sum of the pushes, on the speeds of the base in its own axes and on the joints."""
+    force = sum((ca.vertcat(push.f_x, push.f_y, push.f_z) for push in pushes), ca.SX.zeros(3))
+    moment = sum((ca.vertcat(push.m_x, push.m_y, push.m_z) for push in pushes), ca.SX.zeros(3))
+    torques = ca.SX.zeros(joints.number)
+    for push in pushes:
+        if len(push.joints) not in (0, joints.number):
+            raise ParameterError(
+                f"A body effect pushes {len(push.joints)} joints, but the suspension has {joints.number}: "
+                "give one torque a joint of `Body.angles`, or none."
+            )
+        torques += ca.vertcat(*push.joints) if push.joints else 0.0
+    for rocker in joints.rockers or ():
+        torques[rocker] += differential
+    return ca.vertcat(ca.mtimes(rotation.T, force), ca.mtimes(rotation.T, moment), torques)
+
+
+def _rotation(quaternion: ca.SX) -> ca.SX:
+    x, y, z, w = ca.vertsplit(quaternion)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return ca.vertcat(*(ca.horzcat(*row) for row in rows))

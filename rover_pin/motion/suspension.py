@@ -1,0 +1,26 @@
+"""The joints of a rover's suspension: neither base, wheel nor steering."""
+
+from __future__ import annotations
+
+from rover_pin.body.rover import Rover
+from rover_pin.motion.body_law import Joints
+
+
+def suspension_dofs(rover: Rover) -> list[int]:
+    """Return the suspension's joints' places in v, in its order."""
+    driven = {wheel.dof for wheel in rover.wheels} | {wheel.steer_dof for wheel in rover.wheels}
+    return [i for i in range(6, rover.model.nv) if i not in driven]
+
+
+def suspension_places(rover: Rover) -> list[int]:
+    """Return the same joints' places in q."""
+    q_of = {joint.idx_v: joint.idx_q for joint in list(rover.model.joints)[2:]}
+    return [q_of[dof] for dof in suspension_dofs(rover)]
+
+
+def joints_of(rover: Rover) -> Joints:
+    """Return the suspension as the law of the body counts it."""
+    dofs, differential = suspension_dofs(rover), rover.differential
+    return Joints(
+        len(dofs), None if differential is None else (dofs.index(differential.left), dofs.index(differential.right))
+    )

@@ -1,0 +1,98 @@
+"""Effects on the body and of the ground, each in a drive: both steps agree, energy closes, nothing costs nothing."""
+
+import numpy as np
+import pytest
+
+from rover_pin.body.rover import load_rover
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.effects.differential_compliance import DifferentialCompliance
+from rover_pin.effects.effect import BodyEffect, Push
+from rover_pin.effects.gravity_tilt import GravityTilt
+from rover_pin.effects.hard_patch import HardPatch
+from rover_pin.effects.pivot_friction import PivotFriction
+from rover_pin.effects.point_mass import PointMass
+from rover_pin.effects.tether_drag import TetherDrag
+from rover_pin.effects.wheel_scale import WheelScale
+from rover_pin.errors import ParameterError, SimulationError
+from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.place import Start, settled
+from rover_pin.motion.plain import Plain
+from rover_pin.motion.simulate import simulate
+from rover_pin.scenarios import scenario
+
+BUMP = scenario("one-sided-bump").model
+EFFECTS = {
+    "pivot friction": PivotFriction(),
+    "stiff pivots": PivotFriction(tau_c=1.0, w_s=0.002),
+    "soft differential": DifferentialCompliance(),
+    "play alone": DifferentialCompliance(compliance=0.0, backlash=0.02),
+    "tether": TetherDrag(),
+    "ballast": PointMass(m=0.3, shift_x=0.02, shift_z=0.03),
+    "tilt": GravityTilt(rise_x=0.01, rise_y=-0.03),
+    "hard patch": HardPatch(x_from=0.1),
+    "larger wheels": WheelScale(e=0.05),
+}
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_the_compiled_step_is_the_plain_one(name):
+    made = BUMP.having(EFFECTS[name])
+    state = settled(made, Start(x=0.1, yaw=0.2))
+    kernel = Kernel(made, state, 0.005, symmetric=False)
+    kernel.duty[:], kernel.servo_target[:] = np.linspace(0.5, 0.9, 6), [0.1, 0.12, -0.1, -0.12]
+    for k in range(1200):
+        if k % 60:
+            assert kernel.step() == 0
+            continue
+        other = state.copy()
+        plain = Plain(made, other, 0.005, symmetric=False)
+        plain.duty[:], plain.servo_target[:], plain.energy[:] = kernel.duty, kernel.servo_target, kernel.energy
+        plain.record[:] = kernel.record
+        assert (plain.step(), kernel.step()) == (0, 0)
+        assert other.q == pytest.approx(state.q, abs=1e-11)
+        assert other.v == pytest.approx(state.v, abs=1e-9)
+        assert plain.record == pytest.approx(kernel.record, rel=1e-8, abs=1e-8)
+        assert plain.energy == pytest.approx(kernel.energy, rel=1e-9, abs=1e-10)
+        assert plain.differential == pytest.approx(kernel.differential, rel=1e-8, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("duty", [0.55, -0.5])
+def test_energy_closes(name, duty):
+    trace = simulate(BUMP.having(EFFECTS[name]), ConstantDuty(duty), 8.0, Start(x=0.5, yaw=0.1))
+    assert trace.attrs["stop"] == "duration"
+    assert trace.energy_error() < 1e-3
+
+
+def test_only_what_pushes_the_body_has_a_channel_of_energy():
+    for effect in (HardPatch(), TetherDrag()):
+        trace = simulate(BUMP.having(effect), ConstantDuty(0.5), 0.5)
+        assert ("energy_body" in trace) == isinstance(effect, BodyEffect)
+        assert type(effect).__name__ in trace.attrs["effects"]
+
+
+class Crowd(BodyEffect):
+    """Pushes joints that are not there."""
+
+    def push(self, body):
+        """Return three torques."""
+        return Push(joints=(0.0, 0.0, 0.0))
+
+
+def test_what_is_refused_is_said():
+    with pytest.raises(ParameterError, match="pushes 3 joints, but the suspension has 4"):
+        simulate(BUMP.having(Crowd()), ConstantDuty(0.5), 0.1)
+    with pytest.raises(ParameterError, match="acts in a differential, but rover 'cart' has none"):
+        BUMP.replace(rover=load_rover("cart")).having(DifferentialCompliance())
+    flat = scenario("flat").model.having(GravityTilt(rise_x=0.0, rise_y=0.01))
+    with pytest.raises(SimulationError, match="gravity without a pull to one side"):
+        simulate(flat, ConstantDuty(0.5), 0.1, symmetric=True)
+
+
+def test_a_rover_without_a_suspension_can_be_dragged():
+    """The cart has no joints but its wheels'."""
+    flat = scenario("flat").model
+    cart = flat.replace(rover=load_rover("cart"))
+    free, dragged = (simulate(each, ConstantDuty(0.6), 2.0) for each in (cart, cart.having(TetherDrag(f_0=3.0))))
+    assert dragged["body_x"][-1] < free["body_x"][-1]
+    assert dragged.energy_error() < 1e-3
