@@ -1,0 +1,115 @@
+"""What the rover weighs and where down is: statics by hand, a tilt that equals a slope, energy that follows."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from rover_pin.body import shapes
+from rover_pin.body.rover import load_rover
+from rover_pin.body.statics import wheel_loads
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.effects.gravity_tilt import GravityTilt
+from rover_pin.effects.point_mass import PointMass
+from rover_pin.errors import ParameterError
+from rover_pin.motion.place import Start, settled
+from rover_pin.motion.simulate import simulate
+from rover_pin.scenarios import scenario
+
+NEXUS6 = load_rover()
+FLAT = scenario("flat").model
+
+
+def centre(rover):
+    return pin.centerOfMass(rover.model, rover.model.createData(), pin.neutral(rover.model))
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.7, -0.5])
+def test_mass_and_centre_are_what_was_asked(mass):
+    loaded = NEXUS6.carrying(mass, 0.01, -0.004)
+    assert loaded.mass == pytest.approx(5.8 + mass)
+    assert centre(loaded) - centre(NEXUS6) == pytest.approx([0.01, 0.0, -0.004], abs=1e-12)
+    assert loaded.symmetric
+    assert NEXUS6.mass == pytest.approx(5.8)
+
+
+def test_a_point_is_carried_as_pinocchio_adds_it():
+    """A mass at r alone: Pinocchio's own sum of inertias has the same mass, centre and weight moments."""
+    m, r = 0.4, np.array([0.1, 0.0, 0.05])
+    shift = m * (r - centre(NEXUS6)) / (5.8 + m)
+    ours = NEXUS6.carrying(m, shift[0], shift[2])
+    theirs = NEXUS6.model.copy()
+    theirs.inertias[1] += pin.Inertia(m, r, np.zeros((3, 3)))
+    q = pin.neutral(theirs)
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.1, -0.2, 0.4)).coeffs()
+    weights = [pin.computeGeneralizedGravity(each, each.createData(), q) for each in (ours.model, theirs)]
+    assert weights[0] == pytest.approx(weights[1], abs=1e-10)
+
+
+def test_static_loads_change_as_statics_says():
+    """The moments about the base's origin grow by the shifted weight, and what the simulator rests on is the same."""
+    effect = PointMass(m=0.5, shift_x=0.02)
+    plain, loaded = wheel_loads(NEXUS6, 0.0), wheel_loads(NEXUS6.carrying(*effect.ballast()), 0.0)
+    places = np.repeat([0.15, 0.0, -0.15], 2)
+    assert loaded.sum() - plain.sum() == pytest.approx(0.5 * 9.81)
+    assert places @ loaded - places @ plain == pytest.approx(
+        9.81 * (6.3 * (centre(NEXUS6)[0] + 0.02) - 5.8 * centre(NEXUS6)[0])
+    )
+    trace = simulate(FLAT.having(effect), ConstantDuty(0.0), 0.5)
+    assert trace.stack("normal")[-1] == pytest.approx(loaded, rel=0.02)
+
+
+def test_a_tilt_is_a_slope():
+    """On a bed tilted by a, all is as on the flat bed's slope of a: loads, slip, sinkage, speed, power."""
+    angle = math.radians(4.0)
+    slope = FLAT.replace(terrain=shapes.incline(angle, -3.0))
+    traces = [simulate(each, ConstantDuty(0.6), 10.0) for each in (slope, FLAT.having(GravityTilt(rise_x=angle)))]
+    for name in ("slip_fl", "normal_rl", "normal_fr", "tangential_ml", "sinkage_rr", "wheel_rate_fl", "current_mr_A"):
+        assert traces[1][name][-1] == pytest.approx(traces[0][name][-1], rel=2e-3), name
+    along = [trace["body_x"][-1] - trace["body_x"][0] for trace in traces]
+    assert along[0] / math.cos(angle) == pytest.approx(along[1], rel=2e-3)
+    risen = [trace["energy_potential"][-1] - trace["energy_potential"][0] for trace in traces]
+    assert risen[1] == pytest.approx(risen[0], rel=5e-3)
+    assert risen[1] == pytest.approx(5.8 * 9.81 * along[1] * math.sin(angle), rel=2e-2)
+
+
+def test_a_tilt_turns_its_sign_with_the_heading():
+    tilted = FLAT.having(GravityTilt(rise_x=0.05))
+    up, down, level = (
+        simulate(model, ConstantDuty(0.55), 6.0, Start(yaw=yaw))
+        for model, yaw in ((tilted, 0.0), (tilted, math.pi), (FLAT, 0.0))
+    )
+    slips = [trace.stack("slip")[-1].mean() for trace in (up, level, down)]
+    assert slips[0] > slips[1] > slips[2]
+
+
+def test_a_side_tilt_loads_the_lower_wheels_as_statics_says():
+    tilted = FLAT.having(GravityTilt(rise_x=0.0, rise_y=0.1))
+    trace = simulate(tilted, ConstantDuty(0.0), 0.5, settled(tilted, Start()))
+    loads = wheel_loads(NEXUS6, 0.0, 0.1)
+    assert wheel_loads(NEXUS6.rising(0.0, 0.1), 0.0) == pytest.approx(loads, rel=1e-9)
+    assert loads[1] > loads[0]
+    right = trace.stack("normal")[-1][1::2].sum()
+    assert right == pytest.approx(loads[1::2].sum(), rel=0.03)
+
+
+def test_another_gravity_keeps_the_tilt():
+    moon = NEXUS6.rising(0.1, -0.2).under(1.62)
+    assert moon.gravity == pytest.approx(1.62)
+    assert moon.up == pytest.approx([math.sin(0.1), math.sin(-0.2), moon.up[2]])
+    assert NEXUS6.under(3.7).model.gravity.linear.tolist() == [0.0, 0.0, -3.7]
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: NEXUS6.carrying(-2.9), "the base of rover 'nexus6' has 2.9 kg"),
+        (lambda: NEXUS6.carrying(-2.85), "an inertia that no body has"),
+        (lambda: NEXUS6.rising(1.0, 1.0), "leaves no upper side"),
+        (lambda: NEXUS6.rising(2.0, 0.0), "leaves no upper side"),
+    ],
+)
+def test_what_is_refused_is_said(call, words):
+    with pytest.raises(ParameterError, match=words):
+        call()
