@@ -22,6 +22,8 @@ Set = Annotated[
     list[str], typer.Option("--set", metavar="NAME=VALUE", help="Change any number, as terrain.wall_angle_deg=40.")
 ]
 SoilName = Annotated[str, typer.Option("--soil", help="A soil of rover_pin.parameters.")]
+Gravity = Annotated[str, typer.Option("--gravity", help="earth, moon, mars, or m/s^2; else the model's, else Earth's.")]
+ModelFile = Annotated[Path | None, typer.Option("--model", help="A model file: rover, soils, motor, all effects.")]
 
 
 def main() -> None:
@@ -39,8 +41,9 @@ def drive(
     control: Annotated[
         str, typer.Option(help="none, eq9 (the paper's estimate), true (true slip), turn, point-turn.")
     ] = "",
-    gravity: Annotated[str, typer.Option(help="earth, moon, mars, or m/s^2.")] = "earth",
-    soil: SoilName = "table-1",
+    gravity: Gravity = "",
+    soil: SoilName = "",
+    model: ModelFile = None,
     set_: Set = [],  # noqa: B006 - typer wants a list
     check: Annotated[
         bool, typer.Option("--check", help="Drive again at half the step and say how far x differs.")
@@ -53,9 +56,8 @@ def drive(
     from rover_pin.scenarios import Scenario
     from rover_pin.scenarios import scenario as ready
 
-    settings: dict[str, Any] = {"gravity": gravity, "soil": soil, **assignments(set_)}
-    if control:
-        settings["control"] = control
+    given = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model)}
+    settings = {**{name: value for name, value in given.items() if value}, **assignments(set_)}
     chosen: Scenario = ready(scenario, **settings)
     with progress(f"driving {scenario}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance)
@@ -136,23 +138,27 @@ def sweep(
 @app.command()
 def bounds(
     slope_deg: Annotated[float, typer.Option(help="Nose-up inclination [deg].")] = 0.0,
-    soil: SoilName = "table-1",
+    soil: SoilName = "",
     slip: Annotated[float, typer.Option(help="Slip limit, in (0, 1].")] = 0.2,
-    form: Annotated[str, typer.Option(help="Which traction factor: net, torque, gross.")] = "torque",
-    rover: Annotated[str, typer.Option(help="nexus6, cart, or your rover's TOML.")] = "nexus6",
-    gravity: Annotated[str, typer.Option(help="earth, moon, mars, or m/s^2.")] = "earth",
+    form: Annotated[str, typer.Option(help="Which traction factor: net, torque, gross.")] = "",
+    rover: Annotated[str, typer.Option(help="nexus6, cart, or your rover's TOML.")] = "",
+    gravity: Gravity = "",
+    model: ModelFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print the traction-limited torque of every wheel of a rover on a slope, and the motor's margin."""
-    from rover_pin.body.rover import load_rover
+    """Print the traction-limited torque of every wheel of a rover on a slope, and the motor's margin.
+
+    Of a model's effects only the form of its traction counts.
+    """
     from rover_pin.control.bound_pull import TractionLimit
     from rover_pin.control.rover_bounds import bounds_report, bounds_table, rover_torque_bounds
-    from rover_pin.parameters.gravity import gravity_named
-    from rover_pin.scenarios import nexus6_motor
-    from rover_pin.soil.traction import form_named
+    from rover_pin.effects.soil_traction import SoilTraction
+    from rover_pin.scenarios import scenario
 
-    own, ground, g = load_rover(rover), soil_named(soil), gravity_named(gravity)
-    limit, motor = TractionLimit(slip, form_named(form)), nexus6_motor()
+    given = {"rover": rover, "soil": soil, "form": form, "gravity": gravity, "model": model and str(model)}
+    made = scenario("flat", **{name: value for name, value in given.items() if value}).model
+    own, ground, g, motor = made.rover, made.soils[0], made.gravity, made.motor
+    limit = TractionLimit(slip, made.effect(SoilTraction).form)
     result = bounds_report(own, ground, math.radians(slope_deg), g, limit, motor)
     if as_json:
         report(result, as_json)

@@ -166,3 +166,21 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
         return record(**fields)
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from error
+
+
+def declared(record: Record) -> dict[str, Any]:
+    """Return a record as a table that `record_from` reads: { value, unit } by name.
+
+    Raises
+    ------
+    ParameterError
+        A field that holds an expression.
+    """
+    return {name: _entry(record, name, about.unit) for name, about in quantities(record).items()}
+
+
+def _entry(record: Record, name: str, unit: str) -> dict[str, Any]:
+    value = getattr(record, name)
+    if is_symbolic(value):
+        raise ParameterError(f"{type(record).__name__}.{name} is an expression, {value}: give it a number to write it.")
+    return {"value": float(value), **({"unit": unit} if unit else {})}

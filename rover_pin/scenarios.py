@@ -22,7 +22,6 @@ from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_limit import TorqueLimit
-from rover_pin.effects.effect import Effect, MotorEffect
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
@@ -31,6 +30,7 @@ from rover_pin.motion.command import Controller
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED, Model, base_effects
+from rover_pin.motion.model_toml import read_model
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import Progress, Timing, simulate
@@ -38,7 +38,8 @@ from rover_pin.motion.trace import Trace
 from rover_pin.parameters import SOILS
 from rover_pin.parameters.gravity import EARTH, gravity_named
 from rover_pin.parameters.hard import HARD_GROUND
-from rover_pin.quantity import Record, quantities
+from rover_pin.quantity import declared, quantities
+from rover_pin.settings import Settings, fields_of, number
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import FORMS, TorqueTraction, load_traction_factor
 
@@ -89,14 +90,6 @@ class Scenario:
             motor=declared(model.motor),
         )
         return write_drive_log(folder, {"run": trace}, about)
-
-
-def declared(record: Record) -> dict[str, Any]:
-    """Return a record as the table of a log: { value, unit } by name."""
-    return {
-        name: {"value": float(getattr(record, name)), **({"unit": about.unit} if about.unit else {})}
-        for name, about in quantities(record).items()
-    }
 
 
 @dataclass(frozen=True)
@@ -162,8 +155,9 @@ def scenario(name: str, **settings: Any) -> Scenario:
         `rover`, `soil` (a name of SOILS), `soil.FIELD`, `terrain.ARGUMENT` (`terrain.path` of a file),
         `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor.FIELD`, `gravity` (name or m/s^2),
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
-        `effect.CLASS.FIELD`, `control` (none, eq9, true, turn, point-turn), `control.FIELD`,
-        `control.gains` (a file of tuned gains), `start.FIELD`, `duration`, `dt` [s].
+        `effect.CLASS.FIELD`, `model` (a model file, instead of rover, soil, form, angles and slip),
+        `control` (none, eq9, true, turn, point-turn), `control.FIELD`, `control.gains` (a file of tuned gains),
+        `start.FIELD`, `duration`, `dt` [s].
         A `_deg` behind any angle reads degrees.
 
     Raises
@@ -182,64 +176,8 @@ def scenario(name: str, **settings: Any) -> Scenario:
     duration = asked.number("duration", scene.duration)
     asked.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
+    symmetric = symmetric and "model" not in settings
     return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, dict(settings))
-
-
-class Settings:
-    """Dotted settings that are taken one by one; what is left at the end was not understood."""
-
-    def __init__(self, values: Mapping[str, Any]):
-        self.values = dict(values)
-        self.known: list[str] = []
-
-    def take(self, name: str, default: Any) -> Any:
-        """Return a setting, or its default."""
-        self.known.append(name)
-        return self.values.pop(name, default)
-
-    def number(self, name: str, default: float) -> float:
-        """Return a setting that is a number, or its default."""
-        return number(name, self.take(name, default))
-
-    def choice(self, name: str, default: str, choices: Mapping[str, Any]) -> Any:
-        """Return what a setting's word stands for."""
-        word = self.take(name, default)
-        if word not in choices:
-            raise ParameterError(f"{name} = {word!r} is not known: {closest(str(word), choices)}")
-        return choices[word]
-
-    def group(self, prefix: str, names: tuple[str, ...]) -> dict[str, Any]:
-        """Return the settings `prefix.NAME` for these names, angles with `_deg` in radians."""
-        found = {}
-        for name in names:
-            self.known.append(f"{prefix}.{name}")
-            if f"{prefix}.{name}" in self.values:
-                found[name] = self.values.pop(f"{prefix}.{name}")
-            if f"{prefix}.{name}_deg" in self.values:
-                found[name] = math.radians(number(f"{prefix}.{name}_deg", self.values.pop(f"{prefix}.{name}_deg")))
-        return found
-
-    def numbers(self, prefix: str, names: tuple[str, ...]) -> dict[str, float]:
-        """Return the settings of a group that are all numbers."""
-        return {name: number(f"{prefix}.{name}", value) for name, value in self.group(prefix, names).items()}
-
-    def finish(self) -> None:
-        """Refuse what nothing has taken."""
-        for name in self.values:
-            raise ParameterError(f"There is no setting '{name}' here: {closest(name, self.known)}")
-
-
-def number(name: str, value: Any) -> float:
-    """Return a setting's value as a float."""
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise ParameterError(f"{name} = {value!r} is not a number.") from None
-
-
-def fields_of(record: Any) -> tuple[str, ...]:
-    """Return the names of a record's fields."""
-    return tuple(each.name for each in dataclasses.fields(record))
 
 
 def _terrain(scene: Scene, asked: Settings) -> Terrain:
@@ -256,31 +194,37 @@ def _terrain(scene: Scene, asked: Settings) -> Terrain:
 
 
 def _model(scene: Scene, asked: Settings) -> Model:
-    rover = load_rover(str(asked.take("rover", "nexus6")))
-    soil = asked.choice("soil", "table-1", SOILS)
-    soil = soil.replace(**asked.group("soil", fields_of(soil)))
-    terrain = _terrain(scene, asked)
-    motor = nexus6_motor()
-    motor = motor.replace(**asked.group("motor", fields_of(motor)))
-    form = asked.choice("form", "torque", FORMS)
-    angles = asked.choice("angles", "fixed", {"fixed": FixedAngles(), "sinkage": SinkageAngles()})
-    model = Model(
-        rover,
-        terrain,
-        (soil, HARD_GROUND),
-        motor,
-        asked.choice("slip", "relaxed", {"relaxed": RelaxedSlip(), "algebraic": AlgebraicSlip()}),
-        base_effects(soil, rover, SoilTraction(form, angles)),
-        gravity=gravity_named(asked.take("gravity", EARTH)),
-    )
+    terrain, file = _terrain(scene, asked), asked.take("model", None)
+    model = _composed(asked, terrain) if file is None else _of_file(str(file), asked, terrain)
+    ground = model.soils[0].replace(**asked.group("soil", fields_of(model.soils[0])))
+    motor = model.motor.replace(**asked.group("motor", fields_of(model.motor)))
+    gravity = gravity_named(asked.take("gravity", model.gravity))
+    model = model.replace(soils=(ground, *model.soils[1:]), motor=motor, gravity=gravity)
     friction = asked.number("gear_friction", 0.0)
     if friction:
         model = model.having(GearFriction(tau_c=friction))
-    acting: tuple[Effect | MotorEffect, ...] = (*model.contact_effects, *model.motor_effects)
-    for effect in acting:
+    for effect in model.all_effects:
         changes = asked.group(f"effect.{type(effect).__name__}", tuple(quantities(effect)))
         model = model.having(effect.replace(**changes)) if changes else model
     return model
+
+
+def _of_file(file: str, asked: Settings, terrain: Terrain) -> Model:
+    for name in ("rover", "soil", "form", "angles", "slip"):
+        if asked.take(name, None) is not None:
+            raise ParameterError(f"{name} stands in the model file {file}: change it there, or leave out one of both.")
+    return read_model(file, terrain)
+
+
+def _composed(asked: Settings, terrain: Terrain) -> Model:
+    rover = load_rover(str(asked.take("rover", "nexus6")))
+    soil = asked.choice("soil", "table-1", SOILS)
+    soil = soil.replace(**asked.group("soil", fields_of(soil)))
+    form = asked.choice("form", "torque", FORMS)
+    angles = asked.choice("angles", "fixed", {"fixed": FixedAngles(), "sinkage": SinkageAngles()})
+    slip = asked.choice("slip", "relaxed", {"relaxed": RelaxedSlip(), "algebraic": AlgebraicSlip()})
+    effects = base_effects(soil, rover, SoilTraction(form, angles))
+    return Model(rover, terrain, (soil, HARD_GROUND), nexus6_motor(), slip, effects)
 
 
 def _controller(model: Model, asked: Settings) -> Controller:

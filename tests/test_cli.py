@@ -129,6 +129,23 @@ def test_sweep_writes_a_table(run):
     assert all(Path(file).is_file() for file in told["files"])
 
 
+def test_drive_and_bounds_take_a_model_file(run):
+    from rover_pin.motion.model_toml import write_model
+    from rover_pin.scenarios import scenario
+
+    write_model(scenario("flat", gravity="moon", soil="fjs-1").model, "model.toml")
+    told = said(run, "drive", "flat", "--model", "model.toml", "--set", "duration=1")
+    plain = said(run, "drive", "flat", "--gravity", "moon", "--soil", "fjs-1", "--set", "duration=1")
+    assert told["end_x_m"] == pytest.approx(plain["end_x_m"], abs=1e-6)
+    told, plain = (
+        said(run, "bounds", *a) for a in (["--model", "model.toml"], ["--gravity", "moon", "--soil", "fjs-1"])
+    )
+    assert told["wheels"] == plain["wheels"]
+    code, _, err = run("bounds", "--model", "model.toml", "--soil", "table-1")
+    assert code == 2
+    assert "soil stands in the model file model.toml" in err
+
+
 def test_bounds_for_every_wheel(run):
     told = said(run, "bounds", "--slope-deg", "5", "--gravity", "mars")
     assert [wheel["wheel"] for wheel in told["wheels"]] == ["fl", "fr", "ml", "mr", "rl", "rr"]

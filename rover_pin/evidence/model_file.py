@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
-import inspect
 from pathlib import Path
 from typing import Any
 
 from rover_pin.columns import replace_file
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.effect import Effect
-from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import DataError, closest
-from rover_pin.evidence.candidates import effect_kinds
+from rover_pin.errors import DataError
 from rover_pin.evidence.rig_model import RigModel
-from rover_pin.quantity import Record, quantities, record_from
-from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.traction import form_named
+from rover_pin.motion.effect_files import effect_entry, effect_from
+from rover_pin.quantity import declared, record_from
 from rover_pin.toml_file import read_toml, toml_text
 
-ANGLES = {kind.__name__: kind() for kind in (FixedAngles, SinkageAngles)}
 KIND = "rig-model"
 
 
@@ -28,30 +22,11 @@ def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:
     table = {
         "kind": KIND,
         "note": note,
-        "wheel": _values(model.wheel),
-        "soil": _values(model.soil),
-        "effect": [_entry(effect) for effect in model.effects],
+        "wheel": declared(model.wheel),
+        "soil": declared(model.soil),
+        "effect": [effect_entry(effect) for effect in model.effects],
     }
     return replace_file(path, toml_text(table))
-
-
-def _values(record: Record) -> dict[str, Any]:
-    about = quantities(record)
-    return {name: {"value": float(value), "unit": about[name].unit} for name, value in record.values().items()}
-
-
-def _entry(effect: Effect) -> dict[str, Any]:
-    kind = type(effect)
-    entry: dict[str, Any] = {"name": kind.__name__}
-    if not kind.__module__.startswith("rover_pin.effects."):
-        entry["file"] = inspect.getfile(kind)
-    for field in dataclasses.fields(effect):
-        value = getattr(effect, field.name)
-        if field.name == "form":
-            entry["form"] = value.name
-        elif field.name == "angles":
-            entry["angles"] = type(value).__name__
-    return entry | _values(effect)
 
 
 def read_model(path: str | Path) -> RigModel:
@@ -71,22 +46,12 @@ def read_model(path: str | Path) -> RigModel:
     return RigModel(
         record_from(Wheel, table.get("wheel", {}), f"{path} [wheel]"),
         record_from(Soil, table.get("soil", {}), f"{path} [soil]"),
-        tuple(_effect(dict(entry), path) for entry in table.get("effect", [])),
+        tuple(_effect(entry, path) for entry in table.get("effect", [])),
     )
 
 
 def _effect(entry: dict[str, Any], path: Path) -> Effect:
-    name = str(entry.pop("name", ""))
-    known = {kind.__name__: kind for kind in effect_kinds(entry.pop("file", None))} | {"SoilTraction": SoilTraction}
-    if name not in known:
-        raise DataError(f"{path}: there is no effect '{name}': {closest(name, known)}")
-    choices: dict[str, Any] = {}
-    if "form" in entry:
-        choices["form"] = form_named(str(entry.pop("form")))
-    if "angles" in entry:
-        asked = str(entry.pop("angles"))
-        if asked not in ANGLES:
-            raise DataError(f"{path}: there are no angles '{asked}': {closest(asked, ANGLES)}")
-        choices["angles"] = ANGLES[asked]
-    effect: Effect = record_from(known[name], entry, f"{path} [[effect]] {name}")
-    return effect.replace(**choices)
+    effect = effect_from(entry, f"{path} [[effect]]", path.parent)
+    if not isinstance(effect, Effect):
+        raise DataError(f"{path}: {entry['name']} does not act at the wheel's contact: a rig has no place for it.")
+    return effect

@@ -35,8 +35,7 @@ from rover_pin.motion.channels import WHEELS, unit_of
 from rover_pin.motion.log_terrain import terrain_from
 from rover_pin.motion.trace import Trace
 from rover_pin.motion.trace_files import read_run
-from rover_pin.parameters.gravity import EARTH
-from rover_pin.quantity import to_si
+from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.toml_file import read_toml, toml_text
 
 FILE, KIND = "drive.toml", "drive-log"
@@ -171,17 +170,7 @@ def _about(file: Path, table: dict[str, Any]) -> About:
     wheels = table.get("wheels", list(WHEELS))
     if not isinstance(wheels, list) or not all(isinstance(wheel, str) for wheel in wheels):
         raise DataError(f"{file}: wheels = {wheels!r} must be a list of names, as ['fl', 'fr'].")
-    return About(**{**table, "wheels": tuple(wheels), "gravity": _gravity(file, table.get("gravity", EARTH))})
-
-
-def _gravity(file: Path, entry: Any) -> float:
-    value, unit = (entry.get("value"), entry.get("unit", "m/s^2")) if isinstance(entry, dict) else (entry, "m/s^2")
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < 100.0:
-        raise DataError(f"{file}: gravity = {entry!r} must be a number in (0, 100) m/s^2, or {{ value, unit }}.")
-    try:
-        return to_si(value, str(unit), "m/s^2", f"{file}: 'gravity'")
-    except ParameterError as error:
-        raise DataError(str(error)) from error
+    return About(**{**table, "wheels": tuple(wheels), "gravity": gravity_from(table.get("gravity", EARTH), str(file))})
 
 
 def _run(file: Path, about: About, at: int, entry: dict[str, Any]) -> Trace:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from rover_pin.errors import ParameterError, closest
+from typing import Any
+
+from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.quantity import to_si
 
 EARTH = 9.81
 """Standard gravity, rounded as engineering tables do (9.80665)."""
@@ -25,3 +28,20 @@ def gravity_named(word: str | float) -> float:
         raise ParameterError(
             f"gravity = {word!r} is neither a number [m/s^2] nor known: {closest(str(word), GRAVITIES)}"
         ) from None
+
+
+def gravity_from(entry: Any, where: str) -> float:
+    """Return a gravity [m/s^2] as a file gives it: a number, or { value, unit }.
+
+    Raises
+    ------
+    DataError
+        It is neither, or not within (0, 100) m/s^2.
+    """
+    value, unit = (entry.get("value"), entry.get("unit", "m/s^2")) if isinstance(entry, dict) else (entry, "m/s^2")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < 100.0:
+        raise DataError(f"{where}: gravity = {entry!r} must be a number in (0, 100) m/s^2, or {{ value, unit }}.")
+    try:
+        return to_si(value, str(unit), "m/s^2", f"{where}: 'gravity'")
+    except ParameterError as error:
+        raise DataError(str(error)) from error

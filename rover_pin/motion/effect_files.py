@@ -1,0 +1,143 @@
+"""Effects in files: found by their class's name in the package or in a user's file, written to TOML and read back."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import importlib.util
+import inspect
+import pkgutil
+import sys
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import rover_pin.effects
+from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
+from rover_pin.errors import DataError, closest
+from rover_pin.quantity import declared, quantities, record_from
+from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.traction import FORMS
+
+BASES = (Effect, MotorEffect, BodyEffect, SensorEffect)
+AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
+ANGLES = {kind.__name__: kind() for kind in (FixedAngles, SinkageAngles)}
+CHOICES: dict[str, Mapping[str, Any]] = {"is no traction form": FORMS, "are no angles": ANGLES}
+"""How one says that there is none, and the choices by the word for them in a file."""
+OWN = "rover_pin.effects."
+
+
+@lru_cache(maxsize=1)
+def package_effects() -> tuple[type[AnyEffect], ...]:
+    """Return every effect of the package, by looking at its files."""
+    names = [module.name for module in pkgutil.iter_modules(rover_pin.effects.__path__)]
+    return tuple(kind for name in names for kind in defined_in(importlib.import_module(OWN + name)))
+
+
+def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
+    """Return the effects that a user's file defines, or all files of a folder.
+
+    Raises
+    ------
+    DataError
+        The path is missing, holds no effect, or a file cannot be run.
+    """
+    path = Path(path)
+    files = sorted(path.glob("*.py")) if path.is_dir() else [path]
+    kinds = tuple(kind for file in files for kind in defined_in(run_file(file)))
+    if not kinds:
+        bases = ", ".join(base.__name__ for base in BASES)
+        raise DataError(f"{path}: no effect stands there; give a .py file with a class that derives from {bases}.")
+    return kinds
+
+
+def defined_in(module: ModuleType) -> tuple[type[AnyEffect], ...]:
+    """Return the effects that a module defines itself."""
+    kinds = [kind for _, kind in inspect.getmembers(module, inspect.isclass) if kind.__module__ == module.__name__]
+    return tuple(kind for kind in kinds if issubclass(kind, BASES) and kind not in BASES)
+
+
+def run_file(file: Path) -> ModuleType:
+    """Return the module that a user's Python file makes.
+
+    Raises
+    ------
+    DataError
+        It is missing or cannot be run.
+    """
+    name = f"rover_pin_user_effect_{file.stem}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None or not file.is_file():
+        raise DataError(f"{file}: there is no such effect file; give a .py file or a folder of them.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look their module up while they are made
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        raise DataError(f"{file}: the effect file cannot be run: {type(error).__name__}: {error}.") from error
+    return module
+
+
+def effect_entry(effect: AnyEffect) -> dict[str, Any]:
+    """Return an effect as a TOML table: its class's name, its choices, its quantities with units.
+
+    An effect from outside the package keeps the path of its file.
+    """
+    kind = type(effect)
+    entry: dict[str, Any] = {"name": kind.__name__}
+    if not kind.__module__.startswith(OWN):
+        entry["file"] = inspect.getfile(kind)
+    for field in dataclasses.fields(effect):
+        if field.name not in quantities(effect):
+            entry[field.name] = _word(getattr(effect, field.name))
+    return entry | declared(effect)
+
+
+def _word(choice: Any) -> Any:
+    """Return the word that stands for a choice in a file; numbers and text stand for themselves."""
+    for known in CHOICES.values():
+        for word, each in known.items():
+            if type(each) is type(choice):
+                return word
+    return choice
+
+
+def effect_from(entry: Mapping[str, Any], where: str, folder: Path) -> AnyEffect:
+    """Return the effect of a TOML table; a user's `file` may be relative to `folder`.
+
+    Raises
+    ------
+    DataError
+        An effect or choice that is not known, or a user's file that cannot be run.
+    ParameterError
+        An unknown field, unit or value, or one out of bounds.
+    """
+    fields = dict(entry)
+    name, file = str(fields.pop("name", "")), fields.pop("file", None)
+    known = {kind.__name__: kind for kind in package_effects()}
+    known |= {} if file is None else {kind.__name__: kind for kind in user_effects(folder / str(file))}
+    if name not in known:
+        raise DataError(f"{where}: there is no effect '{name}': {closest(name, known)}")
+    own, where = known[name](), f"{where} {name}"
+    choices = {
+        field.name: _choice(fields.pop(field.name), getattr(own, field.name), f"{where}: {field.name}")
+        for field in dataclasses.fields(own)
+        if field.name in fields and field.name not in quantities(own)
+    }
+    made: AnyEffect = record_from(known[name], fields, where)
+    return made.replace(**choices)
+
+
+def _choice(value: Any, usual: Any, where: str) -> Any:
+    """Return what a file's word stands for, where the field's default is `usual`."""
+    for none, known in CHOICES.items():
+        if type(usual) in map(type, known.values()):
+            if value not in known:
+                raise DataError(f"{where}: there {none} '{value}': {closest(str(value), known)}")
+            return known[value]
+    if type(value) is not type(usual):
+        raise DataError(f"{where} = {value!r} must be like {usual!r}.")
+    return value

@@ -1,0 +1,150 @@
+"""A model of a driving rover as a TOML file: written with units, read back to the same numbers.
+
+kind = "drive-model"
+note = "what it came from"
+rover = "nexus6"                          # or the path of a rover's TOML, from the file's folder
+gravity = { value = 9.81, unit = "m/s^2" }
+[motor]
+supply = { value = 7.2, unit = "V" }      # ...
+[slip]
+name = "RelaxedSlip"
+[terrain]                                 # optional, as in a drive log: its files stand beside
+polyline = "terrain.csv"
+[[soil]]                                  # the ground, then what the terrain's ground index names
+phi = { value = 30.0, unit = "deg" }
+[[effect]]                                # of any kind, in the order in which they act
+name = "WeakMotor"
+wheel = 2
+g = 0.1
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rover_pin.body.layout import rover_folder
+from rover_pin.body.rover import Rover, load_rover
+from rover_pin.body.terrain import Terrain
+from rover_pin.columns import replace_file
+from rover_pin.contact import Soil
+from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
+from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
+from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.motion.effect_files import AnyEffect, effect_entry, effect_from
+from rover_pin.motion.log_terrain import terrain_from, write_terrain
+from rover_pin.motion.model import Model
+from rover_pin.motion.motor import Motor
+from rover_pin.parameters.gravity import EARTH, gravity_from
+from rover_pin.quantity import declared, record_from
+from rover_pin.toml_file import read_toml, toml_text
+
+KIND = "drive-model"
+TABLES = ("motor", "slip", "terrain")
+LISTS = ("soil", "effect")
+KEYS = ("kind", "note", "rover", "gravity", *TABLES, *LISTS)
+
+
+def write_model(model: Model, path: str | Path, note: str = "", rover: str = "", with_terrain: bool = False) -> Path:
+    """Write a model; return the file's path.
+
+    Parameters
+    ----------
+    rover : str
+        Path of the rover's TOML, where it is not one that comes with the package.
+    with_terrain : bool
+        Write the terrain's files beside it as well; without, a reader gives the terrain.
+
+    Raises
+    ------
+    DataError
+        A rover of one's own without its path, a quantity that is an expression, or a file that cannot be written.
+    """
+    path, name = Path(path), rover or model.rover.name
+    if not rover and not (rover_folder() / f"{name}.toml").is_file():
+        raise DataError(f"{path}: rover '{name}' does not come with the package: give the path of its TOML as `rover`.")
+    table = {
+        "kind": KIND,
+        "note": note,
+        "rover": name,
+        "gravity": {"value": float(model.gravity), "unit": "m/s^2"},
+        "motor": declared(model.motor),
+        "slip": effect_entry(model.slip),
+        "terrain": write_terrain(path.parent, model.terrain) if with_terrain else None,
+        "soil": [declared(soil) for soil in model.soils],
+        "effect": [effect_entry(effect) for effect in _effects(model)],
+    }
+    return replace_file(path, toml_text(table))
+
+
+def _effects(model: Model) -> tuple[AnyEffect, ...]:
+    return (*model.effects, *model.motor_effects, *model.body_effects, *model.sensor_effects)
+
+
+def read_model(path: str | Path, terrain: Terrain | None = None) -> Model:
+    """Return the model of a file, on `terrain`, else on the one that the file declares.
+
+    Raises
+    ------
+    DataError
+        Not a model file, an unknown key or effect, no terrain, or a file of a user's effect that cannot be run.
+    ParameterError
+        An unknown field, unit or value, or one out of bounds.
+    UrdfError
+        A rover that cannot be read.
+    """
+    path = Path(path)
+    table = _checked(path, read_toml(path))
+    if terrain is None and "terrain" not in table:
+        raise DataError(f"{path}: the file has no [terrain]: add one, or give a terrain to drive on.")
+    rover = _rover(str(table.get("rover", "nexus6")), path.parent)
+    effects = [effect_from(entry, f"{path} [[effect]]", path.parent) for entry in table.get("effect", [])]
+    for effect in effects:
+        _refuse_other_wheel(effect, rover, path)
+    return Model(
+        rover,
+        terrain_from(table["terrain"], path.parent) if terrain is None else terrain,
+        tuple(record_from(Soil, soil, f"{path} [[soil]]") for soil in table.get("soil", [{}])),
+        record_from(Motor, table.get("motor", {}), f"{path} [motor]"),
+        _slip(table.get("slip", {"name": "RelaxedSlip"}), path),
+        tuple(each for each in effects if isinstance(each, Effect)),
+        tuple(each for each in effects if isinstance(each, MotorEffect)),
+        gravity_from(table.get("gravity", EARTH), str(path)),
+        tuple(each for each in effects if isinstance(each, BodyEffect)),
+        tuple(each for each in effects if isinstance(each, SensorEffect)),
+    )
+
+
+def _checked(path: Path, table: dict[str, Any]) -> dict[str, Any]:
+    if table.get("kind") != KIND:
+        raise DataError(f"{path}: kind = {table.get('kind')!r} is not a driving rover's model; write kind = '{KIND}'.")
+    for key, value in table.items():
+        if key not in KEYS:
+            raise DataError(f"{path}: there is no key '{key}' in a model: {closest(key, KEYS)}")
+        if key in TABLES and not isinstance(value, dict):
+            raise DataError(f"{path}: {key} = {value!r} must be a table, as [{key}].")
+        if key in LISTS and not (isinstance(value, list) and all(isinstance(each, dict) for each in value)):
+            raise DataError(f"{path}: {key} = {value!r} must be a list of tables, as [[{key}]].")
+    return table
+
+
+def _rover(name: str, folder: Path) -> Rover:
+    beside = folder / name
+    return load_rover(str(beside) if beside.is_file() else name)
+
+
+def _slip(entry: dict[str, Any], path: Path) -> AlgebraicSlip | RelaxedSlip:
+    slip = effect_from(entry, f"{path} [slip]", path.parent)
+    if not isinstance(slip, (AlgebraicSlip, RelaxedSlip)):
+        raise DataError(f"{path} [slip]: {entry.get('name')} is no law of slip: give AlgebraicSlip or RelaxedSlip.")
+    return slip
+
+
+def _refuse_other_wheel(effect: AnyEffect, rover: Rover, path: Path) -> None:
+    """Refuse an effect of a wheel that the rover has not: it would do nothing."""
+    wheel, names = getattr(effect, "wheel", None), [mount.name for mount in rover.wheels]
+    where = f"{path} [[effect]] {type(effect).__name__}: wheel = {wheel!r}"
+    if isinstance(wheel, int) and not 0 <= wheel < len(names):
+        raise ParameterError(f"{where}, but rover '{rover.name}' has the wheels 0 to {len(names) - 1}.")
+    if isinstance(wheel, str) and wheel and wheel not in names:
+        raise ParameterError(f"{where} is no wheel of rover '{rover.name}': {closest(wheel, names)}")
