@@ -1,0 +1,120 @@
+"""A URDF as arrays: level by level from the base, all links of one depth together."""
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+
+import numpy as np
+
+WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
+STEERED = ("fl", "fr", "rl", "rr")
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Link 0 is the base; joint j carries link j + 1."""
+
+    joints: list
+    links: list
+    parent: np.ndarray
+    "link above each joint"
+    levels: list
+    "slices of joints of one depth"
+    place: np.ndarray
+    "[3, joints] in the parent link"
+    turned: np.ndarray
+    "[3, 3, joints]"
+    axis: np.ndarray
+    limits: np.ndarray
+    "[2, joints], infinite where the URDF has none"
+    mass: np.ndarray
+    com: np.ndarray
+    "[3, links]"
+    inertia: np.ndarray
+    "[3, 3, links] about the centre of mass"
+    names: list
+    "of the independent angles"
+    collect: np.ndarray
+    "[joints, angles]: joint angles of independent ones"
+    above: np.ndarray
+    "[links, joints]: 1 where the joint moves the link"
+
+
+def read(path, rigid_differential=True):
+    """Return the tree; with a compliant differential both rockers are independent."""
+    root = ElementTree.parse(path).getroot()
+    links = {each.get("name"): each for each in root.findall("link")}
+    joints = {each.get("name"): each for each in root.findall("joint")}
+    children = {each.find("child").get("link") for each in joints.values()}
+    order, levels, front = [], [], [name for name in links if name not in children]
+    names = list(front)
+    while front:
+        below = [key for key, each in joints.items() if each.find("parent").get("link") in front]
+        if below:
+            levels.append(slice(len(order), len(order) + len(below)))
+        order += below
+        front = [joints[key].find("child").get("link") for key in below]
+        names += front
+    found = [joints[key] for key in order]
+    parent = np.array([names.index(each.find("parent").get("link")) for each in found])
+    above = np.zeros((len(names), len(order)))
+    for j in range(len(order)):
+        above[j + 1] = above[parent[j]]
+        above[j + 1, j] = 1.0
+    leads = {}
+    for key, each in zip(order, found, strict=True):
+        mimic = each.find("mimic") if rigid_differential else None
+        leads[key] = (key, 1.0) if mimic is None else (mimic.get("joint"), float(mimic.get("multiplier")))
+    free = [key for key in order if leads[key][0] == key]
+    collect = np.zeros((len(order), len(free)))
+    for j, key in enumerate(order):
+        collect[j, free.index(leads[key][0])] = leads[key][1]
+    places, turns = zip(*(origin(each) for each in found), strict=True)
+    masses, centres, inertias = zip(*(massive(links[name]) for name in names), strict=True)
+    return Tree(
+        joints=order,
+        links=names,
+        parent=parent,
+        levels=levels,
+        place=np.stack(places, axis=-1),
+        turned=np.stack(turns, axis=-1),
+        axis=np.stack([vector(each.find("axis").get("xyz")) for each in found], axis=-1),
+        limits=np.stack([limits(each) for each in found], axis=-1),
+        mass=np.array(masses),
+        com=np.stack(centres, axis=-1),
+        inertia=np.stack(inertias, axis=-1),
+        names=free,
+        collect=collect,
+        above=above,
+    )
+
+
+def vector(text):
+    return np.array([float(each) for each in (text or "0 0 0").split()])
+
+
+def turn(rpy):
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return z @ y @ x
+
+
+def origin(element):
+    at = element.find("origin")
+    return (np.zeros(3), np.eye(3)) if at is None else (vector(at.get("xyz")), turn(vector(at.get("rpy"))))
+
+
+def massive(link):
+    about = link.find("inertial")
+    centre, R = origin(about)
+    ixx, ixy, ixz, iyy, iyz, izz = (
+        float(about.find("inertia").get(key)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    own = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    return float(about.find("mass").get("value")), centre, R @ own @ R.T
+
+
+def limits(joint):
+    found = joint.find("limit")
+    return np.array([-np.inf, np.inf] if found is None else [float(found.get("lower")), float(found.get("upper"))])
