@@ -1,0 +1,228 @@
+"""One data set: six drives of 20 s on a bed of four lanes, its true numbers, and what its log declares of them.
+
+Across the bed, from right to left: flat; a ramp up and down; waves, others under the left wheels than under the right.
+True ground = declared ground + small relief, raked anew for every run; the soil's strength varies along the way.
+"""
+
+from math import radians
+
+import numpy as np
+
+from .soil import arc, forces, travel_ratio
+from .world import PLAIN, Run
+
+DURATION, HOLD, ROWS = 20.0, 0.05, 401
+FLAT, RAMP, WAVES = -0.8, 0.0, 0.8
+"""y of the lanes' middles [m]."""
+BORDERS = (-0.4, 0.4, WAVES)
+X = np.round(np.arange(-1.6, 1.601, 0.04), 6)
+"""Declared points of the ground; the true ones are twice as close."""
+FINE = np.round(np.arange(-1.6, 1.601, 0.02), 6)
+RELIEF_SLOPE, RELIEF_LENGTH = radians(0.3), 0.04
+STRENGTH_SD, STRENGTH_LENGTH = 0.03, 0.08
+WAY = 0.5
+"""Runs start this far before or behind the middle."""
+MOTOR = {"supply": 7.2, "resistance": 23.852966947475586, "k_t": 0.0125, "gear": 265.03296608306204,
+         "rotor_inertia": 1.4315213509269268e-08}  # fmt: skip
+SD = {"phi": radians(0.8), "k": 0.12, "k_1": 0.10, "gear": 0.02, "resistance": 0.02}
+"""Of the truth about the nominal: phi in rad, the others relative."""
+MOST = {"phi": radians(1.5), "k": 0.25, "k_1": 0.20, "gear": 0.04, "resistance": 0.04}
+WRONG_SD = {"phi": radians(2.0), "k": 0.25, "k_1": 0.25}
+"""By how much more a wrong nominal soil is off."""
+WRONG_MOST = {"phi": radians(4.0), "k": np.log(1.6), "k_1": np.log(1.6)}
+RESISTANCE_SD, MOTOR_SPREAD, TACHO_SPREAD = 0.15, 0.012, 0.01
+
+
+def draw(random, sd, most):
+    """Return a normal number, drawn again until it is within +-most."""
+    while abs(value := sd * random.standard_normal()) > most:
+        pass
+    return value
+
+
+def cruise_resistance(soil, slip=0.05):
+    """Return torque / (r f_n) at the fixed angles: what makes the flat cruise at this slip."""
+    on = arc(np.array([soil["theta_1"]]), np.array([soil["theta_2"]]))
+    numbers = {"c": soil["c"], "tan_phi": np.tan(soil["phi"]), "k": soil["k"], "K": soil["k_1"], "n": None}
+    f_n, torque = forces(on, travel_ratio(np.array([slip])), numbers, soil["r"], soil["b"])
+    return float(torque[0] / (soil["r"] * f_n[0]))
+
+
+def nuisance(random, wrong):
+    """Return the set's true numbers, and what is declared of soil and motor."""
+    off = {name: draw(random, SD[name], MOST[name]) for name in SD}
+    true = {"phi": PLAIN["phi"] + off["phi"]} | {name: PLAIN[name] * np.exp(off[name]) for name in ("k", "k_1")}
+    true["constant"] = MOTOR["k_t"] * MOTOR["gear"] * np.exp(off["gear"])
+    true["resistance"] = MOTOR["resistance"] * np.exp(off["resistance"])
+    true["R"] = cruise_resistance(PLAIN | true) * np.exp(draw(random, RESISTANCE_SD, 0.3))
+    said = {name: PLAIN[name] for name in ("phi", "k", "k_1")}
+    sd = {name: SD[name] for name in said}
+    if wrong:
+        far = {name: draw(random, WRONG_SD[name], WRONG_MOST[name]) for name in said}
+        said = {"phi": said["phi"] + far["phi"]} | {name: said[name] * np.exp(far[name]) for name in ("k", "k_1")}
+        sd = {name: float(np.hypot(SD[name], WRONG_SD[name])) for name in said}
+    gains = {
+        "motor_gain": (1.0 + MOTOR_SPREAD * random.standard_normal(6)).tolist(),
+        "tacho_gain": (1.0 + TACHO_SPREAD * random.standard_normal(6)).tolist(),
+    }
+    return {name: float(value) for name, value in true.items()}, gains, declared(said, sd)
+
+
+def declared(said, sd):
+    """Return the tables [soil] and [motor] of the log."""
+    soil = {
+        "phi": {"value": round(np.degrees(said["phi"]), 2), "unit": "deg", "sd": round(np.degrees(sd["phi"]), 2)},
+        "k": {"value": round(1e3 * said["k"], 3), "unit": "mm", "sd": round(1e3 * said["k"] * sd["k"], 3)},
+        "k_1": {"value": round(said["k_1"], 0), "unit": "Pa", "sd": round(said["k_1"] * sd["k_1"], 0)},
+        "c": {"value": PLAIN["c"], "unit": "Pa"},
+        "n": {"value": PLAIN["n"]},
+        "theta_1": {"value": 35.0, "unit": "deg"},
+        "theta_2": {"value": -5.0, "unit": "deg"},
+    }
+    units = {"supply": "V", "resistance": "ohm", "k_t": "N m/A", "rotor_inertia": "kg m^2"}
+    motor = {name: {"value": value} | ({"unit": units[name]} if name in units else {}) for name, value in MOTOR.items()}
+    for name in ("gear", "resistance"):
+        motor[name]["sd"] = float(f"{MOTOR[name] * SD[name]:.4g}")
+    return {"soil": {name: plain(table) for name, table in soil.items()}, "motor": motor}
+
+
+def plain(table):
+    return {name: float(value) if isinstance(value, np.floating) else value for name, value in table.items()}
+
+
+def bed(random):
+    """Return the declared heights of the four lanes [m] at X."""
+    steep = radians(random.uniform(6.0, 8.5))
+    up, top = random.uniform(-0.30, -0.20), random.uniform(0.0, 0.12)
+    length = random.uniform(0.28, 0.36)
+    on, down = X - up, X - up - length - top
+    slope = np.tan(steep) * (((on >= 0.0) & (on < length)) * 1.0 - ((down >= 0.0) & (down < length)))
+    slope = np.convolve(slope, (0.25, 0.5, 0.25), mode="same")
+    ramp = np.concatenate(([0.0], np.cumsum(slope[:-1] * np.diff(X))))
+    return np.round([np.zeros(len(X)), ramp, waves(random), waves(random)], 5)
+
+
+def waves(random):
+    z = np.zeros(len(X))
+    for length, steep in ((random.uniform(0.7, 1.1), radians(4.0)), (random.uniform(0.35, 0.55), radians(2.5))):
+        size = random.uniform(0.6, 1.0) * np.tan(steep) * length / (2 * np.pi)
+        z += size * np.sin(2 * np.pi * X / length + random.uniform(0.0, 2 * np.pi))
+    return z
+
+
+def smooth_noise(random, shape, length):
+    """Return unit noise on FINE with a Gaussian correlation exp(-(d / length)^2 / 2)."""
+    reach = int(np.ceil(4 * length / (FINE[1] - FINE[0])))
+    at = np.arange(-reach, reach + 1) * (FINE[1] - FINE[0])
+    kernel = np.exp(-((at / length) ** 2))
+    kernel /= np.sqrt(np.sum(kernel**2))
+    white = random.standard_normal((*shape, len(FINE) + 2 * reach))
+    return np.apply_along_axis(lambda row: np.convolve(row, kernel, mode="valid"), -1, white)
+
+
+def relief(random):
+    """Return relief under the right and the left wheels whose slope is RELIEF_SLOPE rms."""
+    rough = smooth_noise(random, (2,), RELIEF_LENGTH)
+    slope = np.sqrt(np.mean((np.diff(rough, axis=1) / (FINE[1] - FINE[0])) ** 2))
+    return rough * RELIEF_SLOPE / slope
+
+
+def holds(random, low=0.4, high=0.85, side=0.1):
+    """Return random duties [ROWS, 6], held for 2.5 to 5 s."""
+    duty, at = np.empty((ROWS, 6)), 0
+    while at < ROWS:
+        until = at + round(random.uniform(2.5, 5.0) / HOLD)
+        duty[at:until] = random.uniform(low, high) + random.uniform(-side, side, 6)
+        at = until
+    return duty
+
+
+def paused(random, duty):
+    begin = round(random.uniform(6.0, 10.0) / HOLD)
+    duty[begin : begin + round(random.uniform(2.0, 4.0) / HOLD)] = 0.0
+    return duty
+
+
+def reversed_part(random, duty):
+    begin = round(random.uniform(7.0, 11.0) / HOLD)
+    duty[begin : begin + round(random.uniform(4.0, 6.0) / HOLD)] *= -1.0
+    return duty
+
+
+def staircase(random):
+    """Return duties that fall in steps from 0.8 to 0.1 and end at 0.5."""
+    levels = np.array([0.8, 0.65, 0.5, 0.38, 0.27, 0.18, 0.10, 0.5])
+    level = levels[np.minimum(np.arange(ROWS) * HOLD / (DURATION / len(levels)), len(levels) - 1).astype(int)]
+    return level[:, None] * (1.0 + random.uniform(-0.08, 0.08, 6))
+
+
+def weaving(random):
+    """Return gentle steering to both sides, front against rear [ROWS, 4]."""
+    t = np.arange(ROWS) * HOLD
+    angle = random.uniform(0.06, 0.12) * np.sin(2 * np.pi * t / random.uniform(8.0, 12.0)) * np.minimum(t, 1.0)
+    return angle[:, None] * np.array([1.0, 1.0, -1.0, -1.0])
+
+
+def drives(random):
+    """Return (name, purpose, lane, yaw, duty, steer) of the six runs."""
+    still, same = np.zeros((ROWS, 4)), holds(random)
+    return (
+        ("flat-1", "duty holds on the flat", FLAT, 0.0, same, still),
+        ("flat-2", "replicate of flat-1 on sand raked again", FLAT, 0.0, same, still),
+        ("ramp-up", "over the ramp, with a pause", RAMP, 0.0, paused(random, holds(random)), still),
+        ("ramp-back", "over the ramp the other way, with a reversal", RAMP, np.pi,
+         reversed_part(random, holds(random)), still),
+        ("waves", "waves, other ones on either side, gently steered", WAVES, 0.0, holds(random), weaving(random)),
+        ("stairs", "duty staircase over the waves the other way", WAVES, np.pi, staircase(random), still),
+    )  # fmt: skip
+
+
+def electric(set_index):
+    """Tell whether this set logs currents and the battery's voltage: every other one."""
+    return set_index % 2 == 0
+
+
+def data_set(seed, index, kind, hidden):
+    """Return the set's plan: runs to drive, what its log declares, what its sensors do, and the truth."""
+    random = np.random.default_rng([seed, index, 1])
+    wrong = bool(random.random() < 0.5)
+    true, gains, said = nuisance(random, wrong)
+    heights = bed(random)
+    numbers, faults, bend = dict(true), {}, 0.0
+    for each in hidden:
+        name, values = each["effect"], each["numbers"]
+        if name in ("TachoScale", "TrackingDelay", "VelocityFilter", "SensorBias"):
+            faults[name] = values
+        elif name == "SlopeError":
+            bend = values["per_m"]
+        else:
+            numbers |= {f"{name}.{key}": value for key, value in values.items()}
+    runs = []
+    for at, (name, purpose, lane, yaw, duty, steer) in enumerate(drives(random)):
+        own = np.random.default_rng([seed, index, 2, at])
+        start = (-WAY if yaw == 0.0 else WAY, lane, yaw)
+        pair = {FLAT: heights[[0, 0]], RAMP: heights[[1, 1]], WAVES: heights[[2, 3]]}[lane]
+        z = np.array([np.interp(FINE, X, row) for row in pair]) + relief(own) + bend * (FINE + WAY) ** 2 / 2
+        run = Run(
+            numbers,
+            tuple((FINE, row) for row in z),
+            (lane,),
+            start,
+            duty,
+            steer,
+            gains["motor_gain"],
+            (FINE[0], FINE[1] - FINE[0]),
+            1.0 + STRENGTH_SD * smooth_noise(own, (2,), STRENGTH_LENGTH),
+            snags(own),
+        )
+        runs.append((name, purpose, run))
+    answer = {"kind": kind, "hidden": hidden, "wrong_nominal_soil": wrong, "true": true} | gains
+    answer["electric"] = electric(index)
+    return {"runs": runs, "declared": said, "heights": heights, "faults": faults, "answer": answer}
+
+
+def snags(random):
+    """Return when a cable catches: three to five times a run, for half a second to two."""
+    count = int(random.integers(3, 6))
+    begin = np.sort(random.uniform(2.0, 18.0, count))
+    return tuple((float(b), float(d)) for b, d in zip(begin, random.uniform(0.5, 2.0, count), strict=True))

@@ -1,0 +1,120 @@
+"""Sets of logs with sealed answers: planned from a seed, driven in batches, resumed where they were left."""
+
+import hashlib
+import json
+import os
+import secrets
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from . import hidden
+from .campaign import DURATION, data_set, electric
+from .drive import drive
+from .logs import write_set
+from .sensors import measured
+
+BATCH = 8
+"""Sets driven together, six runs each."""
+SEAL = "answers.sha256"
+
+
+def plan(seed, count, shares=None, only=None):
+    """Return what is hidden in each set: dictionaries of index, kind and hidden effects."""
+    random = np.random.default_rng([seed, 0])
+    kinds = ["only"] * count if only else hidden.composition(count, shares or hidden.SHARES, random)
+    listed = iter(hidden.dealt(sorted(hidden.LISTED), 3 * count, random))
+    decks = {
+        "off-list": iter(hidden.dealt(sorted(hidden.OFF_LIST), count, random)),
+        "sensor": iter(hidden.dealt(sorted(hidden.SENSOR), count, random)),
+    }
+    found = []
+    for index, kind in enumerate(kinds, 1):
+        own = np.random.default_rng([seed, index, 0])
+        names = {
+            "only": lambda: [] if only == "none" else [only],
+            "none": list,
+            "single": lambda: [next(listed)],
+            "pair": lambda: pair(listed),
+        }.get(kind, lambda kind=kind: [next(decks[kind])])()
+        found.append({"index": index, "kind": kind, "hidden": [hidden.truth(name, own) for name in names]})
+    return found
+
+
+def pair(listed):
+    one = next(listed)
+    return [one, next(name for name in listed if name != one)]
+
+
+def folder_of(out, index):
+    return Path(out) / f"set_{index:04d}"
+
+
+def generate(out, sets, seed, answers, workers=1):
+    """Write the sets into folders of `out` that are not there yet, and their answers, sealed, to a file elsewhere."""
+    out, answers = Path(out), Path(answers)
+    assert out.resolve() not in answers.resolve().parents, "keep the answers out of the sets' folder"
+    out.mkdir(parents=True, exist_ok=True)
+    seal(out, sets, seed, answers)
+    waiting = [each for each in sets if not folder_of(out, each["index"]).exists()]
+    batches = list(batched(waiting))
+    if workers <= 1 or len(batches) <= 1:
+        for batch in batches:
+            drive_batch(out, seed, batch)
+        return
+    with ProcessPoolExecutor(workers) as pool:
+        for done in [pool.submit(drive_batch, out, seed, batch) for batch in batches]:
+            done.result()
+
+
+def seal(out, sets, seed, answers):
+    """Write the answers once, and their hash beside the sets; an answer that has changed since is refused."""
+    told = [
+        {"set": folder_of(out, each["index"]).name}
+        | data_set(seed, each["index"], each["kind"], each["hidden"])["answer"]
+        for each in sets
+    ]
+    salt = json.loads(answers.read_text())["salt"] if answers.exists() else secrets.token_hex(16)
+    text = json.dumps({"salt": salt, "seed": seed, "sets": told}, indent=1) + "\n"
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    mark = out / SEAL
+    if mark.exists() and mark.read_text().split()[0] != digest:
+        raise SystemExit(f"{out}: its sets were sealed with other answers; choose another folder.")
+    for path, content in ((answers, text), (mark, f"{digest}  {answers.name}\n")):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = path.with_name(f".{path.name}.{os.getpid()}")
+        beside.write_text(content)
+        os.replace(beside, path)
+
+
+def opened(out, answers):
+    """Return the answers, after a check against the seal."""
+    text = Path(answers).read_bytes()
+    assert hashlib.sha256(text).hexdigest() == (Path(out) / SEAL).read_text().split()[0], "the seal is broken"
+    return json.loads(text)
+
+
+def batched(sets):
+    """Return sets in batches; those with a compliant differential move by another tree, in batches of their own."""
+    soft = [any(one["effect"] == "DifferentialCompliance" for one in each["hidden"]) for each in sets]
+    for kind in (False, True):
+        alike = [each for each, own in zip(sets, soft, strict=True) if own == kind]
+        yield from (alike[i : i + BATCH] for i in range(0, len(alike), BATCH))
+
+
+def drive_batch(out, seed, sets):
+    """Drive the runs of some sets at once, and write each set."""
+    plans = [data_set(seed, each["index"], each["kind"], each["hidden"]) for each in sets]
+    runs = [run for each in plans for _, _, run in each["runs"]]
+    true = drive(runs, DURATION)
+    at = 0
+    for each, own in zip(sets, plans, strict=True):
+        logged = []
+        for number, _ in enumerate(own["runs"]):
+            random = np.random.default_rng([seed, each["index"], 3, number])
+            channels = {name: values[at] for name, values in true.items()}
+            faults, gains = own["faults"], own["answer"]["tacho_gain"]
+            logged.append(measured(channels, faults, gains, random, electric(each["index"])))
+            at += 1
+        write_set(folder_of(out, each["index"]), own, logged)
