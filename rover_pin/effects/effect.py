@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -171,6 +171,10 @@ class BodyEffect(Record):
     def frees_differential(self) -> bool:
         """Whether the differential is this effect's `Push.differential` instead of rigid."""
         return False
+
+    def begun(self, x: float, y: float) -> Self:
+        """Return the effect as a drive meets it that begins with the base at x, y [m] of the world."""
+        return self
 
     def push(self, body: Body) -> Push:
         """Return what this effect pushes with."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import casadi as ca
 
@@ -16,6 +16,8 @@ from rover_pin.quantity import quantity
 class TetherDrag(BodyEffect):
     """F = -(f_0 + f_1 s) v / sqrt(|v|^2 + v_0^2) on the base's origin, v horizontal, s the distance from (x_0, y_0).
 
+    x_0, y_0 are counted from where the drive begins, so that every run pulls out its own tether.
+
     f_0 is what the guide pulls back, f_1 the friction of the length on the ground. Source: assumed form, dry friction
     of a rope. Differs from the paper: its rover drags nothing. Differs from a cable: the force is against the velocity,
     not along the rope, and acts at the base's origin; a rope that slackens on the way back is not followed.
@@ -23,12 +25,16 @@ class TetherDrag(BodyEffect):
 
     f_0: Scalar = quantity(0.5, "N", "assumed: 1 % of the rover's weight", 0.0, 1e3, "f_0")
     f_1: Scalar = quantity(0.2, "N/m", "assumed: a cable of 40 g/m, friction 0.5", 0.0, 1e3, "f_1")
-    x_0: Scalar = quantity(0.0, "m", "where the tether lies no longer: the start of the drive", -1e4, 1e4, "x_0")
-    y_0: Scalar = quantity(0.0, "m", "where the tether lies no longer: the start of the drive", -1e4, 1e4, "y_0")
+    x_0: Scalar = quantity(0.0, "m", "where nothing is pulled out yet, from the start of the drive", -1e4, 1e4, "x_0")
+    y_0: Scalar = quantity(0.0, "m", "where nothing is pulled out yet, from the start of the drive", -1e4, 1e4, "y_0")
     v_0: Scalar = quantity(0.002, "m/s", "assumed: a twentieth of the paper's 0.05 m/s", 1e-5, 1.0, "v_0")
     only_resists: ClassVar[bool] = True
     neutral: ClassVar[dict[str, float]] = {"f_0": 0.0, "f_1": 0.0}
     places: ClassVar[tuple[str, ...]] = ("x_0", "y_0")
+
+    def begun(self, x: float, y: float) -> Self:
+        """Return the tether with its beginning in the world."""
+        return self.replace(x_0=self.x_0 + x, y_0=self.y_0 + y)
 
     def push(self, body: Body) -> Push:
         """Return the drag."""

@@ -16,11 +16,11 @@ from rover_pin.quantity import quantity
 class WeakMotor(MotorEffect):
     """torque -> (1 - g) torque at the wheel with the number `wheel`, so far as the effects before it give it.
 
-    A worn gear or a demagnetised motor passes a share 1 - g of its torque on. Source: assumed form. Differs from the
-    paper: its six motors are alike.
+    A worn gear or a demagnetised motor passes a share 1 - g of its torque on; g < 0 is a motor stronger than its data.
+    Source: assumed form. Differs from the paper: its six motors are alike.
     """
 
-    g: Scalar = quantity(0.2, "", "assumed: a fifth of the torque is lost", 0.0, 1.0, "g")
+    g: Scalar = quantity(0.2, "", "assumed: a fifth of the torque is lost", -0.5, 1.0, "g")
     wheel: int = 0
     "which wheel of the rover, counted from 0"
     neutral: ClassVar[dict[str, float]] = {"g": 0.0}

@@ -87,6 +87,12 @@ class Model:
         """All effects: at the contact, in the motors, on the body, in the sensors."""
         return (*self.contact_effects, *self.motor_effects, *self.body_effects, *self.sensor_effects)
 
+    def begun(self, x: float, y: float) -> Self:
+        """Return the model as a drive meets it that begins with the base at x, y [m]."""
+        if not self.body_effects:
+            return self
+        return dataclasses.replace(self, body_effects=tuple(effect.begun(x, y) for effect in self.body_effects))
+
     def having(self, effect: AnyEffect) -> Self:
         """Return the model with this effect added, in the place of one of the same class and wheel or channel."""
         if isinstance(effect, (AlgebraicSlip, RelaxedSlip)):

@@ -151,7 +151,8 @@ def _simulate(
     state = start.copy() if isinstance(start, DriveState) else settled(model, start, symmetric)
     if hasattr(controller, "reset"):
         controller.reset()
-    drive = Drive(model, state, kind(model, state, timing.dt, symmetric), controller, timing)
+    begun = model.begun(float(state.q[0]), float(state.q[1]))
+    drive = Drive(begun, state, kind(begun, state, timing.dt, symmetric), controller, timing)
     rows, stop = run(drive, duration, progress)
     attrs = {"dt_s": timing.dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": stop}
     return trace_of(model, rows, attrs)

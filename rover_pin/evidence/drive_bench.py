@@ -1,0 +1,109 @@
+"""Many models on the runs of a log: replays on all cores, and what the log's channels would have been."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from rover_pin.effects.effect import SensorEffect
+from rover_pin.errors import SimulationError
+from rover_pin.evidence.drive_run import LoggedRun
+from rover_pin.motion.model import Model
+from rover_pin.motion.place import settled
+from rover_pin.motion.replay import Commands, Nudge, Replay, replay
+from rover_pin.motion.state import DriveState
+
+LOST = 1e3
+"""What a prediction that is not a number counts as [channel's unit]: far, but finite."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """The runs of a log, where the rover stood at the start of each, and how many processes replay them."""
+
+    runs: tuple[LoggedRun, ...]
+    rests: tuple[DriveState | None, ...] = field(repr=False)
+    jobs: int = 1
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The features that all runs have."""
+        return tuple(name for name in self.runs[0].channels if all(name in run.channels for run in self.runs))
+
+    @cached_property
+    def length(self) -> int:
+        """Blocks of the longest run."""
+        return max(run.seen.shape[1] for run in self.runs)
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """Measured features (runs, channels, blocks); not a number where nothing is compared."""
+        return self._padded([run.seen for run in self.runs])
+
+    def keeping(self, runs: Sequence[int]) -> Bench:
+        """Return the bench with these runs only."""
+        return Bench(tuple(self.runs[run] for run in runs), tuple(self.rests[run] for run in runs), self.jobs)
+
+    def predict(self, models: Sequence[Model], nudges: Sequence[Sequence[Nudge]] | None = None) -> np.ndarray:
+        """Return the features of each model (models, runs, channels, blocks), each perhaps nudged, one nudge a run."""
+        nudge = nudges or [[Nudge()] * len(self.runs)] * len(models)
+        pairs = list(zip(self.runs, self.rests, strict=True))
+        found = self._spread(
+            [
+                delayed(_features)(model, run, one, rest)
+                for model, own in zip(models, nudge, strict=True)
+                for one, (run, rest) in zip(own, pairs, strict=True)
+            ]
+        )
+        rows = len(self.runs)
+        return np.array([self._padded(found[rows * at : rows * (at + 1)]) for at in range(len(models))])
+
+    def replays(self, model: Model) -> tuple[Replay, ...]:
+        """Return the replays of one model."""
+        pairs = zip(self.runs, self.rests, strict=True)
+        return tuple(self._spread([delayed(_replayed)(model, run.commands, Nudge(), rest) for run, rest in pairs]))
+
+    def read(self, replays: Sequence[Replay], sensors: Sequence[SensorEffect]) -> np.ndarray:
+        """Return the features (runs, channels, blocks) of replays as these sensors report them."""
+        pairs = zip(self.runs, replays, strict=True)
+        return self._padded([run.features(replay.channels, sensors) for run, replay in pairs])
+
+    def _spread(self, tasks: list) -> list:
+        return list(Parallel(n_jobs=self.jobs)(tasks))
+
+    def _padded(self, tables: Sequence[np.ndarray]) -> np.ndarray:
+        """Return tables (channels, blocks) of the runs as one array, the common channels, gaps at the ends."""
+        whole = np.full((len(self.runs), len(self.channels), self.length), np.nan)
+        for at, (run, table) in enumerate(zip(self.runs, tables, strict=True)):
+            rows = [run.channels.index(name) for name in self.channels]
+            whole[at, :, : table.shape[1]] = table[rows]
+        return whole
+
+
+def bench_of(runs: Sequence[LoggedRun], model: Model, jobs: int = 1) -> Bench:
+    """Return the bench on which every model starts where this one comes to rest."""
+    return Bench(tuple(runs), tuple(Parallel(n_jobs=jobs)(delayed(_rest)(model, run.commands) for run in runs)), jobs)
+
+
+def _rest(model: Model, run: Commands) -> DriveState | None:
+    try:
+        return settled(model, run.start)
+    except SimulationError:
+        return None
+
+
+def _replayed(model: Model, run: Commands, nudge: Nudge, rest: DriveState | None) -> Replay:
+    """Return the replay; where the rover does not even settle, one in which nothing moves."""
+    try:
+        return replay(model, run, nudge, rest)
+    except SimulationError as error:
+        return Replay({"t_s": run.t}, str(error))
+
+
+def _features(model: Model, run: LoggedRun, nudge: Nudge, rest: DriveState | None) -> np.ndarray:
+    features = run.features(_replayed(model, run.commands, nudge, rest).channels, model.sensor_effects)
+    return np.nan_to_num(features, nan=LOST, posinf=LOST, neginf=-LOST)

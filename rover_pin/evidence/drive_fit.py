@@ -1,0 +1,214 @@
+"""Fitting a drive model to a log: Gauss-Newton on replays, with what is declared of each number as its prior."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rover_pin.evidence.drive_bench import Bench
+from rover_pin.evidence.drive_noise import Noise, huber, huber_weights
+from rover_pin.evidence.drive_parameters import Parameter, owner_name, with_values
+from rover_pin.motion.model import Model
+
+TURNS = 8
+SETTLED = 0.3
+"""A turn that lowers chi2 by less than this is the last."""
+SHORTER = 4
+"""How often a step that does not help is cut to a third."""
+STALE = 0.5
+"""Share of the promised gain below which a Jacobian is computed again."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What stays while models are compared: the runs, the noise."""
+
+    bench: Bench
+    noise: Noise
+
+    def rows(self, predicted: np.ndarray) -> np.ndarray:
+        """Return whitened measured - predicted of features (..., runs, channels, blocks)."""
+        return self.noise.white(self.bench.seen - predicted)
+
+    def columns(self, slopes: Sequence[np.ndarray]) -> np.ndarray:
+        """Return d rows / d u (n, parameters) from d predicted / d u (runs, channels, blocks) of each parameter."""
+        return -self.noise.white(np.array(slopes)).T if len(slopes) else np.zeros((self.noise.count, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class DriveFit:
+    """A model fitted to a log. `slopes` are d predicted / d u (runs, channels, blocks) by name of the parameter."""
+
+    task: Task = field(repr=False)
+    model: Model = field(repr=False)
+    parameters: tuple[Parameter, ...] = field(repr=False)
+    u: np.ndarray
+    predicted: np.ndarray = field(repr=False)
+    slopes: Mapping[str, np.ndarray] = field(repr=False)
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Measured - predicted features (runs, channels, blocks), in the channels' units."""
+        return self.task.bench.seen - self.predicted
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Whitened measured - predicted."""
+        return self.task.rows(self.predicted)
+
+    @property
+    def chi2(self) -> float:
+        """Robust sum of squares of the rows and of the priors' u."""
+        return objective(self.rows, self.u, self.parameters)
+
+    @property
+    def misfit(self) -> float:
+        """chi2 of the rows alone for each compared block; 1 is the noise."""
+        return huber(self.rows) / max(self.task.noise.count, 1)
+
+    @property
+    def columns(self) -> np.ndarray:
+        """d rows / d u as a matrix (n, parameters)."""
+        return self.task.columns([self.slopes[one.name] for one in self.parameters])
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of u: (J^T W J + priors)^-1."""
+        return covariance(self.columns, self.rows, self.parameters)
+
+    def value(self, name: str) -> float:
+        """Return the fitted value of a parameter [SI]."""
+        at = [one.name for one in self.parameters].index(name)
+        return self.parameters[at].value(self.u[at])
+
+
+def objective(rows: np.ndarray, u: np.ndarray, parameters: Sequence[Parameter]) -> float:
+    """Return the robust chi2 with the priors."""
+    held = np.array([one.prior for one in parameters], dtype=bool)
+    return huber(rows) + float(np.sum(np.asarray(u)[held] ** 2))
+
+
+def covariance(columns: np.ndarray, rows: np.ndarray, parameters: Sequence[Parameter]) -> np.ndarray:
+    """Return (J^T W J + priors)^-1."""
+    weighted = columns * huber_weights(rows)[:, None]
+    return np.asarray(np.linalg.pinv(columns.T @ weighted + _priors(parameters)))
+
+
+def _priors(parameters: Sequence[Parameter]) -> np.ndarray:
+    return np.diag([1.0 if one.prior else 1e-9 for one in parameters])
+
+
+def at(model: Model, parameters: Sequence[Parameter], u: np.ndarray) -> Model:
+    """Return the model with the parameters at u."""
+    return with_values(model, {one.name: one.value(x) for one, x in zip(parameters, u, strict=True)})
+
+
+def slopes_at(task: Task, model: Model, parameters: Sequence[Parameter], u: np.ndarray) -> dict[str, np.ndarray]:
+    """Return d predicted / d u by name: one-sided differences of replays; a sensor's need no new replay."""
+    here = at(model, parameters, u)
+    sensors = {owner_name(effect) for effect in here.sensor_effects}
+    moved = {one.name: _moved(one, x) for one, x in zip(parameters, u, strict=True)}
+    shifted = {name: with_values(here, {name: value}) for name, (value, _) in moved.items()}
+    physical = [one.name for one in parameters if one.name.rpartition(".")[0] not in sensors]
+    replays = task.bench.replays(here)
+    centre = task.bench.read(replays, here.sensor_effects)
+    found = dict(zip(physical, task.bench.predict([shifted[name] for name in physical]), strict=True))
+    for name in moved.keys() - found.keys():
+        found[name] = task.bench.read(replays, shifted[name].sensor_effects)
+    return {name: (features - centre) / moved[name][1] for name, features in found.items()}
+
+
+def _moved(one: Parameter, u: float) -> tuple[float, float]:
+    """Return the value moved by the step of a difference, inside the bounds, and the step of u."""
+    step = one.fd if u + one.fd <= one.bounds[1] else -one.fd
+    return one.value(u + step), step
+
+
+def fit(
+    task: Task,
+    model: Model,
+    parameters: Sequence[Parameter],
+    start: np.ndarray | None = None,
+    slopes: Mapping[str, np.ndarray] | None = None,
+    chord: bool = False,
+) -> DriveFit:
+    """Return the model with the parameters fitted.
+
+    Descends robust chi2(rows) + sum of the priors' u^2 by Gauss-Newton with Huber weights. Slopes serve, the given ones
+    first, until a step lowers the objective by less than STALE of what it promised; then they are computed again, with
+    `chord` only those that were not given. The fit ends where no step helps.
+    """
+    u = np.zeros(len(parameters)) if start is None else np.array(start, dtype=float)
+    u = np.clip(u, *np.array([one.bounds for one in parameters]).T) if len(u) else u
+    known = dict(slopes or {})
+    own = [one for one, _ in enumerate(parameters) if not (chord and parameters[one].name in known)]
+    missing = [one for one, each in enumerate(parameters) if each.name not in known]
+    known |= _slopes(task, model, parameters, u, missing)
+    predicted = task.bench.predict([at(model, parameters, u)])[0]
+    was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(own)
+    for _ in range(TURNS):
+        columns = task.columns([known[one.name] for one in parameters])
+        step, promised = _step(columns, task.rows(predicted), u, parameters)
+        u, predicted, now = _searched(task, model, parameters, (u, predicted, was), step)
+        gained, was = was - now, now
+        if gained >= max(STALE * promised, SETTLED):
+            fresh = False
+            continue
+        if fresh or promised < SETTLED:
+            break
+        known |= _slopes(task, model, parameters, u, own)
+        fresh = True
+    return DriveFit(task, at(model, parameters, u), tuple(parameters), u, predicted, known)
+
+
+def _slopes(
+    task: Task, model: Model, parameters: Sequence[Parameter], u: np.ndarray, which: Sequence[int]
+) -> dict[str, np.ndarray]:
+    """Return the slopes of some of the parameters, the others at u."""
+    if not which:
+        return {}
+    here = at(model, parameters, u)
+    return slopes_at(task, here, [parameters[one] for one in which], u[list(which)])
+
+
+def _step(
+    columns: np.ndarray, rows: np.ndarray, u: np.ndarray, parameters: Sequence[Parameter]
+) -> tuple[np.ndarray, float]:
+    """Return the Gauss-Newton step inside the bounds, and the gain that it promises.
+
+    Numbers that would leave their bounds are held there and left out.
+    """
+    bounds = np.array([one.bounds for one in parameters])
+    weights, prior = huber_weights(rows), _priors(parameters)
+    weighted = columns * weights[:, None]
+    normal = columns.T @ weighted + prior
+    right = -(columns.T @ (weights * rows)) - np.where(np.diag(prior) == 1.0, u, 0.0)
+    step, free = np.zeros(len(u)), np.ones(len(u), dtype=bool)
+    for _ in range(len(u)):
+        held = np.where(free, 0.0, step)
+        step = held.copy()
+        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], right[free] - (normal @ held)[free], rcond=None)[0]
+        clipped = np.clip(u + step, bounds[:, 0], bounds[:, 1]) - u
+        out = free & (np.abs(clipped - step) > 1e-12)
+        if not out.any():
+            break
+        step, free = np.where(out, clipped, step), free & ~out
+    step = np.clip(u + step, bounds[:, 0], bounds[:, 1]) - u
+    return step, float(2 * right @ step - step @ normal @ step)
+
+
+State = tuple[np.ndarray, np.ndarray, float]
+
+
+def _searched(task: Task, model: Model, parameters: Sequence[Parameter], here: State, step: np.ndarray) -> State:
+    """Return the first of the shortened steps that lowers the objective, or where it was."""
+    u, _, was = here
+    for cut in range(SHORTER):
+        trial = u + step / 3**cut
+        predicted = task.bench.predict([at(model, parameters, trial)])[0]
+        now = objective(task.rows(predicted), trial, parameters)
+        if now < was:
+            return trial, predicted, now
+    return here

@@ -1,0 +1,111 @@
+"""What is noise in a drive log: size, memory and common mode of the residual blocks, and rows whitened by them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+SHRINK = 0.2
+"""Share by which correlations between channels are drawn to 0."""
+MOST_MEMORY = 0.95
+"""Greatest correlation of successive blocks."""
+STRAY = 4.0
+"""Whitened residuals beyond this many SDs count linearly, not squared."""
+SPREAD = 1.4826
+"""SD over median absolute deviation of a normal law."""
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """AR(1) blocks with a covariance between channels: r_b = rho r_(b-1) + e_b, e_b = sd sqrt(1 - rho^2) L n_b.
+
+    `sd`, `rho` (channels,), `mixing` the inverse of L (channels, channels); `good` (runs, channels, blocks) says which
+    blocks are compared.
+    """
+
+    sd: np.ndarray
+    rho: np.ndarray
+    mixing: np.ndarray = field(repr=False)
+    good: np.ndarray = field(repr=False)
+
+    @property
+    def count(self) -> int:
+        """Number of compared blocks of all channels."""
+        return int(self.good.sum())
+
+    def white(self, residual: np.ndarray) -> np.ndarray:
+        """Return residuals (..., runs, channels, blocks) as rows (..., n) of SD 1 without memory or common mode."""
+        steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho)
+        scaled = steps / (self.sd * np.sqrt(1 - self.rho**2))[:, None]
+        mixed = np.einsum("ij,...jb->...ib", self.mixing, np.where(self.good, scaled, 0.0))
+        return np.asarray(mixed[..., self.good])
+
+
+def _innovations(residual: np.ndarray, good: np.ndarray, rho: np.ndarray) -> np.ndarray:
+    """Return r_b - rho r_(b-1), or sqrt(1 - rho^2) r_b where the block before is not compared."""
+    before = np.zeros_like(residual)
+    before[..., 1:] = residual[..., :-1]
+    follows = np.zeros_like(good)
+    follows[..., 1:] = good[..., 1:] & good[..., :-1]
+    memory = rho[:, None]
+    return np.where(follows, residual - memory * before, np.sqrt(1 - memory**2) * residual)
+
+
+def first_noise(residual: np.ndarray, least: np.ndarray) -> Noise:
+    """Return noise as large as a residual itself, no less than `least` (channels,), without memory."""
+    good = np.isfinite(residual)
+    sd = np.array([spread(residual[:, row][good[:, row]]) for row in range(residual.shape[1])])
+    return Noise(np.maximum(sd, least), np.zeros(len(sd)), np.eye(len(sd)), good)
+
+
+def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray) -> Noise:
+    """Return the noise that a residual (runs, channels, blocks) shows, no less than `least` (channels,)."""
+    channels = residual.shape[1]
+    sd, rho = np.zeros(channels), np.zeros(channels)
+    for row in range(channels):
+        values = np.where(good[:, row], residual[:, row], np.nan)
+        sd[row] = max(spread(values[np.isfinite(values)]), least[row])
+        clipped = np.clip(values, -3 * sd[row], 3 * sd[row])
+        one, other = clipped[:, 1:].ravel(), clipped[:, :-1].ravel()
+        both = np.isfinite(one * other)
+        power = float(np.nanmean(clipped**2)) if both.any() else 0.0
+        memory = float(np.mean(one[both] * other[both])) / power if power > 0 else 0.0
+        rho[row] = min(max(memory, 0.0), MOST_MEMORY)
+    plain = Noise(sd, rho, np.eye(channels), good)
+    return Noise(sd, rho, _mixing(plain, residual), good)
+
+
+def _mixing(plain: Noise, residual: np.ndarray) -> np.ndarray:
+    """Return the inverse Cholesky factor of the correlations of the innovations, drawn to 0 by SHRINK."""
+    rows: np.ndarray = np.full(residual.shape, np.nan)
+    rows[plain.good] = np.clip(plain.white(residual), -3, 3)
+    table = np.moveaxis(rows, 1, 0).reshape(residual.shape[1], -1)
+    known = np.isfinite(table)
+    filled = np.where(known, table, 0.0)
+    shared = np.maximum(known.astype(float) @ known.T, 1.0)
+    covariance = filled @ filled.T / shared
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-12))
+    correlation = (1 - SHRINK) * covariance / np.outer(size, size)
+    np.fill_diagonal(correlation, 1.0)
+    values, vectors = np.linalg.eigh(correlation)
+    sound = (vectors * np.maximum(values, 0.05)) @ vectors.T
+    lower = np.linalg.cholesky(sound)
+    return np.asarray(np.linalg.inv(lower) / size)
+
+
+def spread(values: np.ndarray) -> float:
+    """Return a robust SD about 0."""
+    return SPREAD * float(np.median(np.abs(values))) if values.size else 0.0
+
+
+def huber_weights(rows: np.ndarray) -> np.ndarray:
+    """Return the weights with which stray rows count."""
+    return np.asarray(np.minimum(1.0, STRAY / np.maximum(np.abs(rows), 1e-12)))
+
+
+def huber(rows: Any) -> float:
+    """Return the robust sum of squares: r^2, beyond STRAY linear."""
+    size = np.abs(rows)
+    return float(np.sum(np.where(size > STRAY, 2 * STRAY * size - STRAY**2, size**2)))

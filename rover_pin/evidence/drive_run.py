@@ -1,0 +1,161 @@
+"""A logged run as the loop compares it: half-second means of what a sensor says, measured and replayed alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
+
+from rover_pin.body.rover import Rover
+from rover_pin.effects.effect import SensorEffect
+from rover_pin.motion.drive_log import DriveLog
+from rover_pin.motion.replay import Commands, averaged, commands
+from rover_pin.motion.trace import Trace
+
+BLOCK = 0.5
+"""Time over which samples are averaged [s]."""
+LEAK = 2.0
+"""Time over which the driven path forgets its past [s]: noise of the ground adds up no longer than that."""
+BEGIN = 1.0
+"""Time at the start of a run that is not compared [s]: the tracker and the wheels may already move."""
+SLOW = 0.2
+"""Mean wheel rate [rad/s] below which a rover counts as standing; sticking is not comparable."""
+AFTER_TURN = 1.5
+"""Time after a standstill or a reversal of the duty that is not compared [s]."""
+
+PATH, DRIFT, HEADING, SPEED = "path", "drift", "heading", "speed"
+"""Features made of several channels: leaky way driven along and across the heading, leaky yaw, speed along it."""
+LEVELS = ("body_z",)
+"""Channels whose mean over a run is not compared: their zero is the tracker's."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedRun:
+    """One run of a log on the rows of its replay.
+
+    `seen` are the measured features (channels, blocks), not a number where they are not comparable; `heading` (T,) is
+    the logged yaw, smoothed.
+    """
+
+    name: str
+    commands: Commands
+    channels: tuple[str, ...]
+    seen: np.ndarray = field(repr=False)
+    heading: np.ndarray = field(repr=False)
+    measured: dict[str, np.ndarray] = field(repr=False)
+    "the logged channels on the rows of the replay"
+    usable: np.ndarray = field(repr=False)
+    "which blocks are compared (blocks,)"
+
+    def features(self, channels: Mapping[str, np.ndarray], sensors: Sequence[SensorEffect] = ()) -> np.ndarray:
+        """Return the features (channels, blocks) of replayed channels, as the sensors would report them."""
+        read = dict(channels)
+        for sensor in sensors:
+            read |= sensor.read(self.commands.t, read)
+        return np.array(
+            [levelled(name, blocks(row, self.commands.period), self.usable) for name, row in self._rows(read)]
+        )
+
+    def _rows(self, channels: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
+        made = driven(channels, self.heading, self.commands.period)
+        still = np.zeros(len(self.commands.t))
+        return [(name, made.get(name, channels.get(name, still))) for name in self.channels]
+
+    @property
+    def times(self) -> np.ndarray:
+        """Middle of each block [s]."""
+        return blocks(self.commands.t, self.commands.period)
+
+
+def logged_run(log: Trace, rover: Rover) -> LoggedRun:
+    """Return a run of a log ready for comparison."""
+    wheels = tuple(wheel.name for wheel in rover.wheels)
+    steered = tuple(wheel.name for wheel in rover.wheels if wheel.steer_dof is not None)
+    run = commands(log, wheels, steered)
+    names = [name for name in log.channels if comparable(name) and np.isfinite(log[name]).any()]
+    rows = {name: averaged(log.t, log[name], run.t, run.period) for name in names}
+    rows["body_yaw"] = run.place[:, 2]
+    heading = uniform_filter1d(_filled(rows["body_yaw"]), max(1, round(BLOCK / run.period)))
+    whole = {name: _filled(row) for name, row in rows.items()}
+    made = driven(whole, heading, run.period)
+    gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
+    features = [name for name in (*made, *rows) if name not in RAW]
+    use = blocks(comparable_rows(run, [rows[f"wheel_rate_{wheel}"] for wheel in wheels]), run.period) > 0.999
+    seen = []
+    for name in features:
+        good = np.all([np.isfinite(rows[channel]) for channel in gaps.get(name, (name,))], axis=0)
+        row = np.where(good, made[name] if name in made else whole[name], np.nan)
+        block = blocks(row, run.period)
+        seen.append(levelled(name, np.where(use, block, np.nan), use))
+    name = Path(str(log.attrs.get("file", "run"))).stem
+    return LoggedRun(name, run, tuple(features), np.array(seen), heading, rows, use)
+
+
+RAW = ("body_x", "body_y", "body_yaw", "body_vx", "body_vy", "body_vz")
+"""Channels that are compared through the features made of them."""
+
+
+def comparable(name: str) -> bool:
+    """Return whether a channel of a log says something that a model predicts."""
+    return name.startswith(("wheel_rate_", "current_", "rocker_", "bogie_", "body_")) or name == "battery_V"
+
+
+def driven(channels: Mapping[str, np.ndarray], heading: np.ndarray, period: float) -> dict[str, np.ndarray]:
+    """Return the features made of several channels: way along and across the heading, turn, speed along it."""
+    made = {}
+    forward = np.array([np.cos(heading), np.sin(heading)])
+    if "body_x" in channels and "body_y" in channels:
+        steps = np.array([np.diff(channels[f"body_{axis}"], prepend=channels[f"body_{axis}"][0]) for axis in "xy"])
+        made[PATH] = leaky(np.sum(forward * steps, axis=0), period)
+        made[DRIFT] = leaky(forward[0] * steps[1] - forward[1] * steps[0], period)
+    if "body_yaw" in channels:
+        made[HEADING] = leaky(np.diff(channels["body_yaw"], prepend=channels["body_yaw"][0]), period)
+    if "body_vx" in channels and "body_vy" in channels:
+        made[SPEED] = forward[0] * channels["body_vx"] + forward[1] * channels["body_vy"]
+    return made
+
+
+def leaky(steps: np.ndarray, period: float) -> np.ndarray:
+    """Return the sum of steps that forgets with the time constant LEAK."""
+    return np.asarray(lfilter([1.0], [1.0, -np.exp(-period / LEAK)], steps))
+
+
+def blocks(row: np.ndarray, period: float) -> np.ndarray:
+    """Return means over BLOCK; rows that do not fill the last block are left out."""
+    length = max(1, round(BLOCK / period))
+    count = len(row) // length
+    return np.asarray(row[: count * length], dtype=float).reshape(count, length).mean(axis=1)
+
+
+def levelled(name: str, block: np.ndarray, use: np.ndarray) -> np.ndarray:
+    """Return the blocks, less their mean over the compared ones where the channel's zero means nothing."""
+    if name not in LEVELS or not use.any():
+        return block
+    return block - np.nanmean(block[use]) if np.isfinite(block[use]).any() else block
+
+
+def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
+    """Return which rows are compared: after the start, and not while or soon after the rover stands or turns round."""
+    t, duty = run.t, run.duty.mean(axis=1)
+    rate = np.nan_to_num(np.mean([_filled(row) for row in rates], axis=0))
+    standing = (np.abs(rate) < SLOW) | (np.sign(rate) * np.sign(duty) < 0)
+    since = np.where(standing, t, -np.inf)
+    return np.asarray((t - t[0] >= BEGIN) & (t - np.maximum.accumulate(since) > AFTER_TURN))
+
+
+def _filled(row: np.ndarray) -> np.ndarray:
+    """Return the row with gaps bridged by straight lines; zeros where nothing was measured."""
+    good = np.isfinite(row)
+    if not good.any():
+        return np.zeros(len(row))
+    at = np.arange(len(row))
+    return np.asarray(np.interp(at, at[good], row[good]))
+
+
+def logged_runs(log: DriveLog, rover: Rover) -> tuple[LoggedRun, ...]:
+    """Return all runs of a log."""
+    return tuple(logged_run(trace, rover) for trace in log.runs)

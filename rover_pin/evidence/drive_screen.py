@@ -1,0 +1,182 @@
+"""A score test of every candidate on a drive log: what its signature explains that no uncertain number can."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rover_pin.evidence.drive_candidates import Candidate
+from rover_pin.evidence.drive_fit import DriveFit, covariance
+from rover_pin.evidence.drive_noise import huber_weights, noise_of
+from rover_pin.evidence.drive_parameters import value_of, with_values
+from rover_pin.evidence.screen import entry_fee
+from rover_pin.motion.model import Model
+
+ABSORBED = 0.02
+"""Share of a signature that must be left after the uncertain numbers for the candidate to be told at all."""
+STILL = 0.3
+"""A signature that moves all rows together by fewer SDs than this is not in the data."""
+MULTIPLES = (0.4, 1.0, 2.5)
+"""Multiples of the default size at which a threshold effect is tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signature:
+    """How a candidate at some size moves the features (runs, channels, blocks); `sizes` are its values there."""
+
+    candidate: Candidate
+    sizes: dict[str, float]
+    moved: np.ndarray = field(repr=False)
+    neutral: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """One candidate by its best signature: the gain in chi2 and the size that a linear model promises."""
+
+    candidate: Candidate
+    signature: Signature = field(repr=False)
+    gain: float
+    share: float
+    "of the signature's own size at which the gain is taken"
+    visible: float
+    "SDs by which the signature moves what the uncertain numbers cannot"
+    absorbed: float
+    "share of the signature's sum of squares that they can imitate"
+
+    @property
+    def told(self) -> bool:
+        """Whether the data can tell the candidate at all."""
+        return self.visible > STILL and 1 - self.absorbed > ABSORBED**2
+
+    def smallest(self, fee: float) -> float:
+        """Return the share of the signature's size that these data would show."""
+        return math.sqrt(fee) / self.visible if self.visible > 0 else math.inf
+
+
+def signatures(base: DriveFit, candidates: Sequence[Candidate]) -> list[Signature]:
+    """Return the signatures of all candidates on the fitted base model, one replay of all runs each."""
+    found, asked, models = [], [], []
+    for candidate in candidates:
+        if candidate.effect is None:
+            found.append(_freed(base, candidate))
+            continue
+        for sizes in trials(candidate, base.model):
+            asked.append((candidate, sizes))
+            models.append(with_values(candidate.on(base.model), sizes))
+    predicted = base.task.bench.predict(models) if models else np.zeros((0, *base.predicted.shape))
+    for (candidate, sizes), features in zip(asked, predicted, strict=True):
+        found.append(Signature(candidate, sizes, features - base.predicted, neutral_of(candidate)))
+    return found
+
+
+def neutral_of(candidate: Candidate) -> dict[str, float]:
+    """Return the neutral values of a candidate's sizes."""
+    assert candidate.effect is not None
+    return {name: candidate.effect.neutral[name.rpartition(".")[2]] for name in candidate.sizes}
+
+
+def _freed(base: DriveFit, candidate: Candidate) -> Signature:
+    """Return the signature of a number freed from its prior: its slope for one SD of the prior."""
+    (name,) = candidate.sizes
+    one = next(each for each in base.parameters if each.name == name)
+    at = [each.name for each in base.parameters].index(name)
+    here = one.value(base.u[at])
+    return Signature(candidate, {name: one.value(base.u[at] + 1.0)}, base.slopes[name], {name: here})
+
+
+def trials(candidate: Candidate, model: Model) -> list[dict[str, float]]:
+    """Return the sizes at which a candidate is tried: each of its sizes alone, threshold effects at several."""
+    with_it = candidate.on(model)
+    parameters = [one for one in candidate.parameters(with_it) if one.name in candidate.sizes]
+    neutral = neutral_of(candidate)
+    if candidate.effect is not None and candidate.effect.places and len(parameters) > 1 and "@" in candidate.name:
+        return [{one.name: one.value(1.0) for one in parameters}]
+    found = []
+    for one in parameters:
+        multiples = MULTIPLES if one.log else (1.0,)
+        for multiple in multiples:
+            value = one.origin * multiple if one.log else one.value(multiple)
+            found.append({**neutral, one.name: value})
+    return found
+
+
+def score(base: DriveFit, found: Sequence[Signature]) -> list[Scored]:
+    """Return every candidate with its best signature, the most promising first.
+
+    With rows r, slopes J, priors P and weights W at the base's optimum, a signature d scores s = d^T W r and has the
+    information I = d^T W d - d^T W J (J^T W J + P)^-1 J^T W d; the gain is s^2 / I, the step s / I of its size.
+    """
+    rows, columns = base.rows, base.columns
+    weights, spread = huber_weights(rows), covariance(columns, rows, base.parameters)
+    best: dict[str, Scored] = {}
+    for each in found:
+        moved = base.task.noise.white(each.moved)
+        weighted = weights * moved
+        across = columns.T @ weighted
+        whole = float(moved @ weighted)
+        info = max(whole - float(across @ spread @ across), 1e-12)
+        slope = float(weighted @ rows)
+        share = _reachable(each, slope / info)
+        gain = max(2 * share * slope - share**2 * info, 0.0)
+        row = Scored(each.candidate, each, gain, share, math.sqrt(info), 1 - info / max(whole, 1e-12))
+        name = each.candidate.name
+        if name not in best or row.gain > best[name].gain:
+            best[name] = row
+    return sorted(best.values(), key=lambda row: -row.gain if row.told else 0.0)
+
+
+def _reachable(signature: Signature, share: float) -> float:
+    """Return the step inside the bounds of the sizes; a freed number may go either way."""
+    candidate = signature.candidate
+    if candidate.effect is None:
+        return share
+    low, high = -math.inf, math.inf
+    for name, size in signature.sizes.items():
+        neutral = signature.neutral[name]
+        field_name = name.rpartition(".")[2]
+        about = type(candidate.effect).__dataclass_fields__[field_name].metadata["quantity"]
+        if size == neutral:
+            continue
+        ends = sorted([(about.low - neutral) / (size - neutral), (about.high - neutral) / (size - neutral)])
+        low, high = max(low, ends[0]), min(high, ends[1])
+    return min(max(share, low), high)
+
+
+def saturated(base: DriveFit, found: Sequence[Signature]) -> np.ndarray:
+    """Return the residual (runs, channels, blocks) that no candidate and no number explains, to tell noise from."""
+    moved = [base.slopes[one.name] for one in base.parameters] + [each.moved for each in found]
+    columns = base.task.noise.white(np.array(moved)).T
+    rows = base.rows
+    root = np.sqrt(huber_weights(rows))
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
+    normal = (columns / scale * root[:, None]).T @ (columns / scale * root[:, None]) + 1e-4 * np.eye(len(scale))
+    share = np.linalg.solve(normal, (columns / scale).T @ (root**2 * rows)) / scale
+    return np.asarray(base.residual - np.einsum("i,i...->...", share, np.array(moved)))
+
+
+def fee_of(candidate: Candidate, count: int) -> float:
+    """Return what chance gains the best of `count` candidates; twice that for one that has been sought somewhere."""
+    return entry_fee(count) * (2.0 if "@" in candidate.name else 1.0) + entry_fee(1) * (len(candidate.sizes) - 1)
+
+
+def started(scored: Scored, model: Model) -> dict[str, float]:
+    """Return the sizes at which a refit of a candidate starts: where its best signature takes the gain."""
+    if scored.candidate.effect is None:
+        return {name: value_of(model, name) for name in scored.candidate.sizes}
+    share = min(max(scored.share, -3.0), 3.0)
+    sizes = {}
+    for name, size in scored.signature.sizes.items():
+        neutral = scored.signature.neutral[name]
+        sizes[name] = size if abs(neutral) > 50 * abs(size) else neutral + share * (size - neutral)
+    return sizes
+
+
+def with_noise(base: DriveFit, residual: np.ndarray, least: np.ndarray) -> DriveFit:
+    """Return the fit judged by the noise that a residual shows; its numbers are not fitted again."""
+    noise = noise_of(residual, base.task.noise.good, least)
+    return dataclasses.replace(base, task=dataclasses.replace(base.task, noise=noise))
