@@ -1,4 +1,4 @@
-"""Drive logs: a folder with `drive.toml` and one CSV or Parquet file a run, measured and simulated alike.
+"""Drive logs: a folder with `drive.toml` and one CSV, Parquet file or ROS bag a run, measured and simulated alike.
 
 `drive.toml` as in::
 
@@ -18,6 +18,9 @@
     file = "climb.csv"
     start = { x = 0.0, y = 0.0, yaw = 0.0 }
     purpose = "climb until it stops"
+    units = { wheel_rate_fl = "rpm" }     # of columns that are not in the unit that their name tells
+
+For ROS bags see `bag_columns`.
 """
 
 from __future__ import annotations
@@ -29,12 +32,13 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.body.terrain import Terrain
-from rover_pin.columns import columns_text, replace_file
+from rover_pin.columns import Columns, columns_text, read_columns, replace_file
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.channels import WHEELS, unit_of
 from rover_pin.motion.log_terrain import terrain_from
+from rover_pin.motion.ros_bag import is_bag, read_bag
 from rover_pin.motion.trace import Trace
-from rover_pin.motion.trace_files import read_run
+from rover_pin.motion.trace_files import run_from
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.toml_file import read_toml, toml_text
 
@@ -60,6 +64,8 @@ class About:
     wheel: Mapping[str, Any] = field(default_factory=dict)
     motor: Mapping[str, Any] = field(default_factory=dict)
     noise: Mapping[str, Any] = field(default_factory=dict)
+    columns: Mapping[str, Any] = field(default_factory=dict)
+    bag: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, trace: Trace, name: str) -> About:
@@ -68,7 +74,7 @@ class About:
         return cls(name, trace.attrs.get("made_by", ""), rover, gravity, trace.wheels or WHEELS)
 
 
-TABLES = ("terrain", "soil", "wheel", "motor", "noise")
+TABLES = ("terrain", "soil", "wheel", "motor", "noise", "columns", "bag")
 TEXTS = ("name", "source", "rover", "licence", "method")
 
 
@@ -181,16 +187,19 @@ def _run(file: Path, about: About, at: int, entry: dict[str, Any]) -> Trace:
         if not isinstance(entry.get(key, {}), dict):
             raise DataError(f"{file}: run {at} has {key} = {entry[key]!r}: give a table.")
     name = entry.get("file")
-    if not isinstance(name, str) or not (file.parent / name).is_file():
+    if not isinstance(name, str) or not name or not (file.parent / name).exists():
         raise DataError(
             f"{file}: run {at} names the file {name!r}, which is not in {file.parent}: add it, or mend its name."
         )
     told = {"file": name, "rover": about.rover, "gravity_mps2": about.gravity, "wheels": list(about.wheels)}
     told |= {"start": _start(file, at, entry["start"])} if "start" in entry else {}
     told |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
-    trace = read_run(file.parent / name, about.wheels)
-    units = {**trace.units, **entry.get("units", {})}
-    return Trace(trace.channels, units, {**told, **trace.attrs, **entry.get("attrs", {})})
+    trace = run_from(_table(file, about, file.parent / name), about.wheels, units=entry.get("units", {}))
+    return Trace(trace.channels, trace.units, {**told, **trace.attrs, **entry.get("attrs", {})})
+
+
+def _table(file: Path, about: About, run: Path) -> Columns:
+    return read_bag(run, about.columns, about.bag, str(file)) if is_bag(run) else read_columns(run)
 
 
 def _start(file: Path, at: int, start: Any) -> dict[str, float]:

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from rover_pin.columns import Columns, read_columns, replace_file
-from rover_pin.errors import DataError, closest
-from rover_pin.motion.channels import wheel_of
+from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.motion.channels import unit_of, wheel_of
 from rover_pin.motion.trace import Trace
+from rover_pin.quantity import to_si
 
 METADATA = b"rover_pin"
 
@@ -24,17 +25,45 @@ def read_run(path: str | Path, wheels: Sequence[str] = (), attrs: Mapping[str, A
     Raises
     ------
     DataError
-        A file that cannot be read, no `t_s`, text where a number belongs, a time that is missing or does not increase,
-        a duty outside [-1, 1], or channels of a wheel that is not among `wheels`, where any are given.
+        A file that cannot be read, or what `run_from` refuses.
     """
-    table = read_columns(path)
+    return run_from(read_columns(path), wheels, attrs)
+
+
+def run_from(
+    table: Columns,
+    wheels: Sequence[str] = (),
+    attrs: Mapping[str, Any] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Trace:
+    """Return the run of a table in SI; `units` are those of its columns where their names tell others.
+
+    Raises
+    ------
+    DataError
+        No `t_s`, text where a number belongs, a time that is missing or does not increase, a duty outside [-1, 1], a
+        unit that is of another kind than the channel, or channels of a wheel that is not among `wheels`, where any are
+        given.
+    """
     table.need("t_s")
     table.refuse_gaps("t_s")
     table.refuse_steps_back("t_s")
     _refuse_percent(table)
     _refuse_strange_wheels(table, wheels)
     held = _metadata(table.path) if table.path.suffix == ".parquet" else {}
-    return Trace(table.values, held.get("units", {}), {**held.get("attrs", {}), **(attrs or {})})
+    stated = {**held.get("units", {}), **(units or {})}
+    channels = {name: _si(table, name, stated.get(name, unit_of(name))) for name in table.values}
+    units = {name: unit_of(name) or stated.get(name, "") for name in channels}
+    return Trace(channels, units, {**held.get("attrs", {}), **(attrs or {})})
+
+
+def _si(table: Columns, name: str, unit: str) -> np.ndarray:
+    """Return a column in the unit that its name tells, if it does."""
+    try:
+        factor = to_si(1.0, unit, unit_of(name) or unit, f"{table.path}: column '{name}'")
+    except ParameterError as error:
+        raise DataError(str(error)) from error
+    return factor * table.values[name]
 
 
 def write_parquet(path: str | Path, trace: Trace) -> Path:

@@ -1,0 +1,212 @@
+"""Runs from ROS bags: .bag, .db3 and .mcap files and ROS 2 bag folders, resampled on one clock; needs the extra `ros`.
+
+`bag_columns` says how a drive log tells which column comes from where.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rover_pin.columns import Columns
+from rover_pin.errors import DataError, MissingExtraError, RoverPinError, closest
+from rover_pin.motion.bag_columns import ANGLES, PART, Source, angle_of, parts, period_from, si, sources_from
+
+SUFFIXES = (".bag", ".db3", ".mcap")
+MISSED = 5.0
+"""Between messages that are this many usual intervals apart nothing is interpolated."""
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether a run's file is a ROS bag: a folder, or by its suffix."""
+    return path.is_dir() or path.suffix in SUFFIXES
+
+
+def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], where: str) -> Columns:
+    """Return the columns of a bag on a clock of even steps that starts at 0 where all measured columns have begun.
+
+    Parameters
+    ----------
+    columns, bag : Mapping
+        The tables [columns] and [bag] of the drive log that stands at `where`.
+
+    Raises
+    ------
+    DataError
+        A map that cannot be read, a file that is no bag, a topic or field that it lacks, times that run back.
+    MissingExtraError
+        The extra `ros` is not installed.
+    """
+    sources, period = sources_from(columns, where), period_from(bag, where)
+    values = _Messages(path, sources).read()
+    measured = [name for name in values if not sources[name].hold] or list(values)
+    begin = max(values[name][0][0] for name in measured)
+    end = min(values[name][0][-1] for name in measured)
+    if not end - begin > period:
+        raise DataError(
+            f"{path}: the topics of {', '.join(measured[:3])}, ... share no stretch of time: check `stamp`."
+        )
+    t = 1e-9 * period * np.arange(int((end - begin) / period) + 1)
+    made = {"t_s": t}
+    for name, (at, own) in values.items():
+        source = sources[name]
+        seconds = (at - begin) * 1e-9
+        found = _held(t, seconds, own) if source.hold else _interpolated(t, seconds, own)
+        made[name] = si(name, source, found, where)
+    return Columns(path, made, tuple(f"t = {each:.6g} s" for each in t))
+
+
+def _held(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    before = np.searchsorted(at, t + 1e-9, side="right") - 1
+    return np.where(before >= 0, values[np.maximum(before, 0)], np.nan)
+
+
+def _interpolated(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    found = np.interp(t, at, values)
+    after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
+    apart = (at[after] - at[after - 1]) > MISSED * np.median(np.diff(at))
+    inside = (t > at[after - 1]) & (t < at[after])
+    return np.where(apart & inside, np.nan, found)
+
+
+class _Messages:
+    """One pass through a bag, with what each column finds in its topic's messages."""
+
+    def __init__(self, path: Path, sources: Mapping[str, Source]):
+        self.path, self.sources = path, sources
+        self.found: dict[str, tuple[list[int], list[float]]] = {name: ([], []) for name in sources}
+        self.seen: dict[str, set[str]] = {name: set() for name in sources}
+
+    def read(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Return name -> (times [ns], values) of every column, times increasing."""
+        try:
+            from rosbags.highlevel import AnyReader
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError as error:
+            raise MissingExtraError(
+                f"{self.path}: a ROS bag needs the extra 'ros': pip install 'rover-pin[ros]', or convert it to CSV."
+            ) from error
+        try:
+            with AnyReader([self.path], default_typestore=get_typestore(Stores.LATEST)) as bag:
+                self._pass(bag)
+        except RoverPinError:
+            raise
+        except Exception as error:
+            raise DataError(
+                f"{self.path}: the bag cannot be read: {(str(error) or repr(error)).splitlines()[0]}"
+            ) from error
+        return {name: self._arrays(name) for name in self.sources}
+
+    def _pass(self, bag: Any) -> None:
+        topics: dict[str, list[str]] = {}
+        for name, source in self.sources.items():
+            topics.setdefault(source.topic, []).append(name)
+        for topic, names in topics.items():
+            if topic not in bag.topics:
+                raise DataError(
+                    f"{self.path}: there is no topic '{topic}' for {names[0]}: {closest(topic, bag.topics)}"
+                )
+        wanted = [connection for connection in bag.connections if connection.topic in topics]
+        for connection, received, raw in bag.messages(connections=wanted):
+            message = bag.deserialize(raw, connection.msgtype)
+            for name in topics[connection.topic]:
+                self._take(name, message, received)
+
+    def _take(self, name: str, message: Any, received: int) -> None:
+        source = self.sources[name]
+        value = self._value(name, message, source.field)
+        if value is None:
+            return
+        at = self._time(name, message, source.stamp) if source.stamp else received
+        times, values = self.found[name]
+        if times and at < times[-1]:
+            raise DataError(
+                f"{self.path}: the times of topic '{source.topic}' run back at message {len(times) + 1}: leave out "
+                f"`stamp` of {name}, or mend the bag."
+            )
+        if times and at == times[-1]:
+            values[-1] = value
+        else:
+            times.append(at)
+            values.append(value)
+
+    def _time(self, name: str, message: Any, field: str) -> int:
+        stamp = self._follow(name, message, field)
+        if not hasattr(stamp, "nanosec"):
+            raise DataError(
+                f"{self.path}: '{field}' of topic '{self.sources[name].topic}' is no time, as header.stamp."
+            )
+        return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+    def _value(self, name: str, message: Any, field: str) -> float | None:
+        value = self._follow(name, message, field)
+        try:
+            return None if value is None else float(value)
+        except (TypeError, ValueError):
+            inner = f", but has {', '.join(_names(value))}" if _names(value) else ""
+            raise DataError(
+                f"{self.path}: '{field}' of topic '{self.sources[name].topic}' is no number{inner}: go on for {name}."
+            ) from None
+
+    def _follow(self, name: str, value: Any, field: str) -> Any:
+        """Return what a path of names leads to; None where an array has no entry of that name this time."""
+        for part in parts(field):
+            matched = PART.fullmatch(part)
+            assert matched is not None
+            own, index, beside, label = matched.groups()
+            if own in ANGLES and set(_names(value)) == set("xyzw"):
+                value = angle_of(own, value)
+                continue
+            parent, value = value, self._member(name, value, own)
+            if index is not None:
+                value = self._entry(name, value, own, int(index))
+            elif beside is not None:
+                labels = [str(each) for each in self._member(name, parent, beside)]
+                self.seen[name].update(labels)
+                if label not in labels or labels.index(label) >= len(value):
+                    return None
+                value = value[labels.index(label)]
+        return value
+
+    def _member(self, name: str, value: Any, own: str) -> Any:
+        if own not in _names(value):
+            known = [*_names(value), *(ANGLES if set(_names(value)) == set("xyzw") else ())]
+            topic = self.sources[name].topic
+            raise DataError(f"{self.path}: topic '{topic}' has no field '{own}' for {name}: {closest(own, known)}")
+        return getattr(value, own)
+
+    def _entry(self, name: str, value: Any, own: str, index: int) -> Any:
+        if not hasattr(value, "__len__") or index >= len(value):
+            count = len(value) if hasattr(value, "__len__") else "no"
+            raise DataError(
+                f"{self.path}: '{own}' of topic '{self.sources[name].topic}' has {count} entries, and {name} asks for "
+                f"[{index}], counted from 0."
+            )
+        return value[index]
+
+    def _arrays(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        times, values = self.found[name]
+        source = self.sources[name]
+        if not times and self.seen[name]:
+            label = source.field.partition("=")[2].partition("]")[0]
+            raise DataError(
+                f"{self.path}: no message of topic '{source.topic}' names '{label}' for {name}: "
+                f"{closest(label, self.seen[name])}"
+            )
+        if len(times) < 2:
+            raise DataError(
+                f"{self.path}: topic '{source.topic}' has {len(times)} messages for {name}; two are needed."
+            )
+        own = np.array(values)
+        turns = source.field.rpartition(".")[2] in ANGLES
+        return np.array(times, dtype=np.int64), np.unwrap(own) if turns else own
+
+
+def _names(value: Any) -> list[str]:
+    """Return the names of a message's fields."""
+    fields = dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
+    return [each.name for each in fields if not each.name.startswith("__")]
