@@ -62,10 +62,10 @@ class Bench:
         rows = len(self.runs)
         return np.array([self._padded(found[rows * at : rows * (at + 1)]) for at in range(len(models))])
 
-    def replays(self, model: Model) -> tuple[Replay, ...]:
-        """Return the replays of one model."""
-        pairs = zip(self.runs, self.rests, strict=True)
-        return tuple(self._spread([delayed(_replayed)(model, run.commands, Nudge(), rest) for run, rest in pairs]))
+    def replays(self, model: Model, nudges: Sequence[Nudge] | None = None) -> tuple[Replay, ...]:
+        """Return the replays of one model, perhaps nudged, one nudge a run."""
+        asked = zip(self.runs, nudges or [Nudge()] * len(self.runs), self.rests, strict=True)
+        return tuple(self._spread([delayed(_replayed)(model, run.commands, one, rest) for run, one, rest in asked]))
 
     def read(self, replays: Sequence[Replay], sensors: Sequence[SensorEffect]) -> np.ndarray:
         """Return the features (runs, channels, blocks) of replays as these sensors report them."""
