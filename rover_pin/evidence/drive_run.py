@@ -79,8 +79,8 @@ def logged_run(log: Trace, rover: Rover) -> LoggedRun:
     names = [name for name in log.channels if comparable(name) and np.isfinite(log[name]).any()]
     rows = {name: averaged(log.t, log[name], run.t, run.period) for name in names}
     rows["body_yaw"] = run.place[:, 2]
-    heading = uniform_filter1d(_filled(rows["body_yaw"]), max(1, round(BLOCK / run.period)))
-    whole = {name: _filled(row) for name, row in rows.items()}
+    heading = uniform_filter1d(filled(rows["body_yaw"]), max(1, round(BLOCK / run.period)))
+    whole = {name: filled(row) for name, row in rows.items()}
     made = driven(whole, heading, run.period)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
     features = [name for name in (*made, *rows) if name not in RAW]
@@ -141,13 +141,13 @@ def levelled(name: str, block: np.ndarray, use: np.ndarray) -> np.ndarray:
 def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
     """Return which rows are compared: after the start, and not while or soon after the rover stands or turns round."""
     t, duty = run.t, run.duty.mean(axis=1)
-    rate = np.nan_to_num(np.mean([_filled(row) for row in rates], axis=0))
+    rate = np.nan_to_num(np.mean([filled(row) for row in rates], axis=0))
     standing = (np.abs(rate) < SLOW) | (np.sign(rate) * np.sign(duty) < 0)
     since = np.where(standing, t, -np.inf)
     return np.asarray((t - t[0] >= BEGIN) & (t - np.maximum.accumulate(since) > AFTER_TURN))
 
 
-def _filled(row: np.ndarray) -> np.ndarray:
+def filled(row: np.ndarray) -> np.ndarray:
     """Return the row with gaps bridged by straight lines; zeros where nothing was measured."""
     good = np.isfinite(row)
     if not good.any():
