@@ -83,10 +83,10 @@ def settled(fit: RigFit) -> RigFit:
     return fit_from(fit.problem.widened(widen), [fit.u])
 
 
-def remains(fit: RigFit) -> bool:
-    """Return whether chi2 is improbably large for the stated noise."""
+def remains(fit: RigFit, surprise: float = SURPRISE) -> bool:
+    """Return whether chi2 is less probable than `surprise` by the stated noise."""
     freedom = max(fit.problem.freedom, 1)
-    return bool(fit.chi2 * fit.problem.widen**2 > chi2_law.isf(SURPRISE, freedom))
+    return bool(fit.chi2 * fit.problem.widen**2 > chi2_law.isf(surprise, freedom))
 
 
 class Fitted(NamedTuple):

@@ -41,6 +41,11 @@ def effect_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
     return [kind for kind in kinds if kind.__name__ not in replaced] + own
 
 
+def rig_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
+    """Return the effects that a rig can show: none of a place, none that changes the slip."""
+    return [kind for kind in effect_kinds(folder) if not kind.places and not kind.before_slip]
+
+
 def _defined(module: ModuleType) -> list[type[Effect]]:
     kinds = [kind for _, kind in inspect.getmembers(module, inspect.isclass) if kind.__module__ == module.__name__]
     return [kind for kind in kinds if issubclass(kind, Effect) and kind.neutral]

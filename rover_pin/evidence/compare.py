@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.effects.effect import Effect
 from rover_pin.errors import OptimisationError
-from rover_pin.evidence.calibrate import Setting, own_sizes
+from rover_pin.evidence.calibrate import Setting, own_sizes, remains
 from rover_pin.evidence.candidates import shapes, sizes
 from rover_pin.evidence.heldout import held_out, loss
 from rover_pin.evidence.rig_fit import RigFit, RigProblem, fit_from
@@ -122,17 +122,32 @@ def compare_singles(
 
 
 def compare_pairs(
-    setting: Setting, base: RigFit, singles: Comparison, count: int, progress: Progress = lambda said: None
+    setting: Setting,
+    base: RigFit,
+    singles: Comparison,
+    screened: Sequence[Screened],
+    progress: Progress = lambda said: None,
 ) -> Comparison:
-    """Return the refits of pairs of the best singles, compared with the best single."""
+    """Return the refits of pairs, compared with the best single: of the best singles, and of the best with another.
+
+    Parameters
+    ----------
+    screened : sequence of Screened
+        Every candidate, scored against the best single (or against the base where there is none).
+    """
     parent = singles.best.fit if singles.best else base
-    fee, reference = entry_fee(count), loss(held_out(setting.data, parent))
-    found = []
-    for one, other in itertools.combinations(singles.ranked[:PAIRED], 2):
-        progress(f"refitting with {one.name} + {other.name}")
-        found += _pair(setting, base, one, other, fee)
-    extra = fee if singles.best is None else 0.0
-    return _ranked(parent, [(effects, fit, paid + extra) for effects, fit, paid in found], reference, setting)
+    fee, reference = entry_fee(len(screened) + (singles.best is not None)), loss(held_out(setting.data, parent))
+    found: list[Joined] = []
+    if remains(parent):
+        for one, other in itertools.combinations(singles.ranked[:PAIRED], 2):
+            progress(f"refitting with {one.name} + {other.name}")
+            found += _pair(setting, base, one, other)
+    if singles.best:
+        found += _joined(setting, base, singles.best, [row for row in screened if row.told and row.gain > fee / 4])
+    paid = fee if singles.best else 2 * fee
+    had = len(parent.problem.space.names) + (1 if singles.best else 2)
+    priced = [(effects, fit, paid + FURTHER * max(len(fit.u) - had, 0)) for effects, fit in found]
+    return _ranked(parent, priced, reference, setting)
 
 
 Found = tuple[tuple[Effect, ...], RigFit, float]
@@ -148,7 +163,10 @@ def _variants(setting: Setting, base: RigFit, effect: Effect, fee: float) -> lis
     return found
 
 
-def _pair(setting: Setting, base: RigFit, one: Candidate, other: Candidate, fee: float) -> list[Found]:
+Joined = tuple[tuple[Effect, ...], RigFit]
+
+
+def _pair(setting: Setting, base: RigFit, one: Candidate, other: Candidate) -> list[Joined]:
     """Return the refit with what was free in either single; with sizes only where that is more than the data bear."""
     effects = (*one.effects, *other.effects)
     own = set(base.problem.space.names)
@@ -156,8 +174,21 @@ def _pair(setting: Setting, base: RigFit, one: Candidate, other: Candidate, fee:
     for extra in dict.fromkeys((tuple(freed), tuple(name for effect in effects for name in sizes(effect)))):
         fit = _refit(setting, base, effects, extra, [one.fit, other.fit])
         if fit is not None:
-            return [(effects, fit, fee + FURTHER * (len(extra) - 1))]
+            return [(effects, fit)]
     return []
+
+
+def _joined(setting: Setting, base: RigFit, best: Candidate, screened: Sequence[Screened]) -> list[Joined]:
+    """Return the best single with each of the most promising others."""
+    own = set(base.problem.space.names)
+    freed = tuple(name for name in best.fit.problem.space.names if name not in own)
+    found: list[Joined] = []
+    for row in screened[:PLAUSIBLE]:
+        effects, extra = (*best.effects, row.effect), (*freed, *sizes(row.effect))
+        fit = _refit(setting, base, effects, extra, [best.fit])
+        if fit is not None:
+            found.append((effects, fit))
+    return found
 
 
 def _refit(

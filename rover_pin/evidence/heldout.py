@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from typing import NamedTuple
 
 import numpy as np
@@ -26,10 +25,18 @@ def held_out(data: RigSet, fit: RigFit) -> np.ndarray:
     residual = np.full(fit.residual.shape, np.nan)
     for number in range(len(data.level_names)):
         left_out = data.level == number
-        with contextlib.suppress(OptimisationError):
-            refit = fit_from(fit.problem.keeping(~left_out), [fit.u])
+        refit = without_level(fit, ~left_out)
+        if refit is not None:
             residual[:, left_out] = refit.residual[:, left_out]
     return np.where(np.isfinite(residual), residual, LOST)
+
+
+def without_level(fit: RigFit, keep: np.ndarray) -> RigFit | None:
+    """Return the refit to the runs `keep` [runs] from the fit to all, or None where there is none."""
+    try:
+        return fit_from(fit.problem.keeping(keep), [fit.u])
+    except OptimisationError:
+        return None
 
 
 def loss(residual: np.ndarray) -> float:

@@ -25,14 +25,18 @@ from rover_pin.evidence.calibrate import (
     remains,
     settled,
 )
-from rover_pin.evidence.candidates import effect_kinds
+from rover_pin.evidence.candidates import rig_kinds
+from rover_pin.evidence.cautions import of_choice, of_parameters, of_residuals
 from rover_pin.evidence.compare import Candidate, Comparison, compare_pairs, compare_singles
 from rover_pin.evidence.experiment import separating_run
 from rover_pin.evidence.heldout import held_out, scores
 from rover_pin.evidence.measurement import WheelRig
 from rover_pin.evidence.model_file import write_model
+from rover_pin.evidence.profile_curve import profiles
 from rover_pin.evidence.remainder import draft_effect, remainders
 from rover_pin.evidence.report import write_report
+from rover_pin.evidence.reselect import NOTHING, reselect
+from rover_pin.evidence.residual_tests import residual_tests
 from rover_pin.evidence.rig_checks import findings, refuse_unfit, too_poor
 from rover_pin.evidence.rig_fit import RigFit
 from rover_pin.evidence.rig_model import RigModel
@@ -43,6 +47,9 @@ from rover_pin.version import __version__
 
 ENOUGH = 0.9
 """Least share of chi2 beyond the noise that an effect must take to be named rather than mentioned."""
+
+LEFT = 0.01
+"""What is left with less than this probability, beside too small a share, keeps an effect from being named."""
 
 RIVALS = 3
 """Rivals of the best for which a separating run is proposed."""
@@ -69,7 +76,8 @@ def close_the_loop(
     effects : path or None
         A user's effect file or folder, beside the package's own.
     out : path or None
-        Folder for report.html, verdict.json, model.toml and figures; nothing is written without.
+        Folder for report.html, verdict.json, model.toml and figures; nothing is written without, and what takes many
+        refits is left out: profiles, and the choice made anew without each level.
     progress : callable
         Called with one line before each step.
     seed : int
@@ -124,11 +132,13 @@ def _decide(setting: Setting, base: RigFit, effects: str | Path | None, progress
     if poor:
         return _verdict(setting, base, None, (Comparison(), Comparison()), (), poor)
     progress("score test of every candidate")
-    screened = screen(setting, base, effect_kinds(effects))
+    kinds = rig_kinds(effects)
+    screened = screen(setting, base, kinds)
     singles = compare_singles(setting, base, screened, progress)
     pairs, chosen = Comparison(), singles
-    if remains(singles.best.fit if singles.best else base):
-        pairs = compare_pairs(setting, base, singles, len(screened), progress)
+    if singles.best or remains(base):
+        further = screen(setting, singles.best.fit, kinds) if singles.best else screened
+        pairs = compare_pairs(setting, base, singles, further, progress)
         chosen = pairs if pairs.best else singles
     progress("intervals and held-out levels")
     return _verdict(setting, base, chosen, (singles, pairs), tuple(screened), "")
@@ -148,13 +158,14 @@ def _verdict(
     left = remains(best.fit if best else base)
     if answer is Answer.NONE_FITS:
         best = None  # the nearest is mentioned, not added
-    fit, before = _side(data, settled(base))
-    last, after = (fit, before) if best is None else _side(data, settled(best.fit))
+    fit, before = _side(setting, settled(base))
+    last, after = (fit, before) if best is None else _side(setting, settled(best.fit))
     alike = chosen.alike if chosen else ()
     runs = [separating_run(data, alike[0], rival) for rival in alike[1 : 1 + RIVALS]] if best else []
     added = () if best is None else after.model.effects[len(base.model.effects) :]
     was = held_out(data, fit) if not poor else fit.residual
     now = held_out(data, last) if best is not None else was
+    said = of_parameters(after.parameters, after.flags) + of_residuals(after.remainders, after.tests)
     return Verdict(
         answer=answer,
         name=data.rig.name,
@@ -172,12 +183,15 @@ def _verdict(
         findings=tuple(findings(data)),
         experiments=tuple(one for one in runs if one is not None),
         provenance={},
+        cautions=tuple(said),
+        base=base,
     )
 
 
-def _side(data: RigSet, fit: RigFit) -> tuple[RigFit, Side]:
-    fit, fitted = parameters(fit)
-    return fit, Side(fit.model, fitted, flags(data, fit, fitted), remainders(data, fit), fit.misfit)
+def _side(setting: Setting, fit: RigFit) -> tuple[RigFit, Side]:
+    data, (fit, fitted) = setting.data, parameters(fit)
+    tests = residual_tests(data, fit.residual, setting.seed)
+    return fit, Side(fit.model, fitted, flags(data, fit, fitted), remainders(data, fit), fit.misfit, fit, tests)
 
 
 def _explained(base: RigFit, best: Candidate | None) -> float:
@@ -192,7 +206,7 @@ def _answer(base: RigFit, chosen: Comparison | None, explained: float, poor: boo
         return Answer.CANNOT_TELL
     if chosen.best is None:
         return Answer.NONE_FITS if remains(base) else Answer.NONE_NEEDED
-    if remains(chosen.best.fit) and explained < ENOUGH:
+    if remains(chosen.best.fit, LEFT) and explained < ENOUGH:
         return Answer.NONE_FITS
     return Answer.NAMED if len(chosen.alike) == 1 else Answer.SET
 
@@ -224,8 +238,26 @@ def _provenance(seed: int, seconds: float, command: str) -> dict[str, Any]:
     return {"versions": versions, "seed": seed, "seconds": round(seconds, 1), "command": command}
 
 
+def _confirmed(verdict: Verdict, setting: Setting) -> Verdict:
+    """Return the verdict with what takes many refits: the choice made anew without each level, and profiles."""
+    verdict = dataclasses.replace(verdict, profiles=profiles(verdict.after.fit, verdict.after.parameters))
+    if verdict.answer is Answer.CANNOT_TELL:
+        return verdict
+    again = reselect(setting.data, verdict.base, verdict.singles, verdict.pairs)
+    was = held_out(setting.data, verdict.before.fit)
+    name = " + ".join(type(effect).__name__ for effect in verdict.effects) or NOTHING
+    return dataclasses.replace(
+        verdict,
+        folds=again.folds,
+        reselected=scores(setting.data, was, again.residual, setting.seed),
+        cautions=(*verdict.cautions, *of_choice(name, again, verdict.singles)),
+    )
+
+
 def _written(verdict: Verdict, setting: Setting, out: Path, progress: Progress) -> Verdict:
     """Write the files and return the verdict with their paths."""
+    progress("choosing again without each level")
+    verdict = _confirmed(verdict, setting)
     progress("writing the report")
     files = [write_model(verdict.model, out / "model.toml", verdict.sentence)]
     if verdict.answer is Answer.NONE_FITS and any(not one.is_noise for one in verdict.after.remainders):

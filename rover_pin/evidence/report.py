@@ -9,6 +9,7 @@ from pathlib import Path
 import jinja2
 
 from rover_pin.columns import replace_file
+from rover_pin.evidence.cautions import worse
 from rover_pin.evidence.report_figures import (
     added_names,
     candidates_figure,
@@ -16,6 +17,8 @@ from rover_pin.evidence.report_figures import (
     png,
     residuals_figure,
 )
+from rover_pin.evidence.report_profiles import profiles_figure
+from rover_pin.evidence.residual_tests import BEYOND_CHANCE, ResidualTest
 from rover_pin.evidence.rig_set import RigSet
 from rover_pin.evidence.verdict import Answer, Verdict, flag_line, shown
 
@@ -35,6 +38,8 @@ def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
     figures = {"channels": channels_figure(verdict, data), "residuals": residuals_figure(verdict, data)}
     if verdict.singles.ranked:
         figures["candidates"] = candidates_figure(verdict)
+    if verdict.profiles:
+        figures["profiles"] = profiles_figure(verdict)
     images = {name: png(figure) for name, figure in figures.items()}
     files = [replace_file(out / f"{name}.png", image) for name, image in images.items()]
     inline = {name: "data:image/png;base64," + base64.b64encode(image).decode() for name, image in images.items()}
@@ -53,6 +58,9 @@ def html(verdict: Verdict, data: RigSet, images: dict[str, str]) -> str:
         headline=headline(verdict),
         channels=channel_rows(verdict),
         parameters=parameter_rows(verdict),
+        tests=correlation_rows(verdict),
+        limit=BEYOND_CHANCE,
+        worse=worse(verdict.scores),
         flag_line=flag_line,
         names=added_names(verdict),
         about={type(effect).__name__: inspect.getdoc(type(effect)) for effect in verdict.effects},
@@ -102,3 +110,16 @@ def parameter_rows(verdict: Verdict) -> list[dict[str, str]]:
             }
         )
     return rows
+
+
+def correlation_rows(verdict: Verdict) -> list[dict[str, str]]:
+    """Return one row a residual test: correlation and p-value before and after."""
+    pairs = zip(verdict.before.tests, verdict.after.tests, strict=True)
+    return [
+        {"channel": was.channel, "against": was.against, "before": _test(was), "after": _test(now)}
+        for was, now in pairs
+    ]
+
+
+def _test(test: ResidualTest) -> str:
+    return f"{test.correlation:+.2f} (p = {test.p:.2g})" + (" *" if test.beyond_chance else "")

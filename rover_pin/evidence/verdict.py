@@ -10,11 +10,16 @@ from typing import Any
 
 from rover_pin.effects.effect import Effect
 from rover_pin.evidence.calibrate import Fitted, Flag
+from rover_pin.evidence.cautions import worse
 from rover_pin.evidence.compare import Candidate, Comparison
 from rover_pin.evidence.experiment import Experiment
 from rover_pin.evidence.heldout import ChannelScore
+from rover_pin.evidence.profile_curve import Profile
 from rover_pin.evidence.remainder import Remainder
+from rover_pin.evidence.reselect import NOTHING, Fold
+from rover_pin.evidence.residual_tests import ResidualTest
 from rover_pin.evidence.rig_checks import Finding
+from rover_pin.evidence.rig_fit import RigFit
 from rover_pin.evidence.rig_model import RigModel
 from rover_pin.evidence.screen import Screened
 
@@ -39,6 +44,9 @@ class Side:
     remainders: tuple[Remainder, ...]
     misfit: float
     "chi2 per degree of freedom; 1 is the noise"
+    fit: RigFit = field(repr=False)
+    tests: tuple[ResidualTest, ...] = ()
+    "how the residuals hang together with what was set, and with each other"
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,18 +74,38 @@ class Verdict:
     experiments: tuple[Experiment, ...]
     provenance: dict[str, Any] = field(repr=False)
     "versions, seed, seconds, the command that repeats it"
+    base: RigFit = field(repr=False)
+    "the fit with which single candidates are compared"
     files: tuple[Path, ...] = ()
+    folds: tuple[Fold, ...] = ()
+    "what is chosen when each level is left out of the choice as well; where a report is written"
+    reselected: tuple[ChannelScore, ...] = field(default=(), repr=False)
+    "held-out errors with the effect chosen anew in each fold"
+    profiles: tuple[Profile, ...] = field(default=(), repr=False)
+    cautions: tuple[str, ...] = ()
+
+    @property
+    def chosen_again(self) -> str:
+        """How many folds choose the same, in words."""
+        names = {type(effect).__name__ for effect in self.effects} or {NOTHING}
+        folds = [set(fold.chosen.split(" + ")) for fold in self.folds]
+        same, more = sum(fold == names for fold in folds), sum(fold > names for fold in folds)
+        among = f", and with another in {more}" if more else ""
+        return f"{' + '.join(sorted(names))} chosen in {same} of {len(folds)} folds{among}"
 
     def summary(self) -> str:
         """Return the verdict in a page of text; angles in degrees."""
         lines = [f"{self.name}: {self.answer.value}", f"  {self.sentence}"]
         lines += [f"  check: {finding}" for finding in self.findings]
         lines += [f"  {score_line(score)}" for score in self.scores]
+        lines += [f"  {self.chosen_again}"] if self.folds else []
+        lines += [f"  {worse(self.scores)}"] if self.effects else []
         lines += [f"  {flag_line(flag, 'before')}" for flag in self.before.flags]
         if self.effects:
             lines += [f"  {flag_line(flag, 'after')}" for flag in self.after.flags]
         lines += [f"  {parameter_line(one)}" for one in self.after.parameters]
         lines += [f"  left: {one.said}" for one in self.after.remainders]
+        lines += [f"  caution: {said}" for said in self.cautions]
         lines += [f"  next: {one.said}" for one in self.experiments]
         lines += [f"  written: {file}" for file in self.files]
         return "\n".join(lines)
@@ -95,6 +123,11 @@ class Verdict:
                 "explained": self.explained,
                 "findings": [str(finding) for finding in self.findings],
                 "held_out": [score._asdict() | {"said": score.said} for score in self.scores],
+                "held_out_reselected": [score._asdict() | {"said": score.said} for score in self.reselected],
+                "folds": {fold.level: fold.chosen for fold in self.folds},
+                "chosen_again": self.chosen_again,
+                "cautions": list(self.cautions),
+                "profiles": [one._asdict() for one in self.profiles],
                 "before": _side(self.before),
                 "after": _side(self.after),
                 "screened": [_screened(row) for row in self.screened],
@@ -122,6 +155,7 @@ def _side(side: Side) -> dict[str, Any]:
             }
             for flag in side.flags
         ],
+        "residual_tests": [test._asdict() for test in side.tests],
         "remainder": [
             one._asdict() | {"levels": [level._asdict() for level in one.levels], "said": one.said}
             for one in side.remainders
@@ -161,10 +195,21 @@ def plain(value: Any) -> Any:
 
 def shown(value: float, unit: str) -> str:
     """Return a number as a reader wants it: degrees, millimetres, kilopascals."""
-    factor, name = {"rad": (180 / math.pi, "deg"), "m": (1e3, "mm"), "Pa": (1e-3, "kPa")}.get(unit, (1.0, unit))
-    if unit == "Pa/m^n":
-        factor, name = 1e-3, "kPa/m^n"
+    factor, name = in_words(unit)
     return f"{factor * value:.4g} {name}".rstrip()
+
+
+READERS_UNITS = {
+    "rad": (180 / math.pi, "deg"),
+    "m": (1e3, "mm"),
+    "Pa": (1e-3, "kPa"),
+    "Pa/m^n": (1e-3, "kPa/m^n"),
+}
+
+
+def in_words(unit: str) -> tuple[float, str]:
+    """Return the factor to, and the name of, the unit in which a reader wants an SI value."""
+    return READERS_UNITS.get(unit, (1.0, unit))
 
 
 def score_line(score: ChannelScore) -> str:

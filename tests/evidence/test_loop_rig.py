@@ -13,7 +13,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.errors import DataError, ParameterError
-from rover_pin.evidence.candidates import added, effect_kinds
+from rover_pin.evidence.candidates import added, effect_kinds, rig_kinds
 from rover_pin.evidence.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.evidence.loop import close_the_loop
 from rover_pin.evidence.measurement import WheelRig, read_wheel_rig
@@ -42,6 +42,11 @@ IS = {
     "post_peak": "PostPeak",
     "rate_dependence": "RateDependence",
     "digging": "DiggingMemory",
+    "bulldozing": "Bulldozing",
+    "grousers": "Grousers",
+    "interface_friction": "InterfaceFriction",
+    "load_exponent": "LoadExponent",
+    "skid_sinkage": "SkidSinkage",
 }
 
 
@@ -65,7 +70,7 @@ def test_without_more_effects_it_is_the_law_that_identify_fits():
     np.testing.assert_allclose(slopes / scale, jacobian / scale, atol=2e-5)
 
 
-@pytest.mark.parametrize("effect", ["none", "slip_sinkage", "exit_angle", "peak_stress", "digging", "rate_dependence"])
+@pytest.mark.parametrize("effect", ["none", *IS])
 def test_it_predicts_what_the_plain_generator_measures(effect):
     """Another quadrature (midpoint, 2000 points) and another root finder (bisection), no shared code."""
     rig = hidden.Rig(effect)
@@ -76,15 +81,20 @@ def test_it_predicts_what_the_plain_generator_measures(effect):
         kind = next(kind for kind in effect_kinds() if kind.__name__ == IS[effect])
         one = added(kind, model)
         model = model.having(one.replace(**{next(iter(one.neutral)): rig.size}))
-    slip = np.array([0.0, 0.2, 0.6])
+    slip = np.array([-0.2, 0.0, 0.2, 0.6])
     rows = np.array([rig.run(25.0, S) for S in slip])
-    found = model.predict(25.0, slip, np.column_stack([np.full(3, 0.02), rows[:, 3]]))
+    found = model.predict(25.0, slip, np.column_stack([np.full(4, 0.02), rows[:, 3]]))
     np.testing.assert_allclose(found.drawbar_pull, rows[:, 0], atol=2e-3)
     np.testing.assert_allclose(found.torque, rows[:, 1], atol=2e-4)
     np.testing.assert_allclose(found.sinkage, rows[:, 2], rtol=1e-4)
 
 
-@pytest.mark.parametrize("kind", effect_kinds(), ids=lambda kind: kind.__name__)
+def test_a_rig_sets_the_slip_and_has_no_places():
+    left_out = {kind.__name__ for kind in effect_kinds()} - {kind.__name__ for kind in rig_kinds()}
+    assert left_out == {"WheelScale", "HardPatch"}
+
+
+@pytest.mark.parametrize("kind", rig_kinds(), ids=lambda kind: kind.__name__)
 def test_every_effect_works_on_a_rig_with_an_exact_jacobian(kind):
     base = RigModel(Wheel(0.0625, 0.06), Soil(c=200.0, phi=0.5, k=0.008, k_1=9e4, n=1.1))
     model = base.having(added(kind, base))
@@ -150,7 +160,16 @@ def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
     assert kept["command"].startswith("rover-pin close-loop")
     page = (tmp_path / "out" / "report.html").read_text()
     assert "The model lacks SlipSinkage" in page
-    assert page.count("data:image/png;base64,") == 3
+    assert page.count("data:image/png;base64,") == 4
+    assert "No channel got worse" in page
+    assert kept["chosen_again"] == "SlipSinkage chosen in 7 of 7 folds"
+    assert set(kept["folds"].values()) == {"SlipSinkage"}
+    profile = next(one for one in kept["profiles"] if one["name"] == "SlipSinkage.n_1")
+    assert min(profile["rises"]) == 0 < 3.84 < max(profile["rises"])
+    before, after = (kept[side]["residual_tests"] for side in ("before", "after"))
+    against_slip = [one["p"] for one in before if (one["channel"], one["against"]) == ("sinkage", "slip")]
+    assert against_slip[0] < 0.01
+    assert min(one["p"] for one in after) > 1e-3
     assert "http" not in page.replace("http-equiv", "")
     assert read_model(tmp_path / "out" / "model.toml") == verdict.model
     assert "an effect is missing" in verdict.summary()

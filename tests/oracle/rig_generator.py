@@ -1,4 +1,4 @@
-"""Wheel-rig sets with one hidden effect, in plain NumPy; imports nothing of rover_pin.
+"""Wheel-rig sets with hidden effects, in plain NumPy; imports nothing of rover_pin.
 
 The forces are midpoint sums over the contact arc, the load is balanced by bisection on the sinkage. Each effect is
 written down once more from its published form, with its own parameter values.
@@ -19,56 +19,71 @@ SIZES = {
     "rate_dependence": 0.15,
     "load_exponent": 1.2,
     "digging": 0.05,
+    "bulldozing": 1.5,
+    "grousers": 0.004,
+    "interface_friction": 0.7,
+    "skid_sinkage": 0.8,
     "slip_squared_drag": 0.12,
     "sinkage_bump": 0.25,
+    "gain_drift": 0.6,
+    "load_offset": 2.0,
+    "bin_floor": 0.02,
+    "sensor_wave": 0.0015,
+    "second_day": 0.3,
 }
-"""Hidden effects at a clear size; the last two are on nobody's list."""
+"""Hidden effects at a clear size; those from slip_squared_drag on are on nobody's list."""
 
 
 class Rig:
-    """A wheel, a soil, and one effect of some size."""
+    """A wheel, a soil, and one effect of some size, or several: `Rig(sizes={"digging": 0.02, ...})`."""
 
-    def __init__(self, effect="none", size=None, **soil):
-        self.effect, self.size = effect, SIZES[effect] if size is None else size
+    def __init__(self, effect="none", size=None, sizes=None, **soil):
+        self.sizes = sizes or {effect: SIZES[effect] if size is None else size}
+        self.effect, self.size = next(iter(self.sizes.items()))
         self.r, self.b = 0.0625, 0.06
         self.soil = {"c": 200.0, "phi": 0.5, "k": 0.008, "K": 9e4, "n": 1.1, "exit_ratio": 0.15} | soil
 
-    def forces(self, h, S, W, rim, v):
+    def forces(self, h, S, W, rim, v, day=0):
         """Normal force, drawbar pull, torque at the sinkage h."""
-        s = dict(self.soil)
-        if self.effect == "slip_sinkage":
-            s["n"] += self.size * max(S, 0.0)
-        if self.effect == "exit_angle":
-            s["exit_ratio"] = min(max(s["exit_ratio"] + self.size * S, 0.0), 1.0)
-        if self.effect == "load_exponent":
-            s["n"] += self.size * h / self.b
-        dug = 0.0
-        if self.effect == "digging":
-            thrown, left = self.size * max(rim - v, 0.0), abs(v) / 0.04
-            dug = thrown / (left + 2 * thrown / self.r)
-            h = h - dug
+        dug = self.dug(rim, v)
+        h = h - dug
         if h <= 0:
             return 0.0, 0.0, 0.0
-        f_n, f_t, torque = self.arc(h, S, s)
-        if self.effect == "peak_stress":
-            f_n, f_t, torque = self.arc(h, S, s, peak=0.4 + 0.15 * S)
-        if self.effect == "motion_resistance":
-            f_t -= self.size * f_n * v / np.hypot(v, 0.005)
-        if self.effect == "post_peak":
-            lost = self.size * (1 - np.exp(-((S / 0.4) ** 2)))
-            f_t, torque = f_t - lost * torque / self.r, (1 - lost) * torque
-        if self.effect == "rate_dependence":
-            more = self.size * np.log1p(abs(rim - v) / 0.01)
-            f_t, torque = f_t + more * torque / self.r, (1 + more) * torque
-        if self.effect == "digging":
-            f_t -= f_n * dug / self.r * v / np.hypot(v, 0.005)
-        if self.effect == "slip_squared_drag":
-            f_t -= self.size * f_n * S * S
-            torque += 0.8 * self.size * f_n * self.r * S * S
+        s = self.ground(h, S, day)
+        f_n, f_t, torque = self.sheared(h, S, s)
+        sense = v / np.hypot(v, 0.005)
+        f_t -= f_n * dug / self.r * sense
+        for effect, size in self.sizes.items():
+            f_t, torque = after(effect, size, (f_n, f_t, torque), (h, S, rim, v, self.r, self.b, s, sense))
         return f_n, f_t, torque
 
-    def arc(self, h, S, s, peak=None):
-        """Midpoint sums over the arc; with `peak`, Wong and Reece's stress."""
+    def dug(self, rim, v):
+        """Depth of the hole of a digging wheel, where digging and rolling out balance."""
+        thrown, left = self.sizes.get("digging", 0.0) * max(rim - v, 0.0), abs(v) / 0.04
+        return thrown / (left + 2 * thrown / self.r)
+
+    def ground(self, h, S, day):
+        """The soil as this wheel meets it."""
+        s, size = dict(self.soil), self.sizes.get
+        s["n"] += size("slip_sinkage", 0.0) * max(S, 0.0) + size("skid_sinkage", 0.0) * max(-S, 0.0)
+        s["n"] += size("load_exponent", 0.0) * h / self.b
+        s["exit_ratio"] = min(max(s["exit_ratio"] + size("exit_angle", 0.0) * S, 0.0), 1.0)
+        s["c"] *= size("interface_friction", 1.0)
+        s["phi"] = np.arctan(size("interface_friction", 1.0) * np.tan(s["phi"]))
+        s["K"] *= 1 + size("second_day", 0.0) * day
+        if "bin_floor" in self.sizes:
+            s["K"] *= 1 + (h / self.sizes["bin_floor"]) ** 6
+        return s
+
+    def sheared(self, h, S, s):
+        """Forces of the arc; a share of Wong and Reece's stress, and shear at the radius of the lugs' middle."""
+        q = 1 + 0.5 * self.sizes.get("grousers", 0.0) / self.r
+        forces = np.array(self.arc(h, S, s, q))
+        share = self.sizes.get("peak_stress", 0.0)
+        return (1 - share) * forces + share * np.array(self.arc(h, S, s, q, 0.4 + 0.15 * S)) if share else forces
+
+    def arc(self, h, S, s, q=1.0, peak=None):
+        """Midpoint sums over the arc; with `peak`, Wong and Reece's stress; shear displacement at the radius q r."""
         theta_1 = np.arccos(1 - h / self.r)
         theta_2 = -s["exit_ratio"] * theta_1
         step = (theta_1 - theta_2) / NODES
@@ -80,43 +95,72 @@ class Rig:
             at = np.where(theta > theta_m, theta, rear)
         sigma = s["K"] * (self.r * (np.cos(at) - np.cos(theta_1)) / self.b) ** s["n"]
         ratio = 1 - S if S >= 0 else 1 / (1 + S)
-        j = self.r * (theta_1 - theta - ratio * (np.sin(theta_1) - np.sin(theta)))
+        j = self.r * (q * (theta_1 - theta) - ratio * (np.sin(theta_1) - np.sin(theta)))
         tau = np.sign(j) * (s["c"] + sigma * np.tan(s["phi"])) * (1 - np.exp(-np.abs(j) / s["k"]))
         patch = self.r * self.b * step
         f_n = patch * np.sum(sigma * np.cos(theta) + tau * np.sin(theta))
-        f_t = patch * np.sum(tau * np.cos(theta) - sigma * np.sin(theta))
-        return f_n, f_t, patch * self.r * np.sum(tau)
+        f_t = patch * np.sum(tau * np.cos(theta) - sigma * np.sin(theta) + (q - 1) * tau)
+        return f_n, f_t, q * q * patch * self.r * np.sum(tau)
 
-    def run(self, W, S, v=0.02):
+    def run(self, W, S, v=0.02, day=0):
         """Drawbar pull, torque and sinkage at a load and slip, travelling at v."""
         rim = v / (1 - S) if S >= 0 else v * (1 + S)
         low, high = 1e-6, 0.98 * self.r
-        for _ in range(60):
+        for _ in range(45):
             h = (low + high) / 2
-            low, high = (h, high) if self.forces(h, S, W, rim, v)[0] < W else (low, h)
-        _, f_t, torque = self.forces(h, S, W, rim, v)
-        if self.effect == "sinkage_bump":
-            h *= 1 + self.size * np.sin(7 * S)
+            low, high = (h, high) if self.forces(h, S, W, rim, v, day)[0] < W else (low, h)
+        _, f_t, torque = self.forces(h, S, W, rim, v, day)
+        f_t += self.sizes.get("load_offset", 0.0) * (W / 25 - 1) ** 2
+        h *= 1 + self.sizes.get("sinkage_bump", 0.0) * np.sin(7 * S)
+        h += self.sizes.get("sensor_wave", 0.0) * np.sin(2 * np.pi * h / 0.006)
         return f_t, torque, h, rim
+
+
+def after(effect, size, forces, at):
+    """Pull and torque with one effect that changes them directly."""
+    (f_n, f_t, torque), (h, S, rim, v, r, b, s, sense) = forces, at
+    shear = 0.0
+    if effect == "motion_resistance":
+        f_t -= size * f_n * sense
+    if effect == "post_peak":
+        shear = -size * (1 - np.exp(-((S / 0.4) ** 2)))
+    if effect == "rate_dependence":
+        shear = size * np.log1p(abs(rim - v) / 0.01)
+    if effect == "bulldozing":
+        X = np.pi / 4 - s["phi"] / 2
+        D_1, D_2 = 1 / np.tan(X) + np.tan(X + s["phi"]), 1 / np.tan(X) + np.tan(s["phi"]) / np.tan(X) ** 2
+        f_t -= size * b * D_1 * (s["c"] * h + D_2 * 15700 * h * h / 2) * sense
+    if effect == "slip_squared_drag":
+        f_t -= size * f_n * S * S
+        torque += 0.8 * size * f_n * r * S * S
+    return f_t + shear * torque / r, (1 + shear) * torque
 
 
 SLIPS = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85)
 SD = (0.25, 0.015, 0.0004)
 """One SD of drawbar pull [N], torque [N m] and sinkage [m]."""
+NAMES = ("level", "slip", "travel_speed_mps", "rim_speed_mps", "load_N", "drawbar_pull_N", "torque_Nm", "sinkage_m")
 
 
-def rig_set(rig, loads=(15.0, 25.0, 40.0), slips=SLIPS, repeats=2, seed=0):
-    """Columns of points.csv: one row a run, with noise."""
+def rig_set(rig, loads=(15.0, 25.0, 40.0), slips=SLIPS, repeats=2, seed=0, speeds=(0.02,), mixed=False):
+    """Columns of points.csv: one row a run, with noise; repeats take the speeds in turn, `mixed` runs are shuffled."""
     rng = np.random.default_rng(seed)
     rows = []
     for level, S in enumerate(slips):
         for W in loads:
-            f_t, torque, h, rim = rig.run(W, S)
-            for _ in range(repeats):
+            known = {}
+            for repeat in range(repeats):
+                v, day = speeds[repeat % len(speeds)], repeat % 2 if "second_day" in rig.sizes else 0
+                if (v, day) not in known:
+                    known[v, day] = rig.run(W, S, v, day)
+                f_t, torque, h, rim = known[v, day]
                 noise = rng.normal(size=3) * SD
-                rows.append([level, S, 0.02, rim, W, f_t + noise[0], torque + noise[1], max(h + noise[2], 1e-5)])
-    names = ("level", "slip", "travel_speed_mps", "rim_speed_mps", "load_N", "drawbar_pull_N", "torque_Nm", "sinkage_m")
-    return dict(zip(names, np.array(rows).T, strict=True))
+                rows.append([level, S, v, rim, W, f_t + noise[0], torque + noise[1], max(h + noise[2], 1e-5)])
+    rows = np.array(rows)
+    if mixed:
+        rows = rows[rng.permutation(len(rows))]
+    rows[:, 5] *= 1 + rig.sizes.get("gain_drift", 0.0) * np.linspace(-0.5, 0.5, len(rows))
+    return dict(zip(NAMES, rows.T, strict=True))
 
 
 RIG_TOML = """kind = "wheel-rig"

@@ -1,0 +1,270 @@
+"""Scores of a blind test: what was hidden against what was answered, counted with 95 % Wilson intervals.
+
+Question
+    How often is a hidden effect named, named within a set, missed, or taken for another? How often is something named
+    where nothing was hidden? How good are the sizes, and the predictions on runs that were not fitted?
+Method
+    Plain records, one a set, made by `blind_rig.py` (and by any other blind test). An effect counts as detectable where
+    refitting the true effect gains more chi2 than the luckiest of all candidates would by chance: what is smaller than
+    that cannot be found by anyone.
+Result
+    Run alone, it scores nine made-up records, to show the tables.
+
+Run: python studies/blind_score.py [--quick] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from rover_pin.evidence.verdict import Answer
+
+NORMAL_95 = 1.959964
+
+
+class Kind(Enum):
+    """What was hidden in a set."""
+
+    SINGLE = "one effect"
+    PAIR = "two effects"
+    NULL = "nothing"
+    OFF_LIST = "an effect on no list"
+
+
+class Outcome(Enum):
+    """What an answer is worth."""
+
+    RIGHT = "named"
+    IN_SET = "in the set"
+    EXTRA = "one too many"
+    PART = "one of two"
+    WRONG = "wrong name"
+    UNKNOWN = "none of these"
+    SILENT = "nothing named"
+
+
+@dataclass(frozen=True)
+class Size:
+    """A fitted size of a hidden effect with its 95 % interval, and the true one."""
+
+    name: str
+    true: float
+    fitted: float
+    low: float
+    high: float
+
+    @property
+    def covered(self) -> bool:
+        """Whether the interval holds the truth."""
+        return self.low <= self.true <= self.high
+
+    @property
+    def error(self) -> float:
+        """|fitted / true - 1|."""
+        return abs(self.fitted / self.true - 1)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One set of a blind test; names of effects are those of their classes."""
+
+    label: str
+    kind: Kind
+    truth: tuple[str, ...]
+    "names of the hidden effects; for what is on no list, a name for the table"
+    answer: Answer
+    alike: tuple[tuple[str, ...], ...]
+    "the answered candidates, each the names of its effects"
+    detectable: bool
+    sizes: tuple[Size, ...] = ()
+    before: float = math.nan
+    "loss on runs that were not fitted: base model, model with the answer, model with the true effect refitted"
+    after: float = math.nan
+    oracle: float = math.nan
+
+    @property
+    def told(self) -> bool:
+        """Whether anything was named."""
+        return self.answer in (Answer.NAMED, Answer.SET)
+
+    @property
+    def outcome(self) -> Outcome:
+        """What the answer is worth."""
+        if not self.told:
+            return Outcome.UNKNOWN if self.answer is Answer.NONE_FITS else Outcome.SILENT
+        truth, answers = set(self.truth), [set(one) for one in self.alike]
+        if self.kind in (Kind.NULL, Kind.OFF_LIST) or not any(truth & one for one in answers):
+            return Outcome.WRONG
+        if truth in answers:
+            return Outcome.RIGHT if len(answers) == 1 else Outcome.IN_SET
+        return Outcome.EXTRA if any(truth < one for one in answers) else Outcome.PART
+
+
+class Row(NamedTuple):
+    """A share of cases with its 95 % Wilson interval, and what was aimed at."""
+
+    what: str
+    count: int
+    of: int
+    aim: str = ""
+
+    @property
+    def text(self) -> str:
+        """The share and its interval in percent."""
+        if not self.of:
+            return "-"
+        low, high = wilson(self.count, self.of)
+        return f"{100 * self.count / self.of:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
+
+
+def wilson(count: int, of: int) -> tuple[float, float]:
+    """Return the 95 % Wilson interval of a share; of > 0."""
+    share, z2 = count / of, NORMAL_95**2
+    middle = (share + z2 / (2 * of)) / (1 + z2 / of)
+    half = NORMAL_95 / (1 + z2 / of) * math.sqrt(share * (1 - share) / of + z2 / (4 * of**2))
+    return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+def shares(cases: Sequence[Case]) -> list[Row]:
+    """Return the shares that a blind test is judged by."""
+    single = [case for case in cases if case.kind is Kind.SINGLE]
+    seen, unseen = ([case for case in single if case.detectable is wanted] for wanted in (True, False))
+    pairs = [case for case in cases if case.kind is Kind.PAIR]
+    both = [case for case in pairs if case.detectable]
+    null = [case for case in cases if case.kind is Kind.NULL]
+    off = [case for case in cases if case.kind is Kind.OFF_LIST and case.detectable]
+    sizes = [size for case in cases for size in case.sizes]
+
+    def row(what: str, group: Sequence[Case], *wanted: Outcome, aim: str = "") -> Row:
+        return Row(what, sum(case.outcome in wanted for case in group), len(group), aim)
+
+    right = (Outcome.RIGHT, Outcome.IN_SET)
+    return [
+        Row("one effect: detectable", len(seen), len(single)),
+        row("detectable: named alone", seen, Outcome.RIGHT),
+        row("detectable: named, or in the stated set", seen, *right, aim=">= 97 %"),
+        row("detectable: named with a second that is not there", seen, Outcome.EXTRA),
+        row("detectable: wrong name", seen, Outcome.WRONG, aim="<= 2 %"),
+        row("detectable: missed", seen, Outcome.SILENT, Outcome.UNKNOWN),
+        row("too small to detect: wrong name", unseen, Outcome.WRONG, Outcome.EXTRA),
+        Row("two effects: both detectable", len(both), len(pairs)),
+        row("both detectable: pair named, or in the set", both, *right),
+        row("both detectable: one of the two", both, Outcome.PART),
+        row("two effects: a wrong name or a third", pairs, Outcome.WRONG, Outcome.EXTRA),
+        row("nothing hidden: something named (false alarm)", null, Outcome.WRONG, aim="<= 2 %"),
+        row("nothing hidden: called unknown", null, Outcome.UNKNOWN),
+        row("on no list, beyond the noise: abstained", off, Outcome.UNKNOWN, Outcome.SILENT, aim=">= 85 %"),
+        Row("95 % intervals that hold the true size", sum(s.covered for s in sizes), len(sizes), "90 to 99 %"),
+    ]
+
+
+def quality(cases: Sequence[Case]) -> pd.DataFrame:
+    """Return, for each true effect, how far sizes and held-out losses are off: medians and 90th percentiles."""
+    rows = []
+    seen = [case for case in cases if case.detectable and case.kind in (Kind.SINGLE, Kind.PAIR)]
+    for name in sorted({name for case in seen for name in case.truth}):
+        own = [case for case in seen if name in case.truth]
+        error = [size.error for case in own for size in case.sizes if size.name.startswith(f"{name}.")]
+        rows.append([name, len(own), *_spread(error), *_spread([case.after / case.oracle for case in own])])
+    single = [case for case in seen if case.kind is Kind.SINGLE]
+    error = [size.error for case in seen for size in case.sizes]
+    rows.append(["all", len(seen), *_spread(error), *_spread([case.after / case.oracle for case in single])])
+    names = ["effect", "detectable", "size_error_median", "size_error_90", "loss_to_oracle_median", "loss_to_oracle_90"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def _spread(values: Sequence[float]) -> tuple[float, float]:
+    known = [value for value in values if math.isfinite(value)]
+    return (float(np.median(known)), float(np.quantile(known, 0.9))) if known else (math.nan, math.nan)
+
+
+def recovered(cases: Sequence[Case]) -> float:
+    """Return the median of (before - after) / (before - oracle) over the detectable single effects."""
+    of = [case for case in cases if case.kind is Kind.SINGLE and case.detectable and case.before > case.oracle]
+    return float(np.median([(one.before - one.after) / (one.before - one.oracle) for one in of])) if of else math.nan
+
+
+def confusion(cases: Sequence[Case]) -> pd.DataFrame:
+    """Return counts: rows the truth (detectable only), columns the first answer, or that there was none."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for case in cases:
+        if case.detectable or case.kind is Kind.NULL:
+            first = " + ".join(sorted(case.alike[0])) if case.told else case.outcome.value
+            inside = set(case.truth) in [set(one) for one in case.alike]
+            counts[_truth(case), "true one, or in the set" if case.told and inside else first] += 1
+    table = pd.Series(counts).unstack(fill_value=0)
+    return table[sorted(table.columns, key=lambda name: (not name.startswith("true"), name))]
+
+
+def _truth(case: Case) -> str:
+    return {Kind.PAIR: "a pair", Kind.NULL: "nothing"}.get(case.kind, " + ".join(case.truth))
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """Return a table in Markdown."""
+    lines = [list(map(str, table.columns)), ["---"] * len(table.columns)]
+    lines += [[f"{cell:.3g}" if isinstance(cell, float) else str(cell) for cell in row] for row in table.to_numpy()]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def shares_table(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return the shares as a table for readers."""
+    cells = [(row.what, f"{row.count} of {row.of}", row.text, row.aim) for row in rows]
+    return pd.DataFrame(cells, columns=["what", "count", "share, 95 %", "aim"])
+
+
+def publish(cases: Sequence[Case], out: Path) -> None:
+    """Print the tables, and write them as Markdown and every case as CSV."""
+    out.mkdir(parents=True, exist_ok=True)
+    tables = [shares_table(shares(cases)), confusion(cases).reset_index(names="hidden"), quality(cases)]
+    for table in tables:
+        print(table.to_string(index=False), end="\n\n")
+    print(f"share of the excess loss that is recovered, median: {recovered(cases):.3f}")
+    (out / "scores.md").write_text("\n\n".join(markdown(table) for table in tables) + "\n", encoding="utf-8")
+    pd.DataFrame([_flat(case) for case in cases]).to_csv(out / "cases.csv", index=False, float_format="%.6g")
+    print(f"written: {out / 'scores.md'}, {out / 'cases.csv'}")
+
+
+def _flat(case: Case) -> dict[str, object]:
+    return {
+        "label": case.label,
+        "kind": case.kind.value,
+        "truth": " + ".join(case.truth),
+        "answer": case.answer.value,
+        "alike": " or ".join(" + ".join(one) for one in case.alike),
+        "outcome": case.outcome.value,
+        "detectable": case.detectable,
+        "loss_before": case.before,
+        "loss_after": case.after,
+        "loss_oracle": case.oracle,
+        "sizes": "; ".join(f"{s.name} {s.true:.3g}: {s.fitted:.3g} [{s.low:.3g}, {s.high:.3g}]" for s in case.sizes),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="the same: it takes no time")
+    parser.add_argument("--out", type=Path, default=Path("out/blind_score"))
+    options = parser.parse_args()
+    right = Size("Digging.c", 0.05, 0.052, 0.04, 0.06)
+    made = [
+        Case(f"made {i}", Kind.SINGLE, ("Digging",), Answer.NAMED, (("Digging",),), True, (right,), 3.0, 1.02, 1.0)
+        for i in range(7)
+    ]
+    made.append(Case("made 7", Kind.SINGLE, ("Digging",), Answer.NONE_NEEDED, (), False))
+    made.append(Case("made 8", Kind.NULL, (), Answer.NAMED, (("Digging",),), False))
+    publish(made, options.out)
+
+
+if __name__ == "__main__":
+    main()
