@@ -9,8 +9,8 @@ Method
     Smooth wheel on dry sand (15 runs, 5 levels): n from pressing the same wheel in (1.51); once more with n = 1.46 of
     the rig's authors. Its 32 sinkage records, from t = 20 s where the rim takes its speed: z follows the steady value
     that the model predicts for a level that was not fitted, with dz/dx = (z_steady - z) / L over the travel x, L fitted
-    to the other levels; only the sinkage at the step is taken from the run. Ding's wheels (digitised, 5 levels, with torque): n = 1.1 as stated, the row at slip 0 left out,
-    whose torque 0 is digitised and not physical.
+    to the other levels; only the sinkage at the step is taken from the run. Ding's wheels (digitised, 5 levels, with
+    torque): n = 1.1 as stated, the row at slip 0 left out, whose torque 0 is digitised and not physical.
 Result
     Smooth wheel: it lacks slip-sinkage alone (n_1 = 1.43 [1.30, 1.57], 96 % of the misfit). Held-out sinkage error 5.5
     -> 1.29 mm (2.2 times the noise; 4.5 -> 0.9 mm where all levels are fitted). Drawbar pull is at its noise when all
@@ -21,8 +21,8 @@ Result
     Its transients, first 0.2 m: the base model without dynamics misses by 10.5 mm [9.2, 11.6], with the relaxation by
     5.5 [4.8, 6.1]; with slip-sinkage 7.5 [6.6, 8.2] and 2.0 [1.6, 2.3] mm. L = 62 to 71 mm, the length of the contact;
     with each level's own measured end 1.5 mm are left, so the rest is mostly the steady value. Rim travel does not
-    shorten L (a test of both lengths gives the rim's none). Not predicted: the S-shaped start at slip 0, where the wheel
-    is still being lowered and the load is not known, and that lowering itself.
+    shorten L (a test of both lengths gives the rim's none). Not predicted: the S-shaped start at slip 0, where the
+    wheel is still being lowered and the load is not known, and that lowering itself.
     Ding smooth: slip-sinkage with a resistance (motion resistance or bulldozing, not told apart): sinkage 5.3 -> 0.34
     mm, torque 0.64 -> 0.30 N m, drawbar pull 2.4 -> 1.9 N (no gain claimed); phi stays at 20 deg against 31.9 stated.
     Ding lugged: a peak of stress that moves with slip, or a dug hole (not told apart; a_1 at its bound): sinkage 9.4
