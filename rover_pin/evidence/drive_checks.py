@@ -13,7 +13,7 @@ from rover_pin.body.terrain import Terrain
 from rover_pin.contact import Wheel
 from rover_pin.errors import DataError
 from rover_pin.evidence import drive_excitation
-from rover_pin.evidence.drive_columns import column_faults, column_findings, gap_findings
+from rover_pin.evidence.drive_columns import absurd_faults, column_faults, column_findings, gap_findings
 from rover_pin.evidence.drive_sensors import frozen_faults, jump_findings, range_findings, stuck_findings
 from rover_pin.evidence.drive_signs import differential_findings, sign_faults
 from rover_pin.evidence.drive_units import unit_faults
@@ -50,7 +50,8 @@ def refuse_unfit(log: DriveLog) -> None:
     Raises
     ------
     DataError
-        A needed channel that is missing, mostly empty or stuck; a wrong unit; a wrong sign. The first of `faults`.
+        A needed channel that is missing, mostly empty or stuck; an infinite number; a wrong unit; a wrong sign. The
+        first of `faults`.
     """
     found = faults(log)
     if found:
@@ -60,7 +61,7 @@ def refuse_unfit(log: DriveLog) -> None:
 
 def faults(log: DriveLog) -> tuple[Finding, ...]:
     """Return every reason to refuse the log, those that differ only in their run as one."""
-    missing = gathered(column_faults(log))
+    missing = gathered([*column_faults(log), *absurd_faults(log)])
     if missing:
         return missing
     motor, terrain = declared_motor(log), _terrain(log)

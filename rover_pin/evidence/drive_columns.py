@@ -18,6 +18,9 @@ POSE = ("body_x", "body_y", "body_yaw")
 MOST_MISSING = 0.5
 """A needed channel with a greater share of gaps is refused."""
 
+ABSURD = 1e12
+"""No channel holds a number beyond this; codes for "no value" do."""
+
 NOTABLE_SHARE, NOTABLE_RUN = 0.01, 5
 """Gaps are named from this share of a run, or from this many samples in a row."""
 
@@ -56,6 +59,16 @@ def column_faults(log: DriveLog) -> Iterator[Finding]:
                     f"a run needs {100 * (1 - MOST_MISSING):.0f} % of it at least: mend the log, or leave the run out"
                 )
                 yield Finding(f"{name} is missing in {share:.0f} % of the run", where, todo)
+
+
+def absurd_faults(log: DriveLog) -> Iterator[Finding]:
+    """Yield numbers that no sensor gives, infinite ones among them."""
+    for run in log.runs:
+        for name, values in run.channels.items():
+            wrong = np.flatnonzero(np.abs(values) > ABSURD)
+            if wrong.size:
+                what = f"{name} is {values[wrong[0]]:g} at t = {run.t[wrong[0]]:.4g} s (row {wrong[0] + 1})"
+                yield Finding(what, str(run.attrs["file"]), "leave cells without a measurement empty")
 
 
 def _instead(name: str, run: Trace) -> str:

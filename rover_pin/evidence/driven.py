@@ -19,6 +19,9 @@ LEAST_SAMPLES = 5
 STILL = 0.2
 """Wheel rate [rad/s] below which a wheel counts as standing."""
 
+ROLLING = 0.3
+"""Mean rim speed over mean size of rim speed, below which a rover turns rather than drives."""
+
 
 @dataclass(frozen=True, eq=False)
 class Driven:
@@ -127,10 +130,19 @@ class Driven:
 
     @cached_property
     def steady(self) -> np.ndarray:
-        """Whether a block is driven, and neither its first nor one in which the duty changes its sign (B,)."""
+        """Whether a block is driven ahead or back, and is not one in which the duty changes its sign (B,).
+
+        The first block is left out, as is turning on the spot, where the rims tell no speed.
+        """
         sign = np.sign(np.where(np.isfinite(self.duty), self.duty, 0.0)).sum(axis=1)
         turned = np.concatenate([[True], np.sign(sign[1:]) != np.sign(sign[:-1])]) if len(sign) else sign > 0
-        return self.moving & ~turned & np.isfinite(self.rim)
+        turning = self.radius * self.mean_size(self.rate)
+        return self.moving & ~turned & (np.abs(self.rim) > ROLLING * turning)
+
+    def mean_size(self, values: np.ndarray) -> np.ndarray:
+        """Return the mean size of what is known over the wheels (B,); 0 where nothing is."""
+        known = np.isfinite(values)
+        return np.sum(np.abs(np.where(known, values, 0.0)), axis=1) / np.maximum(np.sum(known, axis=1), 1)
 
     @property
     def moving_time(self) -> float:

@@ -88,6 +88,12 @@ def gap(values, begin, end):
     return values
 
 
+def held(name, begin, end, value=None):
+    values = np.array(GOOD[0][name])
+    values[begin:end] = values[begin] if value is None else value
+    return values
+
+
 def test_a_good_log_has_no_fault_and_lacks_nothing():
     found = check(log_of(*GOOD))
     assert [str(each) for each in found.found] == []
@@ -107,6 +113,7 @@ X, T = GOOD[0]["body_x"], GOOD[0]["t_s"]
         ),
         (changed(body_yaw=None), "there is no column 'body_yaw'; record it"),
         (changed(body_x=gap(X, 0, None)), "field/run-1.csv: body_x has no value; record it, or leave the run out."),
+        (changed(body_z=held("body_z", 9, 12, np.inf)), "body_z is inf at t = 0.36 s (row 10); leave cells without a"),
         (changed(body_x=gap(X, 100, 1000)), "body_x is missing in 60 % of the run; a run needs 50 % of it"),
         (changed(**starting("wheel_rate", lambda w: w * 30 / math.pi)), "the wheel rates look like rpm; give rad/s"),
         (changed(**starting("wheel_rate", np.degrees)), "the wheel rates look like deg/s; give rad/s"),
@@ -173,12 +180,6 @@ def test_without_height_the_declared_terrain_tells_the_pitchs_sign(tmp_path):
         log_of(run | {"body_pitch": -run["body_pitch"]}, terrain=log.about.terrain), folder=tmp_path
     )
     assert faults(log) == ()
-
-
-def held(name, begin, end, value=None):
-    values = np.array(GOOD[0][name])
-    values[begin:end] = values[begin] if value is None else value
-    return values
 
 
 @pytest.mark.parametrize(
@@ -265,16 +266,19 @@ def test_a_log_that_is_too_poor_says_so(runs, says):
     assert says in too_poor(log_of(*runs))
 
 
-def test_a_simulated_log_passes():
+@pytest.mark.parametrize("name", ["bump", "point-turn"])
+def test_a_simulated_log_passes(name):
     from rover_pin.motion.sensors import Sensors, measured
     from rover_pin.scenarios import scenario
 
-    ready = scenario("bump", duration=12.0)
+    ready = scenario(name, duration=12.0)
     trace = measured(ready.drive(), Sensors(), 1)
     log = log_of(*({name: trace[name] for name in trace.channels} for _ in range(2)), motor={})
     assert faults(log) == ()
     told = [each.what for each in findings(log)]
-    assert not any(word in each for each in told for word in ("jumps", "stays", "late", "against", "missing"))
+    assert not any(
+        word in each for each in told for word in ("jumps", "stays", "late", "against", "missing", "outruns")
+    )
 
 
 def test_a_log_on_disk_is_checked(tmp_path):
