@@ -133,12 +133,14 @@ def fit(
     start: np.ndarray | None = None,
     slopes: Mapping[str, np.ndarray] | None = None,
     chord: bool = False,
+    stale: bool = False,
 ) -> DriveFit:
     """Return the model with the parameters fitted.
 
     Descends robust chi2(rows) + sum of the priors' u^2 by Gauss-Newton with Huber weights. Slopes serve, the given ones
     first, until a step lowers the objective by less than STALE of what it promised; then they are computed again, with
-    `chord` only those that were not given. The fit ends where no step helps.
+    `chord` only those that were not given. The fit ends where no step helps; given slopes that are `stale` only start
+    it, and new ones end it.
     """
     u = np.zeros(len(parameters)) if start is None else np.array(start, dtype=float)
     u = np.clip(u, *np.array([one.bounds for one in parameters]).T) if len(u) else u
@@ -156,10 +158,10 @@ def fit(
         if gained >= max(STALE * promised, SETTLED):
             fresh = False
             continue
-        if fresh or promised < SETTLED:
+        if fresh or (promised < SETTLED and not stale):
             break
         known |= _slopes(task, model, parameters, u, own)
-        fresh = True
+        fresh, stale = True, False
     return DriveFit(task, at(model, parameters, u), tuple(parameters), u, predicted, known)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rover_pin.effects.effect import SensorEffect
 from rover_pin.evidence.drive_candidates import Candidate
 from rover_pin.evidence.drive_fit import DriveFit, covariance
 from rover_pin.evidence.drive_noise import huber_weights, noise_of
@@ -59,19 +60,20 @@ class Scored:
 
 
 def signatures(base: DriveFit, candidates: Sequence[Candidate]) -> list[Signature]:
-    """Return the signatures of all candidates on the fitted base model, one replay of all runs each."""
-    found, asked, models = [], [], []
-    for candidate in candidates:
-        if candidate.effect is None:
-            found.append(_freed(base, candidate))
-            continue
-        for sizes in trials(candidate, base.model):
-            asked.append((candidate, sizes))
-            models.append(with_values(candidate.on(base.model), sizes))
-    predicted = base.task.bench.predict(models) if models else np.zeros((0, *base.predicted.shape))
-    for (candidate, sizes), features in zip(asked, predicted, strict=True):
-        found.append(Signature(candidate, sizes, features - base.predicted, neutral_of(candidate)))
-    return found
+    """Return the signatures of all candidates on the fitted base: one replay of all runs each, of a sensor none."""
+    bench, model = base.task.bench, base.model
+    freed = [_freed(base, one) for one in candidates if one.effect is None]
+    tried = [(one, sizes) for one in candidates if one.effect is not None for sizes in trials(one, model)]
+    with_it = [with_values(one.on(model), sizes) for one, sizes in tried]
+    sensed = [isinstance(one.effect, SensorEffect) for one, _ in tried]
+    physical = [each for each, reads in zip(with_it, sensed, strict=True) if not reads]
+    predicted = iter(bench.predict(physical) if physical else ())
+    replays = bench.replays(model) if any(sensed) else ()
+    found = []
+    for (one, sizes), each, reads in zip(tried, with_it, sensed, strict=True):
+        features = bench.read(replays, each.sensor_effects) if reads else next(predicted)
+        found.append(Signature(one, sizes, features - base.predicted, neutral_of(one)))
+    return freed + found
 
 
 def neutral_of(candidate: Candidate) -> dict[str, float]:

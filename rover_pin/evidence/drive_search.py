@@ -1,0 +1,118 @@
+"""The search for what a drive model lacks: calibrate, learn the noise, screen, refit, add, and look again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from rover_pin.evidence.drive_bench import bench_of
+from rover_pin.evidence.drive_candidates import Candidate, candidates
+from rover_pin.evidence.drive_compare import Refit, alike, refit
+from rover_pin.evidence.drive_fit import DriveFit, Task, fit
+from rover_pin.evidence.drive_model import nuisances
+from rover_pin.evidence.drive_noise import first_noise
+from rover_pin.evidence.drive_run import logged_runs
+from rover_pin.evidence.drive_screen import Scored, Signature, saturated, score, signatures, with_noise
+from rover_pin.evidence.resume import Stages
+from rover_pin.motion.drive_log import DriveLog
+from rover_pin.motion.model import Model
+
+MOST = 3
+"""Effects that are added at most."""
+LEARNT = 2
+"""How often noise and base are fitted in turn."""
+LEAST = 1e-6
+"""Least SD of a channel's blocks [its unit]: one that never moves has no noise of its own."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One look for something missing: all candidates scored, the plausible ones refitted."""
+
+    scored: tuple[Scored, ...] = field(repr=False)
+    refits: tuple[Refit, ...]
+
+    @property
+    def alike(self) -> tuple[Refit, ...]:
+        """The candidates that the data cannot tell from the best; empty where none is accepted."""
+        return alike(self.refits)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """The calibrated base model, and one round for each effect that was added, then the last that found none."""
+
+    base: DriveFit
+    rounds: tuple[Round, ...]
+    known: tuple[Signature, ...] = field(repr=False)
+    "how each candidate moves the base model"
+
+    @property
+    def found(self) -> tuple[Refit, ...]:
+        """What was added, in turn."""
+        return tuple(each.alike[0] for each in self.rounds if each.alike)
+
+    @property
+    def last(self) -> DriveFit:
+        """The fit with everything that was added."""
+        return self.found[-1].fit if self.found else self.base
+
+    @property
+    def count(self) -> int:
+        """How many candidates were tried."""
+        return len(self.rounds[0].scored) if self.rounds else 0
+
+
+def calibrated(log: DriveLog, model: Model, jobs: int, progress: Progress) -> DriveFit:
+    """Return the model with its uncertain numbers fitted, the noise taken as large as what is left."""
+    progress("setting the rover down at every start")
+    bench = bench_of(logged_runs(log, model.rover), model, jobs)
+    numbers, least = nuisances(log, model), np.full(len(bench.channels), LEAST)
+    progress("calibrating the base model")
+    base = fit(Task(bench, first_noise(bench.seen - bench.predict([model])[0], least)), model, numbers)
+    base = with_noise(base, base.residual, least)
+    return again(base)
+
+
+def again(base: DriveFit) -> DriveFit:
+    """Return the fit taken up where it was, as after a change of the noise."""
+    return fit(base.task, base.model, base.parameters, base.u, base.slopes)
+
+
+def search(base: DriveFit, effects: str | Path | None, progress: Progress, stages: Stages = Stages()) -> Search:
+    """Return what the calibrated model lacks; `effects` is a user's file or folder of them."""
+    tried = candidates(base.model, base.task.bench, base.parameters, effects)
+    progress(f"score test of {len(tried)} candidates")
+    known = stages.kept("signatures", lambda: signatures(base, tried))
+    least = np.full(base.predicted.shape[1], LEAST)
+    for _ in range(LEARNT):
+        base = again(with_noise(base, saturated(base, known), least))
+    rounds: list[Round] = []
+    here = base
+    while len(rounds) <= MOST:
+        look = partial(_round, here, known, tried, tuple(rounds), progress)
+        rounds.append(stages.kept(f"round-{len(rounds)}", look))
+        if not rounds[-1].alike:
+            break
+        here = rounds[-1].alike[0].fit
+    return Search(base, tuple(rounds), tuple(known))
+
+
+def _round(
+    here: DriveFit, known: Sequence[Signature], tried: Sequence[Candidate], before: Sequence[Round], progress: Progress
+) -> Round:
+    added = {each.alike[0].candidate.kind for each in before}
+    left = [each for each in known if each.candidate.name not in added and each.candidate.kind not in _once(added)]
+    scored = score(here, left)
+    return Round(tuple(scored), refit(here, scored, len(tried), progress))
+
+
+def _once(added: set[str]) -> set[str]:
+    """Return the kinds of which one is enough: an effect that has no place is not added twice."""
+    return {name for name in added if "[" not in name}
