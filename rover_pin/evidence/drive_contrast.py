@@ -96,9 +96,11 @@ class Contrast:
         return float(np.mean([np.sum(noise.white(self.apart[:, rows]) ** 2) for noise in self._noises(instruments)]))
 
     def judged(self, instruments: Instruments) -> tuple[float, str]:
-        """Return the expected chi2, the mean over which of the two is true, and the channel that adds most to it.
+        """Return the chi2 expected of the wrong model, and the channel that adds most to it.
 
-        d^T (I + A A^T)^-1 d with d the whitened difference and A the doubts, as d^T (d - A (I + A^T A)^-1 A^T d).
+        d^T (I + A A^T)^-1 d with d the whitened difference and A the doubts, as d^T (d - A (I + A^T A)^-1 A^T d). With
+        both fits' doubts in A this is no more than either model, if it is the wrong one, is to expect. Blocks where
+        only one of the models stands still count half: they are compared only if the other is true.
         """
         rows, sums = self._rows(instruments), np.zeros(len(instruments.names))
         for noise in self._noises(instruments):
