@@ -45,6 +45,14 @@ def loss(residual: np.ndarray) -> float:
     return float(np.mean(np.where(size > STRAY, 2 * STRAY * size - STRAY**2, size**2)))
 
 
+class LevelError(NamedTuple):
+    """The RMS error of one channel on one held-out level, in the channel's unit."""
+
+    level: str
+    before: float
+    after: float
+
+
 class ChannelScore(NamedTuple):
     """The held-out error of one channel before and after, in the channel's unit."""
 
@@ -59,6 +67,7 @@ class ChannelScore(NamedTuple):
     low: float
     high: float
     "ends of the 95 % interval of the change, levels resampled"
+    levels: tuple[LevelError, ...] = ()
 
     @property
     def said(self) -> str:
@@ -91,5 +100,8 @@ def scores(data: RigSet, before: np.ndarray, after: np.ndarray, seed: int) -> tu
         ratio = np.sqrt(sums[1][draws].sum(axis=1) / np.maximum(sums[0][draws].sum(axis=1), 1e-300)) - 1
         was, now = (float(np.sqrt(np.mean(part))) for part in square)
         low, high = np.quantile(ratio, [0.025, 0.975])
-        found.append(ChannelScore(channel.name, channel.unit, floor, was, now, now / was - 1, float(low), float(high)))
+        root = [np.sqrt(part / np.bincount(data.level, minlength=levels)) for part in sums]
+        each = tuple(LevelError(*row) for row in zip(data.level_names, *(part.tolist() for part in root), strict=True))
+        change = (now / was - 1, float(low), float(high))
+        found.append(ChannelScore(channel.name, channel.unit, floor, was, now, *change, each))
     return tuple(found)

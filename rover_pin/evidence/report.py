@@ -58,6 +58,7 @@ def html(verdict: Verdict, data: RigSet, images: dict[str, str]) -> str:
         headline=headline(verdict),
         channels=channel_rows(verdict),
         parameters=parameter_rows(verdict),
+        levels=level_rows(verdict),
         tests=correlation_rows(verdict),
         limit=BEYOND_CHANCE,
         worse=worse(verdict.scores),
@@ -90,6 +91,16 @@ def channel_rows(verdict: Verdict) -> list[dict[str, str]]:
             }
         )
     return rows
+
+
+def level_rows(verdict: Verdict) -> list[list[str]]:
+    """Return one row a held-out level: its name, then each channel's error before and after."""
+    columns = [
+        [f"{shown(one.before, score.unit)} to {shown(one.after, score.unit)}" for one in score.levels]
+        for score in verdict.scores
+    ]
+    names = [one.level for one in verdict.scores[0].levels] if verdict.scores else []
+    return [[name, *cells] for name, *cells in zip(names, *columns, strict=True)]
 
 
 def parameter_rows(verdict: Verdict) -> list[dict[str, str]]:

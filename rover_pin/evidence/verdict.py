@@ -122,8 +122,8 @@ class Verdict:
                 "alike": list(self.alike),
                 "explained": self.explained,
                 "findings": [str(finding) for finding in self.findings],
-                "held_out": [score._asdict() | {"said": score.said} for score in self.scores],
-                "held_out_reselected": [score._asdict() | {"said": score.said} for score in self.reselected],
+                "held_out": [score_dict(score) for score in self.scores],
+                "held_out_reselected": [score_dict(score) for score in self.reselected],
                 "folds": {fold.level: fold.chosen for fold in self.folds},
                 "chosen_again": self.chosen_again,
                 "cautions": list(self.cautions),
@@ -138,6 +138,11 @@ class Verdict:
                 **self.provenance,
             }
         )
+
+
+def score_dict(score: ChannelScore) -> dict[str, Any]:
+    """Return a channel's held-out errors as plain values."""
+    return score._asdict() | {"said": score.said, "levels": [one._asdict() for one in score.levels]}
 
 
 def _side(side: Side) -> dict[str, Any]:

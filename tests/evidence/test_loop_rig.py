@@ -164,6 +164,9 @@ def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
     assert "No channel got worse" in page
     assert kept["chosen_again"] == "SlipSinkage chosen in 7 of 7 folds"
     assert set(kept["folds"].values()) == {"SlipSinkage"}
+    sunk = next(one for one in kept["held_out"] if one["name"] == "sinkage")
+    assert [one["level"] for one in sunk["levels"]] == list(kept["folds"])
+    assert np.mean([one["after"] ** 2 for one in sunk["levels"]]) == pytest.approx(sunk["after"] ** 2)
     profile = next(one for one in kept["profiles"] if one["name"] == "SlipSinkage.n_1")
     assert min(profile["rises"]) == 0 < 3.84 < max(profile["rises"])
     before, after = (kept[side]["residual_tests"] for side in ("before", "after"))
