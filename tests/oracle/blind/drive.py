@@ -67,7 +67,7 @@ def drifted(state, step, size):
     return state._replace(place=state.place + step * u[:3], quaternion=q, angles=state.angles + step * u[6:])
 
 
-def rest(rovers, step=0.0025, first=400, second=700):
+def rest(rovers, step=0.005, first=200, second=350, stages=6):
     """Return the rovers set down at their starts: straight down, then held by the shear of the soil alone."""
     world, size = rovers.world, rovers.size
     x, y, yaw = np.array([run.start for run in world.runs], dtype=float).T
@@ -82,8 +82,10 @@ def rest(rovers, step=0.0025, first=400, second=700):
         for _ in range(count):
             state = drifted(state, step / 2, size)
             pose = rovers.pose(state, steer, step, braked=True)
-            fast, _ = kick(lambda t, y, at=pose: rovers.rates(t, y, at, duty, braked=True), 0.0, state.fast, step)
-            fast[:size] *= 0.9
+            fast, _ = kick(
+                lambda t, y, at=pose: rovers.rates(t, y, at, duty, braked=True), 0.0, state.fast, step, stages
+            )
+            fast[:size] *= 0.85
             fast[held] = 0.0
             fast[rovers.cuts[2] :] = 0.0
             state = drifted(state._replace(fast=fast), step / 2, size)

@@ -70,7 +70,7 @@ MOTOR = {
 BODY = {
     "PivotFriction": lambda random, s: {"tau_c": 0.02 * s, "b": 0.01},
     "DifferentialCompliance": lambda random, s: {"compliance": 0.005, "backlash": 0.006 * s},
-    "TetherDrag": lambda random, s: {"f_0": 0.1 * s, "f_1": 0.1 * s, "x_0": -0.6, "y_0": 0.0},
+    "TetherDrag": lambda random, s: {"f_0": 0.1 * s, "f_1": 0.1 * s},
     "PointMass": point_mass,
     "GravityTilt": lambda random, s: {"rise_x": either(random, 0.0015 * s), "rise_y": either(random, 0.0005 * s)},
 }

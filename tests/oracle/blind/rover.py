@@ -72,6 +72,8 @@ class Rovers:
         self.cuts = np.cumsum([self.size, 6, 6, 6, 6, 6])
         self.side = np.array([1, 0, 1, 0, 1, 0])
         self.down = down(world["gravity"], world["GravityTilt.rise_x"], world["GravityTilt.rise_y"])
+        start = np.array([run.start[:2] for run in runs], dtype=float).T
+        self.anchor = start + np.stack((world["TetherDrag.x_0"], world["TetherDrag.y_0"]))
         self.r = world["r"] * (1.0 + world["WheelScale.e"])
 
     def pose(self, state, steer, step, braked=False):
@@ -185,7 +187,7 @@ class Rovers:
         w = self.world
         if not (w.has("TetherDrag.f_0") or w.has("TetherDrag.f_1") or w.has("Snag.force")):
             return
-        far = np.hypot(pose.place[0] - w["TetherDrag.x_0"], pose.place[1] - w["TetherDrag.y_0"])
+        far = np.hypot(*(pose.place[:2] - self.anchor))
         pull = w["TetherDrag.f_0"] + w["TetherDrag.f_1"] * far
         pull = pull + w["Snag.force"] * snagging(w.runs, t)
         force[:2] -= pull * u[:2] / np.sqrt(u[0] ** 2 + u[1] ** 2 + w["TetherDrag.v_0"] ** 2)

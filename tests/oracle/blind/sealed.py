@@ -51,7 +51,7 @@ def folder_of(out, index):
     return Path(out) / f"set_{index:04d}"
 
 
-def generate(out, sets, seed, answers, workers=1):
+def generate(out, sets, seed, answers, workers=1, duration=DURATION):
     """Write the sets into folders of `out` that are not there yet, and their answers, sealed, to a file elsewhere."""
     out, answers = Path(out), Path(answers)
     assert out.resolve() not in answers.resolve().parents, "keep the answers out of the sets' folder"
@@ -61,10 +61,10 @@ def generate(out, sets, seed, answers, workers=1):
     batches = list(batched(waiting))
     if workers <= 1 or len(batches) <= 1:
         for batch in batches:
-            drive_batch(out, seed, batch)
+            drive_batch(out, seed, batch, duration)
         return
     with ProcessPoolExecutor(workers) as pool:
-        for done in [pool.submit(drive_batch, out, seed, batch) for batch in batches]:
+        for done in [pool.submit(drive_batch, out, seed, batch, duration) for batch in batches]:
             done.result()
 
 
@@ -103,11 +103,11 @@ def batched(sets):
         yield from (alike[i : i + BATCH] for i in range(0, len(alike), BATCH))
 
 
-def drive_batch(out, seed, sets):
+def drive_batch(out, seed, sets, duration=DURATION):
     """Drive the runs of some sets at once, and write each set."""
     plans = [data_set(seed, each["index"], each["kind"], each["hidden"]) for each in sets]
     runs = [run for each in plans for _, _, run in each["runs"]]
-    true = drive(runs, DURATION)
+    true = drive(runs, duration)
     at = 0
     for each, own in zip(sets, plans, strict=True):
         logged = []
