@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import base64
 import inspect
 from pathlib import Path
 
-import jinja2
-
-from rover_pin.columns import replace_file
 from rover_pin.evidence.cautions import worse
 from rover_pin.evidence.report_figures import (
     added_names,
     candidates_figure,
     channels_figure,
-    png,
     residuals_figure,
 )
+from rover_pin.evidence.report_page import rendered, write_page
 from rover_pin.evidence.report_profiles import profiles_figure
 from rover_pin.evidence.residual_tests import BEYOND_CHANCE, ResidualTest
 from rover_pin.evidence.rig_set import RigSet
@@ -39,32 +35,31 @@ def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
     if verdict.singles.ranked:
         figures["candidates"] = candidates_figure(verdict)
     if verdict.profiles:
-        figures["profiles"] = profiles_figure(verdict)
-    images = {name: png(figure) for name, figure in figures.items()}
-    files = [replace_file(out / f"{name}.png", image) for name, image in images.items()]
-    inline = {name: "data:image/png;base64," + base64.b64encode(image).decode() for name, image in images.items()}
-    return [replace_file(out / "report.html", html(verdict, data, inline)), *files]
+        intervals = [(one.low, one.high) for one in verdict.after.parameters]
+        figures["profiles"] = profiles_figure(verdict.profiles, intervals)
+    return write_page(figures, lambda images: html(verdict, data, images), out)
 
 
 def html(verdict: Verdict, data: RigSet, images: dict[str, str]) -> str:
     """Return the page."""
-    loader = jinja2.PackageLoader("rover_pin.evidence", "")
-    page = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    page.filters["shown"] = shown
-    return page.get_template(TEMPLATE).render(
-        verdict=verdict,
-        data=data,
-        images=images,
-        headline=headline(verdict),
-        channels=channel_rows(verdict),
-        parameters=parameter_rows(verdict),
-        levels=level_rows(verdict),
-        tests=correlation_rows(verdict),
-        limit=BEYOND_CHANCE,
-        worse=worse(verdict.scores),
-        flag_line=flag_line,
-        names=added_names(verdict),
-        about={type(effect).__name__: inspect.getdoc(type(effect)) for effect in verdict.effects},
+    return rendered(
+        TEMPLATE,
+        {
+            "verdict": verdict,
+            "data": data,
+            "images": images,
+            "headline": headline(verdict),
+            "channels": channel_rows(verdict),
+            "parameters": parameter_rows(verdict),
+            "levels": level_rows(verdict),
+            "tests": correlation_rows(verdict),
+            "limit": BEYOND_CHANCE,
+            "worse": worse(verdict.scores),
+            "cautions": verdict.cautions,
+            "flag_line": flag_line,
+            "names": added_names(verdict),
+            "about": {type(effect).__name__: inspect.getdoc(type(effect)) for effect in verdict.effects},
+        },
     )
 
 

@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from rover_pin.evidence.channel import RigChannel
 from rover_pin.evidence.identifiability import SAME_LOAD
+from rover_pin.evidence.report_page import AFTER, BEFORE, GREY
 from rover_pin.evidence.rig_fit import ROWS
 from rover_pin.evidence.rig_model import UNBALANCED, RigModel, conditions, predictor
 from rover_pin.evidence.rig_set import RigSet
 from rover_pin.evidence.verdict import Side, Verdict
 
-BEFORE, AFTER, GREY = "#b3541e", "#1f6f8b", "#8a8a8a"
 MOST_BARS = 9
-DPI = 130
-
-
-def png(figure: Figure) -> bytes:
-    """Return a figure as a PNG file."""
-    FigureCanvasAgg(figure)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI)
-    return buffer.getvalue()
 
 
 def channels_figure(verdict: Verdict, data: RigSet) -> Figure:

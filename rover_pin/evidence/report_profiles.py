@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from rover_pin.evidence.profile import NORMAL_95
-from rover_pin.evidence.report_figures import AFTER, GREY
-from rover_pin.evidence.verdict import Verdict, in_words
+from rover_pin.evidence.profile_curve import Profile
+from rover_pin.evidence.report_page import AFTER, GREY
+from rover_pin.evidence.verdict import in_words
 
 ACROSS = 4
 
 
-def profiles_figure(verdict: Verdict) -> Figure:
-    """Return one small panel a parameter: the rise of chi2, the limit of the 95 % interval, the interval."""
-    count = len(verdict.profiles)
+def profiles_figure(profiles: Sequence[Profile], intervals: Sequence[tuple[float, float]]) -> Figure:
+    """Return one small panel a number: the rise of chi2, the limit of the 95 % interval, the interval [SI]."""
+    count = len(profiles)
     rows = -(-count // ACROSS)
     figure = Figure(figsize=(2.65 * min(count, ACROSS) + 0.4, 2.3 * rows), layout="constrained")
     axes = np.atleast_1d(figure.subplots(rows, min(count, ACROSS), squeeze=False)).ravel()
-    for axis, one, fitted in zip(axes, verdict.profiles, verdict.after.parameters, strict=False):
+    for axis, one, (low, high) in zip(axes, profiles, intervals, strict=False):
         factor, unit = in_words(one.unit)
         values = factor * np.array(one.values)
-        axis.axvspan(factor * fitted.low, factor * fitted.high, color=GREY, alpha=0.2, lw=0)
+        axis.axvspan(factor * low, factor * high, color=GREY, alpha=0.2, lw=0)
         axis.plot(values, one.rises, "o-", color=AFTER, lw=1.4, ms=3)
         axis.axhline(NORMAL_95**2, color="k", lw=0.8, ls="--")
         axis.set(xlabel=f"{one.name.replace('.', '.' + chr(10)) if len(one.name) > 18 else one.name} [{unit or '-'}]")
