@@ -22,6 +22,8 @@ DT = 0.01
 """Step of a replay [s]: within a tenth of a tracker's noise of the default step, at half its time."""
 HOLD = 1.0
 """Time constant [s] with which the simulated rover is drawn to the logged place and heading."""
+CHECKED = 10
+"""Rows between two looks whether the rover still drives."""
 FIRST_ROWS = 5
 """Rows at the start whose mean is the place where the run began, unless the log declares it."""
 
@@ -169,6 +171,8 @@ class _Rerun:
         for _ in range(steps):
             if kernel.step():
                 return "diverged"
+        if row % CHECKED:
+            return ""
         return failure(self.model, self.state, kernel.record, self.suspension) or ""
 
     def _lean(self, force: float) -> None:
