@@ -141,25 +141,39 @@ def _wave(carrier: Carrier, basis: Wave, curve: Curve) -> str:
     return f"{first} since the start of the run: amplitude {size}, phase {math.degrees(phase[0]):.0f} deg"
 
 
-def stretches(curve: Curve, row: int | None) -> list[tuple[float, float, float, float]]:
-    """Return where a piecewise linear function is clear of 0: from, to, its extreme and that one's SD."""
+class Stretch(NamedTuple):
+    """Where a piecewise linear function stands out from its median: from, to, the extreme, its SD."""
+
+    low: float
+    high: float
+    top: float
+    sd: float
+
+
+def stretches(curve: Curve, row: int | None) -> list[Stretch]:
+    """Return where a piecewise linear function is clear of its median, the clearest first.
+
+    Its level is left out: a resistance or a motor's gain takes that.
+    """
     value, sd = (curve.value, curve.sd) if row is None else (curve.value[row], curve.sd[row])
-    clear = np.abs(value) > CLEAR * np.maximum(sd, 1e-15)
-    clear &= sd > 0
+    known = sd > 0
+    value = value - (np.median(value[known]) if known.any() else 0.0)
+    clear = known & (np.abs(value) > CLEAR * sd)
     found, half = [], (curve.at[1] - curve.at[0]) / 2
     for sign in (1, -1):
         at = np.flatnonzero(clear & (np.sign(value) == sign))
         for group in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if at.size else []:
-            top = group[np.argmax(np.abs(value[group]))]
-            found.append((curve.at[group[0]] - half, curve.at[group[-1]] + half, float(value[top]), float(sd[top])))
-    return sorted(found, key=lambda one: -abs(one[2]))
+            top = group[np.argmax(np.abs(value[group]) / sd[group])]
+            low, high = max(curve.at[group[0]] - half, curve.at[0]), min(curve.at[group[-1]] + half, curve.at[-1])
+            found.append(Stretch(low, high, float(value[top]), float(sd[top])))
+    return sorted(found, key=lambda one: -abs(one.top / one.sd))
 
 
 def _places(carrier: Carrier, curve: Curve, runs: tuple[str, ...]) -> str:
     letter, unit = ("x", "m") if carrier.argument.unit == "m" else ("t", "s")
     rows: list[int | None] = list(range(len(curve.value))) if carrier.argument.own else [None]
     found = [(row, one) for row in rows for one in stretches(curve, row)]
-    found.sort(key=lambda pair: -abs(pair[1][2]))
+    found.sort(key=lambda pair: -abs(pair[1].top / pair[1].sd))
     kind = "the place along x" if letter == "x" else "the moment"
     listed = [
         f"{_size(carrier, top, sd)} at {letter} = {low:.2f}..{high:.2f} {unit}"

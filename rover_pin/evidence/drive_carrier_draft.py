@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -51,16 +52,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import casadi as ca
-import numpy as np
+{arrays}
 
-from rover_pin.effects.effect import BodyEffect, Effect, Load, MotorEffect, Push, SensorEffect, State
+{imports}
 from rover_pin.quantity import quantity
 
 
 @dataclass(frozen=True)
 class {name}({base}):
-    """{said}
+    """A remainder: see the top of this file.
 
     Source: estimated from a drive log. Differs from the paper: it has no such effect.
     """
@@ -68,6 +68,15 @@ class {name}({base}):
     size: float = quantity(1.0, "", "1 is as estimated from the log", -20.0, 20.0, "s")
     neutral: ClassVar[dict[str, float]] = {{"size": 0.0}}
 '''
+ARRAYS = dict.fromkeys(("MotorEffect", "Effect", "BodyEffect"), "import casadi as ca") | {
+    "SensorEffect": "import numpy as np"
+}
+IMPORTS = {
+    "MotorEffect": "from rover_pin.effects.effect import MotorEffect, State",
+    "Effect": "from rover_pin.contact import Load\nfrom rover_pin.effects.effect import Effect, State",
+    "BodyEffect": "from rover_pin.effects.effect import BodyEffect, Push",
+    "SensorEffect": "from rover_pin.effects.effect import SensorEffect",
+}
 STATES = """    states: ClassVar[tuple[State, ...]] = (State("{0}", odd={2}),)
 """
 RATE = """
@@ -131,8 +140,9 @@ def draft(one: Carrier, name: str, wheels: Sequence[str]) -> str:
     argument = one.argument.name
     state = TURNED if argument in ANGLES else CLOCK if argument in SINCE else None
     value = _value(one, kind.argument)
-    text = HEAD.format(said=one.said[:1].upper() + one.said[1:] + ".", name=name, base=kind.base)
-    if state and kind.base in ("MotorEffect", "Effect"):
+    sentence = textwrap.fill(f"It {one.said}.", 110)
+    text = HEAD.format(said=sentence, name=name, base=kind.base, arrays=ARRAYS[kind.base], imports=IMPORTS[kind.base])
+    if state and kind.sees:
         text += STATES.format(*state)
         rate = RATE.format(sees=kind.sees, rate=state[1])
     else:
@@ -168,7 +178,7 @@ def _kind(one: Carrier, wheels: Sequence[str]) -> _Kind:
     if acts in (FORCE, LEAN) and argument in SEEN["body"]:
         against = "Push(f_x=-self.size * value * body.v_x / speed, f_y=-self.size * value * body.v_y / speed)"
         return _Kind(
-            "body",
+            "",
             "BodyEffect",
             PUSHES.replace("{push}", against if acts == FORCE else "Push(f_x=self.size * value)"),
             SEEN["body"][argument],
