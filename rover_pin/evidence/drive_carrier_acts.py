@@ -264,7 +264,7 @@ def moved_features(scene: Scene, act: Act, run: int, shares: np.ndarray) -> np.n
     period = one.commands.period
     for at, name in enumerate(scene.bench.channels):
         if name in (PATH, DRIFT, HEADING):
-            rows[:, at] = leaky(rows[:, at], period)
+            rows[:, at] = leaky(one.counted * rows[:, at], period)
     length = max(1, round(BLOCK / period))
     count = rows.shape[-1] // length
     block = rows[..., : count * length].reshape(*rows.shape[:2], count, length).mean(axis=-1)

@@ -13,12 +13,15 @@ from rover_pin.evidence.drive_fit import DriveFit, fit
 from rover_pin.evidence.drive_noise import huber, huber_weights
 from rover_pin.evidence.drive_parameters import Parameter, value_of, with_values
 from rover_pin.evidence.drive_screen import Scored, fee_of, started
-from rover_pin.evidence.screen import entry_fee
 
-REFITTED = 6
-"""Candidates that are refitted, at most, and those that pay less than half of their fee are not."""
+REFITTED, PROMISING = 5, 0.6
+"""Candidates that are refitted, at most, and the share of its fee that one must promise to pay."""
+FAR_BEHIND = 0.02
+"""Share of the best score below which a candidate is not refitted."""
 POLISHED = 3
 """Leaders that are fitted to the end, every slope computed again."""
+SMALL = 0.1
+"""Share of its first size from which a candidate is fitted again, where it did not do better than none."""
 ODDS = 10.0
 """Candidates within this of the best are not told apart: odds of 1 in 150."""
 
@@ -56,7 +59,8 @@ class Refit:
 
 def refit(base: DriveFit, scored: Sequence[Scored], count: int, progress: Progress) -> tuple[Refit, ...]:
     """Return the plausible candidates refitted, the best first; `count` is how many were tried."""
-    paying = [row for row in scored if row.told and row.gain > entry_fee(count) / 2]
+    best = max((row.gain for row in scored if row.told), default=0.0)
+    paying = [row for row in scored if row.told and _promises(row, count, best)]
     chosen = _distinct(paying)[:REFITTED]
     without = left_out(base)
     found = []
@@ -69,6 +73,10 @@ def refit(base: DriveFit, scored: Sequence[Scored], count: int, progress: Progre
         progress(f"refitting with {one.name}, every slope anew")
         ranked[ranked.index(one)] = _polished(base, one, without)
     return tuple(sorted(ranked, key=lambda one: -one.net))
+
+
+def _promises(row: Scored, count: int, best: float) -> bool:
+    return row.gain > max(PROMISING * fee_of(row.candidate, count), FAR_BEHIND * best)
 
 
 def _distinct(rows: Sequence[Scored]) -> list[Scored]:
@@ -88,7 +96,15 @@ def _refit(base: DriveFit, row: Scored, count: int, without: np.ndarray, chord: 
     model = with_values(candidate.on(base.model), started(row, base.model))
     numbers, start = joined(base, candidate, model)
     refitted = fit(base.task, model, numbers, start, base.slopes, chord)
+    if refitted.chi2 > base.chi2 and candidate.effect is not None:
+        refitted = fit(base.task, model, numbers, _small(numbers, start, len(base.u)), base.slopes, chord)
     return _judged(base, candidate, refitted, fee_of(candidate, count), without)
+
+
+def _small(numbers: Sequence[Parameter], start: np.ndarray, own: int) -> np.ndarray:
+    """Return the start with the candidate's sizes near neutral: u = 0, but for what lies on a logarithm."""
+    shares = [SMALL if at >= own and not one.prior and not one.log else 1.0 for at, one in enumerate(numbers)]
+    return start * np.array(shares)
 
 
 def joined(base: DriveFit, candidate: Candidate, model: object) -> tuple[tuple[Parameter, ...], np.ndarray]:

@@ -12,10 +12,10 @@ from rover_pin.evidence.drive_noise import Noise, huber, huber_weights
 from rover_pin.evidence.drive_parameters import Parameter, owner_name, with_values
 from rover_pin.motion.model import Model
 
-TURNS = 8
+TURNS = 6
 SETTLED = 0.3
 """A turn that lowers chi2 by less than this is the last."""
-SHORTER = 4
+SHORTER = 3
 """How often a step that does not help is cut to a third."""
 STALE = 0.5
 """Share of the promised gain below which a Jacobian is computed again."""

@@ -48,8 +48,13 @@ class LoggedRun:
     heading: np.ndarray = field(repr=False)
     measured: dict[str, np.ndarray] = field(repr=False)
     "the logged channels on the rows of the replay"
-    usable: np.ndarray = field(repr=False)
-    "which blocks are compared (blocks,)"
+    counted: np.ndarray = field(repr=False)
+    "which rows are compared (T,)"
+
+    @property
+    def usable(self) -> np.ndarray:
+        """Which blocks are compared (blocks,)."""
+        return blocks(self.counted, self.commands.period) > WHOLE
 
     def features(self, channels: Mapping[str, np.ndarray], sensors: Sequence[SensorEffect] = ()) -> np.ndarray:
         """Return the features (channels, blocks) of replayed channels, as the sensors would report them."""
@@ -61,7 +66,7 @@ class LoggedRun:
         )
 
     def _rows(self, channels: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
-        made = driven(channels, self.heading, self.commands.period)
+        made = driven(channels, self.heading, self.commands.period, self.counted)
         still = np.zeros(len(self.commands.t))
         return [(name, made.get(name, channels.get(name, still))) for name in self.channels]
 
@@ -81,10 +86,11 @@ def logged_run(log: Trace, rover: Rover) -> LoggedRun:
     rows["body_yaw"] = run.place[:, 2]
     heading = uniform_filter1d(filled(rows["body_yaw"]), max(1, round(BLOCK / run.period)))
     whole = {name: filled(row) for name, row in rows.items()}
-    made = driven(whole, heading, run.period)
+    counted = comparable_rows(run, [rows[f"wheel_rate_{wheel}"] for wheel in wheels])
+    made = driven(whole, heading, run.period, counted)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
     features = [name for name in (*made, *rows) if name not in RAW]
-    use = blocks(comparable_rows(run, [rows[f"wheel_rate_{wheel}"] for wheel in wheels]), run.period) > 0.999
+    use = blocks(counted, run.period) > WHOLE
     seen = []
     for name in features:
         good = np.all([np.isfinite(rows[channel]) for channel in gaps.get(name, (name,))], axis=0)
@@ -92,9 +98,11 @@ def logged_run(log: Trace, rover: Rover) -> LoggedRun:
         block = blocks(row, run.period)
         seen.append(levelled(name, np.where(use, block, np.nan), use))
     name = Path(str(log.attrs.get("file", "run"))).stem
-    return LoggedRun(name, run, tuple(features), np.array(seen), heading, rows, use)
+    return LoggedRun(name, run, tuple(features), np.array(seen), heading, rows, counted)
 
 
+WHOLE = 0.999
+"""Share of a block's rows that must be compared for the block to be."""
 RAW = ("body_x", "body_y", "body_yaw", "body_vx", "body_vy", "body_vz")
 """Channels that are compared through the features made of them."""
 
@@ -104,16 +112,21 @@ def comparable(name: str) -> bool:
     return name.startswith(("wheel_rate_", "current_", "rocker_", "bogie_", "body_")) or name == "battery_V"
 
 
-def driven(channels: Mapping[str, np.ndarray], heading: np.ndarray, period: float) -> dict[str, np.ndarray]:
-    """Return the features made of several channels: way along and across the heading, turn, speed along it."""
+def driven(
+    channels: Mapping[str, np.ndarray], heading: np.ndarray, period: float, counted: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return the features made of several channels: way along and across the heading, turn, speed along it.
+
+    What was driven in rows that are not `counted` is left out of the leaky sums, or it would be compared later.
+    """
     made = {}
     forward = np.array([np.cos(heading), np.sin(heading)])
     if "body_x" in channels and "body_y" in channels:
         steps = np.array([np.diff(channels[f"body_{axis}"], prepend=channels[f"body_{axis}"][0]) for axis in "xy"])
-        made[PATH] = leaky(np.sum(forward * steps, axis=0), period)
-        made[DRIFT] = leaky(forward[0] * steps[1] - forward[1] * steps[0], period)
+        made[PATH] = leaky(counted * np.sum(forward * steps, axis=0), period)
+        made[DRIFT] = leaky(counted * (forward[0] * steps[1] - forward[1] * steps[0]), period)
     if "body_yaw" in channels:
-        made[HEADING] = leaky(np.diff(channels["body_yaw"], prepend=channels["body_yaw"][0]), period)
+        made[HEADING] = leaky(counted * np.diff(channels["body_yaw"], prepend=channels["body_yaw"][0]), period)
     if "body_vx" in channels and "body_vy" in channels:
         made[SPEED] = forward[0] * channels["body_vx"] + forward[1] * channels["body_vy"]
     return made

@@ -110,11 +110,14 @@ def trials(candidate: Candidate, model: Model) -> list[dict[str, float]]:
 def score(base: DriveFit, found: Sequence[Signature]) -> list[Scored]:
     """Return every candidate with its best signature, the most promising first.
 
-    With rows r, slopes J, priors P and weights W at the base's optimum, a signature d scores s = d^T W r and has the
-    information I = d^T W d - d^T W J (J^T W J + P)^-1 J^T W d; the gain is s^2 / I, the step s / I of its size.
+    With rows r, slopes J, priors P, weights W and A = J^T W J + P, a signature d scores
+    s = d^T W r - d^T W J A^-1 (J^T W r + P u), the last bracket 0 at the base's optimum, and has the information
+    I = d^T W d - d^T W J A^-1 J^T W d; the gain is s^2 / I, the step s / I of its size.
     """
     rows, columns = base.rows, base.columns
     weights, spread = huber_weights(rows), covariance(columns, rows, base.parameters)
+    held = np.array([u if one.prior else 0.0 for one, u in zip(base.parameters, base.u, strict=True)])
+    off = columns.T @ (weights * rows) + held
     best: dict[str, Scored] = {}
     for each in found:
         moved = base.task.noise.white(each.moved)
@@ -122,7 +125,7 @@ def score(base: DriveFit, found: Sequence[Signature]) -> list[Scored]:
         across = columns.T @ weighted
         whole = float(moved @ weighted)
         info = max(whole - float(across @ spread @ across), 1e-12)
-        slope = float(weighted @ rows)
+        slope = float(weighted @ rows - across @ spread @ off)
         share = _reachable(each, slope / info)
         gain = max(2 * share * slope - share**2 * info, 0.0)
         row = Scored(each.candidate, each, gain, share, math.sqrt(info), 1 - info / max(whole, 1e-12))
