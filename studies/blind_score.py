@@ -8,7 +8,12 @@ Method
     refitting the true effect gains more chi2 than the luckiest of all candidates would by chance: what is smaller than
     that cannot be found by anyone.
 Result
-    Run alone, it scores nine made-up records, to show the tables.
+    Run alone, it scores nine made-up records, to show the tables; the results stand in the blind tests.
+What the paper says
+    Nothing: it compares by eye and traces no effect.
+What differs
+    An answer is right where the true effect stands in the stated set, alone or with others. Sizes are scored where the
+    first answer is the truth. A pair of which one is named is neither right nor wrong.
 
 Run: python studies/blind_score.py [--quick] [--out DIR]
 """
@@ -26,8 +31,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from rover_pin.evidence.verdict import Answer
+from rover_pin.plot import save
 
 NORMAL_95 = 1.959964
 
@@ -232,7 +239,23 @@ def publish(cases: Sequence[Case], out: Path) -> None:
     print(f"share of the excess loss that is recovered, median: {recovered(cases):.3f}")
     (out / "scores.md").write_text("\n\n".join(markdown(table) for table in tables) + "\n", encoding="utf-8")
     pd.DataFrame([_flat(case) for case in cases]).to_csv(out / "cases.csv", index=False, float_format="%.6g")
-    print(f"written: {out / 'scores.md'}, {out / 'cases.csv'}")
+    save(draw(shares(cases)), out / "scores.png")
+    print(f"written: {out / 'scores.md'}, {out / 'cases.csv'}, {out / 'scores.png'}")
+
+
+def draw(rows: Sequence[Row]) -> Figure:
+    """Return the shares with their intervals."""
+    known = [row for row in rows if row.of][::-1]
+    figure = Figure(figsize=(9, 0.34 * len(known) + 1), layout="constrained")
+    axis = figure.subplots()
+    for place, row in enumerate(known):
+        low, high = wilson(row.count, row.of)
+        axis.plot([100 * low, 100 * high], [place, place], color="#1f6f8b", lw=2)
+        axis.plot(100 * row.count / row.of, place, "o", color="#1f6f8b")
+    axis.set_yticks(range(len(known)), [f"{row.what} ({row.count} of {row.of})" for row in known], fontsize=8)
+    axis.set(xlim=(-2, 102), xlabel="%, with 95 % Wilson interval")
+    axis.grid(alpha=0.3)
+    return figure
 
 
 def _flat(case: Case) -> dict[str, object]:
