@@ -12,21 +12,13 @@ from rover_pin.evidence.report_figures import (
     channels_figure,
     residuals_figure,
 )
-from rover_pin.evidence.report_page import rendered, write_page
+from rover_pin.evidence.report_page import HEADLINES, rendered, write_page
 from rover_pin.evidence.report_profiles import profiles_figure
 from rover_pin.evidence.residual_tests import BEYOND_CHANCE, ResidualTest
 from rover_pin.evidence.rig_set import RigSet
-from rover_pin.evidence.verdict import Answer, Verdict, flag_line, shown
+from rover_pin.evidence.verdict import Verdict, flag_line, shown
 
 TEMPLATE = "report.html"
-
-HEADLINES = {
-    Answer.NAMED: "The model lacks {names}",
-    Answer.SET: "The model lacks one of {alike}",
-    Answer.NONE_NEEDED: "No effect needed",
-    Answer.NONE_FITS: "None of the known effects fits",
-    Answer.CANNOT_TELL: "These data cannot tell",
-}
 
 
 def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:

@@ -13,11 +13,20 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from rover_pin.columns import replace_file
-from rover_pin.evidence.verdict import shown
+from rover_pin.evidence.verdict import Answer, shown
 
 BEFORE, AFTER, GREY = "#b3541e", "#1f6f8b", "#8a8a8a"
 """Colours of the model before and after, and of what is neither; the first two differ for the colour-blind too."""
 DPI = 130
+
+HEADLINES = {
+    Answer.NAMED: "The model lacks {names}",
+    Answer.SET: "The model lacks one of {alike}",
+    Answer.NONE_NEEDED: "No effect needed",
+    Answer.NONE_FITS: "None of the known effects fits",
+    Answer.CANNOT_TELL: "These data cannot tell",
+}
+"""A verdict in a line."""
 
 
 def png(figure: Figure) -> bytes:
