@@ -190,19 +190,19 @@ def identify(
 
 @app.command("close-loop")
 def close_loop(
-    data: Annotated[Path, typer.Argument(help="A wheel-rig set: folder with rig.toml.")],
+    data: Annotated[Path, typer.Argument(help="A wheel-rig set or a drive log: folder with rig.toml or drive.toml.")],
     model: Annotated[Path | None, typer.Option(help="Model file to start from, as an earlier run wrote it.")] = None,
     effects: Annotated[Path | None, typer.Option(help="Your own effect's .py file, or a folder of them.")] = None,
     out: Out = Path("out/close_loop"),
+    workers: Annotated[int, typer.Option(help="Processes for a drive log; 0 for all cores.")] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Find the effect that the model lacks, add it, and report the error before and after."""
-    from rover_pin.evidence.loop import close_the_loop
-    from rover_pin.evidence.model_file import read_model
+    """Find the effect that the model lacks, add it, and report the error before and after; killed, it resumes."""
+    from rover_pin.evidence.loop import close_the_loop, read_start
 
-    start = None if model is None else read_model(model)
+    start = None if model is None else read_start(model, data)
     say = (lambda said: None) if as_json else (lambda said: print(said, file=sys.stderr))
-    verdict = close_the_loop(data, start, effects, out, say)
+    verdict = close_the_loop(data, start, effects, out, say, jobs=workers)
     print(
         json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nreport: {out / 'report.html'}"
     )

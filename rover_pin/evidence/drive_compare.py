@@ -20,6 +20,8 @@ FAR_BEHIND = 0.02
 """Share of the best score below which a candidate is not refitted."""
 POLISHED = 3
 """Leaders that are fitted to the end, every slope computed again."""
+FAR = 3.0
+"""Default sizes by which a size may move when a run is left out."""
 SMALL = 0.1
 """Share of its first size from which a candidate is fitted again, where it did not do better than none."""
 ODDS = 10.0
@@ -141,9 +143,12 @@ def left_out(fitted: DriveFit) -> np.ndarray:
 
 
 def steps_without(fitted: DriveFit) -> list[np.ndarray]:
-    """Return how u moves when the rows of each run in turn are left out."""
+    """Return how u moves when the rows of each run in turn are left out.
+
+    A size that the other runs hardly tell stays within some FAR of where it was: one step is no guide further off.
+    """
     rows, columns, owner = fitted.rows, fitted.columns, run_of_rows(fitted)
-    prior = np.array([1.0 if one.prior else 1e-9 for one in fitted.parameters])
+    prior = np.array([1.0 if one.prior else FAR**-2 for one in fitted.parameters])
     held = np.array([fitted.u[i] if one.prior else 0.0 for i, one in enumerate(fitted.parameters)])
     weights = huber_weights(rows)
     steps = []

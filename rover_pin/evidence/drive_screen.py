@@ -21,7 +21,7 @@ ABSORBED = 0.02
 """Share of a signature that must be left after the uncertain numbers for the candidate to be told at all."""
 STILL = 0.3
 """A signature that moves all rows together by fewer SDs than this is not in the data."""
-MULTIPLES = (0.4, 1.0, 2.5)
+MULTIPLES = (0.8, 1.2, 1.8, 2.7)
 """Multiples of the default size at which a threshold effect is tried."""
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from rover_pin.contact import Soil
 from rover_pin.errors import DataError
+from rover_pin.evidence.drive_loop import close_drive_loop
+from rover_pin.evidence.drive_verdict import DriveVerdict
 from rover_pin.evidence.measurement import WheelRig
 from rover_pin.evidence.model_file import read_model as read_rig_model
 from rover_pin.evidence.rig_loop import close_rig_loop
@@ -30,7 +31,7 @@ def close_the_loop(
     progress: Progress = lambda said: None,
     seed: int = 0,
     jobs: int = 0,
-) -> Verdict | Any:
+) -> Verdict | DriveVerdict:
     """Find the effect that a model lacks against measured data, add it, and report the error before and after.
 
     Parameters
@@ -69,8 +70,6 @@ def close_the_loop(
             raise DataError(
                 f"{log.folder}: a drive log starts from a rover's model, not from a {type(model).__name__}."
             )
-        from rover_pin.evidence.drive_loop import close_drive_loop
-
         return close_drive_loop(log, model, effects, out, progress, seed, jobs or os.cpu_count() or 1)
     if isinstance(model, Model):
         raise DataError(f"{data}: a wheel-rig set starts from a wheel's model, not from a rover's.")

@@ -1,0 +1,156 @@
+"""The loop on drive logs: checked, calibrated, searched, judged on runs left out, and written down."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from rover_pin.evidence.drive_checks import findings, refuse_unfit, too_poor
+from rover_pin.evidence.drive_compare import Refit
+from rover_pin.evidence.drive_experiment import DriveExperiment, separating_drive
+from rover_pin.evidence.drive_heldout import drive_scores, free_runs
+from rover_pin.evidence.drive_model import base_model, with_spread
+from rover_pin.evidence.drive_remainder import Remainder, describe
+from rover_pin.evidence.drive_search import Search, calibrated, search
+from rover_pin.evidence.drive_verdict import DriveVerdict, numbers
+from rover_pin.evidence.drive_written import written
+from rover_pin.evidence.provenance import command, provenance
+from rover_pin.evidence.resume import Stages, key_of
+from rover_pin.evidence.verdict import Answer
+from rover_pin.motion.drive_log import DriveLog
+from rover_pin.motion.model import Model
+
+RIVALS = 2
+"""Rivals of the best for which a separating run is proposed."""
+UNKNOWN = 60.0
+"""Strength of a carrier, after everything listed, from which something that is not on the list is said to act."""
+MUCH = 0.5
+"""Share of the net gain of what was added from which such a carrier makes it doubtful."""
+
+Progress = Callable[[str], None]
+
+
+def close_drive_loop(
+    log: DriveLog,
+    model: Model | None = None,
+    effects: str | Path | None = None,
+    out: str | Path | None = None,
+    progress: Progress = lambda said: None,
+    seed: int = 0,
+    jobs: int = 1,
+) -> DriveVerdict:
+    """Return what a model of a drive log lacks, with the error before and after; see `close_the_loop`.
+
+    Raises
+    ------
+    DataError
+        A log that cannot be used: one sentence each.
+    """
+    begun = time.monotonic()
+    progress("checking the log")
+    refuse_unfit(log)
+    poor, start = too_poor(log), model or base_model(log)
+    if poor:
+        verdict = _poor(log, start, poor)
+    else:
+        stages = Stages(None if out is None else Path(out), _key(log, model, effects, seed))
+        base = stages.kept("base", lambda: calibrated(log, with_spread(start), jobs, progress))
+        found = search(base, effects, progress, stages)
+        progress("describing what is left")
+        left = stages.kept("remainder", lambda: describe(found.last, progress))
+        verdict = _verdict(log, found, left, seed, progress)
+    verdict.provenance.update(provenance(seed, time.monotonic() - begun, command(log.folder, effects, out)))
+    if out is None:
+        return verdict
+    progress("writing the report")
+    verdict = written(verdict, log, Path(out))
+    Stages(Path(out)).done()
+    return verdict
+
+
+def _key(log: DriveLog, model: Model | None, effects: str | Path | None, seed: int) -> str:
+    """Return a key of all that the verdict depends on."""
+    own = Path(effects) if effects else None
+    code = [] if own is None else sorted(own.glob("*.py")) if own.is_dir() else [own]
+    return key_of([file for file in log.folder.iterdir() if file.is_file()] + code, model, seed)
+
+
+def _poor(log: DriveLog, model: Model, poor: str) -> DriveVerdict:
+    return DriveVerdict(
+        Answer.CANNOT_TELL, log.about.name, poor, model, (), (), 0.0, (), (), (), (), None, findings(log), (), None, {}
+    )
+
+
+def _verdict(log: DriveLog, found: Search, left: Remainder, seed: int, progress: Progress) -> DriveVerdict:
+    best = found.rounds[0].alike
+    answer = answer_of(found, left)
+    progress("runs left out, and driven freely")
+    last = found.last if answer is not Answer.NONE_FITS else found.base
+    named = tuple(one.name for one in found.found) if answer is not Answer.NONE_FITS else ()
+    return DriveVerdict(
+        answer=answer,
+        name=log.about.name,
+        sentence=_sentence(answer, found, left),
+        model=last.model,
+        alike=tuple(one.name for one in best),
+        named=named,
+        explained=explained(found),
+        before=numbers(found.base),
+        after=numbers(last),
+        scores=drive_scores(found.base, last, seed),
+        free=free_runs(found.base.task.bench, found.base.model, last.model),
+        remainder=left,
+        findings=findings(log),
+        experiments=_experiments(best, progress),
+        search=found,
+        provenance={},
+    )
+
+
+def explained(found: Search) -> float:
+    """Return the share of the base's chi2 beyond the noise that what was added takes."""
+    beyond = found.base.chi2 - found.base.task.noise.count
+    return (
+        float(np.clip((found.base.chi2 - found.last.chi2) / beyond, 0, 1)) if beyond > 0 else float(bool(found.found))
+    )
+
+
+def is_unknown(found: Search, left: Remainder) -> bool:
+    """Return whether a carrier takes, after everything listed, more than chance and no less than what was added."""
+    taken = sum(one.net for one in found.found)
+    return left.best.strength > max(UNKNOWN, MUCH * taken)
+
+
+def answer_of(found: Search, left: Remainder) -> Answer:
+    """Return what may be said of the model, given what was found and what is left."""
+    if is_unknown(found, left):
+        return Answer.NONE_FITS
+    if not found.found:
+        return Answer.NONE_NEEDED
+    return Answer.NAMED if all(len(each.alike) == 1 for each in found.rounds if each.alike) else Answer.SET
+
+
+def _sentence(answer: Answer, found: Search, left: Remainder) -> str:
+    names = " and ".join(one.name for one in found.found)
+    alike = " or ".join(one.name for one in found.rounds[0].alike)
+    share = f"{explained(found):.0%} of what the base model misses beyond the noise"
+    if answer is Answer.NAMED:
+        return f"the log is consistent with {names}, which takes {share}."
+    if answer is Answer.SET:
+        return f"the log does not tell {alike} apart; {names} takes {share}."
+    if answer is Answer.NONE_NEEDED:
+        return "the calibrated base model meets the log within its noise, and no candidate gains more than chance."
+    near = f" The nearest of the list, {found.found[0].name}, does not take it." if found.found else ""
+    return f"something acts that is not on the list: it {left.best.said}.{near}"
+
+
+def _experiments(best: tuple[Refit, ...], progress: Progress) -> tuple[DriveExperiment, ...]:
+    found = []
+    for rival in best[1 : 1 + RIVALS]:
+        progress(f"looking for the run that tells {best[0].name} from {rival.name}")
+        one = separating_drive((best[0].name, best[0].fit), (rival.name, rival.fit), progress)
+        found += [one] if one is not None else []
+    return tuple(found)

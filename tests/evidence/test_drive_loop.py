@@ -1,0 +1,120 @@
+"""The loop on drive logs, end to end: what is hidden is named with its size, and nothing is named where nothing is."""
+
+import importlib.util
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.errors import DataError
+from rover_pin.evidence.loop import close_the_loop, read_start
+from rover_pin.evidence.rig_model import RigModel
+from rover_pin.evidence.verdict import Answer
+from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.motion.model_toml import read_model
+from rover_pin.motion.simulate import simulate
+
+_spec = importlib.util.spec_from_file_location("drive_sets", Path(__file__).parent / "drive_sets.py")
+drive_sets = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(drive_sets)
+RIG = Path(__file__).parents[2] / "studies" / "data" / "cmu-smooth-wheel"
+
+
+@pytest.fixture(scope="module")
+def sagging(tmp_path_factory):
+    return drive_sets.write(tmp_path_factory.mktemp("sagging"), [SupplySag(R_b=2.5)])
+
+
+@pytest.fixture(scope="module")
+def loop(sagging, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out")
+    return close_the_loop(sagging, out=out, jobs=2), out
+
+
+@pytest.mark.slow
+def test_a_hidden_sag_is_named_with_its_size_and_its_error_falls(loop):
+    verdict, _ = loop
+    assert verdict.answer is Answer.NAMED, verdict.summary()
+    assert verdict.named == ("SupplySag",)
+    size = next(one for one in verdict.after if one.name == "SupplySag.R_b")
+    assert size.low < 2.5 < size.high
+    assert size.value == pytest.approx(2.5, rel=0.1)
+    battery = next(score for score in verdict.scores if score.name == "battery_V")
+    assert battery.after < 0.3 * battery.before
+    assert sum(one.after for one in verdict.free) < sum(one.before for one in verdict.free)
+
+
+@pytest.mark.slow
+def test_the_files_can_be_used_at_once(loop, sagging):
+    verdict, out = loop
+    told = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
+    assert told["named"] == ["SupplySag"]
+    assert told["command"].startswith("rover-pin close-loop")
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "SupplySag" in page
+    log = read_drive_log(sagging)
+    model = read_model(out / "model.toml", log.terrain())
+    assert model.effect(SupplySag).R_b == pytest.approx(verdict.model.effect(SupplySag).R_b)
+    assert simulate(model, lambda reading: 0.6, 1.0)["body_x"][-1] > 0
+    assert not (out / ".resume").exists()
+
+
+@pytest.mark.slow
+def test_nothing_is_named_where_nothing_is_hidden(tmp_path):
+    verdict = close_the_loop(drive_sets.write(tmp_path / "log", seed=3), jobs=2)
+    assert verdict.answer is Answer.NONE_NEEDED, verdict.summary()
+    assert verdict.named == ()
+    assert not verdict.drifted
+
+
+@pytest.mark.slow
+def test_a_loop_that_was_killed_goes_on_and_says_the_same(loop, sagging, tmp_path):
+    whole, _ = loop
+    command = [sys.executable, "-m", "rover_pin.cli", "close-loop", str(sagging), "--out", str(tmp_path)]
+    first = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    for line in first.stderr:
+        if line.startswith("refitting"):
+            first.kill()
+            break
+    first.wait()
+    first.stderr.close()
+    assert list((tmp_path / ".resume").glob("signatures-*"))
+    steps = []
+    again = close_the_loop(sagging, out=tmp_path, progress=steps.append, jobs=2)
+    assert "calibrating the base model" not in steps
+    assert again.sentence == whole.sentence
+
+
+def test_a_log_too_poor_says_so_instead_of_answering(tmp_path):
+    folder = drive_sets.write(tmp_path, runs=1, duration=3.0)
+    verdict = close_the_loop(folder)
+    assert verdict.answer is Answer.CANNOT_TELL
+    assert verdict.sentence
+    assert verdict.named == ()
+
+
+def test_a_model_of_the_other_kind_is_refused(tmp_path):
+    folder = drive_sets.write(tmp_path, runs=1, duration=1.0)
+    log = read_drive_log(folder)
+    with pytest.raises(DataError, match="a drive log starts from a rover's model, not a RigModel"):
+        close_the_loop(log, RigModel())
+    with pytest.raises(DataError, match="a wheel-rig set starts from a wheel's model"):
+        close_the_loop(RIG, drive_sets.base())
+
+
+def test_a_drive_model_is_read_on_the_logs_ground(tmp_path):
+    folder = drive_sets.write(tmp_path / "log", runs=1, duration=1.0)
+    verdict = close_the_loop(folder, out=tmp_path / "out")
+    model = read_start(tmp_path / "out" / "model.toml", folder)
+    assert model.terrain == read_drive_log(folder).terrain()
+    assert model.soils == verdict.model.soils
+
+
+def test_a_folder_without_either_file_is_refused(tmp_path):
+    shutil.copy(RIG / "points.csv", tmp_path)
+    with pytest.raises(DataError, match=r"rig\.toml"):
+        close_the_loop(tmp_path)
