@@ -137,6 +137,11 @@ def draft(one: Carrier, name: str, wheels: Sequence[str]) -> str:
         The carrier is a function of something that no such effect sees; it has to be written by hand.
     """
     kind, name = _kind(one, wheels), class_name(name)
+    if kind is None:
+        raise ParameterError(
+            f"{one.acts} that depends on '{one.argument.name}' cannot be drafted: "
+            "no kind of effect that acts so sees it; write one by hand from the carrier's curve."
+        )
     argument = one.argument.name
     state = TURNED if argument in ANGLES else CLOCK if argument in SINCE else None
     value = _value(one, kind.argument)
@@ -150,14 +155,19 @@ def draft(one: Carrier, name: str, wheels: Sequence[str]) -> str:
     return text + kind.body.replace("{value}", value) + rate
 
 
+def can_draft(one: Carrier, wheels: Sequence[str]) -> bool:
+    """Return whether some kind of effect acts as the carrier does and sees what it depends on."""
+    return _kind(one, wheels) is not None
+
+
 def class_name(name: str) -> str:
     """Return a name for a Python class from any text."""
     words = "".join(word[:1].upper() + word[1:] for word in re.findall("[A-Za-z0-9]+", name))
     return words if words[:1].isalpha() else f"Remainder{words}"
 
 
-def _kind(one: Carrier, wheels: Sequence[str]) -> _Kind:
-    """Return which effect can act and see as the carrier does, and the method that does it."""
+def _kind(one: Carrier, wheels: Sequence[str]) -> _Kind | None:
+    """Return which effect can act and see as the carrier does, and the method that does it; None if there is none."""
     acts, argument, where = one.act.kind, one.argument.name, one.act.where
     if acts in (TORQUE, VOLTAGE) and argument in SEEN["motor"]:
         number = tuple(wheels).index(where) if where else 0
@@ -200,10 +210,7 @@ def _kind(one: Carrier, wheels: Sequence[str]) -> _Kind:
             READS.format(value="{value}", channel=where),
             SEEN["sensor"][argument.replace("its own value", "own")].format(own=own),
         )
-    raise ParameterError(
-        f"{one.acts} that depends on '{argument}' cannot be drafted: no kind of effect that acts so sees it; "
-        "write one by hand from the carrier's curve."
-    )
+    return None
 
 
 def _value(one: Carrier, z: str) -> str:

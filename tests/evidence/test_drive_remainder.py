@@ -22,7 +22,7 @@ from rover_pin.evidence.drive_carrier_draft import draft
 from rover_pin.evidence.drive_fit import Task, fit
 from rover_pin.evidence.drive_model import nuisances, with_spread
 from rover_pin.evidence.drive_noise import first_noise
-from rover_pin.evidence.drive_remainder import describe, draft_effect, replicates
+from rover_pin.evidence.drive_remainder import Remainder, describe, draft_effect, replicates
 from rover_pin.evidence.drive_run import logged_run
 from rover_pin.evidence.drive_screen import score, signatures, with_noise
 from rover_pin.motion.drive_log import About
@@ -172,6 +172,16 @@ def test_what_no_effect_sees_is_refused():
     one = carrier(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
     with pytest.raises(ParameterError, match="depends on 'pitch' cannot be drafted: no kind of effect"):
         draft(one, "x", WHEELS)
+
+
+def test_a_remainder_drafts_the_best_carrier_that_an_effect_can_imitate():
+    blind = carrier(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
+    able = carrier(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [0.4], "N")
+    remainder = Remainder((blind, able), (), ("one", "two"), WHEELS)
+    assert "a torque on wheel fl that depends on the pitch" in remainder.said
+    assert "+0.4 +- 0.001 N all the time" in remainder.said
+    assert "class Own(BodyEffect)" in draft_effect(remainder, "own")
+    assert Remainder((dataclasses.replace(able, held_out=3.0),) * 2, (), (), WHEELS).is_noise
 
 
 def test_replicates_show_the_noise_without_any_model():
