@@ -1,7 +1,8 @@
 """The blind generator (oracle/blind) against the package, its sets against the package's reader, and its seal.
 
 Both simulators hold the same laws, written twice: with nothing hidden and with every effect they must move alike to a
-fifth of the sensors' noise, at the steps that both use. Measured, all effects at severity 4: see LIMITS.
+fifth of the sensors' noise (LIMITS), at the steps that both use. Measured over whole runs with nothing hidden: 0.17 mm,
+0.2 mrad, 0.5 mrad/s rms of the wheels' rates; what is left halves with the package's step.
 """
 
 import ast
@@ -137,9 +138,8 @@ def difference(mine, theirs):
     }
 
 
-def assert_alike(mine, theirs, factor=1.0):
-    found = difference(mine, theirs)
-    assert {name: value for name, value in found.items() if value > factor * LIMITS[name]} == {}
+def assert_alike(mine, theirs):
+    assert {name: value for name, value in difference(mine, theirs).items() if value > LIMITS[name]} == {}
 
 
 def test_it_imports_nothing_of_the_package():
@@ -165,16 +165,17 @@ def test_it_drives_as_the_package_does_for_a_whole_run():
 
 
 RIGID = sorted({*hidden.LISTED, *hidden.ALIASES} - {"DifferentialCompliance"})
+HALVED = ("TorqueSaturation",)
+"""Where the package's default step is too coarse for LIMITS: 5.3, 2.3, 1.3 mrad/s off at a start at 5, 2.5, 1.25 ms."""
 
 
 @pytest.fixture(scope="module")
 def driven():
-    """All effects with a rigid differential in one batch, uphill with a pause left out, and over waves."""
-    found = {}
-    ways = tracks()[1:3]
-    pairs = both([(name, track) for name in RIGID for track in ways], 6.0)
-    for i, name in enumerate(RIGID):
-        found[name] = pairs[len(ways) * i : len(ways) * (i + 1)]
+    """All effects with a rigid differential, over the ramp with a reversal and over waves with steering."""
+    ways, found = tracks()[1:3], {}
+    for names, timing in ((sorted({*RIGID} - {*HALVED}), Timing()), (HALVED, Timing(0.0025))):
+        pairs = both([(name, track) for name in names for track in ways], 6.0, timing)
+        found |= {name: pairs[len(ways) * i : len(ways) * (i + 1)] for i, name in enumerate(names)}
     return found
 
 
