@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.errors import DataError
 from rover_pin.evidence.loop import close_the_loop, read_start
@@ -101,7 +102,7 @@ def test_a_model_of_the_other_kind_is_refused(tmp_path):
     folder = drive_sets.write(tmp_path, runs=1, duration=1.0)
     log = read_drive_log(folder)
     with pytest.raises(DataError, match="a drive log starts from a rover's model, not a RigModel"):
-        close_the_loop(log, RigModel())
+        close_the_loop(log, RigModel(Wheel(), Soil()))
     with pytest.raises(DataError, match="a wheel-rig set starts from a wheel's model"):
         close_the_loop(RIG, drive_sets.base())
 
