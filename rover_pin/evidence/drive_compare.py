@@ -18,7 +18,7 @@ REFITTED, PROMISING = 5, 0.6
 """Candidates that are refitted, at most, and the share of its fee that one must promise to pay."""
 FAR_BEHIND = 0.02
 """Share of the best score below which a candidate is not refitted."""
-POLISHED = 3
+POLISHED = 2
 """Leaders that are fitted to the end, every slope computed again."""
 FAR = 3.0
 """Default sizes by which a size may move when a run is left out."""
@@ -70,7 +70,7 @@ def refit(base: DriveFit, scored: Sequence[Scored], count: int, progress: Progre
         progress(f"refitting with {row.candidate.name}")
         found.append(_refit(base, row, count, without, chord=True))
     ranked = sorted(found, key=lambda one: -one.net)
-    near = [one for one in ranked[:POLISHED] if one.net > 0 and one.net > ranked[0].net - 3 * ODDS]
+    near = [one for one in ranked[:POLISHED] if one.net > 0 and one.net > ranked[0].net - 2 * ODDS]
     for one in near if len(near) > 1 or (near and near[0].accepted) else ():
         progress(f"refitting with {one.name}, every slope anew")
         ranked[ranked.index(one)] = _polished(base, one, without)

@@ -15,6 +15,8 @@ from rover_pin.motion.model import Model
 TURNS = 6
 SETTLED = 0.3
 """A turn that lowers chi2 by less than this is the last."""
+RENEWALS = 2
+"""How often the slopes are computed again within a fit, at most."""
 SHORTER = 3
 """How often a step that does not help is cut to a third."""
 STALE = 0.5
@@ -149,7 +151,7 @@ def fit(
     missing = [one for one, each in enumerate(parameters) if each.name not in known]
     known |= _slopes(task, model, parameters, u, missing)
     predicted = task.bench.predict([at(model, parameters, u)])[0]
-    was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(own)
+    was, fresh, renewals = objective(task.rows(predicted), u, parameters), len(missing) == len(own), RENEWALS
     for _ in range(TURNS):
         columns = task.columns([known[one.name] for one in parameters])
         step, promised = _step(columns, task.rows(predicted), u, parameters)
@@ -158,10 +160,10 @@ def fit(
         if gained >= max(STALE * promised, SETTLED):
             fresh = False
             continue
-        if fresh or (promised < SETTLED and not stale):
+        if fresh or not renewals or (promised < SETTLED and not stale):
             break
         known |= _slopes(task, model, parameters, u, own)
-        fresh, stale = True, False
+        fresh, stale, renewals = True, False, renewals - 1
     return DriveFit(task, at(model, parameters, u), tuple(parameters), u, predicted, known)
 
 
