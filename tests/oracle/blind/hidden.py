@@ -1,7 +1,7 @@
 """What may be hidden: for each effect the numbers that it takes at a severity, 1 being about just detectable.
 
 Severities are drawn log-uniformly from 1 to 10. The sizes are assumed, from trials of a lumped rover and the
-package's own ranges; nothing was tuned on what a loop finds.
+package's own ranges, and so that severity 10 does not strand the rover; nothing was tuned on what a loop finds.
 """
 
 from math import radians
@@ -46,8 +46,8 @@ SOIL = {
     "SlipSinkage": lambda random, s: {"n_1": 0.08 * s},
     "SkidSinkage": lambda random, s: {"n_s": 0.2 * s},
     "ExitAngle": lambda random, s: {"e_1": 0.08 * s},
-    "PostPeak": lambda random, s: {"fraction": 0.06 * s, "S_w": random.uniform(0.2, 0.5)},
-    "InterfaceFriction": lambda random, s: {"m": 1.0 - 0.04 * s},
+    "PostPeak": lambda random, s: {"fraction": 0.04 * s, "S_w": random.uniform(0.2, 0.5)},
+    "InterfaceFriction": lambda random, s: {"m": 1.0 - 0.03 * s},
     "Grousers": lambda random, s: {"h_s": 0.0006 * s},
     "Bulldozing": lambda random, s: {"share": 0.3 * s},
     "RateDependence": lambda random, s: {"c_r": either(random, 0.014 * s)},
@@ -65,7 +65,7 @@ MOTOR = {
     "SupplySag": lambda random, s: {"R_b": 0.6 * s},
     "WindingHeating": lambda random, s: {"R_th": 25.0 * s, "tau": random.uniform(20.0, 80.0)},
     "WeakMotor": lambda random, s: {"g": 0.03 * s, "wheel": wheel(random)},
-    "TorqueSaturation": lambda random, s: {"i_max": 0.08 * s**-0.5},
+    "TorqueSaturation": lambda random, s: {"i_max": 0.08 * s**-0.35},
 }
 BODY = {
     "PivotFriction": lambda random, s: {"tau_c": 0.02 * s, "b": 0.01},

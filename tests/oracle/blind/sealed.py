@@ -18,6 +18,8 @@ from .sensors import measured
 BATCH = 8
 """Sets driven together, six runs each."""
 SEAL = "answers.sha256"
+SOFT = "DifferentialCompliance"
+COSTLY = ("ExitAngle", "DiggingMemory", "SlipSinkage", "SkidSinkage", "LoadExponent", "PeakStress")
 
 
 def plan(seed, count, shares=None, only=None):
@@ -96,10 +98,17 @@ def opened(out, answers):
 
 
 def batched(sets):
-    """Return sets in batches; those with a compliant differential move by another tree, in batches of their own."""
-    soft = [any(one["effect"] == "DifferentialCompliance" for one in each["hidden"]) for each in sets]
+    """Return sets in batches; those with a compliant differential move by another tree, in batches of their own.
+
+    A batch pays for every costly law that one of its runs has, so that these are kept together.
+    """
+
+    def dear(each):
+        return sorted(COSTLY.index(one["effect"]) for one in each["hidden"] if one["effect"] in COSTLY)
+
+    ordered = sorted(sets, key=lambda each: dear(each) or [-1])
     for kind in (False, True):
-        alike = [each for each, own in zip(sets, soft, strict=True) if own == kind]
+        alike = [each for each in ordered if any(one["effect"] == SOFT for one in each["hidden"]) == kind]
         yield from (alike[i : i + BATCH] for i in range(0, len(alike), BATCH))
 
 
