@@ -7,10 +7,24 @@ Method
     finder, each effect written down once more). Per set soil, effect and size are drawn at random, sizes over a factor
     of ten down to what drowns in the noise; half of the sets state a wrong soil. 54 runs a set: 9 slips from -0.3 to
     0.85, 3 loads, 2 travel speeds, in random order. The loop sees rig.toml and points.csv only. Held-out losses are of
-    14 fresh runs at other slips and loads. All limits of the loop were set on the seeds from CALIBRATION on; the
-    result is of the seeds from REPORTED on, run once.
+    14 fresh runs at other slips and loads. Limits were set on the seeds from CALIBRATION on (433 sets; there the second
+    effect got its own screen, LEFT was added, and a second braking level joined the design, without which a skid is
+    never confirmed). The result is of the seeds from REPORTED on, run once, nothing changed after.
 Result
-    See the end of the run.
+    223 sets. One effect: 61 of 84 detectable; of these 60 named or in the stated set (98.4 % [91.3, 99.7]), 49 alone,
+    in answers of 1.2 candidates; none wrong, none with a second that is not there; 1 missed: LoadExponent, called "none
+    of these". Two effects: both detectable in 12 of 24, all 12 named as pairs. Nothing hidden: 0 alarms in 80 (at most
+    4.6 %). On no list and beyond the noise: 28 of 28 called "none of these"; within the noise 1 of 7 named (slip-
+    squared drag as ExitAngle). Of 85 intervals 84 hold the true size (98.8 % [93.6, 99.8]); sizes are off by 3.8 %
+    (median), 14 % (90th percentile). Loss on fresh runs within 5 % of the true effect's in 60 of 61, at most 1.31.
+What the paper says
+    Nothing: it compares by eye.
+What differs
+    "Detectable" asks what the loop asks, by its own fits, so the shares tell how little is lost after that, not how
+    small an effect may be: of all 84 sets 60 are named. Interface friction is never detectable: phi takes it. The forms
+    hidden are the package's own, the noise is white and of the stated size; measured sands are less kind. Effects that
+    a straight steady rig on fresh sand cannot show (multi-pass, damping, side shear, places, wheel size) are not
+    hidden.
 
 Run: python studies/blind_rig.py [--quick] [--calibrate] [--workers N] [--out DIR]
 """
@@ -101,13 +115,13 @@ class Hidden(NamedTuple):
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="six sets")
+    parser.add_argument("--quick", action="store_true", help="four sets")
     parser.add_argument("--calibrate", action="store_true", help="the seeds on which limits are set")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/blind_rig"))
     options = parser.parse_args()
     sets = plan(CALIBRATION if options.calibrate else REPORTED)
-    sets = sets[:: len(sets) // 5] if options.quick else sets
+    sets = sets[:: len(sets) // 3] if options.quick else sets
     run = Parallel(n_jobs=1 if options.quick else options.workers, verbose=0)
     publish(run(delayed(case_of)(hidden) for hidden in sets), options.out)
 

@@ -150,6 +150,7 @@ def shares(cases: Sequence[Case]) -> list[Row]:
     both = [case for case in pairs if case.detectable]
     null = [case for case in cases if case.kind is Kind.NULL]
     off = [case for case in cases if case.kind is Kind.OFF_LIST and case.detectable]
+    quiet = [case for case in cases if case.kind is Kind.OFF_LIST and not case.detectable]
     sizes = [size for case in cases for size in case.sizes]
 
     def row(what: str, group: Sequence[Case], *wanted: Outcome, aim: str = "") -> Row:
@@ -171,6 +172,7 @@ def shares(cases: Sequence[Case]) -> list[Row]:
         row("nothing hidden: something named (false alarm)", null, Outcome.WRONG, aim="<= 2 %"),
         row("nothing hidden: called unknown", null, Outcome.UNKNOWN),
         row("on no list, beyond the noise: abstained", off, Outcome.UNKNOWN, Outcome.SILENT, aim=">= 85 %"),
+        row("on no list, within the noise: something named", quiet, Outcome.WRONG),
         Row("95 % intervals that hold the true size", sum(s.covered for s in sizes), len(sizes), "90 to 99 %"),
     ]
 
@@ -237,6 +239,8 @@ def publish(cases: Sequence[Case], out: Path) -> None:
     for table in tables:
         print(table.to_string(index=False), end="\n\n")
     print(f"share of the excess loss that is recovered, median: {recovered(cases):.3f}")
+    told = [len(case.alike) for case in cases if case.told and case.kind is Kind.SINGLE]
+    print(f"candidates in the answer to one effect, mean: {np.mean(told) if told else math.nan:.2f}")
     (out / "scores.md").write_text("\n\n".join(markdown(table) for table in tables) + "\n", encoding="utf-8")
     pd.DataFrame([_flat(case) for case in cases]).to_csv(out / "cases.csv", index=False, float_format="%.6g")
     save(draw(shares(cases)), out / "scores.png")
