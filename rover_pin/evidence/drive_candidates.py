@@ -27,8 +27,8 @@ FAR_FROM = 50.0
 """Ratio of neutral to default value from which an effect's size is sought on a logarithm."""
 BIASED = ("body_roll", "body_pitch", "rocker_", "bogie_", "current_")
 """Channels whose zero may be wrong; those of rates are the tachogenerators' gains."""
-SIZES = (0.3, 1.0, 3.0)
-"""Multiples of the default size at which an effect is tried, where it does not act in proportion to its size."""
+SMOOTHING = (".x_0", ".y_0", ".v_0", ".w_s", ".theta_c", ".relaxation")
+"""Quantities that round a law off at standstill, or say where a run began: no data tell them, so they stay."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def _candidate(effect: AnyEffect) -> Candidate:
     own = owner_name(effect)
     place = f"@{float(effect.values()['x_from']):.2f}" if "x_from" in effect.places else ""
     shapes = tuple(f"{own}.{name}" for name in quantities(effect) if name not in effect.neutral)
-    shapes = tuple(name for name in shapes if not name.endswith((".x_0", ".y_0", ".v_0", ".w_s")))
+    shapes = tuple(name for name in shapes if not name.endswith(SMOOTHING))
     return Candidate(own + place, effect, tuple(f"{own}.{name}" for name in effect.neutral), shapes)
 
 

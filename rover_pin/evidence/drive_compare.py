@@ -18,7 +18,9 @@ REFITTED, PROMISING = 5, 0.6
 """Candidates that are refitted, at most, and the share of its fee that one must promise to pay."""
 FAR_BEHIND = 0.02
 """Share of the best score below which a candidate is not refitted."""
-POLISHED = 2
+NEAR = 0.1
+"""Share of the best's net gain within which one that has gained, or had promised, so much is fitted to the end."""
+POLISHED = 3
 """Leaders that are fitted to the end, every slope computed again."""
 FAR = 3.0
 """Default sizes by which a size may move when a run is left out."""
@@ -70,7 +72,9 @@ def refit(base: DriveFit, scored: Sequence[Scored], count: int, progress: Progre
         progress(f"refitting with {row.candidate.name}")
         found.append(_refit(base, row, count, without, chord=True))
     ranked = sorted(found, key=lambda one: -one.net)
-    near = [one for one in ranked[:POLISHED] if one.net > 0 and one.net > ranked[0].net - 2 * ODDS]
+    promised = {row.candidate.name: row.gain - fee_of(row.candidate, count) for row in chosen}
+    reach = ranked[0].net - 3 * ODDS - NEAR * abs(ranked[0].net) if ranked else 0.0
+    near = [one for one in ranked if one.net > 0 and max(one.net, promised[one.name]) > reach][:POLISHED]
     for one in near if len(near) > 1 or (near and near[0].accepted) else ():
         progress(f"refitting with {one.name}, every slope anew")
         ranked[ranked.index(one)] = _polished(base, one, without)
