@@ -21,7 +21,7 @@ from rover_pin.evidence.drive_run import blocks, filled
 NOISE_LIKE = 1.3
 """RMS in SDs of its noise below which a channel's residual is called noise."""
 UNLISTED = 20.0
-"""Net gain of a carrier from which the residual is not noise: complete models of eight sets showed 6 at most."""
+"""Net gain of a carrier from which the residual is not noise: complete models of five sets showed 6 at most."""
 ALIKE = 0.999
 """Correlation of the duties from which two runs count as replicates."""
 SAME_PLACE, SAME_HEADING = 0.02, 0.05
