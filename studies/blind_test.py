@@ -62,13 +62,13 @@ class Answered(NamedTuple):
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="two sets")
+    parser.add_argument("--quick", action="store_true", help="one set")
     parser.add_argument("--calibrate", action="store_true", help="the seed on which limits are set")
     parser.add_argument("--sets", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/blind_test"))
     options = parser.parse_args()
-    seed, count = CALIBRATION if options.calibrate or options.quick else REPORTED, 2 if options.quick else options.sets
+    seed, count = CALIBRATION if options.calibrate or options.quick else REPORTED, 1 if options.quick else options.sets
     sets, answers = options.out / f"sets-{seed}", options.out / f"answers-{seed}.json"
     made = ["--out", sets, "--seed", seed, "--sets", count, "--workers", options.workers, "--answers", answers]
     subprocess.run([sys.executable, str(MAKE), *map(str, made)], check=True)
