@@ -9,6 +9,7 @@ from typing import Any
 
 from rover_pin.motion import laws
 from rover_pin.motion.body_law import Joints, body_law
+from rover_pin.motion.hoist import hoisted
 from rover_pin.motion.model import Model
 from rover_pin.motion.suspension import joints_of
 from rover_pin.motion.toolchain import shared_library
@@ -17,25 +18,33 @@ from rover_pin.quantity import quantities
 
 @dataclass(frozen=True)
 class CompiledLaws:
-    """The addresses of the generated laws and the work space they want; `body` is 0 where nothing acts on it."""
+    """The addresses of the generated laws and the work space they want; `body` is 0 where nothing acts on it.
+
+    The contact law is in two parts: `contact_before` gives the `held` values of a wheel and a soil for `contact`.
+    """
 
     handle: ctypes.CDLL
+    contact_before: int
     contact: int
     motor: int
     body: int
+    held: int
     work: tuple[int, int]
 
 
 @lru_cache(maxsize=64)
 def compiled_laws(structure: Any) -> CompiledLaws:
     """Return the laws of this structure, compiled; the numbers stay parameters, so a sweep compiles once."""
-    functions = [laws.contact_law(structure.contact), laws.motor_law(structure.motor, structure.motor_effects)]
+    contact = hoisted(laws.contact_law(structure.contact), len(laws.GEOMETRY))
+    functions = [*contact, laws.motor_law(structure.motor, structure.motor_effects)]
     if structure.body_effects:
         functions.append(body_law(structure.body_effects, structure.joints))
     handle = shared_library(laws.generated_source(*functions), "laws")
-    contact, motor, *body = (ctypes.cast(getattr(handle, f.name()), ctypes.c_void_p).value or 0 for f in functions)
+    before, during, motor, *body = (
+        ctypes.cast(getattr(handle, f.name()), ctypes.c_void_p).value or 0 for f in functions
+    )
     work = max(f.sz_iw() for f in functions), max(f.sz_w() for f in functions)
-    return CompiledLaws(handle, contact, motor, body[0] if body else 0, work)
+    return CompiledLaws(handle, before, during, motor, body[0] if body else 0, contact.before.numel_out(0), work)
 
 
 @dataclass(frozen=True)

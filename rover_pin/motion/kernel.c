@@ -13,7 +13,8 @@
 #define MAX_OUT 192
 #define N_SOIL 9
 #define SOIL_N 5 /* place of the exponent n in a soil's constants */
-#define N_CONTACT (9 + N_SOIL)
+#define N_GEOMETRY 7
+#define N_WHEEL 2
 #define N_RECORD 12
 #define PI 3.14159265358979323846
 #define DEEPEST 0.98 /* sinkage over radius at which the law is held; drives stop long before */
@@ -23,12 +24,15 @@ typedef int (*casadi_function)(const double **, double **, integer *, double *, 
 
 typedef struct { /* field order is mirrored in kernel.py */
   integer nv, n_wheels, n_cols, n_axles, n_contact_states, n_motor_states, n_joints, n_servos, n_stops, n_body, n_lanes, grid_nx, grid_ny;
+  integer n_soils, n_kinds, n_held;
   integer differential_left, differential_right, symmetric;
   double dt, direction_speed, grid_x0, grid_y0, grid_dx, grid_dy;
   double *M, *nle, *J, *q, *v, *du;
   double **centres;
   integer *cols, *col_count, *wheel_dof, *axle;
-  double *radius, *width;
+  double *radius;
+  integer *kind; /* wheels of one kind have the same sizes */
+  double *kinds; /* radius and width of each kind */
   integer *joint_dof, *joint_q, *joint_unbounded;
   integer *servo_dof, *servo_q;
   double *servo_target, *servo_gain; /* gain: stiffness, damping */
@@ -39,7 +43,9 @@ typedef struct { /* field order is mirrored in kernel.py */
   double *mirror_sign;
   double *contact_states, *motor_states;
   double *contact_odd;
-  double *contact_parameters, *motor_parameters, *body_parameters, *soils, *duty;
+  double *contact_parameters, *motor_parameters, *body_parameters, *soils;
+  double *held; /* what the contact law holds for each kind of wheel on each soil: n_kinds x n_soils x n_held */
+  double *duty;
   double *lane_borders;
   integer *lane_start;
   double *lane_x, *lane_z;
@@ -47,7 +53,7 @@ typedef struct { /* field order is mirrored in kernel.py */
   double *grid_z;
   integer *grid_ground;
   double *record, *energy, *loads, *differential; /* record: n_wheels x N_RECORD; energy: 6; differential: its torque */
-  casadi_function contact_law, motor_law, body_law;
+  casadi_function contact_before, contact_law, motor_law, body_law;
   integer *work_i;
   double *work_w;
 } Drive;
@@ -234,22 +240,22 @@ static const double GAUSS_WEIGHT[N_GAUSS] = {
 
 /* int_theta^theta_0 (cos t - cos theta_0)^n {cos t, 1} dt, nodes graded by u^2 towards the singular end theta_0. */
 static void depth_integrals(double theta, double theta_0, double n, double out[2]) {
-  if (theta < 0.0) { /* the integrand is even */
-    double whole[2], rest[2];
-    depth_integrals(0.0, theta_0, n, whole);
-    depth_integrals(-theta, theta_0, n, rest);
-    for (int i = 0; i < 2; ++i) out[i] = 2.0 * whole[i] - rest[i];
-    return;
-  }
-  double length = theta_0 - theta;
+  double length = theta_0 - theta, cosine = cos(theta_0), sine = sin(theta_0);
   out[0] = out[1] = 0.0;
+  if (length <= 0.0) return;
   for (int i = 0; i < N_GAUSS; ++i) {
-    double u = GAUSS_NODE[i], back = length * u * u, t = theta_0 - back;
-    double depth = 2.0 * sin(theta_0 - 0.5 * back) * sin(0.5 * back);
-    double part = GAUSS_WEIGHT[i] * 2.0 * length * u * pow(depth, n);
-    out[0] += part * cos(t);
+    double u = GAUSS_NODE[i], half = 0.5 * length * u * u, c = cos(half), s = sin(half);
+    double depth = 2.0 * (sine * c - cosine * s) * s; /* cos(theta_0 - 2 half) - cos(theta_0), without the loss */
+    double part = GAUSS_WEIGHT[i] * 2.0 * length * u * (n == 1.0 ? depth : pow(depth, n));
+    out[0] += part * (cosine + depth);
     out[1] += part;
   }
+}
+
+/* The same from any theta >= -theta_0, given the integrals from 0: the integrand is even. */
+static void integrals_from(double theta, double theta_0, double n, const double half[2], double out[2]) {
+  depth_integrals(fabs(theta), theta_0, n, out);
+  if (theta < 0.0) for (int i = 0; i < 2; ++i) out[i] = 2.0 * half[i] - out[i];
 }
 
 /* The part of facet k's contact arc that belongs to it: theta from its normal, between the bisectors to its neighbours.
@@ -280,10 +286,12 @@ static int find_patch(const Facet *facets, integer n, integer k, double radius, 
   patch->tilt = 0.0;
   if (low > -theta || high < theta) {
     if (deepest <= 1e-12) return 0;
-    double whole[2], upper[2], lower[2], reference = acos(1.0 - patch->sinkage / radius);
-    depth_integrals(0.0, reference, n_soil, whole);
-    depth_integrals(low, theta, n_soil, lower);
-    depth_integrals(high, theta, n_soil, upper);
+    double own[2], whole[2], upper[2], lower[2];
+    depth_integrals(0.0, theta, n_soil, own);
+    memcpy(whole, own, sizeof whole);
+    if (patch->sinkage < h) depth_integrals(0.0, acos(1.0 - patch->sinkage / radius), n_soil, whole);
+    integrals_from(low, theta, n_soil, own, lower);
+    integrals_from(high, theta, n_soil, own, upper);
     patch->share = 0.5 * (lower[0] - upper[0]) / whole[0];
     patch->turn = 0.5 * (lower[1] - upper[1]) / whole[1];
     double from = fmax(cos(low) - cosine, 0.0), to = fmax(cos(high) - cosine, 0.0);
@@ -318,9 +326,9 @@ static void mirror_law(Law *law, integer nx, const double *odd) {
   law->slip[1] *= -1;
 }
 
-static void evaluate_law(const Drive *d, const double *contact, const double *states, int mirrored, Law *law) {
+static void evaluate_law(const Drive *d, const double *contact, const double *held, const double *states, int mirrored, Law *law) {
   integer nx = d->n_contact_states;
-  double own_contact[N_CONTACT], own_states[MAX_STATES], out[MAX_OUT];
+  double own_contact[N_GEOMETRY], own_states[MAX_STATES], out[MAX_OUT];
   memcpy(own_contact, contact, sizeof own_contact);
   for (integer i = 0; i < nx; ++i) own_states[i] = states[i] * (mirrored ? d->contact_odd[i] : 1.0);
   if (mirrored) {
@@ -329,10 +337,10 @@ static void evaluate_law(const Drive *d, const double *contact, const double *st
     own_contact[4] = -contact[4];
     own_contact[6] = d->n_axles - 1 - contact[6];
   }
-  const double *arguments[3] = {own_contact, own_states, d->contact_parameters};
+  const double *arguments[3] = {own_contact, own_states, held};
   double *results[1] = {out};
   d->contact_law(arguments, results, d->work_i, d->work_w, 0);
-  const double *next = out; /* column-major blocks, in the order compiled.py writes them */
+  const double *next = out; /* column-major blocks, in the order laws.py writes them */
   for (int i = 0; i < 4; ++i) law->load[i] = *next++;
   for (int j = 0; j < 4; ++j) for (int i = 0; i < 4; ++i) law->by_speed[i][j] = *next++;
   for (integer i = 0; i < nx; ++i) law->rate[i] = *next++;
@@ -349,14 +357,14 @@ static void blend(double *a, const double *b, double share, size_t n) {
 }
 
 /* The law in the direction of travel; within the speed `direction_speed` around rest, a blend of both directions. */
-static void travel_law(const Drive *d, const double *contact, const double *states, Law *law) {
+static void travel_law(const Drive *d, const double *contact, const double *held, const double *states, Law *law) {
   double z = 0.5 * (contact[1] + contact[4]) / d->direction_speed;
   z = fmin(1.0, fmax(-1.0, z));
   double forwards = 0.5 + 0.25 * z * (3.0 - z * z);
-  if (forwards > 0.0) evaluate_law(d, contact, states, 0, law);
+  if (forwards > 0.0) evaluate_law(d, contact, held, states, 0, law);
   if (forwards < 1.0) {
     Law back;
-    evaluate_law(d, contact, states, 1, &back);
+    evaluate_law(d, contact, held, states, 1, &back);
     if (forwards > 0.0) blend((double *)law, (const double *)&back, forwards, sizeof(Law) / sizeof(double));
     else *law = back;
   }
@@ -403,12 +411,12 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
   cross(w->axle, N, t);
   unit(t);
   cross(N, t, l);
-  double contact[N_CONTACT] = {patch->sinkage, dot(w->velocity, t), dot(w->velocity, l), -dot(w->velocity, N),
-                               r * w->spin, w->centre[0], (double)d->axle[index], r, d->width[index]};
-  memcpy(contact + 9, d->soils + N_SOIL * patch->facet->ground, N_SOIL * sizeof(double));
+  double contact[N_GEOMETRY] = {patch->sinkage, dot(w->velocity, t), dot(w->velocity, l), -dot(w->velocity, N),
+                                r * w->spin, w->centre[0], (double)d->axle[index]};
+  const double *held = d->held + d->n_held * (d->kind[index] * d->n_soils + patch->facet->ground);
   Law law;
   double *states = d->contact_states + index * nx;
-  travel_law(d, contact, states, &law);
+  travel_law(d, contact, held, states, &law);
 
   /* the states' step dx = (I - dt/2 r_x)^-1 dt (r + r_v dv/2); half of it acts on the load of the implicit solve */
   double step[MAX_STATES][5];
@@ -749,6 +757,19 @@ static void mirror_speeds(const Drive *d) {
   double image[MAX_DOF];
   for (integer i = 0; i < d->nv; ++i) image[i] = d->mirror_sign[i] * d->v[d->mirror_index[i]];
   for (integer i = 0; i < d->nv; ++i) d->v[i] = 0.5 * (d->v[i] + image[i]);
+}
+
+/* Work out what the contact law holds; again after every change of the soils. */
+void rover_pin_hold(const Drive *d) {
+  double constants[N_WHEEL + N_SOIL], *row = d->held;
+  const double *arguments[2] = {constants, d->contact_parameters};
+  for (integer kind = 0; kind < d->n_kinds; ++kind)
+    for (integer soil = 0; soil < d->n_soils; ++soil, row += d->n_held) {
+      memcpy(constants, d->kinds + N_WHEEL * kind, N_WHEEL * sizeof(double));
+      memcpy(constants + N_WHEEL, d->soils + N_SOIL * soil, N_SOIL * sizeof(double));
+      double *results[1] = {row};
+      d->contact_before(arguments, results, d->work_i, d->work_w, 0);
+    }
 }
 
 /* For the caller to check that its mirror of the struct is this one. */

@@ -21,15 +21,15 @@ from rover_pin.motion.toolchain import shared_library
 
 INTEGERS = (
     "nv n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes grid_nx "
-    "grid_ny differential_left differential_right symmetric"
+    "grid_ny n_soils n_kinds n_held differential_left differential_right symmetric"
 ).split()
 NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy".split()
 POINTERS = (
-    "M nle J q v du centres cols col_count wheel_dof axle radius width joint_dof joint_q joint_unbounded servo_dof "
-    "servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain body_dof body_q mirror_index mirror_sign "
-    "contact_states motor_states contact_odd contact_parameters motor_parameters body_parameters soils duty "
-    "lane_borders lane_start lane_x lane_z lane_ground grid_z grid_ground record energy loads differential "
-    "contact_law motor_law body_law work_i work_w"
+    "M nle J q v du centres cols col_count wheel_dof axle radius kind kinds joint_dof joint_q joint_unbounded "
+    "servo_dof servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain body_dof body_q mirror_index "
+    "mirror_sign contact_states motor_states contact_odd contact_parameters motor_parameters body_parameters soils "
+    "held duty lane_borders lane_start lane_x lane_z lane_ground grid_z grid_ground record energy loads differential "
+    "contact_before contact_law motor_law body_law work_i work_w"
 ).split()
 """Fields of the C struct Drive, in its order."""
 
@@ -64,6 +64,8 @@ def library() -> ctypes.CDLL:
     made.rover_pin_step.argtypes = [ctypes.c_void_p]
     made.rover_pin_drift.argtypes = [ctypes.c_void_p]
     made.rover_pin_drift.restype = None
+    made.rover_pin_hold.argtypes = [ctypes.c_void_p]
+    made.rover_pin_hold.restype = None
     assert made.rover_pin_size() == ctypes.sizeof(DriveStruct), "kernel.py does not mirror the struct of kernel.c"
     return made
 
@@ -90,6 +92,7 @@ class Kernel:
         self._bind_laws()
         self._drift, self._step = library().rover_pin_drift, library().rover_pin_step
         self._address = ctypes.addressof(self.struct)
+        self.resoil(self.soils)
 
     def step(self) -> int:
         """Advance the state by dt; return 0, or 1 (not finite) or 2 (singular)."""
@@ -98,6 +101,11 @@ class Kernel:
         pin.crba(self.pin_model, self.data, q, pin.Convention.WORLD)
         pin.nonLinearEffects(self.pin_model, self.data, q, v)
         return int(self._step(self._address))
+
+    def resoil(self, soils: np.ndarray) -> None:
+        """Let the soils have these constants from now on: (soils, quantities), in the order of `Soil`'s fields."""
+        self.soils[:] = soils
+        library().rover_pin_hold(self._address)
 
     def energies(self) -> tuple[float, float]:
         """Return kinetic and potential energy [J] at the present state."""
@@ -126,6 +134,8 @@ class Kernel:
         for row, own in zip(cols, columns, strict=True):
             row[: len(own)] = own
         self.centres = [data.oMi[wheel.joint].translation for wheel in rover.wheels]
+        sizes = np.array([[float(wheel.wheel.r), float(wheel.wheel.b)] for wheel in rover.wheels])
+        kinds, kind = np.unique(sizes, axis=0, return_inverse=True)
         joints = [model.joints[j] for j in range(2, model.njoints)]
         perm, sign = rover.mirror
         differential = rover.differential if self.model.rigid_differential else None
@@ -145,8 +155,10 @@ class Kernel:
             col_count=np.array([len(own) for own in columns], dtype=np.int64),
             wheel_dof=np.array([wheel.dof for wheel in rover.wheels], dtype=np.int64),
             axle=np.array([wheel.axle for wheel in rover.wheels], dtype=np.int64),
-            radius=np.array([float(wheel.wheel.r) for wheel in rover.wheels]),
-            width=np.array([float(wheel.wheel.b) for wheel in rover.wheels]),
+            radius=sizes[:, 0].copy(),
+            n_kinds=len(kinds),
+            kind=np.asarray(kind, dtype=np.int64).ravel(),
+            kinds=kinds,
             joint_dof=np.array([joint.idx_v for joint in joints], dtype=np.int64),
             joint_q=np.array([joint.idx_q for joint in joints], dtype=np.int64),
             joint_unbounded=np.array([joint.nq == 2 for joint in joints], dtype=np.int64),
@@ -241,12 +253,16 @@ class Kernel:
     def _bind_laws(self) -> None:
         model = self.model
         made = compiled_laws(structure_of(model))
-        soils = np.array([laws.numbers([soil]) for soil in model.soils])
+        self.soils = np.array([laws.numbers([soil]) for soil in model.soils])
         self._set(
-            soils=soils,
+            soils=self.soils,
+            n_soils=len(self.soils),
+            n_held=made.held,
+            held=np.zeros((self.struct.n_kinds * len(self.soils), max(1, made.held))),
             contact_parameters=np.append(laws.numbers(model.contact_effects), 0.0),
             motor_parameters=laws.numbers([model.motor, *model.motor_effects]),
             body_parameters=np.append(laws.numbers(model.body_effects), 0.0),
+            contact_before=made.contact_before,
             contact_law=made.contact,
             motor_law=made.motor,
             body_law=made.body,

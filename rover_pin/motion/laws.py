@@ -49,6 +49,9 @@ def contact_law(effects: Sequence[Effect]) -> ca.Function:
     contact = Contact(S=0.0, S_y=0.0, wheel=wheel, soil=soil, **geometry)  # type: ignore[arg-type]
     for effect, x in zip(own, states, strict=True):
         contact = effect.amend(contact, x)  # type: ignore[attr-defined]
+    slip = ca.vertcat(contact.S, contact.S_y, contact.h)
+    known = ca.SX.sym("slip", 3)
+    contact = contact._replace(S=known[0], S_y=known[1], h=known[2])
     load = Load()
     for effect, x in zip(own, states, strict=True):
         load = load.plus(effect.load(contact, load, x))  # type: ignore[attr-defined]
@@ -57,15 +60,14 @@ def contact_law(effects: Sequence[Effect]) -> ca.Function:
     force, rate, x = ca.vertcat(*load), _column(rates), _column(states)
     blocks = [
         force,
-        *_derivatives(force, inputs[SPEEDS]),
+        *_through(known, slip, force, inputs[SPEEDS]),
         rate,
-        *_derivatives(rate, inputs[SPEEDS]),
-        *_derivatives(force, x),
-        *_derivatives(rate, x),
-        contact.S,
-        contact.S_y,
+        *_through(known, slip, rate, inputs[SPEEDS]),
+        *_through(known, slip, force, x),
+        *_through(known, slip, rate, x),
+        slip[:2],
     ]
-    out = ca.densify(ca.vertcat(*blocks))
+    out = ca.substitute(ca.densify(ca.vertcat(*blocks)), known, slip)
     return ca.Function("contact_law", [ca.vertcat(inputs, constants), x, parameters], [out])
 
 
@@ -135,6 +137,14 @@ def _derivatives(of: ca.SX, by: ca.SX) -> list[ca.SX]:
     if of.numel() == 0 or by.numel() == 0:
         return []
     return [ca.vec(ca.densify(ca.jacobian(of, by)))]
+
+
+def _through(known: ca.SX, slip: ca.SX, of: ca.SX, by: ca.SX) -> list[ca.SX]:
+    """Return d of / d by with `known` for what is `slip` of `by`: the quadrature is differentiated once by each."""
+    if of.numel() == 0 or by.numel() == 0:
+        return []
+    chain = ca.mtimes(ca.jacobian(of, known), ca.jacobian(slip, by))
+    return [ca.vec(ca.densify(ca.jacobian(of, by) + chain))]
 
 
 Law = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]

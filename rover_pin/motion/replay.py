@@ -183,9 +183,10 @@ class _Rerun:
         self.kernel.pin_model.gravity.linear = self.down + pull * forward
 
     def _grip(self, share: float) -> None:
-        soils = self.kernel.keep["soils"]
+        soils = self.kernel.soils.copy()
         for at, soil in enumerate(self.model.soils):
             soils[at, list(soil.values()).index("phi")] = math.atan((1.0 + share) * math.tan(float(soil.phi)))
+        self.kernel.resoil(soils)
 
     def _draw(self, row: int) -> None:
         """Move the rover towards the logged place and heading by the share of one row."""

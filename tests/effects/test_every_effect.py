@@ -11,8 +11,11 @@ import pytest
 import rover_pin.effects
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Body, BodyEffect, Drive, Effect, MotorEffect, SensorEffect
+from rover_pin.effects.slip import RelaxedSlip
+from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.motion.body_law import Joints, body_law
-from rover_pin.motion.laws import contact_law, numbers
+from rover_pin.motion.hoist import hoisted
+from rover_pin.motion.laws import GEOMETRY, contact_law, numbers
 from rover_pin.quantity import quantities
 
 
@@ -112,17 +115,34 @@ def test_finite_over_the_declared_bounds(kind):
         assert np.all(np.isfinite([float(v) for v in act(effect, contact, states_of(effect, rng))]))
 
 
+def chain_of(own):
+    """A slip law, the paper's traction, and the effect: after them, or in the place of the one it stands for."""
+    if type(own).__name__ == "AlgebraicSlip":
+        return [own, SoilTraction()]
+    chain = [own if type(own) is type(each) else each for each in (RelaxedSlip(), SoilTraction())]
+    return chain if own in chain else [*chain, own]
+
+
+@pytest.mark.parametrize("kind", CONTACT_EFFECTS, ids=lambda kind: kind.__name__)
+def test_the_law_in_two_parts_is_the_whole_law(kind):
+    rng = np.random.default_rng(6)
+    law = contact_law(chain_of(kind()))
+    split = hoisted(law, len(GEOMETRY))
+    for contact in contacts(rng, 20):
+        parameters = numbers(chain_of(drawn(kind, rng)))
+        geometry = [getattr(contact, name) for name in GEOMETRY]
+        constants = numbers([drawn(Wheel, rng), drawn(Soil, rng)])
+        states = rng.uniform(-0.5, 0.5, law.numel_in(1))
+        whole = np.array(law([*geometry, *constants], states, parameters))
+        parts = np.array(split.during(geometry, states, split.before(constants, parameters)))
+        assert np.all(np.isfinite(whole))
+        assert parts == pytest.approx(whole, rel=1e-13, abs=1e-300)
+
+
 @pytest.mark.parametrize("kind", CONTACT_EFFECTS, ids=lambda kind: kind.__name__)
 def test_derivatives_equal_central_differences(kind):
     """Of the load by the speeds, as the implicit step uses them, at smooth points."""
-    from rover_pin.effects.slip import RelaxedSlip
-    from rover_pin.effects.soil_traction import SoilTraction
-
-    own = kind()
-    base = [RelaxedSlip(), SoilTraction()]
-    chain = [own if type(own) is type(each) else each for each in base]
-    chain = [chain[1], own] if kind.__name__ == "AlgebraicSlip" else chain if own in chain else [*chain, own]
-    chain = [own, SoilTraction()] if kind.__name__ == "AlgebraicSlip" else chain
+    chain = chain_of(kind())
     law, parameters = contact_law(chain), numbers(chain)
     states = np.zeros(law.numel_in(1))
     states[: min(1, len(states))] = 0.2

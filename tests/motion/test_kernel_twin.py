@@ -1,5 +1,6 @@
 """The compiled step against the plain one, which shares neither geometry code nor linear algebra with it."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -24,9 +25,17 @@ ROVER = load_rover()
 GRIPPY = Soil(k=0.004)
 
 
-def model(terrain, slip, traction=SoilTraction(), soil=GRIPPY):
-    made = Model(ROVER, terrain, (soil, HARD_GROUND), Motor(), slip, base_effects(soil, ROVER, traction))
+def model(terrain, slip, traction=SoilTraction(), soil=GRIPPY, rover=ROVER):
+    made = Model(rover, terrain, (soil, HARD_GROUND), Motor(), slip, base_effects(soil, rover, traction))
     return made.having(GearFriction(tau_c=0.02))
+
+
+def narrow_in_front(rover):
+    """The rover with front wheels of half the width."""
+    front = max(mount.axle for mount in rover.wheels)
+    narrow = rover.wheel.replace(b=rover.wheel.b / 2)
+    mounts = (dataclasses.replace(each, wheel=narrow) if each.axle == front else each for each in rover.wheels)
+    return dataclasses.replace(rover, wheels=tuple(mounts))
 
 
 CASES = {
@@ -37,6 +46,7 @@ CASES = {
     "hills": (model(shapes.hills(1), RelaxedSlip()), Start(y=0.3, yaw=1.0)),
     "eq-1": (model(shapes.bump(at=0.2, ground=1), AlgebraicSlip()), Start()),
     "net": (model(shapes.flat(), RelaxedSlip(), SoilTraction(NetTraction(), SinkageAngles())), Start()),
+    "two-widths": (model(shapes.bump(at=0.2, ground=1), RelaxedSlip(), rover=narrow_in_front(ROVER)), Start()),
 }
 
 
@@ -99,3 +109,18 @@ def test_the_mirror_symmetric_mode_is_symmetric():
     perm, sign = ROVER.mirror
     assert np.array_equal(state.v, sign * state.v[perm])
     assert state.q[1] == 0.0
+
+
+def test_changed_soils_act_as_if_they_had_been_there_from_the_start():
+    made, start = CASES["eq-1"]
+    firmer = tuple(soil.replace(phi=soil.phi * 1.1) for soil in made.soils)
+    state = settled(made, start)
+    other = state.copy()
+    kernel = Kernel(made, state, 0.005, symmetric=False)
+    fresh = Kernel(dataclasses.replace(made, soils=firmer), other, 0.005, symmetric=False)
+    kernel.resoil(np.array([list(soil.values().values()) for soil in firmer]))
+    for _ in range(100):
+        kernel.duty[:] = fresh.duty[:] = 0.7
+        assert (kernel.step(), fresh.step()) == (0, 0)
+    assert np.array_equal(state.q, other.q)
+    assert np.array_equal(kernel.record, fresh.record)
