@@ -14,7 +14,7 @@ from rover_pin.evidence.drive_bench import Bench
 from rover_pin.evidence.drive_fit import DriveFit, Task, slopes_at
 from rover_pin.evidence.drive_menu import MenuRun
 from rover_pin.evidence.drive_noise import Noise
-from rover_pin.evidence.drive_run import LoggedRun, blocks, comparable_rows
+from rover_pin.evidence.drive_run import WHOLE, LoggedRun, blocks, comparable_rows
 from rover_pin.motion.model import Model
 from rover_pin.motion.place import settled
 from rover_pin.motion.replay import Commands, Replay, replay
@@ -137,14 +137,15 @@ def contrast(run: MenuRun, fits: tuple[DriveFit, DriveFit], channels: tuple[str,
     if free.stop or held.stop:
         return None
     moving = [_moving(commands, drive, one) for drive in (free, held)]
-    blank = np.zeros((len(channels), len(moving[0])))
+    compared = [blocks(rows, commands.period) > WHOLE for rows in moving]
+    blank = np.zeros((len(channels), len(compared[0])))
     ahead = LoggedRun(run.said, commands, channels, blank, place[:, 2], {}, moving[0] | moving[1])
     bench = Bench((ahead,), (rest,), fits[0].task.bench.jobs)
     first, second = (bench.read([drive], model.sensor_effects) for drive, model in ((free, one), (held, other)))
-    return Contrast(run, fits, (one, other), bench, first - second, (moving[0], moving[1]))
+    return Contrast(run, fits, (one, other), bench, first - second, (compared[0], compared[1]))
 
 
 def _moving(commands: Commands, drive: Replay, model: Model) -> np.ndarray:
-    """Return which blocks would be compared if this were what the rover did."""
+    """Return which rows would be compared if this were what the rover did."""
     rates = [drive.channels[f"wheel_rate_{wheel.name}"] for wheel in model.rover.wheels]
-    return np.asarray(blocks(comparable_rows(commands, rates), commands.period) > 0.999)
+    return comparable_rows(commands, rates)

@@ -101,7 +101,7 @@ def test_a_log_too_poor_says_so_instead_of_answering(tmp_path):
 def test_a_model_of_the_other_kind_is_refused(tmp_path):
     folder = drive_sets.write(tmp_path, runs=1, duration=1.0)
     log = read_drive_log(folder)
-    with pytest.raises(DataError, match="a drive log starts from a rover's model, not a RigModel"):
+    with pytest.raises(DataError, match="a drive log starts from a rover's model, not from a RigModel"):
         close_the_loop(log, RigModel(Wheel(), Soil()))
     with pytest.raises(DataError, match="a wheel-rig set starts from a wheel's model"):
         close_the_loop(RIG, drive_sets.base())
