@@ -20,6 +20,7 @@ def blocks(language):
 
 @pytest.mark.parametrize("code", blocks("python"), ids=lambda code: code.splitlines()[0][:40])
 def test_the_python_runs(code, tmp_path, monkeypatch, capsys):
+    (tmp_path / "studies").symlink_to(ROOT / "studies")
     monkeypatch.chdir(tmp_path)
     # Dataclasses look their module up by name, so the block needs one.
     exec(compile(code, "README.md", "exec"), {"__name__": __name__})
