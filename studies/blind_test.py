@@ -87,13 +87,13 @@ def answered(folder: Path) -> None:
     log = read_drive_log(folder)
     found = search(calibrated(log, with_spread(base_model(log)), 1, lambda said: None), None, lambda said: None)
     left = describe(found.last)
-    replace_file(kept, pickle.dumps(Answered(answer_of(found, left), found, left)))
+    replace_file(kept, pickle.dumps((answer_of(found, left), found, left)))
     print(f"{folder.name}: {answer_of(found, left).value} {[one.name for one in found.found]}", flush=True)
 
 
 def case_of(folder: Path, truth: dict[str, Any]) -> Case:
     """Return how one answer compares with the truth."""
-    one: Answered = pickle.loads((folder / "answer.pickle").read_bytes())
+    one = Answered(*pickle.loads((folder / "answer.pickle").read_bytes()))
     kind, hidden = KINDS[truth["kind"]], truth["hidden"]
     names = tuple(name_of(each) for each in hidden)
     found = one.search
