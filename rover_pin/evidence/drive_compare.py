@@ -14,7 +14,7 @@ from rover_pin.evidence.drive_noise import huber, huber_weights
 from rover_pin.evidence.drive_parameters import Parameter, value_of, with_values
 from rover_pin.evidence.drive_screen import Scored, fee_of, started
 
-REFITTED, PROMISING = 5, 0.6
+REFITTED, PROMISING = 5, 0.4
 """Candidates that are refitted, at most, and the share of its fee that one must promise to pay."""
 FAR_BEHIND = 0.02
 """Share of the best score below which a candidate is not refitted."""
@@ -26,8 +26,8 @@ FAR = 3.0
 """Default sizes by which a size may move when a run is left out."""
 SMALL = 0.1
 """Share of its first size from which a candidate is fitted again, where it did not do better than none."""
-ODDS = 10.0
-"""Candidates within this of the best are not told apart: odds of 1 in 150."""
+ODDS = 20.0
+"""Candidates within this of the best are not told apart: odds of 1 in 100, chance gaining as much more as it does."""
 
 Progress = Callable[[str], None]
 
@@ -73,7 +73,7 @@ def refit(base: DriveFit, scored: Sequence[Scored], count: int, progress: Progre
         found.append(_refit(base, row, count, without, chord=True))
     ranked = sorted(found, key=lambda one: -one.net)
     promised = {row.candidate.name: row.gain - fee_of(row.candidate, count) for row in chosen}
-    reach = ranked[0].net - 3 * ODDS - NEAR * abs(ranked[0].net) if ranked else 0.0
+    reach = ranked[0].net - 2 * ODDS - NEAR * abs(ranked[0].net) if ranked else 0.0
     near = [one for one in ranked if one.net > 0 and max(one.net, promised[one.name]) > reach][:POLISHED]
     for one in near if len(near) > 1 or (near and near[0].accepted) else ():
         progress(f"refitting with {one.name}, every slope anew")
