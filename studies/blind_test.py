@@ -12,12 +12,12 @@ Method
 Result
     Seed 902, 17 sets answered with the limits as first set (fees of white noise). Of 3 detectable single effects all
     were found, 2 of them with a second that is not there; 2 of 6 null sets raised an alarm; of 3 effects too small to
-    detect 1 got a wrong name; of a pair one was found, with two that are not there. Of 4 off-list sets 2 were called none
-    of these with a truthful description (washboard: a change of grip; eccentric wheel: a torque that goes with that
-    wheel's angle), in 1 (a loose wheel) nothing was named, 1 (a slope error) was taken for a tilt with a tether. What was
-    not there gained 1.03 to 2.2 times its fee, the true ones 17 to 155 times. So the fees were raised 2.25-fold, which
-    takes all of these false names away but the slope error's. That makes seed 902 calibration: the run on seed 1303 with
-    the limits as they are now is still owed.
+    detect 1 got a wrong name; of a pair one was found, with two that are not there. Of 4 off-list sets 2 were called
+    none of these with a truthful description (washboard: a change of grip; eccentric wheel: a torque that goes with
+    that wheel's angle), in 1 (a loose wheel) nothing was named, 1 (a slope error) was taken for a tilt with a tether.
+    What was not there gained 1.03 to 2.2 times its fee, the true ones 17 to 155 times. So the fees were raised
+    2.25-fold, which takes all of these false names away but the slope error's. That makes seed 902 calibration: the
+    run on seed 1303 with the limits as they are now is still owed.
 What the paper says
     Nothing: it compares by eye.
 What differs
