@@ -323,7 +323,7 @@ def test_sizes_that_would_show(verdict):
     assert found["TorqueSaturation"].size == "i_max near 0.03 A"
     assert found["TorqueSaturation"].usual == ""
     assert found["GearFriction"].why == "the uncertain numbers imitate 99.0% of what it does"
-    assert found["WeakMotor"].why.startswith("would show from 3.0 times")
+    assert found["WeakMotor"].why.startswith("would show from 4.6 times")
     assert found["WeakMotor"].size.startswith("g off")
     assert found["WindingHeating"].why == "moves nothing that was measured here"
     assert found["WindingHeating"].size.endswith("beyond its bounds")
