@@ -211,6 +211,8 @@ def confusion(cases: Sequence[Case]) -> pd.DataFrame:
             first = " + ".join(sorted(case.alike[0])) if case.told else case.outcome.value
             inside = set(case.truth) in [set(one) for one in case.alike]
             counts[_truth(case), "true one, or in the set" if case.told and inside else first] += 1
+    if not counts:
+        return pd.DataFrame()
     table = pd.Series(counts).unstack(fill_value=0)
     return table[sorted(table.columns, key=lambda name: (not name.startswith("true"), name))]
 
