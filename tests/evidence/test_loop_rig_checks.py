@@ -107,10 +107,11 @@ def test_a_correlation_beyond_chance_is_a_caution():
 
 
 @pytest.mark.slow
-def test_ding_s_wheel_says_that_its_folds_disagree(tmp_path):
+def test_ding_s_wheel_comes_with_its_cautions(tmp_path):
     verdict = close_the_loop(DATA / "ding-2011-smooth", out=tmp_path)
-    assert any("folds choose" in said for said in verdict.cautions)
-    assert any("levels are few" in said for said in verdict.cautions)
+    assert "folds" in verdict.chosen_again
+    assert any("phi sits away from its independent value" in said for said in verdict.cautions)
+    assert any("times its noise" in said for said in verdict.cautions)
     page = (tmp_path / "report.html").read_text()
     assert all(said in page for said in verdict.cautions)
 
