@@ -1,5 +1,6 @@
 """What accompanies a verdict: residual tests, the choice made anew, profiles, cautions; and how blind tests score."""
 
+import html
 import importlib.util
 import math
 import sys
@@ -112,7 +113,7 @@ def test_ding_s_wheel_comes_with_its_cautions(tmp_path):
     assert "folds" in verdict.chosen_again
     assert any("phi sits away from its independent value" in said for said in verdict.cautions)
     assert any("times its noise" in said for said in verdict.cautions)
-    page = (tmp_path / "report.html").read_text()
+    page = html.unescape((tmp_path / "report.html").read_text())
     assert all(said in page for said in verdict.cautions)
 
 
