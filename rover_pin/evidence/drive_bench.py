@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -44,21 +45,15 @@ class Bench:
         """Measured features (runs, channels, blocks); not a number where nothing is compared."""
         return self._padded([run.seen for run in self.runs])
 
-    def keeping(self, runs: Sequence[int]) -> Bench:
-        """Return the bench with these runs only."""
-        return Bench(tuple(self.runs[run] for run in runs), tuple(self.rests[run] for run in runs), self.jobs)
+    @property
+    def free(self) -> Bench:
+        """The bench on which nothing draws the rover to the logged places: it drives freely from its start."""
+        return dataclasses.replace(self, runs=tuple(_free(run) for run in self.runs))
 
-    def predict(self, models: Sequence[Model], nudges: Sequence[Sequence[Nudge]] | None = None) -> np.ndarray:
-        """Return the features of each model (models, runs, channels, blocks), each perhaps nudged, one nudge a run."""
-        nudge = nudges or [[Nudge()] * len(self.runs)] * len(models)
+    def predict(self, models: Sequence[Model]) -> np.ndarray:
+        """Return the features of each model (models, runs, channels, blocks)."""
         pairs = list(zip(self.runs, self.rests, strict=True))
-        found = self._spread(
-            [
-                delayed(_features)(model, run, one, rest)
-                for model, own in zip(models, nudge, strict=True)
-                for one, (run, rest) in zip(own, pairs, strict=True)
-            ]
-        )
+        found = self._spread([delayed(_features)(model, run, rest) for model in models for run, rest in pairs])
         rows = len(self.runs)
         return np.array([self._padded(found[rows * at : rows * (at + 1)]) for at in range(len(models))])
 
@@ -89,6 +84,11 @@ def bench_of(runs: Sequence[LoggedRun], model: Model, jobs: int = 1) -> Bench:
     return Bench(tuple(runs), tuple(Parallel(n_jobs=jobs)(delayed(_rest)(model, run.commands) for run in runs)), jobs)
 
 
+def _free(run: LoggedRun) -> LoggedRun:
+    nowhere = np.full_like(run.commands.place, np.nan)
+    return dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=nowhere))
+
+
 def _rest(model: Model, run: Commands) -> DriveState | None:
     try:
         return settled(model, run.start)
@@ -104,6 +104,6 @@ def _replayed(model: Model, run: Commands, nudge: Nudge, rest: DriveState | None
         return Replay({"t_s": run.t}, str(error))
 
 
-def _features(model: Model, run: LoggedRun, nudge: Nudge, rest: DriveState | None) -> np.ndarray:
-    features = run.features(_replayed(model, run.commands, nudge, rest).channels, model.sensor_effects)
+def _features(model: Model, run: LoggedRun, rest: DriveState | None) -> np.ndarray:
+    features = run.features(_replayed(model, run.commands, Nudge(), rest).channels, model.sensor_effects)
     return np.nan_to_num(features, nan=LOST, posinf=LOST, neginf=-LOST)

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from rover_pin.effects.sensor_bias import SensorBias
-from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.evidence.drive_bench import Bench
 from rover_pin.evidence.drive_parameters import Parameter, find, owner_name, value_of
-from rover_pin.motion.effect_files import AnyEffect, package_effects, user_effects
+from rover_pin.motion.effect_files import AnyEffect, package_effects, reading_traction, user_effects
 from rover_pin.motion.model import Model
 from rover_pin.quantity import quantities
 
@@ -130,7 +129,7 @@ def _candidate(effect: AnyEffect) -> Candidate:
 
 def variants(kind: type[AnyEffect], model: Model, bench: Bench) -> Iterable[AnyEffect]:
     """Return the effect at its default size, once for every wheel, channel or place where it may be."""
-    effect = _shared(kind(), model)
+    effect: Any = reading_traction(kind(), model.effects)
     fields = {each.name: each for each in dataclasses.fields(effect)}
     if isinstance(effect, SensorBias):
         names = [name for name in bench.channels if name.startswith(BIASED)]
@@ -157,12 +156,3 @@ def _places(bench: Bench, length: float) -> list[float]:
     low, high = float(np.nanmin(xs)) - 0.1, float(np.nanmax(xs)) + 0.1
     count = max(1, math.ceil((high - low) / SPACING))
     return [low + SPACING * at - length / 4 for at in range(count)]
-
-
-def _shared(effect: Any, model: Model) -> Any:
-    """Return an effect that reads the traction law with the model's own form and angles."""
-    asked = {each.name for each in dataclasses.fields(effect)} - set(quantities(effect))
-    for traction in model.effects:
-        if isinstance(traction, SoilTraction):
-            return effect.replace(**{name: getattr(traction, name) for name in asked if hasattr(traction, name)})
-    return effect

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -75,20 +74,17 @@ class FreeRun(NamedTuple):
 
 def free_runs(bench: Bench, before: Model, after: Model) -> tuple[FreeRun, ...]:
     """Return how far the free simulations of all runs stray from the log, before and after."""
-    loose = tuple(dataclasses.replace(run, commands=_loose(run.commands)) for run in bench.runs)
-    free = dataclasses.replace(bench, runs=loose)
     strayed = [
-        [_strayed(run.commands, replay.channels) for run, replay in zip(bench.runs, free.replays(model), strict=True)]
+        [
+            _strayed(run.commands, replay.channels)
+            for run, replay in zip(bench.runs, bench.free.replays(model), strict=True)
+        ]
         for model in (before, after)
     ]
     return tuple(
         FreeRun(run.name, _distance(run.commands), was, now)
         for run, was, now in zip(bench.runs, strayed[0], strayed[1], strict=True)
     )
-
-
-def _loose(run: Commands) -> Commands:
-    return dataclasses.replace(run, place=np.full_like(run.place, np.nan))
 
 
 def _strayed(run: Commands, channels: dict[str, np.ndarray]) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -178,13 +177,7 @@ def _finished(figure: Figure, title: str) -> Figure:
 
 def strayed(bench: Bench, model: Model) -> list[np.ndarray]:
     """Return the distance of each run's free simulation from the logged place [m], by means over half a second."""
-    loose = tuple(
-        dataclasses.replace(
-            run, commands=dataclasses.replace(run.commands, place=np.full_like(run.commands.place, np.nan))
-        )
-        for run in bench.runs
-    )
-    replays = dataclasses.replace(bench, runs=loose).replays(model)
+    replays = bench.free.replays(model)
     return [_off(run.commands, replay.channels) for run, replay in zip(bench.runs, replays, strict=True)]
 
 

@@ -17,11 +17,11 @@ from rover_pin.evidence.drive_remainder import Remainder
 from rover_pin.evidence.drive_search import Round, Search
 from rover_pin.evidence.finding import Finding
 from rover_pin.evidence.heldout import ChannelScore
+from rover_pin.evidence.profile import NORMAL_95
 from rover_pin.evidence.verdict import Answer, plain, score_line, shown
 from rover_pin.motion.effect_files import AnyEffect
 from rover_pin.motion.model import Model
 
-NORMAL_95 = 1.959964
 DRIFTED = 3.0
 """Prior SDs from which a number is said to sit away from what was declared of it."""
 

@@ -8,21 +8,23 @@ import importlib.util
 import inspect
 import pkgutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import rover_pin.effects
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
+from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, closest
-from rover_pin.quantity import declared, quantities, record_from
+from rover_pin.quantity import Record, declared, quantities, record_from
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import FORMS
 
 BASES = (Effect, MotorEffect, BodyEffect, SensorEffect)
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
+OneKind = TypeVar("OneKind", bound=Record)
 ANGLES = {kind.__name__: kind() for kind in (FixedAngles, SinkageAngles)}
 CHOICES: dict[str, Mapping[str, Any]] = {"is no traction form": FORMS, "are no angles": ANGLES}
 """How one says that there is none, and the choices by the word for them in a file."""
@@ -79,6 +81,15 @@ def run_file(file: Path) -> ModuleType:
         del sys.modules[name]
         raise DataError(f"{file}: the effect file cannot be run: {type(error).__name__}: {error}.") from error
     return module
+
+
+def reading_traction(effect: OneKind, present: Iterable[Any]) -> OneKind:
+    """Return an effect that reads the traction law with the form and angles of the `SoilTraction` that is present."""
+    asked = {field.name for field in dataclasses.fields(effect)} - set(quantities(effect))
+    for traction in present:
+        if isinstance(traction, SoilTraction):
+            return effect.replace(**{name: getattr(traction, name) for name in asked if hasattr(traction, name)})
+    return effect
 
 
 def effect_entry(effect: AnyEffect) -> dict[str, Any]:
