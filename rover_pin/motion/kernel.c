@@ -356,17 +356,23 @@ static void blend(double *a, const double *b, double share, size_t n) {
   for (size_t i = 0; i < n; ++i) a[i] = share * a[i] + (1.0 - share) * b[i];
 }
 
-/* The law in the direction of travel; within the speed `direction_speed` around rest, a blend of both directions. */
+/* The law in the direction of travel; within the speed `direction_speed` around rest, a blend of both directions.
+   Its slopes hold the blend's own: near rest they are the stiffest part of a resistance that turns with the wheel. */
 static void travel_law(const Drive *d, const double *contact, const double *held, const double *states, Law *law) {
   double z = 0.5 * (contact[1] + contact[4]) / d->direction_speed;
   z = fmin(1.0, fmax(-1.0, z));
   double forwards = 0.5 + 0.25 * z * (3.0 - z * z);
-  if (forwards > 0.0) evaluate_law(d, contact, held, states, 0, law);
-  if (forwards < 1.0) {
-    Law back;
-    evaluate_law(d, contact, held, states, 1, &back);
-    if (forwards > 0.0) blend((double *)law, (const double *)&back, forwards, sizeof(Law) / sizeof(double));
-    else *law = back;
+  evaluate_law(d, contact, held, states, forwards <= 0.0, law);
+  if (forwards <= 0.0 || forwards >= 1.0) return;
+  Law back;
+  evaluate_law(d, contact, held, states, 1, &back);
+  double slope = 0.375 * (1.0 - z * z) / d->direction_speed, load[4], rate[MAX_STATES];
+  for (int i = 0; i < 4; ++i) load[i] = slope * (law->load[i] - back.load[i]);
+  for (integer i = 0; i < d->n_contact_states; ++i) rate[i] = slope * (law->rate[i] - back.rate[i]);
+  blend((double *)law, (const double *)&back, forwards, sizeof(Law) / sizeof(double));
+  for (int j = 0; j < 4; j += 3) { /* v_x and rim */
+    for (int i = 0; i < 4; ++i) law->by_speed[i][j] += load[i];
+    for (integer i = 0; i < d->n_contact_states; ++i) law->rate_by_speed[i][j] += rate[i];
   }
 }
 

@@ -200,7 +200,12 @@ class Plain:
             np.outer(odd, odd) * back.rate_by_state,
             -back.slip,
         )
-        return LawValue(*(forwards * a + (1.0 - forwards) * b for a, b in zip(value, turned, strict=True)))
+        blend = LawValue(*(forwards * a + (1.0 - forwards) * b for a, b in zip(value, turned, strict=True)))
+        turning = 0.375 * (1.0 - z * z) / DIRECTION_SPEED * np.array([1.0, 0.0, 0.0, 1.0])
+        return blend._replace(
+            by_speed=blend.by_speed + np.outer(value.load - turned.load, turning),
+            rate_by_speed=blend.rate_by_speed + np.outer(value.rate - turned.rate, turning),
+        )
 
     def _split(self, out: np.ndarray) -> LawValue:
         nx = len(self.odd)

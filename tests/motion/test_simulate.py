@@ -69,6 +69,18 @@ def test_a_parked_rover_stays(angle):
     assert np.abs(trace["body_vx"][late]).max() < 1e-5
 
 
+@pytest.mark.parametrize("k", [0.001, 0.003])
+@pytest.mark.parametrize("dt", [0.01, 0.005])
+def test_a_parked_rover_on_grippy_sand_does_not_chatter(k, dt):
+    """A resistance that turns round within a few mm/s must not make the wheels flip from step to step."""
+    model = scenario("park", **{"terrain.angle_deg": 6.0, "soil.k": k}).model
+    fine, coarse = (simulate(model, ConstantDuty(0.0), 4.0, timing=Timing(step, 0.05, 0.01)) for step in (0.0025, dt))
+    late = coarse["t_s"] > 2.0
+    for wheel in coarse.wheels:
+        name = f"wheel_rate_{wheel}"
+        assert np.abs(coarse[name][late] - fine[name][late]).max() < 1e-4
+
+
 def test_rest_on_the_flat_is_rest():
     trace = simulate(made("flat"), ConstantDuty(0.0), 2.0)
     assert np.ptp(trace["body_x"]) < 1e-6
