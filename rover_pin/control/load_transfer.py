@@ -39,6 +39,8 @@ def axle_loads(rover: Rover, gravity: float) -> AxleLoads:
     Source: section 4, "static balance among forces and moments"; here with the pulls at the height of the pivots.
     """
     rover = rover.under(gravity)
+    # where gravity leans along the path the rover accelerates, and its inertia takes that share up again
+    rover.model.gravity.linear = rover.model.gravity.linear * np.array([0.0, 0.0, 1.0])
     q = pin.neutral(rover.model)
     lifts, pushes = (_unit_forces(rover, q, axis) for axis in np.eye(3)[[2, 0]])
     axles = np.array([wheel.axle for wheel in rover.wheels])

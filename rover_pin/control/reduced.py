@@ -3,28 +3,32 @@
 Unknowns: x and v of the rover; of each axle the wheel rate, the effects' own states, the duty and the control's
 integral. The axles follow the path of a wheel's centre over the terrain; with p its slope and F = f_t / f_n,
 
-    m dv/dt = sum H_i,   H_i = W_i (F_i - p_i) / (1 + F_i p_i),   W = rest + shift H,
+    m dv/dt = sum H_i + f_x,   H_i = W_i (F_i - p_i) / (1 + F_i p_i),   W = rest + shift H,
     J domega_i/dt = motor torque - M_i f_n,i,   f_n = W sqrt(1 + p^2) / (1 + F p),   M = soil torque / f_n.
 
-F and M are the model's own effects evaluated at the static sinkage: the same expressions as in the simulator. Left out:
-the suspension's motion, the two patches of a lip, and the mirrored view of a wheel that runs backwards.
+F and M are the model's own effects evaluated at the static sinkage, motors and supply too: the same expressions as in
+the simulator. Of body effects there are their weight and their push f_x along the path. Left out: the suspension's
+motion and what acts on it (`left_out`), yaw, the two patches of a lip, ground other than the first soil, and the
+mirrored view of a wheel that runs backwards. An effect that amends a motor by the supply's current of now sees the
+current without it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.body.rover import Rover
+from rover_pin.contact import Contact, Scalar
 from rover_pin.control.load_transfer import AxleLoads, axle_loads
+from rover_pin.control.reduced_effects import Along, AxleMotors, pull_along, through_contacts, through_motors
 from rover_pin.control.reduced_loop import Loop
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.wheel_path import WheelPath, wheel_path
@@ -56,15 +60,12 @@ class Outcome(NamedTuple):
 
 
 class Axle(NamedTuple):
-    """One axle's soil and motor at an instant."""
+    """One axle's soil at an instant."""
 
     F: Scalar
     M: Scalar
     S: Scalar
-    contact_rate: tuple[Scalar, ...]
-    motor_torque: Scalar
-    motor_rate: tuple[Scalar, ...]
-    power: Scalar
+    rate: tuple[Scalar, ...]
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,14 @@ class Reduced:
     "the last part of the drive, over which the end speed is taken [s]"
 
     @cached_property
+    def rover(self) -> Rover:
+        """The rover with what it carries."""
+        return self.model.built
+
+    @cached_property
     def loads(self) -> AxleLoads:
         """The axles' loads."""
-        return axle_loads(self.model.rover, self.model.gravity)
+        return axle_loads(self.rover, self.model.gravity)
 
     @property
     def axles(self) -> int:
@@ -130,19 +136,21 @@ class Reduced:
         slopes = [self.path.slope_at(each) for each in places]
         heights = [self.path.height_at(each) for each in places]
         pitch = (_mean(heights[1:]) - heights[0]) / (self.loads.place[0] - _mean(self.loads.place[1:]))
-        axles = [self._axle(i, slopes[i], v, own[i], nx) for i in range(self.axles)]
+        axles = [self._axle(i, places[i], slopes[i], v, own[i][: 3 + nx]) for i in range(self.axles)]
+        motors = self._motors(own, nx)
         normal, push = self._balance(slopes, [axle.F for axle in axles])
-        rates: list[Scalar] = [v, sum(push) / model.rover.mass]
+        pull = pull_along(model.begun(self.start, 0.0), Along(x, v, _mean(heights), pitch))
+        rates: list[Scalar] = [v, (sum(push) + pull) / self.rover.mass]
         for i, axle in enumerate(axles):
             omega, duty, integral = own[i][0], own[i][1], own[i][2]
             soil = axle.M * normal[i] / 2
             S_hat = self.loop.estimated(axle.S, duty, model.rover.wheel.r * omega)
             highest = self.loop.highest(i, pitch, omega)
             d_integral, d_duty = self.loop.rates(gains, S_hat, highest, integral, duty)
-            spin = (axle.motor_torque - soil) / self._inertia
-            rates += [spin, d_duty, d_integral, *axle.contact_rate, *axle.motor_rate]
+            spin = (motors[i].torque - soil) / self._inertia
+            rates += [spin, d_duty, d_integral, *axle.rate, *motors[i].rate]
         slip = sum(axle.S**2 for axle in axles) / self.axles
-        power = sum(axle.power for axle in axles) * 2
+        power = sum(each.power for each in motors) * 2
         outputs = ca.vertcat(v, *(axle.S for axle in axles), *(each[0] for each in own))
         return ca.vertcat(x, v, *own), p, ca.vertcat(*rates), ca.vertcat(slip, power), outputs
 
@@ -154,19 +162,26 @@ class Reduced:
         wheel = rover.model.inertias[rover.wheels[0].joint].inertia
         return float(axis @ wheel @ axis) + float(self.model.motor.armature)
 
-    def _axle(self, i: int, p: Scalar, v: Scalar, own: ca.SX, nx: int) -> Axle:
-        """Return what soil and motor do at axle `i` on slope `p`."""
-        model, omega, duty = self.model, own[0], own[1]
-        states, motor_states = ca.vertsplit(own)[3 : 3 + nx], ca.vertsplit(own)[3 + nx :]
-        wheel = model.rover.wheel
-        speed = v * ca.sqrt(1 + p**2)
+    def _axle(self, i: int, x: Scalar, p: Scalar, v: Scalar, own: ca.SX) -> Axle:
+        """Return what the soil does at axle `i` at the place `x` on slope `p`."""
+        wheel, speed = self.model.rover.wheel, v * ca.sqrt(1 + p**2)
         # S, S_y, h, v_x, v_y, v_n, rim, x, axle
-        contact = Contact(0.0, 0.0, self.sunk, speed, 0.0, 0.0, wheel.r * omega, 0.0, float(i), wheel, model.soils[0])
-        contact, load, contact_rate = through_effects(model, contact, states)
-        drive, torque, motor_rate = through_motor(model, duty, omega, motor_states)
-        M = load.torque / load.f_n
-        power = duty * drive.supply * drive.current
-        return Axle(load.f_t / load.f_n, M, contact.S, contact_rate, torque, motor_rate, power)
+        contact = Contact(
+            0.0, 0.0, self.sunk, speed, 0.0, 0.0, wheel.r * own[0], x, float(i), wheel, self.model.soils[0]
+        )
+        contact, load, rate = through_contacts(self.model, contact, ca.vertsplit(own)[3:])
+        return Axle(load.f_t / load.f_n, load.torque / load.f_n, contact.S, rate)
+
+    def _motors(self, own: list[ca.SX], nx: int) -> list[AxleMotors]:
+        """Return what the motors of each axle do; what all draw comes from a first pass that does not know it."""
+        bus: Scalar = 0.0
+        for _ in range(2):
+            motors = [
+                through_motors(self.model, i, each[1], each[0], ca.vertsplit(each)[3 + nx :], bus)
+                for i, each in enumerate(own)
+            ]
+            bus = sum(each.drawn for each in motors) * 2
+        return motors
 
     def _balance(self, slopes: list[Scalar], factors: list[Scalar]) -> tuple[list[Scalar], list[Scalar]]:
         """Return the normal force and the horizontal push of each axle [N]."""
@@ -221,38 +236,6 @@ class Reduced:
 def as_column(gains: Gains) -> np.ndarray:
     """Return the gains as a vector, in the order of GAIN_NAMES."""
     return np.array([float(value) for value in gains.values().values()])
-
-
-def through_effects(model: Model, contact: Contact, states: list[Scalar]) -> tuple[Contact, Load, tuple[Scalar, ...]]:
-    """Return contact, load and rates of the own states after all of a model's contact effects."""
-    parts = _split(states, [len(effect.states) for effect in model.contact_effects])
-    for effect, x in zip(model.contact_effects, parts, strict=True):
-        contact = effect.amend(contact, x)
-    load = Load()
-    for effect, x in zip(model.contact_effects, parts, strict=True):
-        load = load.plus(effect.load(contact, load, x))
-    rates = [effect.rate(contact, load, x) for effect, x in zip(model.contact_effects, parts, strict=True)]
-    return contact, load, tuple(each for rate in rates for each in rate)
-
-
-def through_motor(
-    model: Model, duty: Scalar, omega: Scalar, states: list[Scalar]
-) -> tuple[Any, Scalar, tuple[Scalar, ...]]:
-    """Return drive, torque at the wheel and rates of the own states after all of a model's motor effects."""
-    parts = _split(states, [len(effect.states) for effect in model.motor_effects])
-    drive = model.motor.drive(duty, omega)
-    for effect, x in zip(model.motor_effects, parts, strict=True):
-        drive = effect.amend(drive, x)
-    torque = drive.constant * drive.current
-    for effect, x in zip(model.motor_effects, parts, strict=True):
-        torque = torque + effect.torque(drive, torque, x)
-    rates = [effect.rate(drive, torque, x) for effect, x in zip(model.motor_effects, parts, strict=True)]
-    return drive, torque, tuple(each for rate in rates for each in rate)
-
-
-def _split(values: list[Scalar], sizes: list[int]) -> list[tuple[Scalar, ...]]:
-    ends = np.cumsum([0, *sizes])
-    return [tuple(values[start:end]) for start, end in itertools.pairwise(ends)]
 
 
 def _mean(values: Sequence[Scalar] | np.ndarray) -> Scalar:
