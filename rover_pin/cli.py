@@ -211,19 +211,25 @@ def close_loop(
 @app.command()
 def tune(
     study: Annotated[Path, typer.Argument(help="A tuning study's TOML file.")],
+    model: ModelFile = None,
     workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
     out: Out = Path("out/tune"),
     as_json: AsJson = False,
 ) -> None:
     """Tune the slip control's gains over an ensemble of drives; killed, it resumes where it stopped."""
     from rover_pin.control.tuning import tune_gains
+    from rover_pin.control.tuning_drives import cautions
     from rover_pin.control.tuning_study import read_tuning
 
     def stage(name: str, done: int, total: int) -> None:
         if not as_json and done == total:
             print(f"{name}: {total} done", file=sys.stderr)
 
-    report(tune_gains(read_tuning(study), out, stage, workers or None).summary(), as_json)
+    asked = read_tuning(study)
+    asked = asked if model is None else asked.on_model(model)
+    for line in cautions((*asked.training, *asked.held_out)):
+        print(f"rover-pin: warning: {line}", file=sys.stderr)
+    report(tune_gains(asked, out, stage, workers or None).summary(), as_json)
 
 
 if __name__ == "__main__":

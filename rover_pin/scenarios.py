@@ -210,10 +210,11 @@ def _model(scene: Scene, asked: Settings) -> Model:
 
 
 def _of_file(file: str, asked: Settings, terrain: Terrain) -> Model:
+    model = read_model(file, terrain)
     for name in ("rover", "soil", "form", "angles", "slip"):
         if asked.take(name, None) is not None:
             raise ParameterError(f"{name} stands in the model file {file}: change it there, or leave out one of both.")
-    return read_model(file, terrain)
+    return model
 
 
 def _composed(asked: Settings, terrain: Terrain) -> Model:

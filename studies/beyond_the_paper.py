@@ -49,7 +49,7 @@ from rover_pin.control.drive_score import Cost, Score, score_trace
 from rover_pin.control.evaluations import Evaluations
 from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains, SlipControl
-from rover_pin.control.tuning_drives import built, estimate_named, limit_of
+from rover_pin.control.tuning_drives import built, estimate_of, limit_of
 from rover_pin.control.tuning_ensemble import random_drives
 from rover_pin.control.tuning_study import DriveCase
 from rover_pin.effects.motion_resistance import MotionResistance
@@ -122,7 +122,7 @@ def controller(case: DriveCase, name: str, law: Tacking) -> Any:
     if name.startswith("tacking"):
         return TackingControl(built(case).model.rover, law.replace(delta_climb=1.0) if "full" in name else law)
     gains = TUNED if "tuned" in name else Gains()
-    return SlipControl(gains, estimate_named("true" if "true" in name else "eq9"), limit_of(case))
+    return SlipControl(gains, estimate_of(case, "true" if "true" in name else "eq9"), limit_of(case))
 
 
 def judged(case: DriveCase, name: str, law: Tacking) -> list[float]:

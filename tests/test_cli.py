@@ -171,6 +171,20 @@ def test_tune_writes_gains(run):
     assert told["study"] == "tiny"
 
 
+@pytest.mark.slow
+def test_tune_takes_a_model_file_and_warns_of_what_the_search_leaves_out(run):
+    from rover_pin.effects.pivot_friction import PivotFriction
+    from rover_pin.motion.model_toml import write_model
+    from rover_pin.scenarios import scenario
+
+    write_model(scenario("flat").model.having(PivotFriction()), "model.toml")
+    Path("tiny.toml").write_text(TUNE)
+    code, out, err = run("tune", "tiny.toml", "--model", "model.toml", "--workers", "1", "--out", "tuned", "--json")
+    assert code == 0
+    assert strict(out)["model"] == ["model.toml"]
+    assert err.splitlines() == [f"rover-pin: warning: {strict(out)['warnings'][0]}"]
+
+
 REFUSED = [
     ("drive dicth", "did you mean 'ditch'"),
     ("drive ditch --soil tabel-1", "did you mean 'table-1'"),
@@ -211,6 +225,10 @@ REFUSED = [
     ("identify empty.csv", "empty.csv"),
     ("tune gone.toml", "cannot be read"),
     ("tune broken.toml", "not TOML"),
+    ("tune sand.toml --model gone.toml", "gone.toml: the file cannot be read"),
+    ("tune sand.toml --model broken.toml", "broken.toml: the file is not TOML"),
+    ("tune sand.toml --model empty.toml", "empty.toml: kind = None is not a driving rover's model"),
+    ("tune sand.toml --model model.toml", "training 1: soil stands in the model file model.toml: change it there, or"),
 ]
 
 
@@ -218,6 +236,8 @@ REFUSED = [
 def files(run):
     Path("broken.toml").write_text("kind = [")
     Path("empty.toml").write_text("")
+    Path("model.toml").write_text("kind = 'drive-model'")
+    Path("sand.toml").write_text("[[training]]\nscenario = 'flat'\nsoil = 'dry-sand'")
     Path("empty.csv").write_text("")
 
 

@@ -89,7 +89,7 @@ class Reduced:
     duration: float
     start: float = 0.0
     tail: float = 3.0
-    "the last part of the drive, over which the end speed is taken [s]"
+    "the last part of the drive, over which the end speed is taken; a shorter drive stands still before [s]"
 
     @cached_property
     def rover(self) -> Rover:
@@ -201,7 +201,7 @@ class Reduced:
     def outcome(self) -> ca.Function:
         """Return the function gains (7) -> Outcome (4), differentiable forwards and backwards."""
         state, p, rate, quad, _ = self.ode
-        grid = [self.duration - self.tail, self.duration]
+        grid = [max(0.0, self.duration - self.tail), self.duration]
         dae = {"x": state, "p": p, "ode": rate, "quad": quad}
         options = {**TOLERANCES, "show_eval_warnings": False, "disable_internal_warnings": True}
         integrator = ca.integrator("drive", "cvodes", dae, 0.0, grid, options)
@@ -224,7 +224,7 @@ class Reduced:
         integrator = ca.integrator("trace", "cvodes", {"x": state, "p": p, "ode": rate}, 0.0, list(times), options)
         try:
             # CasADi prints the inputs of a call that fails.
-            with contextlib.redirect_stdout(io.StringIO()):
+            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
                 path = integrator(x0=self.initial, p=as_column(gains))["xf"]
         except RuntimeError as error:
             raise OptimisationError(f"The reduced model cannot be driven with {gains}: {error}") from error

@@ -25,11 +25,13 @@ from rover_pin.control.tuning_drives import (
     CONSTANT,
     Control,
     built,
+    cautions,
     full_score,
     reduced_errors,
     reduced_gradient,
     reduced_score,
 )
+from rover_pin.control.tuning_model import sealed
 from rover_pin.control.tuning_report import Candidate, Drives, TuningResult, write_result
 from rover_pin.control.tuning_study import ESTIMATES, LOGARITHMIC, DriveCase, TuningStudy
 from rover_pin.errors import OptimisationError
@@ -66,13 +68,14 @@ def tune_gains(
     Raises
     ------
     ParameterError
-        A drive with an unknown scenario or setting.
+        A drive with an unknown scenario or setting, or one that its model file rules out.
     OptimisationError
         Every training drive ends stuck whatever the gains; `status` holds constant duty's scores.
     DataError
-        The folder cannot be used.
+        The folder or a model file cannot be used, or the model was changed meanwhile.
     """
     begin = time.perf_counter()
+    study = sealed(study)
     for case in (*study.training, *study.held_out):
         built(case)
     evaluations = Evaluations(None if out is None else Path(out), workers, progress)
@@ -97,6 +100,7 @@ def tune_gains(
         tuple(_checked(study, evaluations, best.gains)),
         evaluations.fresh,
         time.perf_counter() - begin,
+        cautions=cautions((*study.training, *study.held_out)),
     )
     return result if out is None else write_result(result, Path(out))
 

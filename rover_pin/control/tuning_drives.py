@@ -5,20 +5,22 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import io
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from rover_pin.body.rover import load_rover
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.drive_score import TAIL, Cost, Score, score_outcome, score_trace
 from rover_pin.control.reduced import GAIN_NAMES, Outcome, Reduced
+from rover_pin.control.reduced_effects import left_out
 from rover_pin.control.reduced_loop import Loop
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
 from rover_pin.control.torque_limit import TorqueLimit
+from rover_pin.control.tuning_model import refuse_other_model
 from rover_pin.control.tuning_study import DriveCase
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.errors import ParameterError
@@ -54,8 +56,12 @@ def built(case: DriveCase) -> Scenario:
     Raises
     ------
     ParameterError
-        An unknown scenario or setting, or settings of the control, which the tuning sets itself.
+        An unknown scenario or setting, one that a model file rules out, or settings of the control, which the tuning
+        sets itself.
+    DataError
+        A model file that cannot be read, or is no longer the one that was sealed.
     """
+    refuse_other_model(case)
     try:
         for name, _ in case.settings:
             if name.split(".")[0] == "control":
@@ -65,15 +71,26 @@ def built(case: DriveCase) -> Scenario:
         raise ParameterError(f"{case.name}: {error}") from error
     if not case.post_peak:
         return made
-    return dataclasses.replace(made, model=made.model.having(PostPeak(fraction=case.post_peak)))
+    present = [effect for effect in made.model.effects if isinstance(effect, PostPeak)]
+    lossy = (present or [PostPeak()])[0].replace(fraction=case.post_peak)
+    return dataclasses.replace(made, model=made.model.having(lossy))
 
 
-@lru_cache(maxsize=4)
-def estimate_named(name: str) -> TrueSlip | TableEstimate:
-    """Return the slip estimate of this name; Eq (9)'s table is that of the default rover on the flat."""
+def cautions(cases: Sequence[DriveCase]) -> tuple[str, ...]:
+    """Return in a sentence each what of the cases' models the reduced model, or every drive, leaves out."""
+    models = [built(case).model for case in cases]
+    lost = sorted({name for model in models for name in left_out(model)})
+    sensed = sorted({type(effect).__name__ for model in models for effect in model.sensor_effects})
+    said = [f"the search's reduced model leaves out {', '.join(lost)}; the full rover, which decides, has it."]
+    only_logged = [f"{', '.join(sensed)} changes what a log says, not what the control reads: no drive here has it."]
+    return tuple((said if lost else []) + (only_logged if sensed else []))
+
+
+def estimate_of(case: DriveCase, name: str) -> TrueSlip | TableEstimate:
+    """Return the slip estimate of this name for the case's wheels; Eq (9)'s table is that of nexus6 on the flat."""
     if name == "true":
         return TrueSlip()
-    return TableEstimate(nexus6_table(), float(load_rover("nexus6").wheel.r))
+    return TableEstimate(nexus6_table(), float(built(case).model.rover.wheel.r))
 
 
 @lru_cache(maxsize=64)
@@ -86,7 +103,7 @@ def controller_of(case: DriveCase, control: Control) -> Controller:
     """Return the controller for the full rover."""
     if control.estimate == CONSTANT:
         return ConstantDuty(control.named.delta_0)
-    return SlipControl(control.named, estimate_named(control.estimate), limit_of(case))
+    return SlipControl(control.named, estimate_of(case, control.estimate), limit_of(case))
 
 
 def drive_full(case: DriveCase, controller: Controller) -> Trace:
@@ -105,7 +122,7 @@ def full_score(case: DriveCase, control: Control) -> list[float]:
 def reduced_of(case: DriveCase, estimate: str, smoothing: float) -> Reduced:
     """Return the reduced model of a case."""
     scene = built(case)
-    loop = Loop(estimate_named(estimate), limit_of(case), smoothing)
+    loop = Loop(estimate_of(case, estimate), limit_of(case), smoothing)
     return Reduced(scene.model, loop, scene.duration, scene.start.x, TAIL)
 
 
@@ -141,7 +158,7 @@ def reduced_gradient(case: DriveCase, control: Control, cost: Cost, smoothing: f
 def _numbers(function: ca.Function, gains: tuple[float, ...], failed: list[float]) -> list[float]:
     try:
         # CasADi prints the inputs of a call that fails.
-        with contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             out = np.array(function(np.array(gains))).ravel()
     except RuntimeError:
         return failed

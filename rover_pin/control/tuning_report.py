@@ -73,6 +73,8 @@ class TuningResult:
     evaluations: int
     seconds: float
     files: tuple[Path, ...] = ()
+    cautions: tuple[str, ...] = ()
+    "what the reduced model, or every drive, leaves out of the model"
 
     def digests(self) -> dict[str, dict[str, Digest]]:
         """Return 'training' and 'held out' -> control -> Digest; without held-out drives only the first."""
@@ -109,10 +111,12 @@ class TuningResult:
         return {
             "study": self.study.name,
             "tuned by": f"{self.study.estimate} slip",
+            **({"model": list(self.study.model_files)} if self.study.model_files else {}),
             "gains": {name: float(value) for name, value in self.gains.values().items()},
             **rows,
             **check,
             "verdict": self.verdicts(),
+            **({"warnings": list(self.cautions)} if self.cautions else {}),
             "new evaluations": self.evaluations,
             "seconds": round(self.seconds, 1),
             "files": [str(file) for file in self.files],
@@ -145,9 +149,9 @@ def write_result(result: TuningResult, out: Path) -> TuningResult:
     """Write gains.toml, drives.csv and candidates.csv into `out`; return the result with their paths."""
     import pandas as pd
 
-    about = f"Found by rover_pin for '{result.study.name}' with {result.study.estimate} slip.\n" + "\n".join(
-        result.verdicts()
-    )
+    study = result.study
+    on = f" on {', '.join(study.model_files)}" if study.model_files else ""
+    about = f"Found by rover_pin for '{study.name}'{on} with {study.estimate} slip.\n" + "\n".join(result.verdicts())
     rows = [(each.stage, *each.gains.values().values(), each.reduced_cost, each.cost) for each in result.candidates]
     names = ["stage", *result.gains.values(), "reduced_cost", "full_cost"]
     files = (

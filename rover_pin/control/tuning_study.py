@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from rover_pin.control.drive_score import Cost
 from rover_pin.control.slip_control import Gains
@@ -23,12 +23,21 @@ LOGARITHMIC = ("k_p", "k_i", "k_aw")
 
 @dataclass(frozen=True)
 class DriveCase:
-    """A ready-made scenario with its settings; `post_peak` is the share of shear strength lost past the peak."""
+    """A ready-made scenario with its settings; `post_peak` is the share of shear strength lost past the peak.
+
+    `seal` is the digest of what the setting `model` names (`sealed`): by it an evaluation is remembered.
+    """
 
     name: str
     scenario: str
     settings: tuple[tuple[str, Any], ...] = ()
     post_peak: float = 0.0
+    seal: str = ""
+
+    @property
+    def model_file(self) -> str:
+        """The path of the model file that it drives, empty where there is none."""
+        return str(dict(self.settings).get("model", ""))
 
 
 @dataclass(frozen=True)
@@ -93,6 +102,33 @@ class TuningStudy:
     def gains(self, unit: Iterable[float]) -> Gains:
         """Return the gains at a point of the unit cube, one coordinate a free gain."""
         return self.before.replace(**{n: placed(n, b, u) for (n, b), u in zip(self.free.items(), unit, strict=True)})
+
+    @property
+    def model_files(self) -> tuple[str, ...]:
+        """The paths of the model files that its drives name."""
+        return tuple(sorted({case.model_file for case in (*self.training, *self.held_out)} - {""}))
+
+    def on_model(self, file: str | Path) -> Self:
+        """Return the study with every drive, training and held out, on the model of a file.
+
+        What a drive's own settings may still change is what `scenario` lets them change beside `model`.
+
+        Raises
+        ------
+        ParameterError
+            A drive that names a model file itself.
+        """
+        for case in (*self.training, *self.held_out):
+            if case.model_file:
+                raise ParameterError(
+                    f"Tuning '{self.name}': {case.name} names the model file {case.model_file} itself: leave it out "
+                    f"there, or tune without {file}."
+                )
+        training, held_out = (
+            tuple(dataclasses.replace(each, settings=(*each.settings, ("model", str(file)))) for each in cases)
+            for cases in (self.training, self.held_out)
+        )
+        return dataclasses.replace(self, training=training, held_out=held_out)
 
 
 def placed(name: str, bounds: tuple[float, float], u: float) -> float:

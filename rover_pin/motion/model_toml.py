@@ -23,7 +23,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rover_pin.body.layout import rover_folder
+from rover_pin.body.layout import read_layout, rover_folder
 from rover_pin.body.rover import Rover, load_rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.columns import replace_file
@@ -113,6 +113,24 @@ def read_model(path: str | Path, terrain: Terrain | None = None) -> Model:
         tuple(each for each in effects if isinstance(each, BodyEffect)),
         tuple(each for each in effects if isinstance(each, SensorEffect)),
     )
+
+
+def model_files(path: str | Path) -> tuple[Path, ...]:
+    """Return every file that makes a model: its own, a rover's beside it, and those of a user's effects.
+
+    Raises
+    ------
+    DataError, UrdfError
+        Not a model file, or a rover's that cannot be read.
+    """
+    path = Path(path)
+    table = _checked(path, read_toml(path))
+    rover = path.parent / str(table.get("rover", "nexus6"))
+    found = [path, *((rover, rover.parent / read_layout(rover).file) if rover.is_file() else ())]
+    entries = [table.get("slip", {}), *table.get("effect", [])]
+    for file in (path.parent / str(entry["file"]) for entry in entries if "file" in entry):
+        found += sorted(file.glob("*.py")) if file.is_dir() else [file]
+    return tuple(found)
 
 
 def _checked(path: Path, table: dict[str, Any]) -> dict[str, Any]:

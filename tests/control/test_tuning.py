@@ -133,7 +133,7 @@ def test_an_integrator_that_gives_up_costs_the_penalty_and_prints_nothing(monkey
     control = Control("true", values(Gains()))
     assert tuning_drives.reduced_score(hopeless, control) == list(FAILED)
     assert tuning_drives.reduced_gradient(hopeless, control, Cost()) == [FAILED.cost(Cost())] + [0.0] * 7
-    assert capsys.readouterr().out == ""
+    assert capsys.readouterr() == ("", "")
 
 
 def test_a_drive_that_ends_early_is_stuck_and_one_without_rows_is_the_worst():
@@ -174,3 +174,11 @@ def test_reduced_and_full_score_agree_part_by_part():
     assert reduced.progress == pytest.approx(full.progress, abs=0.05)
     assert reduced.slip == pytest.approx(full.slip, abs=0.02)
     assert reduced.energy == pytest.approx(full.energy, rel=0.1)
+
+
+def test_a_drive_shorter_than_its_tail_has_both_scores():
+    """Its end speed is taken as if it had stood still before: the reduced drive is no failure."""
+    short = dataclasses.replace(FLAT, settings=(("duration", 2.0),))
+    reduced, full = (Score(*score(short, Control("true", values(Gains())))) for score in (reduced_score, full_score))
+    assert reduced.progress == pytest.approx(full.progress, abs=0.03)
+    assert reduced.stuck == pytest.approx(0.0, abs=0.01)

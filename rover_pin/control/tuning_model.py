@@ -1,0 +1,52 @@
+"""Drives on a model of a file, remembered by what the file says: what was found for one is never another's."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from rover_pin.control.tuning_study import DriveCase, TuningStudy
+from rover_pin.errors import DataError
+from rover_pin.motion.model_toml import model_files
+
+
+def sealed(study: TuningStudy) -> TuningStudy:
+    """Return the study with each drive's model file, if it has one, sealed as it is now.
+
+    Raises
+    ------
+    DataError, UrdfError
+        A model file, or one that it names, that cannot be read.
+    """
+    seals = {file: digest(file) for file in study.model_files}
+    return dataclasses.replace(study, training=_with(seals, study.training), held_out=_with(seals, study.held_out))
+
+
+def refuse_other_model(case: DriveCase) -> None:
+    """Refuse a model file that is no longer what it was when the study was sealed.
+
+    Raises
+    ------
+    DataError
+        It was changed in the meantime.
+    """
+    if case.seal and case.seal != digest(case.model_file):
+        raise DataError(f"{case.model_file}: the model was changed while it is tuned for: start the tuning again.")
+
+
+def digest(file: str | Path) -> str:
+    """Return a digest of a model file and of all files that it names."""
+    found = hashlib.sha1()
+    for each in model_files(file):
+        try:
+            content = each.read_bytes()
+        except OSError as error:
+            raise DataError(f"{file}: {each} cannot be read: {error.strerror}.") from error
+        found.update(b"%d " % len(content) + content)
+    return found.hexdigest()
+
+
+def _with(seals: dict[str, str], cases: Sequence[DriveCase]) -> tuple[DriveCase, ...]:
+    return tuple(dataclasses.replace(case, seal=seals.get(case.model_file, "")) for case in cases)
