@@ -223,6 +223,11 @@ REFUSED = [
     ("bounds --gravity z", "gravity = 'z'"),
     ("identify gone", "gone: give a folder with rig.toml"),
     ("identify empty.csv", "empty.csv"),
+    (
+        "close-loop gone",
+        "gone: there is no such folder; give that of a wheel-rig set (rig.toml) or of a drive log (drive",
+    ),
+    ("close-loop gone --model empty.toml", "gone: there is no such folder"),
     ("tune gone.toml", "cannot be read"),
     ("tune broken.toml", "not TOML"),
     ("tune sand.toml --model gone.toml", "gone.toml: the file cannot be read"),

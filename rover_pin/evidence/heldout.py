@@ -66,12 +66,14 @@ class ChannelScore(NamedTuple):
     "after / before - 1"
     low: float
     high: float
-    "ends of the 95 % interval of the change, levels resampled"
+    "ends of the 95 % interval of the change, levels or stretches of runs resampled"
     levels: tuple[LevelError, ...] = ()
+    "of a wheel rig; empty where runs of a drive log were held out"
 
     @property
     def said(self) -> str:
         """What may be claimed."""
+        beyond = f"not beyond what the {'levels' if self.levels else 'runs'} scatter"
         at_floor = f"at its noise floor before ({self.before / self.floor:.2f} x): no gain to claim"
         if self.before <= AT_FLOOR * self.floor and self.after <= AT_FLOOR * self.floor:
             return at_floor
@@ -80,8 +82,8 @@ class ChannelScore(NamedTuple):
         if self.low > 0:
             return "worse"
         if self.before <= AT_FLOOR * self.floor:
-            return "worse, not beyond what the levels scatter" if self.change > 0 else at_floor
-        return f"{'better' if self.change < 0 else 'worse'}, not beyond what the levels scatter: nothing to claim"
+            return f"worse, {beyond}" if self.change > 0 else at_floor
+        return f"{'better' if self.change < 0 else 'worse'}, {beyond}: nothing to claim"
 
 
 AT_FLOOR = 1.25

@@ -14,7 +14,7 @@ from rover_pin.evidence.measurement import WheelRig
 from rover_pin.evidence.model_file import read_model as read_rig_model
 from rover_pin.evidence.rig_loop import close_rig_loop
 from rover_pin.evidence.rig_model import RigModel
-from rover_pin.evidence.rig_set import RigSet
+from rover_pin.evidence.rig_set import RIG_FILE, RigSet
 from rover_pin.evidence.verdict import Verdict
 from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.motion.model import Model
@@ -80,8 +80,13 @@ def close_the_loop(
 def _drive_log(data: object) -> DriveLog | None:
     if isinstance(data, DriveLog):
         return data
-    if isinstance(data, (str, Path)) and (Path(data) / FILE).is_file():
+    if not isinstance(data, (str, Path)):
+        return None
+    if (Path(data) / FILE).is_file():
         return read_drive_log(data)
+    if not (Path(data) / RIG_FILE).is_file():
+        wrong = f"there is neither {RIG_FILE} nor {FILE} in it" if Path(data).is_dir() else "there is no such folder"
+        raise DataError(f"{data}: {wrong}; give that of a wheel-rig set ({RIG_FILE}) or of a drive log ({FILE}).")
     return None
 
 

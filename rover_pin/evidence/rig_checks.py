@@ -95,7 +95,7 @@ def too_poor(data: RigSet, nuisances: int) -> str:
 def findings(data: RigSet) -> list[Finding]:
     """Return what a reader should know of the set before any result."""
     rig = data.rig
-    found: list[Finding] = []
+    found = list(data.misspelt)
     missing = [kind for kind in ROWS if kind not in [type(channel) for channel in rig.channels]]
     for kind in missing:
         found.append(Finding(f"{kind.name} was not measured", kind.column, "effects that it alone shows stay hidden"))

@@ -13,7 +13,6 @@ import numpy as np
 
 from rover_pin.columns import replace_file
 from rover_pin.contact import Soil
-from rover_pin.errors import DataError
 from rover_pin.evidence.calibrate import (
     Setting,
     calibrate,
@@ -111,10 +110,7 @@ def _rig_set(data: str | Path | WheelRig | RigSet) -> RigSet:
         return data
     if isinstance(data, WheelRig):
         return as_rig_set(data)
-    path = Path(data)
-    if not (path / "rig.toml").is_file():
-        raise DataError(f"{path}: there is no rig.toml in it; give the folder of a wheel-rig set.")
-    return read_rig_set(path)
+    return read_rig_set(data)
 
 
 def _start(data: RigSet, model: RigModel | Soil | None) -> RigModel:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +14,8 @@ import pandas as pd
 from rover_pin.contact import Soil
 from rover_pin.errors import DataError
 from rover_pin.evidence.checks import column
-from rover_pin.evidence.measurement import WheelRig, read_wheel_rig
+from rover_pin.evidence.finding import Finding
+from rover_pin.evidence.measurement import CHANNELS, WheelRig, read_wheel_rig
 from rover_pin.evidence.pressed import Trial, exponent, press, read_trials
 from rover_pin.evidence.tables import read_table, read_toml
 from rover_pin.quantity import quantities
@@ -21,6 +24,14 @@ SAME_LEVEL = 0.02
 """Slips within this of their neighbour are one level where the data name none."""
 
 SPEEDS = ("travel_speed_mps", "rim_speed_mps")
+
+RIG_FILE = "rig.toml"
+
+OTHERS = ("slip", "load_N", "run", "level", *SPEEDS)
+"""Columns of the points that are read besides the channels and their SDs."""
+
+ALIKE = 0.7
+"""Share of letters in common from which a column may be meant to be another, misspelt."""
 
 
 class Independent(NamedTuple):
@@ -46,6 +57,8 @@ class RigSet:
     soil_stated: tuple[str, ...] = ()
     "which soil constants came with the data"
     source: str = ""
+    misspelt: tuple[Finding, ...] = ()
+    "columns that are not read, but look like one that is missing"
 
     def rows(self, keep: Any) -> RigSet:
         """Return the set with these runs only."""
@@ -62,6 +75,7 @@ class RigSet:
             self.trials,
             self.soil_stated,
             self.source,
+            self.misspelt,
         )
 
     def soil(self) -> Soil:
@@ -100,7 +114,7 @@ def read_rig_set(folder: str | Path) -> RigSet:
         What `read_wheel_rig` refuses; speeds that contradict the slip; a pressing file that cannot be read.
     """
     folder = Path(folder)
-    rig, about = read_wheel_rig(folder), read_toml(folder / "rig.toml")
+    rig, about = read_wheel_rig(folder), read_toml(folder / RIG_FILE)
     files = about.get("files", {})
     points = folder / files.get("points", "points.csv")
     table = read_table(points, ("slip", "load_N"))
@@ -110,7 +124,22 @@ def read_rig_set(folder: str | Path) -> RigSet:
         trials = read_trials(folder / files["penetration"], str(about.get("wheel", {}).get("surface", "")))
     names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
     stated = tuple(rig.declared)
-    return as_rig_set(rig, names, speeds, trials, stated, str(about.get("source", "")))
+    data = as_rig_set(rig, names, speeds, trials, stated, str(about.get("source", "")))
+    return replace(data, misspelt=tuple(_misspelt(table, f"{folder.name}/{points.name}")))
+
+
+def _misspelt(table: pd.DataFrame, where: str) -> Iterator[Finding]:
+    """Yield columns that are not read and are spelt nearly as one that is not there."""
+    present = [str(name) for name in table.columns]
+    channels = [kind.column for kind in CHANNELS]
+    missing = [name for name in (*OTHERS, *channels) if name not in present]
+    noises = ["_sd_".join(name.rsplit("_", 1)) for name in channels]
+    for name in (each for each in present if each not in (*OTHERS, *channels, *noises)):
+        alike = {known: SequenceMatcher(None, name.lower(), known.lower()).ratio() for known in missing}
+        near = max(alike, key=lambda known: alike[known], default="")
+        if near and alike[near] >= ALIKE:
+            todo = f"did you mean '{near}', in SI? rename it, else what it holds is not used"
+            yield Finding(f"column '{name}' is not read", where, todo)
 
 
 def as_rig_set(

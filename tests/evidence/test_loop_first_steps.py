@@ -1,0 +1,86 @@
+"""What a newcomer meets first: a folder that is none, a column misspelt, a score that nothing can be claimed of."""
+
+import pytest
+
+from rover_pin.errors import DataError
+from rover_pin.evidence.heldout import ChannelScore, LevelError
+from rover_pin.evidence.loop import close_the_loop, read_start
+from rover_pin.evidence.rig_checks import findings
+from rover_pin.evidence.rig_set import read_rig_set
+from rover_pin.evidence.verdict import score_line
+
+RIG = """
+kind = "wheel-rig"
+[wheel]
+r = { value = 62.5, unit = "mm" }
+b = { value = 60, unit = "mm" }
+[noise]
+drawbar_pull = { value = 0.3, unit = "N" }
+sinkage = { value = 0.6, unit = "mm" }
+"""
+ROWS = ("0.1,25,1.0,0.01", "0.3,25,2.0,0.02")
+EXTRA = ("time_s", "temperature_C", "repeat", "lateral_N", "slip_angle_rad", "load_sd_N", "drawbar_pull_sd_N")
+
+
+def written(tmp_path, header, rows=ROWS):
+    tmp_path.mkdir(exist_ok=True)
+    (tmp_path / "rig.toml").write_text(RIG)
+    (tmp_path / "points.csv").write_text("\n".join([header, *rows]) + "\n")
+    return tmp_path
+
+
+def unread(tmp_path, header, rows=ROWS):
+    return [str(each) for each in findings(read_rig_set(written(tmp_path, header, rows))) if "is not read" in each.what]
+
+
+@pytest.mark.parametrize("name", ["sinkge_m", "Sinkage_m", "sinkage", "wheel_sinkage_m"])
+def test_a_column_that_is_misspelt_is_named_with_the_one_that_is_meant(tmp_path, name):
+    assert unread(tmp_path / "set", f"slip,load_N,drawbar_pull_N,{name}") == [
+        f"set/points.csv: column '{name}' is not read; did you mean 'sinkage_m', in SI? rename it, else what it holds "
+        "is not used."
+    ]
+
+
+def test_speeds_levels_and_torque_are_known_as_well(tmp_path):
+    rows = [f"{row},1,1,1" for row in ROWS]
+    said = unread(tmp_path, "slip,load_N,drawbar_pull_N,sinkage_m,rim_sped_mps,levl,torqe_Nm", rows)
+    assert [line.split("'")[3] for line in said] == ["rim_speed_mps", "level", "torque_Nm"]
+
+
+def test_columns_of_ones_own_are_no_misspelling(tmp_path):
+    """Nor is one that looks like a column that is there already, or the SD of a channel."""
+    rows = [",".join([row, *"1" * len(EXTRA)]) for row in ROWS]
+    assert unread(tmp_path, ",".join(["slip,load_N,drawbar_pull_N,sinkage_m", *EXTRA]), rows) == []
+    assert unread(tmp_path, "slip,load_N,drawbar_pull_N,load_cell_N") == []
+
+
+def test_the_warning_goes_with_the_runs_that_are_chosen(tmp_path):
+    data = read_rig_set(written(tmp_path, "slip,load_N,drawbar_pull_N,sinkge_m"))
+    assert data.rows([True, False]).misspelt == data.misspelt != ()
+
+
+def test_a_folder_with_neither_file_names_both(tmp_path):
+    message = r"there is neither rig\.toml nor drive\.toml in it; give that of a wheel-rig set \(rig\.toml\) or of a dr"
+    for ask in (close_the_loop, lambda data: read_start(tmp_path / "model.toml", data)):
+        with pytest.raises(DataError, match=message):
+            ask(tmp_path)
+
+
+def test_a_folder_that_is_none_is_said_to_be_none(tmp_path):
+    written(tmp_path, "slip,load_N,drawbar_pull_N,sinkage_m")
+    for path in (tmp_path / "nowhere", tmp_path / "rig.toml"):
+        with pytest.raises(
+            DataError, match=r"there is no such folder; .*\(rig\.toml\) or of a drive log \(drive\.toml"
+        ):
+            close_the_loop(path)
+
+
+def test_a_score_speaks_of_levels_on_a_rig_and_of_runs_on_a_drive_log():
+    """On a rig levels are held out and known to the score, on a drive log runs are."""
+    drive = ChannelScore("body_x", "m", 1e-3, 5e-3, 4e-3, -0.2, -0.4, 0.1)
+    rig = drive._replace(levels=(LevelError("S = 0.1", 5e-3, 4e-3),))
+    assert drive.said == "better, not beyond what the runs scatter: nothing to claim"
+    assert rig.said == "better, not beyond what the levels scatter: nothing to claim"
+    assert score_line(drive).endswith("better, not beyond what the runs scatter: nothing to claim")
+    lost = drive._replace(before=1e-3, after=2e-3, change=1.0)
+    assert lost.said == "worse, not beyond what the runs scatter"
