@@ -35,6 +35,7 @@ import math
 import pickle
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,12 +43,13 @@ from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 
 from rover_pin.columns import replace_file
-from rover_pin.evidence.drive_compare import Refit, left_out, refit
+from rover_pin.evidence.drive_compare import Refit, refit
 from rover_pin.evidence.drive_fit import DriveFit
+from rover_pin.evidence.drive_left_out import left_out
 from rover_pin.evidence.drive_loop import answer_of
 from rover_pin.evidence.drive_model import base_model, with_spread
 from rover_pin.evidence.drive_remainder import Remainder, describe
-from rover_pin.evidence.drive_screen import score
+from rover_pin.evidence.drive_screen import fee_of, score
 from rover_pin.evidence.drive_search import Search, calibrated, search
 from rover_pin.evidence.drive_verdict import numbers
 from rover_pin.evidence.verdict import Answer
@@ -72,6 +74,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one set")
     parser.add_argument("--calibrate", action="store_true", help="the seed on which limits are set")
     parser.add_argument("--sets", type=int, default=100)
+    parser.add_argument("--first", type=int, help="answer and score only so many of the sets; they are shuffled")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/blind_test"))
     options = parser.parse_args()
@@ -79,7 +82,7 @@ def main() -> None:
     sets, answers = options.out / f"sets-{seed}", options.out / f"answers-{seed}.json"
     made = ["--out", sets, "--seed", seed, "--sets", count, "--workers", options.workers, "--answers", answers]
     subprocess.run([sys.executable, str(MAKE), *map(str, made)], check=True)
-    folders = [sets / f"set_{number + 1:04d}" for number in range(count)]
+    folders = [sets / f"set_{number + 1:04d}" for number in range(min(options.first or count, count))]
     run = Parallel(n_jobs=options.workers, batch_size=1)
     run(delayed(answered)(folder) for folder in folders)
     truths = {one["set"]: one for one in json.loads(answers.read_text(encoding="utf-8"))["sets"]}
@@ -139,12 +142,16 @@ def alike_of(found: Search) -> tuple[tuple[str, ...], ...]:
 
 
 def true_fit(found: Search, names: tuple[str, ...]) -> list[Refit] | None:
-    """Return the true effects refitted on the base one after the other, or None where one is not on the list."""
-    here, made = found.base, []
-    for name in names:
+    """Return the true effects refitted on the base one after the other, or None where the data cannot tell one.
+
+    What the loop itself added in that place is that refit.
+    """
+    here, made, same = found.base, list[Refit](), True
+    fee = partial(fee_of, count=len(found.rounds[0].scored))
+    for at, name in enumerate(names):
+        same = same and at < len(found.found) and plain(found.found[at].name) == name
         known = [each for each in found.known if plain(each.candidate.name) == name]
-        best = score(here, known)[:2]
-        tried = refit(here, best, len(found.rounds[0].scored), lambda said: None) if best else ()
+        tried = found.found[at : at + 1] if same else refit(here, score(here, known)[:2], fee, lambda said: None)
         if not tried:
             return None
         made.append(tried[0])

@@ -119,12 +119,16 @@ def candidates(model: Model, bench: Bench, free: Sequence[Parameter], own: str |
     return (*freed, *added)
 
 
+def name_of(effect: AnyEffect) -> str:
+    """Return the name of an effect as a candidate: its class, its wheel or channel, and where it begins."""
+    return owner_name(effect) + (f"@{float(effect.values()['x_from']):.3f}" if "x_from" in effect.places else "")
+
+
 def _candidate(effect: AnyEffect) -> Candidate:
     own = owner_name(effect)
-    place = f"@{float(effect.values()['x_from']):.2f}" if "x_from" in effect.places else ""
     shapes = tuple(f"{own}.{name}" for name in quantities(effect) if name not in effect.neutral)
     shapes = tuple(name for name in shapes if not name.endswith(SMOOTHING))
-    return Candidate(own + place, effect, tuple(f"{own}.{name}" for name in effect.neutral), shapes)
+    return Candidate(name_of(effect), effect, tuple(f"{own}.{name}" for name in effect.neutral), shapes)
 
 
 def variants(kind: type[AnyEffect], model: Model, bench: Bench) -> Iterable[AnyEffect]:

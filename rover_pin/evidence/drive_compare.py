@@ -10,9 +10,10 @@ import numpy as np
 
 from rover_pin.evidence.drive_candidates import Candidate
 from rover_pin.evidence.drive_fit import DriveFit, fit
-from rover_pin.evidence.drive_noise import huber, huber_weights
+from rover_pin.evidence.drive_left_out import left_out, loss_of, refitted_left_out
 from rover_pin.evidence.drive_parameters import Parameter, value_of, with_values
-from rover_pin.evidence.drive_screen import Scored, fee_of, started
+from rover_pin.evidence.drive_place import placed
+from rover_pin.evidence.drive_screen import Scored, started
 
 REFITTED, PROMISING = 5, 0.4
 """Candidates that are refitted, at most, and the share of its fee that one must promise to pay."""
@@ -22,14 +23,13 @@ NEAR = 0.1
 """Share of the best's net gain within which one that has gained, or had promised, so much is fitted to the end."""
 POLISHED = 3
 """Leaders that are fitted to the end, every slope computed again."""
-FAR = 3.0
-"""Default sizes by which a size may move when a run is left out."""
 SMALL = 0.1
 """Share of its first size from which a candidate is fitted again, where it did not do better than none."""
 ODDS = 20.0
 """Candidates within this of the best are not told apart: odds of 1 in 100, chance gaining as much more as it does."""
 
 Progress = Callable[[str], None]
+Fee = Callable[[Candidate], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,28 +61,36 @@ class Refit:
         return self.net > 0 and self.held_out > 0
 
 
-def refit(base: DriveFit, scored: Sequence[Scored], count: int, progress: Progress) -> tuple[Refit, ...]:
-    """Return the plausible candidates refitted, the best first; `count` is how many were tried."""
+def refit(base: DriveFit, scored: Sequence[Scored], fee: Fee, progress: Progress) -> tuple[Refit, ...]:
+    """Return the plausible candidates refitted, the best first; `fee` says what one must gain."""
     best = max((row.gain for row in scored if row.told), default=0.0)
-    paying = [row for row in scored if row.told and _promises(row, count, best)]
-    chosen = _distinct(paying)[:REFITTED]
+    paying = [row for row in scored if row.told and _promises(row, fee, best)]
+    chosen = list(
+        {row.candidate.name: row for row in (placed(base, one) for one in _distinct(paying)[:REFITTED])}.values()
+    )
     without = left_out(base)
     found = []
     for row in chosen:
         progress(f"refitting with {row.candidate.name}")
-        found.append(_refit(base, row, count, without, chord=True))
+        found.append(_refit(base, row, fee, without, chord=True))
+    promised = {row.candidate.name: row.gain - fee(row.candidate) for row in chosen}
+    reached = max((one.net for one in found), default=0.0)
+    for at, row in enumerate(chosen):
+        if promised[row.candidate.name] > max(reached, 0.0):
+            progress(f"refitting with {row.candidate.name}, which gained less than promised")
+            again = _refit(base, row, fee, without, chord=False)
+            found[at] = max(found[at], again, key=lambda one: one.net)
     ranked = sorted(found, key=lambda one: -one.net)
-    promised = {row.candidate.name: row.gain - fee_of(row.candidate, count) for row in chosen}
     reach = ranked[0].net - 2 * ODDS - NEAR * abs(ranked[0].net) if ranked else 0.0
     near = [one for one in ranked if one.net > 0 and max(one.net, promised[one.name]) > reach][:POLISHED]
-    for one in near if len(near) > 1 or (near and near[0].accepted) else ():
+    for one in near:
         progress(f"refitting with {one.name}, every slope anew")
-        ranked[ranked.index(one)] = _polished(base, one, without)
+        ranked[ranked.index(one)] = _confirmed(base, _polished(base, one, without))
     return tuple(sorted(ranked, key=lambda one: -one.net))
 
 
-def _promises(row: Scored, count: int, best: float) -> bool:
-    return row.gain > max(PROMISING * fee_of(row.candidate, count), FAR_BEHIND * best)
+def _promises(row: Scored, fee: Fee, best: float) -> bool:
+    return row.gain > max(PROMISING * fee(row.candidate), FAR_BEHIND * best)
 
 
 def _distinct(rows: Sequence[Scored]) -> list[Scored]:
@@ -97,14 +105,16 @@ def _distinct(rows: Sequence[Scored]) -> list[Scored]:
     return kept
 
 
-def _refit(base: DriveFit, row: Scored, count: int, without: np.ndarray, chord: bool) -> Refit:
+def _refit(base: DriveFit, row: Scored, fee: Fee, without: np.ndarray, chord: bool) -> Refit:
     candidate = row.candidate
     model = with_values(candidate.on(base.model), started(row, base.model))
     numbers, start = joined(base, candidate, model)
-    refitted = fit(base.task, model, numbers, start, base.slopes, chord)
+    slopes = base.slopes if chord else None
+    refitted = fit(base.task, model, numbers, start, slopes, chord)
     if refitted.chi2 > base.chi2 and candidate.effect is not None:
-        refitted = fit(base.task, model, numbers, _small(numbers, start, len(base.u)), base.slopes, chord)
-    return _judged(base, candidate, refitted, fee_of(candidate, count), without)
+        other = fit(base.task, model, numbers, _small(numbers, start, len(base.u)), slopes, chord)
+        refitted = min(refitted, other, key=lambda one: one.chi2)
+    return _judged(base, candidate, refitted, fee(candidate), without)
 
 
 def _small(numbers: Sequence[Parameter], start: np.ndarray, own: int) -> np.ndarray:
@@ -127,46 +137,17 @@ def _polished(base: DriveFit, one: Refit, without: np.ndarray) -> Refit:
     return _judged(base, one.candidate, refitted, one.fee, without)
 
 
+def _confirmed(base: DriveFit, one: Refit) -> Refit:
+    """Return the candidate with what it does on runs left out found by refits, where to first order it does harm."""
+    if one.held_out > 0 or one.net <= 0:
+        return one
+    losses = [loss_of(base, refitted_left_out(each)) for each in (base, one.fit)]
+    return dataclasses.replace(one, held_out=losses[0] - losses[1])
+
+
 def _judged(base: DriveFit, candidate: Candidate, refitted: DriveFit, fee: float, without: np.ndarray) -> Refit:
     gain = base.chi2 - refitted.chi2
     return Refit(candidate, refitted, gain, fee, float(np.sum(without - left_out(refitted))))
-
-
-def left_out(fitted: DriveFit) -> np.ndarray:
-    """Return the robust chi2 of every run (runs,) as the others predict it.
-
-    The numbers without a run are one Gauss-Newton step from the optimum, its rows left out: to first order what a
-    whole fit to the other runs would give, without replaying anything.
-    """
-    rows, owner = fitted.rows, run_of_rows(fitted)
-    columns, losses = fitted.columns, []
-    for run, step in enumerate(steps_without(fitted)):
-        at = owner == run
-        losses.append(huber(rows[at] + columns[at] @ step))
-    return np.array(losses)
-
-
-def steps_without(fitted: DriveFit) -> list[np.ndarray]:
-    """Return how u moves when the rows of each run in turn are left out.
-
-    A size that the other runs hardly tell stays within some FAR of where it was: one step is no guide further off.
-    """
-    rows, columns, owner = fitted.rows, fitted.columns, run_of_rows(fitted)
-    prior = np.array([1.0 if one.prior else FAR**-2 for one in fitted.parameters])
-    held = np.array([fitted.u[i] if one.prior else 0.0 for i, one in enumerate(fitted.parameters)])
-    weights = huber_weights(rows)
-    steps = []
-    for run in range(len(fitted.task.bench.runs)):
-        use = weights * (owner != run)
-        normal = (columns * use[:, None]).T @ columns + np.diag(prior)
-        steps.append(-np.linalg.lstsq(normal, columns.T @ (use * rows) + held, rcond=None)[0])
-    return steps
-
-
-def run_of_rows(fitted: DriveFit) -> np.ndarray:
-    """Return to which run each whitened row belongs."""
-    good = fitted.task.noise.good
-    return np.broadcast_to(np.arange(good.shape[0])[:, None, None], good.shape)[good]
 
 
 def alike(found: Sequence[Refit]) -> tuple[Refit, ...]:

@@ -19,6 +19,8 @@ RENEWALS = 2
 """How often the slopes are computed again within a fit, at most."""
 SHORTER = 3
 """How often a step that does not help is cut to a third."""
+STRETCH = 8
+"""Blocks that are taken to hang together: 4 s, longer than what is left remembers."""
 STALE = 0.5
 """Share of the promised gain below which a Jacobian is computed again."""
 
@@ -79,6 +81,28 @@ class DriveFit:
     def covariance(self) -> np.ndarray:
         """Covariance of u: (J^T W J + priors)^-1."""
         return covariance(self.columns, self.rows, self.parameters)
+
+    @property
+    def spread(self) -> np.ndarray:
+        """SD of each u: of the model, widened where the misfit is above 1, or of STRETCH-block clusters if larger.
+
+        The second is the sandwich H (sum g g^T) H with H the covariance and g the slope of chi2 / 2 of one stretch of
+        one run: it holds where rows of a stretch hang together beyond what the noise knows.
+        Source: White, Econometrica 48 (1980); Liang and Zeger, Biometrika 73 (1986).
+        """
+        plain = np.diag(self.covariance) * max(self.misfit, 1.0)
+        return np.asarray(np.sqrt(np.maximum(plain, np.diag(self._clustered()))))
+
+    def _clustered(self) -> np.ndarray:
+        good, rows, columns = self.task.noise.good, self.rows, self.columns
+        stretch = np.arange(good.shape[2]) // STRETCH
+        owner = np.arange(good.shape[0])[:, None, None] * (stretch[-1] + 1) + stretch[None, None, :]
+        each = np.broadcast_to(owner, good.shape)[good]
+        pushed = columns * (huber_weights(rows) * rows)[:, None]
+        sums = np.array([pushed[each == one].sum(axis=0) for one in np.unique(each)])
+        few = len(sums) / max(len(sums) - 1, 1)
+        spread = self.covariance
+        return np.asarray(spread @ (few * sums.T @ sums + _priors(self.parameters)) @ spread)
 
     def value(self, name: str) -> float:
         """Return the fitted value of a parameter [SI]."""
@@ -141,8 +165,8 @@ def fit(
 
     Descends robust chi2(rows) + sum of the priors' u^2 by Gauss-Newton with Huber weights. Slopes serve, the given ones
     first, until a step lowers the objective by less than STALE of what it promised; then they are computed again, with
-    `chord` only those that were not given. The fit ends where no step helps; given slopes that are `stale` only start
-    it, and new ones end it.
+    `chord` only those that were not given. The fit ends where no step of new slopes helps; given slopes that are
+    `stale` only start it, and new ones end it.
     """
     u = np.zeros(len(parameters)) if start is None else np.array(start, dtype=float)
     u = np.clip(u, *np.array([one.bounds for one in parameters]).T) if len(u) else u
@@ -160,7 +184,8 @@ def fit(
         if gained >= max(STALE * promised, SETTLED):
             fresh = False
             continue
-        if fresh or not renewals or (promised < SETTLED and not stale):
+        stuck = gained < SETTLED if fresh else promised < SETTLED and not stale
+        if stuck or not renewals:
             break
         known |= _slopes(task, model, parameters, u, own)
         fresh, stale, renewals = True, False, renewals - 1

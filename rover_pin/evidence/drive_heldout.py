@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.evidence.drive_bench import Bench
-from rover_pin.evidence.drive_compare import steps_without
-from rover_pin.evidence.drive_fit import DriveFit
+from rover_pin.evidence.drive_fit import STRETCH, DriveFit
+from rover_pin.evidence.drive_left_out import refitted_left_out
 from rover_pin.evidence.heldout import ChannelScore
 from rover_pin.motion.channels import unit_of
 from rover_pin.motion.model import Model
@@ -16,28 +16,18 @@ from rover_pin.motion.replay import Commands
 
 DRAWS = 2000
 """Resamplings of the bootstrap."""
-STRETCH = 8
-"""Blocks that are drawn together: 4 s, longer than what is left remembers."""
 MADE = {"path": "m", "drift": "m", "heading": "rad", "speed": "m/s"}
 """Units of the features that are made of several channels."""
 
 
-def held_out_residual(fitted: DriveFit) -> np.ndarray:
-    """Return measured - predicted (runs, channels, blocks), every run predicted from a fit to the others.
-
-    To first order: the numbers without a run are a Gauss-Newton step from the optimum.
-    """
-    slopes = np.array([fitted.slopes[one.name] for one in fitted.parameters])
-    residual = fitted.residual.copy()
-    for run, step in enumerate(steps_without(fitted)):
-        residual[run] -= np.einsum("i,icb->cb", step, slopes[:, run])
-    return residual
-
-
 def drive_scores(before: DriveFit, after: DriveFit, seed: int) -> tuple[ChannelScore, ...]:
-    """Return held-out RMSE of every channel before and after, with a moving-block bootstrap of the paired change."""
+    """Return held-out RMSE of every channel before and after, with a block bootstrap of the paired change.
+
+    Every run is predicted from a fit to the others.
+    """
     good, noise = after.task.noise.good, after.task.noise
-    pairs = [np.where(good, held_out_residual(one), np.nan) for one in (before, after)]
+    first = refitted_left_out(before)
+    pairs = [np.where(good, one, np.nan) for one in (first, first if after is before else refitted_left_out(after))]
     stretches = _stretches(good.shape[2])
     random = np.random.default_rng(seed)
     draws = random.integers(0, good.shape[0] * len(stretches), (DRAWS, good.shape[0] * len(stretches)))

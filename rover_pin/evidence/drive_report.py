@@ -62,10 +62,9 @@ def figures(verdict: DriveVerdict) -> dict[str, Figure]:
         found["heldout"] = heldout_figure(verdict.scores, sides is not None and sides.added)
     if verdict.remainder is not None and not verdict.remainder.is_noise:
         found["carriers"] = carriers_figure(verdict.remainder.carriers[:CARRIERS])
-    profiles = getattr(verdict, "profiles", ())
-    if profiles:
+    if verdict.profiles:
         ends = {one.name: (one.low, one.high) for one in verdict.after}
-        found["profiles"] = profiles_figure(profiles, [ends[one.name] for one in profiles])
+        found["profiles"] = profiles_figure(verdict.profiles, [ends[one.name] for one in verdict.profiles])
     return found
 
 

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.evidence.drive_compare import Refit, left_out
+from rover_pin.evidence.drive_compare import Refit
 from rover_pin.evidence.drive_fit import DriveFit
+from rover_pin.evidence.drive_left_out import left_out
 from rover_pin.evidence.drive_parameters import Parameter
 from rover_pin.evidence.drive_remainder import Remainder
 from rover_pin.evidence.drive_report_runs import Sides, words_of

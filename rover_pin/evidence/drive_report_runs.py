@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_pin.evidence.drive_bench import Bench
-from rover_pin.evidence.drive_compare import run_of_rows
 from rover_pin.evidence.drive_fit import DriveFit
 from rover_pin.evidence.drive_heldout import MADE
+from rover_pin.evidence.drive_left_out import run_of_rows
 from rover_pin.evidence.drive_noise import huber
 from rover_pin.evidence.drive_run import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED, blocks
 from rover_pin.evidence.report_page import AFTER, BEFORE, GREY

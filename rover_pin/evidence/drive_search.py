@@ -16,7 +16,7 @@ from rover_pin.evidence.drive_fit import DriveFit, Task, fit
 from rover_pin.evidence.drive_model import nuisances
 from rover_pin.evidence.drive_noise import first_noise
 from rover_pin.evidence.drive_run import logged_runs
-from rover_pin.evidence.drive_screen import Scored, Signature, saturated, score, signatures, with_noise
+from rover_pin.evidence.drive_screen import Scored, Signature, fee_of, saturated, score, signatures, with_noise
 from rover_pin.evidence.resume import Stages
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model
@@ -110,7 +110,8 @@ def _round(
     added = {each.alike[0].candidate.kind for each in before}
     left = [each for each in known if each.candidate.name not in added and each.candidate.kind not in _once(added)]
     scored = score(here, left)
-    return Round(tuple(scored), refit(here, scored, len(tried), progress))
+    fee = partial(fee_of, count=len(tried), taken=sum(each.alike[0].gain for each in before))
+    return Round(tuple(scored), refit(here, scored, fee, progress))
 
 
 def _once(added: set[str]) -> set[str]:

@@ -18,6 +18,7 @@ from rover_pin.evidence.drive_search import Round, Search
 from rover_pin.evidence.finding import Finding
 from rover_pin.evidence.heldout import ChannelScore
 from rover_pin.evidence.profile import NORMAL_95
+from rover_pin.evidence.profile_curve import Profile
 from rover_pin.evidence.verdict import Answer, plain, score_line, shown
 from rover_pin.motion.effect_files import AnyEffect
 from rover_pin.motion.model import Model
@@ -48,10 +49,9 @@ class Number(NamedTuple):
 
 
 def numbers(fitted: DriveFit) -> tuple[Number, ...]:
-    """Return all free numbers with intervals: Gaussian at the optimum, widened where the misfit is above 1."""
-    spread = np.sqrt(np.diag(fitted.covariance) * max(fitted.misfit, 1.0))
+    """Return all free numbers with intervals of `DriveFit.spread` about the optimum."""
     found = []
-    for one, u, sd in zip(fitted.parameters, fitted.u, spread, strict=True):
+    for one, u, sd in zip(fitted.parameters, fitted.u, fitted.spread, strict=True):
         ends = sorted(one.value(u + side * NORMAL_95 * sd) for side in (-1, 1))
         unit = find(fitted.model, one.name)[2].unit
         found.append(Number(one.name, unit, one.value(u), ends[0], ends[1], float(u) if one.prior else float("nan")))
@@ -82,6 +82,7 @@ class DriveVerdict:
     experiments: tuple[DriveExperiment, ...]
     search: Search | None = field(repr=False)
     provenance: dict[str, Any] = field(repr=False)
+    profiles: tuple[Profile, ...] = field(default=(), repr=False)
     files: tuple[Path, ...] = ()
 
     @property
@@ -127,6 +128,7 @@ class DriveVerdict:
                 "free_runs": [one._asdict() for one in self.free],
                 "before": {one.name: one._asdict() for one in self.before},
                 "after": {one.name: one._asdict() for one in self.after},
+                "profiles": [one._asdict() for one in self.profiles],
                 "rounds": [_round(one) for one in rounds],
                 "remainder": self.remainder.said if self.remainder else "",
                 "experiments": [one.said for one in self.experiments],

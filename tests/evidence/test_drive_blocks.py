@@ -48,6 +48,7 @@ def as_logged(trace):
 
 
 def test_a_replay_of_the_true_model_drives_as_the_log(model, driven):
+    """At twice the step; but for the first 50 ms, in which the wheels jump from rest to speed."""
     run = commands(as_logged(driven), WHEELS, STEERED)
     again = replay(model, run).channels
     for name, off in {
@@ -57,7 +58,7 @@ def test_a_replay_of_the_true_model_drives_as_the_log(model, driven):
         "wheel_rate_ml": 1e-2,
         "slip_rr": 1e-2,
     }.items():
-        assert again[name] == pytest.approx(driven[name], abs=off), name
+        assert again[name][1:] == pytest.approx(driven[name][1:], abs=off), name
 
 
 def test_a_replay_stays_where_the_log_was_and_tells_its_own_way(model, driven):

@@ -4,7 +4,6 @@ import base64
 import dataclasses
 import math
 import re
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -265,11 +264,8 @@ def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
 
 
 def test_profiles_are_drawn_where_there_are_any(made, verdict):
-    @dataclass(frozen=True, eq=False)
-    class Profiled(DriveVerdict):
-        profiles: tuple = (Profile("SupplySag.R_b", "ohm", (1.8, 2.0, 2.2), (4.0, 0.0, 4.0)),)
-
-    one = Profiled(**{each.name: getattr(verdict, each.name) for each in dataclasses.fields(verdict)})
+    shape = Profile("SupplySag.R_b", "ohm", (1.8, 2.0, 2.2), (4.0, 0.0, 4.0))
+    one = dataclasses.replace(verdict, profiles=(shape,))
     found = figures(one)
     assert "profiles" in found
     assert "profiles" not in figures(verdict)
