@@ -33,10 +33,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from rover_pin.evidence.profile import NORMAL_95
 from rover_pin.evidence.verdict import Answer
 from rover_pin.plot import save
-
-NORMAL_95 = 1.959964
 
 
 class Kind(Enum):

@@ -60,6 +60,8 @@ class Model:
                     f"{type(effect).__name__} acts in a differential, but rover '{self.rover.name}' has none: "
                     "leave the effect out."
                 )
+        for own in (*self.motor_effects, *self.sensor_effects):
+            _refuse_unknown_wheel(own, [wheel.name for wheel in self.rover.wheels])
 
     @property
     def contact_effects(self) -> tuple[Effect, ...]:
@@ -130,6 +132,18 @@ class Model:
             if name not in names:
                 raise ParameterError(f"Model has no field '{name}': {closest(name, names)}")
         return dataclasses.replace(self, **changes)
+
+
+def _refuse_unknown_wheel(effect: MotorEffect | SensorEffect, names: list[str]) -> None:
+    """Raise where an effect belongs to a wheel, by number or by name, that the rover has not."""
+    wheel = getattr(effect, "wheel", "")
+    if isinstance(wheel, str) and wheel not in ("", *names):
+        raise ParameterError(f"{type(effect).__name__}: the rover has no wheel '{wheel}': {closest(wheel, names)}")
+    if not isinstance(wheel, str) and not 0 <= wheel < len(names):
+        raise ParameterError(
+            f"{type(effect).__name__}: the rover has no wheel {wheel}: give one of 0 to {len(names) - 1}, in the order "
+            f"{', '.join(names)}."
+        )
 
 
 def _having(present: tuple[OneKind, ...], effect: OneKind) -> tuple[OneKind, ...]:

@@ -287,3 +287,12 @@ def test_a_point_turn_stays_where_it_is():
     trace = scenario("point-turn", duration=10.0, **{"soil.k": 0.001}).drive()
     assert abs(trace["body_yaw"][-1]) > 1.0
     assert np.hypot(trace["body_x"], trace["body_y"]).max() < 0.03
+
+
+def test_an_effect_on_a_wheel_that_is_not_there_is_refused():
+    with pytest.raises(
+        ParameterError, match="WeakMotor: the rover has no wheel 9: give one of 0 to 5, in the order fl, "
+    ):
+        made("flat").having(WeakMotor(g=0.1, wheel=9))
+    with pytest.raises(ParameterError, match="TachoScale: the rover has no wheel 'fx'"):
+        made("flat").having(TachoScale(e=0.1, wheel="fx"))
