@@ -18,6 +18,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH
+from rover_pin.quantity import Record
 from rover_pin.soil.traction import load_traction_factor
 
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
@@ -134,7 +135,7 @@ class Model:
         return dataclasses.replace(self, **changes)
 
 
-def _refuse_unknown_wheel(effect: MotorEffect | SensorEffect, names: list[str]) -> None:
+def _refuse_unknown_wheel(effect: Record, names: list[str]) -> None:
     """Raise where an effect belongs to a wheel, by number or by name, that the rover has not."""
     wheel = getattr(effect, "wheel", "")
     if isinstance(wheel, str) and wheel not in ("", *names):
