@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.evidence.drive_report_rows import at_bound, held_out_misfit
+from rover_pin.evidence.drive_heldout import together
+from rover_pin.evidence.drive_report_rows import at_bound
 from rover_pin.evidence.drive_report_runs import Sides
 from rover_pin.evidence.drive_verdict import DriveVerdict
 from rover_pin.evidence.verdict import Answer
@@ -70,7 +71,7 @@ def _cautions(verdict: DriveVerdict, sides: Sides) -> Iterator[str]:
     for parameter, u in zip(sides.after.parameters, sides.after.u, strict=True):
         if at_bound(parameter, float(u)):
             yield f"{parameter.name} lies at its bound: the form of the model is strained"
-    misfit = held_out_misfit(sides.after)
+    misfit = together(verdict.runs)[1]
     if misfit > MISSED:
         yield f"runs left out are missed by {misfit:.1f} times the noise: more than noise is left"
     if len(sides.bench.runs) < FEW_RUNS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from rover_pin.evidence.drive_bench import Bench
 from rover_pin.evidence.drive_fit import STRETCH, DriveFit
 from rover_pin.evidence.drive_left_out import refitted_left_out
+from rover_pin.evidence.drive_noise import huber_losses
 from rover_pin.evidence.heldout import ChannelScore
 from rover_pin.motion.channels import unit_of
 from rover_pin.motion.model import Model
@@ -20,34 +22,82 @@ MADE = {"path": "m", "drift": "m", "heading": "rad", "speed": "m/s"}
 """Units of the features that are made of several channels."""
 
 
-def drive_scores(before: DriveFit, after: DriveFit, seed: int) -> tuple[ChannelScore, ...]:
-    """Return held-out RMSE of every channel before and after, with a block bootstrap of the paired change.
+class RunScore(NamedTuple):
+    """One run as the fits to the others predict it: robust chi2 a compared block, where 1 is the noise."""
 
-    Every run is predicted from a fit to the others.
-    """
-    good, noise = after.task.noise.good, after.task.noise
+    run: str
+    blocks: int
+    before: float
+    after: float
+    low: float
+    high: float
+    "ends of the 95 % interval of after / before - 1, stretches of the run resampled"
+
+
+class HeldOut(NamedTuple):
+    """Errors on runs that were not fitted, before and after: by channel and by run."""
+
+    channels: tuple[ChannelScore, ...]
+    runs: tuple[RunScore, ...]
+
+
+def held_out(before: DriveFit, after: DriveFit, seed: int) -> HeldOut:
+    """Return the errors of every run as a fit to the others predicts it, with block bootstraps of the paired change."""
     first = refitted_left_out(before)
-    pairs = [np.where(good, one, np.nan) for one in (first, first if after is before else refitted_left_out(after))]
-    stretches = _stretches(good.shape[2])
+    pair = (first, first if after is before else refitted_left_out(after))
     random = np.random.default_rng(seed)
-    draws = random.integers(0, good.shape[0] * len(stretches), (DRAWS, good.shape[0] * len(stretches)))
+    return HeldOut(_by_channel(after, pair, random), _by_run(after, pair, random))
+
+
+def together(runs: Sequence[RunScore]) -> tuple[float, float]:
+    """Return chi2 a compared block of all runs, before and after."""
+    blocks = np.array([one.blocks for one in runs])
+    before, after = (float(blocks @ [one[at] for one in runs]) / max(int(blocks.sum()), 1) for at in (2, 3))
+    return before, after
+
+
+Pair = tuple[np.ndarray, np.ndarray]
+
+
+def _by_channel(fitted: DriveFit, pair: Pair, random: np.random.Generator) -> tuple[ChannelScore, ...]:
+    good, noise = fitted.task.noise.good, fitted.task.noise
     found = []
-    for row, name in enumerate(after.task.bench.channels):
-        squares = [np.nan_to_num(one[:, row] ** 2) for one in pairs]
-        sums = [np.array([s[:, part].sum(axis=1) for part in stretches]).ravel() for s in squares]
-        count = max(int(good[:, row].sum()), 1)
-        drawn = [one[draws].sum(axis=1) for one in sums]
-        ratio = np.sqrt(drawn[1] / np.maximum(drawn[0], 1e-300)) - 1
-        was, now = (float(np.sqrt(one.sum() / count)) for one in sums)
-        low, high = np.quantile(ratio, [0.025, 0.975])
-        unit = MADE.get(name) or unit_of(name)
-        change = now / max(was, 1e-300) - 1
-        found.append(ChannelScore(name, unit, float(noise.sd[row]), was, now, change, float(low), float(high)))
+    for row, name in enumerate(fitted.task.bench.channels):
+        squares = [np.where(good, one, 0.0)[:, row] ** 2 for one in pair]
+        low, high = _change(np.array([_summed(each).ravel() for each in squares]), 0.5, random)
+        was, now = (float(np.sqrt(each.sum() / max(int(good[:, row].sum()), 1))) for each in squares)
+        unit, change = MADE.get(name) or unit_of(name), now / max(was, 1e-300) - 1
+        found.append(ChannelScore(name, unit, float(noise.sd[row]), was, now, change, low, high))
     return tuple(found)
 
 
-def _stretches(length: int) -> list[slice]:
-    return [slice(start, start + STRETCH) for start in range(0, length, STRETCH)]
+def _by_run(fitted: DriveFit, pair: Pair, random: np.random.Generator) -> tuple[RunScore, ...]:
+    noise = fitted.task.noise
+    losses = np.zeros((2, *noise.good.shape))
+    for side, residual in enumerate(pair):
+        losses[side][noise.good] = huber_losses(noise.white(residual))
+    found = []
+    for at, run in enumerate(fitted.task.bench.runs):
+        count = max(int(noise.good[at].sum()), 1)
+        sums = losses[:, at].sum(axis=1)
+        low, high = _change(_summed(sums), 1.0, random)
+        was, now = (float(each) / count for each in sums.sum(axis=1))
+        found.append(RunScore(run.name, count, was, now, low, high))
+    return tuple(found)
+
+
+def _change(sums: np.ndarray, power: float, random: np.random.Generator) -> tuple[float, float]:
+    """Return the 95 % interval of (after / before)^power - 1 of sums over stretches (2, stretches)."""
+    draws = random.integers(0, sums.shape[1], (DRAWS, sums.shape[1]))
+    before, after = sums[:, draws].sum(axis=2)
+    low, high = np.quantile((after / np.maximum(before, 1e-300)) ** power - 1, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _summed(values: np.ndarray) -> np.ndarray:
+    """Return sums over stretches of the last axis."""
+    starts = range(0, values.shape[-1], STRETCH)
+    return np.stack([values[..., start : start + STRETCH].sum(axis=-1) for start in starts], axis=-1)
 
 
 class FreeRun(NamedTuple):

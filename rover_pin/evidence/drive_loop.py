@@ -11,7 +11,7 @@ import numpy as np
 from rover_pin.evidence.drive_checks import findings, refuse_unfit, too_poor
 from rover_pin.evidence.drive_compare import Refit
 from rover_pin.evidence.drive_experiment import DriveExperiment, separating_drive
-from rover_pin.evidence.drive_heldout import drive_scores, free_runs
+from rover_pin.evidence.drive_heldout import free_runs, held_out
 from rover_pin.evidence.drive_model import base_model, with_spread
 from rover_pin.evidence.drive_profile import drive_profiles
 from rover_pin.evidence.drive_remainder import Remainder, describe
@@ -93,6 +93,7 @@ def _verdict(log: DriveLog, found: Search, left: Remainder, seed: int, progress:
     last = found.last if answer is not Answer.NONE_FITS else found.base
     named = tuple(one.name for one in found.found) if answer is not Answer.NONE_FITS else ()
     sizes = tuple(name for one in found.found if named for name in one.candidate.sizes)
+    held = held_out(found.base, last, seed)
     return DriveVerdict(
         answer=answer,
         name=log.about.name,
@@ -103,13 +104,14 @@ def _verdict(log: DriveLog, found: Search, left: Remainder, seed: int, progress:
         explained=explained(found),
         before=numbers(found.base),
         after=numbers(last),
-        scores=drive_scores(found.base, last, seed),
+        scores=held.channels,
         free=free_runs(found.base.task.bench, found.base.model, last.model),
         remainder=left,
         findings=findings(log),
         experiments=_experiments(best, progress),
         search=found,
         provenance={},
+        runs=held.runs,
         profiles=drive_profiles(last, sizes) if sizes else (),
     )
 

@@ -105,7 +105,12 @@ def huber_weights(rows: np.ndarray) -> np.ndarray:
     return np.asarray(np.minimum(1.0, STRAY / np.maximum(np.abs(rows), 1e-12)))
 
 
-def huber(rows: Any) -> float:
-    """Return the robust sum of squares: r^2, beyond STRAY linear."""
+def huber_losses(rows: Any) -> np.ndarray:
+    """Return r^2 of each row, beyond STRAY linear."""
     size = np.abs(rows)
-    return float(np.sum(np.where(size > STRAY, 2 * STRAY * size - STRAY**2, size**2)))
+    return np.asarray(np.where(size > STRAY, 2 * STRAY * size - STRAY**2, size**2))
+
+
+def huber(rows: Any) -> float:
+    """Return the robust sum of squares."""
+    return float(np.sum(huber_losses(rows)))

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.evidence.drive_compare import Refit
-from rover_pin.evidence.drive_fit import DriveFit
-from rover_pin.evidence.drive_left_out import left_out
+from rover_pin.evidence.drive_heldout import RunScore, together
 from rover_pin.evidence.drive_parameters import Parameter
 from rover_pin.evidence.drive_remainder import Remainder
 from rover_pin.evidence.drive_report_runs import Sides, words_of
@@ -33,11 +32,6 @@ class Row(NamedTuple):
     look: str = ""
 
 
-def held_out_misfit(fit: DriveFit) -> float:
-    """Return chi2 a compared block of runs as the others predict them; 1 is the noise."""
-    return float(np.sum(left_out(fit))) / max(fit.task.noise.count, 1)
-
-
 def summary_rows(verdict: DriveVerdict, sides: Sides) -> list[Row]:
     """Return what a reader wants first: misfit of runs left out and fitted, and how far free runs stray."""
 
@@ -46,7 +40,7 @@ def summary_rows(verdict: DriveVerdict, sides: Sides) -> list[Row]:
 
     rows = [
         row(
-            "misfit of runs left out (chi2 a block; 1 is the noise)", *(f"{held_out_misfit(one):.2f}" for one in sides)
+            "misfit of runs left out (chi2 a block; 1 is the noise)", *(f"{one:.2f}" for one in together(verdict.runs))
         ),
         row("misfit of the runs that were fitted", *(f"{one.misfit:.2f}" for one in sides)),
     ]
@@ -73,6 +67,19 @@ def score_rows(scores: Sequence[ChannelScore], added: bool) -> list[Row]:
         after = (shown(one.after, one.unit), change, claimed(one)) if added else ()
         rows.append(Row((name, floor, before, *after), AWAY if added and one.said == "worse" else ""))
     return rows
+
+
+def run_rows(runs: Sequence[RunScore], added: bool) -> list[Row]:
+    """Return the held-out misfit of every run."""
+
+    def change(one: RunScore) -> tuple[str, str]:
+        share = one.after / max(one.before, 1e-300) - 1
+        return f"{one.after:.2f}", f"{share:+.0%} [{one.low:+.0%}, {one.high:+.0%}]"
+
+    return [
+        Row((one.run, f"{one.blocks}", f"{one.before:.2f}", *(change(one) if added else ())), AWAY * (one.low > 0))
+        for one in runs
+    ]
 
 
 def claimed(score: ChannelScore) -> str:

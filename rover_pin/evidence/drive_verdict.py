@@ -11,7 +11,7 @@ import numpy as np
 from rover_pin.evidence.drive_compare import Refit
 from rover_pin.evidence.drive_experiment import DriveExperiment
 from rover_pin.evidence.drive_fit import DriveFit
-from rover_pin.evidence.drive_heldout import FreeRun
+from rover_pin.evidence.drive_heldout import FreeRun, RunScore
 from rover_pin.evidence.drive_parameters import find, owner_name
 from rover_pin.evidence.drive_remainder import Remainder
 from rover_pin.evidence.drive_search import Round, Search
@@ -82,6 +82,7 @@ class DriveVerdict:
     experiments: tuple[DriveExperiment, ...]
     search: Search | None = field(repr=False)
     provenance: dict[str, Any] = field(repr=False)
+    runs: tuple[RunScore, ...] = field(default=(), repr=False)
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     files: tuple[Path, ...] = ()
 
@@ -125,6 +126,7 @@ class DriveVerdict:
                 "explained": self.explained,
                 "findings": [str(finding) for finding in self.findings],
                 "held_out": [score._asdict() | {"said": score.said} for score in self.scores],
+                "held_out_runs": [one._asdict() for one in self.runs],
                 "free_runs": [one._asdict() for one in self.free],
                 "before": {one.name: one._asdict() for one in self.before},
                 "after": {one.name: one._asdict() for one in self.after},

@@ -24,7 +24,8 @@ from rover_pin.evidence.drive_carrier_arguments import Argument, Hats, Polynomia
 from rover_pin.evidence.drive_cautions import cautions
 from rover_pin.evidence.drive_compare import Refit
 from rover_pin.evidence.drive_fit import DriveFit, Task, slopes_at
-from rover_pin.evidence.drive_heldout import drive_scores, free_runs
+from rover_pin.evidence.drive_heldout import free_runs, held_out, together
+from rover_pin.evidence.drive_left_out import loss_of, refitted_left_out
 from rover_pin.evidence.drive_model import DRIVEN_SAND
 from rover_pin.evidence.drive_noise import first_noise, noise_of
 from rover_pin.evidence.drive_parameters import parameter
@@ -141,6 +142,7 @@ def left(gain=200.0):
 @pytest.fixture(scope="module")
 def verdict(made):
     _, before, after = made
+    held = held_out(before, after, 0)
     return DriveVerdict(
         answer=Answer.NAMED,
         name="small",
@@ -151,7 +153,8 @@ def verdict(made):
         explained=0.99,
         before=numbers(before),
         after=numbers(after),
-        scores=drive_scores(before, after, 0),
+        scores=held.channels,
+        runs=held.runs,
         free=free_runs(before.task.bench, before.model, after.model),
         remainder=left(),
         findings=(Finding("no low duty", "small", "add one"),),
@@ -270,6 +273,22 @@ def test_profiles_are_drawn_where_there_are_any(made, verdict):
     assert "profiles" in found
     assert "profiles" not in figures(verdict)
     assert "Rise of chi2" in html(one, made[0], dict.fromkeys(found, "data:,"))
+
+
+def test_every_run_left_out_has_its_line(made, verdict):
+    """The misfit of all runs is that of their blocks, and falls with the effect; the interval holds the change."""
+    _, before, after = made
+    assert [one.run for one in verdict.runs] == [run.name for run in before.task.bench.runs]
+    was, now = together(verdict.runs)
+    count = sum(one.blocks for one in verdict.runs)
+    assert count == before.task.noise.count
+    assert was * count == pytest.approx(loss_of(before, refitted_left_out(before)))
+    assert now * count == pytest.approx(loss_of(after, refitted_left_out(after)))
+    assert now < was
+    for one in verdict.runs:
+        assert one.low <= one.after / one.before - 1 <= one.high
+    page = html(verdict, made[0], dict.fromkeys(figures(verdict), "data:,"))
+    assert all(f"<td>{one.run}</td>" in page for one in verdict.runs)
 
 
 # --- what it says ----------------------------------------------------------------------------------------------------
