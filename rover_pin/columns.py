@@ -62,15 +62,21 @@ def read_columns(path: str | Path) -> Columns:
     path = Path(path)
     try:
         return _parquet(path) if path.suffix == ".parquet" else _text(path, path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise DataError(f"{path}: the file cannot be read: {reason}.") from error
+    except UnicodeDecodeError as error:
+        raise DataError(
+            f"{path}: the file cannot be read as UTF-8 text: save it as CSV with commas, or as Parquet."
+        ) from error
+    except OSError as error:
+        raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
 
 
 def _text(path: Path, text: str) -> Columns:
     lines = [(at, line) for at, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     if len(lines) < 2:
         raise DataError(f"{path}: the file has no rows: give one line of column names, then one line a row.")
+    for mark, word in ((";", "semicolons"), ("\t", "tabs")):
+        if mark in lines[0][1] and "," not in lines[0][1]:
+            raise DataError(f"{path}: the columns stand between {word}: save the file with commas, and decimal points.")
     names = [name.strip().strip('"') for name in lines[0][1].split(",")]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)

@@ -8,14 +8,25 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
+
 from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.contact import Wheel
+from rover_pin.control.steering import wheel_places
 from rover_pin.errors import DataError
 from rover_pin.evidence import drive_excitation
 from rover_pin.evidence.drive_columns import absurd_faults, column_faults, column_findings, gap_findings
+from rover_pin.evidence.drive_declared import (
+    declared_findings,
+    ground_findings,
+    rover_faults,
+    start_faults,
+    start_findings,
+)
 from rover_pin.evidence.drive_sensors import frozen_faults, jump_findings, range_findings, stuck_findings
-from rover_pin.evidence.drive_signs import differential_findings, sign_faults
+from rover_pin.evidence.drive_signs import differential_findings, sign_faults, wheel_sign_faults
+from rover_pin.evidence.drive_speeds import speed_faults
 from rover_pin.evidence.drive_units import unit_faults
 from rover_pin.evidence.driven import Driven
 from rover_pin.evidence.finding import Finding, gathered
@@ -61,17 +72,23 @@ def refuse_unfit(log: DriveLog) -> None:
 
 def faults(log: DriveLog) -> tuple[Finding, ...]:
     """Return every reason to refuse the log, those that differ only in their run as one."""
-    missing = gathered([*column_faults(log), *absurd_faults(log)])
+    missing = gathered([*rover_faults(log), *column_faults(log), *absurd_faults(log)])
     if missing:
         return missing
-    motor, terrain = declared_motor(log), _terrain(log)
-    return gathered(fault for run in driven(log) for fault in _of_run(run, motor, terrain))
+    motor, terrain, length = declared_motor(log), _terrain(log), _length(log)
+    return gathered(fault for run in driven(log) for fault in _of_run(run, motor, terrain, length))
 
 
-def _of_run(run: Driven, motor: Motor | None, terrain: Terrain | None) -> list[Finding]:
-    """Return a run's faults: the signs only where the units are right, as they are judged by speeds."""
-    found = [*frozen_faults(run), *unit_faults(run, motor)]
-    return found or list(sign_faults(run, terrain))
+def _of_run(run: Driven, motor: Motor | None, terrain: Terrain | None, length: float) -> list[Finding]:
+    """Return a run's faults: what the speeds tell only where the wheels are right, signs only where units are."""
+    found = [*frozen_faults(run), *wheel_sign_faults(run)]
+    found = found or [*unit_faults(run, motor), *speed_faults(run, motor), *start_faults(run)]
+    return found or list(sign_faults(run, terrain, length))
+
+
+def _length(log: DriveLog) -> float:
+    """Return the length from the rear to the front axle of the rover [m]."""
+    return float(np.ptp([place[0] for place in wheel_places(load_rover(log.rover)).values()]))
 
 
 def findings(log: DriveLog) -> tuple[Finding, ...]:
@@ -82,8 +99,13 @@ def findings(log: DriveLog) -> tuple[Finding, ...]:
 def _findings(log: DriveLog) -> Iterator[Finding]:
     runs, motor = driven(log), declared_motor(log)
     joined = load_rover(log.rover).differential is not None
+    terrain = _terrain(log)
     yield from column_findings(log)
+    yield from declared_findings(log)
     for run in runs:
+        yield from start_findings(run)
+        if terrain is not None:
+            yield from ground_findings(run, terrain)
         yield from gap_findings(run.trace)
         yield from stuck_findings(run)
         yield from jump_findings(run)

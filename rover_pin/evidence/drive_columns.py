@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rover_pin.body.rover import load_rover
 from rover_pin.errors import closest
 from rover_pin.evidence.finding import Finding
 from rover_pin.motion.channels import BY_START, PER_WHEEL, WHOLE
@@ -23,6 +24,9 @@ ABSURD = 1e12
 
 NOTABLE_SHARE, NOTABLE_RUN = 0.01, 5
 """Gaps are named from this share of a run, or from this many samples in a row."""
+
+MOST_NAMES = 4
+"""Channels with the same gap that one line lists."""
 
 UNEVEN = 1.5
 """A time between samples of this many usual ones is a gap in the clock."""
@@ -79,8 +83,9 @@ def _instead(name: str, run: Trace) -> str:
 
 def column_findings(log: DriveLog) -> Iterator[Finding]:
     """Yield what is not recorded and what then cannot be told, and columns that nobody reads."""
+    suspended = load_rover(log.rover).differential is not None
     for name, (lost, columns) in OPTIONAL.items():
-        for run in log.runs:
+        for run in log.runs if suspended or "rocker_l" not in columns else ():
             if not any(_recorded(run, column) for column in columns):
                 yield Finding(f"{name} not recorded", str(run.attrs["file"]), lost)
     for run in log.runs:
@@ -109,17 +114,25 @@ def known(name: str, wheels: tuple[str, ...]) -> bool:
 def gap_findings(run: Trace) -> Iterator[Finding]:
     """Yield stretches that are missing from a channel, and samples that are missing from the log."""
     where, t = str(run.attrs["file"]), run.t
+    alike: dict[tuple[int, int, int], list[str]] = {}
     for name, values in run.channels.items():
         missing = ~np.isfinite(values)
         first, longest = longest_run(missing)
         share = float(np.mean(missing)) if missing.size else 0.0
-        if missing.all() or (longest < NOTABLE_RUN and share < NOTABLE_SHARE):
-            continue
+        if not missing.all() and (longest >= NOTABLE_RUN or share >= NOTABLE_SHARE):
+            alike.setdefault((first, longest, int(np.sum(missing))), []).append(name)
+    for (first, longest, count), names in alike.items():
         lasting = float(t[min(first + longest, len(t) - 1)] - t[first])
-        what = f"{name} is missing for {lasting:.3g} s from t = {t[first]:.4g} s on (row {first + 1})"
-        todo = f"the {100 * share:.0f} % of the run that it lacks are passed over"
-        yield Finding(what, where, todo)
+        what = f"{_missing(names)} missing for {lasting:.3g} s from t = {t[first]:.4g} s on (row {first + 1})"
+        duty = "; the last duty before is taken to hold" if any(name.startswith("duty_") for name in names) else ""
+        yield Finding(what, where, f"the {100 * count / len(t):.0f} % of the run without are passed over{duty}")
     yield from _clock_gaps(run)
+
+
+def _missing(names: list[str]) -> str:
+    more = len(names) - MOST_NAMES
+    listed = ", ".join(names[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+    return f"{listed} {'is' if len(names) == 1 else 'are'}"
 
 
 def _clock_gaps(run: Trace) -> Iterator[Finding]:

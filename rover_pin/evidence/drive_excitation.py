@@ -182,10 +182,11 @@ def _electric(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
 
 def _runs(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
     if len(runs) < HELD_OUT:
-        yield f"{len(runs)} runs: results of so few held-out runs mean little", "add runs, best 6 and 3 to hold out"
+        many = f"{len(runs)} run{'s' * (len(runs) != 1)}"
+        yield f"{many}: results of so few held-out runs mean little", "add runs, best 6 and 3 to hold out"
     if not any(_replicates(a, b) for i, a in enumerate(runs) for b in runs[:i]):
         yield (
-            "no run is repeated, so the noise is as stated, not measured",
+            "no run is repeated, so what scatters and what the model cannot describe look alike",
             "repeat a run with the same commands on freshly raked soil",
         )
 

@@ -12,6 +12,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.errors import DataError
 from rover_pin.evidence.drive_parameters import Parameter, parameter
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model, base_effects
@@ -47,8 +48,11 @@ def base_model(log: DriveLog) -> Model:
     soil = record_from(Soil, {**DRIVEN_SAND.values(), **log.about.soil}, f"{log.folder}: [soil]")
     motor = record_from(Motor, log.about.motor, f"{log.folder}: [motor]")
     traction = SoilTraction(TorqueTraction(), FixedAngles())
-    effects = base_effects(soil, rover, traction)
-    return Model(rover, log.terrain(), (soil, HARD_GROUND), motor, effects=effects, gravity=log.about.gravity)
+    effects, terrain = base_effects(soil, rover, traction), log.terrain()
+    most = max(terrain.ground_indices)
+    if most > 1:
+        raise DataError(f"{log.folder}: [terrain] has ground {most}: a log knows 0, the [soil], and 1, hard ground.")
+    return Model(rover, terrain, (soil, HARD_GROUND), motor, effects=effects, gravity=log.about.gravity)
 
 
 def with_spread(model: Model) -> Model:
@@ -90,5 +94,8 @@ def _sd(folder: Any, table: Mapping[str, Any], name: str, unit: str, default: fl
     """Return the SD that a table of the log declares of a constant, or the default; wider where it is not declared."""
     entry = table.get(name)
     if isinstance(entry, Mapping) and "sd" in entry:
-        return to_si(entry["sd"], str(entry.get("unit", unit)), unit, f"{folder}: the sd of '{name}'")
+        where, sd = f"{folder}: the sd of '{name}'", entry["sd"]
+        if isinstance(sd, bool) or not isinstance(sd, (int, float)) or not 0.0 < sd < math.inf:
+            raise DataError(f"{where} is {sd!r}: give a positive number in the unit of its value, or leave it out.")
+        return to_si(sd, str(entry.get("unit", unit)), unit, where)
     return default * (UNDECLARED if widen and entry is None else 1.0)

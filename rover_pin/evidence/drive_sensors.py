@@ -10,6 +10,7 @@ from rover_pin.evidence.drive_columns import longest_run
 from rover_pin.evidence.drive_units import AT_LEAST
 from rover_pin.evidence.driven import Driven, degrees
 from rover_pin.evidence.finding import Finding
+from rover_pin.motion.channels import unit_of
 from rover_pin.motion.motor import Motor
 
 STUCK = 3.0
@@ -75,14 +76,15 @@ def stuck_findings(run: Driven) -> Iterator[Finding]:
     """Yield measured channels that keep one value for a while, or at their end of range, while others move."""
     rates = run.trace.stack("wheel_rate")
     for name, values in run.trace.channels.items():
-        if not name.startswith(("wheel_rate_", "current_", "body_x", "rocker_", "bogie_")):
+        if not name.startswith(("wheel_rate_", "current_", "body_", "rocker_", "bogie_")):
             continue
         same = np.concatenate([[False], np.diff(values) == 0.0])
         others = [i for i, wheel in enumerate(run.wheels) if name != f"wheel_rate_{wheel}"]
         moves = np.concatenate([[False], np.any(np.diff(rates[:, others], axis=0) != 0.0, axis=1)])
-        if name.startswith(("rocker_", "bogie_")):
+        if name != "body_x" and name.startswith(("rocker_", "bogie_", "body_")):
             if same[1:].all() and len(same) > 1 and moves.any():
-                yield Finding(f"{name} is {values[0]:g} rad all along", run.name, "see whether it is plugged in")
+                todo = "see whether it is measured: else leave the column out"
+                yield Finding(f"{name} is {values[0]:g} {unit_of(name)} all along", run.name, todo)
             continue
         yield from _stuck(run, name, same & (moves | ~moves.any()) & run.moving[run.block])
 

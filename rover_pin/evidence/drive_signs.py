@@ -27,6 +27,9 @@ ALIGNED = 0.9
 ENOUGH_CLIMB = math.radians(1.5)
 """SD of the climb from which the pitch can be held against it."""
 
+SURE = 4.0
+"""Student's t of a correlation from which it is not taken for chance."""
+
 STEEPER = 5.0
 """Change of pitch over change of climb from which the pitch is in another unit."""
 
@@ -34,14 +37,14 @@ UNLEVEL = 0.02
 """Mean of rocker_l + rocker_r [rad] from which it is named: 1.1 deg, beyond a potentiometer's noise."""
 
 
-def sign_faults(run: Driven, terrain: Terrain | None) -> Iterator[Finding]:
-    """Yield channels of a run that are upside down or turned round."""
-    yield from _wheels(run)
+def sign_faults(run: Driven, terrain: Terrain | None, length: float) -> Iterator[Finding]:
+    """Yield channels of a run that are upside down or turned round; `length` is between the outer axles [m]."""
     yield from _heading(run)
-    yield from _pitch(run, terrain)
+    yield from _pitch(run, terrain, length)
 
 
-def _wheels(run: Driven) -> Iterator[Finding]:
+def wheel_sign_faults(run: Driven) -> Iterator[Finding]:
+    """Yield duties, wheel rates and currents that run against each other."""
     for i, wheel in enumerate(run.wheels):
         current = f"current_{wheel}_A"
         if _correlation(run.duty[:, i], run.rate[:, i]) < OPPOSITE:
@@ -93,38 +96,49 @@ def _turned(run: Driven, off: float) -> Finding:
     return Finding(what, run.name, "check the axes of body_x and body_y, and which axis body_yaw is taken from")
 
 
-def _pitch(run: Driven, terrain: Terrain | None) -> Iterator[Finding]:
-    """Yield a pitch that falls where the rover climbs, or rises too fast; nose down is positive."""
-    height = _height(run, terrain)
-    if height is None or "body_pitch" not in run.trace:
+def _pitch(run: Driven, terrain: Terrain | None, length: float) -> Iterator[Finding]:
+    """Yield a pitch that falls where the rover climbs, or rises too fast; nose down is positive.
+
+    A rover as long as half a wave pitches down where its middle rises: what tracker and terrain tell must agree.
+    """
+    if "body_pitch" not in run.trace:
         return
     along = np.real(run.velocity * np.conj(run.heading))
-    pitch, rising = run.mean(run.trace["body_pitch"]), run.slope(height)
-    use = run.steady & np.isfinite(along * pitch * rising) & (np.abs(along) > 0.5 * CREEP * np.abs(run.rim))
-    if np.sum(use) < AT_LEAST:
-        return
-    climb = np.arctan(rising[use] / along[use])
-    if np.std(climb) < ENOUGH_CLIMB:
-        return
-    gain = -float(np.cov(climb, pitch[use])[0, 1] / np.var(climb))
-    if gain < -0.5:
+    pitch = run.mean(run.trace["body_pitch"])
+    use = run.steady & np.isfinite(along * pitch) & (np.abs(along) > 0.5 * CREEP * np.abs(run.rim))
+    gains = [_gain(climb[use], pitch[use]) for climb in _climbs(run, terrain, along, length)]
+    if gains and max(gains) < -0.5:
         yield Finding("body_pitch rises where the rover climbs", run.name, "multiply it by -1: nose down is positive")
-    elif gain > STEEPER:
-        what = f"body_pitch changes {gain:.0f} times as much as the climb"
+    elif gains and min(gains) > STEEPER:
+        what = f"body_pitch changes {min(gains):.0f} times as much as the climb"
         yield Finding(what, run.name, "if it is in degrees multiply it by pi / 180")
 
 
-def _height(run: Driven, terrain: Terrain | None) -> np.ndarray | None:
-    """Return the tracked height, or the declared ground's under the tracked place [m] (T,)."""
+def _gain(climb: np.ndarray, pitch: np.ndarray) -> float:
+    """Return by how much the pitch falls with the climb; 0 where that is not sure."""
+    use = np.isfinite(climb)
+    if np.sum(use) < AT_LEAST or np.std(climb[use]) < ENOUGH_CLIMB:
+        return 0.0
+    climb, pitch = climb[use], pitch[use]
+    together, size = float(np.cov(climb, pitch)[0, 1]), float(np.std(climb, ddof=1) * np.std(pitch, ddof=1))
+    alike = abs(together) / size if size > 0.0 else 0.0
+    sure = alike * math.sqrt(len(climb) - 2) > SURE * math.sqrt(max(1.0 - alike**2, 0.0))
+    return -together / float(np.var(climb, ddof=1)) if sure else 0.0
+
+
+def _climbs(run: Driven, terrain: Terrain | None, along: np.ndarray, length: float) -> Iterator[np.ndarray]:
+    """Yield the climb [rad] (B,) as tracked, and as the declared ground rises from the rear axle to the front one."""
     if "body_z" in run.trace and np.isfinite(run.trace["body_z"]).any():
-        return run.trace["body_z"]
+        yield np.arctan(run.slope(run.trace["body_z"]) / np.where(along == 0.0, np.nan, along))
     if terrain is None:
-        return None
-    x, y = run.trace["body_x"], run.trace["body_y"]
-    known = np.isfinite(x) & np.isfinite(y)
-    height = np.full(len(x), np.nan)
-    height[known] = terrain.height(x[known], y[known])
-    return height
+        return
+    x, y, yaw = (run.trace[f"body_{name}"] for name in ("x", "y", "yaw"))
+    known = np.isfinite(x + y + yaw)
+    ahead = 0.5 * length * np.exp(1j * yaw[known])
+    rise = np.full(len(x), np.nan)
+    rise[known] = terrain.height(x[known] + ahead.real, y[known] + ahead.imag)
+    rise[known] -= terrain.height(x[known] - ahead.real, y[known] - ahead.imag)
+    yield run.mean(np.arctan(rise / length))
 
 
 def differential_findings(run: Driven) -> Iterator[Finding]:

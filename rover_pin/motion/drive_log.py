@@ -26,6 +26,7 @@ For ROS bags see `bag_columns`.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -127,6 +128,7 @@ def read_drive_log(folder: str | Path) -> DriveLog:
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         raise DataError(f"{file}: there is no run: add a [[run]] with file = '...' for each.")
     about = _about(file, {key: value for key, value in table.items() if key not in ("kind", "run")})
+    _refuse_twice(file, [entry.get("file") for entry in entries])
     return DriveLog(folder, about, tuple(_run(file, about, at, entry) for at, entry in enumerate(entries, 1)))
 
 
@@ -179,6 +181,13 @@ def _about(file: Path, table: dict[str, Any]) -> About:
     return About(**{**table, "wheels": tuple(wheels), "gravity": gravity_from(table.get("gravity", EARTH), str(file))})
 
 
+def _refuse_twice(file: Path, names: list[Any]) -> None:
+    for at, name in enumerate(names, 1):
+        if name in names[: at - 1]:
+            first = names.index(name) + 1
+            raise DataError(f"{file}: run {at} names the file {name!r}, as run {first} does: leave one of them out.")
+
+
 def _run(file: Path, about: About, at: int, entry: dict[str, Any]) -> Trace:
     for key in entry:
         if key not in RUN_KEYS:
@@ -206,6 +215,9 @@ def _start(file: Path, at: int, start: Any) -> dict[str, float]:
     if not isinstance(start, dict) or not set(start) <= set(START_KEYS):
         raise DataError(f"{file}: run {at} has start = {start!r}: give {{ x = [m], y = [m], yaw = [rad] }}.")
     try:
-        return {key: float(start.get(key, 0.0)) for key in START_KEYS}
+        place = {key: float(start.get(key, 0.0)) for key in START_KEYS}
     except (TypeError, ValueError):
         raise DataError(f"{file}: run {at} has start = {start!r}: x, y [m] and yaw [rad] must be numbers.") from None
+    if not all(map(math.isfinite, place.values())) or abs(place["yaw"]) > 2.0 * math.pi:
+        raise DataError(f"{file}: run {at} has start = {start!r}: give finite x, y [m], and yaw in rad, not degrees.")
+    return place

@@ -67,11 +67,20 @@ def write_terrain(folder: str | Path, terrain: Terrain) -> dict[str, Any]:
 
 def _bare(kind: str, table: Mapping[str, Any], folder: Path) -> Terrain:
     if kind == "grid":
-        return from_grid(folder / str(table["grid"]))
+        return from_grid(_beside(folder, table["grid"]))
     if kind == "polyline":
-        return from_polyline(folder / str(table["polyline"]))
-    lanes = [from_polyline(folder / str(name)).profiles[0] for name in table["polylines"]]
+        return from_polyline(_beside(folder, table["polyline"]))
+    lanes = [from_polyline(_beside(folder, name)).profiles[0] for name in table["polylines"]]
     return Lanes(tuple(lanes), tuple(table.get("borders", ())))
+
+
+def _beside(folder: Path, name: Any) -> Path:
+    """Return the path of a terrain's file, which must be there."""
+    if not isinstance(name, str) or not (folder / name).is_file():
+        there = [file.name for file in folder.iterdir() if file.is_file()] if folder.is_dir() else []
+        near = closest(str(name), there)
+        raise DataError(f"{folder}: [terrain] names the file {name!r}, which is not there: {near}")
+    return folder / name
 
 
 def _laid(terrain: Terrain, patch: Any, folder: Path) -> Terrain:

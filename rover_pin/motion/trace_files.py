@@ -50,6 +50,11 @@ def run_from(
     table.refuse_steps_back("t_s")
     _refuse_percent(table)
     _refuse_strange_wheels(table, wheels)
+    for name in units or {}:
+        if name not in table.values:
+            raise DataError(
+                f"{table.path}: units name a column '{name}' that is not there: {closest(name, table.values)}"
+            )
     held = _metadata(table.path) if table.path.suffix == ".parquet" else {}
     stated = {**held.get("units", {}), **(units or {})}
     channels = {name: _si(table, name, stated.get(name, unit_of(name))) for name in table.values}
@@ -109,5 +114,6 @@ def _refuse_strange_wheels(table: Columns, wheels: Sequence[str]) -> None:
         wheel = wheel_of(name)
         if wheels and wheel is not None and wheel not in wheels:
             raise DataError(
-                f"{table.path}: column '{name}' is of a wheel '{wheel}' that is not declared: {closest(wheel, wheels)}"
+                f"{table.path}: column '{name}' is of a wheel '{wheel}' that is not declared: {closest(wheel, wheels)} "
+                "Rename the column, or name all wheels as wheels = [...] in the log."
             )

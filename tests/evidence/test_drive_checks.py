@@ -1,97 +1,26 @@
 """The check of drive logs: every fault of a log in one sentence, and a good log without one."""
 
 import dataclasses
+import importlib.util
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rover_pin.body.rover import load_rover
+from rover_pin.control.steering import wheel_places
 from rover_pin.errors import DataError
 from rover_pin.evidence.drive_checks import check, faults, findings, refuse_unfit, too_poor
 from rover_pin.evidence.driven import Driven
-from rover_pin.motion.channels import WHEELS
-from rover_pin.motion.drive_log import About, DriveLog, read_drive_log, write_drive_log
+from rover_pin.motion.drive_log import read_drive_log, write_drive_log
 from rover_pin.motion.trace import Trace
 
-R = 0.045
-MOTOR = {
-    "supply": {"value": 7.2, "unit": "V"},
-    "resistance": {"value": 24.0, "unit": "ohm"},
-    "note": "bench",
-}
-
-
-def commands(seed, duration, dt=0.04, constant=None):
-    """Duties (T, 6): holds of 3 s with a little for every wheel, a pause, a reversal, a staircase down at the end."""
-    random, t = np.random.default_rng(seed), np.arange(0.0, duration, dt)
-    if constant is not None:
-        return t, np.full((len(t), 6), constant)
-    hold = (t // 3.0).astype(int)
-    duty = random.uniform(0.45, 0.85, hold.max() + 1)[hold][:, None] + random.uniform(-0.09, 0.09, 6)
-    late = t > 0.6 * duration
-    duty[(t > 0.4 * duration) & (t < 0.4 * duration + 7.0)] = 0.0
-    duty[late & (t < 0.75 * duration)] *= -1.0
-    low = t > 0.9 * duration
-    duty[low] = (0.3 - 0.24 * (t[low] - 0.9 * duration) / (0.1 * duration))[:, None].round(2)
-    return t, duty
-
-
-def drive(seed=0, duration=60.0, yaw=0.0, noise=1.0, constant=None, hill=0.12):
-    """A plain kinematic rover: rates follow duties, slip grows with the slope, sensors are noisy."""
-    t, duty = commands(seed, duration, constant=constant)
-    random, dt = np.random.default_rng(seed + 100), t[1] - t[0]
-    rate = 2.2 * duty
-    s, z, pitch = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t))
-    for i in range(1, len(t)):
-        slope = hill * math.sin(4.0 * s[i - 1] + 0.3)
-        slip = 0.04 + 2.0 * max(slope, 0.0)
-        s[i] = s[i - 1] + dt * R * rate[i].mean() * (1.0 - slip) * math.cos(slope)
-        z[i], pitch[i] = z[i - 1] + (s[i] - s[i - 1]) * math.tan(slope), -slope
-    sees = lambda sd: noise * sd * random.standard_normal(len(t))  # noqa: E731
-    channels = {"t_s": t}
-    for i, wheel in enumerate(WHEELS):
-        channels[f"duty_{wheel}"] = duty[:, i]
-        channels[f"wheel_rate_{wheel}"] = rate[:, i] + sees(0.01)
-        channels[f"current_{wheel}_A"] = 0.1 * duty[:, i] + sees(0.002)
-    channels |= {"body_x": s * math.cos(yaw) + sees(0.0015), "body_y": s * math.sin(yaw) + sees(0.0015)}
-    channels |= {"body_z": z + sees(0.0015), "body_yaw": yaw + sees(0.005), "body_roll": sees(0.005)}
-    channels |= {"body_pitch": pitch + sees(0.005), "battery_V": 7.2 + sees(0.01)}
-    rocker = 0.02 * np.sin(t)
-    channels |= {"rocker_l": rocker + sees(0.003), "rocker_r": -rocker + sees(0.003)}
-    return channels
-
-
-def log_of(*runs, **about):
-    about = {"motor": MOTOR, **about}
-    traces = tuple(Trace(run, {}, {"file": f"run-{i}.csv", "wheels": list(WHEELS)}) for i, run in enumerate(runs, 1))
-    return DriveLog(Path("field"), About("field", **about), traces)
-
-
-GOOD = [drive(0), drive(1, yaw=math.pi), drive(0)]
-"""Both headings, a repeat, a pause, a reversal, a staircase."""
-
-
-def changed(**changes):
-    """The good log with channels of its first run changed; None takes one out."""
-    first = {name: values for name, values in {**GOOD[0], **changes}.items() if values is not None}
-    return log_of(first, *GOOD[1:])
-
-
-def starting(prefix, change):
-    return {name: change(values) for name, values in GOOD[0].items() if name.startswith(prefix)}
-
-
-def gap(values, begin, end):
-    values = np.array(values)
-    values[begin:end] = np.nan
-    return values
-
-
-def held(name, begin, end, value=None):
-    values = np.array(GOOD[0][name])
-    values[begin:end] = values[begin] if value is None else value
-    return values
+_spec = importlib.util.spec_from_file_location("drive_channels", Path(__file__).parent / "drive_channels.py")
+channels = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(channels)
+GOOD, R, changed, drive, gap = channels.GOOD, channels.R, channels.changed, channels.drive, channels.gap
+held, log_of, starting = channels.held, channels.log_of, channels.starting
 
 
 def test_a_good_log_has_no_fault_and_lacks_nothing():
@@ -168,17 +97,33 @@ def test_the_same_fault_in_every_run_is_one_sentence():
         check(two)
 
 
+LENGTH = float(np.ptp([place[0] for place in wheel_places(load_rover("nexus6")).values()]))
+"""From the rear to the front axle of the good log's rover [m]."""
+
+
+def over_waves(wavelength, folder):
+    """A run over waves of 12 mm whose body lies on its outer axles, and the log that declares these waves."""
+    x = np.arange(-10.0, 10.0, 0.02)
+    ground = lambda x: 0.012 * np.sin(2.0 * math.pi * x / wavelength)  # noqa: E731
+    rows = [f"{a:.4f},{b:.6f}" for a, b in zip(x, ground(x), strict=True)]
+    (folder / "ground.csv").write_text("\n".join(["x_m,z_m", *rows]))
+    front, rear = (ground(GOOD[0]["body_x"] + side * LENGTH) for side in (0.5, -0.5))
+    run = {**GOOD[0], "body_z": 0.5 * (front + rear), "body_pitch": -np.arctan((front - rear) / LENGTH)}
+    return run, dataclasses.replace(log_of(run, terrain={"polyline": "ground.csv"}), folder=folder)
+
+
 def test_without_height_the_declared_terrain_tells_the_pitchs_sign(tmp_path):
-    (tmp_path / "ground.csv").write_text("x_m,z_m\n-10,-2\n0,0\n0.4,0.03\n0.8,0.0\n10,0.0\n")
-    run = {**GOOD[0], "body_z": None}
-    run = {name: values for name, values in run.items() if values is not None}
-    slope = np.interp(run["body_x"], [0.0, 0.4, 0.4001, 0.8, 0.8001], [0.075, 0.075, -0.075, -0.075, 0.0])
-    run["body_pitch"] = np.where(run["body_x"] < 0.0, 0.2, slope)
-    log = dataclasses.replace(log_of(run, terrain={"polyline": "ground.csv"}), folder=tmp_path)
-    assert "body_pitch rises where the rover climbs" in str(faults(log)[0])
-    log = dataclasses.replace(
-        log_of(run | {"body_pitch": -run["body_pitch"]}, terrain=log.about.terrain), folder=tmp_path
-    )
+    run, log = over_waves(3.0 * LENGTH, tmp_path)
+    del run["body_z"]
+    assert faults(dataclasses.replace(log, runs=log_of(run).runs)) == ()
+    run["body_pitch"] = -run["body_pitch"]
+    found = faults(dataclasses.replace(log, runs=log_of(run).runs))
+    assert "body_pitch rises where the rover climbs" in str(found[0])
+
+
+def test_a_rover_longer_than_half_a_wave_may_pitch_down_where_its_middle_rises(tmp_path):
+    run, log = over_waves(1.4 * LENGTH, tmp_path)
+    assert "body_pitch rises where the rover climbs" in str(faults(log_of(run))[0])
     assert faults(log) == ()
 
 
@@ -187,7 +132,7 @@ def test_without_height_the_declared_terrain_tells_the_pitchs_sign(tmp_path):
     [
         (
             changed(body_x=gap(X, 100, 200)),
-            "run-1.csv: body_x is missing for 4 s from t = 4 s on (row 101); the 7 % of the run that it lacks are "
+            "run-1.csv: body_x is missing for 4 s from t = 4 s on (row 101); the 7 % of the run without are "
             "passed over.",
         ),
         (changed(wheelrate_fl=X), "run-1.csv: column 'wheelrate_fl' is not read; did you mean wheel_rate_fl"),
@@ -245,7 +190,7 @@ FLAT = {"constant": 0.55, "hill": 0.0}
         ),
         ([without(run, "battery") for run in GOOD], "battery_V is not recorded"),
         (GOOD[:2], "2 runs: results of so few held-out runs mean little"),
-        (GOOD[:2], "no run is repeated, so the noise is as stated"),
+        (GOOD[:2], "no run is repeated, so what scatters and what"),
     ],
 )
 def test_each_missing_excitation_says_what_looks_alike_and_what_to_drive(runs, says):
@@ -283,7 +228,8 @@ def test_a_simulated_log_passes(name):
 
 def test_a_log_on_disk_is_checked(tmp_path):
     traces = {f"run-{i}": Trace(run) for i, run in enumerate(GOOD)}
-    folder = write_drive_log(tmp_path / "log", traces, About("field", wheel={"r": {"value": 45.0, "unit": "mm"}}))
+    about = dataclasses.replace(log_of().about, wheel={"r": {"value": 45.0, "unit": "mm"}})
+    folder = write_drive_log(tmp_path / "log", traces, about)
     assert check(read_drive_log(folder)) == ((), "")
 
 

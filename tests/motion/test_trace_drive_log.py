@@ -173,7 +173,7 @@ def test_text_in_parquet_names_the_row(log):
         ('polyline = "a"\ngrid = "b"\n', "but it has polyline, grid"),
         ('polylin = "a"\n', "unknown key 'polylin': did you mean 'polyline'?"),
         ('polylines = "a"\n', "polylines = 'a': give a list"),
-        ('polyline = "no.csv"\n', "no.csv: the file cannot be read"),
+        ('polyline = "no.csv"\n', "[terrain] names the file 'no.csv', which is not there: did you mean 'g.csv'?"),
         ('polyline = "climb.csv"\n', "no column 'x_m'"),
         ('polylines = ["g.csv", "g.csv"]\n', "[terrain]: Lanes with 2 profiles"),
         ('polyline = "g.csv"\npatch = [3]\n', "patch = 3: give"),
