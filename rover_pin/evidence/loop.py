@@ -12,6 +12,7 @@ from rover_pin.evidence.drive_loop import close_drive_loop
 from rover_pin.evidence.drive_verdict import DriveVerdict
 from rover_pin.evidence.measurement import WheelRig
 from rover_pin.evidence.model_file import read_model as read_rig_model
+from rover_pin.evidence.own_effects import refuse_unfit_effects
 from rover_pin.evidence.rig_loop import close_rig_loop
 from rover_pin.evidence.rig_model import RigModel
 from rover_pin.evidence.rig_set import RIG_FILE, RigSet
@@ -60,11 +61,15 @@ def close_the_loop(
     Raises
     ------
     DataError
-        Data that cannot be read or used: one sentence each.
+        Data or effect files that cannot be read or used, or results that cannot be written: one sentence each.
     OptimisationError
         The base model of a rig cannot be fitted at all.
     """
     log = _drive_log(data)
+    if effects is not None:
+        refuse_unfit_effects(effects)
+    if out is not None and Path(out).exists() and not Path(out).is_dir():
+        raise DataError(f"{out}: a file stands where the results go; give a folder.")
     if log is not None:
         if not isinstance(model, (Model, type(None))):
             raise DataError(

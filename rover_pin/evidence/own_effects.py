@@ -1,0 +1,64 @@
+"""A user's effect files, looked at before any work: a mistake in one is told at once, not after the fits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rover_pin.body.rover import load_rover
+from rover_pin.body.shapes import flat
+from rover_pin.contact import Soil
+from rover_pin.effects.effect import Effect, MotorEffect
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.errors import DataError, RoverPinError
+from rover_pin.motion.effect_files import AnyEffect, reading_traction, user_effects
+from rover_pin.motion.laws import contact_law, motor_law
+from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.motor import Motor
+from rover_pin.quantity import quantities
+
+
+def refuse_unfit_effects(path: str | Path) -> None:
+    """Refuse an effect that cannot be added and taken away: without neutral values, or with formulas that do not run.
+
+    Raises
+    ------
+    DataError
+        A file that cannot be run, or an effect in it that cannot be used; the sentence names both.
+    """
+    kinds, rover = user_effects(path), load_rover("nexus6")
+    effects = base_effects(Soil(), rover, SoilTraction())
+    model = Model(rover, flat(), (Soil(),), Motor(), effects=effects)
+    for kind in kinds:
+        where = f"{path}: {kind.__name__}"
+        _refuse_no_neutral(kind, where)
+        try:
+            _run(kind, model)
+        except RoverPinError:
+            raise
+        except Exception as error:
+            reason = str(error).splitlines()[0] if str(error) else "no reason given"
+            raise DataError(f"{where} cannot be used: {type(error).__name__}: {reason}; mend its file.") from error
+
+
+def _refuse_no_neutral(kind: type[AnyEffect], where: str) -> None:
+    if not kind.neutral:
+        raise DataError(
+            f"{where} does not say at which values it vanishes, so the loop cannot add it: give it "
+            'neutral: ClassVar[dict[str, float]] = {"a": 0.0}, a being the name of its size.'
+        )
+    strange = [name for name in kind.neutral if name not in quantities(kind)]
+    if strange:
+        own = ", ".join(quantities(kind))
+        has = f"it has {own}." if own else "it has none. Is @dataclass(frozen=True) above the class?"
+        raise DataError(f"{where} has a neutral value for '{strange[0]}', which is no quantity of it: {has}")
+
+
+def _run(kind: type[AnyEffect], model: Model) -> None:
+    """Make the effect, move it to its neutral values and write its formulas out."""
+    effect = reading_traction(kind(), model.effects)
+    effect.replace(**effect.neutral)
+    with_it = model.having(effect)
+    if isinstance(effect, Effect):
+        contact_law(with_it.contact_effects)
+    elif isinstance(effect, MotorEffect):
+        motor_law(with_it.motor, with_it.motor_effects)
