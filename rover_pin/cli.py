@@ -202,7 +202,11 @@ def close_loop(
 
     start = None if model is None else read_start(model, data)
     say = (lambda said: None) if as_json else (lambda said: print(said, file=sys.stderr))
-    verdict = close_the_loop(data, start, effects, out, say, jobs=workers)
+    try:
+        verdict = close_the_loop(data, start, effects, out, say, jobs=workers)
+    except KeyboardInterrupt:
+        print("stopped; the same command goes on with what is kept", file=sys.stderr)
+        raise typer.Exit(130) from None
     print(
         json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nreport: {out / 'report.html'}"
     )

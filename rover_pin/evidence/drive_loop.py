@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from rover_pin.evidence.drive_verdict import DriveVerdict, numbers
 from rover_pin.evidence.drive_written import written
 from rover_pin.evidence.provenance import command, provenance
 from rover_pin.evidence.resume import Stages, key_of
-from rover_pin.evidence.verdict import Answer
+from rover_pin.evidence.verdict import Answer, shown
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model
 
@@ -140,9 +140,10 @@ def answer_of(found: Search, left: Remainder) -> Answer:
 
 
 def _sentence(answer: Answer, found: Search, left: Remainder) -> str:
-    names = " and ".join(one.name for one in found.found)
-    alike = " or ".join(one.name for one in found.rounds[0].alike)
-    share = f"{explained(found):.0%} of what the base model misses beyond the noise"
+    wheels = [wheel.name for wheel in found.base.model.rover.wheels]
+    names = " and ".join(spoken(one.name, wheels) for one in found.found)
+    alike = " or ".join(spoken(one.name, wheels) for one in found.rounds[0].alike)
+    share = f"{explained(found):.0%} of what the base model misses beyond the noise{_bent(found)}"
     if answer is Answer.NAMED:
         return f"the log is consistent with {names}, which takes {share}."
     if answer is Answer.SET:
@@ -151,6 +152,20 @@ def _sentence(answer: Answer, found: Search, left: Remainder) -> str:
         return "the calibrated base model meets the log within its noise, and no candidate gains more than chance."
     near = f" The nearest of the list, {found.found[0].name}, does not take it." if found.found else ""
     return f"something acts that is not on the list: it {left.best.said}.{near}"
+
+
+def spoken(name: str, wheels: Sequence[str]) -> str:
+    """Return a candidate's name with its wheel's, where it has a wheel's number only."""
+    number = name.partition("[")[2].rstrip("]")
+    return f"{name} (wheel {wheels[int(number)]})" if number.isdigit() else name
+
+
+def _bent(found: Search) -> str:
+    """Return how far the base model already had to bend the numbers that were freed, if any."""
+    freed = {size for one in found.found if one.candidate.effect is None for size in one.candidate.sizes}
+    bent = [one for one in numbers(found.base) if one.name in freed]
+    told = [f"{one.name} to {shown(one.value, one.unit)}, {one.drift:+.0f} SD from what is declared" for one in bent]
+    return f"; the base model already had to bend {' and '.join(told)}, so its errors are small too" if told else ""
 
 
 def _experiments(best: tuple[Refit, ...], progress: Progress) -> tuple[DriveExperiment, ...]:

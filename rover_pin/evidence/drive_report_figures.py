@@ -118,8 +118,7 @@ def heldout_figure(scores: Sequence[ChannelScore], added: bool) -> Figure:
 
 def _changes(axis: Axes, ranked: Sequence[ChannelScore]) -> None:
     for place, one in enumerate(ranked):
-        told = one.low > 0 or one.high < 0
-        colour = GREY if not told else AFTER if one.high < 0 else BEFORE
+        colour = {"better": AFTER, "worse": BEFORE}.get(one.said, GREY)
         axis.plot([100 * one.low, 100 * one.high], [place, place], color=colour, lw=2)
         axis.plot(100 * one.change, place, "o", color=colour, ms=4)
     axis.axvline(0, color="k", lw=0.8)

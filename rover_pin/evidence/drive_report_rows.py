@@ -123,14 +123,24 @@ def number_rows(verdict: DriveVerdict, sides: Sides) -> list[Row]:
     """Return the fitted numbers: those away from what was declared first, then those of what was added."""
     before = {one.name: one for one in verdict.before}
     about = {one.name: (one, u) for one, u in zip(sides.after.parameters, sides.after.u, strict=True)}
+    known = {one.name: one for one in sides.before.parameters}
     rows = []
     for one in sorted(verdict.after, key=lambda one: (not abs(one.drift) > DRIFTED, one.name in before, -_far(one))):
         was = [interval(before[one.name]) if one.name in before else "not in the model"] if sides.added else []
         parameter, u = about[one.name]
         notes = [f"{one.drift:+.1f} SD from what was declared"] if abs(one.drift) > DRIFTED else []
         notes += ["at its bound"] if at_bound(parameter, float(u)) else []
+        if one.name in before and not parameter.prior:
+            notes += [f"freed: before, {before[one.name].drift:+.1f} SD from what was declared"]
         drift = f"{one.drift:+.2f}" if math.isfinite(one.drift) else ""
-        cells = (one.name, *was, interval(one), declared(parameter, one.unit), drift, "; ".join(notes))
+        cells = (
+            one.name,
+            *was,
+            interval(one),
+            declared(known.get(one.name, parameter), one.unit),
+            drift,
+            "; ".join(notes),
+        )
         rows.append(Row(cells, AWAY if notes else CHOSEN if one.name not in before else ""))
     return rows
 

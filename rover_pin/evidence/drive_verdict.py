@@ -141,8 +141,8 @@ class DriveVerdict:
 
 
 def told(score: ChannelScore) -> bool:
-    """Return whether a channel's change is worth a line: it could be told from 0."""
-    return score.low > 0 or score.high < 0
+    """Return whether a channel's change is worth a line: it can be claimed."""
+    return score.said in ("better", "worse")
 
 
 def free_lines(free: tuple[FreeRun, ...]) -> list[str]:

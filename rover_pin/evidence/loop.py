@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from rover_pin.body.rover import Rover, load_rover
 from rover_pin.contact import Soil
 from rover_pin.errors import DataError
 from rover_pin.evidence.drive_loop import close_drive_loop
@@ -75,11 +76,18 @@ def close_the_loop(
             raise DataError(
                 f"{log.folder}: a drive log starts from a rover's model, not from a {type(model).__name__}."
             )
+        own, other = _wheels(load_rover(log.rover)), None if model is None else _wheels(model.rover)
+        if other not in (None, own):
+            raise DataError(f"{log.folder}: the model's rover has the wheels {other}, the log's {own}; give its model.")
         return close_drive_loop(log, model, effects, out, progress, seed, jobs or os.cpu_count() or 1)
     if isinstance(model, Model):
         raise DataError(f"{data}: a wheel-rig set starts from a wheel's model, not from a rover's.")
     assert not isinstance(data, DriveLog)
     return close_rig_loop(data, model, effects, out, progress, seed)
+
+
+def _wheels(rover: Rover) -> str:
+    return ", ".join(wheel.name for wheel in rover.wheels)
 
 
 def _drive_log(data: object) -> DriveLog | None:

@@ -1,13 +1,22 @@
 """What a newcomer meets first: a folder that is none, a column misspelt, a score that nothing can be claimed of."""
 
+from pathlib import Path
+
 import pytest
 
+from rover_pin.body.rover import load_rover
+from rover_pin.body.shapes import flat
 from rover_pin.errors import DataError
+from rover_pin.evidence.drive_loop import spoken
+from rover_pin.evidence.drive_model import DRIVEN_SAND
 from rover_pin.evidence.heldout import ChannelScore, LevelError
 from rover_pin.evidence.loop import close_the_loop, read_start
 from rover_pin.evidence.rig_checks import findings
 from rover_pin.evidence.rig_set import read_rig_set
 from rover_pin.evidence.verdict import score_line
+from rover_pin.motion.drive_log import About, DriveLog
+from rover_pin.motion.model import Model
+from rover_pin.scenarios import nexus6_motor
 
 RIG = """
 kind = "wheel-rig"
@@ -84,3 +93,16 @@ def test_a_score_speaks_of_levels_on_a_rig_and_of_runs_on_a_drive_log():
     assert score_line(drive).endswith("better, not beyond what the runs scatter: nothing to claim")
     lost = drive._replace(before=1e-3, after=2e-3, change=1.0)
     assert lost.said == "worse, not beyond what the runs scatter"
+
+
+def test_a_model_of_another_rover_is_refused():
+    """Before anything is fitted, with both rovers' wheels named."""
+    cart = Model(load_rover("cart"), flat(), (DRIVEN_SAND,), nexus6_motor())
+    with pytest.raises(DataError, match=r"the model's rover has the wheels .*, the log's fl, fr, ml, mr, rl, rr; give"):
+        close_the_loop(DriveLog(Path("nowhere"), About("small"), ()), model=cart)
+
+
+def test_a_wheel_that_has_a_number_only_is_said_by_its_name():
+    assert spoken("WeakMotor[2]", ["fl", "fr", "ml"]) == "WeakMotor[2] (wheel ml)"
+    assert spoken("TachoScale[ml]", ["fl", "fr", "ml"]) == "TachoScale[ml]"
+    assert spoken("SupplySag", ["fl", "fr", "ml"]) == "SupplySag"
