@@ -11,7 +11,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from rover_pin.effects.effect import SensorEffect
-from rover_pin.errors import SimulationError
+from rover_pin.errors import ParameterError, SimulationError
 from rover_pin.evidence.drive_run import LoggedRun
 from rover_pin.motion.model import Model
 from rover_pin.motion.place import settled
@@ -97,10 +97,10 @@ def _rest(model: Model, run: Commands) -> DriveState | None:
 
 
 def _replayed(model: Model, run: Commands, nudge: Nudge, rest: DriveState | None) -> Replay:
-    """Return the replay; where the rover does not even settle, one in which nothing moves."""
+    """Return the replay; where the rover does not even settle or can have no such body, one in which nothing moves."""
     try:
         return replay(model, run, nudge, rest)
-    except SimulationError as error:
+    except (ParameterError, SimulationError) as error:
         return Replay({"t_s": run.t}, str(error))
 
 

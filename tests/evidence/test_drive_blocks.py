@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from rover_pin.body.rover import load_rover
+from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.errors import DataError, ParameterError
+from rover_pin.evidence.drive_bench import bench_of
 from rover_pin.evidence.drive_candidates import size_of
 from rover_pin.evidence.drive_model import with_spread
 from rover_pin.evidence.drive_noise import Noise, huber, noise_of, spread
@@ -69,6 +71,16 @@ def test_a_replay_stays_where_the_log_was_and_tells_its_own_way(model, driven):
     assert lost > 0.01
     assert own == pytest.approx(lost, rel=0.25)  # its own way is as short, though it was drawn along
     assert held["body_z"][-1] == pytest.approx(driven["body_z"][-1], abs=3e-4)  # and it stood on the same ground
+
+
+def test_a_body_that_cannot_be_is_turned_down_not_crashed_on(model, driven):
+    """A fit may try to take off a mass that leaves the base no inertia."""
+    bench = bench_of([logged_run(as_logged(driven), model.rover)], model)
+    impossible, right = bench.predict([model.having(PointMass(m=-2.0)), model])
+    path = bench.channels.index("path")
+    assert np.isfinite(impossible).all()
+    far, near = (np.nanmedian(np.abs(bench.seen - one)[0, path]) for one in (impossible, right))
+    assert far > 10 * near
 
 
 @pytest.mark.parametrize("nudge", ["torque", "force", "grip"])
