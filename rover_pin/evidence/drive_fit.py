@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rover_pin.evidence.drive_bench import Bench
-from rover_pin.evidence.drive_noise import Noise, huber, huber_weights
+from rover_pin.evidence.drive_noise import COLOURED, Noise, huber, huber_weights
 from rover_pin.evidence.drive_parameters import Parameter, owner_name, with_values
 from rover_pin.motion.model import Model
 
@@ -84,13 +84,13 @@ class DriveFit:
 
     @property
     def spread(self) -> np.ndarray:
-        """SD of each u: of the model, widened where the misfit is above 1, or of STRETCH-block clusters if larger.
+        """SD of each u: of the model, its variance COLOURED times a misfit above 1, or of stretches if larger.
 
-        The second is the sandwich H (sum g g^T) H with H the covariance and g the slope of chi2 / 2 of one stretch of
+        The last is the sandwich H (sum g g^T) H with H the covariance and g the slope of chi2 / 2 of one stretch of
         one run: it holds where rows of a stretch hang together beyond what the noise knows.
         Source: White, Econometrica 48 (1980); Liang and Zeger, Biometrika 73 (1986).
         """
-        plain = np.diag(self.covariance) * max(self.misfit, 1.0)
+        plain = np.diag(self.covariance) * COLOURED * max(self.misfit, 1.0)
         return np.asarray(np.sqrt(np.maximum(plain, np.diag(self._clustered()))))
 
     def _clustered(self) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rover_pin.evidence.drive_fit import DriveFit, fit
+from rover_pin.evidence.drive_noise import COLOURED
 from rover_pin.evidence.drive_parameters import find, with_values
 from rover_pin.evidence.profile import NORMAL_95
 from rover_pin.evidence.profile_curve import Profile
@@ -14,7 +15,7 @@ SHARES = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
 
 
 def drive_profiles(fitted: DriveFit, names: tuple[str, ...]) -> tuple[Profile, ...]:
-    """Return the profiles of these parameters: rise of the robust chi2, over the misfit where that is above 1.
+    """Return the profiles of these parameters: rise of the robust chi2 over COLOURED and the misfit where above 1.
 
     The others descend from where a linear model puts them, with the slopes of the fit.
     """
@@ -42,4 +43,4 @@ def _rise(fitted: DriveFit, at: int, u: float, direction: np.ndarray) -> float:
     held = with_values(fitted.model, {one.name: one.value(u)})
     found = fit(fitted.task, held, others, start, fitted.slopes, chord=True)
     prior = u**2 if one.prior else 0.0
-    return (found.chi2 + prior - fitted.chi2) / max(fitted.misfit, 1.0)
+    return (found.chi2 + prior - fitted.chi2) / (COLOURED * max(fitted.misfit, 1.0))

@@ -12,14 +12,11 @@ import numpy as np
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.evidence.drive_candidates import Candidate
 from rover_pin.evidence.drive_fit import DriveFit, covariance
-from rover_pin.evidence.drive_noise import huber_weights, noise_of
+from rover_pin.evidence.drive_noise import COLOURED, huber_weights, noise_of
 from rover_pin.evidence.drive_parameters import value_of, with_values
 from rover_pin.evidence.screen import entry_fee
 from rover_pin.motion.model import Model
 
-COLOURED = 2.25
-"""By how much chance gains more than in white noise: raked sand leaves residuals that hang together beyond what AR(1)
-blocks take out. Set on 17 blind sets, where what was not there gained up to 2.2 white fees."""
 SOUGHT = 3.0
 """How much more chance gains where the stretch of ground is chosen too: on null sets up to 71 of raked sand."""
 ROUGH = 0.01
