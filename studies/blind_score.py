@@ -13,7 +13,7 @@ What the paper says
     Nothing: it compares by eye and traces no effect.
 What differs
     An answer is right where the true effect stands in the stated set, alone or with others. Sizes are scored where the
-    first answer is the truth. A pair of which one is named is neither right nor wrong.
+    first answer is the truth. A pair of which one alone is named is neither right nor wrong.
 
 Run: python studies/blind_score.py [--quick] [--out DIR]
 """
@@ -52,7 +52,7 @@ class Outcome(Enum):
 
     RIGHT = "named"
     IN_SET = "in the set"
-    EXTRA = "one too many"
+    EXTRA = "with one that is not there"
     PART = "one of two"
     WRONG = "wrong name"
     UNKNOWN = "none of these"
@@ -113,7 +113,7 @@ class Case:
             return Outcome.WRONG
         if truth in answers:
             return Outcome.RIGHT if len(answers) == 1 else Outcome.IN_SET
-        return Outcome.EXTRA if any(truth < one for one in answers) else Outcome.PART
+        return Outcome.PART if any(one < truth for one in answers) else Outcome.EXTRA
 
 
 class Row(NamedTuple):

@@ -10,20 +10,26 @@ Method
     for comparison, and all of it scored. All limits of the loop were set on the seed CALIBRATION; the result is of the
     seed REPORTED, run once.
 Result
-    Seed 902, 17 sets answered with the limits as first set (fees of white noise). Of 3 detectable single effects all
-    were found, 2 of them with a second that is not there; 2 of 6 null sets raised an alarm; of 3 effects too small to
-    detect 1 got a wrong name; of a pair one was found, with two that are not there. Of 4 off-list sets 2 were called
-    none of these with a truthful description (washboard: a change of grip; eccentric wheel: a torque that goes with
-    that wheel's angle), in 1 (a loose wheel) nothing was named, 1 (a slope error) was taken for a tilt with a tether.
-    What was not there gained 1.03 to 2.2 times its fee, the true ones 17 to 155 times. So the fees were raised
-    2.25-fold, which takes all of these false names away but the slope error's. That makes seed 902 calibration: the
-    run on seed 1303 with the limits as they are now is still owed.
+    Seed 1303, the first 90 sets, run once with the limits of commit a433cbb. 50 sets hide one effect, of severity 1
+    (about just detectable) to 10; 27 are detectable, and all 27 are named alone. Of the other 23 one gets a wrong
+    name (PostPeak, called LoadExponent). 0 of 19 null sets raise an alarm. Of 10 pairs 5 are detectable both: 3
+    named, 1 in part (HardPatch without DiggingMemory), 1 with a wrong second (DiggingMemory + ExitAngle for
+    Grousers). Of 9 off-list sets beyond the noise 6 are not named: 4 called none of these (two eccentric wheels, a
+    washboard, a snag), 2 unnoticed (a snag, a loose wheel); 3 slope errors are called GravityTilt, one of them with
+    PointMass. 37 of 47 intervals hold the truth. The loss on runs left out equals that of the true effect's refit
+    in all 27. One set (50) stopped the loop with an error, which was mended before it was answered. Two limits were
+    changed after the scoring, and seed 1303 is calibration for these: intervals 1.5 times as wide, and MUCH
+    (drive_loop) 0.1 in place of 0.5. Six fresh slope errors (seed 1404, tests/oracle/blind/make.py --only
+    SlopeError) were then called none of these 3 times, with a force that depends on the place, and GravityTilt +
+    TetherDrag 3 times.
+    Seed 902 (40 sets) was calibration: of limits, and of faults that it showed (a rover that chattered at rest,
+    patches that were sought on a grid only, refits that gained less than promised).
 What the paper says
     Nothing: it compares by eye.
 What differs
     The hidden effects follow the same laws as the package's, written down and integrated once more.
 
-Run: python studies/blind_test.py [--quick] [--calibrate] [--sets N] [--workers N] [--out DIR]
+Run: python studies/blind_test.py [--quick] [--calibrate] [--sets N] [--first N] [--workers N] [--out DIR]
 """
 
 from __future__ import annotations

@@ -71,9 +71,14 @@ def library() -> ctypes.CDLL:
 
 
 class Kernel:
-    """A model's drive from one step to the next, compiled; `state` is read and written in place."""
+    """A model's drive from one step to the next, compiled; `state` is read and written in place.
 
-    def __init__(self, model: Model, state: DriveState, dt: float, symmetric: bool):
+    Below `direction_speed` [m/s], the mean of rim and travel speed, the two directions of travel are blended.
+    """
+
+    def __init__(
+        self, model: Model, state: DriveState, dt: float, symmetric: bool, direction_speed: float = DIRECTION_SPEED
+    ):
         self.model = model
         self.state = state
         rover = model.built
@@ -84,7 +89,7 @@ class Kernel:
         self.record = np.zeros((len(rover.wheels), N_RECORD))
         self.loads = np.zeros((len(rover.wheels), 6))
         self.energy, self.differential = np.zeros(len(ENERGY)), np.zeros(1)
-        self._set(dt=dt, direction_speed=DIRECTION_SPEED, symmetric=int(symmetric))
+        self._set(dt=dt, direction_speed=direction_speed, symmetric=int(symmetric))
         self._bind_body(rover)
         self._bind_springs(rover)
         self._bind_state(state)

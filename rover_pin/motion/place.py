@@ -18,6 +18,8 @@ from rover_pin.motion.state import DriveState
 SETTLE_STEPS, SETTLE_KEEP = 1500, 0.9
 AT_REST = 3e-6
 """Velocity [m/s, rad/s] at which a rover counts as settled at once."""
+UNDECIDED = 1.0
+"""Speed [m/s] below which no direction of travel is taken while a rover is set down: at rest there is none."""
 NEARLY_AT_REST = 1e-3
 """Velocity that is still taken when it is held by hand: the hold itself shakes it by dt times gravity's share."""
 
@@ -45,7 +47,8 @@ def settled(model: Model, start: Start, symmetric: bool = False) -> DriveState:
     model = dataclasses.replace(model, body_effects=tuple(map(_at_rest, model.body_effects)))
     state = hovering(model, start)
     wheels = [wheel.dof for wheel in model.rover.wheels]
-    if relax(Kernel(model, state, 2e-3, symmetric), [0, 1, 5, *wheels], shearing=False) > NEARLY_AT_REST:
+    down = Kernel(model, state, 2e-3, symmetric, UNDECIDED)
+    if relax(down, [0, 1, 5, *wheels], shearing=False) > NEARLY_AT_REST:
         raise SimulationError(
             f"The rover does not settle at x = {start.x:g} m, y = {start.y:g} m: it tips or sinks there; "
             "start on gentler ground or on stiffer soil."

@@ -81,6 +81,15 @@ def test_a_parked_rover_on_grippy_sand_does_not_chatter(k, dt):
         assert np.abs(coarse[name][late] - fine[name][late]).max() < 1e-4
 
 
+def test_a_rover_comes_to_rest_on_a_steep_slope_of_the_grippiest_sand():
+    """Set down with the wheels held; a resistance of which nobody knows yet where to does not shake it."""
+    model = scenario("park", **{"terrain.angle_deg": 15.0, "soil.k": 0.001}).model
+    state = settled(model, Start())
+    trace = simulate(model, ConstantDuty(0.0), 0.5, timing=Timing(0.0025, 0.05, 0.05))
+    assert np.abs(state.v).max() == 0.0
+    assert np.abs(trace["body_vz"]).max() < 2e-3
+
+
 def test_rest_on_the_flat_is_rest():
     trace = simulate(made("flat"), ConstantDuty(0.0), 2.0)
     assert np.ptp(trace["body_x"]) < 1e-6

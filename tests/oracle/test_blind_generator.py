@@ -165,8 +165,9 @@ def test_it_drives_as_the_package_does_for_a_whole_run():
 
 
 RIGID = sorted({*hidden.LISTED, *hidden.ALIASES} - {"DifferentialCompliance"})
-HALVED = ("TorqueSaturation",)
-"""Where the package's default step is too coarse for LIMITS: 5.3, 2.3, 1.3 mrad/s off at a start at 5, 2.5, 1.25 ms."""
+HALVED = ("SupplySag", "TorqueSaturation")
+"""Where the package's default step is too coarse for LIMITS: at 5, 2.5, 1.25 ms the voltage of a sagging supply is off
+by 3.4, 1.5, 0.8 mV, a wheel with a limited torque at a start by 5.3, 2.3, 1.3 mrad/s."""
 
 
 @pytest.fixture(scope="module")
