@@ -69,13 +69,16 @@ def too_poor(runs: Sequence[Driven]) -> str:
 
 
 def levels(runs: Sequence[Driven]) -> np.ndarray:
-    """Return the distinct duties of the driven time, those of one sample in a hundred left out."""
+    """Return duties of the driven time that lie a level apart, those of one sample in a hundred left out."""
     found = [duty[run.moving[run.block]] for run in runs for duty in run.trace.stack("duty").T]
     duties = np.concatenate(found) if found else np.zeros(0)
     duties = duties[np.isfinite(duties)]
     grid, count = np.unique(np.round(duties / SAME_DUTY), return_counts=True)
     grid = grid[count > 0.01 * max(duties.size, 1)]
-    return SAME_DUTY * grid[np.concatenate([[True], np.diff(grid) > 1.5])] if grid.size else grid
+    apart: list[float] = []
+    for level in grid:
+        apart += [level] if not apart or level - apart[-1] > 1.5 else []
+    return SAME_DUTY * np.array(apart)
 
 
 def slip_range(runs: Sequence[Driven]) -> float:

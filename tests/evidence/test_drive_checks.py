@@ -11,7 +11,8 @@ import pytest
 from rover_pin.body.rover import load_rover
 from rover_pin.control.steering import wheel_places
 from rover_pin.errors import DataError
-from rover_pin.evidence.drive_checks import check, faults, findings, refuse_unfit, too_poor
+from rover_pin.evidence.drive_checks import check, driven, faults, findings, refuse_unfit, too_poor
+from rover_pin.evidence.drive_excitation import levels
 from rover_pin.evidence.driven import Driven
 from rover_pin.motion.drive_log import read_drive_log, write_drive_log
 from rover_pin.motion.trace import Trace
@@ -239,3 +240,11 @@ def test_blocks_of_a_run():
     assert run.slope(run.trace["body_x"]) == pytest.approx([0.2, 0.2, 0.2])
     assert run.slope(run.trace["body_y"])[2] == pytest.approx(-0.1)
     assert run.mean(run.trace["body_y"])[:2] == pytest.approx([np.nan, 0.83], nan_ok=True)
+
+
+def test_duties_without_gaps_between_them_are_many_levels():
+    """A log whose wheels are held at duties all over the range does not have a single one."""
+    many, one = (levels(driven(log_of(run))) for run in (drive(0), drive(0, constant=0.6)))
+    assert len(many) > 10
+    assert np.diff(many).min() > 0.02
+    assert len(one) == 1
