@@ -10,6 +10,7 @@ import numpy as np
 
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Body, BodyEffect
+from rover_pin.motion.laws import amended, loaded, turned
 from rover_pin.motion.model import Model
 from rover_pin.motion.suspension import suspension_dofs
 
@@ -43,12 +44,8 @@ class Along(NamedTuple):
 def through_contacts(model: Model, contact: Contact, states: list[Scalar]) -> tuple[Contact, Load, tuple[Scalar, ...]]:
     """Return contact, load and rates of the own states after all of a model's contact effects."""
     parts = _split(states, [len(effect.states) for effect in model.contact_effects])
-    for effect, x in zip(model.contact_effects, parts, strict=True):
-        contact = effect.amend(contact, x)
-    load = Load()
-    for effect, x in zip(model.contact_effects, parts, strict=True):
-        load = load.plus(effect.load(contact, load, x))
-    rates = [effect.rate(contact, load, x) for effect, x in zip(model.contact_effects, parts, strict=True)]
+    contact = amended(model.contact_effects, contact, parts)
+    load, rates = loaded(model.contact_effects, contact, parts)
     return contact, load, tuple(each for rate in rates for each in rate)
 
 
@@ -70,13 +67,10 @@ def through_motors(
 def _motor(model: Model, wheel: int, duty: Scalar, omega: Scalar, states: list[Scalar], bus: Scalar) -> AxleMotors:
     parts = _split(states, [len(effect.states) for effect in model.motor_effects])
     drive = model.motor.drive(duty, omega)._replace(wheel=wheel, bus_current=bus)
-    for effect, x in zip(model.motor_effects, parts, strict=True):
-        drive = effect.amend(drive, x)
-    torque = drive.constant * drive.current
-    for effect, x in zip(model.motor_effects, parts, strict=True):
-        torque = torque + effect.torque(drive, torque, x)
-    rates = [effect.rate(drive, torque, x) for effect, x in zip(model.motor_effects, parts, strict=True)]
-    drawn = duty * drive.current
+    drive = amended(model.motor_effects, drive, parts)
+    current = drive.current
+    torque, rates = turned(model.motor_effects, drive, drive.constant * current, parts)
+    drawn = duty * current
     return AxleMotors(torque, drawn * drive.supply, drawn, tuple(each for rate in rates for each in rate))
 
 

@@ -76,14 +76,19 @@ def close_the_loop(
             raise DataError(
                 f"{log.folder}: a drive log starts from a rover's model, not from a {type(model).__name__}."
             )
-        own, other = _wheels(load_rover(log.rover)), None if model is None else _wheels(model.rover)
-        if other not in (None, own):
-            raise DataError(f"{log.folder}: the model's rover has the wheels {other}, the log's {own}; give its model.")
+        if model is not None:
+            _refuse_other_rover(log, model)
         return close_drive_loop(log, model, effects, out, progress, seed, jobs or os.cpu_count() or 1)
     if isinstance(model, Model):
         raise DataError(f"{data}: a wheel-rig set starts from a wheel's model, not from a rover's.")
     assert not isinstance(data, DriveLog)
     return close_rig_loop(data, model, effects, out, progress, seed)
+
+
+def _refuse_other_rover(log: DriveLog, model: Model) -> None:
+    own, other = _wheels(load_rover(log.rover)), _wheels(model.rover)
+    if own != other:
+        raise DataError(f"{log.folder}: the model's rover has the wheels {other}, the log's {own}; give its model.")
 
 
 def _wheels(rover: Rover) -> str:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
 
-from rover_pin.contact import Contact, Load, Soil, Wheel
+from rover_pin.contact import Contact, Load, Scalar, Soil, Wheel
 from rover_pin.effects.effect import Drive, Effect, MotorEffect
 from rover_pin.errors import ParameterError
 from rover_pin.motion.motor import Motor
@@ -35,6 +35,34 @@ def numbers(records: Sequence[Record]) -> np.ndarray:
     return np.array([float(value) for record in records for value in record.values().values()])
 
 
+Seen = TypeVar("Seen", Contact, Drive)
+States = Sequence[tuple[Scalar, ...]]
+
+
+def amended(effects: Sequence[Any], seen: Seen, states: States) -> Seen:
+    """Return a contact, or a motor's drive, as all effects amend it in turn, each with its own states."""
+    for effect, x in zip(effects, states, strict=True):
+        seen = effect.amend(seen, x)
+    return seen
+
+
+def loaded(effects: Sequence[Any], contact: Contact, states: States) -> tuple[Load, list[tuple[Scalar, ...]]]:
+    """Return what all effects push at an amended contact, each knowing what those before it do, and their rates."""
+    load = Load()
+    for effect, x in zip(effects, states, strict=True):
+        load = load.plus(effect.load(contact, load, x))
+    return load, [effect.rate(contact, load, x) for effect, x in zip(effects, states, strict=True)]
+
+
+def turned(
+    effects: Sequence[Any], drive: Drive, torque: Scalar, states: States
+) -> tuple[Scalar, list[tuple[Scalar, ...]]]:
+    """Return what all effects make of the torque [N m] that an amended drive gives at the wheel, and their rates."""
+    for effect, x in zip(effects, states, strict=True):
+        torque = torque + effect.torque(drive, torque, x)
+    return torque, [effect.rate(drive, torque, x) for effect, x in zip(effects, states, strict=True)]
+
+
 def contact_law(effects: Sequence[Effect]) -> ca.Function:
     """Return the function (contact, states, parameters) -> load, its derivatives, rates, their derivatives, slip.
 
@@ -47,15 +75,11 @@ def contact_law(effects: Sequence[Effect]) -> ca.Function:
     (wheel, soil), constants = symbolic([Wheel(), Soil()])
     states = _states(effects)
     contact = Contact(S=0.0, S_y=0.0, wheel=wheel, soil=soil, **geometry)  # type: ignore[arg-type]
-    for effect, x in zip(own, states, strict=True):
-        contact = effect.amend(contact, x)  # type: ignore[attr-defined]
+    contact = amended(own, contact, states)
     slip = ca.vertcat(contact.S, contact.S_y, contact.h)
     known = ca.SX.sym("slip", 3)
     contact = contact._replace(S=known[0], S_y=known[1], h=known[2])
-    load = Load()
-    for effect, x in zip(own, states, strict=True):
-        load = load.plus(effect.load(contact, load, x))  # type: ignore[attr-defined]
-    rates = [effect.rate(contact, load, x) for effect, x in zip(own, states, strict=True)]  # type: ignore[attr-defined]
+    load, rates = loaded(own, contact, states)
     inputs = ca.vertcat(*geometry.values())
     force, rate, x = ca.vertcat(*load), _column(rates), _column(states)
     blocks = [
@@ -81,13 +105,9 @@ def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
     delta, omega, wheel, bus = (ca.SX.sym(name) for name in ("delta", "omega", "wheel", "bus_current"))
     states = _states(effects)
     drive: Drive = own_motor.drive(delta, omega)._replace(wheel=wheel, bus_current=bus)  # type: ignore[attr-defined]
-    for effect, x in zip(own, states, strict=True):
-        drive = effect.amend(drive, x)  # type: ignore[attr-defined]
+    drive = amended(own, drive, states)
     current = drive.current
-    torque = drive.constant * current
-    for effect, x in zip(own, states, strict=True):
-        torque = torque + effect.torque(drive, torque, x)  # type: ignore[attr-defined]
-    rates = [effect.rate(drive, torque, x) for effect, x in zip(own, states, strict=True)]  # type: ignore[attr-defined]
+    torque, rates = turned(own, drive, drive.constant * current, states)
     rate, x = _column(rates), _column(states)
     blocks = [
         torque,
