@@ -13,9 +13,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from rover_pin.evidence.drive_carrier import Carrier
 from rover_pin.evidence.drive_carrier_acts import GRIP, READING, VOLTAGE
+from rover_pin.evidence.drive_compare import Fee
 from rover_pin.evidence.drive_report_runs import as_text, words_of
-from rover_pin.evidence.drive_screen import Scored, fee_of
-from rover_pin.evidence.drive_search import Round, Search
+from rover_pin.evidence.drive_screen import Scored
+from rover_pin.evidence.drive_search import Round, Search, fee_after
 from rover_pin.evidence.heldout import ChannelScore
 from rover_pin.evidence.report_page import AFTER, BEFORE, GREY
 from rover_pin.evidence.verdict import in_words
@@ -35,7 +36,7 @@ def candidates_figure(search: Search) -> Figure:
     figure = Figure(figsize=(8.6, 0.3 * sum(heights) + 1.1), layout="constrained")
     axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
     for number, (axis, look, shown) in enumerate(zip(axes, search.rounds, rows, strict=True)):
-        _candidates(axis, look, shown[::-1], search.count)
+        _candidates(axis, look, shown[::-1], fee_after(search.rounds[:number], search.count))
         base = " and ".join(one.name for one in search.found[:number]) or "the base model"
         axis.set_title(f"added to {as_text(base)}", fontsize=9.5, loc="left")
     axes[-1].set_xlabel("gain in chi2")
@@ -60,7 +61,7 @@ def leaders(look: Round, most: int) -> list[Scored]:
     return sorted(kept, key=lambda row: -refitted.get(row.candidate.name, row.gain))
 
 
-def _candidates(axis: Axes, look: Round, rows: Sequence[Scored], count: int) -> None:
+def _candidates(axis: Axes, look: Round, rows: Sequence[Scored], must_gain: Fee) -> None:
     refits = {one.name: one for one in look.refits}
     for place, row in enumerate(rows):
         one = refits.get(row.candidate.name)
@@ -70,7 +71,7 @@ def _candidates(axis: Axes, look: Round, rows: Sequence[Scored], count: int) -> 
             axis.barh(place, gain - LEAST_GAIN, left=LEAST_GAIN, color=colour, height=0.7)
         if one is not None:
             axis.plot(max(gain, LEAST_GAIN), place, "D", color="k", ms=4, clip_on=False)
-        fee = fee_of(row.candidate, count)
+        fee = must_gain(row.candidate)
         axis.plot([fee, fee], [place - 0.45, place + 0.45], color=BEFORE, lw=1.8)
     axis.set_yticks(range(len(rows)), [as_text(row.candidate.name) for row in rows], fontsize=8.5)
     axis.set_ylim(-0.7, len(rows) - 0.3)
@@ -85,7 +86,7 @@ def _signs() -> list[Line2D]:
         Line2D([], [], color="#9fb8c1", lw=7, label="accepted, but beaten"),
         Line2D([], [], color="#cccccc", lw=7, label="not accepted, or promised only"),
         Line2D([], [], color="k", marker="D", ms=4, ls="", label="refitted"),
-        Line2D([], [], color=BEFORE, lw=1.8, label="what chance gives"),
+        Line2D([], [], color=BEFORE, lw=1.8, label="what it must gain"),
     ]
 
 

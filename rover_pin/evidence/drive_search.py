@@ -11,7 +11,7 @@ import numpy as np
 
 from rover_pin.evidence.drive_bench import bench_of
 from rover_pin.evidence.drive_candidates import Candidate, candidates
-from rover_pin.evidence.drive_compare import Refit, alike, refit
+from rover_pin.evidence.drive_compare import Fee, Refit, alike, refit
 from rover_pin.evidence.drive_fit import DriveFit, Task, fit
 from rover_pin.evidence.drive_model import nuisances
 from rover_pin.evidence.drive_noise import first_noise
@@ -110,8 +110,12 @@ def _round(
     added = {each.alike[0].candidate.kind for each in before}
     left = [each for each in known if each.candidate.name not in added and each.candidate.kind not in _once(added)]
     scored = score(here, left)
-    fee = partial(fee_of, count=len(tried), taken=sum(each.alike[0].gain for each in before))
-    return Round(tuple(scored), refit(here, scored, fee, progress))
+    return Round(tuple(scored), refit(here, scored, fee_after(before, len(tried)), progress))
+
+
+def fee_after(before: Sequence[Round], count: int) -> Fee:
+    """Return what each of `count` candidates must gain once these rounds have added theirs."""
+    return partial(fee_of, count=count, taken=sum(each.alike[0].gain for each in before))
 
 
 def _once(added: set[str]) -> set[str]:

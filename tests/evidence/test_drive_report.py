@@ -266,6 +266,14 @@ def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
     assert "<i>b" not in page
 
 
+def test_a_later_candidate_must_gain_a_share_of_what_was_taken_before(verdict):
+    """The mark in the figure is the fee that decides: the second look's stands by 1 % of the first gain further out."""
+    looks = figures(verdict)["candidates"].axes
+    marks = [sorted(line.get_xdata()[0] for line in look.lines if line.get_linestyle() == "-") for look in looks]
+    (taken,) = (one.gain for one in verdict.search.found)
+    assert marks[1][0] == pytest.approx(marks[0][0] + 0.01 * taken)
+
+
 def test_profiles_are_drawn_where_there_are_any(made, verdict):
     shape = Profile("SupplySag.R_b", "ohm", (1.8, 2.0, 2.2), (4.0, 0.0, 4.0))
     one = dataclasses.replace(verdict, profiles=(shape,))
