@@ -164,6 +164,8 @@ class BodyEffect(Record):
 
     only_resists: ClassVar[bool] = False
     "whether it acts against motion alone, so that where a rover stands at rest does not depend on it"
+    in_pivots: ClassVar[bool] = False
+    "whether it acts in the suspension's pivots alone, so that a rover without any cannot have it"
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
 

@@ -28,6 +28,7 @@ class PivotFriction(BodyEffect):
     b: Scalar = quantity(0.01, "N m s/rad", "assumed", 0.0, 100.0, "b")
     w_s: Scalar = quantity(0.02, "rad/s", "assumed: slow beside the 0.5 rad/s over a bump", 1e-4, 10.0, "w_s")
     only_resists: ClassVar[bool] = True
+    in_pivots: ClassVar[bool] = True
     neutral: ClassVar[dict[str, float]] = {"tau_c": 0.0, "b": 0.0}
 
     def push(self, body: Body) -> Push:

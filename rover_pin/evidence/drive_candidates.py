@@ -90,7 +90,7 @@ def shape_of(model: Model, name: str) -> Parameter:
 
 
 def candidates(model: Model, bench: Bench, free: Sequence[Parameter], own: str | Path | None) -> tuple[Candidate, ...]:
-    """Return everything that the model may lack, for the channels and places of these runs.
+    """Return everything that the model may lack and its rover can have, for the channels and places of these runs.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def candidates(model: Model, bench: Bench, free: Sequence[Parameter], own: str |
         for name, kind in kinds.items()
         if name not in held
         for effect in variants(kind, model, bench)
-        if owner_name(effect) not in present
+        if owner_name(effect) not in present and not model.refusal(effect)
         for candidate in [_candidate(effect)]
     ]
     return (*freed, *added)

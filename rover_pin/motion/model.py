@@ -17,6 +17,7 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.motor import Motor
+from rover_pin.motion.suspension import suspension_dofs
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.quantity import Record
 from rover_pin.soil.traction import load_traction_factor
@@ -55,14 +56,9 @@ class Model:
                 f"The terrain has ground of soil index {max(used)}, but the model has {len(self.soils)} soils; "
                 "give one soil per index."
             )
-        for effect in self.body_effects:
-            if effect.frees_differential and self.rover.differential is None:
-                raise ParameterError(
-                    f"{type(effect).__name__} acts in a differential, but rover '{self.rover.name}' has none: "
-                    "leave the effect out."
-                )
-        for own in (*self.motor_effects, *self.sensor_effects):
-            _refuse_unknown_wheel(own, [wheel.name for wheel in self.rover.wheels])
+        for effect in self.all_effects:
+            if refusal := self.refusal(effect):
+                raise ParameterError(refusal)
 
     @property
     def contact_effects(self) -> tuple[Effect, ...]:
@@ -95,6 +91,15 @@ class Model:
         if not self.body_effects:
             return self
         return dataclasses.replace(self, body_effects=tuple(effect.begun(x, y) for effect in self.body_effects))
+
+    def refusal(self, effect: AnyEffect) -> str:
+        """Return why this effect cannot act in the model's rover, or an empty string."""
+        missing = isinstance(effect, BodyEffect) and _missing_part(effect, self.rover)
+        if missing:
+            name = type(effect).__name__
+            return f"{name} acts in {missing}, but rover '{self.rover.name}' has none: leave the effect out."
+        owned = isinstance(effect, (MotorEffect, SensorEffect))
+        return _unknown_wheel(effect, [wheel.name for wheel in self.rover.wheels]) if owned else ""
 
     def having(self, effect: AnyEffect) -> Self:
         """Return the model with this effect added, in the place of one of the same class and wheel or channel."""
@@ -135,16 +140,24 @@ class Model:
         return dataclasses.replace(self, **changes)
 
 
-def _refuse_unknown_wheel(effect: Record, names: list[str]) -> None:
-    """Raise where an effect belongs to a wheel, by number or by name, that the rover has not."""
+def _missing_part(effect: BodyEffect, rover: Rover) -> str:
+    """Return the part that a body effect acts in and the rover has not, or an empty string."""
+    if effect.frees_differential and rover.differential is None:
+        return "a differential"
+    return "the suspension's pivots" if effect.in_pivots and not suspension_dofs(rover) else ""
+
+
+def _unknown_wheel(effect: Record, names: list[str]) -> str:
+    """Return the refusal of an effect that belongs to a wheel, by number or by name, that the rover has not."""
     wheel = getattr(effect, "wheel", "")
     if isinstance(wheel, str) and wheel not in ("", *names):
-        raise ParameterError(f"{type(effect).__name__}: the rover has no wheel '{wheel}': {closest(wheel, names)}")
+        return f"{type(effect).__name__}: the rover has no wheel '{wheel}': {closest(wheel, names)}"
     if not isinstance(wheel, str) and not 0 <= wheel < len(names):
-        raise ParameterError(
+        return (
             f"{type(effect).__name__}: the rover has no wheel {wheel}: give one of 0 to {len(names) - 1}, in the order "
             f"{', '.join(names)}."
         )
+    return ""
 
 
 def _having(present: tuple[OneKind, ...], effect: OneKind) -> tuple[OneKind, ...]:

@@ -90,6 +90,16 @@ def test_a_loop_that_was_killed_goes_on_and_says_the_same(loop, sagging, tmp_pat
     assert again.sentence == whole.sentence
 
 
+@pytest.mark.slow
+def test_a_rover_without_a_differential_closes_the_loop_too(tmp_path):
+    """The cart has neither differential nor pivots: what acts there is not tried, and its own effect is found."""
+    folder = drive_sets.write(tmp_path, [SupplySag(R_b=0.4)], runs=2, duration=10.5, rover="cart")
+    verdict = close_the_loop(folder, jobs=2)
+    assert verdict.named == ("SupplySag",), verdict.summary()
+    kinds = {scored.candidate.kind for scored in verdict.search.rounds[0].scored}
+    assert not kinds & {"DifferentialCompliance", "PivotFriction"}
+
+
 def test_a_log_too_poor_says_so_instead_of_answering(tmp_path):
     folder = drive_sets.write(tmp_path, runs=1, duration=3.0)
     verdict = close_the_loop(folder)

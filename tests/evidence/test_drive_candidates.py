@@ -1,0 +1,62 @@
+"""What is tried on a drive log: all that the rover can have, and nothing that it cannot."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.body.rover import load_rover
+from rover_pin.body.shapes import flat
+from rover_pin.contact import Soil
+from rover_pin.effects.differential_compliance import DifferentialCompliance
+from rover_pin.effects.pivot_friction import PivotFriction
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.errors import ParameterError
+from rover_pin.evidence.drive_candidates import candidates
+from rover_pin.motion.model import Model
+from rover_pin.motion.motor import Motor
+
+BENCH = SimpleNamespace(channels=(), runs=[SimpleNamespace(commands=SimpleNamespace(place=np.zeros((2, 3))))])
+OWN = """
+from dataclasses import dataclass
+from rover_pin.effects.differential_compliance import DifferentialCompliance
+@dataclass(frozen=True)
+class MyGears(DifferentialCompliance):
+    "Mine."
+"""
+
+
+def model(name):
+    return Model(load_rover(name), flat(), (Soil(),), Motor())
+
+
+def tried(name, own=None):
+    return {each.kind: each for each in candidates(model(name), BENCH, (), own)}
+
+
+def test_every_candidate_can_be_added_to_the_rover():
+    for name in ("nexus6", "cart"):
+        made = model(name)
+        assert all(each.effect in each.on(made).all_effects for each in candidates(made, BENCH, (), None))
+
+
+def test_what_acts_in_a_differential_or_in_pivots_is_tried_only_where_they_are(tmp_path):
+    (tmp_path / "mine.py").write_text(OWN)
+    parts = {"DifferentialCompliance", "PivotFriction", "MyGears"}
+    nexus6, cart = tried("nexus6", tmp_path / "mine.py"), tried("cart", tmp_path / "mine.py")
+    assert nexus6.keys() - cart.keys() == parts
+    assert cart.keys() < nexus6.keys()
+
+
+def test_the_model_says_why_an_effect_cannot_act():
+    cart = model("cart")
+    assert "DifferentialCompliance acts in a differential" in cart.refusal(DifferentialCompliance())
+    assert "PivotFriction acts in the suspension's pivots, but rover 'cart' has none" in cart.refusal(PivotFriction())
+    assert "the rover has no wheel 'ml'" in cart.refusal(TachoScale(wheel="ml"))
+    assert "the rover has no wheel 4" in cart.refusal(WeakMotor(wheel=4))
+    assert not cart.refusal(DifferentialCompliance(compliance=0.0, backlash=0.0))
+    for effect in (PivotFriction(), WeakMotor(wheel=4)):
+        assert not model("nexus6").refusal(effect)
+        with pytest.raises(ParameterError):
+            cart.having(effect)
