@@ -30,6 +30,10 @@ class MissingExtraError(RoverPinError):
     """An optional dependency is needed and not installed."""
 
 
+class CacheError(RoverPinError):
+    """Code that is compiled on first use has no private folder to be kept in."""
+
+
 class SimulationError(RoverPinError):
     """A drive that could not start or go on; `trace` keeps what was driven, or is None."""
 

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import hashlib
 import importlib.util
 import os
+import platform
 import shutil
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 from rover_pin.errors import MissingExtraError
+from rover_pin.motion.library_cache import built, kept, private_folders
 
 FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
+PLAIN_CPU = "-mcpu=baseline"
+"""Zig builds for this very processor unless told otherwise; a folder of libraries may be shared with another."""
+SEPARATOR = "\0"
+FULL = os.strerror(errno.ENOSPC)
 
 
 def compiler() -> list[str] | None:
@@ -23,24 +29,19 @@ def compiler() -> list[str] | None:
         if name and shutil.which(name):
             return [name]
     if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc"]
+        return [sys.executable, "-m", "ziglang", "cc", PLAIN_CPU]
     return None
 
 
-def cache_folder() -> Path:
-    """Return the folder of compiled libraries: $ROVER_PIN_CACHE, or rover_pin in the user's cache."""
-    own = os.environ.get("ROVER_PIN_CACHE")
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return Path(own) if own else base / "rover_pin"
-
-
 def shared_library(source: str, name: str) -> ctypes.CDLL:
-    """Return the library compiled from C `source`, from the cache where the same source was compiled before.
+    """Return the library compiled from C `source`, from `private_folders` where the same was compiled before.
 
     Raises
     ------
     MissingExtraError
         There is no C compiler, or it fails; the message says how to get one.
+    CacheError
+        There is no private folder that can hold the library.
     """
     command = compiler()
     if command is None:
@@ -48,36 +49,24 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
             "No C compiler found, and the fast simulator is compiled on first use: install gcc or clang, or "
             "the package `ziglang` (`pip install rover-pin[compiler]`)."
         )
-    key = hashlib.sha256("\0".join([source, *command, *FLAGS, sys.platform, os.uname().machine]).encode()).hexdigest()
-    folder = writable_folder()
-    target = folder / f"{name}-{key[:20]}.so"
-    if not target.exists():
-        _compile(command, source, target)
-    return ctypes.CDLL(str(target))
+    words = [source, *command, *FLAGS, sys.platform, os.uname().machine, *platform.libc_ver()]
+    stem = f"{name}-{hashlib.sha256(SEPARATOR.join(words).encode()).hexdigest()[:20]}"
+    folders = private_folders()
+    found = next(filter(None, (kept(folder, stem) for folder in folders)), None)
+    return found or built(folders, stem, lambda place: _compiled(command, source, place))
 
 
-def writable_folder() -> Path:
-    """Return the cache folder, or a fresh temporary one where that cannot be written."""
-    folder = cache_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    return Path(tempfile.mkdtemp(prefix="rover_pin-"))
-
-
-def _compile(command: list[str], source: str, target: Path) -> None:
-    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-        file, made = Path(folder) / "source.c", Path(folder) / "made.so"
-        file.write_text(source)
-        run = subprocess.run(
-            [*command, *FLAGS, "-o", str(made), str(file), "-lm"], capture_output=True, text=True, check=False
+def _compiled(command: list[str], source: str, place: Path) -> Path:
+    file, made = place / "source.c", place / "made.so"
+    file.write_text(source)
+    run = subprocess.run(
+        [*command, *FLAGS, "-o", str(made), str(file), "-lm"], capture_output=True, text=True, check=False
+    )
+    if run.returncode and FULL in run.stderr:
+        raise OSError(errno.ENOSPC, FULL)
+    if run.returncode:
+        raise MissingExtraError(
+            f"The C compiler {' '.join(command)} failed: {run.stderr.strip().splitlines()[-1:]}; "
+            "set CC to one that works."
         )
-        if run.returncode:
-            raise MissingExtraError(
-                f"The C compiler {' '.join(command)} failed: {run.stderr.strip().splitlines()[-1:]}; "
-                "set CC to one that works."
-            )
-        os.replace(made, target)
+    return made

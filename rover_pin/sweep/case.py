@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rover_pin.errors import DataError, MissingExtraError, ParameterError
+from rover_pin.errors import CacheError, DataError, MissingExtraError, ParameterError
 from rover_pin.sweep.axis import plain
 from rover_pin.sweep.study import Case, Study
 
@@ -54,12 +54,12 @@ def run_case(study: Study, case_function: CaseFunction, case: Case) -> Row:
 
     Raises
     ------
-    MissingExtraError
-        The machine, not the case, lacks something: a C compiler, an optional package.
+    MissingExtraError, CacheError
+        The machine, not the case, lacks something: a C compiler, an optional package, a folder for compiled code.
     """
     try:
         outcomes = _checked(study, case_function(study, case))
-    except MissingExtraError:
+    except (MissingExtraError, CacheError):
         raise
     except Exception as error:
         return failed_row(case, error)
