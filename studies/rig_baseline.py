@@ -93,9 +93,9 @@ def fit(runs: pd.DataFrame, wheel: Wheel, noise: np.ndarray, starts: tuple) -> t
         return [one(p, load, S) for load, S in zip(runs.load_N, runs.slip, strict=True)]
 
     residual: Callable = lambda p: np.concatenate(  # noqa: E731
-        [weight * (np.array(v).ravel() - m) for (v, _), m in zip(over_runs(p), measured, strict=True)]
+        [weight * (m - np.array(v).ravel()) for (v, _), m in zip(over_runs(p), measured, strict=True)]
     )
-    slope: Callable = lambda p: np.vstack([weight[:, None] * np.array(J) for _, J in over_runs(p)])  # noqa: E731
+    slope: Callable = lambda p: np.vstack([-weight[:, None] * np.array(J) for _, J in over_runs(p)])  # noqa: E731
     fits = [least_squares(residual, start, jac=slope, x_scale="jac") for start in starts]
     best = min(fits, key=lambda found: found.cost)
     variance = 2 * best.cost / (best.fun.size - best.x.size)

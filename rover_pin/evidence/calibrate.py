@@ -39,9 +39,13 @@ class Setting:
     priors: Mapping[str, Prior] = field(default_factory=lambda: MappingProxyType({}))
     seed: int = 0
 
+    def evidence(self, model: RigModel, speeds: np.ndarray | None) -> RigEvidence:
+        """Return the set as a model predicts it at these speeds [runs, 2]."""
+        return RigEvidence(self.data.rig, model, speeds)
+
     def problem(self, model: RigModel, extra: tuple[str, ...] = ()) -> RigProblem:
         """Return the fit of the nuisance parameters and the `extra` ones of a model."""
-        evidence = RigEvidence(self.data.rig, model, self.data.speeds)
+        evidence = self.evidence(model, self.data.speeds)
         return RigProblem(evidence, rig_space(model, (*self.free, *extra)), self.priors)
 
 

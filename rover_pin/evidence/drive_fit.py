@@ -10,6 +10,7 @@ import numpy as np
 from rover_pin.evidence.drive_bench import Bench
 from rover_pin.evidence.drive_noise import COLOURED, Noise, huber, huber_weights
 from rover_pin.evidence.drive_parameters import Parameter, owner_name, with_values
+from rover_pin.evidence.residual import residual
 from rover_pin.motion.model import Model
 
 TURNS = 6
@@ -33,8 +34,8 @@ class Task:
     noise: Noise
 
     def rows(self, predicted: np.ndarray) -> np.ndarray:
-        """Return whitened measured - predicted of features (..., runs, channels, blocks)."""
-        return self.noise.white(self.bench.seen - predicted)
+        """Return whitened residuals of features (..., runs, channels, blocks)."""
+        return self.noise.white(residual(self.bench.seen, predicted))
 
     def columns(self, slopes: Sequence[np.ndarray]) -> np.ndarray:
         """Return d rows / d u (n, parameters) from d predicted / d u (runs, channels, blocks) of each parameter."""
@@ -54,12 +55,12 @@ class DriveFit:
 
     @property
     def residual(self) -> np.ndarray:
-        """Measured - predicted features (runs, channels, blocks), in the channels' units."""
-        return self.task.bench.seen - self.predicted
+        """Residuals of the features (runs, channels, blocks), in the channels' units."""
+        return residual(self.task.bench.seen, self.predicted)
 
     @property
     def rows(self) -> np.ndarray:
-        """Whitened measured - predicted."""
+        """Whitened residuals."""
         return self.task.rows(self.predicted)
 
     @property

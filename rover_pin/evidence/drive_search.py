@@ -17,6 +17,7 @@ from rover_pin.evidence.drive_model import nuisances
 from rover_pin.evidence.drive_noise import first_noise
 from rover_pin.evidence.drive_run import logged_runs
 from rover_pin.evidence.drive_screen import Scored, Signature, fee_of, saturated, score, signatures, with_noise
+from rover_pin.evidence.residual import residual
 from rover_pin.evidence.resume import Stages
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model
@@ -75,7 +76,7 @@ def calibrated(log: DriveLog, model: Model, jobs: int, progress: Progress) -> Dr
     bench = bench_of(logged_runs(log, model.rover), model, jobs)
     numbers, least = nuisances(log, model), np.full(len(bench.channels), LEAST)
     progress("calibrating the base model")
-    base = fit(Task(bench, first_noise(bench.seen - bench.predict([model])[0], least)), model, numbers)
+    base = fit(Task(bench, first_noise(residual(bench.seen, bench.predict([model])[0]), least)), model, numbers)
     base = with_noise(base, base.residual, least)
     return again(base)
 

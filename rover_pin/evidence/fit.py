@@ -61,7 +61,7 @@ def identify(
 ) -> Identification:
     """Fit parameters to measured data and say which of them the data tell.
 
-    Minimises chi2 = sum ((predicted - measured) / sd)^2, plus the priors, inside the parameters' bounds. Intervals are
+    Minimises chi2 = sum ((measured - predicted) / sd)^2, plus the priors, inside the parameters' bounds. Intervals are
     profile likelihoods: chi2 may rise by 1.96^2 with all other parameters refitted.
 
     Parameters

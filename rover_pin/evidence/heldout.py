@@ -18,7 +18,7 @@ LOST = 1e3
 
 
 def held_out(data: RigSet, fit: RigFit) -> np.ndarray:
-    """Return (predicted - measured) / stated SD [channels, runs], each level predicted without itself.
+    """Return residuals over their stated SD [channels, runs], each level predicted without itself.
 
     A level that the fit to the others does not predict counts as `LOST`.
     """

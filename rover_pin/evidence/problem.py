@@ -10,6 +10,7 @@ import numpy as np
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.evidence.channel import Evidence
 from rover_pin.evidence.coordinates import Space
+from rover_pin.evidence.residual import residual
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Prior:
 
 
 class Problem:
-    """Residuals and Jacobian in the coordinates u of a `Space`: (predicted - measured) / sd, then the priors' rows.
+    """Residuals over their SD in the coordinates u of a `Space`, then the priors' rows, and their Jacobian.
 
     Parameters
     ----------
@@ -74,20 +75,20 @@ class Problem:
         """Return residuals [rows] and their Jacobian [rows, p] at u."""
         fields, slopes = self.space.fields(u), self.space.slopes(u)
         parts = [predict(fields) for predict in self._predictors]
-        residual = (np.concatenate([values for values, _ in parts]) - self.measured) / self.sd
-        jacobian = np.concatenate([slope for _, slope in parts]) * slopes / self.sd[:, None]
+        left = residual(self.measured, np.concatenate([values for values, _ in parts])) / self.sd
+        jacobian = -np.concatenate([slope for _, slope in parts]) * slopes / self.sd[:, None]
         if not self.priors:
-            return residual, jacobian
+            return left, jacobian
         at = self._prior_at
-        stated = (self.space.values(u)[at] - self._prior_mean) / self._prior_sd
+        stated = residual(self._prior_mean, self.space.values(u)[at]) / self._prior_sd
         rows = np.zeros((len(at), len(slopes)))
-        rows[range(len(at)), at] = slopes[at] / self._prior_sd
-        return np.concatenate([residual, stated]), np.concatenate([jacobian, rows])
+        rows[range(len(at)), at] = -slopes[at] / self._prior_sd
+        return np.concatenate([left, stated]), np.concatenate([jacobian, rows])
 
     def chi2(self, u: np.ndarray) -> float:
         """Return the sum of squared residuals at u, infinite where the model has no value."""
-        residual, _ = self.evaluate(u)
-        total = float(residual @ residual)
+        rows, _ = self.evaluate(u)
+        total = float(rows @ rows)
         return total if np.isfinite(total) else np.inf
 
     def data_jacobian(self, u: np.ndarray) -> np.ndarray:

@@ -83,9 +83,9 @@ def remainders(data: RigSet, fit: RigFit) -> tuple[Remainder, ...]:
 
 def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> Remainder:
     slip, load = np.asarray(data.rig.slip), np.asarray(data.rig.load)
-    missing = -residual * channel.sd
+    missing = residual * channel.sd
     varies = load.max() >= SAME_LOAD * load.min()
-    powers, of_load = _smooth(slip, load / load.mean() - 1, -residual, channel.sd, varies)
+    powers, of_load = _smooth(slip, load / load.mean() - 1, residual, channel.sd, varies)
     smooth = np.polynomial.polynomial.polyval(slip, powers) + of_load * (load / load.mean() - 1)
     total = float(residual @ residual)
     rest = (missing - smooth) / channel.sd

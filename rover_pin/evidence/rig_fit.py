@@ -162,7 +162,7 @@ class RigProblem(Problem):
         return residual, jacobian
 
     def plain(self, u: np.ndarray) -> np.ndarray:
-        """Return (predicted - measured) / sd of all rows, left out or not."""
+        """Return the residuals over their SD of all rows, left out or not."""
         return super().evaluate(u)[0][: self.measured.size]
 
 
@@ -177,7 +177,7 @@ class RigFit:
 
     @property
     def residual(self) -> np.ndarray:
-        """(predicted - measured) / stated SD, channel by channel [channels, runs]."""
+        """Residuals over their stated SD, channel by channel [channels, runs]."""
         plain = self.problem.plain(self.u) * self.problem.widen
         return plain.reshape(len(self.problem.data[0].channels), -1)
 

@@ -100,7 +100,7 @@ def close_rig_loop(
     setting = Setting(rig_set, free, priors, seed)
     progress("calibrating the base model")
     base = calibrate(setting, start)
-    verdict = _decide(setting, base, effects, progress)
+    verdict = decide(setting, base, effects, progress)
     verdict.provenance.update(provenance(seed, time.monotonic() - begun, command(data, effects, out)))
     return verdict if out is None else _written(verdict, setting, Path(out), progress)
 
@@ -119,7 +119,7 @@ def _start(data: RigSet, model: RigModel | Soil | None) -> RigModel:
     return RigModel(data.rig.wheel, model if isinstance(model, Soil) else data.soil())
 
 
-def _decide(setting: Setting, base: RigFit, effects: str | Path | None, progress: Progress) -> Verdict:
+def decide(setting: Setting, base: RigFit, effects: str | Path | None, progress: Progress) -> Verdict:
     """Return the verdict: too poor, or screened, refitted, paired where one is not enough, and judged."""
     poor = too_poor(setting.data, len(setting.free))
     if poor:

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 from rover_pin.effects.effect import Effect
 from rover_pin.evidence.calibrate import Setting
 from rover_pin.evidence.candidates import added, sizes, vanished
-from rover_pin.evidence.rig_fit import RigEvidence, RigFit
+from rover_pin.evidence.rig_fit import RigFit
 from rover_pin.evidence.rig_model import NOMINAL, RigModel
 
 FALSE_ALARMS = 0.05
@@ -84,7 +84,7 @@ def _score(setting: Setting, base: RigFit, effect: Effect, fee: float) -> Screen
     small = _gain(directions, free, np.array(room), np.array(reach))
     moved = _moved(setting, base, effect, problem.measured.size)
     whole = np.zeros_like(residual)
-    whole[: moved.size] = moved
+    whole[: moved.size] = -moved
     own = whole - basis @ (basis.T @ whole)
     large = _gain(own[:, None], free, np.zeros(1), np.full(1, np.inf))
     visible = float(np.linalg.norm(own))
@@ -115,10 +115,9 @@ def _moved(setting: Setting, base: RigFit, effect: Effect, count: int) -> np.nda
 
 
 def _signature(setting: Setting, model: RigModel, effect: Effect, speeds: np.ndarray | None) -> np.ndarray:
-    rig = setting.data.rig
-    sd = np.concatenate([channel.sd for channel in rig.channels])
+    sd = np.concatenate([channel.sd for channel in setting.data.rig.channels])
     with_it, without = (
-        RigEvidence(rig, one, speeds).predictor(())(one.vector())[0] for one in (model.having(effect), model)
+        setting.evidence(one, speeds).predictor(())(one.vector())[0] for one in (model.having(effect), model)
     )
     return np.asarray((with_it - without) / sd)
 

@@ -22,9 +22,9 @@ class Statement(NamedTuple):
     sd: float
 
     def residual(self, F: np.ndarray) -> float:
-        """Return how far the number is outside its limits [SD]."""
+        """Return how far the number is outside its limits [SD]: the nearer limit minus the number, 0 inside."""
         value = self.number(F)
-        return (min(value - self.low, 0.0) + max(value - self.high, 0.0)) / self.sd
+        return (max(self.low - value, 0.0) + min(self.high - value, 0.0)) / self.sd
 
 
 def degrees(F: float) -> float:
