@@ -44,7 +44,10 @@ def drive(
     gravity: Gravity = "",
     soil: SoilName = "",
     model: ModelFile = None,
-    set_: Set = [],  # noqa: B006 - typer wants a list
+    add: Annotated[
+        list[str], typer.Option("--add", metavar="EFFECT[.name=value]", help="Add an effect, as DiggingMemory.c_d=0.1.")
+    ] = [],  # noqa: B006 - typer wants a list
+    set_: Set = [],  # noqa: B006
     check: Annotated[
         bool, typer.Option("--check", help="Drive again at half the step and say how far x differs.")
     ] = False,
@@ -56,7 +59,7 @@ def drive(
     from rover_pin.scenarios import Scenario
     from rover_pin.scenarios import scenario as ready
 
-    given = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model)}
+    given = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
     settings = {**{name: value for name, value in given.items() if value}, **assignments(set_)}
     chosen: Scenario = ready(scenario, **settings)
     with progress(f"driving {scenario}", chosen.duration, silent=as_json) as advance:

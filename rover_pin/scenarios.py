@@ -28,6 +28,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.command import Controller
 from rover_pin.motion.drive_log import About, write_drive_log
+from rover_pin.motion.effect_words import having, words_of
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED, Model, base_effects
 from rover_pin.motion.model_toml import read_model
@@ -155,6 +156,7 @@ def scenario(name: str, **settings: Any) -> Scenario:
         `rover`, `soil` (a name of SOILS), `soil.FIELD`, `terrain.ARGUMENT` (`terrain.path` of a file),
         `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor.FIELD`, `gravity` (name or m/s^2),
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
+        `add` (effects, or words for them as "DiggingMemory.c_d=0.1,length=0.05": see `motion.effect_words`),
         `effect.CLASS.FIELD`, `model` (a model file, instead of rover, soil, form, angles and slip),
         `control` (none, eq9, true, turn, point-turn), `control.FIELD`, `control.gains` (a file of tuned gains),
         `start.FIELD`, `duration`, `dt` [s].
@@ -176,8 +178,14 @@ def scenario(name: str, **settings: Any) -> Scenario:
     duration = asked.number("duration", scene.duration)
     asked.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
-    symmetric = symmetric and "model" not in settings
-    return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, dict(settings))
+    symmetric = symmetric and "model" not in settings and mirrored(model)
+    told = {name: words_of(value) if name == "add" else value for name, value in settings.items()}
+    return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, told)
+
+
+def mirrored(model: Model) -> bool:
+    """Return whether no effect tells left from right: none is of one wheel, and none pushes the body."""
+    return not model.body_effects and not any(hasattr(effect, "wheel") for effect in model.motor_effects)
 
 
 def _terrain(scene: Scene, asked: Settings) -> Terrain:
@@ -203,6 +211,7 @@ def _model(scene: Scene, asked: Settings) -> Model:
     friction = asked.number("gear_friction", 0.0)
     if friction:
         model = model.having(GearFriction(tau_c=friction))
+    model = having(model, asked.take("add", ()))
     for effect in model.all_effects:
         changes = asked.group(f"effect.{type(effect).__name__}", tuple(quantities(effect)))
         model = model.having(effect.replace(**changes)) if changes else model

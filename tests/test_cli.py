@@ -68,6 +68,24 @@ def test_drive_writes_a_log_and_figures(run):
     assert Path("here/snapshots.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_drive_adds_effects(run):
+    words = (
+        "--add",
+        "DiggingMemory.c_d=0.1",
+        "--add",
+        "DiggingMemory.length=0.05",
+        "--add",
+        "WeakMotor.wheel=ml,g=0.5",
+    )
+    assert said(run, "drive", "flat", *words, "--set", "duration=1", "--out", "here")["stop"] == "duration"
+    attrs = load_trace("here/log").attrs
+    assert [name for name in attrs["effects"] if name.startswith(("Digging", "Weak"))] == ["DiggingMemory", "WeakMotor"]
+    assert attrs["settings"]["add"] == list(words[1::2])
+    code, _, err = run("drive", "flat", "--add", "DigingMemory")
+    assert code == 2
+    assert "did you mean 'DiggingMemory'?" in err
+
+
 def test_drive_prints_a_short_table(run):
     code, out, _ = run("drive", "flat", "--set", "duration=1")
     assert code == 0

@@ -161,13 +161,14 @@ def _unknown_wheel(effect: Record, names: list[str]) -> str:
 
 
 def _having(present: tuple[OneKind, ...], effect: OneKind) -> tuple[OneKind, ...]:
-    changed = [effect if _same(other, effect) else other for other in present]
+    changed = [effect if same_place(other, effect) else other for other in present]
     if not any(each is effect for each in changed):
         changed.append(effect)
     return tuple(changed)
 
 
-def _same(one: AnyEffect, other: AnyEffect) -> bool:
+def same_place(one: AnyEffect, other: AnyEffect) -> bool:
+    """Return whether a model can have only one of the two: they are of a class and of one wheel or channel."""
     owners = [tuple(getattr(each, name, None) for name in OWNERS) for each in (one, other)]
     return type(one) is type(other) and owners[0] == owners[1]
 

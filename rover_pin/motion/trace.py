@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,8 +17,8 @@ NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_poten
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
-    """Channels of one drive, simulated or measured.
+class Trace(Mapping[str, np.ndarray]):
+    """Channels of one drive, simulated or measured: a mapping from names to arrays. Two traces are equal if they are one.
 
     Parameters
     ----------
@@ -62,6 +62,20 @@ class Trace:
 
     def __contains__(self, name: object) -> bool:
         return name in self.channels
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.channels)
+
+    def __len__(self) -> int:
+        return len(self.channels)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a channel, or `default` where it was not recorded."""
+        return self.channels.get(name, default)
+
+    # arrays have no one truth value: a trace is compared by identity, as it is hashed
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
 
     @property
     def t(self) -> np.ndarray:

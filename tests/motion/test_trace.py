@@ -4,6 +4,7 @@ import json
 import math
 import pickle
 import re
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -43,6 +44,26 @@ def test_channels_by_name_with_units():
     units = [trace.unit(name) for name in ("t_s", "duty_fl", "current_fl_A", "body_pitch", "odd_thing")]
     assert units == ["s", "-", "A", "rad", ""]
     assert Trace({"t_s": T, "odd": T}, {"odd": "kg"}).unit("odd") == "kg"
+
+
+def test_a_trace_is_a_mapping_of_its_channels():
+    trace = drive()
+    assert isinstance(trace, Mapping)
+    assert list(trace) == list(trace.keys()) == list(trace.channels)
+    assert len(trace) == len(trace.channels)
+    assert {name: values[-1] for name, values in trace.items()}["slip_rr"] == pytest.approx(0.2)
+    assert [values.shape for values in trace.values()] == [(10,)] * len(trace)
+    assert {**trace}.keys() == trace.channels.keys()
+    assert trace.get("slip_ml") is None
+    assert trace.get("slip_fl") is trace["slip_fl"]
+
+
+def test_traces_are_equal_and_hashed_as_themselves():
+    """A mapping of arrays has no equality of its own: comparing element by element ends in an error."""
+    one, other = drive(), drive()
+    assert one == one  # noqa: PLR0124
+    assert one != other
+    assert len({one, other, one}) == 2
 
 
 @pytest.mark.parametrize(
