@@ -25,13 +25,14 @@ from rover_pin.control.torque_limit import TorqueLimit
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import ParameterError, closest
+from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.evidence.model_file import read_model as read_rig_model
 from rover_pin.motion.command import Controller
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.effect_words import having, words_of
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED, Model, base_effects
-from rover_pin.motion.model_toml import read_model
+from rover_pin.motion.model_toml import is_rig_model, read_model
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import Progress, Timing, simulate
@@ -157,7 +158,8 @@ def scenario(name: str, **settings: Any) -> Scenario:
         `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor.FIELD`, `gravity` (name or m/s^2),
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
         `add` (effects, or words for them as "DiggingMemory.c_d=0.1,length=0.05": see `motion.effect_words`),
-        `effect.CLASS.FIELD`, `model` (a model file, instead of rover, soil, form, angles and slip),
+        `effect.CLASS.FIELD`, `model` (a drive's model file, instead of rover, soil, form, angles and slip; or a wheel
+        rig's, instead of soil, form and angles),
         `control` (none, eq9, true, turn, point-turn), `control.FIELD`, `control.gains` (a file of tuned gains),
         `start.FIELD`, `duration`, `dt` [s].
         A `_deg` behind any angle reads degrees.
@@ -203,7 +205,10 @@ def _terrain(scene: Scene, asked: Settings) -> Terrain:
 
 def _model(scene: Scene, asked: Settings) -> Model:
     terrain, file = _terrain(scene, asked), asked.take("model", None)
-    model = _composed(asked, terrain) if file is None else _of_file(str(file), asked, terrain)
+    if file is None:
+        model = _composed(asked, terrain)
+    else:
+        model = (_of_rig if is_rig_model(str(file)) else _of_file)(str(file), asked, terrain)
     ground = model.soils[0].replace(**asked.group("soil", fields_of(model.soils[0])))
     motor = model.motor.replace(**asked.group("motor", fields_of(model.motor)))
     gravity = gravity_named(asked.take("gravity", model.gravity))
@@ -219,11 +224,27 @@ def _model(scene: Scene, asked: Settings) -> Model:
 
 
 def _of_file(file: str, asked: Settings, terrain: Terrain) -> Model:
-    model = read_model(file, terrain)
-    for name in ("rover", "soil", "form", "angles", "slip"):
+    _refuse(("rover", "soil", "form", "angles", "slip"), asked, file)
+    return read_model(file, terrain)
+
+
+def _of_rig(file: str, asked: Settings, terrain: Terrain) -> Model:
+    """Return a rover on the soil, with the traction law and the effects, of a wheel's model; its wheels are its own."""
+    _refuse(("soil", "form", "angles"), asked, file)
+    rig, rover = read_rig_model(file), load_rover(str(asked.take("rover", "nexus6")))
+    tractions = [effect for effect in rig.effects if isinstance(effect, SoilTraction)]
+    if len(tractions) != 1:
+        raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
+    model = Model(rover, terrain, (rig.soil, HARD_GROUND), nexus6_motor(), _slip(asked))
+    for effect in (*base_effects(rig.soil, rover, *tractions), *rig.effects):
+        model = model.having(effect)
+    return model
+
+
+def _refuse(names: tuple[str, ...], asked: Settings, file: str) -> None:
+    for name in names:
         if asked.take(name, None) is not None:
             raise ParameterError(f"{name} stands in the model file {file}: change it there, or leave out one of both.")
-    return model
 
 
 def _composed(asked: Settings, terrain: Terrain) -> Model:
@@ -232,9 +253,15 @@ def _composed(asked: Settings, terrain: Terrain) -> Model:
     soil = soil.replace(**asked.group("soil", fields_of(soil)))
     form = asked.choice("form", "torque", FORMS)
     angles = asked.choice("angles", "fixed", {"fixed": FixedAngles(), "sinkage": SinkageAngles()})
-    slip = asked.choice("slip", "relaxed", {"relaxed": RelaxedSlip(), "algebraic": AlgebraicSlip()})
     effects = base_effects(soil, rover, SoilTraction(form, angles))
-    return Model(rover, terrain, (soil, HARD_GROUND), nexus6_motor(), slip, effects)
+    return Model(rover, terrain, (soil, HARD_GROUND), nexus6_motor(), _slip(asked), effects)
+
+
+def _slip(asked: Settings) -> AlgebraicSlip | RelaxedSlip:
+    chosen: AlgebraicSlip | RelaxedSlip = asked.choice(
+        "slip", "relaxed", {"relaxed": RelaxedSlip(), "algebraic": AlgebraicSlip()}
+    )
+    return chosen
 
 
 def _controller(model: Model, asked: Settings) -> Controller:

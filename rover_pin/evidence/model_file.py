@@ -11,16 +11,15 @@ from rover_pin.effects.effect import Effect
 from rover_pin.errors import DataError
 from rover_pin.evidence.rig_model import RigModel
 from rover_pin.motion.effect_files import effect_entry, effect_from
+from rover_pin.motion.model_toml import RIG_KIND
 from rover_pin.quantity import declared, record_from
 from rover_pin.toml_file import read_toml, toml_text
-
-KIND = "rig-model"
 
 
 def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:
     """Write the model; an effect from outside the package keeps the path of its file."""
     table = {
-        "kind": KIND,
+        "kind": RIG_KIND,
         "note": note,
         "wheel": declared(model.wheel),
         "soil": declared(model.soil),
@@ -41,8 +40,8 @@ def read_model(path: str | Path) -> RigModel:
     """
     path = Path(path)
     table = read_toml(path)
-    if table.get("kind") != KIND:
-        raise DataError(f"{path}: kind = {table.get('kind')!r} is not a rig model; write kind = '{KIND}'.")
+    if table.get("kind") != RIG_KIND:
+        raise DataError(f"{path}: kind = {table.get('kind')!r} is not a rig model; write kind = '{RIG_KIND}'.")
     return RigModel(
         record_from(Wheel, table.get("wheel", {}), f"{path} [wheel]"),
         record_from(Soil, table.get("soil", {}), f"{path} [soil]"),

@@ -39,7 +39,8 @@ from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.quantity import declared, record_from
 from rover_pin.toml_file import read_toml, toml_text
 
-KIND = "drive-model"
+KIND, RIG_KIND = "drive-model", "rig-model"
+"""A driving rover's model; a wheel's on a rig, which gives a rover its soil and contact effects."""
 TABLES = ("motor", "slip", "terrain")
 LISTS = ("soil", "effect")
 KEYS = ("kind", "note", "rover", "gravity", *TABLES, *LISTS)
@@ -124,13 +125,26 @@ def model_files(path: str | Path) -> tuple[Path, ...]:
         Not a model file, or a rover's that cannot be read.
     """
     path = Path(path)
-    table = _checked(path, read_toml(path))
+    table = read_toml(path)
+    if table.get("kind") == RIG_KIND:
+        return (path, *_effect_files(path, table))
+    _checked(path, table)
     rover = path.parent / str(table.get("rover", "nexus6"))
     found = [path, *((rover, rover.parent / read_layout(rover).file) if rover.is_file() else ())]
+    return (*found, *_effect_files(path, table))
+
+
+def is_rig_model(path: str | Path) -> bool:
+    """Return whether a model file is a wheel's on a rig."""
+    return read_toml(Path(path)).get("kind") == RIG_KIND
+
+
+def _effect_files(path: Path, table: dict[str, Any]) -> list[Path]:
+    found: list[Path] = []
     entries = [table.get("slip", {}), *table.get("effect", [])]
     for file in (path.parent / str(entry["file"]) for entry in entries if "file" in entry):
         found += sorted(file.glob("*.py")) if file.is_dir() else [file]
-    return tuple(found)
+    return found
 
 
 def _checked(path: Path, table: dict[str, Any]) -> dict[str, Any]:

@@ -8,13 +8,20 @@ import pytest
 
 from rover_pin.body import shapes
 from rover_pin.body.rover import load_rover
-from rover_pin.contact import Soil
+from rover_pin.contact import Soil, Wheel
+from rover_pin.effects.normal_damping import NormalDamping
+from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
+from rover_pin.effects.slip_sinkage import SlipSinkage
+from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.errors import DataError, ParameterError, UrdfError
+from rover_pin.evidence.model_file import write_model as write_rig_model
+from rover_pin.evidence.rig_model import PAPER, RigModel
 from rover_pin.motion.effect_files import package_effects, user_effects
-from rover_pin.motion.model_toml import read_model, write_model
+from rover_pin.motion.model_toml import model_files, read_model, write_model
+from rover_pin.motion.simulate import simulate
 from rover_pin.quantity import is_symbolic, quantities
 from rover_pin.scenarios import scenario
 from rover_pin.soil.angles import SinkageAngles
@@ -204,3 +211,31 @@ def test_a_scenario_drives_a_models_file(tmp_path):
     assert not ready.symmetric
     with pytest.raises(ParameterError, match=r"soil stands in the model file .*: change it there, or leave out one"):
         scenario("bump", model=file, soil="table-1")
+
+
+RIG = RigModel(Wheel(0.1, 0.1), Soil(k=0.004, n=1.4), (*PAPER, SlipSinkage(n_1=0.8)))
+
+
+def test_a_rover_drives_on_a_wheels_model(tmp_path):
+    file = str(write_rig_model(RIG, tmp_path / "rig.toml"))
+    for rover in ("nexus6", "cart"):
+        ready = scenario("flat", model=file, rover=rover, **{"effect.SlipSinkage.n_1": 0.5, "soil.c": 10.0})
+        model = ready.model
+        assert model.soils[0] == RIG.soil.replace(c=10.0)
+        assert model.rover.wheel == load_rover(rover).wheel != RIG.wheel
+        assert model.effect(SlipSinkage) == SlipSinkage(n_1=0.5)
+        assert model.effect(SoilTraction) == PAPER[0]
+        assert {type(effect) for effect in model.effects} == {SoilTraction, NormalDamping, SideShear, SlipSinkage}
+        assert simulate(model, ready.controller, 0.2).attrs["traction_form"] == "net"
+    with pytest.raises(ParameterError, match=r"soil stands in the model file .*: change it there, or leave out one"):
+        scenario("flat", model=file, soil="table-1")
+    bare = write_rig_model(RigModel(RIG.wheel, RIG.soil, ()), tmp_path / "bare.toml")
+    with pytest.raises(DataError, match=r"bare.toml: a wheel's model .* must have one \[\[effect\]\] SoilTraction"):
+        scenario("flat", model=str(bare))
+
+
+def test_a_wheels_model_is_made_of_its_file_and_its_effects(tmp_path):
+    path = write_rig_model(RIG, tmp_path / "rig.toml")
+    assert model_files(path) == (path,)
+    path.write_text(path.read_text() + "[[effect]]\nname = 'Own'\nfile = 'own.py'\n")
+    assert model_files(path) == (path, tmp_path / "own.py")
