@@ -18,7 +18,7 @@ NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_poten
 
 @dataclass(frozen=True, eq=False)
 class Trace(Mapping[str, np.ndarray]):
-    """Channels of one drive, simulated or measured: a mapping from names to arrays. Two traces are equal if they are one.
+    """Channels of one drive, simulated or measured: a mapping from names to arrays, equal only to itself.
 
     Parameters
     ----------

@@ -162,7 +162,7 @@ def test_a_named_folder_that_cannot_be_made_is_one_sentence(tmp_path, monkeypatc
 def full(tmp_path, monkeypatch):
     """A compiler that says what gcc's assembler says on a full disk."""
     script = tmp_path / "cc"
-    script.write_text("#!/bin/sh\necho \"as: can't write to made.o: No space left on device\" >&2\nexit 1\n")
+    script.write_text('#!/bin/sh\necho "as: can\'t write to made.o: No space left on device" >&2\nexit 1\n')
     script.chmod(0o700)
     monkeypatch.setenv("CC", str(script))
 

@@ -61,7 +61,7 @@ def test_a_trace_is_a_mapping_of_its_channels():
 def test_traces_are_equal_and_hashed_as_themselves():
     """A mapping of arrays has no equality of its own: comparing element by element ends in an error."""
     one, other = drive(), drive()
-    assert one == one  # noqa: PLR0124
+    assert one == one
     assert one != other
     assert len({one, other, one}) == 2
 
