@@ -103,7 +103,8 @@ def _body(at: Along, angles: ca.SX, rates: ca.SX, twist: ca.SX) -> Body:
     """Return the body as the reduced model knows it."""
     places, speeds = (tuple(ca.vertsplit(each)) if each.numel() else () for each in (angles, rates))
     base = {**dict.fromkeys(Body._fields, 0.0), "x": at.x, "z": at.height, "pitch": at.pitch, "v_x": at.v}
-    return Body(**base)._replace(angles=places, rates=speeds, known_rates=speeds, twist=twist[0], twist_rate=twist[1])
+    known = {"angles": places, "rates": speeds, "known_rates": speeds, "twist": twist[0], "twist_rate": twist[1]}
+    return Body(**{**base, **known, "names": ()})
 
 
 def _split(values: list[Scalar], sizes: list[int]) -> list[tuple[Scalar, ...]]:

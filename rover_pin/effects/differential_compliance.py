@@ -36,8 +36,17 @@ class DifferentialCompliance(BodyEffect):
 
     def push(self, body: Body) -> Push:
         """Return the torque on either rocker; none where the differential is rigid, and holds by itself."""
-        half = 0.5 * self.backlash
-        over = body.twist - ca.fmax(-half, ca.fmin(half, body.twist))
+        half, over = 0.5 * self.backlash, self._over(body)
         torque = -(over + self.relaxation * body.twist_rate) / ca.fmax(self.compliance, STIFFEST)
         acts = ca.logic_and(self.compliance + self.backlash > 0.0, ca.fabs(body.twist) > half)
         return Push(differential=ca.if_else(acts, torque, 0.0))
+
+    def stored(self, body: Body) -> Scalar:
+        """Return the energy of the twisted shaft, o^2 / (2 compliance)."""
+        elastic = 0.5 * self._over(body) ** 2 / ca.fmax(self.compliance, STIFFEST)
+        return ca.if_else(self.compliance + self.backlash > 0.0, elastic, 0.0)
+
+    def _over(self, body: Body) -> Scalar:
+        """Return by how much the twist is beyond the play [rad]."""
+        half = 0.5 * self.backlash
+        return body.twist - ca.fmax(-half, ca.fmin(half, body.twist))

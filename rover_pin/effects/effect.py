@@ -6,7 +6,7 @@ There are four kinds, by where they act: at a wheel's contact, in a motor, on th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Self
 
@@ -125,6 +125,13 @@ class Body(NamedTuple):
     "sum of the two rockers' angles, which a rigid differential holds at 0 [rad]"
     twist_rate: Scalar = 0.0
     "its rate [rad/s]"
+    names: tuple[str, ...] = ()
+    "of the suspension's joints, as their channels: rocker_l, bogie_l, ..."
+
+
+def called(joint: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the joints that `joint` means: the one of this name, those of a pair (bogie: bogie_l, bogie_r), or all."""
+    return tuple(name for name in names if joint in ("", name) or name.startswith(f"{joint}_"))
 
 
 class Push(NamedTuple):
@@ -181,6 +188,10 @@ class BodyEffect(Record):
     def push(self, body: Body) -> Push:
         """Return what this effect pushes with."""
         return Push()
+
+    def stored(self, body: Body) -> Scalar:
+        """Return the energy that it holds and gives back [J], a function of where the body is, not of its speed."""
+        return 0.0
 
     def ballast(self) -> Ballast:
         """Return what the base carries besides."""

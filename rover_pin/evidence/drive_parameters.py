@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rover_pin.errors import ParameterError, closest
-from rover_pin.motion.model import Model
+from rover_pin.motion.model import OWNERS, Model
 from rover_pin.quantity import Quantity, quantities
 
 GROUND = 0
@@ -15,9 +15,8 @@ GROUND = 0
 
 
 def owner_name(effect: Any) -> str:
-    """Return the name of an effect of a model: its class, and its wheel or channel where there is one of each."""
-    place = getattr(effect, "wheel", None)
-    place = getattr(effect, "channel", None) if place is None else place
+    """Return the name of an effect of a model: its class, and whose it is where a model may have several."""
+    place = next((getattr(effect, owner) for owner in OWNERS if hasattr(effect, owner)), None)
     return type(effect).__name__ + ("" if place in (None, "") else f"[{place}]")
 
 

@@ -13,10 +13,11 @@ from rover_pin.motion.laws import symbolic
 
 
 class Joints(NamedTuple):
-    """The suspension as the law counts it: how many joints, and which two the differential joins."""
+    """The suspension as the law counts it: its joints' number, the differential's two, and the names."""
 
     number: int
     rockers: tuple[int, int] | None
+    names: tuple[str, ...] = ()
 
 
 class _Symbols(NamedTuple):
@@ -60,6 +61,16 @@ def body_law(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
     return ca.Function("body_law", [ca.vertcat(*s[:-1]), ca.SX(0, 1), parameters], [out])
 
 
+def elastic_energy(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
+    """Return the function (q of the base (7), suspension angles) -> energy that the effects hold [J]."""
+    base, angles = ca.SX.sym("base", 7), ca.SX.sym("angles", joints.number)
+    still, rest = ca.SX.zeros(6), ca.SX.zeros(joints.number)
+    s = _Symbols(base[:3], base[3:], still, angles, rest, ca.SX(0), rest)
+    body = _body(s, _rotation(s.quaternion), joints)
+    held = sum((effect.stored(body) for effect in effects), ca.SX(0))
+    return ca.Function("elastic_energy", [base, angles], [held])
+
+
 def _body(s: _Symbols, rotation: ca.SX, joints: Joints) -> Body:
     velocity, spin = ca.mtimes(rotation, s.base_speed[:3]), ca.mtimes(rotation, s.base_speed[3:])
     x, y, z, w = ca.vertsplit(s.quaternion)
@@ -69,7 +80,7 @@ def _body(s: _Symbols, rotation: ca.SX, joints: Joints) -> Body:
     angles, rates, known = (tuple(ca.vertsplit(each)) if joints.number else () for each in (s.angles, s.rates, s[-1]))
     base = [*ca.vertsplit(s.position), roll, pitch, yaw, *ca.vertsplit(velocity), *ca.vertsplit(spin)]
     twist, twist_rate = (sum((each[i] for i in joints.rockers or ()), 0.0) for each in (angles, rates))
-    return Body(*base, angles, rates, known, twist, twist_rate)  # type: ignore[call-arg]
+    return Body(*base, angles, rates, known, twist, twist_rate, joints.names)  # type: ignore[call-arg]
 
 
 def _generalised(pushes: Sequence[Push], rotation: ca.SX, differential: ca.SX, joints: Joints) -> ca.SX:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self, TypeVar
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.contact import Soil
-from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
+from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect, called
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.side_shear import SideShear
@@ -17,14 +18,14 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.motor import Motor
-from rover_pin.motion.suspension import suspension_dofs
+from rover_pin.motion.suspension import joints_of, suspension_dofs
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.quantity import Record
 from rover_pin.soil.traction import load_traction_factor
 
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
 OneKind = TypeVar("OneKind", bound=AnyEffect)
-OWNERS = ("wheel", "channel")
+OWNERS = ("wheel", "channel", "joint")
 """Fields that say whose an effect is: a model may have one of a class for each."""
 
 
@@ -94,10 +95,8 @@ class Model:
 
     def refusal(self, effect: AnyEffect) -> str:
         """Return why this effect cannot act in the model's rover, or an empty string."""
-        missing = isinstance(effect, BodyEffect) and _missing_part(effect, self.rover)
-        if missing:
-            name = type(effect).__name__
-            return f"{name} acts in {missing}, but rover '{self.rover.name}' has none: leave the effect out."
+        if isinstance(effect, BodyEffect):
+            return _missing_part(effect, self.rover) or _unknown_joint(effect, joints_of(self.rover).names)
         owned = isinstance(effect, (MotorEffect, SensorEffect))
         return _unknown_wheel(effect, [wheel.name for wheel in self.rover.wheels]) if owned else ""
 
@@ -141,10 +140,12 @@ class Model:
 
 
 def _missing_part(effect: BodyEffect, rover: Rover) -> str:
-    """Return the part that a body effect acts in and the rover has not, or an empty string."""
+    """Return the refusal of an effect in a part that the rover has not."""
+    missing = "the suspension's pivots" if effect.in_pivots and not suspension_dofs(rover) else ""
     if effect.frees_differential and rover.differential is None:
-        return "a differential"
-    return "the suspension's pivots" if effect.in_pivots and not suspension_dofs(rover) else ""
+        missing = "a differential"
+    name = type(effect).__name__
+    return missing and f"{name} acts in {missing}, but rover '{rover.name}' has none: leave the effect out."
 
 
 def _unknown_wheel(effect: Record, names: list[str]) -> str:
@@ -158,6 +159,15 @@ def _unknown_wheel(effect: Record, names: list[str]) -> str:
             f"{', '.join(names)}."
         )
     return ""
+
+
+def _unknown_joint(effect: BodyEffect, names: Sequence[str]) -> str:
+    """Return the refusal of an effect that belongs to a joint, or a pair of them, that the suspension has not."""
+    joint = getattr(effect, "joint", "")
+    if called(joint, names) or not joint:
+        return ""
+    pairs = dict.fromkeys(name.rpartition("_")[0] or name for name in names)
+    return f"{type(effect).__name__}: the suspension has no joint '{joint}': {closest(joint, [*names, *pairs])}"
 
 
 def _having(present: tuple[OneKind, ...], effect: OneKind) -> tuple[OneKind, ...]:

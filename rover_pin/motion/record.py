@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.motion.body_law import elastic_energy
 from rover_pin.motion.kernel import ENERGY, RECORD
 from rover_pin.motion.model import Model
 from rover_pin.motion.state import base_rotation, roll_pitch_yaw
+from rover_pin.motion.suspension import joints_of, suspension_places
 from rover_pin.motion.trace import Trace
 from rover_pin.version import __version__
 
@@ -64,7 +66,15 @@ def trace_of(model: Model, rows: Sequence[Any], attrs: Mapping[str, Any]) -> Tra
         put("differential_torque", "N m", [row.differential for row in rows])
     put("energy_kinetic", "J", [row.mechanical[0] for row in rows])
     put("energy_potential", "J", [row.mechanical[1] for row in rows])
+    if model.body_effects:
+        put("energy_elastic", "J", _elastic(model, q))
     return Trace(channels, units, {**about(model), **attrs})
+
+
+def _elastic(model: Model, q: np.ndarray) -> np.ndarray:
+    """Return the part of `energy_body` that springs hold at each configuration (rows)."""
+    held = elastic_energy(model.body_effects, joints_of(model.rover))
+    return np.array(held.map(len(q))(q[:, :7].T, q[:, suspension_places(model.rover)].T)).ravel()
 
 
 def about(model: Model) -> dict[str, Any]:

@@ -20,7 +20,10 @@ def suspension_places(rover: Rover) -> list[int]:
 
 def joints_of(rover: Rover) -> Joints:
     """Return the suspension as the law of the body counts it."""
-    dofs, differential = suspension_dofs(rover), rover.differential
-    return Joints(
-        len(dofs), None if differential is None else (dofs.index(differential.left), dofs.index(differential.right))
+    dofs, differential, channels = (
+        suspension_dofs(rover),
+        rover.differential,
+        {q: name for name, q in rover.angles.items()},
     )
+    rockers = None if differential is None else (dofs.index(differential.left), dofs.index(differential.right))
+    return Joints(len(dofs), rockers, tuple(channels[place] for place in suspension_places(rover)))

@@ -12,8 +12,8 @@ import numpy as np
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.channels import unit_of, wheels_in
 
-NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential")
-"""Energy channels beside what soil, stops, servos and further effects take."""
+NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
+"""Energy channels beside what soil, stops, servos and further effects take; springs' share is within `energy_body`."""
 
 
 @dataclass(frozen=True, eq=False)

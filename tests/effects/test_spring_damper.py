@@ -1,0 +1,142 @@
+"""Springs in the suspension: torques by hand, a bogie that rings as its inertia says, energy held and given back."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.body.acceleration import mass_matrix
+from rover_pin.body.rover import load_rover
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.effects.effect import Body
+from rover_pin.effects.spring_damper import SpringDamper
+from rover_pin.errors import ParameterError
+from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.model_toml import read_model, write_model
+from rover_pin.motion.place import Start, hovering, settled
+from rover_pin.motion.plain import Plain
+from rover_pin.motion.simulate import simulate
+from rover_pin.motion.suspension import suspension_dofs
+from rover_pin.scenarios import scenario
+
+NAMES = ("rocker_l", "bogie_l", "rocker_r", "bogie_r")
+FLAT = scenario("flat").model
+
+
+@pytest.mark.parametrize(
+    ("joint", "meant"),
+    [("", (1, 1, 1, 1)), ("bogie", (0, 1, 0, 1)), ("rocker_r", (0, 0, 1, 0)), ("bogie_l", (0, 1, 0, 0))],
+)
+def test_torque_and_energy_by_hand(joint, meant):
+    angles, rates = (0.1, -0.2, -0.1, 0.3), (0.5, 0.0, -0.5, 1.0)
+    body = Body(*[0.0] * 12, angles, rates, rates, names=NAMES)
+    spring = SpringDamper(k_s=2.0, d=0.1, q_0=0.05, joint=joint)
+    torques = np.array([-0.15, 0.5, 0.35, -0.6]) * meant
+    assert [float(each) for each in spring.push(body).joints] == pytest.approx(torques)
+    assert float(spring.stored(body)) == pytest.approx(np.dot(meant, [0.0025, 0.0625, 0.0225, 0.0625]))
+
+
+def in_free_fall(effect, angle, seconds, kind=Kernel, dt=0.002):
+    """A bogie let go at an angle, no ground and no gravity on the joints: its angle over time, and the stepper."""
+    model = FLAT.having(effect)
+    state = hovering(model, Start())
+    state.q[2] += 50.0
+    place = model.rover.angles["bogie_l"]
+    state.q[place] = angle
+    stepper = kind(model, state, dt, False)
+    angles = [angle]
+    for _ in range(round(seconds / dt)):
+        assert stepper.step() == 0
+        angles.append(float(state.q[place]))
+    return np.array(angles), stepper
+
+
+def test_a_bogie_rings_at_the_rate_of_its_spring_and_inertia():
+    """omega = sqrt(k_s / I), I the inertia that the rest of the rover, free to move, leaves to this joint."""
+    rover, k_s = load_rover(), 20.0
+    angles, _ = in_free_fall(SpringDamper(k_s=k_s, d=0.0, joint="bogie_l"), 0.02, 1.0, dt=0.0005)
+    H = mass_matrix(rover, hovering(FLAT, Start()).q)
+    for wheel in rover.wheels:
+        H[wheel.dof, wheel.dof] += float(FLAT.motor.armature)
+    steered = [wheel.steer_dof for wheel in rover.wheels if wheel.steer_dof is not None]
+    free = [i for i in range(rover.model.nv) if i not in steered]
+    G = np.zeros((1, len(free)))
+    G[0, [free.index(rover.differential.left), free.index(rover.differential.right)]] = 1.0
+    saddle = np.block([[H[np.ix_(free, free)], G.T], [G, np.zeros((1, 1))]])
+    bogie = free.index(next(i for i in suspension_dofs(rover) if rover.model.names[2:][i - 6] == "bogie_l"))
+    answer = np.linalg.solve(saddle, np.eye(len(saddle))[bogie])[bogie]
+    crossings = np.flatnonzero(np.diff(np.sign(angles)))
+    measured = math.pi * (len(crossings) - 1) / (0.0005 * (crossings[-1] - crossings[0]))
+    assert measured == pytest.approx(math.sqrt(k_s * answer), rel=0.02)
+
+
+def test_the_plain_step_does_the_same():
+    effect = SpringDamper(k_s=5.0, d=0.02, q_0=0.1)
+    compiled, a = in_free_fall(effect, 0.3, 0.1)
+    plain, b = in_free_fall(effect, 0.3, 0.1, Plain)
+    assert compiled == pytest.approx(plain, abs=1e-12)
+    assert a.energy == pytest.approx(b.energy, abs=1e-12)
+
+
+def test_a_preload_moves_the_load_from_the_middle_to_the_rear_wheel():
+    """(N_m - N_r) a changes by the torque on the bogie, a = 75 mm being half of its length (urdf/nexus6.urdf)."""
+
+    def middle_less_rear(effect):
+        model = FLAT.having(effect)
+        state = settled(model, Start())
+        kernel = Kernel(model, state, 1e-3, True)
+        kernel.step()
+        normal = kernel.record[:, 3]
+        return normal[2] - normal[4], float(state.q[model.rover.angles["bogie_l"]])
+
+    free, _ = middle_less_rear(SpringDamper(k_s=0.0, d=0.0))
+    bent, angle = middle_less_rear(SpringDamper(k_s=0.5, d=0.0, q_0=0.2, joint="bogie"))
+    torque = 0.5 * (0.2 - angle)
+    assert torque > 0.05
+    assert (bent - free) * 0.075 == pytest.approx(torque, rel=0.03)
+
+
+@pytest.fixture(scope="module")
+def over_a_hard_bump():
+    """Drives over a bump under the left wheels: without, with soft and with stiff springs."""
+    bump = scenario("one-sided-bump", **{"terrain.ground": 1}).model
+    springs = {"none": (), "soft": (SpringDamper(),), "stiff": (SpringDamper(k_s=100.0, joint="bogie"),)}
+    models = {name: bump.replace(body_effects=effects) for name, effects in springs.items()}
+    return {name: simulate(model, ConstantDuty(0.55), 24.0) for name, model in models.items()}
+
+
+def test_energy_is_held_and_given_back_and_never_made(over_a_hard_bump):
+    """The bump bends the springs, they are straight again behind it, and what dampers take only grows."""
+    trace = over_a_hard_bump["soft"]
+    held, lost = trace["energy_elastic"], trace["energy_body"] - trace["energy_elastic"]
+    assert held.max() > 0.05
+    assert held[-1] < 1e-3
+    assert np.all(np.diff(lost) >= -1e-12)
+    assert lost[-1] > 0.01
+    assert trace.energy_error() < 1e-5
+    assert trace.unit("energy_elastic") == "J"
+    assert "energy_elastic" not in over_a_hard_bump["none"]
+
+
+def test_a_stiff_spring_holds_the_bogie(over_a_hard_bump):
+    assert np.abs(over_a_hard_bump["none"]["bogie_l"]).max() > 0.3
+    assert np.abs(over_a_hard_bump["stiff"]["bogie_l"]).max() < 0.03
+
+
+def test_a_model_has_one_spring_for_each_joint_and_keeps_it_in_a_file(tmp_path):
+    model = FLAT.having(SpringDamper(joint="bogie")).having(SpringDamper(k_s=3.0, joint="rocker"))
+    model = model.having(SpringDamper(k_s=2.0, joint="bogie"))
+    assert [(each.joint, each.k_s) for each in model.body_effects] == [("bogie", 2.0), ("rocker", 3.0)]
+    assert read_model(write_model(model, tmp_path / "model.toml"), model.terrain).body_effects == model.body_effects
+
+
+def test_a_joint_that_is_not_there_is_refused():
+    with pytest.raises(ParameterError, match=r"the suspension has no joint 'boggie': .*bogie"):
+        FLAT.having(SpringDamper(joint="boggie"))
+
+
+def test_it_can_be_added_by_a_word():
+    added = scenario(
+        "flat", add="SpringDamper.joint=bogie,k_s=2 SpringDamper.joint=rocker,q_0_deg=3"
+    ).model.body_effects
+    assert added == (SpringDamper(k_s=2.0, joint="bogie"), SpringDamper(q_0=math.radians(3.0), joint="rocker"))
