@@ -23,6 +23,7 @@ from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip,
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_limit import TorqueLimit
 from rover_pin.effects.gear_friction import GearFriction
+from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, ParameterError, closest
@@ -31,7 +32,7 @@ from rover_pin.motion.command import Controller
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.effect_words import having, words_of
 from rover_pin.motion.log_terrain import write_terrain
-from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED, Model, base_effects
+from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED, Model, base_effects, cruising
 from rover_pin.motion.model_toml import is_rig_model, read_model
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.place import Start
@@ -82,14 +83,16 @@ class Scenario:
         return dataclasses.replace(trace, attrs={**trace.attrs, **about})
 
     def write_log(self, trace: Trace, folder: str | Path) -> Path:
-        """Write a drive of this scenario as a drive log that declares its terrain, soil, wheel and motor."""
+        """Write a drive of this scenario as a drive log that declares its terrain, soil, wheel, motor, resistance."""
         model = self.model
+        resistance = [declared(each) for each in model.effects if isinstance(each, MotionResistance)]
         about = dataclasses.replace(
             About.of(trace, self.name),
             terrain=write_terrain(folder, model.terrain),
             soil=declared(model.soils[0]),
             wheel=declared(model.rover.wheel),
             motor=declared(model.motor),
+            resistance=resistance[0] if resistance else {},
         )
         return write_drive_log(folder, {"run": trace}, about)
 
@@ -103,6 +106,8 @@ class Scene:
     terrain_settings: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     symmetric: bool = False
+    cruise_slip: float | None = None
+    "the slip for which the resistance is chosen on the scene's own soil; else it is that of the named soil"
 
 
 DEG = math.pi / 180.0
@@ -119,8 +124,10 @@ SCENES: dict[str, Scene] = {
     "washboard": Scene(shapes.washboard, 20.0, symmetric=True),
     "cross-slope": Scene(shapes.cross_slope, 20.0, {"angle": 6 * DEG}),
     "hills": Scene(shapes.hills, 30.0),
-    "turn": Scene(shapes.flat, 30.0, settings={"control": "turn", "soil.k": 0.003}),
-    "point-turn": Scene(shapes.flat, 20.0, settings={"control": "point-turn", "soil.k": 0.003}),
+    "turn": Scene(shapes.flat, 30.0, settings={"control": "turn", "soil.k": 0.003}, cruise_slip=CRUISE_SLIP),
+    "point-turn": Scene(
+        shapes.flat, 20.0, settings={"control": "point-turn", "soil.k": 0.003}, cruise_slip=CRUISE_SLIP
+    ),
     "polyline": Scene(from_polyline, 30.0, {"path": "terrain.csv"}),
     "grid": Scene(from_grid, 30.0, {"path": "terrain.npz"}),
     "park": Scene(
@@ -158,8 +165,9 @@ def scenario(name: str, **settings: Any) -> Scenario:
         `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor.FIELD`, `gravity` (name or m/s^2),
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
         `add` (effects, or words for them as "DiggingMemory.c_d=0.1,length=0.05": see `motion.effect_words`),
-        `effect.CLASS.FIELD`, `model` (a drive's model file, instead of rover, soil, form, angles and slip; or a wheel
-        rig's, instead of soil, form and angles),
+        `effect.CLASS.FIELD`, `cruise_slip` (takes the resistance R with which the soil as driven is cruised at this
+        slip; without it R is the named soil's for 0.05, whatever `soil.FIELD` is set to), `model` (a drive's model
+        file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
         `control` (none, eq9, true, turn, point-turn), `control.FIELD`, `control.gains` (a file of tuned gains),
         `start.FIELD`, `duration`, `dt` [s].
         A `_deg` behind any angle reads degrees.
@@ -216,11 +224,23 @@ def _model(scene: Scene, asked: Settings) -> Model:
     friction = asked.number("gear_friction", 0.0)
     if friction:
         model = model.having(GearFriction(tau_c=friction))
+    model = _cruising(model, asked, None if file else scene.cruise_slip)
     model = having(model, asked.take("add", ()))
     for effect in model.all_effects:
         changes = asked.group(f"effect.{type(effect).__name__}", tuple(quantities(effect)))
         model = model.having(effect.replace(**changes)) if changes else model
     return model
+
+
+def _cruising(model: Model, asked: Settings, usual: float | None) -> Model:
+    """Return the model with the resistance of an asked `cruise_slip`, taken on the soil as it is driven."""
+    slip = asked.take("cruise_slip", None)
+    if slip is not None:
+        if "effect.MotionResistance.R" in asked.values:
+            raise ParameterError("cruise_slip and effect.MotionResistance.R both set R: give one of them.")
+        return cruising(model, number("cruise_slip", slip))
+    resists = any(isinstance(effect, MotionResistance) for effect in model.effects)
+    return model if usual is None or not resists else cruising(model, usual)
 
 
 def _of_file(file: str, asked: Settings, terrain: Terrain) -> Model:
@@ -250,7 +270,6 @@ def _refuse(names: tuple[str, ...], asked: Settings, file: str) -> None:
 def _composed(asked: Settings, terrain: Terrain) -> Model:
     rover = load_rover(str(asked.take("rover", "nexus6")))
     soil = asked.choice("soil", "table-1", SOILS)
-    soil = soil.replace(**asked.group("soil", fields_of(soil)))
     form = asked.choice("form", "torque", FORMS)
     angles = asked.choice("angles", "fixed", {"fixed": FixedAngles(), "sinkage": SinkageAngles()})
     effects = base_effects(soil, rover, SoilTraction(form, angles))

@@ -93,8 +93,8 @@ class Control(NamedTuple):
 
 SANDS = (
     Sand("Table 1: k = 50 mm"),
-    Sand("k = 25 mm", {"soil.k": 0.025}),
-    Sand("k = 10 mm", {"soil.k": 0.010}),
+    Sand("k = 25 mm, R = 0.054", {"soil.k": 0.025, "cruise_slip": 0.05}),
+    Sand("k = 10 mm, R = 0.12", {"soil.k": 0.010, "cruise_slip": 0.05}),
     Sand("k = 2.5 mm, R = 0.03", LOW_RESISTANCE, None, (40.0, 50.0, 52.0, 54.0, 56.0, 58.0, 60.0, 65.0, 70.0, 80.0)),
     Sand("the same, 30 % lost", LOW_RESISTANCE, PostPeak(fraction=0.3), tuple(np.arange(46.0, 52.1, 0.5))),
     Sand("the same, 50 % lost", LOW_RESISTANCE, PostPeak(fraction=0.5), tuple(np.arange(43.5, 49.6, 0.5))),

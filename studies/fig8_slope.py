@@ -61,7 +61,7 @@ READINGS = (
     Reading("Table 1, torque form", {}),
     Reading("Table 1, gross form", {"form": "gross"}),
     Reading("Table 1, net form", {"form": "net"}),
-    Reading("torque form, k = 30 mm", {"soil.k": 0.030}),
+    Reading("torque form, k = 30 mm, R = 0.045", {"soil.k": 0.030, "cruise_slip": 0.05}),
     Reading("net form, k = 14.5 mm", {"form": "net", "soil.k": 0.0145}),
     Reading(
         "torque form, k = 1 mm, phi = 13 deg, R = 0.03",

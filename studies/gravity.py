@@ -5,7 +5,8 @@ Question
 Method
     Flat, an incline of 6 deg, a bump of sand, a bump of hard ground (0.04 m over 0.3 m), a step of 0.04 m down and the
     ditch of Fig 10 (walls 30 deg), duty 0.55, torque form. Table 1, but k = 10 mm in the ditch, where Table 1 is stuck
-    everywhere. Resistance and motor are the Earth's. With "fixed" angles the load decides the sinkage and F(S) does not
+    everywhere. Motor and R are those for 0.05 m/s at S = 0.05 on the Earth
+    (R = 0.028; 0.12 with k = 10 mm). With "fixed" angles the load decides the sinkage and F(S) does not
     care; with "sinkage" both angles follow Eq 5 at each instant. Sinkage and slip are means over wheels and time after
     the first 2 s; "lift-off" is the share of wheels and rows without a normal force, "load swing" the standard
     deviation of the normal forces over their mean. Times are repeated at half the step.
@@ -50,7 +51,7 @@ SCENES: dict[str, tuple[str, dict[str, Any], float, float]] = {
     "bump, sand": ("bump", {}, 40.0, 1.0),
     "bump, hard": ("bump", {"terrain.ground": 1}, 40.0, 1.0),
     "step down, 0.04 m": ("step", {"terrain.height": -0.04}, 40.0, 1.0),
-    "ditch, k = 10 mm": ("ditch", {"soil.k": 0.010}, 40.0, 0.95),
+    "ditch, k = 10 mm": ("ditch", {"soil.k": 0.010, "cruise_slip": 0.05}, 40.0, 0.95),
 }
 """Name -> scenario, settings, duration [s], and the place whose passing is timed [m]."""
 PLACES = ("earth", "mars", "moon")

@@ -1,9 +1,13 @@
 """Every ready-made drive drives, other rovers and terrains from files included, and its log is a drive log."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.errors import DataError, ParameterError
+from rover_pin.evidence.drive_model import base_model
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.scenarios import SCENES, scenario
 
@@ -58,9 +62,47 @@ def test_the_log_of_a_drive_declares_what_made_it(tmp_path):
     assert np.array_equal(log.runs[0]["body_x"], trace["body_x"])
 
 
+def resistance(**settings):
+    return float(scenario("flat", **settings).model.effect(MotionResistance).R)
+
+
+def test_the_resistance_is_the_named_soils_and_stays_when_a_constant_of_the_soil_is_set():
+    assert resistance() == pytest.approx(0.028, abs=5e-4)
+    assert resistance(**{"soil.k": 0.0025}) == resistance()
+    assert resistance(soil="fjs-1", **{"soil.k": 0.0025}) == resistance(soil="fjs-1") > 2.0 * resistance()
+    assert resistance(**{"soil.k": 0.01, "effect.MotionResistance.R": 0.07}) == 0.07
+
+
+@pytest.mark.parametrize(("k", "form", "slip"), [(0.01, "torque", 0.05), (0.02, "gross", 0.1)])
+def test_the_flat_is_cruised_at_the_slip_that_is_asked_for(k, form, slip):
+    """The wheels' mean, weighted by their loads: each has the same duty, and so its own slip."""
+    trace = scenario("flat", form=form, cruise_slip=slip, duration=6.0, **{"soil.k": k}).drive()
+    mean = np.average(trace.stack("slip")[-1], weights=trace.stack("normal")[-1])
+    assert mean == pytest.approx(slip, abs=3e-3)
+    assert trace.summary()["motion_resistance_R"] == resistance(form=form, cruise_slip=slip, **{"soil.k": k})
+
+
+def test_a_log_declares_its_resistance_and_the_loop_begins_with_it(tmp_path):
+    drive = scenario("flat", duration=1.0, **{"soil.k": 0.01})
+    log = read_drive_log(drive.write_log(drive.drive(), tmp_path / "log"))
+    assert base_model(log).effect(MotionResistance) == drive.model.effect(MotionResistance)
+    undeclared = dataclasses.replace(log, about=dataclasses.replace(log.about, resistance={}))
+    assert float(base_model(undeclared).effect(MotionResistance).R) == resistance(cruise_slip=0.05, **{"soil.k": 0.01})
+
+
+def test_the_net_form_has_no_resistance_beside_its_own():
+    trace = scenario("flat", form="net", duration=0.5).drive()
+    assert trace.summary()["motion_resistance_R"] == 0.0
+    assert trace.summary()["traction_form"] == "net"
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
+        ({"cruise_slip": 0.05, "form": "net"}, "the net form holds its own compaction resistance"),
+        ({"cruise_slip": -0.9}, r"no resistance R in \[0, 1\] makes the flat cruise there"),
+        ({"cruise_slip": 1.5}, r"give a slip in \(-1, 1\]"),
+        ({"cruise_slip": 0.1, "effect.MotionResistance.R": 0.1}, "both set R: give one of them"),
         ({"control": "pid"}, "control = 'pid' is not known"),
         ({"form": "nett"}, "did you mean 'net'"),
         ({"terrain.wall_angel_deg": 30}, "There is no setting"),

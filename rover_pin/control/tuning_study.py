@@ -111,7 +111,8 @@ class TuningStudy:
     def on_model(self, file: str | Path) -> Self:
         """Return the study with every drive, training and held out, on the model of a file.
 
-        What a drive's own settings may still change is what `scenario` lets them change beside `model`.
+        What a drive's own settings may still change is what `scenario` lets them change beside `model`; the resistance
+        is the model's, so that a `cruise_slip` of theirs is left out.
 
         Raises
         ------
@@ -124,10 +125,12 @@ class TuningStudy:
                     f"Tuning '{self.name}': {case.name} names the model file {case.model_file} itself: leave it out "
                     f"there, or tune without {file}."
                 )
-        training, held_out = (
-            tuple(dataclasses.replace(each, settings=(*each.settings, ("model", str(file)))) for each in cases)
-            for cases in (self.training, self.held_out)
-        )
+
+        def moved(case: DriveCase) -> DriveCase:
+            kept = (each for each in case.settings if each[0] != "cruise_slip")
+            return dataclasses.replace(case, settings=(*kept, ("model", str(file))))
+
+        training, held_out = (tuple(moved(each) for each in cases) for cases in (self.training, self.held_out))
         return dataclasses.replace(self, training=training, held_out=held_out)
 
 

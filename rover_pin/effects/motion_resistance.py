@@ -17,8 +17,13 @@ class MotionResistance(Effect):
     """f_t = -R f_n v / sqrt(v^2 + v_0^2): a fraction R of the load, against the travel.
 
     Eq (7) holds the compaction resistance as a force that pushes even a parked rover backwards; the torque and gross
-    forms have none, and would run at S < 0 on the flat. R is chosen so that the flat is driven at a stated slip.
-    Source: assumed (the paper's torque-derived factor has no such term).
+    forms have none, and would run at S < 0 on the flat. R is one number for a drive: it follows neither the sinkage nor
+    what effects make of the soil. A ready-made drive takes F(0.05) of its named soil (0.028 for Table 1), whatever
+    `soil.FIELD` is set to; a soil with F(0) > R is then driven at S < 0, where these forms create energy.
+    Below v_0 the resistance fades, so that a parked rover is not pushed: what stalls or creeps does so at a slope that
+    hangs on v_0.
+    Source: assumed (the paper's torque-derived factor has no such term). Differs from compaction by Eqs (4) and (7) on
+    Table 1, which is 0.18 of the load.
     """
 
     R: Scalar = quantity(0.028, "", "assumed: F(S = 0.05) of the torque form with Table 1", 0.0, 1.0, "R")

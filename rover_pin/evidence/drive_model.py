@@ -33,11 +33,13 @@ UNDECLARED = 2.0
 MOTOR_SD = {"gear": 0.04, "resistance": 0.04}
 """Relative SD of a motor constant that is declared without one (assumed: data sheets)."""
 RESISTANCE_SD = 0.25
-"""Relative SD of the motion resistance, which nothing declares (assumed)."""
+"""Relative SD of a motion resistance that is declared without one, or not at all (assumed)."""
 
 
 def base_model(log: DriveLog) -> Model:
-    """Return the model as the log declares it: rover, terrain, soil, motor, gravity, and the paper's traction.
+    """Return the model as the log declares it: rover, terrain, soil, motor, resistance, gravity, the paper's traction.
+
+    Where no resistance is declared, R is that with which the declared soil's flat is cruised at S = 0.05.
 
     Raises
     ------
@@ -49,6 +51,9 @@ def base_model(log: DriveLog) -> Model:
     motor = record_from(Motor, log.about.motor, f"{log.folder}: [motor]")
     traction = SoilTraction(TorqueTraction(), FixedAngles())
     effects, terrain = base_effects(soil, rover, traction), log.terrain()
+    if log.about.resistance:
+        resistance = record_from(MotionResistance, log.about.resistance, f"{log.folder}: [resistance]")
+        effects = tuple(resistance if isinstance(each, MotionResistance) else each for each in effects)
     most = max(terrain.ground_indices)
     if most > 1:
         raise DataError(f"{log.folder}: [terrain] has ground {most}: a log knows 0, the [soil], and 1, hard ground.")
@@ -83,8 +88,9 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
         value, unit = float(getattr(model.motor, name)), {"gear": "", "resistance": "ohm"}[name]
         relative = _sd(log.folder, log.about.motor, name, unit, sd * value, widen=False) / value
         found.append(parameter(model, f"motor.{name}", max(relative, 0.01), log=True))
-    if any(isinstance(one, MotionResistance) for one in model.effects):
-        found.append(parameter(model, "MotionResistance.R", RESISTANCE_SD, log=True))
+    for R in (float(one.R) for one in model.effects if isinstance(one, MotionResistance) and one.R):
+        sd = _sd(log.folder, log.about.resistance, "R", "", RESISTANCE_SD * R, widen=False)
+        found.append(parameter(model, "MotionResistance.R", sd / R, log=True))
     for number, _ in enumerate(model.rover.wheels):
         found.append(parameter(model, f"WeakMotor[{number}].g", MOTOR_TO_MOTOR))
     return (*found, *(parameter(model, f"TachoScale[{one.name}].e", TACHO_TO_TACHO) for one in model.rover.wheels))

@@ -10,8 +10,10 @@
     wheels = ["fl", "fr", "ml", "mr", "rl", "rr"]
     [terrain]                             # see log_terrain
     polyline = "slope.csv"
-    [soil]                                # what is known of it: { value, unit, sd }; so [wheel] and [motor]
+    [soil]                                # what is known of it: { value, unit, sd }; so [wheel], [motor]
     phi = { value = 30.0, unit = "deg" }
+    [resistance]                          # R of `MotionResistance`; else that of a flat cruised at S = 0.05
+    R = { value = 0.028, unit = "" }
     [noise]                               # one standard deviation a channel, sample period, delays
     wheel_rate = { value = 0.02, unit = "rad/s" }
     [[run]]
@@ -64,6 +66,7 @@ class About:
     soil: Mapping[str, Any] = field(default_factory=dict)
     wheel: Mapping[str, Any] = field(default_factory=dict)
     motor: Mapping[str, Any] = field(default_factory=dict)
+    resistance: Mapping[str, Any] = field(default_factory=dict)
     noise: Mapping[str, Any] = field(default_factory=dict)
     columns: Mapping[str, Any] = field(default_factory=dict)
     bag: Mapping[str, Any] = field(default_factory=dict)
@@ -75,7 +78,7 @@ class About:
         return cls(name, trace.attrs.get("made_by", ""), rover, gravity, trace.wheels or WHEELS)
 
 
-TABLES = ("terrain", "soil", "wheel", "motor", "noise", "columns", "bag")
+TABLES = ("terrain", "soil", "wheel", "motor", "resistance", "noise", "columns", "bag")
 TEXTS = ("name", "source", "rover", "licence", "method")
 
 

@@ -194,11 +194,41 @@ CRUISE_SPEED, CRUISE_DUTY = 0.05, 0.55
 
 
 def base_effects(soil: Soil, rover: Rover, traction: SoilTraction) -> tuple[Effect, ...]:
-    """Return the traction law, damping, the resistance that makes the flat cruise at CRUISE_SLIP, and side shear.
+    """Return the traction law, damping, the resistance that makes this soil's flat cruise at CRUISE_SLIP, side shear.
 
-    The net form holds its own compaction resistance, so it gets none.
+    The resistance is a number of `soil`: it stays where the model's soil is changed later, see `cruising`. The net form
+    holds its own compaction resistance, so it gets none.
     """
-    wheel = rover.wheels[0].wheel
-    cruise = float(load_traction_factor(CRUISE_SLIP, soil, wheel, traction.form, traction.angles))
-    resistance = () if traction.form.name == "net" else (MotionResistance(R=max(cruise, 0.0)),)
-    return (traction, NormalDamping(), *resistance, SideShear())
+    if traction.form.name == "net":
+        return (traction, NormalDamping(), SideShear())
+    R = max(_cruise_factor(CRUISE_SLIP, soil, rover, traction), 0.0)
+    return (traction, NormalDamping(), MotionResistance(R=R), SideShear())
+
+
+def cruising(model: Model, S: float = CRUISE_SLIP) -> Model:
+    """Return the model with the motion resistance at which it drives its flat ground at slip S [-]: R = F(S).
+
+    Raises
+    ------
+    ParameterError
+        A slip at which the soil gives no pull or more than its load, or the net form, whose compaction resistance is
+        part of F.
+    """
+    traction = model.effect(SoilTraction)
+    if traction.form.name == "net":
+        raise ParameterError(
+            f"cruise_slip = {S:g}: the net form holds its own compaction resistance, so its slip on the flat follows "
+            "from the soil: leave it out, or take form=torque or gross."
+        )
+    R = _cruise_factor(S, model.soils[0], model.rover, traction) if -1.0 < S <= 1.0 else -1.0
+    if not 0.0 <= R <= 1.0:
+        raise ParameterError(
+            f"cruise_slip = {S:g}: no resistance R in [0, 1] makes the flat cruise there: give a slip in (-1, 1] at "
+            "which the soil pulls; `rover-pin curve` draws F(S)."
+        )
+    present = [effect for effect in model.effects if isinstance(effect, MotionResistance)]
+    return model.having((present[0] if present else MotionResistance()).replace(R=R))
+
+
+def _cruise_factor(S: float, soil: Soil, rover: Rover, traction: SoilTraction) -> float:
+    return float(load_traction_factor(S, soil, rover.wheels[0].wheel, traction.form, traction.angles))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.motion.body_law import elastic_energy
 from rover_pin.motion.kernel import ENERGY, RECORD
 from rover_pin.motion.model import Model
@@ -78,12 +79,14 @@ def _elastic(model: Model, q: np.ndarray) -> np.ndarray:
 
 
 def about(model: Model) -> dict[str, Any]:
-    """Return what a trace says of its model: names of rover, traction form and effects, gravity, versions."""
+    """Return what a trace says of its model: names of rover, traction form and effects, R, gravity, versions."""
     forms = [effect.form.name for effect in model.effects if hasattr(effect, "form")]
+    resistances = [float(effect.R) for effect in model.effects if isinstance(effect, MotionResistance)]
     return {
         "rover": model.rover.name,
         "wheels": [wheel.name for wheel in model.rover.wheels],
         "traction_form": forms[0] if forms else "none",
+        "motion_resistance_R": sum(resistances),
         "slip_law": type(model.slip).__name__,
         "effects": [type(effect).__name__ for effect in (*model.effects, *model.motor_effects, *model.body_effects)],
         "gravity_mps2": model.gravity,

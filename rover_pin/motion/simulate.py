@@ -22,7 +22,7 @@ from rover_pin.motion.state import DriveState, base_rotation, roll_pitch_yaw
 from rover_pin.motion.trace import Trace
 
 DT = 0.005
-"""Default step [s]: x of the 30-deg-wall ditch within 0.1 mm over 20 s."""
+"""Default step [s]: x of the 30-deg-wall ditch (k = 10 mm) over 20 s within 0.1 mm with R = 0.12, 0.25 with 0.028."""
 CONTROL_PERIOD = 0.05
 """Sample time of the controller [s] (assumed; the command is held in between)."""
 SAMPLE = 0.05

@@ -30,7 +30,9 @@ DURATION = 8.0
 
 @pytest.fixture(scope="module")
 def slope():
-    return scenario("incline", **{"soil.k": 0.01, "terrain.angle_deg": 8, "terrain.start": 0.3}).model
+    return scenario(
+        "incline", **{"soil.k": 0.01, "cruise_slip": 0.05, "terrain.angle_deg": 8, "terrain.start": 0.3}
+    ).model
 
 
 @pytest.fixture(scope="module")

@@ -73,7 +73,7 @@ def test_a_parked_rover_stays(angle):
 @pytest.mark.parametrize("dt", [0.01, 0.005])
 def test_a_parked_rover_on_grippy_sand_does_not_chatter(k, dt):
     """A resistance that turns round within a few mm/s must not make the wheels flip from step to step."""
-    model = scenario("park", **{"terrain.angle_deg": 6.0, "soil.k": k}).model
+    model = scenario("park", **{"terrain.angle_deg": 6.0, "soil.k": k, "cruise_slip": 0.05}).model
     fine, coarse = (simulate(model, ConstantDuty(0.0), 4.0, timing=Timing(step, 0.05, 0.01)) for step in (0.0025, dt))
     late = coarse["t_s"] > 2.0
     for wheel in coarse.wheels:
@@ -83,7 +83,7 @@ def test_a_parked_rover_on_grippy_sand_does_not_chatter(k, dt):
 
 def test_a_rover_comes_to_rest_on_a_steep_slope_of_the_grippiest_sand():
     """Set down with the wheels held; a resistance of which nobody knows yet where to does not shake it."""
-    model = scenario("park", **{"terrain.angle_deg": 15.0, "soil.k": 0.001}).model
+    model = scenario("park", **{"terrain.angle_deg": 15.0, "soil.k": 0.001, "cruise_slip": 0.05}).model
     state = settled(model, Start())
     trace = simulate(model, ConstantDuty(0.0), 0.5, timing=Timing(0.0025, 0.05, 0.05))
     assert np.abs(state.v).max() == 0.0
@@ -117,7 +117,7 @@ def test_a_reversal_under_way_is_smooth():
 @pytest.mark.parametrize("slip", ["relaxed", "algebraic"])
 def test_the_default_step_is_converged(slip):
     """0.1 mm over 20 s of the 30-deg-wall ditch, against a step 16 times finer."""
-    drive = scenario("ditch", slip=slip, **{"soil.k": 0.01})
+    drive = scenario("ditch", slip=slip, **{"soil.k": 0.01, "cruise_slip": 0.05})
     state = settled(drive.model, drive.start, symmetric=True)
     coarse = simulate(drive.model, drive.controller, 20.0, state, drive.timing, symmetric=True)
     fine_timing = Timing(drive.timing.dt / 16, drive.timing.control, drive.timing.sample)

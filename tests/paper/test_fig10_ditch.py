@@ -86,13 +86,14 @@ def test_with_slip_control_the_rover_goes_out_with_table_1(settings):
 @pytest.mark.parametrize("settings", [{"control": "true"}, {"control": "true", **TUNED}, {"control": "eq9"}])
 def test_no_slip_control_rescues_where_f_rises_with_the_slip(k, wall, settings):
     """Just above the walls that constant duty passes; the study's map shows many more cases."""
-    assert outcome(case(duration=40.0, **{"soil.k": k, "terrain.wall_angle_deg": wall})) == "stuck"
-    controlled = case(duration=40.0, **{"soil.k": k, "terrain.wall_angle_deg": wall}, **settings)
+    sand = {"soil.k": k, "cruise_slip": 0.05, "terrain.wall_angle_deg": wall}
+    assert outcome(case(duration=40.0, **sand)) == "stuck"
+    controlled = case(duration=40.0, **sand, **settings)
     assert outcome(controlled) == "stuck"
 
 
 def test_slip_control_can_lose_a_drive_that_constant_duty_wins():
-    settings = {"soil.k": 0.010, "duration": 40.0}
+    settings = {"soil.k": 0.010, "cruise_slip": 0.05, "duration": 40.0}
     assert outcome(case(**settings)) == "out"
     assert outcome(case(**settings, control="true")) == "stuck"
 
