@@ -30,6 +30,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -86,8 +87,12 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     changes = CHANGES[9:10] if options.quick else CHANGES
-    table = pd.DataFrame(Parallel(n_jobs=options.workers)(delayed(window)(each) for each in changes))
-    csv = write_csv(table, options.out / "fig10_hinges.csv")
+    csv, rows = options.out / "fig10_hinges.csv", []
+    for row in Parallel(n_jobs=options.workers, return_as="generator")(delayed(window)(each) for each in changes):
+        rows.append(row)
+        table = pd.DataFrame(rows)
+        write_csv(table, csv)
+        print(f"{len(rows)} of {len(changes)} in {csv}: {row['change']}", file=sys.stderr, flush=True)
     png = save(draw(table), options.out / "fig10_hinges.png")
     print(table.to_string(index=False))
     print(f"written: {csv}, {png}")

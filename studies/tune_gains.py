@@ -88,7 +88,7 @@ def landscape_figure(result: TuningResult, out: Path, points: int) -> None:
     tables = []
     for axis, S_d, name in zip(axes, (result.study.before.S_d, result.gains.S_d), ("before", "tuned"), strict=True):
         cost = landscape(result.study, S_d, k_p, k_i, out)
-        shown = axis.pcolormesh(k_p, k_i, cost.T, shading="nearest", cmap="viridis")
+        shown = axis.pcolormesh(log_edges(k_p), log_edges(k_i), cost.T, shading="flat", cmap="viridis")
         sheet.colorbar(shown, ax=axis, label="cost of the reduced model")
         chosen = result.gains if name == "tuned" else result.study.before
         axis.plot(chosen.k_p, chosen.k_i, "w*", ms=14, mec="black", label=f"{name} gains")
@@ -98,6 +98,12 @@ def landscape_figure(result: TuningResult, out: Path, points: int) -> None:
         tables.append(pd.DataFrame({"S_d": S_d, "k_p": grid[0].ravel(), "k_i": grid[1].ravel(), "cost": cost.ravel()}))
     plot.write_csv(pd.concat(tables), out / "landscape.csv")
     plot.save(sheet, out / "landscape.png")
+
+
+def log_edges(centres: np.ndarray) -> np.ndarray:
+    """Return the edges of cells whose middles on a logarithmic axis are `centres`, equally spaced there."""
+    half = np.sqrt(centres[1] / centres[0])
+    return np.append(centres / half, centres[-1] * half)
 
 
 def landscape(study: TuningStudy, S_d: float, k_p: np.ndarray, k_i: np.ndarray, out: Path) -> np.ndarray:
