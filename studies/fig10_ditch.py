@@ -126,8 +126,7 @@ def main() -> None:
     traces = shown()
     write_csv(histories(traces), options.out / "fig10_ditch.csv")
     first = save(draw_story(traces), options.out / "fig10_ditch.png")
-    table = outcomes(planned(options.quick), options.workers)
-    csv = write_csv(table, options.out / "fig10_map.csv")
+    table = outcomes(planned(options.quick), options.workers, csv := options.out / "fig10_map.csv")
     second = save(draw_map(table), options.out / "fig10_map.png")
     print(summary(table).to_string(index=False))
     print(f"written: {csv}, {first}, {second}")
@@ -157,10 +156,8 @@ def time_out(trace: Trace) -> float:
 
 def planned(quick: bool) -> list[tuple[Sand, float, Control]]:
     if quick:
-        controls = (CONTROLS[0], STORY[2], CONTROLS[-1])
-        return [
-            (sand, wall, control) for sand in (SANDS[0], STORY[0]) for wall in sand.walls[6:8] for control in controls
-        ]
+        few = (CONTROLS[0], STORY[2], CONTROLS[-1])
+        return [(sand, wall, each) for sand in (SANDS[0], STORY[0]) for wall in sand.walls[6:8] for each in few]
     return [(sand, wall, control) for sand in SANDS for wall in sand.walls for control in CONTROLS]
 
 
@@ -175,16 +172,18 @@ def outcome(case: Scenario, sand: Sand, wall: float, control: Control) -> dict[s
     return made | {"verdict": verdict, "out_s": times[0], "out_half_dt_s": times[1], **end}
 
 
-def outcomes(plan: list[tuple[Sand, float, Control]], workers: int) -> pd.DataFrame:
+def outcomes(plan: list[tuple[Sand, float, Control]], workers: int, csv: Path) -> pd.DataFrame:
     found = Parallel(n_jobs=workers, return_as="generator", batch_size=4)(
         delayed(outcome)(case_of(*each), *each) for each in plan
     )
     rows = []
     for row in found:
         rows.append(row)
-        print(f"\r{len(rows)} of {len(plan)} cases", end="", flush=True)
-    print()
-    return pd.DataFrame(rows).round(4)
+        table = pd.DataFrame(rows).round(4)
+        if len(rows) % 20 == 0 or len(rows) == len(plan):
+            write_csv(table, csv)
+        print(f"\r{len(rows)} of {len(plan)} cases", end="\n" if len(rows) == len(plan) else "", flush=True)
+    return table
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
