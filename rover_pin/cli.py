@@ -12,7 +12,8 @@ import typer
 
 from rover_pin.errors import RoverPinError
 from rover_pin.parameters import soil_named
-from rover_pin.terminal import assignments, json_text, priors, progress, report
+from rover_pin.results_folder import alone_in
+from rover_pin.terminal import assignments, json_text, priors, progress, report, stoppable
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 
@@ -55,16 +56,21 @@ def drive(
     as_json: AsJson = False,
 ) -> None:
     """Drive a scenario; write its trace as a drive log, figures and a summary."""
-    from rover_pin import plot
-    from rover_pin.scenarios import Scenario
     from rover_pin.scenarios import scenario as ready
 
     given = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
     settings = {**{name: value for name, value in given.items() if value}, **assignments(set_)}
-    chosen: Scenario = ready(scenario, **settings)
-    with progress(f"driving {scenario}", chosen.duration, silent=as_json) as advance:
+    chosen = ready(scenario, **settings)
+    with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png")), alone_in(out):
+        _driven(chosen, check, out, as_json)
+
+
+def _driven(chosen: Any, check: bool, out: Path, as_json: bool) -> None:
+    from rover_pin import plot
+
+    with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance)
-    result: dict[str, Any] = {"scenario": scenario, **trace.summary()}
+    result: dict[str, Any] = {"scenario": chosen.name, **trace.summary()}
     if check:
         result["x_change_at_half_step_mm"] = 1e3 * half_step_change(chosen, trace)
     if len(trace["t_s"]):
@@ -99,7 +105,8 @@ def curve(
     from rover_pin.soil.curves import traction_curves
 
     table = traction_curves(soil_named(soil), k, n)
-    files = plot.traction_figure(table, soil, out)
+    with stoppable(out, ("traction.csv", "traction.png")), alone_in(out):
+        files = plot.traction_figure(table, soil, out)
     at = {f"F({form}, k = {1e3 * value:g} mm)": curve for (form, value), curve in table.curves.items()}
     rows = {
         name: {"S=0": float(curve[0]), "S=0.2": float(curve[20]), "S=1": float(curve[-1])} for name, curve in at.items()
@@ -134,7 +141,8 @@ def sweep(
     from rover_pin.sweep import read_study
     from rover_pin.sweep import sweep as run
 
-    result = run(read_study(study), out, workers=workers or None, scheduler=scheduler or None)
+    with stoppable():
+        result = run(read_study(study), out, workers=workers or None, scheduler=scheduler or None)
     report(result.summary(), as_json)
 
 
@@ -205,11 +213,8 @@ def close_loop(
 
     start = None if model is None else read_start(model, data)
     say = (lambda said: None) if as_json else (lambda said: print(said, file=sys.stderr))
-    try:
+    with stoppable(out, ("report.html", "verdict.json", "model.toml", "draft_effect")):
         verdict = close_the_loop(data, start, effects, out, say, jobs=workers)
-    except KeyboardInterrupt:
-        print("stopped; the same command goes on with what is kept", file=sys.stderr)
-        raise typer.Exit(130) from None
     print(
         json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nreport: {out / 'report.html'}"
     )
@@ -236,7 +241,9 @@ def tune(
     asked = asked if model is None else asked.on_model(model)
     for line in cautions((*asked.training, *asked.held_out)):
         print(f"rover-pin: warning: {line}", file=sys.stderr)
-    report(tune_gains(asked, out, stage, workers or None).summary(), as_json)
+    with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv")):
+        result = tune_gains(asked, out, stage, workers or None)
+    report(result.summary(), as_json)
 
 
 if __name__ == "__main__":

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
+import typer
+
 from rover_pin.errors import ParameterError
+from rover_pin.results_folder import replacing
+from rover_pin.workers import Terminated, ending_workers
 
 
 def priors(words: Iterable[str]) -> dict[str, Any]:
@@ -38,6 +45,24 @@ def assignments(words: Iterable[str]) -> dict[str, Any]:
         except ValueError:
             found[name] = value
     return found
+
+
+@contextmanager
+def stoppable(out: Path | None = None, replaced: Sequence[str] = ()) -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM end a command, its workers too, with one line that says what is kept.
+
+    What of an earlier run it will replace in its folder `out` is said first.
+    """
+    told = "" if out is None else replacing(out, replaced)
+    if told:
+        print(f"rover-pin: {told}", file=sys.stderr)
+    try:
+        with ending_workers():
+            yield
+    except (KeyboardInterrupt, Terminated) as stop:
+        told = "; ".join(getattr(stop, "__notes__", ())) or "nothing is kept"
+        print(f"rover-pin: stopped: {told}.", file=sys.stderr)
+        raise typer.Exit(128 + (signal.SIGTERM if isinstance(stop, Terminated) else signal.SIGINT)) from None
 
 
 def report(result: Mapping[str, Any], as_json: bool) -> None:

@@ -12,7 +12,7 @@ FILES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(PA
 STUDIES = sorted((ROOT / "studies").rglob("*.py"))
 LONGEST = 300
 
-GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "settings")
+GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "settings", "results_folder", "workers")
 ROOMS = ("ground", "parameters", "soil", "effects", "body", "motion", "control", "evidence",
          "scenarios", "plot", "sweep", "tuning", "terminal", "cli")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.

@@ -54,6 +54,12 @@ class Evaluations:
                 self.progress(stage, done, len(jobs))
         return [self.known[key] for key in keys]
 
+    def kept(self) -> str:
+        """Return what is kept and how to go on with it."""
+        if self.file is None or not self.known:
+            return "nothing is kept"
+        return f"{len(self.known)} evaluations are kept in {self.file}: tune again into the same folder to go on"
+
     def _computed(self, function: Callable[..., list[float]], jobs: list[tuple[Any, ...]]) -> Any:
         if not jobs:
             return []

@@ -35,6 +35,8 @@ from rover_pin.control.tuning_model import sealed
 from rover_pin.control.tuning_report import Candidate, Drives, TuningResult, write_result
 from rover_pin.control.tuning_study import ESTIMATES, LOGARITHMIC, DriveCase, TuningStudy
 from rover_pin.errors import OptimisationError
+from rover_pin.results_folder import alone_in
+from rover_pin.workers import ending_workers
 
 APART = 0.1
 """Points closer than this in every coordinate of the unit cube count as one."""
@@ -72,13 +74,24 @@ def tune_gains(
     OptimisationError
         Every training drive ends stuck whatever the gains; `status` holds constant duty's scores.
     DataError
-        The folder or a model file cannot be used, or the model was changed meanwhile.
+        The folder or a model file cannot be used, another process is at work in the folder, or the model was changed
+        meanwhile.
     """
-    begin = time.perf_counter()
     study = sealed(study)
     for case in (*study.training, *study.held_out):
         built(case)
-    evaluations = Evaluations(None if out is None else Path(out), workers, progress)
+    with alone_in(out), ending_workers():
+        evaluations = Evaluations(None if out is None else Path(out), workers, progress)
+        try:
+            result = _tuned(study, evaluations)
+        except (KeyboardInterrupt, SystemExit) as stop:
+            stop.add_note(evaluations.kept())
+            raise
+        return result if out is None else write_result(result, Path(out))
+
+
+def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
+    begin = time.perf_counter()
     points = search(study, evaluations)
     points += [polish(study, evaluations, start.place) for start in spread(points, study.effort.starts)]
     candidates = judged(study, evaluations, spread(points, study.effort.keep))
@@ -92,7 +105,7 @@ def tune_gains(
             status=constant.training,
         )
     best = min(candidates, key=lambda each: each.cost)
-    result = TuningResult(
+    return TuningResult(
         study,
         best.gains,
         candidates,
@@ -102,7 +115,6 @@ def tune_gains(
         time.perf_counter() - begin,
         cautions=cautions((*study.training, *study.held_out)),
     )
-    return result if out is None else write_result(result, Path(out))
 
 
 def search(study: TuningStudy, evaluations: Evaluations) -> list[Point]:

@@ -14,6 +14,7 @@ from rover_pin.evidence.drive_verdict import DriveVerdict
 from rover_pin.evidence.measurement import WheelRig
 from rover_pin.evidence.model_file import read_model as read_rig_model
 from rover_pin.evidence.own_effects import refuse_unfit_effects
+from rover_pin.evidence.resume import told
 from rover_pin.evidence.rig_loop import close_rig_loop
 from rover_pin.evidence.rig_model import RigModel
 from rover_pin.evidence.rig_set import RIG_FILE, RigSet
@@ -21,6 +22,8 @@ from rover_pin.evidence.verdict import Verdict
 from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.motion.model import Model
 from rover_pin.motion.model_toml import read_model
+from rover_pin.results_folder import alone_in
+from rover_pin.workers import ending_workers
 
 Progress = Callable[[str], None]
 
@@ -62,15 +65,14 @@ def close_the_loop(
     Raises
     ------
     DataError
-        Data or effect files that cannot be read or used, or results that cannot be written: one sentence each.
+        Data or effect files that cannot be read or used, results that cannot be written, or a folder for them in which
+        another process is at work: one sentence each.
     OptimisationError
         The base model of a rig cannot be fitted at all.
     """
     log = _drive_log(data)
     if effects is not None:
         refuse_unfit_effects(effects)
-    if out is not None and Path(out).exists() and not Path(out).is_dir():
-        raise DataError(f"{out}: a file stands where the results go; give a folder.")
     if log is not None:
         if not isinstance(model, (Model, type(None))):
             raise DataError(
@@ -78,11 +80,17 @@ def close_the_loop(
             )
         if model is not None:
             _refuse_other_rover(log, model)
-        return close_drive_loop(log, model, effects, out, progress, seed, jobs or os.cpu_count() or 1)
+        with alone_in(out), ending_workers():
+            try:
+                return close_drive_loop(log, model, effects, out, progress, seed, jobs or os.cpu_count() or 1)
+            except (KeyboardInterrupt, SystemExit) as stop:
+                stop.add_note(told(out))
+                raise
     if isinstance(model, Model):
         raise DataError(f"{data}: a wheel-rig set starts from a wheel's model, not from a rover's.")
     assert not isinstance(data, DriveLog)
-    return close_rig_loop(data, model, effects, out, progress, seed)
+    with alone_in(out):
+        return close_rig_loop(data, model, effects, out, progress, seed)
 
 
 def _refuse_other_rover(log: DriveLog, model: Model) -> None:

@@ -61,3 +61,11 @@ def key_of(files: Iterable[Path], *words: object) -> str:
         digest.update(file.read_bytes())
     digest.update(repr(words).encode())
     return digest.hexdigest()[:20]
+
+
+def told(folder: str | Path | None) -> str:
+    """Return what is kept in a folder and how to go on with it."""
+    kept = [] if folder is None else list((Path(folder) / FOLDER).glob("*.pickle"))
+    if not kept:
+        return "nothing is kept"
+    return f"{len(kept)} finished steps are kept in {Path(folder or '') / FOLDER}: the same command goes on there"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -9,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.errors import ParameterError
-from rover_pin.sweep.case import CaseFunction, check_names, drive_case, run_case
+from rover_pin.results_folder import alone_in
+from rover_pin.sweep.case import CaseFunction, Row, check_names, drive_case, run_case
 from rover_pin.sweep.progress import progress
 from rover_pin.sweep.spread import on_cluster, on_cores
 from rover_pin.sweep.store import CSV, RESULTS, Store
-from rover_pin.sweep.study import Study
+from rover_pin.sweep.study import Case, Study
+from rover_pin.workers import ending_workers
 
 
 @dataclass(frozen=True)
@@ -23,13 +26,16 @@ class Results:
     name: str
     table: Any
     folder: Path
+    taken_over: int = 0
+    "cases that an earlier run had finished there"
 
     def summary(self) -> dict[str, Any]:
         """Return how many cases there are, how many failed and most often why, and the files."""
         errors = self.table["error"].dropna()
         reasons = {str(reason): int(count) for reason, count in errors.value_counts().head(3).items()}
         files = [str(self.folder / name) for name in (RESULTS, CSV)]
-        return {"study": self.name, "cases": len(self.table), "failed": len(errors), "reasons": reasons, "files": files}
+        counts = {"cases": len(self.table), "taken_over": self.taken_over, "failed": len(errors)}
+        return {"study": self.name, **counts, "reasons": reasons, "files": files}
 
 
 def sweep(
@@ -66,7 +72,7 @@ def sweep(
         A scenario or parameter that does not exist, both `workers` and `scheduler` given, a scheduler that does not
         answer, or a function that cannot be sent to workers.
     DataError
-        The folder holds another study.
+        The folder holds another study, or another process is at work there.
     MissingExtraError
         `scheduler` given and Dask not installed, or a worker lacks what a drive needs.
     SimulationError
@@ -74,20 +80,35 @@ def sweep(
     """
     if workers is not None and scheduler is not None:
         raise ParameterError("workers and scheduler are both given: the scheduler's workers are its own; drop one.")
-    store = Store(Path(folder or Path("out") / study.name), fingerprint(study, case_function))
-    cases = study.cases()
-    finished = store.keys()
-    left = [case for case in cases if case.key not in finished]
-    work = partial(run_case, study, case_function)
-    if left:
-        if case_function is drive_case:
+    place = Path(folder or Path("out") / study.name)
+    with alone_in(place), ending_workers():
+        store = Store(place, fingerprint(study, case_function))
+        before = store.keys()
+        left = [case for case in study.cases() if case.key not in before]
+        if left and case_function is drive_case:
             check_names(study, left)
-        rows = on_cores(work, left, workers) if scheduler is None else on_cluster(work, left, scheduler)
-        with progress(study.name, len(cases), len(cases) - len(left)) as advance:
+        _run(store, left, partial(run_case, study, case_function), workers, scheduler)
+        return Results(study.name, store.finish(), store.folder, len(before))
+
+
+def _run(
+    store: Store, left: Sequence[Case], work: Callable[[Case], Row], workers: int | None, scheduler: str | None
+) -> None:
+    """Run the cases that are left; stopped, say what is kept and where."""
+    if not left:
+        return
+    rows = on_cores(work, left, workers) if scheduler is None else on_cluster(work, left, scheduler)
+    done = len(store.keys())
+    total = done + len(left)
+    try:
+        with progress(str(store.study["name"]), total, done) as advance:
             for row in rows:
                 store.append(row)
+                done += 1
                 advance(row["error"] is not None)
-    return Results(study.name, store.finish(), store.folder)
+    except (KeyboardInterrupt, SystemExit) as stop:
+        stop.add_note(f"{done} of {total} cases are kept in {store.folder}: run the same sweep again to go on")
+        raise
 
 
 def fingerprint(study: Study, case_function: CaseFunction) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.errors import DataError
+from rover_pin.results_folder import LOCK
 from rover_pin.sweep.case import LEADING, Row
 
 STUDY_FILE, PARTS, RESULTS, CSV = "study.json", "parts", "results.parquet", "results.csv"
@@ -17,7 +18,7 @@ MOST_PARTS = 256
 
 
 class Store:
-    """The rows of one study in one folder; one sweep at a time writes to it.
+    """The rows of one study in one folder; one sweep at a time writes to it (`alone_in`).
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ class Store:
         self.folder.mkdir(parents=True, exist_ok=True)
         if (self.folder / STUDY_FILE).exists():
             _refuse_change(self.folder, known_study(self.folder), self.study)
-        elif any(not entry.name.endswith(".tmp") for entry in self.folder.iterdir()):
+        elif any(entry.name != LOCK and entry.suffix != ".tmp" for entry in self.folder.iterdir()):
             raise DataError(f"{self.folder}: the folder is not empty and holds no sweep; name a new folder.")
         else:
             text = json.dumps(self.study, indent=2, ensure_ascii=False) + "\n"

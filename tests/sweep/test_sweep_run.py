@@ -136,7 +136,7 @@ def test_folders_that_are_no_sweep_are_refused(tmp_path):
     (tmp_path / "full" / "thesis.tex").write_text("")
     with pytest.raises(DataError, match="full: the folder is not empty and holds no sweep; name a new folder"):
         sweep(STUDY, tmp_path / "full")
-    with pytest.raises(DataError, match=r"thesis.tex: the folder cannot be used for results: File exists"):
+    with pytest.raises(DataError, match=r"thesis.tex: a file stands where the results go; give a folder"):
         sweep(STUDY, tmp_path / "full" / "thesis.tex")
     with pytest.raises(DataError, match=r"full: no sweep lies here: study.json cannot be read"):
         collect(tmp_path / "full")

@@ -1,0 +1,82 @@
+"""A folder of results: one process at a time writes there, and it is said what a further run replaces."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from rover_pin.errors import DataError
+
+LOCK = ".rover_pin.lock"
+
+
+@contextmanager
+def alone_in(folder: str | Path | None) -> Iterator[None]:
+    """Hold a folder, made where it is missing, until the block ends; the system lets go of it for who is killed.
+
+    None is no folder: nothing is written, nothing held.
+
+    Raises
+    ------
+    DataError
+        Another process, or another thread of this one, holds it; or it cannot be made or locked.
+    """
+    if folder is None:
+        yield
+        return
+    folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise DataError(f"{folder}: a file stands where the results go; give a folder.")
+    missing = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        held = _held(folder / LOCK)
+    except BlockingIOError:
+        raise DataError(
+            f"{folder}: {_holder(folder / LOCK)} is at work in this folder: wait until it has ended, or name another "
+            "folder for the results."
+        ) from None
+    except OSError as error:
+        raise DataError(f"{folder}: the folder cannot be used for results: {error.strerror}.") from error
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            (folder / LOCK).unlink()
+        os.close(held)
+        with suppress(OSError):
+            if missing:
+                folder.rmdir()  # where nothing came to lie in it
+
+
+def replacing(folder: str | Path, names: Sequence[str]) -> str:
+    """Return what of an earlier run a new one may replace in a folder, in one sentence; nothing where it is empty."""
+    there = [name for name in names if (Path(folder) / name).exists()]
+    found = f"{folder}: an earlier run's results are there, which this one replaces as it writes its own: "
+    return f"{found}{', '.join(there)}." if there else ""
+
+
+def _held(file: Path) -> int:
+    """Return the open file, locked; one that its holder has removed meanwhile is no lock, and is made again."""
+    while True:
+        opened = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+        try:
+            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if file.exists() and os.path.samestat(os.fstat(opened), file.stat()):
+                os.ftruncate(opened, 0)
+                os.write(opened, str(os.getpid()).encode())
+                return opened
+        except BaseException:
+            os.close(opened)
+            raise
+        os.close(opened)
+
+
+def _holder(file: Path) -> str:
+    with suppress(OSError):
+        number = file.read_bytes()[:20]
+        return f"process {number.decode()}" if number.isdigit() else "another process"
+    return "another process"
