@@ -23,6 +23,8 @@ from rover_pin.soil.curves import TractionCurves
 
 COLOURS = tuple(matplotlib.colormaps["tab10"].colors)
 STYLES = {"l": "-", "r": "--"}
+FURTHEST_APART = 0.5
+"""Way [m] between two snapshots of a rover, about."""
 WHEEL_COLOUR = {"f": COLOURS[0], "m": COLOURS[1], "r": COLOURS[2]}
 
 
@@ -82,13 +84,20 @@ def ground_line(terrain: Terrain, low: float, high: float, y: float) -> tuple[np
 
 
 def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
-    """Return the rover's outline at evenly spaced instants on its terrain; later ones are darker."""
-    figure, axes = new_figure(1, size=(10.0, 3.8))
+    """Return the rover's left side at evenly spaced instants, more than `count` on a long way; later ones are darker.
+
+    The ground is that under the left wheels, as at the start; where it is another under the right ones, that is dashed.
+    """
     low, high = float(np.min(trace["body_x"])) - 0.3, float(np.max(trace["body_x"])) + 0.3
+    count = max(count, round((high - low) / FURTHEST_APART))
     y = max(place[1] for place in wheel_places(model.rover).values())
     x, z = ground_line(model.terrain, low, high, y)
+    highest = max(float(np.max(trace["body_z"])), float(np.max(z))) + 0.1
+    figure, axes = new_figure(1, size=(10.0, min(3.8, 1.2 + 9.0 * (highest - float(np.min(z)) + 0.05) / (high - low))))
     axes.fill_between(x, z, np.min(z) - 0.05, color="#d9c9a5", lw=0)
     axes.plot(x, z, color="#8a7340", lw=1)
+    if not model.terrain.mirror_symmetric:
+        axes.plot(*ground_line(model.terrain, low, high, -y), color="#8a7340", lw=0.8, ls="--")
     rows = np.linspace(0, len(trace["t_s"]) - 1, count).astype(int)
     top, labelled = float(np.max(trace["body_z"])) + 0.05, -np.inf
     for shade, row in zip(np.linspace(0.65, 0.0, count), rows, strict=True):
@@ -97,7 +106,13 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
         if abs(at - labelled) > 0.07:
             axes.text(at, top, f"{trace['t_s'][row]:.1f} s", ha="center", fontsize=8, color=str(shade))
             labelled = at
-    axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(low, high), ylim=(None, top + 0.04))
+    axes.set(
+        aspect="equal",
+        xlabel="x [m]",
+        ylabel="z [m]",
+        xlim=(low, high),
+        ylim=(None, top + max(0.04, 0.02 * (high - low))),
+    )
     axes.set_title(title_of(trace), fontsize=9)
     return figure
 

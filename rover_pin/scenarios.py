@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.body import shapes
+from rover_pin.body.field import paper_field
 from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.body.terrain_files import from_grid, from_polyline
@@ -121,6 +122,7 @@ SCENES: dict[str, Scene] = {
     "ditch": Scene(shapes.ditch, 20.0, {"wall_angle": 30 * DEG}, symmetric=True),
     "step": Scene(shapes.step, 20.0, symmetric=True),
     "rocks": Scene(shapes.rocks, 30.0),
+    "field": Scene(paper_field, 120.0, settings={"soil.k": 0.010}),
     "washboard": Scene(shapes.washboard, 20.0, symmetric=True),
     "cross-slope": Scene(shapes.cross_slope, 20.0, {"angle": 6 * DEG}),
     "hills": Scene(shapes.hills, 30.0),

@@ -1,0 +1,76 @@
+"""The paper's test field: rocks, a sharp ditch and a smooth slope, one behind the other."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rover_pin.body import shapes
+from rover_pin.body.profile import Profile
+from rover_pin.body.terrain import Lanes
+from rover_pin.errors import ParameterError
+
+BETWEEN = 0.8
+"""Level ground between two parts of the field [m] (assumed: two rover's lengths)."""
+DEG = math.pi / 180.0
+
+
+def paper_field(
+    seed: int = 1,
+    count: int = 6,
+    depth: float = 0.05,
+    width: float = 0.2,
+    wall_angle: float = 30.0 * DEG,
+    rate: float = 10.0 * DEG,
+    steepest: float = 20.0 * DEG,
+    rocks_length: float = 1.5,
+) -> Lanes:
+    """Return rocks from 0.5 m on, then a ditch, then a slope that grows to `steepest` [rad] and goes on.
+
+    `seed`, `count` and `rocks_length` [m] are those of `rocks`, which are of soil index 1; depth, width and wall angle
+    those of `ditch`; `rate` [rad/m] and `steepest` [rad] those of `growing_slope`. Level ground lies between the parts.
+
+    Source: paper, section 4: "The test filed includes a sharp ditch in the depth of 5 centimeters and smooth slopes up
+    to the inclination of 20 degrees. In order to test obstacle negotiation, several rocks with the diameter of 5-10
+    centimeters are scattered over the sand." Their order and distances are assumed, and what each part assumes; its
+    rocks also lie on its slopes perhaps, here they do not.
+
+    Raises
+    ------
+    ParameterError
+        A part that cannot be made as asked.
+    """
+    if not 0.0 < rocks_length < 1000.0:
+        raise ParameterError(
+            f"The field's rocks_length = {rocks_length:g} m is not allowed: it must lie in (0, 1000) m."
+        )
+    ditch_at = 0.5 + rocks_length + BETWEEN
+    slope_at = ditch_at + width + BETWEEN
+    parts = (
+        shapes.rocks(seed, count, 0.5, rocks_length),
+        shapes.ditch(depth, width, wall_angle, ditch_at),
+        shapes.growing_slope(rate, slope_at, steepest),
+    )
+    sides = zip(*(_both_sides(part) for part in parts), strict=True)
+    seams = (ditch_at - 0.5 * BETWEEN, slope_at - 0.5 * BETWEEN)
+    return Lanes(tuple(_joined(side, seams) for side in sides), (0.0,))
+
+
+def _both_sides(part: Lanes) -> tuple[Profile, Profile]:
+    return part.profiles[0], part.profiles[-1]
+
+
+def _joined(parts: Sequence[Profile], seams: Sequence[float]) -> Profile:
+    """Return the first part up to the first seam, the second from there, and so on; parts are level at their seams."""
+    ends = [-math.inf, *seams, math.inf]
+    x, z, ground = [], [], []
+    for part, (low, high) in zip(parts, itertools.pairwise(ends), strict=True):
+        own = (part.x > low) & (part.x < high)
+        start = [low] if math.isfinite(low) else []
+        x += [*start, *part.x[own]]
+        z += [*np.atleast_1d(part.height(np.array(start))), *part.z[own]]
+        ground += [0] * len(start) + list(part.ground[np.clip(np.flatnonzero(own), 0, part.ground.size - 1)])
+    return Profile(np.array(x), np.array(z), np.array(ground[:-1]))
