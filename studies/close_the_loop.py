@@ -57,6 +57,7 @@ from rover_pin.evidence.pressed import press
 from rover_pin.evidence.rig_fit import RigFit
 from rover_pin.evidence.rig_set import RigSet, read_rig_set
 from rover_pin.evidence.verdict import Verdict
+from rover_pin.evidence.wording import Outcome
 
 DATA = Path(__file__).parent / "data"
 AUTHORS_N = 1.46
@@ -69,6 +70,7 @@ TAIL = 0.55
 LENGTHS = (0.005, 1.0)
 """Least and greatest length of relaxation [m] that is tried."""
 DRAWS = 1000
+CLAIMED = (Outcome.BETTER.value, Outcome.WORSE.value)
 
 
 def main() -> None:
@@ -101,8 +103,8 @@ def report_transients(verdict: Verdict, data: RigSet, out: Path) -> None:
     errors = pd.concat(tables)
     errors.to_csv(out / "transients.csv", index=False, float_format="%.6g")
     print("\nSinkage transients, RMSE [mm] of levels that were not fitted, 95 % over runs:")
-    print(summary_of(errors).to_string(index=False))
-    draw_transients(runs, steady, errors).savefig(out / "transients.png", dpi=140)
+    print(summary_of(errors, slips_of(data)).to_string(index=False))
+    draw_transients(runs, steady, errors, slips_of(data)).savefig(out / "transients.png", dpi=140)
     print(f"written: {out / 'transients.csv'}, {out / 'transients.png'}")
 
 
@@ -171,7 +173,13 @@ def predicted(runs: dict[str, pd.DataFrame], steady: dict[str, float], label: st
     return pd.DataFrame(rows, columns=["model", "dynamics", "level", "run", "length_m", "transient", "tail"])
 
 
-def summary_of(errors: pd.DataFrame) -> pd.DataFrame:
+def slips_of(data: RigSet) -> dict[str, str]:
+    """Return the mean slip of each level in words; the set numbers its levels by the rim's speed."""
+    slips = [round(float(data.rig.slip[data.level == number].mean()), 2) for number, _ in enumerate(data.level_names)]
+    return {name: f"S = {slip + 0.0:.2f}" for name, slip in zip(data.level_names, slips, strict=True)}
+
+
+def summary_of(errors: pd.DataFrame, slips: dict[str, str]) -> pd.DataFrame:
     rng, rows = np.random.default_rng(0), []
     for (model, dynamics), group in errors.groupby(["model", "dynamics"], sort=False):
         row: dict[str, object] = {"model": model, "dynamics": dynamics}
@@ -181,13 +189,13 @@ def summary_of(errors: pd.DataFrame) -> pd.DataFrame:
             row[part] = f"{np.sqrt(square.mean()):.2f} [{low:.2f}, {high:.2f}]"
         row["L_mm"] = f"{1e3 * group.length_m.min():.0f} to {1e3 * group.length_m.max():.0f}"
         by_level = group.groupby("level").transient.mean() ** 0.5
-        row |= {f"level {level}": round(by_level[level], 2) for level in sorted(by_level.index, key=int)}
+        row |= {slips[level]: round(by_level[level], 2) for level in sorted(by_level.index, key=int)}
         rows.append(row)
     return pd.DataFrame(rows)
 
 
 def draw_transients(
-    runs: dict[str, pd.DataFrame], steady: dict[str, dict[str, float]], errors: pd.DataFrame
+    runs: dict[str, pd.DataFrame], steady: dict[str, dict[str, float]], errors: pd.DataFrame, slips: dict[str, str]
 ) -> plt.Figure:
     levels = sorted({run.level.iloc[0] for run in runs.values()}, key=int)
     figure, axes = plt.subplots(1, len(levels), figsize=(3 * len(levels), 3.6), sharey=True, layout="constrained")
@@ -201,7 +209,7 @@ def draw_transients(
             for number, run in enumerate(own):
                 z = 1e3 * relaxed(run, steady[when][level], length)
                 axis.plot(1e3 * run.travel, z, color=colour, lw=1, ls="--", label=None if number else name)
-        axis.set(title=f"level {level}, held out", xlabel="travel since the step [mm]")
+        axis.set(title=f"{slips[level]}, held out", xlabel="travel since the step [mm]")
         axis.grid(alpha=0.25)
     axes[0].set_ylabel("sinkage [mm]; grey: measured")
     axes[0].legend(frameon=False)
@@ -249,9 +257,14 @@ def draw(table: pd.DataFrame) -> plt.Figure:
     figure, axis = plt.subplots(figsize=(9, 0.5 * len(table) + 1.6), layout="constrained")
     for place, row in enumerate(table.iloc[::-1].itertuples()):
         before, after = row.held_out_before / row.noise, row.held_out_after / row.noise
-        axis.annotate("", (after, place), (before, place), arrowprops={"arrowstyle": "->", "color": "#777777"})
-        axis.plot(before, place, "o", color="#b3541e", label="before" if not place else None)
-        axis.plot(after, place, "s", color="#1f6f8b", label="after" if not place else None)
+        claimed = row.said in CLAIMED
+        if claimed:
+            axis.annotate("", (after, place), (before, place), arrowprops={"arrowstyle": "->", "color": "#777777"})
+        axis.plot(before, place, "o", color="#b3541e")
+        axis.plot(after, place, "s", color="#1f6f8b", mfc="#1f6f8b" if claimed else "none")
+    looks = (("before", "o", "#b3541e", "#b3541e"), ("after: a change beyond the scatter", "s", "#1f6f8b", "#1f6f8b"))
+    for label, marker, edge, face in (*looks, ("after: no change to claim", "s", "#1f6f8b", "none")):
+        axis.plot([], [], marker, color=edge, mfc=face, label=label)
     axis.set_yticks(range(len(table)), [f"{row.set}: {row.channel}" for row in table.iloc[::-1].itertuples()])
     axis.axvline(1, color="k", lw=1)
     axis.set(xscale="log", xlabel="error on held-out slip levels, in units of the noise (1)")

@@ -18,6 +18,7 @@ from rover_pin.evidence.profile import NORMAL_95, Best, LowerMinimum, interval
 from rover_pin.evidence.rig_fit import RigEvidence, RigFit, RigProblem, fit_from, rig_space, spread_starts
 from rover_pin.evidence.rig_model import RigModel
 from rover_pin.evidence.rig_set import Independent, RigSet
+from rover_pin.evidence.wording import Against, against
 
 STARTS = 6
 SURPRISE = 1e-3
@@ -105,6 +106,8 @@ class Fitted(NamedTuple):
     "whether the data close both ends"
     prior: str
     "what was assumed of it, in words"
+    covered: float = 0.0
+    "share of what is allowed of it, in the coordinate of the fit, that the interval covers"
 
     @property
     def at_bound(self) -> bool:
@@ -144,7 +147,8 @@ def _named(fit: RigFit, index: int, low: float, high: float, closed: bool) -> Fi
     said = f"{prior.mean:.3g} +- {prior.sd:.2g}" if prior else ""
     value = float(fit.problem.space.values(fit.u)[index])
     ends = np.clip([axis.coordinate.value(low), axis.coordinate.value(high)], axis.about.low, axis.about.high)
-    return Fitted(axis.name, axis.about.unit, value, float(ends[0]), float(ends[1]), closed, said)
+    covered = float((high - low) / (axis.high - axis.low))
+    return Fitted(axis.name, axis.about.unit, value, float(ends[0]), float(ends[1]), closed, said, covered)
 
 
 class Flag(NamedTuple):
@@ -155,7 +159,12 @@ class Flag(NamedTuple):
     fitted: tuple[float, float, float]
     "value, and the ends of its 95 % interval"
     independent: Independent
-    agrees: bool
+    says: Against
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the two meet, and the interval says anything at all."""
+        return self.says is Against.AGREES
 
     @property
     def ratio(self) -> float:
@@ -166,16 +175,19 @@ class Flag(NamedTuple):
 def flags(data: RigSet, fit: RigFit, fitted: tuple[Fitted, ...]) -> tuple[Flag, ...]:
     """Return every fitted constant that is known from elsewhere, and whether the two agree.
 
-    They agree where the 95 % interval meets the independent range, which is granted 10 % on both sides.
+    They agree where the 95 % interval meets the independent range, which is granted 10 % on both sides; an interval
+    that covers nearly all that is allowed says nothing.
     """
     soil, b = fit.model.soil, float(fit.model.wheel.b)
     rows = {one.name: (one.value, one.low, one.high) for one in fitted}
+    covered = {one.name: one.covered for one in fitted}
     if "k_1" in rows:
         rows["K_eff"] = tuple((value + soil.k_2 * b) / b**soil.n for value in rows["k_1"])
+        covered["K_eff"] = covered["k_1"]
     found = []
     for known in data.independent(float(soil.n)):
         if known.name in rows:
-            _, low, high = rows[known.name]
-            agrees = low <= known.high * (1 + UNSURE) and high >= known.low * (1 - UNSURE)
-            found.append(Flag(known.name, known.unit, rows[known.name], known, agrees))
+            granted = known.low * (1 - UNSURE), known.high * (1 + UNSURE)
+            says = against(rows[known.name][1:], granted, covered[known.name])
+            found.append(Flag(known.name, known.unit, rows[known.name], known, says))
     return tuple(found)

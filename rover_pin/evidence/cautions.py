@@ -1,4 +1,4 @@
-"""What a reader of a verdict should be wary of, one sentence each, and which channels got worse."""
+"""What a reader of a verdict should be wary of, one sentence each."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from rover_pin.evidence.calibrate import Fitted, Flag
 from rover_pin.evidence.compare import Comparison
-from rover_pin.evidence.heldout import ChannelScore
 from rover_pin.evidence.remainder import Remainder
 from rover_pin.evidence.reselect import NOTHING, Reselected
 from rover_pin.evidence.residual_tests import BEYOND_CHANCE, ResidualTest
+from rover_pin.evidence.wording import Against
 
 STABLE = 0.8
 """Least share of folds that choose the same effect without a word of caution."""
@@ -22,7 +22,10 @@ def of_parameters(fitted: Sequence[Fitted], flags: Sequence[Flag]) -> list[str]:
     """Return the cautions of fitted values: at a bound, open, away from what is known elsewhere."""
     said = [f"{one.name} lies at its bound: the form of the model is strained" for one in fitted if one.at_bound]
     said += [f"{one.name} is not closed by the data" for one in fitted if not one.closed and not one.at_bound]
-    said += [f"{flag.name} sits away from its independent value" for flag in flags if not flag.agrees]
+    away = "sits away from its independent value"
+    nothing = "is not told: its interval covers what is allowed of it, and says nothing of its independent value"
+    said += [f"{flag.name} {away}" for flag in flags if flag.says is Against.AWAY]
+    said += [f"{flag.name} {nothing}" for flag in flags if flag.says is Against.NOTHING]
     return said
 
 
@@ -52,9 +55,3 @@ def of_choice(chosen: str, again: Reselected, singles: Comparison) -> list[str]:
     if levels < FEW_LEVELS:
         said.append(f"{levels} levels are few: the intervals of held-out errors resample {levels} numbers")
     return said
-
-
-def worse(scores: Sequence[ChannelScore]) -> str:
-    """Return which channels predict held-out levels less well than before, in a sentence."""
-    lost = [f"{score.name} by {score.change:.0%} ({score.said})" for score in scores if score.change > 0]
-    return f"Got worse: {'; '.join(lost)}." if lost else "No channel got worse on held-out levels."

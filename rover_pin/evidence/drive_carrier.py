@@ -10,6 +10,7 @@ import numpy as np
 
 from rover_pin.evidence.drive_carrier_acts import READING, VOLTAGE, Act
 from rover_pin.evidence.drive_carrier_arguments import Argument, Hats, Polynomial, Wave
+from rover_pin.evidence.wording import spread
 
 CLEAR = 3.0
 """SDs from which a value of a piecewise linear function is pointed at."""
@@ -115,8 +116,8 @@ def _size(carrier: Carrier, value: float, sd: float | None = None) -> str:
             ("%" if carrier.act.kind != VOLTAGE else "of full duty"),
             (100.0 if carrier.act.kind != VOLTAGE else 1.0),
         )
-    spread = "" if sd is None else f" +- {scale * sd:.2g}"
-    return f"{scale * value:+.3g}{spread} {unit}"
+    about = "" if sd is None else spread(scale * sd)
+    return f"{scale * value:+.3g}{about} {unit}"
 
 
 def _by_run(carrier: Carrier, curve: Curve, runs: tuple[str, ...]) -> str:

@@ -11,6 +11,7 @@ from rover_pin.evidence.drive_report_rows import at_bound
 from rover_pin.evidence.drive_report_runs import Sides
 from rover_pin.evidence.drive_verdict import DriveVerdict
 from rover_pin.evidence.verdict import Answer
+from rover_pin.evidence.wording import Outcome
 
 FEW_RUNS = 4
 """Runs below which those left out say little."""
@@ -52,8 +53,8 @@ def _claim(verdict: DriveVerdict, tried: int) -> str:
 def _channels(verdict: DriveVerdict, sides: Sides) -> Iterator[str]:
     if not sides.added:
         return
-    said = [score.said for score in verdict.scores]
-    better, worse = (sum(one == word for one in said) for word in ("better", "worse"))
+    said = [score.worded.outcome for score in verdict.scores]
+    better, worse = said.count(Outcome.BETTER), said.count(Outcome.WORSE)
     yield (
         f"On runs left out {better} of {len(said)} channels are predicted better and {worse} worse, beyond their "
         "scatter; of the others no change may be claimed."

@@ -22,6 +22,8 @@ SHORTER = 3
 """How often a step that does not help is cut to a third."""
 STRETCH = 8
 """Blocks that are taken to hang together: 4 s, longer than what is left remembers."""
+ROUND_OFF = 1e-13
+"""Least eigenvalue of a scaled normal matrix that is not taken for round-off."""
 STALE = 0.5
 """Share of the promised gain below which a Jacobian is computed again."""
 
@@ -120,7 +122,14 @@ def objective(rows: np.ndarray, u: np.ndarray, parameters: Sequence[Parameter]) 
 def covariance(columns: np.ndarray, rows: np.ndarray, parameters: Sequence[Parameter]) -> np.ndarray:
     """Return (J^T W J + priors)^-1."""
     weighted = columns * huber_weights(rows)[:, None]
-    return np.asarray(np.linalg.pinv(columns.T @ weighted + _priors(parameters)))
+    return _inverse(columns.T @ weighted + _priors(parameters))
+
+
+def _inverse(normal: np.ndarray) -> np.ndarray:
+    """Return the inverse of a positive matrix; a direction that nothing tells gets a huge variance, never none."""
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    return np.asarray((vectors / np.maximum(values, ROUND_OFF)) @ vectors.T / np.outer(size, size))
 
 
 def _priors(parameters: Sequence[Parameter]) -> np.ndarray:

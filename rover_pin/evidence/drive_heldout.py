@@ -12,6 +12,7 @@ from rover_pin.evidence.drive_fit import STRETCH, DriveFit
 from rover_pin.evidence.drive_left_out import refitted_left_out
 from rover_pin.evidence.drive_noise import huber_losses
 from rover_pin.evidence.heldout import ChannelScore
+from rover_pin.evidence.wording import Change
 from rover_pin.motion.channels import unit_of
 from rover_pin.motion.model import Model
 from rover_pin.motion.replay import Commands
@@ -32,6 +33,11 @@ class RunScore(NamedTuple):
     low: float
     high: float
     "ends of the 95 % interval of after / before - 1, stretches of the run resampled"
+
+    @property
+    def worded(self) -> Change:
+        """The change in words."""
+        return Change(self.before, self.after, self.low, self.high, 1.0, "stretches")
 
 
 class HeldOut(NamedTuple):

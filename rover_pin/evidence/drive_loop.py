@@ -20,7 +20,8 @@ from rover_pin.evidence.drive_verdict import DriveVerdict, numbers
 from rover_pin.evidence.drive_written import written
 from rover_pin.evidence.provenance import command, provenance
 from rover_pin.evidence.resume import Stages, key_of
-from rover_pin.evidence.verdict import Answer, shown
+from rover_pin.evidence.verdict import Answer
+from rover_pin.evidence.wording import shown
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model
 

@@ -12,6 +12,8 @@ from rover_pin.quantity import Quantity, quantities
 
 GROUND = 0
 """Index of the soil that is fitted."""
+MOST_EXPONENT = 700.0
+"""Greatest exponent of which a float holds the exponential; beyond every bound."""
 
 
 def owner_name(effect: Any) -> str:
@@ -81,7 +83,7 @@ class Parameter:
 
     def value(self, u: float) -> float:
         """Return x at u."""
-        x = self.origin * math.exp(self.scale * u) if self.log else self.origin + self.scale * u
+        x = self.origin * math.exp(min(self.scale * u, MOST_EXPONENT)) if self.log else self.origin + self.scale * u
         return min(max(x, self.low), self.high)
 
     def u(self, x: float) -> float:

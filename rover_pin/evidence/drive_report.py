@@ -21,14 +21,14 @@ from rover_pin.evidence.drive_report_rows import (
     run_rows,
     score_rows,
     summary_rows,
-    worsened,
 )
-from rover_pin.evidence.drive_report_runs import Sides, free_figure, measured_figure, residuals_figure
+from rover_pin.evidence.drive_report_runs import Sides, free_figure, measured_figure, residuals_figure, words_of
 from rover_pin.evidence.drive_sensitivity import sensitivities
 from rover_pin.evidence.drive_verdict import DriveVerdict
 from rover_pin.evidence.report_page import HEADLINES, rendered, write_page
 from rover_pin.evidence.report_profiles import profiles_figure
 from rover_pin.evidence.verdict import Answer
+from rover_pin.evidence.wording import got_worse
 from rover_pin.motion.drive_log import DriveLog
 
 TEMPLATE = "drive_report.html"
@@ -86,7 +86,7 @@ def html(verdict: DriveVerdict, log: DriveLog, images: dict[str, str]) -> str:
             "summary": summary_rows(verdict, sides) if sides else [],
             "refits": list(refits_of(verdict.search)) if verdict.search else [],
             "scores": score_rows(verdict.scores, sides is not None and sides.added),
-            "worse": worsened(verdict.scores),
+            "worse": got_worse((words_of(one.name), one.worded) for one in verdict.scores),
             "runs": run_rows(verdict.runs, sides is not None and sides.added),
             "numbers": number_rows(verdict, sides) if sides else [],
             "next": experiments(verdict),

@@ -19,7 +19,7 @@ from rover_pin.evidence.drive_screen import Scored
 from rover_pin.evidence.drive_search import Round, Search, fee_after
 from rover_pin.evidence.heldout import ChannelScore
 from rover_pin.evidence.report_page import AFTER, BEFORE, GREY
-from rover_pin.evidence.verdict import in_words
+from rover_pin.evidence.wording import Outcome, in_words
 
 FIRST, LATER = 14, 6
 """Candidates that are drawn of the first look, and of each later one."""
@@ -103,8 +103,10 @@ def heldout_figure(scores: Sequence[ChannelScore], added: bool) -> Figure:
     left.axvline(1, color="k", lw=0.8)
     left.plot(before, places, "o", color=BEFORE, ms=5, label="base model")
     if right is not None:
-        left.hlines(places, before, after, color=GREY, lw=1, zorder=1)
-        left.plot(after, places, "s", color=AFTER, ms=5, label="with what was added")
+        told = np.array([one.worded.outcome in (Outcome.BETTER, Outcome.WORSE) for one in ranked], dtype=bool)
+        left.hlines(places[told], before[told], after[told], color=GREY, lw=1, zorder=1)
+        left.plot(after[told], places[told], "s", color=AFTER, ms=5, label="with what was added")
+        left.plot(after[~told], places[~told], "s", color=AFTER, mfc="none", ms=5, label="the same, no change to claim")
         _changes(right, ranked)
     left.set_xscale("log")
     left.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -113,13 +115,13 @@ def heldout_figure(scores: Sequence[ChannelScore], added: bool) -> Figure:
     left.set_xlabel("held-out RMSE / noise")
     left.set_yticks(places, [as_text(words_of(one.name)) for one in ranked], fontsize=8.5)
     left.grid(alpha=0.25)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
     return figure
 
 
 def _changes(axis: Axes, ranked: Sequence[ChannelScore]) -> None:
     for place, one in enumerate(ranked):
-        colour = {"better": AFTER, "worse": BEFORE}.get(one.said, GREY)
+        colour = {Outcome.BETTER: AFTER, Outcome.WORSE: BEFORE}.get(one.worded.outcome, GREY)
         axis.plot([100 * one.low, 100 * one.high], [place, place], color=colour, lw=2)
         axis.plot(100 * one.change, place, "o", color=colour, ms=4)
     axis.axvline(0, color="k", lw=0.8)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.evidence import wording
 from rover_pin.evidence.drive_compare import Refit
 from rover_pin.evidence.drive_heldout import RunScore, together
 from rover_pin.evidence.drive_parameters import Parameter
@@ -16,7 +17,7 @@ from rover_pin.evidence.drive_report_runs import Sides, words_of
 from rover_pin.evidence.drive_search import Search
 from rover_pin.evidence.drive_verdict import DRIFTED, DriveVerdict, Number, numbers
 from rover_pin.evidence.heldout import ChannelScore
-from rover_pin.evidence.verdict import shown
+from rover_pin.evidence.wording import Outcome, shown
 from rover_pin.quantity import quantities
 
 CHOSEN, AWAY = "chosen", "away"
@@ -63,9 +64,8 @@ def score_rows(scores: Sequence[ChannelScore], added: bool) -> list[Row]:
     rows = []
     for one in ranked:
         name, floor, before = words_of(one.name), shown(one.floor, one.unit), shown(one.before, one.unit)
-        change = f"{one.change:+.0%} [{one.low:+.0%}, {one.high:+.0%}]"
-        after = (shown(one.after, one.unit), change, claimed(one)) if added else ()
-        rows.append(Row((name, floor, before, *after), AWAY if added and one.said == "worse" else ""))
+        after = (shown(one.after, one.unit), one.worded.text, one.worded.outcome.value) if added else ()
+        rows.append(Row((name, floor, before, *after), AWAY if added and one.worded.outcome is Outcome.WORSE else ""))
     return rows
 
 
@@ -73,26 +73,12 @@ def run_rows(runs: Sequence[RunScore], added: bool) -> list[Row]:
     """Return the held-out misfit of every run."""
 
     def change(one: RunScore) -> tuple[str, str]:
-        share = one.after / max(one.before, 1e-300) - 1
-        return f"{one.after:.2f}", f"{share:+.0%} [{one.low:+.0%}, {one.high:+.0%}]"
+        return f"{one.after:.2f}", one.worded.text
 
     return [
         Row((one.run, f"{one.blocks}", f"{one.before:.2f}", *(change(one) if added else ())), AWAY * (one.low > 0))
         for one in runs
     ]
-
-
-def claimed(score: ChannelScore) -> str:
-    """Return what may be said of a channel's change."""
-    if score.said.startswith("at its noise floor"):
-        return "at its noise floor before: no gain to claim"
-    return score.said if score.said in ("better", "worse") else "not beyond its scatter: nothing to claim"
-
-
-def worsened(scores: Sequence[ChannelScore]) -> str:
-    """Return which channels of runs left out are predicted less well than before, in a sentence."""
-    lost = [f"{words_of(one.name)} by {one.change:.0%}" for one in scores if one.said == "worse"]
-    return f"Got worse: {', '.join(lost)}." if lost else "No channel got worse beyond its scatter."
 
 
 def refit_rows(refits: Sequence[Refit], alike: Sequence[Refit]) -> list[Row]:
@@ -151,7 +137,7 @@ def _far(one: Number) -> float:
 
 def interval(one: Number) -> str:
     """Return a value with its 95 % interval."""
-    return f"{shown(one.value, one.unit)} [{shown(one.low, one.unit)}, {shown(one.high, one.unit)}]"
+    return wording.interval(one.value, one.low, one.high, one.unit)
 
 
 def declared(one: Parameter, unit: str) -> str:

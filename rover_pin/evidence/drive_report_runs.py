@@ -16,7 +16,7 @@ from rover_pin.evidence.drive_left_out import run_of_rows
 from rover_pin.evidence.drive_noise import huber
 from rover_pin.evidence.drive_run import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED, blocks
 from rover_pin.evidence.report_page import AFTER, BEFORE, GREY
-from rover_pin.evidence.verdict import in_words
+from rover_pin.evidence.wording import in_words
 from rover_pin.motion.channels import unit_of, wheel_of
 from rover_pin.motion.model import Model
 from rover_pin.motion.replay import Commands

@@ -10,7 +10,7 @@ from rover_pin.evidence.drive_candidates import FAR_FROM
 from rover_pin.evidence.drive_parameters import find
 from rover_pin.evidence.drive_screen import STILL, Scored, fee_of
 from rover_pin.evidence.drive_search import Search
-from rover_pin.evidence.verdict import shown
+from rover_pin.evidence.wording import shown
 from rover_pin.motion.model import Model
 from rover_pin.quantity import Quantity, quantities
 

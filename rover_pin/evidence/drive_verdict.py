@@ -19,7 +19,8 @@ from rover_pin.evidence.finding import Finding
 from rover_pin.evidence.heldout import ChannelScore
 from rover_pin.evidence.profile import NORMAL_95
 from rover_pin.evidence.profile_curve import Profile
-from rover_pin.evidence.verdict import Answer, plain, score_line, shown
+from rover_pin.evidence.verdict import Answer, plain, score_line
+from rover_pin.evidence.wording import Outcome, interval
 from rover_pin.motion.effect_files import AnyEffect
 from rover_pin.motion.model import Model
 
@@ -41,10 +42,7 @@ class Number(NamedTuple):
     @property
     def said(self) -> str:
         """One line for a reader."""
-        line = (
-            f"{self.name} = {shown(self.value, self.unit)}, "
-            f"95 % [{shown(self.low, self.unit)}, {shown(self.high, self.unit)}]"
-        )
+        line = f"{self.name} = {interval(self.value, self.low, self.high, self.unit)}"
         return line if not abs(self.drift) > DRIFTED else f"{line}, {self.drift:+.1f} SD from what was declared"
 
 
@@ -97,6 +95,14 @@ class DriveVerdict:
         """Numbers that sit away from what was declared of them."""
         return tuple(one for one in self.after if abs(one.drift) > DRIFTED)
 
+    @property
+    def model_said(self) -> str:
+        """What `model` is, in words."""
+        if self.search is None:
+            return "the base model as the log declares it, nothing fitted"
+        added = " + ".join(self.named)
+        return f"the model with {added}" if added else "the fitted base model, to which nothing was added"
+
     def summary(self) -> str:
         """Return the verdict in a page of text; angles in degrees."""
         lines = [f"{self.name}: {self.answer.value}", f"  {self.sentence}"]
@@ -142,7 +148,7 @@ class DriveVerdict:
 
 def told(score: ChannelScore) -> bool:
     """Return whether a channel's change is worth a line: it can be claimed."""
-    return score.said in ("better", "worse")
+    return score.worded.outcome in (Outcome.BETTER, Outcome.WORSE)
 
 
 def free_lines(free: tuple[FreeRun, ...]) -> list[str]:
@@ -152,7 +158,8 @@ def free_lines(free: tuple[FreeRun, ...]) -> list[str]:
     was, now = (
         float(np.sqrt(np.nanmean([row**2 for row in rows]))) for rows in zip(*[one[2:] for one in free], strict=True)
     )
-    return [f"RMS distance from the logged place {1e3 * was:.1f} mm -> {1e3 * now:.1f} mm over {len(free)} runs"]
+    after = "" if was == now else f" -> {1e3 * now:.1f} mm"
+    return [f"RMS distance from the logged place {1e3 * was:.1f} mm{after} over {len(free)} runs"]
 
 
 def _owner(name: str) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from rover_pin.errors import OptimisationError
 from rover_pin.evidence.rig_fit import STRAY, RigFit, fit_from
 from rover_pin.evidence.rig_set import RigSet
+from rover_pin.evidence.wording import Change
 
 DRAWS = 2000
 """Resamplings of the bootstrap."""
@@ -71,23 +72,15 @@ class ChannelScore(NamedTuple):
     "of a wheel rig; empty where runs of a drive log were held out"
 
     @property
+    def worded(self) -> Change:
+        """The change in words."""
+        of = "levels" if self.levels else "runs"
+        return Change(self.before, self.after, self.low, self.high, self.floor, of)
+
+    @property
     def said(self) -> str:
         """What may be claimed."""
-        beyond = f"not beyond what the {'levels' if self.levels else 'runs'} scatter"
-        at_floor = f"at its noise floor before ({self.before / self.floor:.2f} x): no gain to claim"
-        if self.before <= AT_FLOOR * self.floor and self.after <= AT_FLOOR * self.floor:
-            return at_floor
-        if self.high < 0:
-            return "better"
-        if self.low > 0:
-            return "worse"
-        if self.before <= AT_FLOOR * self.floor:
-            return f"worse, {beyond}" if self.change > 0 else at_floor
-        return f"{'better' if self.change < 0 else 'worse'}, {beyond}: nothing to claim"
-
-
-AT_FLOOR = 1.25
-"""An error within this of the noise floor has nothing left to gain."""
+        return self.worded.said
 
 
 def scores(data: RigSet, before: np.ndarray, after: np.ndarray, seed: int) -> tuple[ChannelScore, ...]:

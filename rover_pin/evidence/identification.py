@@ -11,6 +11,7 @@ import numpy as np
 
 from rover_pin.contact import Soil
 from rover_pin.errors import ParameterError, closest
+from rover_pin.evidence.wording import spread
 
 
 class Verdict(Enum):
@@ -158,4 +159,4 @@ def _line(estimate: Estimate) -> str:
     interval = f"95 % in [{low:.4g}, {high:.4g}]"
     if estimate.verdict is Verdict.NOT_IDENTIFIABLE:
         return f"{estimate.name}: {interval} {unit}: {estimate.reason}"
-    return f"{estimate.name} = {value:.4g} +- {sd:.2g} {unit}, {interval}: {estimate.reason}"
+    return f"{estimate.name} = {value:.4g}{spread(sd, value)} {unit}, {interval}: {estimate.reason}"

@@ -60,7 +60,7 @@ def close_the_loop(
     Returns
     -------
     Verdict or DriveVerdict
-        With `answer`, `summary()`, `model` (the model with the effect) and `as_dict()`.
+        With `answer`, `summary()`, `model` (the base model with what was added, if anything) and `as_dict()`.
 
     Raises
     ------

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 
-from rover_pin.evidence.cautions import worse
 from rover_pin.evidence.report_figures import (
     added_names,
     candidates_figure,
@@ -16,7 +15,8 @@ from rover_pin.evidence.report_page import HEADLINES, rendered, write_page
 from rover_pin.evidence.report_profiles import profiles_figure
 from rover_pin.evidence.residual_tests import BEYOND_CHANCE, ResidualTest
 from rover_pin.evidence.rig_set import RigSet
-from rover_pin.evidence.verdict import Verdict, flag_line, shown
+from rover_pin.evidence.verdict import Verdict, flag_line
+from rover_pin.evidence.wording import Against, got_worse, interval, shown
 
 TEMPLATE = "report.html"
 
@@ -46,7 +46,8 @@ def html(verdict: Verdict, data: RigSet, images: dict[str, str]) -> str:
             "levels": level_rows(verdict),
             "tests": correlation_rows(verdict),
             "limit": BEYOND_CHANCE,
-            "worse": worse(verdict.scores),
+            "worse": got_worse((one.name, one.worded) for one in verdict.scores),
+            "away": Against.AWAY,
             "cautions": verdict.cautions,
             "flag_line": flag_line,
             "names": added_names(verdict),
@@ -73,7 +74,7 @@ def channel_rows(verdict: Verdict) -> list[dict[str, str]]:
                 "before": shown(score.before, score.unit),
                 "after": shown(score.after, score.unit),
                 "times": f"{score.before / score.floor:.1f} to {score.after / score.floor:.1f}",
-                "change": f"{score.change:+.0%} [{score.low:+.0%}, {score.high:+.0%}]",
+                "change": score.worded.text,
                 "said": score.said,
             }
         )
@@ -99,10 +100,8 @@ def parameter_rows(verdict: Verdict) -> list[dict[str, str]]:
         rows.append(
             {
                 "name": one.name,
-                "before": f"{shown(was.value, was.unit)} [{shown(was.low, was.unit)}, {shown(was.high, was.unit)}]"
-                if was
-                else "not in the model",
-                "after": f"{shown(one.value, one.unit)} [{shown(one.low, one.unit)}, {shown(one.high, one.unit)}]",
+                "before": interval(was.value, was.low, was.high, was.unit) if was else "not in the model",
+                "after": interval(one.value, one.low, one.high, one.unit),
                 "note": "at its bound" if one.at_bound else "" if one.closed else "not closed by the data",
                 "prior": one.prior,
             }

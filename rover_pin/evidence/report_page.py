@@ -13,7 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from rover_pin.columns import replace_file
-from rover_pin.evidence.verdict import Answer, shown
+from rover_pin.evidence.verdict import Answer
+from rover_pin.evidence.wording import shown
 
 BEFORE, AFTER, GREY = "#b3541e", "#1f6f8b", "#8a8a8a"
 """Colours of the model before and after, and of what is neither; the first two differ for the colour-blind too."""

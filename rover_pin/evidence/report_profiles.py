@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from rover_pin.evidence.profile import NORMAL_95
 from rover_pin.evidence.profile_curve import Profile
 from rover_pin.evidence.report_page import AFTER, GREY
-from rover_pin.evidence.verdict import in_words
+from rover_pin.evidence.wording import in_words
 
 ACROSS = 4
 

@@ -83,7 +83,7 @@ def close_rig_loop(
     Returns
     -------
     Verdict
-        With `summary()`, `model` (the model with the effect) and `as_dict()`.
+        With `summary()`, `model` (the base model with what was added, if anything) and `as_dict()`.
 
     Raises
     ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
@@ -10,18 +11,18 @@ from typing import Any
 
 from rover_pin.effects.effect import Effect
 from rover_pin.evidence.calibrate import Fitted, Flag
-from rover_pin.evidence.cautions import worse
 from rover_pin.evidence.compare import Candidate, Comparison
 from rover_pin.evidence.experiment import Experiment
 from rover_pin.evidence.heldout import ChannelScore
 from rover_pin.evidence.profile_curve import Profile
 from rover_pin.evidence.remainder import Remainder
-from rover_pin.evidence.reselect import NOTHING, Fold
+from rover_pin.evidence.reselect import Fold
 from rover_pin.evidence.residual_tests import ResidualTest
 from rover_pin.evidence.rig_checks import Finding
 from rover_pin.evidence.rig_fit import RigFit
 from rover_pin.evidence.rig_model import RigModel
 from rover_pin.evidence.screen import Screened
+from rover_pin.evidence.wording import got_worse, interval, shown
 
 
 class Answer(Enum):
@@ -86,12 +87,21 @@ class Verdict:
 
     @property
     def chosen_again(self) -> str:
-        """How many folds choose the same, in words."""
-        names = {type(effect).__name__ for effect in self.effects} or {NOTHING}
+        """How many folds choose the same, in words; where nothing was added, what they choose."""
+        if not self.effects:
+            chosen = Counter(fold.chosen for fold in self.folds).most_common()
+            return f"chosen in {len(self.folds)} folds: " + ", ".join(f"{name} in {times}" for name, times in chosen)
+        names = {type(effect).__name__ for effect in self.effects}
         folds = [set(fold.chosen.split(" + ")) for fold in self.folds]
         same, more = sum(fold == names for fold in folds), sum(fold > names for fold in folds)
         among = f", and with another in {more}" if more else ""
         return f"{' + '.join(sorted(names))} chosen in {same} of {len(folds)} folds{among}"
+
+    @property
+    def model_said(self) -> str:
+        """What `model` is, in words."""
+        added = " + ".join(type(effect).__name__ for effect in self.effects)
+        return f"the model with {added}" if added else "the fitted base model, to which nothing was added"
 
     def summary(self) -> str:
         """Return the verdict in a page of text; angles in degrees."""
@@ -99,7 +109,7 @@ class Verdict:
         lines += [f"  check: {finding}" for finding in self.findings]
         lines += [f"  {score_line(score)}" for score in self.scores]
         lines += [f"  {self.chosen_again}"] if self.folds else []
-        lines += [f"  {worse(self.scores)}"] if self.effects else []
+        lines += [f"  {got_worse((one.name, one.worded) for one in self.scores)}"] if self.effects else []
         lines += [f"  {flag_line(flag, 'before')}" for flag in self.before.flags]
         if self.effects:
             lines += [f"  {flag_line(flag, 'after')}" for flag in self.after.flags]
@@ -157,6 +167,7 @@ def _side(side: Side) -> dict[str, Any]:
                 "independent": [flag.independent.low, flag.independent.high],
                 "source": flag.independent.source,
                 "agrees": flag.agrees,
+                "says": flag.says.value,
             }
             for flag in side.flags
         ],
@@ -198,47 +209,27 @@ def plain(value: Any) -> Any:
     return value
 
 
-def shown(value: float, unit: str) -> str:
-    """Return a number as a reader wants it: degrees, millimetres, kilopascals."""
-    factor, name = in_words(unit)
-    return f"{factor * value:.4g} {name}".rstrip()
-
-
-READERS_UNITS = {
-    "rad": (180 / math.pi, "deg"),
-    "m": (1e3, "mm"),
-    "Pa": (1e-3, "kPa"),
-    "Pa/m^n": (1e-3, "kPa/m^n"),
-}
-
-
-def in_words(unit: str) -> tuple[float, str]:
-    """Return the factor to, and the name of, the unit in which a reader wants an SI value."""
-    return READERS_UNITS.get(unit, (1.0, unit))
-
-
 def score_line(score: ChannelScore) -> str:
-    """Return one channel's held-out error before and after."""
-    return (
-        f"held-out {score.name}: RMSE {shown(score.before, score.unit)} -> {shown(score.after, score.unit)} "
-        f"({score.change:+.0%}, 95 % [{score.low:+.0%}, {score.high:+.0%}], noise {shown(score.floor, score.unit)}): "
-        f"{score.said}"
-    )
+    """Return one channel's held-out error, before and after where that is not the same."""
+    change, noise = score.worded, f"noise {shown(score.floor, score.unit)}"
+    if change.none:
+        return f"held-out {score.name}: RMSE {shown(score.before, score.unit)}, {noise}"
+    errors = f"RMSE {shown(score.before, score.unit)} -> {shown(score.after, score.unit)}"
+    return f"held-out {score.name}: {errors} ({change.text}, {noise}): {score.said}"
 
 
 def flag_line(flag: Flag, when: str) -> str:
     """Return one fitted constant against its independent measurement."""
-    value, low, high = (shown(each, flag.unit) for each in flag.fitted)
     known = shown(flag.independent.low, flag.unit)
     if flag.independent.high > flag.independent.low:
         known += f" to {shown(flag.independent.high, flag.unit)}"
-    said = "agrees with" if flag.agrees else "sits away from"
-    return f"{when}: {flag.name} = {value} [{low}, {high}] {said} {known} ({flag.independent.source})"
+    fitted = interval(*flag.fitted, flag.unit)
+    return f"{when}: {flag.name} = {fitted} {flag.says.value} {known} ({flag.independent.source})"
 
 
 def parameter_line(one: Fitted) -> str:
-    """Return one fitted parameter."""
-    said = f"{one.name} = {shown(one.value, one.unit)}, 95 % [{shown(one.low, one.unit)}, {shown(one.high, one.unit)}]"
+    """Return one fitted parameter with its 95 % interval."""
+    said = f"{one.name} = {interval(one.value, one.low, one.high, one.unit)}"
     if one.prior:
         said += f", assumed beforehand {one.prior}"
     return said + (", AT ITS BOUND" if one.at_bound else "" if one.closed else ", not closed by the data")

@@ -225,6 +225,10 @@ def test_every_answer_has_its_page_and_figures(made, verdict, answer):
     assert "What may be claimed" in page
     assert ("<th>after</th>" in page) == (answer in (Answer.NAMED, Answer.SET))
     assert ("draft_effect" in page) == (answer is Answer.NONE_FITS)
+    added = "the model with SupplySag" in page
+    assert added == (answer in (Answer.NAMED, Answer.SET))
+    assert ("nothing was added" in page) == (answer in (Answer.NONE_NEEDED, Answer.NONE_FITS))
+    assert "+0%" not in page
     assert ("no run of the menu tells SupplySag from PeakStress" in page) == (answer is Answer.SET)
 
 

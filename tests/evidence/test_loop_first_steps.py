@@ -92,7 +92,7 @@ def test_a_score_speaks_of_levels_on_a_rig_and_of_runs_on_a_drive_log():
     assert rig.said == "better, not beyond what the levels scatter: nothing to claim"
     assert score_line(drive).endswith("better, not beyond what the runs scatter: nothing to claim")
     lost = drive._replace(before=1e-3, after=2e-3, change=1.0)
-    assert lost.said == "worse, not beyond what the runs scatter"
+    assert lost.said == "worse, not beyond what the runs scatter: nothing to claim"
 
 
 def test_a_model_of_another_rover_is_refused():

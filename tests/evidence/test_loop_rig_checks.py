@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import kstest
 
 from rover_pin.contact import Wheel
-from rover_pin.evidence.cautions import of_residuals, worse
+from rover_pin.evidence.cautions import of_residuals
 from rover_pin.evidence.channel import DrawbarPull, Sinkage
 from rover_pin.evidence.heldout import ChannelScore
 from rover_pin.evidence.loop import close_the_loop
@@ -19,6 +19,7 @@ from rover_pin.evidence.measurement import WheelRig
 from rover_pin.evidence.residual_tests import NEIGHBOURS, NEXT_RUN, ORDER, SLIP_SQUARED, ResidualTest, residual_tests
 from rover_pin.evidence.rig_set import as_rig_set
 from rover_pin.evidence.verdict import Answer
+from rover_pin.evidence.wording import got_worse
 
 STUDIES = Path(__file__).parents[2] / "studies"
 DATA = STUDIES / "data"
@@ -98,8 +99,8 @@ def test_a_residual_that_is_nothing_hangs_together_with_nothing():
 def test_what_got_worse_is_named():
     better = ChannelScore("sinkage", "m", 1e-3, 5e-3, 2e-3, -0.6, -0.8, -0.3)
     lost = ChannelScore("torque", "N m", 0.01, 0.02, 0.03, 0.5, 0.2, 0.9)
-    assert worse([better]) == "No channel got worse on held-out levels."
-    assert worse([better, lost]) == "Got worse: torque by 50% (worse)."
+    assert got_worse([("sinkage", better.worded)]) == "No channel got worse beyond its scatter."
+    assert got_worse([(one.name, one.worded) for one in (better, lost)]) == "Got worse: torque by 50%."
 
 
 def test_a_correlation_beyond_chance_is_a_caution():

@@ -1,0 +1,151 @@
+"""How numbers, intervals and changes are put into words: once, for every summary, table, caution and figure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from enum import Enum
+from typing import NamedTuple
+
+AT_FLOOR = 1.25
+"""An error within this of the noise floor has nothing left to gain."""
+SAME = 5e-5
+"""A relative change below this is none: less than any table shows."""
+NEARLY = 0.8
+"""Share of what is allowed of a number from which its interval says nothing of it."""
+NO_SPREAD = 1e-9
+"""An SD, or an interval's width, below this share of the number, or of one unit of a size, was not told by the data."""
+
+READERS_UNITS = {
+    "rad": (180 / math.pi, "deg"),
+    "m": (1e3, "mm"),
+    "Pa": (1e-3, "kPa"),
+    "Pa/m^n": (1e-3, "kPa/m^n"),
+}
+
+
+def in_words(unit: str) -> tuple[float, str]:
+    """Return the factor to, and the name of, the unit in which a reader wants an SI value."""
+    return READERS_UNITS.get(unit, (1.0, unit))
+
+
+def shown(value: float, unit: str) -> str:
+    """Return a number as a reader wants it: degrees, millimetres, kilopascals."""
+    factor, name = in_words(unit)
+    return f"{factor * value:.4g} {name}".rstrip()
+
+
+def share(value: float) -> str:
+    """Return a relative change in percent, with a digit more where it is below one."""
+    if not math.isfinite(value):
+        return "unknown"
+    return "0%" if abs(value) < SAME else f"{value:+.0%}" if abs(value) >= 0.0095 else f"{100 * value:+.1g}%"
+
+
+def spread(sd: float, size: float = 1.0) -> str:
+    """Return " +- SD", or that there is none: an SD of nothing is no certainty."""
+    return f" +- {sd:.2g}" if sd > NO_SPREAD * abs(size) else " (SD not told)"
+
+
+def interval(value: float, low: float, high: float, unit: str) -> str:
+    """Return a value with its 95 % interval, or that the data give none."""
+    if not high - low > NO_SPREAD * abs(value):
+        return f"{shown(value, unit)} (no interval)"
+    return f"{shown(value, unit)} [{shown(low, unit)}, {shown(high, unit)}]"
+
+
+class Against(Enum):
+    """What an interval says of a value that is known from elsewhere."""
+
+    AGREES = "agrees with"
+    AWAY = "sits away from"
+    NOTHING = "says nothing of"
+
+
+def against(ends: tuple[float, float], known: tuple[float, float], covered: float) -> Against:
+    """Return what an interval says of a known range, given the share of all that is allowed which it covers."""
+    if covered >= NEARLY:
+        return Against.NOTHING
+    return Against.AGREES if ends[0] <= known[1] and ends[1] >= known[0] else Against.AWAY
+
+
+class Outcome(Enum):
+    """What may be claimed of a change."""
+
+    BETTER = "better"
+    WORSE = "worse"
+    NONE = "unchanged"
+    AT_FLOOR = "at its noise floor before: no gain to claim"
+    SCATTER = "not beyond its scatter: nothing to claim"
+    UNTOLD = "too little to resample: nothing to claim"
+
+
+class Change(NamedTuple):
+    """An error before and after, with the 95 % interval of after / before - 1, and what may be said of it."""
+
+    before: float
+    after: float
+    low: float
+    high: float
+    floor: float
+    "what no model can beat; 0 where it is not known"
+    of: str
+    "what is resampled: levels, or stretches of runs"
+
+    @property
+    def share(self) -> float:
+        """after / before - 1."""
+        return self.after / self.before - 1 if self.before > 0 else 0.0
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing changed, as where nothing was added."""
+        return max(abs(self.share), abs(self.low), abs(self.high)) < SAME
+
+    @property
+    def told(self) -> bool:
+        """Whether the interval is one: an interval without width is that of a single resampled number."""
+        return self.high - self.low > NO_SPREAD
+
+    @property
+    def text(self) -> str:
+        """The change and its interval, in a few letters."""
+        if self.none:
+            return "unchanged"
+        ends = f"95 % [{share(self.low)}, {share(self.high)}]" if self.told else "no interval"
+        return f"{share(self.share)}, {ends}"
+
+    @property
+    def outcome(self) -> Outcome:
+        """What may be claimed, in a few words."""
+        at_floor = self.before <= AT_FLOOR * self.floor
+        if at_floor and self.after <= AT_FLOOR * self.floor:
+            return Outcome.AT_FLOOR
+        if self.none:
+            return Outcome.NONE
+        if self.told and (self.high < 0 or self.low > 0):
+            return Outcome.BETTER if self.high < 0 else Outcome.WORSE
+        if at_floor and self.share <= 0:
+            return Outcome.AT_FLOOR
+        return Outcome.SCATTER if self.told else Outcome.UNTOLD
+
+    @property
+    def said(self) -> str:
+        """What may be claimed, in a sentence."""
+        sense = (Outcome.BETTER if self.share < 0 else Outcome.WORSE).value
+        if self.outcome is Outcome.AT_FLOOR:
+            return f"at its noise floor before ({self.before / self.floor:.2f} x): no gain to claim"
+        if self.outcome is Outcome.UNTOLD:
+            return f"{sense}, but too few {self.of} to resample: nothing to claim"
+        if self.outcome is Outcome.SCATTER:
+            return f"{sense}, not beyond what the {self.of} scatter: nothing to claim"
+        return self.outcome.value
+
+
+def got_worse(changes: Iterable[tuple[str, Change]]) -> str:
+    """Return which of the named errors grew, in a sentence; those that did not grow beyond the scatter apart."""
+    rows = [(name, change) for name, change in changes if change.share > 0 and not change.none]
+    beyond = [f"{name} by {share(one.share).lstrip('+')}" for name, one in rows if one.outcome is Outcome.WORSE]
+    within = [f"{name} by {share(one.share).lstrip('+')}" for name, one in rows if one.outcome is not Outcome.WORSE]
+    said = f"Got worse: {', '.join(beyond)}." if beyond else "No channel got worse beyond its scatter."
+    return f"{said} Higher within it: {', '.join(within)}." if within else said
