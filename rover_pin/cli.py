@@ -40,7 +40,10 @@ def main() -> None:
 def drive(
     scenario: Annotated[str, typer.Argument(help="ditch, flat, slope, bump, turn ...: a wrong name lists them all.")],
     control: Annotated[
-        str, typer.Option(help="none, eq9 (the paper's estimate), true (true slip), turn, point-turn.")
+        str,
+        typer.Option(
+            help="none, limit (torque alone), eq9 (the paper's estimate), true (true slip), turn, point-turn."
+        ),
     ] = "",
     gravity: Gravity = "",
     soil: SoilName = "",

@@ -22,7 +22,7 @@ from rover_pin.control.gains_file import load_gains
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
 from rover_pin.control.steering import Turn
-from rover_pin.control.torque_limit import TorqueLimit
+from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
@@ -111,6 +111,7 @@ class Scene:
     "the slip for which the resistance is chosen on the scene's own soil; else it is that of the named soil"
 
 
+CONTROLS = ("none", "limit", "eq9", "true", "turn", "point-turn")
 DEG = math.pi / 180.0
 PLACE = tuple(each.name for each in dataclasses.fields(Start))
 SCENES: dict[str, Scene] = {
@@ -170,7 +171,9 @@ def scenario(name: str, **settings: Any) -> Scenario:
         `effect.CLASS.FIELD`, `cruise_slip` (takes the resistance R with which the soil as driven is cruised at this
         slip; without it R is the named soil's for 0.05, whatever `soil.FIELD` is set to), `model` (a drive's model
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
-        `control` (none, eq9, true, turn, point-turn), `control.FIELD`, `control.gains` (a file of tuned gains),
+        `control` (none, limit, eq9, true, turn, point-turn), `control.FIELD`, `control.gains` (a file of tuned
+        gains), `control.limit` (none, saturation, at-slip: the torque check; saturation with eq9 and true, at-slip
+        with limit) and `control.slip_limit`,
         `start.FIELD`, `duration`, `dt` [s].
         A `_deg` behind any angle reads degrees.
 
@@ -286,9 +289,11 @@ def _slip(asked: Settings) -> AlgebraicSlip | RelaxedSlip:
 
 
 def _controller(model: Model, asked: Settings) -> Controller:
-    kind = asked.choice("control", "none", {each: each for each in ("none", "eq9", "true", "turn", "point-turn")})
-    if kind == "none":
-        return ConstantDuty(**asked.group("control", fields_of(ConstantDuty)))
+    kind = asked.choice("control", "none", {each: each for each in CONTROLS})
+    if kind in ("none", "limit"):
+        constant = ConstantDuty(**asked.group("control", fields_of(ConstantDuty)))
+        limit = _limit(model, asked, "none" if kind == "none" else "at-slip")
+        return constant if isinstance(limit, NoLimit) else TorqueLimited(constant, limit)
     if kind in ("turn", "point-turn"):
         default = {"radius": 0.0} if kind == "point-turn" else {}
         return Turn.of(model.rover, **{**default, **asked.numbers("control", ("radius", "delta"))})
@@ -296,4 +301,13 @@ def _controller(model: Model, asked: Settings) -> Controller:
     gains = (Gains() if file is None else load_gains(str(file))).replace(**asked.group("control", fields_of(Gains)))
     wheel = model.rover.wheels[0].wheel
     estimate = TrueSlip() if kind == "true" else TableEstimate(nexus6_table(), float(wheel.r))
-    return SlipControl(gains, estimate, TorqueLimit.saturation(model))
+    return SlipControl(gains, estimate, _limit(model, asked, "saturation"))
+
+
+def _limit(model: Model, asked: Settings, usual: str) -> TorqueLimit | NoLimit:
+    word = asked.choice("control.limit", usual, {each: each for each in ("none", "saturation", "at-slip")})
+    if word == "none":
+        return NoLimit()
+    if word == "saturation":
+        return TorqueLimit.saturation(model)
+    return TorqueLimit.at_slip(model, asked.number("control.slip_limit", LOST_SLIP))

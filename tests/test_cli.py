@@ -86,6 +86,12 @@ def test_drive_adds_effects(run):
     assert "did you mean 'DiggingMemory'?" in err
 
 
+def test_drive_is_held_by_the_torque_check_alone(run):
+    words = ("--control", "limit", "--set", "control.slip_limit=0.3", "--set", "duration=1", "--out", "here")
+    assert said(run, "drive", "flat", *words)["stop"] == "duration"
+    assert load_trace("here/log").attrs["control"] == "TorqueLimited"
+
+
 def test_drive_prints_a_short_table(run):
     code, out, _ = run("drive", "flat", "--set", "duration=1")
     assert code == 0
@@ -208,7 +214,7 @@ REFUSED = [
     ("drive ditch --soil tabel-1", "did you mean 'table-1'"),
     ("drive ditch --gravity erth", "did you mean 'earth'"),
     ("drive ditch --gravity -3", r"gravity = -3 m/s^2 is not allowed"),
-    ("drive ditch --control pid", "Known: eq9, none"),
+    ("drive ditch --control pid", "Known: eq9, limit, none"),
     ("drive ditch --set soil.kk=1", "did you mean 'soil.k'"),
     ("drive ditch --set soil.k", "write it as NAME=VALUE"),
     ("drive ditch --set soil.k=-1", "Soil.k = -1 m is not allowed: it must lie in [1e-05, 10] m"),

@@ -199,7 +199,7 @@ class Reduced:
         return np.concatenate([[self.start], np.zeros(self.ode[0].numel() - 1)])
 
     def outcome(self) -> ca.Function:
-        """Return the function gains (7) -> Outcome (4), differentiable forwards and backwards."""
+        """Return the function gains (GAIN_NAMES) -> Outcome (4), differentiable forwards and backwards."""
         state, p, rate, quad, _ = self.ode
         grid = [max(0.0, self.duration - self.tail), self.duration]
         dae = {"x": state, "p": p, "ode": rate, "quad": quad}

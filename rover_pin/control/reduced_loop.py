@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.contact import Scalar
-from rover_pin.control.slip_control import Gains
+from rover_pin.control.slip_control import Gains, pi_law
 from rover_pin.control.slip_estimate import SLOWEST_RIM, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_limit import PITCHES, NoLimit, TorqueLimit
@@ -48,9 +48,5 @@ class Loop:
         self, gains: Gains, S_hat: Scalar, highest: Scalar, integral: Scalar, duty: Scalar
     ) -> tuple[Scalar, Scalar]:
         """Return the time derivatives of the integral and of the duty, which follows within one control period."""
-        error = gains.S_d - S_hat
-        asked = gains.delta_0 + gains.k_p * error + integral
-        most = lesser(gains.delta_max, highest, self.smoothing)
-        least = lesser(gains.delta_min, most, self.smoothing)
-        given = lesser(greater(asked, least, self.smoothing), most, self.smoothing)
-        return gains.k_i * error + gains.k_aw * (given - asked), (given - duty) / CONTROL_PERIOD
+        given = pi_law(gains, S_hat, integral, highest, self.smoothing)
+        return given.rate, (given.duty - duty) / CONTROL_PERIOD

@@ -3,32 +3,80 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from rover_pin.contact import Scalar
 from rover_pin.control.slip_estimate import SlipEstimate
+from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_limit import NoLimit, TorqueLimit
 from rover_pin.motion.command import Command, Reading
 from rover_pin.motion.simulate import CONTROL_PERIOD
-from rover_pin.quantity import Record, quantity
+from rover_pin.quantity import Record, quantities, quantity
+
+FADE = 0.005
+"""Excess of the asked duty over the given one [-] on which the integral comes to rest; at once, it would chatter."""
 
 
 @dataclass(frozen=True)
 class Gains(Record):
-    """PI gains and limits: delta = delta_0 + k_p e + k_i int e dt, e = S_d - S_hat, within [delta_min, delta_max].
-
-    The integral takes k_aw (limited - asked) back in (back-calculation), so that it cannot wind up on the flat, where
-    the load and not the duty sets the slip.
-    """
+    """PI gains and limits: delta = delta_0 + k_p e + k_i int e dt, e = S_d - S_hat, within [delta_min, delta_max]."""
 
     S_d: Scalar = quantity(0.1, "", "paper, section 5", -1.0, 1.0, "S_d")
     k_p: Scalar = quantity(0.1, "", "assumed: not in the paper", 0.0, 100.0, "k_p")
     k_i: Scalar = quantity(1.0, "1/s", "assumed: not in the paper", 0.0, 1000.0, "k_i")
-    k_aw: Scalar = quantity(2.0, "1/s", "assumed: not in the paper", 0.0, 1000.0, "k_aw")
     delta_0: Scalar = quantity(0.55, "", "paper, section 5: cruise duty", -1.0, 1.0, "delta_0")
     delta_min: Scalar = quantity(0.05, "", "assumed: a wheel is never stopped", -1.0, 1.0, "delta_min")
     delta_max: Scalar = quantity(0.55, "", "assumed: the duty without control", -1.0, 1.0, "delta_max")
+
+
+class Step(NamedTuple):
+    """What the PI law gives."""
+
+    duty: Scalar
+    "within its limits [-]"
+    rate: Scalar
+    "of the integral [1/s]"
+
+
+def pi_law(gains: Gains, S_hat: Scalar, integral: Scalar, highest: Scalar, smoothing: Scalar = 0.0) -> Step:
+    """Return the duty of a wheel, and how its integral I moves; floats or expressions.
+
+        e = S_d - S_hat,  asked = delta_0 + k_p e + I,  duty = asked, clipped to [delta_min, min(delta_max, highest)]
+        dI/dt = k_i e (1 - min(x / FADE, 1)),  x = max(0, (asked - duty) sign(e))
+
+    The integral rests while the duty is at a limit and e pushes further past it (conditional integration), and goes on
+    from there as soon as e turns or the limit gives way. So it cannot wind up on the flat, where the load and not the
+    duty sets the slip; without k_i there is none; and a limit that comes and goes leaves no trace in it.
+
+    Parameters
+    ----------
+    highest : Scalar
+        Highest duty that the torque limit allows [-]; delta_min gives way to it.
+    smoothing : Scalar
+        Rounds the limits by as much [duty].
+
+    Source: section 5, Fig 9. Differs from the paper: it does not say what its integral does at the limit.
+    """
+    error = gains.S_d - S_hat
+    asked = gains.delta_0 + gains.k_p * error + integral
+    most = lesser(gains.delta_max, highest, smoothing)
+    least = lesser(gains.delta_min, most, smoothing)
+    duty = lesser(greater(asked, least, smoothing), most, smoothing)
+    outward = ca.fmax((asked - duty) * ca.sign(error), 0.0)
+    return Step(duty, gains.k_i * error * (1.0 - ca.fmin(outward / FADE, 1.0)))
+
+
+@lru_cache(maxsize=16)
+def _law(wheels: int) -> ca.Function:
+    """Return the law of all wheels: (gains, S_hat, integral, highest), a column a wheel -> duty, rate."""
+    p, x = ca.SX.sym("gains", len(quantities(Gains))), ca.SX.sym("x", 3)
+    gains = Gains(**dict(zip(quantities(Gains), ca.vertsplit(p), strict=True)))
+    law = ca.Function("pi_law", [x, p], [ca.vertcat(*pi_law(gains, *ca.vertsplit(x)))])
+    return law.map("slip_control", "serial", wheels, [1], [])
 
 
 @dataclass
@@ -47,10 +95,9 @@ class SlipControl:
 
     def __call__(self, reading: Reading) -> Command:
         """Return the duty of each wheel."""
-        gains = self.gains
-        error = gains.S_d - self.estimate.slip(reading)
-        asked = gains.delta_0 + gains.k_p * error + self.integral
-        highest = np.minimum(gains.delta_max, self.limit.duty(reading))
-        given = np.clip(asked, np.minimum(gains.delta_min, highest), highest)
-        self.integral = self.integral + self.period * (gains.k_i * error + gains.k_aw * (given - asked))
-        return Command(given)
+        S_hat = np.asarray(self.estimate.slip(reading), dtype=float)
+        seen = np.vstack(np.broadcast_arrays(S_hat, self.integral, self.limit.duty(reading)))
+        gains = [float(value) for value in self.gains.values().values()]
+        duty, rate = np.array(_law(len(S_hat))(seen, gains))
+        self.integral = self.integral + self.period * rate
+        return Command(duty)

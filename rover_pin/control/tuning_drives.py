@@ -172,7 +172,7 @@ def reduced_errors(case: DriveCase, control: Control) -> list[float]:
     gains = control.named
     estimate = control.estimate
     if estimate == CONSTANT:
-        gains, estimate = gains.replace(k_p=0.0, k_i=0.0, k_aw=0.0, delta_min=-1.0, delta_max=1.0), "true"
+        gains, estimate = gains.replace(k_p=0.0, k_i=0.0, delta_min=-1.0, delta_max=1.0), "true"
     own = reduced_of(case, estimate, 0.0).drive(gains, trace.t)
     axle = [wheel.axle for wheel in built(case).model.rover.wheels]
     slip = np.sqrt(np.mean((own["slip"][:, axle] - trace.stack("slip")) ** 2))

@@ -17,7 +17,7 @@ from rover_pin.toml_file import read_toml
 
 ESTIMATES = ("true", "eq9")
 """The slip of Eq (1) itself, or the paper's estimate, Eq (9)."""
-LOGARITHMIC = ("k_p", "k_i", "k_aw")
+LOGARITHMIC = ("k_p", "k_i")
 """Gains that are searched on a logarithmic scale."""
 
 
@@ -173,7 +173,7 @@ def read_tuning(path: str | Path) -> TuningStudy:
         k_p = [0.01, 10.0]
         S_d = [0.05, 0.9]
         [before]                       # the other gains, and where the free ones come from
-        k_aw = 2.0
+        delta_max = 0.55
         [cost]
         slip = 0.3
         [effort]

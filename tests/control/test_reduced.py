@@ -27,7 +27,7 @@ from rover_pin.motion.simulate import simulate
 from rover_pin.scenarios import scenario
 
 CART = Path(__file__).parents[2] / "urdf" / "cart.toml"
-HELD = Gains(k_p=0.0, k_i=0.0, k_aw=0.0)
+HELD = Gains(k_p=0.0, k_i=0.0)
 OPEN = Loop(TrueSlip(), NoLimit())
 
 

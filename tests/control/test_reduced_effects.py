@@ -24,7 +24,7 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.motion.simulate import simulate
 from rover_pin.scenarios import scenario
 
-HELD, OPEN = Gains(k_p=0.0, k_i=0.0, k_aw=0.0), Loop(TrueSlip(), NoLimit())
+HELD, OPEN = Gains(k_p=0.0, k_i=0.0), Loop(TrueSlip(), NoLimit())
 DURATION = 8.0
 
 

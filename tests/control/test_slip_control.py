@@ -1,21 +1,27 @@
 """The controller of section 5 by its parts, against numbers worked out by hand."""
 
+import itertools
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rover_pin.body.rover import load_rover
+from rover_pin.body.statics import wheel_loads
 from rover_pin.contact import Wheel
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_control import FADE, Gains, SlipControl, pi_law
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
 from rover_pin.control.steering import Turn, wheel_places
-from rover_pin.control.torque_limit import NoLimit, TorqueLimit
+from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.errors import ParameterError
-from rover_pin.motion.command import Reading, Truth
+from rover_pin.motion.command import Command, Reading, Truth
 from rover_pin.scenarios import scenario
 from rover_pin.soil.limits import saturation_torque
+from rover_pin.soil.traction import TorqueTraction, load_traction_factor
 
 
 def reading(duty=0.55, rate=1.0, slip=0.0, pitch=0.0, t=0.0):
@@ -48,7 +54,7 @@ def test_a_spinning_loaded_wheel_reads_as_gripping():
 
 def test_the_pi_law_by_hand():
     """Two periods of 0.05 s at e = -0.2: delta = 0.5 + 0.3 e + the integral of 2 e, unlimited."""
-    gains = Gains(S_d=0.1, k_p=0.3, k_i=2.0, k_aw=5.0, delta_0=0.5, delta_min=-1.0, delta_max=1.0)
+    gains = Gains(S_d=0.1, k_p=0.3, k_i=2.0, delta_0=0.5, delta_min=-1.0, delta_max=1.0)
     control = SlipControl(gains, TrueSlip(), period=0.05)
     assert control(reading(slip=0.3)).duty == pytest.approx(np.full(6, 0.5 - 0.06))
     assert control(reading(slip=0.3)).duty == pytest.approx(np.full(6, 0.5 - 0.06 - 0.02))
@@ -56,28 +62,143 @@ def test_the_pi_law_by_hand():
     assert control(reading(slip=0.3)).duty == pytest.approx(np.full(6, 0.44))
 
 
-def test_the_integral_does_not_wind_up_on_the_flat():
-    gains = Gains(S_d=0.1, k_p=0.1, k_i=1.0, k_aw=2.0, delta_0=0.55, delta_max=0.55)
-    control = SlipControl(gains, TrueSlip())
-    for _ in range(2000):
-        control(reading(slip=0.05))
-    assert np.all(np.abs(control.integral) < 0.1)
-    control(reading(slip=1.0))
-    assert control(reading(slip=1.0)).duty[0] < 0.5
+def driven(control, slips, highest=()):
+    """Return duty and integral of the first wheel after each slip; `highest` is the torque limit's duty at each."""
+    told = []
+    for slip, high in itertools.zip_longest(slips, highest, fillvalue=1.0):
+        control.limit = Cap(high)
+        duty = control(reading(slip=slip)).duty[0]
+        told.append((duty, control.integral[0]))
+    return np.array(told).T
+
+
+@dataclass(frozen=True)
+class Cap(NoLimit):
+    high: float
+
+    def duty(self, reading):
+        return self.high
+
+
+SLIPS = st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=60)
+CAPS = st.lists(st.floats(0.0, 1.0), min_size=60, max_size=60)
+
+
+@given(slips=SLIPS, caps=CAPS, k_p=st.floats(0.0, 10.0))
+def test_without_an_integral_gain_there_is_no_integral(slips, caps, k_p):
+    """It used to creep down by what noise pushed the asked duty over its limit, and never came back."""
+    _, integral = driven(SlipControl(Gains(k_p=k_p, k_i=0.0), TrueSlip()), slips, caps[: len(slips)])
+    assert np.all(integral == 0.0)
+
+
+@given(slips=SLIPS, caps=CAPS, k_i=st.floats(0.01, 10.0))
+def test_the_duty_keeps_its_limits_and_the_integral_does_not_pass_them(slips, caps, k_i):
+    gains = Gains(k_i=k_i, delta_max=0.8)
+    duty, integral = driven(SlipControl(gains, TrueSlip()), slips, caps[: len(slips)])
+    most = np.minimum(0.8, caps[: len(slips)])
+    assert np.all(duty <= most + 1e-12)
+    assert np.all(duty >= np.minimum(0.05, most) - 1e-12)
+    # what one period adds, and what e itself asks for, may stand beyond the limits: |e| <= 2
+    beyond = FADE + 2.0 * gains.k_p + 2.0 * k_i * 0.05
+    assert np.all((integral < 0.8 - 0.55 + beyond) & (integral > 0.05 - 0.55 - beyond))
+
+
+@pytest.mark.parametrize("steps", [10, 100, 10_000])
+def test_a_long_saturation_is_forgotten_at_once(steps):
+    """On the flat S < S_d whatever the duty: however long that lasts, a slip of 1 then takes the duty down as fast."""
+    control = SlipControl(Gains(), TrueSlip())
+    driven(control, [0.05] * steps)
+    duty, _ = driven(control, [1.0] * 4)
+    fresh, _ = driven(SlipControl(Gains(), TrueSlip()), [1.0] * 4)
+    assert duty == pytest.approx(fresh, abs=FADE)
+
+
+def test_a_torque_limit_that_comes_and_goes_leaves_no_trace():
+    control = SlipControl(Gains(delta_max=1.0), TrueSlip())
+    _, before = driven(control, [0.0] * 5)
+    duty, after = driven(control, [0.05] * 400, [0.2] * 400)
+    assert duty == pytest.approx(np.full(400, 0.2))
+    assert after[-1] == before[-1]
+    duty, _ = driven(control, [0.1])
+    assert duty[0] == pytest.approx(0.55 + before[-1])
+
+
+@pytest.mark.parametrize("k_i", [0.1, 1.0])
+def test_noise_at_the_limit_is_no_ratchet(k_i):
+    """S = 0.05 +- 0.1 under S_d = 0.1 at full duty: the integral stays within what a strong sample asks for."""
+    rng = np.random.default_rng(1)
+    gains = Gains(k_i=k_i)
+    slips = np.clip(0.05 + 0.1 * rng.standard_normal(20_000), -1.0, 1.0)
+    duty, integral = driven(SlipControl(gains, TrueSlip()), slips)
+    assert integral.min() > -4.0 * 0.1 * gains.k_p - 4.0 * 0.1 * k_i * 0.05
+    early, late = duty[1000:6000].mean(), duty[-5000:].mean()
+    assert late == pytest.approx(early, abs=0.003)
+    assert late > 0.5
+
+
+@given(
+    slip=st.floats(-1.0, 1.0),
+    integral=st.floats(-1.0, 1.0),
+    highest=st.floats(0.0, 1.0),
+    k_p=st.floats(0.0, 5.0),
+)
+def test_the_integral_moves_with_the_error_or_rests(slip, integral, highest, k_p):
+    """It never moves against the error, and rests only where the duty is at a limit that the error pushes against."""
+    gains = Gains(k_p=k_p)
+    error = float(gains.S_d - slip)
+    step = pi_law(gains, slip, integral, highest)
+    share = float(step.rate) / error if abs(error) > 1e-9 else 1.0
+    assert -1e-12 <= share <= 1.0 + 1e-12
+    asked = 0.55 + k_p * error + integral
+    if (asked - float(step.duty)) * error <= 0.0:
+        assert share == pytest.approx(1.0)
 
 
 def test_the_torque_limit_is_the_saturation_torque_at_the_static_load():
-    model = scenario("flat").model
+    model = scenario("flat", angles="sinkage").model
     limit = TorqueLimit.saturation(model)
     rover = load_rover()
-    from rover_pin.body.statics import wheel_loads
-
     loads = wheel_loads(rover, 0.0)
     expected = [float(saturation_torque(load, Wheel(), model.soils[0])) for load in loads]
     assert limit.torque(0.0) == pytest.approx(expected, rel=1e-6)
     stall, free = float(model.motor.stall_torque), float(model.motor.no_load_rate)
     assert limit.duty(reading(rate=0.5)) == pytest.approx(np.array(expected) / stall + 0.5 / free, rel=1e-6)
     assert np.all(TorqueLimit.at_slip(model, 0.2).torque(0.0) < limit.torque(0.0))
+
+
+@pytest.mark.parametrize("rover", ["nexus6", "cart"])
+@pytest.mark.parametrize("slip", [0.2, 0.5])
+def test_a_wheel_held_at_the_slip_limit_s_torque_slips_by_that(rover, slip):
+    """The limit and the drive agree on what slip is, for any rover: T_lim r^-1 / W = F(S) of the torque form."""
+    model = scenario("flat", rover=rover, gravity="moon").model
+    loads = wheel_loads(model.rover, math.radians(5.0), gravity=model.gravity)
+    torque = TorqueLimit.at_slip(model, slip).torque(-math.radians(5.0))
+    for load, mount, own in zip(loads, model.rover.wheels, torque, strict=True):
+        factor = load_traction_factor(slip, model.soils[0], mount.wheel, TorqueTraction())
+        assert own == pytest.approx(float(factor) * float(mount.wheel.r) * load, rel=1e-6)
+
+
+def test_the_limit_is_of_the_duty_s_magnitude_and_raises_none():
+    limit = TorqueLimit.at_slip(scenario("flat").model, 0.2)
+    most = limit.duty(reading(rate=0.4))
+    assert limit.held(1.0, reading(rate=0.4)) == pytest.approx(most)
+    assert limit.held(-1.0, reading(rate=-0.4)) == pytest.approx(-most)
+    assert limit.held(0.01, reading(rate=0.4)) == pytest.approx(np.full(6, 0.01))
+    assert limit.held(0.0, reading(rate=-1.0)) == pytest.approx(np.zeros(6))
+
+
+def test_any_controller_can_be_limited():
+    """Held still, a wheel gets the duty at which its motor gives T_lim; steering passes, reset reaches inside."""
+    limit = TorqueLimit.at_slip(scenario("flat").model, 0.2)
+    control = SlipControl(Gains(), TrueSlip(), integral=3.0)
+    limited = TorqueLimited(control, limit)
+    limited.reset()
+    assert control.integral == 0.0
+    assert limited(reading(rate=0.0)).duty == pytest.approx(limit.torque(0.0) / float(limit.motor.stall_torque))
+    assert TorqueLimited(lambda told: Command(0.5, 0.3), NoLimit())(reading()) == Command(0.5, 0.3)
+    assert TorqueLimited(lambda told: 1.0, limit)(reading(rate=0.0)).duty == pytest.approx(
+        limit.duty(reading(rate=0.0))
+    )
 
 
 def test_the_limit_caps_the_command():
@@ -122,3 +243,48 @@ def test_control_drives_the_flat(control):
     trace = scenario("flat", control=control).drive()
     assert trace["body_vx"][-1] > 0.03
     assert trace.attrs["control"] == "SlipControl"
+
+
+@pytest.mark.parametrize(
+    ("settings", "limit"),
+    [
+        ({"control": "true"}, "saturation"),
+        ({"control": "eq9", "control.limit": "none"}, "none"),
+        ({"control": "true", "control.limit": "at-slip", "control.slip_limit": 0.3}, 0.3),
+        ({"control": "limit"}, LOST_SLIP),
+        ({"control": "limit", "control.limit": "saturation"}, "saturation"),
+        ({"control": "limit", "control.slip_limit": 0.2, "control.delta": 0.7}, 0.2),
+        ({"control": "none", "control.limit": "at-slip"}, LOST_SLIP),
+    ],
+)
+def test_the_limit_of_every_control_can_be_chosen(settings, limit):
+    made = scenario("flat", **settings)
+    if limit == "none":
+        assert made.controller.limit == NoLimit()
+    elif limit == "saturation":
+        assert made.controller.limit == TorqueLimit.saturation(made.model)
+    else:
+        assert made.controller.limit == TorqueLimit.at_slip(made.model, limit)
+    if settings["control"] in ("limit", "none"):
+        assert made.controller.controller == ConstantDuty(settings.get("control.delta", 0.55))
+
+
+def test_a_limit_that_is_not_known_is_said():
+    with pytest.raises(ParameterError, match=r"control.limit = 'at_slip' is not known: did you mean 'at-slip'"):
+        scenario("flat", control="true", **{"control.limit": "at_slip"})
+    with pytest.raises(ParameterError, match=r"There is no setting 'control.slip_limit' here"):
+        scenario("flat", control="true", **{"control.slip_limit": 0.3})
+    with pytest.raises(ParameterError, match="slip_limit = 2 cannot be reached"):
+        scenario("flat", control="limit", **{"control.slip_limit": 2.0})
+
+
+def test_the_torque_limit_alone_keeps_a_wheel_out_of_the_slip_that_digs():
+    """Up a slope beyond T_lim's the wheels turn at S_lim or less, where constant duty spins them; no slip is sensed."""
+    slope = {"terrain.angle_deg": 7.0, "terrain.start": -2.0, "soil.k": 0.05, "duration": 8.0}
+    free, held = (scenario("incline", control=control, **slope).drive() for control in ("none", "limit"))
+    late = free.t > 3.0
+    assert np.mean(free.stack("slip")[late]) > LOST_SLIP + 0.1
+    limit = scenario("incline", control="limit", **slope).controller.limit
+    most = np.array([limit.torque(pitch) for pitch in held["body_pitch"][late]])
+    assert np.all(held.stack("torque")[late] < 1.02 * most)
+    assert np.mean(held.stack("slip")[late]) < LOST_SLIP + 0.1

@@ -132,7 +132,9 @@ def test_an_integrator_that_gives_up_costs_the_penalty_and_prints_nothing(monkey
     hopeless = dataclasses.replace(FLAT, name="hopeless")
     control = Control("true", values(Gains()))
     assert tuning_drives.reduced_score(hopeless, control) == list(FAILED)
-    assert tuning_drives.reduced_gradient(hopeless, control, Cost()) == [FAILED.cost(Cost())] + [0.0] * 7
+    assert tuning_drives.reduced_gradient(hopeless, control, Cost()) == [FAILED.cost(Cost())] + [0.0] * len(
+        reduced.GAIN_NAMES
+    )
     assert capsys.readouterr() == ("", "")
 
 
