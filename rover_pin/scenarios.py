@@ -17,12 +17,8 @@ from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.body.terrain_files import from_grid, from_polyline
 from rover_pin.contact import Soil
-from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.gains_file import load_gains
-from rover_pin.control.slip_control import Gains, SlipControl
-from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
-from rover_pin.control.steering import Turn
-from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
+from rover_pin.control.slip_estimate import SpeedTable, calibrated_table
+from rover_pin.controls import controller_from
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
@@ -111,7 +107,6 @@ class Scene:
     "the slip for which the resistance is chosen on the scene's own soil; else it is that of the named soil"
 
 
-CONTROLS = ("none", "limit", "eq9", "true", "turn", "point-turn")
 DEG = math.pi / 180.0
 PLACE = tuple(each.name for each in dataclasses.fields(Start))
 SCENES: dict[str, Scene] = {
@@ -187,7 +182,7 @@ def scenario(name: str, **settings: Any) -> Scenario:
     scene = SCENES[name]
     asked = Settings({**scene.settings, **settings})
     model = _model(scene, asked)
-    controller = _controller(model, asked)
+    controller = controller_from(asked, model, nexus6_table)
     start = Start(**asked.numbers("start", PLACE))
     dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT)
     duration = asked.number("duration", scene.duration)
@@ -286,28 +281,3 @@ def _slip(asked: Settings) -> AlgebraicSlip | RelaxedSlip:
         "slip", "relaxed", {"relaxed": RelaxedSlip(), "algebraic": AlgebraicSlip()}
     )
     return chosen
-
-
-def _controller(model: Model, asked: Settings) -> Controller:
-    kind = asked.choice("control", "none", {each: each for each in CONTROLS})
-    if kind in ("none", "limit"):
-        constant = ConstantDuty(**asked.group("control", fields_of(ConstantDuty)))
-        limit = _limit(model, asked, "none" if kind == "none" else "at-slip")
-        return constant if isinstance(limit, NoLimit) else TorqueLimited(constant, limit)
-    if kind in ("turn", "point-turn"):
-        default = {"radius": 0.0} if kind == "point-turn" else {}
-        return Turn.of(model.rover, **{**default, **asked.numbers("control", ("radius", "delta"))})
-    file = asked.take("control.gains", None)
-    gains = (Gains() if file is None else load_gains(str(file))).replace(**asked.group("control", fields_of(Gains)))
-    wheel = model.rover.wheels[0].wheel
-    estimate = TrueSlip() if kind == "true" else TableEstimate(nexus6_table(), float(wheel.r))
-    return SlipControl(gains, estimate, _limit(model, asked, "saturation"))
-
-
-def _limit(model: Model, asked: Settings, usual: str) -> TorqueLimit | NoLimit:
-    word = asked.choice("control.limit", usual, {each: each for each in ("none", "saturation", "at-slip")})
-    if word == "none":
-        return NoLimit()
-    if word == "saturation":
-        return TorqueLimit.saturation(model)
-    return TorqueLimit.at_slip(model, asked.number("control.slip_limit", LOST_SLIP))

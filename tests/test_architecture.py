@@ -14,7 +14,7 @@ LONGEST = 300
 
 GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "settings", "results_folder", "workers")
 ROOMS = ("ground", "parameters", "soil", "effects", "body", "motion", "control", "evidence",
-         "scenarios", "plot", "sweep", "tuning", "terminal", "cli")  # fmt: skip
+         "controls", "scenarios", "plot", "sweep", "tuning", "terminal", "cli")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.
 
 `scenarios`, `plot`, `sweep` have this order among themselves: figures and sweeps are made of ready-made drives.
