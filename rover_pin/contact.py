@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import casadi as ca
+
 from rover_pin.quantity import Record, quantity
 
 Scalar = Any
@@ -67,6 +69,12 @@ class Contact(NamedTuple):
     "how many wheels of this side have passed before: 0, 1, 2"
     wheel: Wheel
     soil: Soil
+    uncompacted: Scalar = 0.0
+    "share of what compaction costs more in a deeper rut that the traction law leaves out [-]"
+
+    def sense(self, v_0: Scalar) -> Scalar:
+        """Return v / sqrt(v^2 + v_0^2): 1 under way, fading below the speed v_0 [m/s], so that rest is not pushed."""
+        return self.v_x / ca.sqrt(self.v_x * self.v_x + v_0 * v_0)
 
 
 class Load(NamedTuple):

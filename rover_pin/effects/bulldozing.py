@@ -37,5 +37,4 @@ class Bulldozing(Effect):
         D_2 = cot + cot * cot * ca.tan(soil.phi)
         h = ca.fmax(contact.h, 0.0)
         pressure = D_1 * (soil.c * h + D_2 * self.gamma * h * h / 2)
-        sense = contact.v_x / ca.sqrt(contact.v_x * contact.v_x + self.v_0 * self.v_0)
-        return Load(f_t=-self.share * wheel.b * pressure * sense)
+        return Load(f_t=-self.share * wheel.b * pressure * contact.sense(self.v_0))

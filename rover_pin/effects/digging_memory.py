@@ -17,12 +17,13 @@ TOUCH = 1e-4
 
 @dataclass(frozen=True)
 class DiggingMemory(Effect):
-    """dD/dt = c_d max(r omega - v, 0) (1 - 2 D / r) - D |v| / L; h <- max(h - D, 0); f_t = -f_n D / r against travel.
+    """dD/dt = c_d max(r omega - v, 0) (1 - 2 D / r) - D v s / L; h <- max(h - D, 0); f_t = -f_n s D / L.
 
     D is the depth of the hole: the ground under the wheel is lower by D, at most by r / 2, and the wheel climbs its
-    rim; the sense of travel is v / sqrt(v^2 + v_0^2). Unlike `SlipSinkage` it follows the slip that was, not that of
-    now, and stays through a pause.
-    Source: assumed form. Differs from the paper: it says that digging is not modelled.
+    rim over a travel L; s = v / sqrt(v^2 + v_0^2) is the sense of travel. The work of the resistance, f_n D v s / L, is
+    the lift that leaving the hole gives the load, in every form and at every speed: climbing costs what it raises, and
+    no compaction is counted twice. Unlike `SlipSinkage` it follows the slip that was, not that of now, and stays
+    through a pause. Source: assumed form; energy. Differs from the paper: it says that digging is not modelled.
     """
 
     c_d: Scalar = quantity(0.05, "", "assumed: a twentieth of what the rim throws deepens the hole", 0.0, 1.0, "c_d")
@@ -37,11 +38,10 @@ class DiggingMemory(Effect):
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return the resistance of the hole's rim."""
-        sense = contact.v_x / ca.sqrt(contact.v_x * contact.v_x + self.v_0 * self.v_0)
-        return Load(f_t=-load.f_n * x[0] / contact.wheel.r * sense)
+        return Load(f_t=-load.f_n * x[0] / self.length * contact.sense(self.v_0))
 
     def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         """Return dD/dt."""
         thrown = ca.fmax(contact.rim - contact.v_x, 0.0) * ca.fmin(contact.h / TOUCH, 1.0)
-        left = x[0] * ca.fabs(contact.v_x) / self.length
+        left = x[0] * contact.v_x * contact.sense(self.v_0) / self.length
         return (self.c_d * thrown * (1.0 - 2.0 * x[0] / contact.wheel.r) - left,)

@@ -9,11 +9,8 @@ import casadi as ca
 
 from rover_pin.contact import Contact, Scalar
 from rover_pin.effects.effect import Effect
-from rover_pin.effects.slip_sinkage import HIGHEST_EXPONENT
+from rover_pin.effects.slip_sinkage import HIGHEST_EXPONENT, LOWEST_EXPONENT
 from rover_pin.quantity import quantity
-
-LOWEST_EXPONENT = 0.05
-"""The bound of `Soil.n`."""
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import casadi as ca
-
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
@@ -18,10 +16,11 @@ class MotionResistance(Effect):
 
     Eq (7) holds the compaction resistance as a force that pushes even a parked rover backwards; the torque and gross
     forms have none, and would run at S < 0 on the flat. R is one number for a drive: it follows neither the sinkage nor
-    what effects make of the soil. A ready-made drive takes F(0.05) of its named soil (0.028 for Table 1), whatever
-    `soil.FIELD` is set to; a soil with F(0) > R is then driven at S < 0, where these forms create energy.
-    Below v_0 the resistance fades, so that a parked rover is not pushed: what stalls or creeps does so at a slope that
-    hangs on v_0.
+    what effects make of the soil (`MultiPass`, `HardPatch`, `LoadExponent`); what slip digs (`DiggingMemory`,
+    `SlipSinkage`, `SkidSinkage`) brings its own resistance. A ready-made drive takes F(0.05) of its named soil (0.028
+    for Table 1), whatever `soil.FIELD` is set to; a soil with F(0) > R is then driven at S < 0, where these forms
+    create energy. Below v_0 the resistance fades, so that a parked rover is not pushed: what stalls or creeps does so
+    at a slope that hangs on v_0.
     Source: assumed (the paper's torque-derived factor has no such term). Differs from compaction by Eqs (4) and (7) on
     Table 1, which is 0.18 of the load.
     """
@@ -32,5 +31,4 @@ class MotionResistance(Effect):
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return the resistance."""
-        sense = contact.v_x / ca.sqrt(contact.v_x * contact.v_x + self.v_0 * self.v_0)
-        return Load(f_t=-self.R * load.f_n * sense)
+        return Load(f_t=-self.R * load.f_n * contact.sense(self.v_0))

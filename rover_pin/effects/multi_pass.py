@@ -18,7 +18,7 @@ class MultiPass(Effect):
     are first in reverse. Source: assumed form, linear in the passes; that stiffness and shear modulus of a rut grow
     with repeated passes: Wong, Theory of Ground Vehicles. Differs from the paper: its wheels all meet fresh soil.
     Differs from a rut: the ground is not lowered for those that follow, and a wheel steered out of the track still
-    counts as following.
+    counts as following; in the torque and gross forms R stays, where compaction would fall (15 % for n = 1, 2 x 30 %).
     """
 
     stiffening: Scalar = quantity(0.3, "", "assumed: 30 % a pass", 0.0, 5.0, "g")

@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import casadi as ca
 
-from rover_pin.contact import Contact, Scalar
+from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
-from rover_pin.effects.slip_sinkage import HIGHEST_EXPONENT
+from rover_pin.effects.slip_sinkage import HIGHEST_EXPONENT, rut_resistance
 from rover_pin.quantity import quantity
 
 
@@ -27,5 +27,12 @@ class SkidSinkage(Effect):
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact on the soil as a skidding wheel meets it."""
-        n = ca.fmin(contact.soil.n + self.n_s * ca.fmax(-contact.S, 0.0), HIGHEST_EXPONENT)
+        n = ca.fmin(contact.soil.n + self._risen(contact), HIGHEST_EXPONENT)
         return contact._replace(soil=contact.soil.replace(n=n))
+
+    def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
+        """Return the resistance of the deeper rut."""
+        return Load(f_t=-rut_resistance(contact, self._risen(contact)))
+
+    def _risen(self, contact: Contact) -> Scalar:
+        return self.n_s * ca.fmax(-contact.S, 0.0)

@@ -7,19 +7,24 @@ from typing import ClassVar
 
 import casadi as ca
 
-from rover_pin.contact import Contact, Scalar
+from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
+from rover_pin.soil.compaction import sinking_resistance
 
-HIGHEST_EXPONENT = 3.0
-"""The bound of `Soil.n`."""
+LOWEST_EXPONENT, HIGHEST_EXPONENT = 0.05, 3.0
+"""The bounds of `Soil.n`."""
+FADE = 0.005
+"""Speed below which the resistance of the rut fades [m/s]: `MotionResistance.v_0` (assumed)."""
 
 
 @dataclass(frozen=True)
 class SlipSinkage(Effect):
     """n <- min(n + n_1 max(S, 0), 3): the sinkage exponent of Eq (4) grows with driving slip.
 
-    Where h < b, a greater n is a softer soil: at a given load the wheel stands deeper. For S < 0 see `SkidSinkage`.
+    Where h < b, a greater n is a softer soil: at a given load the wheel stands deeper, and pays for the deeper rut by
+    `rut_resistance`. It follows the slip of now: a wheel whose slip falls is lifted, by a soil that takes nothing for
+    it (`DiggingMemory` keeps its hole). For S < 0 see `SkidSinkage`.
     Source: Ding, Gao, Deng and Tao, J. Cent. South Univ. Technol. 17 (2010) 129, doi 10.1007/s11771-010-0021-7: sinkage
     at S = 0.6 is 3 to 7 times the static one, by an exponent that changes with slip. Differs from the paper: it holds
     n, and says that digging is not modelled.
@@ -30,5 +35,24 @@ class SlipSinkage(Effect):
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact on the soil that slip has loosened."""
-        n = ca.fmin(contact.soil.n + self.n_1 * ca.fmax(contact.S, 0.0), HIGHEST_EXPONENT)
+        n = ca.fmin(contact.soil.n + self._risen(contact), HIGHEST_EXPONENT)
         return contact._replace(soil=contact.soil.replace(n=n))
+
+    def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
+        """Return the resistance of the deeper rut."""
+        return Load(f_t=-rut_resistance(contact, self._risen(contact)))
+
+    def _risen(self, contact: Contact) -> Scalar:
+        return self.n_1 * ca.fmax(contact.S, 0.0)
+
+
+def rut_resistance(contact: Contact, risen: Scalar) -> Scalar:
+    """Return the compaction resistance [N] of an exponent that has risen by this, against the travel.
+
+    b int p dz at the sinkage as it is, less that of the shallower rut in soil as it was, under the same load; nothing
+    where the traction law feels the sinkage itself (`Contact.uncompacted`).
+    """
+    soil = contact.soil
+    firm = soil.replace(n=ca.fmax(soil.n - risen, LOWEST_EXPONENT))
+    cost = sinking_resistance(ca.fmax(contact.h, 0.0), contact.wheel, soil, firm)
+    return contact.uncompacted * cost * contact.sense(FADE)

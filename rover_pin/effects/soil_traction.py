@@ -18,12 +18,18 @@ class SoilTraction(Effect):
     """f_n by Eqs (4)-(6) at the sinkage h, then f_t = F(S) f_n and torque = M(S) r f_n, M(S) = T / (r f_n).
 
     `form` says which ratio F is (net: Eq 7 / Eq 6; torque: T / (r f_n); gross: thrust / f_n), `angles` whether F and M
-    are taken at the paper's fixed angles or at those of the sinkage.
+    are taken at the paper's fixed angles or at those of the sinkage. A deeper rut costs more in the net form with
+    `SinkageAngles` alone; in the others sinking costs nothing but what `SlipSinkage` and its like add.
     Source: the paper, sections 3.2 and 3.3. Differs from the paper: nothing with NetTraction and FixedAngles.
     """
 
     form: NetTraction | TorqueTraction | GrossTraction = field(default_factory=TorqueTraction)
     angles: FixedAngles | SinkageAngles = field(default_factory=FixedAngles)
+
+    def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
+        """Return the contact that knows whether F falls as a rut deepens: in the net form whose angles follow it."""
+        follows = isinstance(self.form, NetTraction) and isinstance(self.angles, SinkageAngles)
+        return contact._replace(uncompacted=0.0 if follows else 1.0)
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return f_t, f_n and torque of the patch."""

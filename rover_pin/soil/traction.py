@@ -11,6 +11,7 @@ from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.errors import ParameterError, closest
 from rover_pin.soil.angles import Angles, FixedAngles
 from rover_pin.soil.arc import Arc, Mobilised, integrate, shear_law, strength, stress_scale
+from rover_pin.soil.compaction import compaction
 from rover_pin.soil.quadrature import FAST, Graded, entry_graded
 from rover_pin.soil.sinkage import sinkage
 from rover_pin.soil.slip import speed_ratio
@@ -64,20 +65,16 @@ def forces(theta_1: Scalar, theta_2: Scalar, law: Mobilised, wheel: Wheel, soil:
 
 
 def assemble(arc: Arc, theta_1: Scalar, length: Scalar, wheel: Wheel, soil: Soil) -> WheelForces:
-    """Return the forces of integrals over an arc of this length [rad].
-
-    The compaction resistance is exact: int sigma sin theta = scale (cos theta_2 - cos theta_1)^(n+1) / (n + 1).
-    """
+    """Return the forces of integrals over an arc of this length [rad]."""
     patch = wheel.r * wheel.b * stress_scale(wheel, soil)
-    exit_depth = ca.fmax(2 * ca.sin(theta_1 - length / 2) * ca.sin(length / 2), 1e-300)
-    compaction = patch * exit_depth ** (soil.n + 1) / (soil.n + 1)
+    resistance = compaction(theta_1, length, wheel, soil)
     thrust = patch * arc.tau_cos
     return WheelForces(
         f_n=patch * (arc.sigma_cos + arc.tau_sin),
-        f_t=thrust - compaction,
+        f_t=thrust - resistance,
         torque=patch * wheel.r * arc.tau,
         thrust=thrust,
-        compaction=compaction,
+        compaction=resistance,
     )
 
 

@@ -17,9 +17,8 @@ def test_a_wheel_that_spins_on_the_spot_digs_to_half_its_radius(patch):
 
 
 def test_travel_leaves_the_hole_over_its_length(patch):
-    assert float(DiggingMemory(length=0.04).rate(patch(rim=0.05, v_x=0.05), Load(), (0.004,))[0]) == pytest.approx(
-        -0.004 * 0.05 / 0.04
-    )
+    left = float(DiggingMemory(length=0.04, v_0=1e-6).rate(patch(rim=0.05, v_x=0.05), Load(), (0.004,))[0])
+    assert left == pytest.approx(-0.004 * 0.05 / 0.04)
 
 
 def test_a_pause_keeps_the_hole_and_a_braking_wheel_digs_none(patch):
@@ -38,6 +37,17 @@ def test_the_hole_lowers_the_ground_and_holds_the_wheel_back(patch):
     forward, back, parked = (
         float(effect.load(patch(v_x=v), Load(f_n=9.0, torque=0.1), x).f_t) for v in (5.0, -5.0, 0.0)
     )
-    assert forward == pytest.approx(-0.9, rel=1e-5)
-    assert back == pytest.approx(0.9, rel=1e-5)
+    assert forward == pytest.approx(-9.0 * 0.0045 / 0.04, rel=1e-5)
+    assert back == pytest.approx(9.0 * 0.0045 / 0.04, rel=1e-5)
     assert parked == 0.0
+
+
+@pytest.mark.parametrize("v", [-0.05, 0.0005, 0.005, 0.05])
+def test_climbing_out_costs_what_it_raises(patch, v):
+    """The ground under a load f_n rises by -dD/dt: that lift is the work of the resistance, at any speed."""
+    effect, D, f_n = DiggingMemory(length=0.03), 0.006, 9.0
+    contact = patch(rim=-1.0, v_x=v)
+    lift = -f_n * float(effect.rate(contact, Load(f_n=f_n), (D,))[0])
+    taken = -v * float(effect.load(contact, Load(f_n=f_n), (D,)).f_t)
+    assert lift > 0.0
+    assert taken == pytest.approx(lift, rel=1e-12)

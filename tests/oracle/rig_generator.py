@@ -52,14 +52,14 @@ class Rig:
         s = self.ground(h, S, day)
         f_n, f_t, torque = self.sheared(h, S, s)
         sense = v / np.hypot(v, 0.005)
-        f_t -= f_n * dug / self.r * sense
+        f_t -= f_n * dug / 0.04 * sense
         for effect, size in self.sizes.items():
             f_t, torque = after(effect, size, (f_n, f_t, torque), (h, S, rim, v, self.r, self.b, s, sense))
         return f_n, f_t, torque
 
     def dug(self, rim, v):
         """Depth of the hole of a digging wheel, where digging and rolling out balance."""
-        thrown, left = self.sizes.get("digging", 0.0) * max(rim - v, 0.0), abs(v) / 0.04
+        thrown, left = self.sizes.get("digging", 0.0) * max(rim - v, 0.0), v * v / np.hypot(v, 0.005) / 0.04
         return thrown / (left + 2 * thrown / self.r)
 
     def ground(self, h, S, day):

@@ -41,7 +41,7 @@ ANGLES = ("body_roll", "body_pitch", "body_yaw", "rocker_l", "rocker_r", "bogie_
 LIMITS = {"place": 0.3e-3, "angle": 0.6e-3, "rate": 2e-3, "speed": 0.8e-3, "current": 0.4e-3, "voltage": 2e-3}
 """A fifth of the noise [SI]; places and angles at their worst, the others rms over the drive."""
 SEVERITY = 4.0
-BASE = scenario("flat", **{"soil.k": 0.005}).model
+BASE = scenario("flat", **{"soil.k": 0.005, "cruise_slip": 0.05}).model
 RESISTANCE = float(BASE.effect(MotionResistance).R)
 
 

@@ -104,12 +104,14 @@ class Contact:
         S_y = across + p["ringing"] * across_rate
 
         h, tan_phi, c, k, K, n = p["h"], p["tan_phi"], p["c"], p["k"], p["k_1"], p["n"]
-        ratio, theta_2 = p["exit_ratio"], p["theta_2"]
+        ratio, theta_2, deeper = p["exit_ratio"], p["theta_2"], 0.0
         if "DiggingMemory" in on:
             h = np.maximum(h - dug, 0.0)
         if "SlipSinkage" in on:
+            deeper = p["SlipSinkage.n_1"] * np.maximum(S, 0.0)
             n = np.minimum(n + p["SlipSinkage.n_1"] * np.maximum(S, 0.0), 3.0)
         if "SkidSinkage" in on:
+            deeper = deeper + p["SkidSinkage.n_s"] * np.maximum(-S, 0.0)
             n = np.minimum(n + p["SkidSinkage.n_s"] * np.maximum(-S, 0.0), 3.0)
         if "LoadExponent" in on:
             n = np.clip(n + p["LoadExponent.n_h"] * h / b, 0.05, 3.0)
@@ -148,7 +150,9 @@ class Contact:
         if "MotionResistance" in on:
             f_t = f_t - p["MotionResistance.R"] * f_n * sense
         if "DiggingMemory" in on:
-            f_t = f_t - f_n * dug / r * sense
+            f_t = f_t - f_n * dug / p["DiggingMemory.length"] * sense
+        if np.any(deeper):
+            f_t = f_t - soils.rut(h, ratio, n, deeper, K, r, b) * sense
         if "Bulldozing" in on:
             f_t = f_t - p["Bulldozing.share"] * b * bank(h, np.arctan(tan_phi), c, p["Bulldozing.gamma"]) * sense
         if "PeakStress" in on:
@@ -171,7 +175,7 @@ class Contact:
         dug_rate = np.zeros_like(v)
         if "DiggingMemory" in on:
             thrown = np.maximum(rim - v, 0.0) * np.minimum(h / 1e-4, 1.0)
-            left = dug * np.abs(v) / p["DiggingMemory.length"]
+            left = dug * v * sense / p["DiggingMemory.length"]
             dug_rate = p["DiggingMemory.c_d"] * thrown * (1.0 - 2.0 * dug / r) - left
         return Load(f_t, f_y, f_n, torque, S, along_rate, across_rate, dug_rate)
 

@@ -80,3 +80,22 @@ def peaked_forces(S, theta_1, theta_m, theta_2, soil, r, b):
         f_n = f_n + np.sum(weight * (stress * np.cos(theta) + shear * np.sin(theta)), axis=0)
         torque = torque + np.sum(weight * shear, axis=0)
     return r * b * scale * f_n, r * r * b * scale * torque
+
+
+def rut(h, ratio, n, deeper, K, r, b):
+    """Return what pressing a rut of depth h costs more than the shallower one of the exponent n - deeper [N]."""
+    theta, before = entry_angle(h, r), np.maximum(n - deeper, 0.05)
+
+    def pressed(top, m):
+        on = arc(top, -ratio * top)
+        return (r / b) ** m * np.einsum("ij,ij->j", on.depth**m, on.weighted_cosine)
+
+    def cost(top, m):
+        return K * r * b * (r / b) ** m * (np.cos(ratio * top) - np.cos(top)) ** (m + 1.0) / (m + 1.0)
+
+    carried, low, high = pressed(theta, n), 0.2 * theta, 1.5 * theta
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        above = pressed(middle, before) > carried
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    return np.maximum(cost(theta, n) - cost(0.5 * (low + high), before), 0.0)

@@ -1,0 +1,52 @@
+"""What a deeper rut costs, against Bekker's integral and a balance of the load by brute force."""
+
+import math
+
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.soil.compaction import compaction, sinking_resistance
+
+WHEEL, RATIO = Wheel(), 1.0 / 7.0
+
+
+def pressure_force(theta_1, n):
+    scale = 54207.3 * 0.045 * 0.05 * 0.9**n
+    return (
+        scale
+        * quad(lambda at: max(math.cos(at) - math.cos(theta_1), 0.0) ** n * math.cos(at), -RATIO * theta_1, theta_1)[0]
+    )
+
+
+def rut_work(theta_1, n):
+    """b int p dz from where the rear lets go of the soil to the bottom, p = k_1 (z / b)^n."""
+    bottom, left = (0.045 * (math.cos(at) - math.cos(theta_1)) for at in (0.0, RATIO * theta_1))
+    assert left < bottom
+    return 0.05 * quad(lambda z: 54207.3 * (z / 0.05) ** n, 0.0, left)[0]
+
+
+@pytest.mark.parametrize("n", [0.5, 1.0, 1.4])
+def test_compaction_is_bekkers_work_per_length(n):
+    theta_1 = 0.6
+    ours = float(compaction(theta_1, (1.0 + RATIO) * theta_1, WHEEL, Soil(n=n)))
+    assert ours == pytest.approx(rut_work(theta_1, n), rel=1e-9)
+
+
+@pytest.mark.parametrize("n", [0.5, 1.0, 1.3])
+@pytest.mark.parametrize("rise", [0.05, 0.3, 1.0])
+@pytest.mark.parametrize("h", [0.001, 0.008, 0.02])
+def test_a_deeper_rut_costs_more_under_the_same_load(n, rise, h):
+    theta_1 = math.acos(1.0 - h / 0.045)
+    load = pressure_force(theta_1, n + rise)
+    before = brentq(lambda at: pressure_force(at, n) - load, 1e-3, 1.5)
+    expected = rut_work(theta_1, n + rise) - rut_work(before, n)
+    ours = float(sinking_resistance(h, WHEEL, Soil(n=n + rise), Soil(n=n)))
+    assert expected > 0.0
+    assert ours == pytest.approx(expected, abs=2.5e-3 * load)
+
+
+def test_the_same_soil_costs_nothing_more_and_a_stiffer_one_gives_nothing():
+    assert float(sinking_resistance(0.008, WHEEL, Soil(), Soil())) == 0.0
+    assert float(sinking_resistance(0.008, WHEEL, Soil(), Soil(n=1.2))) == 0.0
