@@ -65,7 +65,7 @@ def close_drive_loop(
         found = search(base, effects, progress, stages)
         progress("describing what is left")
         left = stages.kept("remainder", lambda: describe(found.last, progress))
-        verdict = _verdict(log, found, left, seed, progress)
+        verdict = verdict_on(log, found, left, seed, progress)
     verdict.provenance.update(provenance(seed, time.monotonic() - begun, command(log.folder, effects, out)))
     if out is None:
         return verdict
@@ -88,7 +88,8 @@ def _poor(log: DriveLog, model: Model, poor: str) -> DriveVerdict:
     )
 
 
-def _verdict(log: DriveLog, found: Search, left: Remainder, seed: int, progress: Progress) -> DriveVerdict:
+def verdict_on(log: DriveLog, found: Search, left: Remainder, seed: int, progress: Progress) -> DriveVerdict:
+    """Return the verdict on what was found in a log and what is left; what is doubtful is not in its model."""
     best = found.rounds[0].alike
     answer = answer_of(found, left)
     progress("runs left out, and driven freely")

@@ -146,8 +146,8 @@ def _verdict(
     poor: str,
 ) -> Verdict:
     data, best = setting.data, chosen.best if chosen else None
-    explained = _explained(base, best)
-    answer = _answer(base, chosen, explained, bool(poor))
+    explained = share_taken(base, best)
+    answer = answer_of(base, chosen, explained, bool(poor))
     left = remains(best.fit if best else base)
     if answer is Answer.NONE_FITS:
         best = None  # the nearest is mentioned, not added
@@ -187,14 +187,16 @@ def _side(setting: Setting, fit: RigFit) -> tuple[RigFit, Side]:
     return fit, Side(fit.model, fitted, flags(data, fit, fitted), remainders(data, fit), fit.misfit, fit, tests)
 
 
-def _explained(base: RigFit, best: Candidate | None) -> float:
+def share_taken(base: RigFit, best: Candidate | None) -> float:
+    """Return the share of the base's chi2 beyond the noise that the best candidate takes."""
     if best is None:
         return 0.0
     beyond = base.chi2 - max(base.problem.freedom, 1)
     return float(np.clip((base.chi2 - best.fit.chi2) / beyond, 0, 1)) if beyond > 0 else 1.0
 
 
-def _answer(base: RigFit, chosen: Comparison | None, explained: float, poor: bool) -> Answer:
+def answer_of(base: RigFit, chosen: Comparison | None, explained: float, poor: bool) -> Answer:
+    """Return what may be said of the model, given the candidates that were compared and the share taken."""
     if poor or chosen is None:
         return Answer.CANNOT_TELL
     if chosen.best is None:

@@ -19,7 +19,6 @@ from rover_pin.evidence.rig_set import as_rig_set
 LEVELS, REPEATS = 8, 3
 RUNS = LEVELS * REPEATS
 SD, DEPTH = (0.1, 1e-3), 0.015
-CENTRE = np.repeat([0.0, DEPTH], RUNS)
 MODEL = RigModel(Wheel(), Soil())
 FREE = ("phi", "exit_ratio")
 PRIOR = {"exit_ratio": Prior(float(Soil().exit_ratio), 0.1)}
@@ -54,7 +53,7 @@ class LinearEvidence:
         names, sd = self.model.names, np.concatenate([channel.sd for channel in self.channels])
 
         def channels(fields):
-            values, jacobian = CENTRE.copy(), np.zeros((sd.size, len(free)))
+            values, jacobian = np.repeat([0.0, DEPTH], sd.size // 2), np.zeros((sd.size, len(free)))
             for name, law in self.laws.items():
                 if name in names:
                     u = law.coordinate.u(fields[names.index(name)])
@@ -102,3 +101,43 @@ def rig_set(rows):
 
 def setting(rows, laws, free=FREE, priors=PRIOR):
     return LinearSetting(rig_set(rows), free, priors, 0, laws)
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """rows = X u + noise of SD 1; u_j is normal about m_j with SD s_j, or anything where s_j is infinite."""
+
+    X: np.ndarray
+    y: np.ndarray
+    mean: np.ndarray
+    sd: np.ndarray
+
+    def solved(self, keep=slice(None)):
+        """Return u of least squares on some rows, and chi2 with the priors."""
+        known = np.isfinite(self.sd)
+        matrix = np.vstack([self.X[keep], np.diag(1 / self.sd)[known]])
+        right = np.concatenate([self.y[keep], self.mean[known] / self.sd[known]])
+        u = np.linalg.lstsq(matrix, right, rcond=None)[0]
+        rest = right - matrix @ u
+        return u, float(rest @ rest)
+
+    def covariance(self):
+        return np.linalg.inv(self.X.T @ self.X + np.diag(self.sd**-2.0))
+
+    def held_out(self, level):
+        """Return the residual of each level, as least squares on the others predict it [channels, runs]."""
+        levels, rest = np.tile(level, 2), np.zeros(self.y.size)
+        for one in np.unique(level):
+            u, _ = self.solved(levels != one)
+            rest[levels == one] = self.y[levels == one] - self.X[levels == one] @ u
+        return rest.reshape(2, -1)
+
+
+def gaussian(rows, laws, names, priors=PRIOR):
+    """The closed form of a fit of `names` to rows [SD]."""
+    columns = [laws[name].slope for name in names]
+    zero = sum(laws[name].slope * laws[name].zero for name in names)
+    scale = {name: laws[name].coordinate.slope(0.0) for name in names}
+    mean = [priors[name].mean / scale[name] if name in priors else 0.0 for name in names]
+    sd = [priors[name].sd / scale[name] if name in priors else np.inf for name in names]
+    return Gaussian(np.array(columns).T, rows + zero, np.array(mean), np.array(sd))

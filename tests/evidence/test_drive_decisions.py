@@ -1,0 +1,639 @@
+"""The decisions of the loop on drive logs against the linear Gaussian model in closed form, all in milliseconds."""
+
+import dataclasses
+import importlib.util
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from rover_pin.effects.dead_band import DeadBand
+from rover_pin.effects.exit_angle import ExitAngle
+from rover_pin.effects.gear_friction import GearFriction
+from rover_pin.effects.hard_patch import HardPatch
+from rover_pin.effects.sensor_bias import SensorBias
+from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.effects.tether_drag import TetherDrag
+from rover_pin.effects.torque_saturation import TorqueSaturation
+from rover_pin.effects.viscous_friction import ViscousFriction
+from rover_pin.evidence.drive_candidates import Candidate, size_of
+from rover_pin.evidence.drive_compare import ODDS, Refit, alike, joined, refit
+from rover_pin.evidence.drive_fit import Task, at, fit
+from rover_pin.evidence.drive_heldout import held_out, together
+from rover_pin.evidence.drive_left_out import FAR, left_out, loss_of, refitted_left_out
+from rover_pin.evidence.drive_loop import MUCH, UNKNOWN, answer_of, explained, is_unknown, verdict_on
+from rover_pin.evidence.drive_noise import COLOURED, huber
+from rover_pin.evidence.drive_report import sides_of
+from rover_pin.evidence.drive_screen import (
+    MULTIPLES,
+    ROUGH,
+    SOUGHT,
+    STILL,
+    Signature,
+    fee_of,
+    saturated,
+    score,
+    signatures,
+    started,
+    trials,
+)
+from rover_pin.evidence.drive_search import MOST, Round, Search, fee_after, search
+from rover_pin.evidence.drive_verdict import numbers
+from rover_pin.evidence.profile import NORMAL_95
+from rover_pin.evidence.verdict import Answer
+
+
+def module(name):
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).parent / f"{name}.py")
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+linear, channels = module("linear_drive"), module("drive_channels")
+
+OWNER = linear.owner_of_rows()
+SILENT = lambda line: None  # noqa: E731
+
+
+def candidate(effect, place=""):
+    own = type(effect).__name__ + place
+    sizes = tuple(f"{own.partition('@')[0]}.{name}" for name in effect.neutral)
+    return Candidate(own, effect, sizes)
+
+
+EXIT, VISCOUS, BAND = (candidate(effect) for effect in (ExitAngle(), ViscousFriction(), DeadBand()))
+FREED = Candidate("WeakMotor[0]", None, ("WeakMotor[0].g",))
+
+
+def law(random, one, size=1.0, shape=linear.SHAPE):
+    """The slopes of an effect's sizes: random, `size` SDs at the default size."""
+    made = {}
+    for name in one.sizes:
+        field = name.rpartition(".")[2]
+        neutral = one.effect.neutral[field]
+        reach = float(getattr(one.effect, field)) - neutral or 1.0
+        made[name] = (neutral, size * random.normal(size=shape) / reach)
+    return made
+
+
+def shown(columns, sizes):
+    """The features that these values of numbers show beyond those of the base model."""
+    return sum((value - columns[name][0]) * columns[name][1] for name, value in sizes.items())
+
+
+@pytest.fixture(scope="module")
+def made():
+    """A base whose numbers are fitted, an exit angle hidden in the log, and laws of three candidates."""
+    random = np.random.default_rng(7)
+    free = linear.nuisances()
+    columns = linear.slopes(random, free)
+    for one in (EXIT, VISCOUS, BAND):
+        columns |= law(random, one)
+    seen = shown(columns, {"soil.phi": free[0].value(0.8), "ExitAngle.e_1": 0.18}) + random.normal(size=linear.SHAPE)
+    return linear.fitted(seen, columns), columns
+
+
+def closed(fitted, freed=(), added=(), anchors=None):
+    """The closed form with some numbers freed from their priors and the sizes of candidates added."""
+    model = fitted.model
+    for one in added:
+        model = one.on(model)
+    sizes = [size_of(model, name) for one in added for name in one.sizes]
+    whole = dataclasses.replace(fitted, parameters=(*fitted.parameters, *sizes))
+    return linear.gaussian(whole, freed, anchors)
+
+
+def refitted(base, one):
+    """The package's own fit with a candidate added to the base."""
+    model = one.on(base.model)
+    parameters, start = joined(base, one, model)
+    return fit(base.task, model, parameters, start)
+
+
+# --- the base fit ----------------------------------------------------------------------------------------------------
+
+
+def test_the_fit_is_least_squares_with_priors(made):
+    fitted, _ = made
+    u, chi2 = closed(fitted).solved()
+    np.testing.assert_allclose(fitted.u, u, atol=1e-8)
+    assert fitted.chi2 == pytest.approx(chi2, rel=1e-12)
+    assert fitted.misfit == pytest.approx(huber(fitted.rows) / fitted.task.noise.count)
+    np.testing.assert_allclose(fitted.covariance, closed(fitted).covariance, rtol=1e-9)
+
+
+def test_intervals_are_those_of_the_posterior_widened_for_coloured_noise(made):
+    """And by the misfit where it is above 1: where twice the noise is left, SDs are twice as wide."""
+    fitted, columns = made
+    plain = np.sqrt(np.diag(closed(fitted).covariance))
+    assert (fitted.spread >= math.sqrt(COLOURED) * plain * (1 - 1e-9)).all()
+    poor = np.where(np.arange(linear.SHAPE[2]) % 2, 3.0, -3.0) * np.ones(linear.SHAPE)
+    missed = linear.fitted(poor, columns)
+    assert missed.misfit > 8.5
+    expected = np.sqrt(np.diag(closed(missed).covariance) * COLOURED * missed.misfit)
+    assert (missed.spread >= expected * (1 - 1e-9)).all()
+    for one, sd, u in zip(numbers(missed), missed.spread, missed.u, strict=True):
+        known = next(each for each in missed.parameters if each.name == one.name)
+        assert one.high - one.low == pytest.approx(2 * NORMAL_95 * sd * known.scale, rel=1e-9)
+        assert one.drift == pytest.approx(u)
+
+
+def test_rows_that_hang_together_by_stretches_widen_an_interval():
+    """The sandwich of stretches, by hand: errors of 8 blocks have one sign, so their SD is sqrt(8) times the white."""
+    random = np.random.default_rng(3)
+    shape = (8, 2, 64)
+    free = linear.nuisances()[:1]
+    columns = {free[0].name: (free[0].origin, np.ones(shape) / free[0].scale)}
+    seen = np.repeat(random.choice([-1.0, 1.0], (8, 1, 8)), 8, axis=2) * np.ones(shape)
+    fitted = linear.fitted(seen, columns, free)
+    count = fitted.rows.size
+    stretches = np.add.reduceat(fitted.residual.sum(axis=1), np.arange(0, 64, 8), axis=1)
+    expected = math.sqrt((64 / 63 * np.sum(stretches**2) + 1.0) / (count + 1.0) ** 2)
+    assert fitted.spread[0] == pytest.approx(max(expected, math.sqrt(COLOURED * fitted.misfit / (count + 1))), rel=1e-9)
+    assert expected > math.sqrt(COLOURED / (count + 1))
+
+
+# --- the score test --------------------------------------------------------------------------------------------------
+
+
+def test_the_score_of_a_candidate_is_the_exact_fall_of_chi2(made):
+    fitted, _ = made
+    rows = {row.candidate.name: row for row in score(fitted, signatures(fitted, [EXIT, FREED]))}
+    for name, freed, added in (("ExitAngle", (), (EXIT,)), ("WeakMotor[0]", FREED.sizes, ())):
+        u, chi2 = closed(fitted, freed, added).solved()
+        assert rows[name].gain == pytest.approx(fitted.chi2 - chi2, rel=1e-6, abs=1e-8)
+    u, _ = closed(fitted, (), (EXIT,)).solved()
+    assert rows["ExitAngle"].share == pytest.approx(u[-1], rel=1e-6)
+    assert started(rows["ExitAngle"], fitted.model) == {"ExitAngle.e_1": pytest.approx(0.3 * u[-1])}
+    assert started(rows["WeakMotor[0]"], fitted.model) == {"WeakMotor[0].g": fitted.value("WeakMotor[0].g")}
+
+
+def test_the_score_counts_from_where_the_numbers_would_be(made):
+    """Of a base that is not at its optimum, with priors that pull: the fall from its optimum, not from where it is."""
+    fitted, _ = made
+    off = fitted.u + np.array([0.4, -0.3])
+    (predicted,) = fitted.task.bench.predict([at(fitted.model, fitted.parameters, off)])
+    moved = dataclasses.replace(fitted, u=off, predicted=predicted)
+    (row,) = score(moved, signatures(fitted, [EXIT]))
+    _, chi2 = closed(fitted, (), (EXIT,)).solved()
+    assert row.gain == pytest.approx(fitted.chi2 - chi2, rel=1e-6)
+
+
+def test_what_the_numbers_imitate_is_not_told():
+    """A signature along a number's own slope is absorbed but for its prior; one of a tenth of an SD is not visible."""
+    random = np.random.default_rng(1)
+    free = linear.nuisances()
+    columns = linear.slopes(random, free)
+    columns["ExitAngle.e_1"] = (0.0, columns["soil.phi"][1] + 1e-5 * random.normal(size=linear.SHAPE))
+    faint = random.normal(size=linear.SHAPE)
+    columns["ViscousFriction.b_v"] = (0.0, 0.9 * STILL / 0.01 * faint / np.linalg.norm(faint))
+    columns["DeadBand.delta_0"] = (0.0, 1.3 * STILL / 0.05 * faint / np.linalg.norm(faint))
+    fitted = linear.fitted(random.normal(size=linear.SHAPE), columns)
+    rows = {row.candidate.name: row for row in score(fitted, signatures(fitted, [EXIT, VISCOUS, BAND]))}
+    slope = columns["soil.phi"][1].ravel()
+    own = slope @ slope * free[0].scale ** 2
+    assert 1 - rows["ExitAngle"].absorbed == pytest.approx(1 / (1 + own), rel=0.05)
+    assert rows["ViscousFriction"].visible < STILL < rows["DeadBand"].visible
+    assert not rows["ViscousFriction"].told
+    assert rows["DeadBand"].told
+    assert rows["DeadBand"].smallest(9.0) == pytest.approx(3.0 / rows["DeadBand"].visible)
+
+
+def test_a_size_that_may_not_be_negative_gains_nothing_where_the_log_asks_for_less():
+    random = np.random.default_rng(2)
+    columns = linear.slopes(random, linear.nuisances()) | law(random, VISCOUS) | law(random, EXIT)
+    seen = shown(columns, {"ViscousFriction.b_v": -0.02})
+    fitted = linear.fitted(seen, columns)
+    rows = {row.candidate.name: row for row in score(fitted, signatures(fitted, [VISCOUS, EXIT]))}
+    assert rows["ViscousFriction"].gain == 0.0
+    assert rows["ViscousFriction"].share == 0.0
+    far = linear.fitted(shown(columns, {"ExitAngle.e_1": 3.0}), columns)
+    (row,) = score(far, signatures(far, [EXIT]))
+    assert row.share == pytest.approx(1.0 / 0.3), "e_1 is at most 1, and 0.3 by default"
+    near = closed(far, (), (EXIT,)).solved()[1]
+    assert 0 < row.gain < far.chi2 - near
+
+
+def test_a_candidate_is_tried_at_each_of_its_sizes_alone_a_threshold_at_several():
+    tether, threshold = candidate(TetherDrag()), candidate(TorqueSaturation())
+    assert trials(tether, linear.MODEL) == [
+        {"TetherDrag.f_0": 0.5, "TetherDrag.f_1": 0.0}, {"TetherDrag.f_0": 0.0, "TetherDrag.f_1": pytest.approx(0.2)},
+    ]  # fmt: skip
+    assert trials(threshold, linear.MODEL) == [{"TorqueSaturation.i_max": pytest.approx(0.03 * m)} for m in MULTIPLES]
+    patch = candidate(HardPatch(), "@0.500")
+    (whole,) = trials(patch, linear.MODEL)
+    assert whole == {name: pytest.approx(float(getattr(HardPatch(), name.rpartition(".")[2]))) for name in patch.sizes}
+
+
+def test_of_several_trials_the_best_is_kept(made):
+    fitted, _ = made
+    random = np.random.default_rng(5)
+    right = fitted.residual
+    moved = [0.2 * random.normal(size=linear.SHAPE), right, -right]
+    rows = score(fitted, [Signature(EXIT, {"ExitAngle.e_1": 0.3}, each, {"ExitAngle.e_1": 0.0}) for each in moved])
+    assert len(rows) == 1
+    assert rows[0].signature.moved is right
+
+
+def test_the_most_promising_stands_first(made):
+    fitted, _ = made
+    gains = [row.gain for row in score(fitted, signatures(fitted, [VISCOUS, BAND, FREED, EXIT]))]
+    assert gains == sorted(gains, reverse=True)
+    assert gains[0] > gains[1]
+
+
+def test_a_sensors_signature_needs_no_replay(made):
+    fitted, columns = made
+    bias = Candidate("SensorBias[current_fl_A]", SensorBias(channel="current_fl_A"), ("SensorBias[current_fl_A].bias",))
+    slope = np.ones(linear.SHAPE) / 0.017
+    bench = dataclasses.replace(fitted.task.bench, slopes=columns | {bias.sizes[0]: (0.0, slope)}, asked=[])
+    fitted = dataclasses.replace(fitted, task=Task(bench, fitted.task.noise))
+    rows = signatures(fitted, [bias, EXIT])
+    assert bench.asked == [1]
+    np.testing.assert_allclose(rows[0].moved, 1.0)
+    np.testing.assert_allclose(rows[1].moved, 0.3 * columns["ExitAngle.e_1"][1])
+
+
+def test_noise_is_told_from_what_no_candidate_explains(made):
+    """With a ridge of 1e-4 of each column, so to three digits: least squares on numbers and signatures, no priors."""
+    fitted, _ = made
+    known = signatures(fitted, [EXIT, VISCOUS])
+    left = saturated(fitted, known)
+    moved = [fitted.slopes[one.name] for one in fitted.parameters] + [each.moved for each in known]
+    X = np.array(moved).reshape(len(moved), -1).T
+    rest = fitted.residual.ravel() - X @ np.linalg.lstsq(X, fitted.residual.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(left.ravel(), rest, atol=2e-3)
+
+
+# --- fees ------------------------------------------------------------------------------------------------------------
+
+
+def chance(count):
+    return 2 * math.log(count / 0.05)
+
+
+def test_the_fee_is_what_chance_gains_the_best_of_so_many():
+    assert fee_of(EXIT, 100) == pytest.approx(COLOURED * chance(100))
+    tether, patch = candidate(TetherDrag()), candidate(HardPatch(), "@0.500")
+    assert fee_of(tether, 100) == pytest.approx(COLOURED * (chance(100) + chance(1)))
+    assert fee_of(patch, 100) == pytest.approx(COLOURED * (SOUGHT * chance(100) + 2 * chance(1)))
+    assert fee_of(EXIT, 100, taken=400.0) == pytest.approx(COLOURED * chance(100) + ROUGH * 400.0)
+
+
+def test_white_noise_seldom_pays_the_fee():
+    """Of 400 sets of noise, each with the best of 12 candidates, about 5 % pay the fee without its colour factor."""
+    random = np.random.default_rng(0)
+    best = (random.normal(size=(4000, 12)) ** 2).max(axis=1)
+    assert np.mean(best > chance(12)) < 0.05
+    assert np.mean(best > chance(12) / 2) > 0.05, "half the fee would let chance through"
+
+
+# --- runs left out ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def with_exit(made):
+    return refitted(made[0], EXIT)
+
+
+def anchors(fitted):
+    """Sizes are held where the whole fit has them, by FAR default sizes."""
+    pairs = zip(fitted.parameters, fitted.u, strict=True)
+    return {one.name: (u, FAR) for one, u in pairs if not one.prior}
+
+
+def test_a_run_left_out_is_predicted_by_exact_least_squares_on_the_others(made, with_exit):
+    np.testing.assert_allclose(left_out(made[0]), closed(made[0]).left_out(OWNER), rtol=1e-9)
+    exact = linear.gaussian(with_exit, anchors=anchors(with_exit)).left_out(OWNER)
+    np.testing.assert_allclose(left_out(with_exit), exact, rtol=1e-9)
+    whole = [huber(with_exit.rows[run == OWNER]) for run in range(linear.RUNS)]
+    assert (left_out(with_exit) > whole).all(), "a run that is left out is met less well than one that is fitted"
+
+
+def test_refits_without_a_run_say_the_same(made, with_exit):
+    for fitted, own in ((made[0], {}), (with_exit, anchors(with_exit))):
+        exact = linear.gaussian(fitted, anchors=own).left_out(OWNER)
+        assert loss_of(fitted, refitted_left_out(fitted)) == pytest.approx(exact.sum(), rel=1e-6)
+
+
+def test_the_held_out_gain_is_the_exact_one_in_sign_and_size(made):
+    """What the exit angle gains on runs left out, and what a number of nothing loses there."""
+    base, _ = made
+    before, gains = closed(base).left_out(OWNER).sum(), []
+    for one in (EXIT, VISCOUS):
+        (got,) = refit(base, score(base, signatures(base, [one])), lambda one: 0.0, SILENT)
+        gains.append(got.held_out)
+        exact = linear.gaussian(got.fit, anchors=anchors(got.fit)).left_out(OWNER).sum()
+        assert got.held_out == pytest.approx(before - exact, rel=1e-6)
+        _, chi2 = closed(base, (), (one,)).solved()
+        assert got.gain == pytest.approx(base.chi2 - chi2, rel=1e-6, abs=1e-9)
+    assert gains[0] > 20
+    assert gains[1] < 0
+
+
+def test_a_size_of_one_run_alone_is_not_held_by_its_own_run():
+    """Three runs do not show the effect: without the fourth its size is free, and that run is predicted no better."""
+    random = np.random.default_rng(4)
+    columns = linear.slopes(random, linear.nuisances())
+    slope = np.zeros(linear.SHAPE)
+    slope[3] = random.choice([-1.0, 1.0], linear.SHAPE[1:]) / 0.3
+    columns["ExitAngle.e_1"] = (0.0, slope)
+    noise = np.clip(random.normal(size=linear.SHAPE), -2, 2)
+    base = linear.fitted(shown(columns, {"ExitAngle.e_1": 0.5}) + noise, columns)
+    (got,) = refit(base, score(base, signatures(base, [EXIT])), lambda one: 0.0, SILENT)
+    exact = linear.gaussian(got.fit, anchors=anchors(got.fit)).left_out(OWNER).sum()
+    assert got.gain > 50
+    assert got.held_out == pytest.approx(closed(base).left_out(OWNER).sum() - exact, rel=1e-6)
+
+
+def test_held_out_errors_of_the_verdict_are_the_exact_ones(made, with_exit):
+    found = held_out(made[0], with_exit, 0)
+    exact = [closed(made[0]).left_out(OWNER), linear.gaussian(with_exit, anchors=anchors(with_exit)).left_out(OWNER)]
+    count = linear.SHAPE[1] * linear.SHAPE[2]
+    for run, row in enumerate(found.runs):
+        assert (row.before, row.after) == pytest.approx((exact[0][run] / count, exact[1][run] / count), rel=1e-6)
+        assert row.low <= row.after / row.before - 1 <= row.high
+    assert together(found.runs) == pytest.approx(tuple(each.sum() / (count * linear.RUNS) for each in exact), rel=1e-6)
+    squares = sum(row.before**2 for row in found.channels) * count / linear.SHAPE[1] * linear.RUNS
+    assert squares == pytest.approx(exact[0].sum(), rel=1e-6)
+
+
+def test_the_interval_of_a_change_is_that_of_resampled_stretches():
+    """Every second stretch falls from 2 to 1 SD: a run's two stretches and a channel's eight, by the binomial law."""
+    columns = {one.name: (one.origin, np.zeros(linear.SHAPE)) for one in linear.nuisances()}
+    was = np.full(linear.SHAPE, 2.0)
+    now = np.where(np.arange(linear.SHAPE[2]) < 8, 1.0, was)
+    found = held_out(*(linear.fitted(seen, columns) for seen in (was, now)), 0)
+    for run in found.runs:
+        assert (run.before, run.after) == pytest.approx((4.0, 2.5))
+        assert (run.low, run.high) == pytest.approx((1 / 4 - 1, 0.0))
+    fell = [math.sqrt(1 - 0.75 * binom.ppf(share, 8, 0.5) / 8) - 1 for share in (0.975, 0.025)]
+    for row in found.channels:
+        assert (row.before, row.after) == pytest.approx((2.0, math.sqrt(2.5)))
+        assert (row.low, row.high) == pytest.approx(fell)
+
+
+# --- freed numbers ---------------------------------------------------------------------------------------------------
+
+
+def test_a_freed_number_loses_its_prior_and_nothing_else_does(made):
+    base, _ = made
+    parameters, start = joined(base, FREED, base.model)
+    assert [(one.name, one.prior) for one in parameters] == [("soil.phi", True), ("WeakMotor[0].g", False)]
+    np.testing.assert_allclose(start, base.u)
+    parameters, start = joined(base, EXIT, EXIT.on(base.model))
+    assert [(one.name, one.prior) for one in parameters] == [
+        ("soil.phi", True), ("WeakMotor[0].g", True), ("ExitAngle.e_1", False),
+    ]  # fmt: skip
+    assert start[-1] == 1.0
+
+
+def test_freeing_a_number_that_is_far_off_gains_what_its_prior_cost():
+    random = np.random.default_rng(6)
+    free = linear.nuisances()
+    columns = linear.slopes(random, free)
+    base = linear.fitted(shown(columns, {"WeakMotor[0].g": 8 * 0.02}) + random.normal(size=linear.SHAPE), columns)
+    (got,) = refit(base, score(base, signatures(base, [FREED])), lambda one: 0.0, SILENT)
+    u, chi2 = closed(base, FREED.sizes).solved()
+    assert got.gain == pytest.approx(base.chi2 - chi2, rel=1e-6)
+    assert got.gain == pytest.approx(base.u[1] ** 2, rel=0.1)
+    np.testing.assert_allclose(got.fit.u, u, rtol=1e-6)
+    assert numbers(got.fit)[1].drift != numbers(got.fit)[1].drift, "nothing was declared of a number that is free"
+
+
+# --- which are refitted ----------------------------------------------------------------------------------------------
+
+
+def hidden(size, seed=8, also=()):
+    """A base on a log that hides an exit angle, and may also hide others."""
+    random = np.random.default_rng(seed)
+    columns = linear.slopes(random, linear.nuisances())
+    for one in (EXIT, VISCOUS, BAND):
+        columns |= law(random, one)
+    noise = random.normal(size=linear.SHAPE)
+    return linear.fitted(shown(columns, {"ExitAngle.e_1": size, **dict(also)}) + noise, columns)
+
+
+def test_one_that_promises_too_little_of_its_fee_is_not_refitted():
+    base = hidden(0.2)
+    rows = score(base, signatures(base, [EXIT, VISCOUS, BAND]))
+    gain = next(row.gain for row in rows if row.candidate is EXIT)
+    assert [one.name for one in refit(base, rows, lambda one: gain / 0.41, SILENT)] == ["ExitAngle"]
+    assert refit(base, rows, lambda one: gain / 0.39, SILENT) == ()
+
+
+def test_refits_come_best_first():
+    base = hidden(0.2, also={"DeadBand.delta_0": 0.1}.items())
+    found = refit(base, score(base, signatures(base, [EXIT, VISCOUS, BAND])), lambda one: 1.0, SILENT)
+    nets = [one.net for one in found]
+    assert nets == sorted(nets, reverse=True)
+    assert found[0].name == "DeadBand"
+
+
+# --- accepted, and told apart ----------------------------------------------------------------------------------------
+
+
+def made_refit(name, net, held=1.0, fee=10.0):
+    return Refit(Candidate(name, object(), ()), None, net + fee, fee, held)
+
+
+@pytest.mark.parametrize(("net", "held", "accepted"), [(1, 1, True), (-1, 1, False), (1, -1, False), (0, 1, False)])
+def test_a_candidate_gains_more_than_chance_and_predicts_better(net, held, accepted):
+    assert made_refit("A", net, held).accepted == accepted
+
+
+def names(found):
+    return [one.name for one in alike(found)]
+
+
+def test_the_set_of_rivals():
+    best = made_refit("A", 100.0)
+    assert names([]) == []
+    assert names([made_refit("A", 5.0, -1.0)]) == []
+    assert names([best, made_refit("B", 100.0 - ODDS + 1)]) == ["A", "B"]
+    assert names([best, made_refit("B", 100.0 - ODDS - 1)]) == ["A"]
+    assert names([made_refit("A", 12.0), made_refit("B", 0.5), made_refit("C", -0.5)]) == ["A", "B"]
+    assert names([best, made_refit("B", 99.0, -3.0)]) == ["A", "B"], "a near one that predicts worse is still a rival"
+    assert names([made_refit("B", 120.0, -1.0), best]) == ["A", "B"], "the best is the best accepted one"
+
+
+def test_places_of_one_kind_are_one_rival():
+    patch = [made_refit(f"HardPatch@{x}", net) for x, net in (("0.1", 99.0), ("0.2", 98.0))]
+    assert names([made_refit("A", 100.0), *patch]) == ["A", "HardPatch@0.1"]
+    assert names([made_refit("HardPatch@0.0", 100.0), *patch, made_refit("B", 99.0)]) == ["HardPatch@0.0", "B"]
+    wheels = [made_refit(f"WeakMotor[{wheel}]", 99.0 - wheel) for wheel in range(2)]
+    assert names([made_refit("A", 100.0), *wheels]) == ["A", "WeakMotor[0]", "WeakMotor[1]"]
+
+
+# --- the search ------------------------------------------------------------------------------------------------------
+
+
+def searched(sizes, laws, seed=9, noise=1.0):
+    random = np.random.default_rng(seed)
+    columns = linear.slopes(random, linear.nuisances()) | laws(random)
+    rows = noise * random.normal(size=linear.SHAPE)
+    base = linear.fitted(shown(columns, sizes) + rows, columns)
+    return search(base, None, SILENT)
+
+
+def three(random):
+    found = {}
+    for one in (EXIT, VISCOUS, BAND):
+        found |= law(random, one)
+    return found
+
+
+def carrier(strength):
+    return SimpleNamespace(best=SimpleNamespace(strength=strength, said="acts as a force"))
+
+
+QUIET = carrier(5.0)
+
+
+def test_a_hidden_effect_is_found_and_named():
+    found = searched({"ExitAngle.e_1": 0.5}, three)
+    assert [one.name for one in found.found] == ["ExitAngle"]
+    assert found.last.value("ExitAngle.e_1") == pytest.approx(0.5, abs=0.06)
+    assert len(found.rounds) == 2
+    assert found.count > 40
+    assert answer_of(found, QUIET) is Answer.NAMED
+    assert explained(found) > 0.9
+
+
+def test_noise_needs_no_effect():
+    found = searched({}, three)
+    assert found.found == ()
+    assert found.last is found.base
+    assert answer_of(found, QUIET) is Answer.NONE_NEEDED
+
+
+def test_two_that_do_the_same_are_a_set():
+    def twins(random):
+        one = law(random, EXIT)["ExitAngle.e_1"][1]
+        return {"ExitAngle.e_1": (0.0, one), "ViscousFriction.b_v": (0.0, 0.3 / 0.01 * one)}
+
+    found = searched({"ExitAngle.e_1": 0.5}, twins)
+    assert {one.name for one in found.rounds[0].alike} == {"ExitAngle", "ViscousFriction"}
+    assert answer_of(found, QUIET) is Answer.SET
+
+
+def test_two_effects_are_found_one_after_the_other():
+    found = searched({"ExitAngle.e_1": 0.4, "DeadBand.delta_0": 0.15}, three)
+    assert {one.name for one in found.found} == {"ExitAngle", "DeadBand"}
+    assert len(found.rounds) == 3
+    assert answer_of(found, QUIET) is Answer.NAMED
+    first, second, third = (fee_after(found.rounds[:done], found.count)(VISCOUS) for done in range(3))
+    gains = [one.gain for one in found.found]
+    assert second - first == pytest.approx(ROUGH * gains[0])
+    assert third - first == pytest.approx(ROUGH * sum(gains))
+    fees = [one.fee for one in found.found]
+    assert fees == pytest.approx([fee_of(found.found[0].candidate, found.count), fee_of(BAND, found.count, gains[0])])
+
+
+def test_no_more_than_so_many_are_added():
+    many = (EXIT, VISCOUS, BAND, candidate(SupplySag()), candidate(GearFriction()))
+
+    def laws(random):
+        return {name: value for one in many for name, value in law(random, one).items()}
+
+    sizes = {"ExitAngle.e_1": 0.9, "ViscousFriction.b_v": 0.03, "DeadBand.delta_0": 0.15}
+    found = searched(sizes | {"SupplySag.R_b": 6.0, "GearFriction.tau_c": 0.15}, laws)
+    assert len(found.rounds) == MOST + 1
+
+
+# --- the answer ------------------------------------------------------------------------------------------------------
+
+
+def looked(*rounds, base=100.0, last=10.0, count=20):
+    """A hand-made search: chi2 of the base and of the last fit, and the refits of each look."""
+    task = SimpleNamespace(noise=SimpleNamespace(count=count))
+    fits = [SimpleNamespace(chi2=chi2, task=task) for chi2 in (base, last)]
+    made = [Round((), tuple(dataclasses.replace(one, fit=fits[1]) for one in each)) for each in rounds]
+    return Search(fits[0], tuple(made), ())
+
+
+ONE, RIVAL = made_refit("A", 100.0), made_refit("B", 99.0)
+
+
+@pytest.mark.parametrize(
+    ("found", "strength", "answer"),
+    [
+        (looked((ONE,), ()), 5.0, Answer.NAMED),
+        (looked((ONE, RIVAL), ()), 5.0, Answer.SET),
+        (looked((ONE,), (made_refit("C", 50.0), made_refit("D", 49.0)), ()), 5.0, Answer.SET),
+        (looked((ONE,), (made_refit("C", 50.0),), ()), 5.0, Answer.NAMED),
+        (looked(()), 5.0, Answer.NONE_NEEDED),
+        (looked((made_refit("A", -3.0),)), 5.0, Answer.NONE_NEEDED),
+        (looked(()), UNKNOWN + 1, Answer.NONE_FITS),
+        (looked(()), UNKNOWN - 1, Answer.NONE_NEEDED),
+        (looked((ONE,), ()), UNKNOWN + 1, Answer.NONE_FITS),
+        (looked((made_refit("A", 2000.0),), ()), MUCH * 2000 - 1, Answer.NAMED),
+        (looked((made_refit("A", 2000.0),), ()), MUCH * 2000 + 1, Answer.NONE_FITS),
+        (looked((made_refit("A", 1500.0),), (made_refit("B", 500.0),), ()), MUCH * 2000 - 1, Answer.NAMED),
+    ],
+)
+def test_the_answer(found, strength, answer):
+    assert answer_of(found, carrier(strength)) is answer
+    assert is_unknown(found, carrier(strength)) == (answer is Answer.NONE_FITS)
+
+
+@pytest.mark.parametrize(
+    ("base", "last", "share"), [(120.0, 20.0, 1.0), (120.0, 70.0, 0.5), (120.0, 120.0, 0.0), (120.0, 10.0, 1.0)]
+)
+def test_the_share_that_was_taken_is_of_what_is_beyond_the_noise(base, last, share):
+    assert explained(looked((ONE,), (), base=base, last=last, count=20)) == pytest.approx(share)
+
+
+def test_where_nothing_is_beyond_the_noise_all_of_it_was_taken_or_none():
+    assert explained(looked((ONE,), (), base=15.0, last=10.0)) == 1.0
+    assert explained(looked((), base=15.0)) == 0.0
+
+
+# --- the verdict -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def log():
+    return channels.log_of(*channels.GOOD)
+
+
+def test_what_was_found_is_in_the_verdicts_model(log):
+    found = searched({"ExitAngle.e_1": 0.5}, three)
+    verdict = verdict_on(log, found, QUIET, 0, SILENT)
+    assert verdict.answer is Answer.NAMED
+    assert verdict.named == verdict.alike == ("ExitAngle",)
+    assert [type(effect) for effect in verdict.effects] == [ExitAngle]
+    assert verdict.model.effect(ExitAngle).e_1 == pytest.approx(0.5, abs=0.06)
+    assert [one.name for one in verdict.after] == ["soil.phi", "WeakMotor[0].g", "ExitAngle.e_1"]
+    assert [one.name for one in verdict.profiles] == ["ExitAngle.e_1"]
+    assert verdict.sentence.startswith("the log is consistent with ExitAngle, which takes 9")
+    assert [(one.before, one.after) for one in verdict.free] == [pytest.approx((0.01, 0.009))] * linear.RUNS
+    before, after = together(verdict.runs)
+    assert after < 0.7 * before
+
+
+def test_what_is_doubtful_is_not_in_the_verdicts_model(log):
+    found = searched({"ExitAngle.e_1": 0.5}, three)
+    verdict = verdict_on(log, found, carrier(1e6), 0, SILENT)
+    assert verdict.answer is Answer.NONE_FITS
+    assert verdict.named == ()
+    assert verdict.alike == ("ExitAngle",)
+    assert verdict.effects == ()
+    assert verdict.model is found.base.model
+    assert verdict.profiles == ()
+    assert verdict.before == verdict.after
+    assert "something acts that is not on the list: it acts as a force" in verdict.sentence
+    assert "The nearest of the list, ExitAngle, does not take it." in verdict.sentence
+    assert not sides_of(verdict).added
+    assert together(verdict.runs)[0] == together(verdict.runs)[1]
+
+
+def test_nothing_needed_is_said_and_added(log):
+    verdict = verdict_on(log, searched({}, three), QUIET, 0, SILENT)
+    assert verdict.answer is Answer.NONE_NEEDED
+    assert (verdict.named, verdict.alike, verdict.explained) == ((), (), 0.0)
+    assert "no candidate gains more than chance" in verdict.sentence
