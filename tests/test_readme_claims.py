@@ -1,0 +1,135 @@
+"""Every command that the README prints runs as printed, and the numbers that stand beside it are what it prints."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from functools import cache, lru_cache
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TEXT = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+COMMAND = re.compile(r"(?<=`)(?:\.venv/bin/)?((?:rover-pin|python studies/)[^`]*)(?=`)|(studies/[\w./]+\.py)(?=`)")
+PATTERNS = {"rover-pin COMMAND --help", "rover-pin close-loop DATASET", "rover-pin check-urdf my_rover.toml",
+            "rover-pin drive flat --set rover=my_rover.toml"}  # fmt: skip
+"""What is printed as a pattern to fill in; `test_readme` drives the rover of the README's TOML."""
+
+
+class Claim(NamedTuple):
+    """A phrase of the README and of what the command prints, as patterns whose groups must agree, one by one."""
+
+    said: str
+    printed: str
+
+
+class Command(NamedTuple):
+    """A command of the README: what it needs before, and what the README says that comes out."""
+
+    claims: tuple[Claim, ...] = ()
+    needs: tuple[str, ...] = ()
+    exit_code: int = 0
+
+
+NUMBER = r"([-+]?[\d.]+(?:e-?\d+)?)"
+INTERVAL = rf"{NUMBER} \[{NUMBER}, {NUMBER}\]"
+LOOP = "rover-pin close-loop studies/data/cmu-smooth-wheel"
+COMMANDS = {
+    LOOP: Command(
+        (
+            Claim(rf"slip-sinkage, n_1 = {INTERVAL}", rf"SlipSinkage.n_1 = {NUMBER}, 95 % \[{NUMBER}, {NUMBER}\]"),
+            Claim(rf"sinkage error {NUMBER} -> {NUMBER} mm", rf"sinkage: RMSE {NUMBER} mm -> {NUMBER} mm"),
+            Claim(rf"without each slip level: slip-sinkage alone in {NUMBER} of {NUMBER}, with \S+ \S+ in {NUMBER}",
+                  rf"SlipSinkage chosen in {NUMBER} of {NUMBER} folds, and with another in {NUMBER}"),
+        )
+    ),
+}  # fmt: skip
+BY_HAND: dict[str, str] = {}
+"""Commands that take too long for a test: why, and where their results are kept."""
+
+
+def commands():
+    """Every command of the README, once, as it is printed."""
+    found = [full or f"python {script}" for full, script in COMMAND.findall(TEXT)]
+    return list(dict.fromkeys(command.strip() for command in found if command not in PATTERNS))
+
+
+@lru_cache(maxsize=1)
+def folder():
+    """A folder of the results with what a checkout has beside the README."""
+    made = Path(mkdtemp(prefix="readme"))
+    for name in ("studies", "urdf"):
+        (made / name).symlink_to(ROOT / name)
+    return made
+
+
+@cache
+def printed(command):
+    """What a command prints, run after those that it needs."""
+    about = COMMANDS.get(command, Command())
+    for other in about.needs:
+        printed(other)
+    program, *words = shlex.split(command)
+    start = ["-m", "rover_pin.cli"] if program == "rover-pin" else []
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]), "COLUMNS": "200"}
+    got = subprocess.run(
+        [sys.executable, *start, *words],
+        cwd=folder(),
+        env=env,
+        capture_output=True,
+        text=True,
+        timeout=1800,
+        check=False,
+    )
+    assert got.returncode == about.exit_code, got.stderr[-2000:]
+    assert "Traceback" not in got.stderr
+    return " ".join(got.stdout.split())
+
+
+def half_a_digit(word):
+    """Half a unit of the last digit that is printed."""
+    mantissa, _, power = word.partition("e")
+    return 0.5 * 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
+
+
+def agree(said, came):
+    """Whether a word of the README is the word that came out, a number as far as it is printed."""
+    try:
+        return abs(float(said) - float(came)) <= half_a_digit(said) * (1.0 + 1e-9)
+    except ValueError:
+        return said == came
+
+
+def test_numbers_agree_as_far_as_they_are_printed():
+    assert agree("1.43", "1.429")
+    assert agree("5.5", "5.528")
+    assert agree("3e3", "2751")
+    assert not agree("5", "3")
+    assert not agree("1.43", "1.424")
+    assert agree("stuck", "stuck")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_claim_stands_beside_its_command(command):
+    assert command in commands()
+    for claim in COMMANDS[command].claims:
+        assert re.search(claim.said, TEXT), claim.said
+
+
+def test_what_is_run_by_hand_is_a_command_of_the_readme():
+    assert set(BY_HAND) <= set(commands())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [each for each in commands() if each not in BY_HAND])
+def test_a_command_runs_and_prints_what_the_readme_says(command):
+    came = printed(command)
+    for claim in COMMANDS.get(command, Command()).claims:
+        said, found = re.search(claim.said, TEXT), re.search(claim.printed, came)
+        assert found, f"{claim.printed} is not printed: {came[:2000]}"
+        pairs = list(zip(said.groups(), found.groups(), strict=True))
+        assert all(agree(*pair) for pair in pairs), pairs
