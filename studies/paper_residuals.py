@@ -127,6 +127,8 @@ def main() -> None:
     options = parser.parse_args()
     found = [one for form in ("net", "torque") for one in resolved(form, options.quick)]
     print(contradictions(found).to_string(index=False), end="\n\n")
+    net, torque = (int(np.sum(np.abs(one.residuals) > KEPT)) for one in found if not one.change.names)
+    print(f"Table 1 breaks {net} of {len(found[0].residuals)} in the net form, {torque} in the torque form\n")
     table = ranking(found)
     for (form, kind), part in table.groupby(["form", "kind"], sort=False):
         print(f"{form} form, {kind}: {min(len(part), 6)} of {len(part)}")

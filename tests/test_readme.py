@@ -1,5 +1,6 @@
 """The README does what it says: its Python runs, its TOML is a rover, its files, commands and numbers exist."""
 
+import math
 import re
 from pathlib import Path
 
@@ -7,7 +8,9 @@ import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.cli import app
+from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.parameters import TABLE_1
+from rover_pin.scenarios import scenario
 from rover_pin.soil.traction import FORMS, load_traction_factor
 
 ROOT = Path(__file__).parents[1]
@@ -61,9 +64,15 @@ def test_it_shows_every_command():
 @pytest.mark.parametrize("name", FORMS)
 def test_the_traction_table_has_the_numbers_of_table_1(name, nexus6_wheel):
     row = next(line for line in TEXT.splitlines() if line.startswith(f"| `{name}` |"))
-    printed = [float(cell) for cell in row.split("|")[3:6]]
+    *factors, slopes = row.split("|")[3:7]
     computed = [load_traction_factor(S, TABLE_1, nexus6_wheel, FORMS[name]) for S in (0.0, 0.2, 1.0)]
-    assert printed == pytest.approx(computed, abs=5.1e-4)
+    assert [float(cell) for cell in factors] == pytest.approx(computed, abs=5.1e-4)
+    held = sum(
+        float(effect.R) for effect in scenario("flat", form=name).model.effects if isinstance(effect, MotionResistance)
+    )
+    steepest = [math.degrees(math.atan(computed[-1] - R)) for R in (0.0, held)[: 2 if held else 1]]
+    printed = [float(cell) for cell in slopes.replace("deg", "").split(",") if cell.strip() != "-"]
+    assert printed == pytest.approx(steepest, abs=0.051)
 
 
 @pytest.fixture
