@@ -16,7 +16,6 @@ from rover_pin.body.field import paper_field
 from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.body.terrain_files import from_grid, from_polyline
-from rover_pin.contact import Soil
 from rover_pin.control.slip_estimate import SpeedTable, calibrated_table
 from rover_pin.controls import controller_from
 from rover_pin.effects.gear_friction import GearFriction
@@ -29,19 +28,20 @@ from rover_pin.motion.command import Controller
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.effect_words import having, words_of
 from rover_pin.motion.log_terrain import write_terrain
-from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED, Model, base_effects, cruising
+from rover_pin.motion.model import CRUISE_SLIP, Model, base_effects, cruising
 from rover_pin.motion.model_toml import is_rig_model, read_model
 from rover_pin.motion.motor import Motor
+from rover_pin.motion.motors import motor_named
 from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import Progress, Timing, simulate
 from rover_pin.motion.trace import Trace
 from rover_pin.parameters import SOILS
-from rover_pin.parameters.gravity import EARTH, gravity_named
+from rover_pin.parameters.gravity import gravity_named
 from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.quantity import declared, quantities
 from rover_pin.settings import Settings, fields_of, number
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.traction import FORMS, TorqueTraction, load_traction_factor
+from rover_pin.soil.traction import FORMS
 
 ALGEBRAIC_DT = 0.0025
 """Step [s] with Eq (1) itself, which is stiffer than the relaxed slip: within 0.1 mm over 20 s of the ditch."""
@@ -135,17 +135,6 @@ SCENES: dict[str, Scene] = {
 
 
 @lru_cache(maxsize=1)
-def nexus6_motor() -> Motor:
-    """Return the assumed motor, calibrated so that duty 0.55 drives Nexus 6 at 0.05 m/s on Table 1's sand on Earth."""
-    rover = load_rover("nexus6")
-    wheel = rover.wheels[0].wheel
-    load = EARTH * rover.mass / len(rover.wheels)
-    factor = load_traction_factor(CRUISE_SLIP, Soil(), wheel, TorqueTraction())
-    rate = CRUISE_SPEED / (1.0 - CRUISE_SLIP) / float(wheel.r)
-    return Motor().calibrated(CRUISE_DUTY, rate, float(factor) * float(wheel.r) * load)
-
-
-@lru_cache(maxsize=1)
 def nexus6_table() -> SpeedTable:
     """Return the duty-to-speed table of the default rover on flat ground, measured by driving it."""
     return calibrated_table(scenario("flat").model)
@@ -160,7 +149,8 @@ def scenario(name: str, **settings: Any) -> Scenario:
         One of SCENES.
     **settings
         `rover`, `soil` (a name of SOILS), `soil.FIELD`, `terrain.ARGUMENT` (`terrain.path` of a file),
-        `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor.FIELD`, `gravity` (name or m/s^2),
+        `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor` (speed-like, torque-like: `motion.motors`),
+        `motor.FIELD`, `gravity` (name or m/s^2),
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
         `add` (effects, or words for them as "DiggingMemory.c_d=0.1,length=0.05": see `motion.effect_words`),
         `effect.CLASS.FIELD`, `cruise_slip` (takes the resistance R with which the soil as driven is cruised at this
@@ -244,7 +234,7 @@ def _cruising(model: Model, asked: Settings, usual: float | None) -> Model:
 
 
 def _of_file(file: str, asked: Settings, terrain: Terrain) -> Model:
-    _refuse(("rover", "soil", "form", "angles", "slip"), asked, file)
+    _refuse(("rover", "soil", "form", "angles", "slip", "motor"), asked, file)
     return read_model(file, terrain)
 
 
@@ -255,7 +245,7 @@ def _of_rig(file: str, asked: Settings, terrain: Terrain) -> Model:
     tractions = [effect for effect in rig.effects if isinstance(effect, SoilTraction)]
     if len(tractions) != 1:
         raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
-    model = Model(rover, terrain, (rig.soil, HARD_GROUND), nexus6_motor(), _slip(asked))
+    model = Model(rover, terrain, (rig.soil, HARD_GROUND), _motor(asked), _slip(asked))
     for effect in (*base_effects(rig.soil, rover, *tractions), *rig.effects):
         model = model.having(effect)
     return model
@@ -273,7 +263,11 @@ def _composed(asked: Settings, terrain: Terrain) -> Model:
     form = asked.choice("form", "torque", FORMS)
     angles = asked.choice("angles", "fixed", {"fixed": FixedAngles(), "sinkage": SinkageAngles()})
     effects = base_effects(soil, rover, SoilTraction(form, angles))
-    return Model(rover, terrain, (soil, HARD_GROUND), nexus6_motor(), _slip(asked), effects)
+    return Model(rover, terrain, (soil, HARD_GROUND), _motor(asked), _slip(asked), effects)
+
+
+def _motor(asked: Settings) -> Motor:
+    return motor_named(asked.take("motor", "speed-like"))
 
 
 def _slip(asked: Settings) -> AlgebraicSlip | RelaxedSlip:

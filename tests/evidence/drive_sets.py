@@ -14,11 +14,11 @@ from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
+from rover_pin.motion.motors import nexus6_motor
 from rover_pin.motion.place import Start
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.motion.simulate import simulate
 from rover_pin.quantity import declared
-from rover_pin.scenarios import nexus6_motor
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 

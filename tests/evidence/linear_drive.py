@@ -17,7 +17,7 @@ from rover_pin.evidence.drive_model import DRIVEN_SAND
 from rover_pin.evidence.drive_noise import Noise
 from rover_pin.evidence.drive_parameters import owner_name, owners, parameter
 from rover_pin.motion.model import Model, base_effects
-from rover_pin.scenarios import nexus6_motor
+from rover_pin.motion.motors import nexus6_motor
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 

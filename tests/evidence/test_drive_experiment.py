@@ -27,11 +27,11 @@ from rover_pin.evidence.drive_noise import first_noise, noise_of
 from rover_pin.evidence.drive_parameters import parameter
 from rover_pin.evidence.drive_run import logged_run
 from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.motors import nexus6_motor
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.replay import PERIOD, Commands, replay
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.motion.trace import Trace
-from rover_pin.scenarios import nexus6_motor
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 

@@ -28,10 +28,10 @@ from rover_pin.evidence.drive_screen import score, signatures, with_noise
 from rover_pin.motion.drive_log import About
 from rover_pin.motion.effect_files import user_effects
 from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.motors import nexus6_motor
 from rover_pin.motion.place import Start
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.motion.simulate import Timing, simulate
-from rover_pin.scenarios import nexus6_motor
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 

@@ -44,11 +44,11 @@ from rover_pin.evidence.report_page import HEADLINES
 from rover_pin.evidence.verdict import Answer
 from rover_pin.motion.drive_log import About, DriveLog
 from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.motors import nexus6_motor
 from rover_pin.motion.place import Start
 from rover_pin.motion.replay import PERIOD, Commands, replay
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.motion.trace import Trace
-from rover_pin.scenarios import nexus6_motor
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 

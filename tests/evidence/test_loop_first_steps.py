@@ -16,7 +16,7 @@ from rover_pin.evidence.rig_set import read_rig_set
 from rover_pin.evidence.verdict import score_line
 from rover_pin.motion.drive_log import About, DriveLog
 from rover_pin.motion.model import Model
-from rover_pin.scenarios import nexus6_motor
+from rover_pin.motion.motors import nexus6_motor
 
 RIG = """
 kind = "wheel-rig"

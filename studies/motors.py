@@ -1,0 +1,182 @@
+"""Speed-like or torque-like: what Eq (9) reads with either motor, and with which the paper's sentences come out.
+
+Question
+    Section 2 calls the duty "effectively in proportion to the driving torque", sections 4.2 and 5 let the wheels of a
+    stuck rover go on turning. Which motor goes with the paper's words, and does either let Eq (9) see the slip?
+Method
+    Two motors that run 0.05 m/s at duty 0.55 and differ in stall torque, 1 and 0.25 N m (rover_pin/motion/motors.py).
+    Rim speed and S_hat of a wheel under a sixth of the weight at duty 0.55, for slips from 0.05 to 1, on Table 1's sand
+    (k = 50 mm) and on a firmer one (k = 10 mm); then the drives of Figs 8 and 10 with either, every out or stuck at the
+    step and at half of it.
+Result
+    On Table 1's sand the rim slows from 52.6 mm/s at S = 0.05 to 46.2 at S = 1 with the speed-like motor and to 25.0
+    with the torque-like one, and S_hat falls from 0.05 to -0.08 and to -1.00: Eq (9) does not see the slip with the one
+    and sees it with the wrong sign with the other. On k = 10 mm it falls from -0.03 to -0.42; the torque-like motor
+    cannot turn the wheel at S = 0.6 and beyond.
+    Speed-like: 12 deg of Fig 8 are reached at 36 s; stuck in the ditch of Fig 10, all rims run at 44 to 49 mm/s; where
+    half of the strength is lost, true slip gets out of what duty 0.55 is stuck in, and so does duty 1; Eq (9) does not.
+    Torque-like: 59 s, 15 to 37 mm/s, and at duties up to 0.55 nothing gets out, because the front and rear wheels are
+    held, not spun. Allowed full duty, true slip gets out, where duty 1 held constant and Eq (9) stay.
+    So the default is speed-like: with it wheels go on turning and the control has a slip to take back, as in the paper.
+What the paper says
+    Section 2: the duty is "effectively in proportion to the driving torque"; section 5: "After the vehicle has stopped,
+    the wheel was yet rotating constantly".
+What differs
+    With no motor that has back-EMF does S_hat rise with the slip while the soil's resistance does.
+
+Run: python studies/motors.py [--quick] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rover_pin import plot
+from rover_pin.control.slip_estimate import TableEstimate, calibrated_table
+from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SPEED
+from rover_pin.motion.motors import MOTORS, motor_named
+from rover_pin.scenarios import Scenario, scenario
+from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+
+SLIPS = (0.05, 0.2, 0.4, 0.6, 0.8, 1.0)
+SANDS = (0.05, 0.01)
+OUT_AT = 0.95
+TWELVE, RATE, FOOT = 12.0, 10.0, 0.5
+ABRUPT = {"soil.k": 0.001, "soil.phi_deg": 13.0, "effect.MotionResistance.R": 0.03}
+LOSING = {
+    "soil.k": 0.0025,
+    "effect.MotionResistance.R": 0.03,
+    "terrain.wall_angle_deg": 47.0,
+    "add": "PostPeak.fraction=0.5",
+}
+GAINS = {"control.S_d": 0.2, "control.k_p": 0.1, "control.k_i": 1.0}
+FULL = {"control.delta_max": 1.0}
+CONTROLS: dict[str, dict[str, Any]] = {
+    "duty 0.55": {},
+    "duty 1": {"control.delta": 1.0},
+    "torque check at S = 0.5": {"control": "limit"},
+    "true slip, duty up to 0.55": {"control": "true", **GAINS},
+    "true slip, duty up to 1": {"control": "true", **GAINS, **FULL},
+    "Eq 9, duty up to 0.55": {"control": "eq9", **GAINS},
+    "Eq 9, duty up to 1": {"control": "eq9", **GAINS, **FULL},
+}
+
+
+def main() -> None:
+    """Print and write both tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="short drives: shows that it runs")
+    parser.add_argument("--out", type=Path, default=Path("out/motors"))
+    options = parser.parse_args()
+    read, told = readings(), sentences(0.1 if options.quick else 1.0)
+    plot.write_csv(read, options.out / "eq9.csv")
+    plot.write_csv(told, options.out / "sentences.csv")
+    for name, table in read.groupby("motor", sort=False):
+        print(f"\n{name}: rim speed [mm/s] and S_hat of Eq (9) at duty {CRUISE_DUTY:g}")
+        print(table.drop(columns="motor").round(3).to_string(index=False))
+    print()
+    print(told.round(2).T.to_string(header=False))
+    figure(read, options.out)
+    print(f"\nwritten: {options.out}/eq9.csv, eq9.png, sentences.csv")
+
+
+def figure(read: pd.DataFrame, out: Path) -> None:
+    """Draw rim speed and S_hat against slip."""
+    sheet, axes = plot.new_figure(1, 2, size=(11.0, 4.5))
+    for (motor, k), table in read.groupby(["motor", "k_mm"], sort=False):
+        style = {"marker": "o", "ls": "-" if motor == "speed-like" else "--", "label": f"{motor}, k = {k:g} mm"}
+        axes[0].plot(table["S"], table["rim_mmps"], **style)
+        axes[1].plot(table["S"], table["S_hat"], **style)
+    axes[1].plot([0.0, 1.0], [0.0, 1.0], "k:", label="S itself")
+    for axis, label in zip(axes, ("rim speed at duty 0.55 [mm/s]", "S_hat of Eq (9) [-]"), strict=True):
+        axis.set(xlabel="slip S [-]", ylabel=label)
+        axis.grid(alpha=0.3)
+    axes[1].legend(fontsize=8)
+    plot.save(sheet, out / "eq9.png")
+
+
+def readings() -> pd.DataFrame:
+    """Return rim speed and S_hat against slip: the motor against the torque form's r F(S) W, steady.
+
+    A wheel that its motor cannot turn at that slip has a rim speed of 0 and no S_hat.
+    """
+    rows = []
+    for name in MOTORS:
+        motor = motor_named(name)
+        for k in SANDS:
+            rover = scenario("flat", **{"soil.k": k}).model.rover
+            soil, wheel = scenario("flat", **{"soil.k": k}).model.soils[0], rover.wheel
+            load = rover.mass * 9.81 / len(rover.wheels)
+            for S in SLIPS:
+                torque = float(load_traction_factor(S, soil, wheel, TorqueTraction())) * float(wheel.r) * load
+                share = CRUISE_DUTY - torque / float(motor.stall_torque)
+                rim = max(float(wheel.r) * float(motor.no_load_rate) * share, 0.0)
+                S_hat = max(1.0 - CRUISE_SPEED / rim, -1.0) if rim > 0.0 else np.nan
+                rows.append({"motor": name, "k_mm": 1e3 * k, "S": S, "rim_mmps": 1e3 * rim, "S_hat": S_hat})
+    return pd.DataFrame(rows)
+
+
+def sentences(share: float) -> pd.DataFrame:
+    """Return what becomes of the sentences on Figs 8 and 10, a row a motor; drives last `share` of their time."""
+    return pd.DataFrame([{"motor": name, **slope(name, share), **ditch(name, share)} for name in MOTORS])
+
+
+def slope(motor: str, share: float) -> dict[str, Any]:
+    """Return when and how the slope of 12 deg is reached, on the made-up sand whose slip switches there."""
+    trace = scenario("slope", motor=motor, duration=80.0 * share, **ABRUPT).drive()
+    inclination = RATE * np.clip(trace["body_x"] - FOOT, 0.0, None)
+    there = np.flatnonzero(inclination >= TWELVE - 0.5)
+    above = [np.flatnonzero(trace["slip_ml"] > slip) for slip in (0.1, 0.9)]
+    switch = [float(inclination[rows[0]]) if rows.size else np.nan for rows in above]
+    return {
+        "Fig 8: 11.5 deg reached at [s]": float(trace.t[there[0]]) if there.size else np.nan,
+        "Fig 8: slip of the middle wheel passes 0.1 at [deg]": switch[0],
+        "Fig 8: and 0.9 at [deg]": switch[1],
+    }
+
+
+def ditch(motor: str, share: float) -> dict[str, Any]:
+    """Return what the wheels do in Table 1's ditch, and what the control rescues where strength is lost."""
+    stuck = scenario("ditch", motor=motor, duration=20.0 * share).drive()
+    rims = 45.0 * stuck.stack("wheel_rate")[-1]
+    said = {
+        "Fig 10: velocity lost at [s]": first(stuck.t, (stuck.t > 5.0) & (stuck["body_vx"] < 0.002)),
+        "Fig 10: slowest and fastest rim, stuck [mm/s]": f"{rims.min():.0f} to {rims.max():.0f}",
+    }
+    for name, settings in CONTROLS.items():
+        drive = scenario("ditch", motor=motor, duration=40.0 * share, **settings, **LOSING)
+        said[f"Fig 10, half the strength lost: {name}"] = outcome(with_its_table(drive))
+    return said
+
+
+def with_its_table(drive: Scenario) -> Scenario:
+    """Return the drive with Eq (9)'s table measured for its own motor on the default sand's flat."""
+    if not isinstance(getattr(drive.controller, "estimate", None), TableEstimate):
+        return drive
+    table = calibrated_table(scenario("flat").model.replace(motor=drive.model.motor))
+    own = dataclasses.replace(drive.controller.estimate, table=table)  # type: ignore[attr-defined]
+    return dataclasses.replace(drive, controller=dataclasses.replace(drive.controller, estimate=own))  # type: ignore[type-var]
+
+
+def outcome(drive: Scenario) -> str:
+    """Return out, stuck, or open where half the step tells another story."""
+    both = {
+        bool(np.any(dataclasses.replace(drive, timing=timing).drive()["body_x"] > OUT_AT))
+        for timing in (drive.timing, drive.timing.halved())
+    }
+    return "open" if len(both) > 1 else "out" if True in both else "stuck"
+
+
+def first(t: np.ndarray, true: np.ndarray) -> float:
+    """Return the first time at which it is true, NaN if it never is."""
+    return float(t[np.argmax(true)]) if np.any(true) else np.nan
+
+
+if __name__ == "__main__":
+    main()
