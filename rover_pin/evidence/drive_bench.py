@@ -13,6 +13,7 @@ from joblib import Parallel, delayed
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.errors import ParameterError, SimulationError
 from rover_pin.evidence.drive_run import LoggedRun
+from rover_pin.evidence.resume import Memory, digest
 from rover_pin.motion.model import Model
 from rover_pin.motion.place import settled
 from rover_pin.motion.replay import Commands, Nudge, Replay, replay
@@ -24,11 +25,17 @@ LOST = 1e3
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """The runs of a log, where the rover stood at the start of each, and how many processes replay them."""
+    """The runs of a log, where the rover stood at the start of each, how many processes replay them, what is kept."""
 
     runs: tuple[LoggedRun, ...]
     rests: tuple[DriveState | None, ...] = field(repr=False)
     jobs: int = 1
+    memory: Memory = field(default=Memory(), repr=False)
+
+    @cached_property
+    def identity(self) -> str:
+        """A digest of the runs and of where they start."""
+        return digest(self.runs, self.rests)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -79,9 +86,10 @@ class Bench:
         return whole
 
 
-def bench_of(runs: Sequence[LoggedRun], model: Model, jobs: int = 1) -> Bench:
+def bench_of(runs: Sequence[LoggedRun], model: Model, jobs: int = 1, memory: Memory = Memory()) -> Bench:
     """Return the bench on which every model starts where this one comes to rest."""
-    return Bench(tuple(runs), tuple(Parallel(n_jobs=jobs)(delayed(_rest)(model, run.commands) for run in runs)), jobs)
+    rests = Parallel(n_jobs=jobs)(delayed(_rest)(model, run.commands) for run in runs)
+    return Bench(tuple(runs), tuple(rests), jobs, memory)
 
 
 def _free(run: LoggedRun) -> LoggedRun:

@@ -11,6 +11,7 @@ from rover_pin.evidence.drive_bench import Bench
 from rover_pin.evidence.drive_noise import COLOURED, Noise, huber, huber_weights
 from rover_pin.evidence.drive_parameters import Parameter, owner_name, with_values
 from rover_pin.evidence.residual import residual
+from rover_pin.evidence.resume import Arrays
 from rover_pin.motion.model import Model
 
 TURNS = 6
@@ -176,11 +177,29 @@ def fit(
     Descends robust chi2(rows) + sum of the priors' u^2 by Gauss-Newton with Huber weights. Slopes serve, the given ones
     first, until a step lowers the objective by less than STALE of what it promised; then they are computed again, with
     `chord` only those that were not given. The fit ends where no step of new slopes helps; given slopes that are
-    `stale` only start it, and new ones end it.
+    `stale` only start it, and new ones end it. A fit that is in the bench's memory is not made again.
     """
+    given, bench = dict(slopes or {}), task.bench
+    asked = (bench.identity, task.noise, model, tuple(parameters), start, given, chord, stale)
+    found = bench.memory.kept(asked, lambda: _descended(task, model, parameters, start, given, (chord, stale)))
+    u, renewed = found["u"], [parameters[one].name for one in found["renewed"]]
+    known = given | dict(zip(renewed, found["slopes"], strict=True))
+    return DriveFit(task, at(model, parameters, u), tuple(parameters), u, found["predicted"], known)
+
+
+def _descended(
+    task: Task,
+    model: Model,
+    parameters: Sequence[Parameter],
+    start: np.ndarray | None,
+    given: Mapping[str, np.ndarray],
+    how: tuple[bool, bool],
+) -> Arrays:
+    """Return where the descent ends: u, the prediction, and the slopes of the parameters that it computed."""
+    chord, stale = how
     u = np.zeros(len(parameters)) if start is None else np.array(start, dtype=float)
     u = np.clip(u, *np.array([one.bounds for one in parameters]).T) if len(u) else u
-    known = dict(slopes or {})
+    known = dict(given)
     own = [one for one, _ in enumerate(parameters) if not (chord and parameters[one].name in known)]
     missing = [one for one, each in enumerate(parameters) if each.name not in known]
     known |= _slopes(task, model, parameters, u, missing)
@@ -199,7 +218,10 @@ def fit(
             break
         known |= _slopes(task, model, parameters, u, own)
         fresh, stale, renewals = True, False, renewals - 1
-    return DriveFit(task, at(model, parameters, u), tuple(parameters), u, predicted, known)
+    renewed = [one for one, each in enumerate(parameters) if known[each.name] is not given.get(each.name)]
+    computed = [known[parameters[one].name] for one in renewed]
+    whole = np.array(computed) if computed else np.zeros((0, *predicted.shape))
+    return {"u": u, "predicted": predicted, "renewed": np.array(renewed, dtype=int), "slopes": whole}
 
 
 def _slopes(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,10 +20,11 @@ from rover_pin.evidence.drive_search import Search, calibrated, search
 from rover_pin.evidence.drive_verdict import DriveVerdict, numbers
 from rover_pin.evidence.drive_written import written
 from rover_pin.evidence.provenance import command, provenance
-from rover_pin.evidence.resume import Stages, key_of
+from rover_pin.evidence.resume import Memory, key_of_code
 from rover_pin.evidence.verdict import Answer
 from rover_pin.evidence.wording import shown
 from rover_pin.motion.drive_log import DriveLog
+from rover_pin.motion.effect_files import user_effects
 from rover_pin.motion.model import Model
 
 RIVALS = 2
@@ -60,26 +62,38 @@ def close_drive_loop(
     if poor:
         verdict = _poor(log, start, poor)
     else:
-        stages = Stages(None if out is None else Path(out), _key(log, model, effects, seed))
-        base = stages.kept("base", lambda: calibrated(log, with_spread(start), jobs, progress))
-        found = search(base, effects, progress, stages)
-        progress("describing what is left")
-        left = stages.kept("remainder", lambda: describe(found.last, progress))
-        verdict = verdict_on(log, found, left, seed, progress)
+        memory = Memory(None if out is None else Path(out), key_of_code(_code(start, effects)))
+        try:
+            verdict = _decided(log, start, effects, memory, (progress, jobs, seed))
+        except (KeyboardInterrupt, SystemExit) as stop:
+            if memory.told:
+                stop.add_note(f"{memory.told}: the same command goes on there")
+            raise
     verdict.provenance.update(provenance(seed, time.monotonic() - begun, command(log.folder, effects, out)))
     if out is None:
         return verdict
     progress("writing the report")
     verdict = written(verdict, log, Path(out))
-    Stages(Path(out)).done()
+    Memory(Path(out)).done()
     return verdict
 
 
-def _key(log: DriveLog, model: Model | None, effects: str | Path | None, seed: int) -> str:
-    """Return a key of all that the verdict depends on."""
-    own = Path(effects) if effects else None
-    code = [] if own is None else sorted(own.glob("*.py")) if own.is_dir() else [own]
-    return key_of([file for file in log.folder.iterdir() if file.is_file()] + code, model, seed)
+def _decided(
+    log: DriveLog, start: Model, effects: str | Path | None, memory: Memory, how: tuple[Progress, int, int]
+) -> DriveVerdict:
+    progress, jobs, seed = how
+    if memory.told:
+        progress(f"going on: {memory.told}")
+    base = calibrated(log, with_spread(start), jobs, progress, memory)
+    found = search(base, effects, progress)
+    progress("describing what is left")
+    return verdict_on(log, found, describe(found.last, progress), seed, progress)
+
+
+def _code(model: Model, effects: str | Path | None) -> set[Path]:
+    """Return the files with the code of effects: a user's own, and those of the model."""
+    own = user_effects(effects) if effects else ()
+    return {Path(inspect.getfile(kind)) for kind in (*own, *map(type, model.all_effects))}
 
 
 def _poor(log: DriveLog, model: Model, poor: str) -> DriveVerdict:

@@ -65,19 +65,31 @@ class Scored:
 
 def signatures(base: DriveFit, candidates: Sequence[Candidate]) -> list[Signature]:
     """Return the signatures of all candidates on the fitted base: one replay of all runs each, of a sensor none."""
-    bench, model = base.task.bench, base.model
+    model = base.model
     freed = [_freed(base, one) for one in candidates if one.effect is None]
     tried = [(one, sizes) for one in candidates if one.effect is not None for sizes in trials(one, model)]
     with_it = [with_values(one.on(model), sizes) for one, sizes in tried]
     sensed = [isinstance(one.effect, SensorEffect) for one, _ in tried]
-    physical = [each for each, reads in zip(with_it, sensed, strict=True) if not reads]
-    predicted = iter(bench.predict(physical) if physical else ())
-    replays = bench.replays(model) if any(sensed) else ()
-    found = []
-    for (one, sizes), each, reads in zip(tried, with_it, sensed, strict=True):
-        features = bench.read(replays, each.sensor_effects) if reads else next(predicted)
-        found.append(Signature(one, sizes, features - base.predicted, neutral_of(one)))
+    asked = (base.task.bench.identity, model, tuple(with_it), sensed)
+    features = base.task.bench.memory.kept(asked, lambda: {"features": _features(base, with_it, sensed)})["features"]
+    found = [
+        Signature(one, sizes, each - base.predicted, neutral_of(one))
+        for (one, sizes), each in zip(tried, features, strict=True)
+    ]
     return freed + found
+
+
+def _features(base: DriveFit, models: Sequence[Model], sensed: Sequence[bool]) -> np.ndarray:
+    """Return the features (models, runs, channels, blocks); of one that differs in its sensors without a replay."""
+    bench = base.task.bench
+    physical = [each for each, reads in zip(models, sensed, strict=True) if not reads]
+    predicted = iter(bench.predict(physical) if physical else ())
+    replays = bench.replays(base.model) if any(sensed) else ()
+    rows = [
+        bench.read(replays, each.sensor_effects) if reads else next(predicted)
+        for each, reads in zip(models, sensed, strict=True)
+    ]
+    return np.array(rows) if rows else np.zeros((0, *base.predicted.shape))
 
 
 def neutral_of(candidate: Candidate) -> dict[str, float]:

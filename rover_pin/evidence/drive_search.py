@@ -18,7 +18,7 @@ from rover_pin.evidence.drive_noise import first_noise
 from rover_pin.evidence.drive_run import logged_runs
 from rover_pin.evidence.drive_screen import Scored, Signature, fee_of, saturated, score, signatures, with_noise
 from rover_pin.evidence.residual import residual
-from rover_pin.evidence.resume import Stages
+from rover_pin.evidence.resume import Memory
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model
 
@@ -70,10 +70,10 @@ class Search:
         return len(self.rounds[0].scored) if self.rounds else 0
 
 
-def calibrated(log: DriveLog, model: Model, jobs: int, progress: Progress) -> DriveFit:
+def calibrated(log: DriveLog, model: Model, jobs: int, progress: Progress, memory: Memory = Memory()) -> DriveFit:
     """Return the model with its uncertain numbers fitted, the noise taken as large as what is left."""
     progress("setting the rover down at every start")
-    bench = bench_of(logged_runs(log, model.rover), model, jobs)
+    bench = bench_of(logged_runs(log, model.rover), model, jobs, memory)
     numbers, least = nuisances(log, model), np.full(len(bench.channels), LEAST)
     progress("calibrating the base model")
     base = fit(Task(bench, first_noise(residual(bench.seen, bench.predict([model])[0]), least)), model, numbers)
@@ -86,19 +86,18 @@ def again(base: DriveFit) -> DriveFit:
     return fit(base.task, base.model, base.parameters, base.u, base.slopes)
 
 
-def search(base: DriveFit, effects: str | Path | None, progress: Progress, stages: Stages = Stages()) -> Search:
+def search(base: DriveFit, effects: str | Path | None, progress: Progress) -> Search:
     """Return what the calibrated model lacks; `effects` is a user's file or folder of them."""
     tried = candidates(base.model, base.task.bench, base.parameters, effects)
     progress(f"score test of {len(tried)} candidates")
-    known = stages.kept("signatures", lambda: signatures(base, tried))
+    known = signatures(base, tried)
     least = np.full(base.predicted.shape[1], LEAST)
     for _ in range(LEARNT):
         base = again(with_noise(base, saturated(base, known), least))
     rounds: list[Round] = []
     here = base
     while len(rounds) <= MOST:
-        look = partial(_round, here, known, tried, tuple(rounds), progress)
-        rounds.append(stages.kept(f"round-{len(rounds)}", look))
+        rounds.append(_round(here, known, tried, tuple(rounds), progress))
         if not rounds[-1].alike:
             break
         here = rounds[-1].alike[0].fit

@@ -1,71 +1,115 @@
-"""Long work taken up where it stopped: finished stages kept in a folder under a key of everything they depend on."""
+"""Long work taken up where it stopped: arrays that took long, kept in a folder under a digest of all they depend on."""
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
-import pickle
-from collections.abc import Callable, Iterable
+import io
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.rover import Rover
 from rover_pin.columns import replace_file
 from rover_pin.version import __version__
 
-Result = TypeVar("Result")
 FOLDER = ".resume"
+Arrays = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Stages:
-    """Finished stages of one piece of work; without a folder nothing is kept.
+class Memory:
+    """Arrays that were made once; without a folder nothing is kept.
 
-    The files are pickles: only those that this program wrote into the user's own output folder are read.
+    The files are plain arrays with checksums: reading one runs no code, and a damaged one is made again.
     """
 
     folder: Path | None = None
     key: str = ""
 
-    def kept(self, name: str, make: Callable[[], Result]) -> Result:
-        """Return the stage as it was kept, or make and keep it."""
+    def kept(self, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
+        """Return the arrays that answer `asked`, as they were kept, or make and keep them."""
         if self.folder is None:
             return make()
-        file = self.folder / FOLDER / f"{name}-{self.key}.pickle"
-        found: Result | None = _read(file)
+        file = self.folder / FOLDER / f"{digest(self.key, asked)}.npz"
+        found = _read(file)
         if found is None:
-            found = make()
-            replace_file(file, pickle.dumps(found))
+            found, content = make(), io.BytesIO()
+            np.savez(content, **found)  # type: ignore[arg-type]
+            replace_file(file, content.getvalue())
         return found
+
+    @property
+    def told(self) -> str:
+        """How much is kept, and where; empty where nothing is."""
+        count = len(self._files())
+        return f"{count} finished steps are kept in {self.folder}/{FOLDER}" if count else ""
 
     def done(self) -> None:
         """Remove what was kept: the work is finished."""
-        for file in (self.folder / FOLDER).glob("*.pickle") if self.folder else ():
+        for file in self._files():
             file.unlink(missing_ok=True)
-        if self.folder is not None and (self.folder / FOLDER).is_dir():
+        if self.folder is not None and (self.folder / FOLDER).is_dir() and not any((self.folder / FOLDER).iterdir()):
             (self.folder / FOLDER).rmdir()
 
+    def _files(self) -> list[Path]:
+        return [] if self.folder is None else list((self.folder / FOLDER).glob("*.npz"))
 
-def _read(file: Path) -> Any:
-    """Return what a file holds, or None where there is none or it is broken."""
+
+def _read(file: Path) -> Arrays | None:
+    """Return what a file holds, or None where there is none or it is damaged."""
     try:
-        return pickle.loads(file.read_bytes())
-    except (OSError, pickle.UnpicklingError, EOFError, AttributeError, ImportError, IndexError):
+        with np.load(io.BytesIO(file.read_bytes()), allow_pickle=False) as found:
+            return {name: found[name] for name in found.files}
+    except (OSError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error):
         return None
 
 
-def key_of(files: Iterable[Path], *words: object) -> str:
-    """Return a key of the contents of files, of further words, and of this version of the program."""
-    digest = hashlib.sha256(__version__.encode())
-    for file in sorted(files):
-        digest.update(file.name.encode())
-        digest.update(file.read_bytes())
-    digest.update(repr(words).encode())
-    return digest.hexdigest()[:20]
+def key_of_code(others: Iterable[Path]) -> str:
+    """Return a key of this program, its version and its very code, and of the code in other files."""
+    package = Path(str(files("rover_pin")))
+    own = sorted(file for kind in ("*.py", "*.c") for file in package.rglob(kind))
+    return digest(__version__, *(file.read_bytes() for file in (*own, *sorted(others))))
 
 
-def told(folder: str | Path | None) -> str:
-    """Return what is kept in a folder and how to go on with it."""
-    kept = [] if folder is None else list((Path(folder) / FOLDER).glob("*.pickle"))
-    if not kept:
-        return "nothing is kept"
-    return f"{len(kept)} finished steps are kept in {Path(folder or '') / FOLDER}: the same command goes on there"
+def digest(*values: Any) -> str:
+    """Return a digest of values by their content: records, arrays, numbers, text, and what is made of them."""
+    found = hashlib.sha256()
+    _feed(found, values)
+    return found.hexdigest()[:32]
+
+
+def _feed(found: Any, value: Any) -> None:
+    if isinstance(value, np.ndarray):
+        found.update(f"{value.dtype.str}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, Rover):
+        found.update(_of_rover(value))
+    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+        found.update(f"{type(value).__module__}.{type(value).__qualname__}".encode())
+        _feed(found, tuple(getattr(value, each.name) for each in dataclasses.fields(value)))
+    elif isinstance(value, Mapping):
+        _feed(found, tuple(value.items()))
+    elif isinstance(value, (tuple, list)):
+        found.update(b"%d(" % len(value))
+        for each in value:
+            _feed(found, each)
+    elif isinstance(value, bytes):
+        found.update(b"%d:" % len(value) + value)
+    else:
+        found.update(f"{type(value).__qualname__}{value!r};".encode())
+
+
+@lru_cache(maxsize=8)
+def _of_rover(rover: Rover) -> bytes:
+    """Return a digest of a rover, which is compared by identity and stays the same through a loop."""
+    parts = {each.name: getattr(rover, each.name) for each in dataclasses.fields(rover)}
+    model: pin.Model = parts.pop("model")
+    return digest(model.saveToString(), parts).encode()
