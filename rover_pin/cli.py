@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import sys
@@ -14,6 +15,7 @@ from rover_pin.errors import RoverPinError
 from rover_pin.parameters import soil_named
 from rover_pin.results_folder import alone_in
 from rover_pin.terminal import assignments, json_text, priors, progress, report, stoppable
+from rover_pin.trust import Trust
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 
@@ -24,6 +26,12 @@ Set = Annotated[
 ]
 SoilName = Annotated[str, typer.Option("--soil", help="A soil of rover_pin.parameters.")]
 Gravity = Annotated[str, typer.Option("--gravity", help="earth, moon, mars, or m/s^2; else the model's, else Earth's.")]
+Effects = Annotated[
+    Path | None, typer.Option("--effects", help="Your own effect's .py file, or a folder of them: its code may run.")
+]
+Trusted = Annotated[
+    bool, typer.Option("--trust", help="Let a model or data run all code, and read all files, that they name.")
+]
 ModelFile = Annotated[Path | None, typer.Option("--model", help="A model file: rover, soils, motor, all effects.")]
 
 
@@ -55,6 +63,8 @@ def drive(
     check: Annotated[
         bool, typer.Option("--check", help="Drive again at half the step and say how far x differs.")
     ] = False,
+    effects: Effects = None,
+    trust: Trusted = False,
     out: Out = Path("out/drive"),
     as_json: AsJson = False,
 ) -> None:
@@ -63,6 +73,7 @@ def drive(
 
     given = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
     settings = {**{name: value for name, value in given.items() if value}, **assignments(set_)}
+    settings["trust"] = Trust.of(effects, trust)
     chosen = ready(scenario, **settings)
     with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png")), alone_in(out):
         _driven(chosen, check, out, as_json)
@@ -86,8 +97,6 @@ def _driven(chosen: Any, check: bool, out: Path, as_json: bool) -> None:
 
 def half_step_change(chosen: Any, trace: Any) -> float:
     """Return the largest distance [m] of the base's x from that of a drive at half the step."""
-    import dataclasses
-
     import numpy as np
 
     finer = dataclasses.replace(chosen, timing=chosen.timing.halved()).drive()
@@ -137,6 +146,8 @@ def sweep(
     study: Annotated[Path, typer.Argument(help="A study's TOML file.")],
     workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
     scheduler: Annotated[str, typer.Option(help="Address of a Dask scheduler, as tcp://127.0.0.1:8786.")] = "",
+    effects: Effects = None,
+    trust: Trusted = False,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; out/NAME OF THE STUDY.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -144,8 +155,9 @@ def sweep(
     from rover_pin.sweep import read_study
     from rover_pin.sweep import sweep as run
 
+    asked = dataclasses.replace(read_study(study), trust=Trust.of(effects, trust))
     with stoppable():
-        result = run(read_study(study), out, workers=workers or None, scheduler=scheduler or None)
+        result = run(asked, out, workers=workers or None, scheduler=scheduler or None)
     report(result.summary(), as_json)
 
 
@@ -158,6 +170,8 @@ def bounds(
     rover: Annotated[str, typer.Option(help="nexus6, cart, or your rover's TOML.")] = "",
     gravity: Gravity = "",
     model: ModelFile = None,
+    effects: Effects = None,
+    trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
     """Print the traction-limited torque of every wheel of a rover on a slope, and the motor's margin.
@@ -170,7 +184,8 @@ def bounds(
     from rover_pin.scenarios import scenario
 
     given = {"rover": rover, "soil": soil, "form": form, "gravity": gravity, "model": model and str(model)}
-    made = scenario("flat", **{name: value for name, value in given.items() if value}).model
+    settings = {name: value for name, value in given.items() if value}
+    made = scenario("flat", **settings, trust=Trust.of(effects, trust)).model
     own, ground, g, motor = made.rover, made.soils[0], made.gravity, made.motor
     limit = TractionLimit(slip, made.effect(SoilTraction).form)
     result = bounds_report(own, ground, math.radians(slope_deg), g, limit, motor)
@@ -206,7 +221,8 @@ def identify(
 def close_loop(
     data: Annotated[Path, typer.Argument(help="A wheel-rig set or a drive log: folder with rig.toml or drive.toml.")],
     model: Annotated[Path | None, typer.Option(help="Model file to start from, as an earlier run wrote it.")] = None,
-    effects: Annotated[Path | None, typer.Option(help="Your own effect's .py file, or a folder of them.")] = None,
+    effects: Effects = None,
+    trust: Trusted = False,
     out: Out = Path("out/close_loop"),
     workers: Annotated[int, typer.Option(help="Processes for a drive log; 0 for all cores.")] = 0,
     as_json: AsJson = False,
@@ -214,7 +230,7 @@ def close_loop(
     """Find the effect that the model lacks, add it, and report the error before and after; killed, it resumes."""
     from rover_pin.evidence.loop import close_the_loop, read_start
 
-    start = None if model is None else read_start(model, data)
+    start = None if model is None else read_start(model, data, Trust.of(effects, trust))
     say = (lambda said: None) if as_json else (lambda said: print(said, file=sys.stderr))
     with stoppable(out, ("report.html", "verdict.json", "model.toml", "draft_effect")):
         verdict = close_the_loop(data, start, effects, out, say, jobs=workers)
@@ -228,6 +244,8 @@ def tune(
     study: Annotated[Path, typer.Argument(help="A tuning study's TOML file.")],
     model: ModelFile = None,
     workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
+    effects: Effects = None,
+    trust: Trusted = False,
     out: Out = Path("out/tune"),
     as_json: AsJson = False,
 ) -> None:
@@ -241,7 +259,7 @@ def tune(
             print(f"{name}: {total} done", file=sys.stderr)
 
     asked = read_tuning(study)
-    asked = asked if model is None else asked.on_model(model)
+    asked = (asked if model is None else asked.on_model(model)).trusting(Trust.of(effects, trust))
     for line in cautions((*asked.training, *asked.held_out)):
         print(f"rover-pin: warning: {line}", file=sys.stderr)
     with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv")):

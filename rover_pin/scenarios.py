@@ -42,6 +42,7 @@ from rover_pin.quantity import declared, quantities
 from rover_pin.settings import Settings, fields_of, number
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import FORMS
+from rover_pin.trust import Trust
 
 ALGEBRAIC_DT = 0.0025
 """Step [s] with Eq (1) itself, which is stiffer than the relaxed slip: within 0.1 mm over 20 s of the ditch."""
@@ -156,6 +157,7 @@ def scenario(name: str, **settings: Any) -> Scenario:
         `effect.CLASS.FIELD`, `cruise_slip` (takes the resistance R with which the soil as driven is cruised at this
         slip; without it R is the named soil's for 0.05, whatever `soil.FIELD` is set to), `model` (a drive's model
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
+        `trust` (a `Trust`: which files of effects that the model names may run),
         `control` (none, limit, eq9, true, turn, point-turn), `control.FIELD`, `control.gains` (a file of tuned
         gains), `control.limit` (none, saturation, at-slip: the torque check; saturation with eq9 and true, at-slip
         with limit) and `control.slip_limit`,
@@ -179,7 +181,7 @@ def scenario(name: str, **settings: Any) -> Scenario:
     asked.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
     symmetric = symmetric and "model" not in settings and mirrored(model)
-    told = {name: words_of(value) if name == "add" else value for name, value in settings.items()}
+    told = {name: words_of(value) if name == "add" else value for name, value in settings.items() if name != "trust"}
     return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, told)
 
 
@@ -202,11 +204,11 @@ def _terrain(scene: Scene, asked: Settings) -> Terrain:
 
 
 def _model(scene: Scene, asked: Settings) -> Model:
-    terrain, file = _terrain(scene, asked), asked.take("model", None)
+    terrain, file, trust = _terrain(scene, asked), asked.take("model", None), _trust(asked)
     if file is None:
         model = _composed(asked, terrain)
     else:
-        model = (_of_rig if is_rig_model(str(file)) else _of_file)(str(file), asked, terrain)
+        model = (_of_rig if is_rig_model(str(file)) else _of_file)(str(file), asked, terrain, trust)
     ground = model.soils[0].replace(**asked.group("soil", fields_of(model.soils[0])))
     motor = model.motor.replace(**asked.group("motor", fields_of(model.motor)))
     gravity = gravity_named(asked.take("gravity", model.gravity))
@@ -233,15 +235,23 @@ def _cruising(model: Model, asked: Settings, usual: float | None) -> Model:
     return model if usual is None or not resists else cruising(model, usual)
 
 
-def _of_file(file: str, asked: Settings, terrain: Terrain) -> Model:
+def _trust(asked: Settings) -> Trust:
+    """Return what the user trusts, who alone can say it: a study's file cannot."""
+    trust = asked.take("trust", Trust())
+    if not isinstance(trust, Trust):
+        raise ParameterError(f"trust = {trust!r} is not yours to give in a file: say --effects FILE or --trust.")
+    return trust
+
+
+def _of_file(file: str, asked: Settings, terrain: Terrain, trust: Trust) -> Model:
     _refuse(("rover", "soil", "form", "angles", "slip", "motor"), asked, file)
-    return read_model(file, terrain)
+    return read_model(file, terrain, trust)
 
 
-def _of_rig(file: str, asked: Settings, terrain: Terrain) -> Model:
+def _of_rig(file: str, asked: Settings, terrain: Terrain, trust: Trust) -> Model:
     """Return a rover on the soil, with the traction law and the effects, of a wheel's model; its wheels are its own."""
     _refuse(("soil", "form", "angles"), asked, file)
-    rig, rover = read_rig_model(file), load_rover(str(asked.take("rover", "nexus6")))
+    rig, rover = read_rig_model(file, trust), load_rover(str(asked.take("rover", "nexus6")))
     tractions = [effect for effect in rig.effects if isinstance(effect, SoilTraction)]
     if len(tractions) != 1:
         raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")

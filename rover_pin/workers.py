@@ -7,7 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
+from types import FrameType, ModuleType
 
 
 class Terminated(SystemExit):
@@ -46,3 +46,12 @@ def _end_all() -> None:
         from joblib.externals.loky import get_reusable_executor
 
         get_reusable_executor(reuse=True).shutdown(wait=True, kill_workers=True)
+
+
+def sent_by_value(module: ModuleType) -> None:
+    """Let worker processes be sent what a module defines: they cannot import one that was read from a user's file."""
+    try:
+        from joblib.externals import cloudpickle  # joblib before 1.6 brings its own
+    except ImportError:
+        import cloudpickle
+    cloudpickle.register_pickle_by_value(module)

@@ -14,6 +14,7 @@ from rover_pin.control.slip_control import Gains
 from rover_pin.errors import ParameterError, closest
 from rover_pin.quantity import quantities, record_from
 from rover_pin.toml_file import read_toml
+from rover_pin.trust import Trust
 
 ESTIMATES = ("true", "eq9")
 """The slip of Eq (1) itself, or the paper's estimate, Eq (9)."""
@@ -131,6 +132,15 @@ class TuningStudy:
             return dataclasses.replace(case, settings=(*kept, ("model", str(file))))
 
         training, held_out = (tuple(moved(each) for each in cases) for cases in (self.training, self.held_out))
+        return dataclasses.replace(self, training=training, held_out=held_out)
+
+    def trusting(self, trust: Trust) -> Self:
+        """Return the study with this trust in the files of effects that its drives' models name."""
+
+        def told(case: DriveCase) -> DriveCase:
+            return dataclasses.replace(case, settings=(*case.settings, ("trust", trust))) if case.model_file else case
+
+        training, held_out = (tuple(told(each) for each in cases) for cases in (self.training, self.held_out))
         return dataclasses.replace(self, training=training, held_out=held_out)
 
 

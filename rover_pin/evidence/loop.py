@@ -14,7 +14,6 @@ from rover_pin.evidence.drive_verdict import DriveVerdict
 from rover_pin.evidence.measurement import WheelRig
 from rover_pin.evidence.model_file import read_model as read_rig_model
 from rover_pin.evidence.own_effects import refuse_unfit_effects
-from rover_pin.evidence.resume import told
 from rover_pin.evidence.rig_loop import close_rig_loop
 from rover_pin.evidence.rig_model import RigModel
 from rover_pin.evidence.rig_set import RIG_FILE, RigSet
@@ -23,6 +22,7 @@ from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.motion.model import Model
 from rover_pin.motion.model_toml import read_model
 from rover_pin.results_folder import alone_in
+from rover_pin.trust import Trust
 from rover_pin.workers import ending_workers
 
 Progress = Callable[[str], None]
@@ -81,11 +81,7 @@ def close_the_loop(
         if model is not None:
             _refuse_other_rover(log, model)
         with alone_in(out), ending_workers():
-            try:
-                return close_drive_loop(log, model, effects, out, progress, seed, jobs or os.cpu_count() or 1)
-            except (KeyboardInterrupt, SystemExit) as stop:
-                stop.add_note(told(out))
-                raise
+            return close_drive_loop(log, model, effects, out, progress, seed, jobs or os.cpu_count() or 1)
     if isinstance(model, Model):
         raise DataError(f"{data}: a wheel-rig set starts from a wheel's model, not from a rover's.")
     assert not isinstance(data, DriveLog)
@@ -116,7 +112,7 @@ def _drive_log(data: object) -> DriveLog | None:
     return None
 
 
-def read_start(model: str | Path, data: str | Path) -> RigModel | Model:
+def read_start(model: str | Path, data: str | Path, trust: Trust = Trust()) -> RigModel | Model:
     """Return the model of a file that a loop on these data can start from: a wheel's, or a rover's on their terrain."""
     log = _drive_log(data)
-    return read_rig_model(model) if log is None else read_model(model, log.terrain())
+    return read_rig_model(model, trust) if log is None else read_model(model, log.terrain(), trust)

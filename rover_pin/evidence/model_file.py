@@ -14,6 +14,7 @@ from rover_pin.motion.effect_files import effect_entry, effect_from
 from rover_pin.motion.model_toml import RIG_KIND
 from rover_pin.quantity import declared, record_from
 from rover_pin.toml_file import read_toml, toml_text
+from rover_pin.trust import Trust
 
 
 def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:
@@ -28,13 +29,13 @@ def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:
     return replace_file(path, toml_text(table))
 
 
-def read_model(path: str | Path) -> RigModel:
-    """Return the model of a file.
+def read_model(path: str | Path, trust: Trust = Trust()) -> RigModel:
+    """Return the model of a file; the code of a user's effect runs only if `trust` allows it.
 
     Raises
     ------
     DataError
-        Not a model file, an effect that is not known, or a file of a user's effect that cannot be run.
+        Not a model file, an effect that is not known, or the file of one that is not trusted or cannot be run.
     ParameterError
         An unknown field, unit or value.
     """
@@ -45,12 +46,12 @@ def read_model(path: str | Path) -> RigModel:
     return RigModel(
         record_from(Wheel, table.get("wheel", {}), f"{path} [wheel]"),
         record_from(Soil, table.get("soil", {}), f"{path} [soil]"),
-        tuple(_effect(entry, path) for entry in table.get("effect", [])),
+        tuple(_effect(entry, path, trust) for entry in table.get("effect", [])),
     )
 
 
-def _effect(entry: dict[str, Any], path: Path) -> Effect:
-    effect = effect_from(entry, f"{path} [[effect]]", path.parent)
+def _effect(entry: dict[str, Any], path: Path, trust: Trust) -> Effect:
+    effect = effect_from(entry, f"{path} [[effect]]", path.parent, trust)
     if not isinstance(effect, Effect):
         raise DataError(f"{path}: {entry['name']} does not act at the wheel's contact: a rig has no place for it.")
     return effect

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import importlib
-import importlib.util
 import inspect
 import pkgutil
 import sys
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
 import rover_pin.effects
@@ -21,6 +22,8 @@ from rover_pin.errors import DataError, closest
 from rover_pin.quantity import Record, declared, quantities, record_from
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import FORMS
+from rover_pin.trust import Trust
+from rover_pin.workers import sent_by_value
 
 BASES = (Effect, MotorEffect, BodyEffect, SensorEffect)
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
@@ -62,25 +65,36 @@ def defined_in(module: ModuleType) -> tuple[type[AnyEffect], ...]:
 
 
 def run_file(file: Path) -> ModuleType:
-    """Return the module that a user's Python file makes.
+    """Return the module that a user's Python file makes, from its text alone: no compiled copy beside it is read.
 
     Raises
     ------
     DataError
         It is missing or cannot be run.
     """
-    name = f"rover_pin_user_effect_{file.stem}"
-    spec = importlib.util.spec_from_file_location(name, file)
-    if spec is None or spec.loader is None or not file.is_file():
+    if not file.is_file():
         raise DataError(f"{file}: there is no such effect file; give a .py file or a folder of them.")
-    module = importlib.util.module_from_spec(spec)
+    path = str(file.resolve())
+    name = f"rover_pin_user_effect_{file.stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
+    loader = _AsRead(name, path)
+    module = ModuleType(name)
+    module.__file__ = path
     sys.modules[name] = module  # dataclasses look their module up while they are made
     try:
-        spec.loader.exec_module(module)
+        loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
         raise DataError(f"{file}: the effect file cannot be run: {type(error).__name__}: {error}.") from error
+    sent_by_value(module)
     return module
+
+
+class _AsRead(SourceFileLoader):
+    """Runs the text of a file, which its user may have read, never a compiled copy."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        """Return the code of the text."""
+        return self.source_to_code(self.get_data(self.path), self.path)
 
 
 def reading_traction(effect: OneKind, present: Iterable[Any]) -> OneKind:
@@ -116,20 +130,23 @@ def _word(choice: Any) -> Any:
     return choice
 
 
-def effect_from(entry: Mapping[str, Any], where: str, folder: Path) -> AnyEffect:
-    """Return the effect of a TOML table; a user's `file` may be relative to `folder`.
+def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust = Trust()) -> AnyEffect:
+    """Return the effect of a TOML table; a `file` of its code may be relative to `folder`, and `trust` must allow it.
 
     Raises
     ------
     DataError
-        An effect or choice that is not known, or a user's file that cannot be run.
+        An effect or choice that is not known, or a file of code that is not trusted or cannot be run.
     ParameterError
         An unknown field, unit or value, or one out of bounds.
     """
     fields = dict(entry)
     name, file = str(fields.pop("name", "")), fields.pop("file", None)
     known = {kind.__name__: kind for kind in package_effects()}
-    known |= {} if file is None else {kind.__name__: kind for kind in user_effects(folder / str(file))}
+    if file is not None:
+        code = folder / str(file)
+        trust.refuse_code(code, f"{where} {name}".rstrip())
+        known |= {kind.__name__: kind for kind in user_effects(code)}
     if name not in known:
         raise DataError(f"{where}: there is no effect '{name}': {closest(name, known)}")
     own, where = known[name](), f"{where} {name}"

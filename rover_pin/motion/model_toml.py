@@ -38,6 +38,7 @@ from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.quantity import declared, record_from
 from rover_pin.toml_file import read_toml, toml_text
+from rover_pin.trust import Trust
 
 KIND, RIG_KIND = "drive-model", "rig-model"
 """A driving rover's model; a wheel's on a rig, which gives a rover its soil and contact effects."""
@@ -82,13 +83,15 @@ def _effects(model: Model) -> tuple[AnyEffect, ...]:
     return (*model.effects, *model.motor_effects, *model.body_effects, *model.sensor_effects)
 
 
-def read_model(path: str | Path, terrain: Terrain | None = None) -> Model:
+def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = Trust()) -> Model:
     """Return the model of a file, on `terrain`, else on the one that the file declares.
+
+    The code of a user's effect runs, and a terrain's file lies outside the model's folder, only as `trust` allows.
 
     Raises
     ------
     DataError
-        Not a model file, an unknown key or effect, no terrain, or a file of a user's effect that cannot be run.
+        Not a model file, an unknown key or effect, no terrain, or a file that is not trusted or cannot be read or run.
     ParameterError
         An unknown field, unit or value, or one out of bounds.
     UrdfError
@@ -99,7 +102,7 @@ def read_model(path: str | Path, terrain: Terrain | None = None) -> Model:
     if terrain is None and "terrain" not in table:
         raise DataError(f"{path}: the file has no [terrain]: add one, or give a terrain to drive on.")
     rover = _rover(str(table.get("rover", "nexus6")), path.parent)
-    effects = [effect_from(entry, f"{path} [[effect]]", path.parent) for entry in table.get("effect", [])]
+    effects = [effect_from(entry, f"{path} [[effect]]", path.parent, trust) for entry in table.get("effect", [])]
     for effect in effects:
         _refuse_other_wheel(effect, rover, path)
     return Model(
@@ -107,7 +110,7 @@ def read_model(path: str | Path, terrain: Terrain | None = None) -> Model:
         terrain_from(table["terrain"], path.parent) if terrain is None else terrain,
         tuple(record_from(Soil, soil, f"{path} [[soil]]") for soil in table.get("soil", [{}])),
         record_from(Motor, table.get("motor", {}), f"{path} [motor]"),
-        _slip(table.get("slip", {"name": "RelaxedSlip"}), path),
+        _slip(table.get("slip", {"name": "RelaxedSlip"}), path, trust),
         tuple(each for each in effects if isinstance(each, Effect)),
         tuple(each for each in effects if isinstance(each, MotorEffect)),
         gravity_from(table.get("gravity", EARTH), str(path)),
@@ -165,8 +168,8 @@ def _rover(name: str, folder: Path) -> Rover:
     return load_rover(str(beside) if beside.is_file() else name)
 
 
-def _slip(entry: dict[str, Any], path: Path) -> AlgebraicSlip | RelaxedSlip:
-    slip = effect_from(entry, f"{path} [slip]", path.parent)
+def _slip(entry: dict[str, Any], path: Path, trust: Trust) -> AlgebraicSlip | RelaxedSlip:
+    slip = effect_from(entry, f"{path} [slip]", path.parent, trust)
     if not isinstance(slip, (AlgebraicSlip, RelaxedSlip)):
         raise DataError(f"{path} [slip]: {entry.get('name')} is no law of slip: give AlgebraicSlip or RelaxedSlip.")
     return slip

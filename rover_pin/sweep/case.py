@@ -29,7 +29,7 @@ def scenario_of(study: Study, case: Case) -> Any:
     from rover_pin.scenarios import SCENES, scenario
 
     times = {name: getattr(study, name) for name in ("duration", "dt") if getattr(study, name) is not None}
-    settings = {**times, **study.settings, **case.values}
+    settings = {**times, "trust": study.trust, **study.settings, **case.values}
     if study.scenario in SCENES and "seed" in inspect.signature(SCENES[study.scenario].terrain).parameters:
         settings.setdefault("terrain.seed", case.seed)
     return scenario(study.scenario, **settings)

@@ -65,7 +65,7 @@ def _table(path: Path) -> dict[str, Any]:
 
 
 def _study(table: dict[str, Any]) -> Study:
-    fields = dataclasses.fields(Study)
+    fields = (each for each in dataclasses.fields(Study) if each.name != "trust")
     _check_keys(table, [each.name for each in fields], "the study")
     for name in ("name", "scenario", "plan", "parameters"):
         if name not in table:

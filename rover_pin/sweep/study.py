@@ -17,6 +17,7 @@ import numpy as np
 from rover_pin.errors import ParameterError, closest
 from rover_pin.sweep.axis import Axis, Values, kind_of
 from rover_pin.sweep.plan import Group, Plan
+from rover_pin.trust import Trust
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,8 @@ class Study:
         Root of the plan's and of all cases' seeds.
     repeats : int
         How often each point is run, each time with another seed.
+    trust : Trust
+        Which files of effects, that the model of a setting names, may run; no part of what the study is.
 
     Raises
     ------
@@ -77,6 +80,7 @@ class Study:
     dt: float | None = None
     seed: int = 0
     repeats: int = 1
+    trust: Trust = Trust()
 
     def __post_init__(self) -> None:
         rows = (list, tuple)
@@ -137,7 +141,7 @@ class Study:
 
     def describe(self) -> dict[str, Any]:
         """Return the study as plain data, for comparison and for the record."""
-        plain = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        plain = {each.name: getattr(self, each.name) for each in dataclasses.fields(self) if each.name != "trust"}
         plain["plan"] = _plain(self.plan)
         plain["parameters"] = {name: _plain(axis) for name, axis in self.parameters.items()}
         plain["settings"] = dict(self.settings)

@@ -24,6 +24,7 @@ from rover_pin.evidence.rig_model import RigModel, conditions, predictor
 from rover_pin.evidence.rig_set import read_rig_set
 from rover_pin.evidence.screen import entry_fee
 from rover_pin.evidence.verdict import Answer
+from rover_pin.trust import Trust
 
 _file = Path(__file__).parents[1] / "oracle" / "rig_generator.py"
 _spec = importlib.util.spec_from_file_location("rig_generator_loop", _file)
@@ -208,7 +209,7 @@ def test_a_users_effect_is_a_file_in_a_folder(tmp_path):
     assert all(issubclass(kind, Effect) for kind in kinds)
     base = RigModel(Wheel(), Soil())
     model = base.having(added(kinds[-1], base))
-    back = read_model(write_model(model, tmp_path / "model.toml"))
+    back = read_model(write_model(model, tmp_path / "model.toml"), Trust.of(tmp_path / "own"))
     np.testing.assert_allclose(back.predict(10.0, [0.1, 0.7]), model.predict(10.0, [0.1, 0.7]))
 
 

@@ -1,7 +1,6 @@
 """Model files: every effect there and back, and every mistake in a file named."""
 
 import re
-import sys
 
 import numpy as np
 import pytest
@@ -26,6 +25,7 @@ from rover_pin.quantity import is_symbolic, quantities
 from rover_pin.scenarios import scenario
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import GrossTraction
+from rover_pin.trust import Trust
 
 FLAT = shapes.flat()
 BASE = scenario("flat").model
@@ -102,10 +102,11 @@ class Squeak(MotorEffect):
 def test_an_effect_of_ones_own_keeps_its_file(tmp_path):
     (tmp_path / "squeak.py").write_text(OWN_EFFECT)
     (kind,) = user_effects(tmp_path / "squeak.py")
+    trust = Trust.of(tmp_path / "squeak.py")
     path = write_model(BASE.having(kind(loud=2.0)), tmp_path / "model.toml")
     assert str(tmp_path / "squeak.py") in path.read_text()
     path.write_text(path.read_text().replace(str(tmp_path / "squeak.py"), "squeak.py"))
-    (found,) = read_model(path, FLAT).motor_effects
+    (found,) = read_model(path, FLAT, trust).motor_effects
     assert (type(found).__name__, found.loud) == ("Squeak", 2.0)
     for content, says in (
         ("import nonsense_that_is_not", "cannot be run: ModuleNotFoundError"),
@@ -113,11 +114,10 @@ def test_an_effect_of_ones_own_keeps_its_file(tmp_path):
     ):
         (tmp_path / "squeak.py").write_text(content)
         with pytest.raises(DataError, match=says):
-            read_model(path, FLAT)
+            read_model(path, FLAT, trust)
     (tmp_path / "squeak.py").unlink()
     with pytest.raises(DataError, match=r"squeak\.py: there is no such effect file"):
-        read_model(path, FLAT)
-    sys.modules.pop("rover_pin_user_effect_squeak")
+        read_model(path, FLAT, trust)
 
 
 def test_a_rover_of_ones_own_needs_its_path(tmp_path):

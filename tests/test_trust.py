@@ -1,0 +1,269 @@
+"""Code in a file of effects runs only where the user names that very file; nothing unpickles or evaluates."""
+
+import ast
+import dataclasses
+import json
+import os
+import py_compile
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from rover_pin.cli import app
+from rover_pin.contact import Soil, Wheel
+from rover_pin.control.tuning_drives import built
+from rover_pin.control.tuning_study import DriveCase, TuningStudy, read_tuning
+from rover_pin.errors import DataError, ParameterError
+from rover_pin.evidence.loop import read_start
+from rover_pin.evidence.model_file import read_model as read_rig_model
+from rover_pin.evidence.model_file import write_model as write_rig_model
+from rover_pin.evidence.rig_model import RigModel
+from rover_pin.motion.effect_files import run_file, user_effects
+from rover_pin.motion.model_toml import read_model, write_model
+from rover_pin.scenarios import scenario
+from rover_pin.sweep import read_study, sweep
+from rover_pin.trust import Trust
+
+ROOT = Path(__file__).parents[1]
+RIG = ROOT / "studies" / "data" / "cmu-smooth-wheel"
+EFFECT = """
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+from rover_pin.effects.effect import MotorEffect
+from rover_pin.quantity import quantity
+
+(Path(__file__).parent / "ran").touch()
+
+@dataclass(frozen=True)
+class NAME(MotorEffect):
+    g: float = quantity(0.1, "", "assumed", 0.0, 1.0)
+    neutral: ClassVar[dict[str, float]] = {"g": 0.0}
+"""
+ENTRY = """
+[[effect]]
+name = "NAME"
+file = "code.py"
+"""
+SWEEP = """
+name = "s"
+scenario = "flat"
+duration = 0.1
+plan = { kind = "grid" }
+[parameters]
+soil.k = [0.01]
+[settings]
+model = "MODEL"
+"""
+TUNING = """
+[[training]]
+scenario = "flat"
+duration = 0.1
+model = "MODEL"
+"""
+
+
+@pytest.fixture(params=["Squeak", "WeakMotor"])
+def model(request, tmp_path):
+    """A model whose effect's code lies beside it, under a name of its own or of an effect of the package."""
+    (tmp_path / "code.py").write_text(EFFECT.replace("NAME", request.param))
+    path = write_model(scenario("flat").model, tmp_path / "model.toml")
+    path.write_text(path.read_text() + ENTRY.replace("NAME", request.param))
+    return path
+
+
+def ran(model):
+    return (model.parent / "ran").exists()
+
+
+def written(model, text):
+    path = model.parent / "study.toml"
+    path.write_text(text.replace("MODEL", str(model)))
+    return path
+
+
+def tuned(model, trust=Trust()):
+    return built(read_tuning(written(model, TUNING)).trusting(trust).training[0]).model
+
+
+def swept(model, trust=Trust()):
+    study = dataclasses.replace(read_study(written(model, SWEEP)), trust=trust)
+    return sweep(study, model.parent / f"out{len(trust.effects)}", workers=1).table["error"][0]
+
+
+def through_rig(model, trust=Trust()):
+    path = write_rig_model(RigModel(Wheel(), Soil()), model.parent / "rig.toml")
+    path.write_text(path.read_text() + "".join(model.read_text().rpartition("[[effect]]")[1:]))
+    return read_start(path, RIG, trust)
+
+
+WAYS = {
+    "read": lambda model, trust=Trust(): read_model(model, scenario("flat").model.terrain, trust),
+    "scenario": lambda model, trust=Trust(): scenario("flat", model=str(model), trust=trust),
+    "tuning": tuned,
+    "rig": through_rig,
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_no_model_runs_code_by_itself(model, way):
+    with pytest.raises(
+        DataError, match=r"it runs only if you say so: read it, then give --effects .*code\.py, or --trust"
+    ):
+        WAYS[way](model)
+    assert not ran(model)
+
+
+@pytest.mark.parametrize("way", ["read", "scenario", "tuning"])
+def test_the_named_file_runs(model, way):
+    WAYS[way](model, Trust.of(model.parent / "code.py"))
+    assert ran(model)
+
+
+def test_a_sweep_runs_code_only_with_consent(model):
+    with pytest.raises(DataError, match="it runs only if you say so"):
+        swept(model)
+    assert not ran(model)
+    assert pd.isna(swept(model, Trust.of(model.parent / "code.py")))
+    assert ran(model)
+
+
+@pytest.mark.parametrize("words", [["drive", "flat", "--set", "duration=0.1"], ["bounds"]])
+def test_the_commands_ask_too(model, words, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    refused = CliRunner().invoke(app, [*words, "--model", str(model)])
+    assert isinstance(refused.exception, DataError)
+    assert not ran(model)
+    for consent in (["--effects", str(tmp_path / "code.py")], ["--trust"]):
+        done = CliRunner().invoke(app, [*words, "--model", str(model), *consent, "--json"])
+        assert done.exit_code == 0, done.exception
+        assert json.loads(done.stdout)
+        (tmp_path / "ran").unlink()
+
+
+def test_another_file_than_the_named_one_does_not_run(model, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    shutil.copy(tmp_path / "code.py", other / "code.py")
+    for trust in (Trust.of(other / "code.py"), Trust.of(other), Trust.of([tmp_path / "model.toml"])):
+        with pytest.raises(DataError, match="runs only if you say so"):
+            read_model(model, scenario("flat").model.terrain, trust)
+    assert not ran(model)
+    assert not (other / "ran").exists()
+
+
+def test_a_link_counts_as_what_it_leads_to(model, tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "link.py").symlink_to(tmp_path / "code.py")
+    model.write_text(model.read_text().replace('"code.py"', '"folder/link.py"'))
+    with pytest.raises(DataError, match="runs only if you say so"):
+        read_model(model, scenario("flat").model.terrain, Trust.of(tmp_path / "folder"))
+    assert not ran(model)
+    read_model(model, scenario("flat").model.terrain, Trust.of(tmp_path / "code.py"))
+
+
+@pytest.mark.parametrize("key", ["settings", "parameters"])
+def test_a_study_cannot_trust_itself(model, key):
+    text = SWEEP.replace(f"[{key}]\n", f"[{key}]\ntrust = {'[true]' if key == 'parameters' else 'true'}\n")
+    study = read_study(written(model, text))
+    (told,) = sweep(study, model.parent / "out", workers=1).table["error"]
+    assert "trust = True is not yours to give in a file: say --effects FILE or --trust" in told
+    with pytest.raises(ParameterError, match="has no key 'trust'"):
+        read_study(written(model, "trust = true\n" + SWEEP))
+    with pytest.raises(ParameterError, match="is not yours to give in a file"):
+        built(read_tuning(written(model, TUNING + "trust = true\n")).training[0])
+    assert not ran(model)
+
+
+def test_trust_is_no_part_of_what_a_study_is():
+    study = read_study(ROOT / "studies" / "sweep_ditch.toml")
+    trusting = dataclasses.replace(study, trust=Trust(everything=True))
+    assert study.describe() == trusting.describe()
+    assert [case.key for case in study.cases()][:3] == [case.key for case in trusting.cases()][:3]
+    tuning = TuningStudy("t", (DriveCase("flat", "flat"),))
+    assert tuning.trusting(Trust(everything=True)) == tuning  # no drive names a model
+
+
+def test_no_word_of_a_drive_names_a_file(tmp_path):
+    (tmp_path / "code.py").write_text(EFFECT.replace("NAME", "WeakMotor"))
+    for word in (f"WeakMotor.file={tmp_path / 'code.py'}", f"WeakMotor.wheel=1,file={tmp_path / 'code.py'}"):
+        with pytest.raises(ParameterError, match="has no field 'file'"):
+            scenario("flat", add=word)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_no_compiled_copy_runs_in_place_of_the_text(tmp_path):
+    """Python takes a copy in __pycache__ whose time and size fit: its code could be any."""
+    file = tmp_path / "code.py"
+    harm = "raise SystemError  "
+    file.write_text(harm)
+    py_compile.compile(str(file))
+    when = file.stat()
+    file.write_text("a = 1".ljust(len(harm)))
+    os.utime(file, ns=(when.st_atime_ns, when.st_mtime_ns))
+    assert run_file(file).a == 1
+
+
+def test_files_of_one_name_do_not_take_each_others_place(tmp_path):
+    kinds = []
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "code.py").write_text(EFFECT.replace("NAME", folder.title()))
+        kinds += user_effects(tmp_path / folder / "code.py")
+    assert [kind.__name__ for kind in kinds] == ["One", "Two"]
+    assert len({kind.__module__ for kind in kinds}) == 2
+
+
+def test_worker_processes_get_a_users_effect(tmp_path):
+    from joblib import Parallel, delayed
+
+    (tmp_path / "code.py").write_text(EFFECT.replace("NAME", "Squeak"))
+    (kind,) = user_effects(tmp_path / "code.py")
+    assert Parallel(n_jobs=2)(delayed(getattr)(kind(g=g), "g") for g in (0.25, 0.5)) == [0.25, 0.5]
+
+
+FORBIDDEN_MODULES = ("pickle", "cPickle", "dill", "shelve", "marshal", "torch", "joblib.numpy_pickle")
+FORBIDDEN_CALLS = (
+    "eval exec compile __import__ joblib.load pickle.load pickle.loads np.fromfile yaml.load yaml.unsafe_load "
+    "pd.read_pickle os.system os.popen"
+).split()
+RUNS_A_USERS_FILE = "effect_files.py"
+"""The one file of the package that runs code which is not the package's, with the user's consent."""
+
+
+def calls(tree):
+    """Yield the dotted name and the node of every call."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            yield ast.unparse(node.func), node
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "rover_pin").rglob("*.py")), ids=lambda path: path.stem)
+def test_nothing_unpickles_or_evaluates(path):
+    """joblib and Dask send our own objects to our own workers in memory; nothing that they send is ever in a file."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    imported |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert not imported & set(FORBIDDEN_MODULES)
+    for name, node in calls(tree):
+        assert name not in FORBIDDEN_CALLS
+        if name in ("np.load", "numpy.load"):
+            told = {word.arg: ast.unparse(word.value) for word in node.keywords}
+            assert told.get("allow_pickle") == "False"
+        assert "shell=True" not in ast.unparse(node)
+        if name.endswith(("exec_module", "spec_from_file_location", "source_to_code", "run_path", "load_module")):
+            assert path.name == RUNS_A_USERS_FILE
+
+
+def test_a_rig_models_named_file_is_asked_for(tmp_path):
+    (tmp_path / "own.py").write_text(
+        (ROOT / "rover_pin" / "effects" / "slip_sinkage.py").read_text().replace("class SlipSinkage", "class Own")
+    )
+    path = write_rig_model(RigModel(Wheel(), Soil()), tmp_path / "rig.toml")
+    path.write_text(path.read_text() + '[[effect]]\nname = "Own"\nfile = "own.py"\n')
+    with pytest.raises(DataError, match="runs only if you say so"):
+        read_rig_model(path)
+    assert type(read_rig_model(path, Trust.of(tmp_path / "own.py")).effects[-1]).__name__ == "Own"
