@@ -2,6 +2,10 @@
 
 A facet is a straight piece of the cut. A patch is the part of a facet's contact arc that lies between the bisectors to
 its neighbours, so that patches tile the arc: one on flats and slopes, two at a lip or between floor and wall.
+
+A wheel over the border of two lanes stands in each with the share of its width that lies over it, and the edge pushes
+it sideways by what moving across would store in the soil, -dU/dy with U = f_n h / (n + 3/2), the work that pressed the
+wheel in where f_n grows as h^(n + 1/2). So its forces are continuous in y, and a wheel is not lifted for nothing.
 """
 
 from __future__ import annotations
@@ -48,7 +52,10 @@ class Facet(NamedTuple):
 
 
 class Patch(NamedTuple):
-    """A part of a facet's contact: sinkage h of the facet's plane, greatest depth within the part [m], shares [-]."""
+    """A part of a facet's contact: sinkage h of the facet's plane, greatest depth within the part [m], shares [-].
+
+    `side` is the push of a lane's edge along the world's y, per normal force; `depth` counts by the share of the width.
+    """
 
     h: float
     depth: float
@@ -56,6 +63,15 @@ class Patch(NamedTuple):
     tilt: float
     turn: float
     facet: Facet
+    side: float = 0.0
+
+
+class Strip(NamedTuple):
+    """A part of a wheel's width over one piece of ground: its facets, its share of the width, d share / dy [1/m]."""
+
+    facets: list[Facet]
+    share: float = 1.0
+    slope: float = 0.0
 
 
 def wheel_frame(centre: np.ndarray, axle: np.ndarray) -> WheelFrame:
@@ -65,24 +81,64 @@ def wheel_frame(centre: np.ndarray, axle: np.ndarray) -> WheelFrame:
     return WheelFrame(centre, axle, np.cross(axle, up), up)
 
 
-def patches(terrain: Terrain, frame: WheelFrame, r: float, exponents: Sequence[float]) -> list[Patch]:
-    """Return the contact patches of a wheel of radius `r` [m]; `exponents` are n of the soils by index."""
-    facets = cut(terrain, frame, r)
-    found = (patch_of(facets, k, r, exponents[facet.ground]) for k, facet in enumerate(facets))
-    return [patch for patch in found if patch is not None]
+def patches(
+    terrain: Terrain, frame: WheelFrame, r: float, b: float, exponents: Sequence[float]
+) -> tuple[list[Patch], float]:
+    """Return the contact patches of a wheel of radius `r` and width `b` [m], and its sinkage [m].
+
+    `exponents` are n of the soils by index. The sinkage is the greatest depth, its mean over the width.
+    """
+    found, sinkage = [], 0.0
+    for strip in strips(terrain, frame, r, b):
+        touching = _patches_of(strip, r, exponents)
+        found += touching
+        sinkage += strip.share * max((patch.depth for patch in touching), default=0.0)
+    return found, sinkage
 
 
-def cut(terrain: Terrain, frame: WheelFrame, r: float) -> list[Facet]:
-    """Return the facets near the wheel, from behind to ahead."""
-    if isinstance(terrain, Lanes):
-        return cut_lane(terrain, frame, r)
-    assert isinstance(terrain, HeightGrid)
-    return cut_grid(terrain, frame, r)
+def _patches_of(strip: Strip, r: float, exponents: Sequence[float]) -> list[Patch]:
+    found = []
+    for k, facet in enumerate(strip.facets):
+        n = exponents[facet.ground]
+        patch = patch_of(strip.facets, k, r, n)
+        if patch is not None:
+            side = -strip.slope * patch.share * patch.h / (n + 1.5)
+            share, tilt, turn = (strip.share * each for each in (patch.share, patch.tilt, patch.turn))
+            found.append(patch._replace(share=share, tilt=tilt, turn=turn, side=side))
+    return found
 
 
-def cut_lane(terrain: Lanes, frame: WheelFrame, r: float) -> list[Facet]:
-    """Return the facets of the wheel's lane; the profile is extruded sideways, so its corners are level lines."""
-    profile = terrain.profiles[int(np.searchsorted(terrain.borders, frame.centre[1]))]
+def strips(terrain: Terrain, frame: WheelFrame, r: float, b: float) -> list[Strip]:
+    """Return the facets near the wheel, from behind to ahead, for each part of its width that has its own ground."""
+    if not isinstance(terrain, Lanes):
+        assert isinstance(terrain, HeightGrid)
+        return [Strip(cut_grid(terrain, frame, r))]
+    found = (lane_share(terrain, frame, r, b, lane) for lane in range(len(terrain.profiles)))
+    return [
+        Strip(cut_lane(terrain, frame, r, lane), share, slope)
+        for lane, (share, slope) in enumerate(found)
+        if share > 0.0
+    ]
+
+
+def lane_share(terrain: Lanes, frame: WheelFrame, r: float, b: float, lane: int) -> tuple[float, float]:
+    """Return the share of a wheel's width over a lane, and its slope by y [1/m].
+
+    The width along y is b |axle_y| + r |forward_y|: that of the rim, and of about a contact's length where the wheel
+    heads across the lanes (assumed).
+    """
+    full = b * abs(frame.axle[1]) + r * abs(frame.forward[1])
+    low, high = frame.centre[1] - 0.5 * full, frame.centre[1] + 0.5 * full
+    right, left = (-math.inf, *terrain.borders)[lane], (*terrain.borders, math.inf)[lane]
+    slope = (float(high < left) - float(low > right)) / full
+    if low > right and high < left:
+        return 1.0, 0.0
+    return max(0.0, (min(high, left) - max(low, right)) / full), slope
+
+
+def cut_lane(terrain: Lanes, frame: WheelFrame, r: float, lane: int) -> list[Facet]:
+    """Return the facets of one lane; the profile is extruded sideways, so its corners are level lines."""
+    profile = terrain.profiles[lane]
     x, z, ground = profile.extended()
     across = frame.axle[1] if abs(frame.axle[1]) >= 1e-3 else math.copysign(1e-3, frame.axle[1])
     dx, dz = x - frame.centre[0], z - frame.centre[2]

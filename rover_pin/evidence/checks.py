@@ -51,6 +51,11 @@ def positive(values: np.ndarray, name: str, unit: str, where: str) -> None:
     _refuse_where(values <= 0, values, f"{where}: {name}", "is not positive", todo)
 
 
+def not_negative(values: np.ndarray, name: str, unit: str, where: str) -> None:
+    """Refuse values below zero."""
+    _refuse_where(values < 0, values, f"{where}: {name}", "is negative", f"{name} must be 0 or more {unit}".rstrip())
+
+
 def depths(values: np.ndarray, radius: float, name: str, where: str) -> None:
     """Refuse sinkages deeper than the axle, which millimetres taken for metres are."""
     if (values > radius).any():

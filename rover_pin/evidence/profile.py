@@ -17,6 +17,9 @@ TRIES = 60
 JUMP = 0.01
 """A bracket this narrow, relative to its distance, is a jump of chi2, or came from a refit that went astray."""
 
+AT_BOUND = 1e-4
+"""A parameter this near to a bound, relative to its range, stands at it."""
+
 CLOSE = 3e-3
 """How near, relative to the interval's half width, an end is found."""
 
@@ -30,12 +33,17 @@ class Best(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """A 95 % interval in u; an end that chi2 does not close is the parameter's bound."""
+    """A 95 % interval in u; an end that chi2 does not close is the parameter's bound.
+
+    `pinned` are the other parameters that stand at a bound of theirs at an end that chi2 closes: without that bound the
+    interval would reach further.
+    """
 
     low: float
     high: float
     closed_low: bool
     closed_high: bool
+    pinned: tuple[int, ...] = ()
 
 
 class LowerMinimum(Exception):
@@ -56,8 +64,13 @@ def interval(problem: Problem, best: Best, index: int) -> Interval:
     OptimisationError
         A refit did not settle.
     """
-    (low, closed_low), (high, closed_high) = (_end(problem, best, index, side, NORMAL_95) for side in (-1, 1))
-    return Interval(low, high, closed_low, closed_high)
+    (low, closed_low, below), (high, closed_high, above) = (
+        _end(problem, best, index, side, NORMAL_95) for side in (-1, 1)
+    )
+    ends = [u for u, closed in ((below, closed_low), (above, closed_high)) if closed]
+    others = [other for other in range(len(best.u)) if other != index]
+    pinned = [other for other in others if any(_at_bound(problem, u, other) for u in ends)]
+    return Interval(low, high, closed_low, closed_high, tuple(pinned))
 
 
 def rise(problem: Problem, best: Best, index: int, x: float, guess: np.ndarray) -> tuple[float, np.ndarray]:
@@ -70,8 +83,14 @@ def rise(problem: Problem, best: Best, index: int, x: float, guess: np.ndarray) 
     return float(np.sqrt(max(chi2 - best.chi2, 0.0))), u
 
 
-def _end(problem: Problem, best: Best, index: int, side: int, target: float) -> tuple[float, bool]:
-    """Return one end of the interval and whether chi2 closes it, by a bracketed secant on the root of the rise."""
+def _at_bound(problem: Problem, u: np.ndarray, index: int) -> bool:
+    low, high = problem.space.low[index], problem.space.high[index]
+    near = AT_BOUND * (high - low)
+    return bool(u[index] <= low + near or u[index] >= high - near)
+
+
+def _end(problem: Problem, best: Best, index: int, side: int, target: float) -> tuple[float, bool, np.ndarray]:
+    """Return one end of the interval, whether chi2 closes it, and u there; a bracketed secant on the rise's root."""
     centre = best.u[index]
     bound = float((problem.space.low, problem.space.high)[side > 0][index])
     sd = float(np.sqrt(best.covariance[index, index]))
@@ -80,17 +99,17 @@ def _end(problem: Problem, best: Best, index: int, side: int, target: float) -> 
     for turn in range(TRIES):
         z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if kept is best.u else kept)
         if abs(z - target) < CLOSE * target:
-            return x, True
+            return x, True, u
         if z > target:
             outside = (x, z)
         elif x == bound:
-            return bound, False
+            return bound, False, u
         else:
             inside, kept = (x, z), u
         if outside is not None and abs(outside[0] - inside[0]) < JUMP * abs(inside[0] - centre):
             z, u = rise(problem, best, index, outside[0], kept)
             if z > target:
-                return outside[0], True
+                return outside[0], True, u
             inside, kept, outside = (outside[0], z), u, None
         x = _next(inside, outside, (centre, bound), target, turn)
     raise OptimisationError(

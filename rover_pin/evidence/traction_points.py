@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -13,7 +14,7 @@ import pandas as pd
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
 from rover_pin.evidence.channel import Channel, Predictor, TractionFactor
-from rover_pin.evidence.checks import column, positive, same_length, slips
+from rover_pin.evidence.checks import column, not_negative, positive, same_length, slips
 from rover_pin.evidence.prediction import CompiledPrediction
 from rover_pin.evidence.tables import read_table
 from rover_pin.parameters import NEXUS6_WHEEL
@@ -25,15 +26,70 @@ FORM, ANGLES = NetTraction(), FixedAngles()
 
 @dataclass(frozen=True)
 class FactorLaw:
-    """F(S) of a form, at the soil's theta_1."""
+    """F(S) of a form, at the soil's theta_1, held against a factor measured at an uncertain slip.
+
+    With S known to a and F_m to b, the least of (S_t - S)^2 / a^2 + (F(S_t) - F_m)^2 / b^2 over the true slip S_t is,
+    to first order in S_t - S, that of the effective variance s^2,
+
+        (F(S) - F_m)^2 / s^2,    s^2 = b^2 + F'(S)^2 a^2,
+
+    reached at S_t = S - a^2 F' (F - F_m) / s^2. Minimised over the soil this is the functional errors-in-variables fit,
+    consistent where F is straight over a; each S_t is spent on its own point, so that a point counts once.
+
+    Source: Deming, Statistical Adjustment of Data (1943); York et al., American Journal of Physics 72 (2004) 367.
+    """
 
     form: TractionForm
     angles: Angles
 
     def build(self, condition: Any, wheel: Wheel, soil: Soil, free: Any) -> tuple[Any, Any]:
-        """Return F [1] at the slip ratio `condition` [1] and its Jacobian."""
-        factor = load_traction_factor(condition[0], soil, wheel, self.form, self.angles)
-        return factor, ca.jacobian(factor, free)
+        """Return (F - F_m) / s, 1 / s, F' / s [3] and their Jacobian for `condition`: S, its SD a, F_m, its SD b."""
+        S, a, measured, b = condition[0], condition[1], condition[2], condition[3]
+        slip = ca.SX.sym("S")
+        law = load_traction_factor(slip, soil, wheel, self.form, self.angles)
+        factor, slope = (ca.substitute(each, slip, S) for each in (law, ca.jacobian(law, slip)))
+        weight = 1.0 / ca.sqrt(b * b + (slope * a) ** 2)
+        rows = ca.vertcat((factor - measured) * weight, weight, slope * weight)
+        return rows, ca.jacobian(rows, free)
+
+
+class UncertainSlip:
+    """The `Predictor` of points with errors in both axes, and with errors that all of them share.
+
+    Rows r = (F - F_m) / s with an error e that all share have the covariance I + u u^T, u = e / s for one of the
+    factors, F' e / s for one of the slips. They are made independent by its root, one error after the other, and
+    handed out as F_m + b w: a fit that divides by b minimises w^2.
+    """
+
+    def __init__(self, points: TractionPoints, free: tuple[str, ...]):
+        conditions = np.column_stack([points.slip, points.slip_sd, points.factor, points.sd])
+        self.rows = CompiledPrediction(FactorLaw(points.form, points.angles), conditions, points.wheel, free)
+        self.measured, self.sd = points.factor, points.sd
+        self.shared = np.array([points.shared, points.slip_shared])
+
+    def __call__(self, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the predictions [m] and their Jacobian [m, p]."""
+        rows, slopes = self.rows(fields)
+        rows, slopes = rows.reshape(3, -1), slopes.reshape(3, len(self.measured), -1)
+        factor, slip = ((e * rows[at], e[:, None] * slopes[at]) for at, e in enumerate(self.shared, 1))
+        w, dw = parted(parted(factor, slip), parted(factor, (rows[0], slopes[0])))
+        return self.measured + self.sd * w, self.sd[:, None] * dw
+
+
+Rows = tuple[np.ndarray, np.ndarray]
+"""Values [m] and their Jacobian [m, p]."""
+
+
+def parted(shared: Rows, rows: Rows) -> Rows:
+    """Return (I + u u^T)^(-1/2) x = x - c (u x) u, with c = (1 - 1 / sqrt(1 + u^2)) / u^2, and its Jacobian."""
+    (u, du), (x, dx) = shared, rows
+    size, along = float(u @ u), float(u @ x)
+    if size == 0.0:
+        return rows
+    root = 1.0 / math.sqrt(1.0 + size)
+    c = (1.0 - root) / size
+    dc = 2.0 * (0.5 * root**3 - c) / size * (u @ du)
+    return x - c * along * u, dx - np.outer(u, along * dc + c * (x @ du + u @ dx)) - c * along * du
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +108,14 @@ class TractionPoints:
         Which ratio was measured.
     angles : Angles
         How the arc follows from the soil; the paper holds theta_1 and theta_2.
+    slip_sd : float or array [points]
+        Standard deviation of each slip ratio [-]; 0 where it was set exactly. Residuals are then shorter by what the
+        slip's doubt explains (`FactorLaw`).
+    shared : float or array [points]
+        By how much all factors may be wrong together, one standard deviation [-]: a wrong load or torque constant. Its
+        signs say which way each goes with the others.
+    slip_shared : float or array [points]
+        The same of all slip ratios: a wrong radius.
 
     Raises
     ------
@@ -65,6 +129,9 @@ class TractionPoints:
     wheel: Wheel = NEXUS6_WHEEL
     form: TractionForm = FORM
     angles: Angles = ANGLES
+    slip_sd: Any = field(default=0.0, repr=False)
+    shared: Any = field(default=0.0, repr=False)
+    slip_shared: Any = field(default=0.0, repr=False)
 
     tells: ClassVar[frozenset[str]] = frozenset({"k", "phi"})
     told_by: ClassVar[str] = "the traction factor F(S) alone"
@@ -75,6 +142,9 @@ class TractionPoints:
         channel = TractionFactor(self.factor, self.sd)
         same_length(where, slip=self.slip, factor=channel.measured)
         slips(self.slip, "slip", where)
+        for name in ("slip_sd", "shared", "slip_shared"):
+            object.__setattr__(self, name, errors(getattr(self, name), len(self.slip), name, where))
+        not_negative(self.slip_sd, "slip_sd", "", where)
         object.__setattr__(self, "factor", channel.measured)
         object.__setattr__(self, "sd", channel.sd)
 
@@ -113,13 +183,21 @@ class TractionPoints:
 
     def predictor(self, free: tuple[str, ...]) -> Predictor:
         """Return F and its Jacobian at the measured slips."""
-        return CompiledPrediction(FactorLaw(self.form, self.angles), self.slip[:, None], self.wheel, free)
+        return UncertainSlip(self, free)
+
+
+def errors(values: Any, count: int, name: str, where: str) -> np.ndarray:
+    """Return standard deviations, one a point; a single one holds for all."""
+    sd = column(np.atleast_1d(values), name, where)
+    sd = np.full(count, sd[0]) if sd.size == 1 else sd
+    same_length(where, slip=np.empty(count), **{name: sd})
+    return sd
 
 
 def read_traction_points(
     path: str | Path, wheel: Wheel = NEXUS6_WHEEL, form: TractionForm = FORM, angles: Angles = ANGLES
 ) -> TractionPoints:
-    """Return the points of a CSV file: columns `slip, traction_factor, sd` and, where `sd` is the scatter, `count`.
+    """Return the points of a CSV file: columns `slip, traction_factor, sd`; `slip_sd`; `count` where `sd` is scatter.
 
     Raises
     ------
@@ -133,7 +211,8 @@ def read_traction_points(
         count = column(table["count"], "count", path.name)
         positive(count, "count", "", path.name)
         sd = sd / np.sqrt(count)
+    slip_sd = table.get("slip_sd", 0.0)
     try:
-        return TractionPoints(table["slip"], table["traction_factor"], sd, wheel, form, angles)
+        return TractionPoints(table["slip"], table["traction_factor"], sd, wheel, form, angles, slip_sd)
     except DataError as error:
         raise DataError(f"{path.name}: {error}") from error

@@ -70,6 +70,7 @@ typedef struct {
 
 typedef struct {
   double sinkage, depth, share, tilt, turn; /* sinkage of the facet's plane; greatest depth within the patch */
+  double side; /* push of a lane's edge along y, per normal force */
   const Facet *facet;
 } Patch;
 
@@ -129,9 +130,15 @@ static void finish_facets(Facet *facets, integer n) {
   }
 }
 
-static integer cut_lane(const Drive *d, const Wheel *w, double radius, Facet *facets) {
-  integer lane = 0;
-  while (lane < d->n_lanes - 1 && w->centre[1] > d->lane_borders[lane]) ++lane;
+/* The share of the wheel's width that lies over a lane, and its slope by y. */
+static double lane_share(const Drive *d, const Wheel *w, integer lane, double radius, double width, double *slope) {
+  double full = width * fabs(w->axle[1]) + radius * fabs(w->forward[1]), low = w->centre[1] - 0.5 * full, high = low + full;
+  double right = lane > 0 ? d->lane_borders[lane - 1] : -INFINITY, left = lane < d->n_lanes - 1 ? d->lane_borders[lane] : INFINITY;
+  *slope = ((high < left) - (low > right)) / full;
+  return low > right && high < left ? 1.0 : fmax(0.0, (fmin(high, left) - fmax(low, right)) / full);
+}
+
+static integer cut_lane(const Drive *d, const Wheel *w, integer lane, double radius, Facet *facets) {
   const integer first = d->lane_start[lane], count = d->lane_start[lane + 1] - first;
   const double *x = d->lane_x + first, *z = d->lane_z + first;
   double reach = 1.05 * radius;
@@ -283,7 +290,7 @@ static int find_patch(const Facet *facets, integer n, integer k, double radius, 
   patch->sinkage = fmin(h, DEEPEST * radius);
   patch->depth = radius * deepest;
   patch->share = patch->turn = 1.0;
-  patch->tilt = 0.0;
+  patch->tilt = patch->side = 0.0;
   if (low > -theta || high < theta) {
     if (deepest <= 1e-12) return 0;
     double own[2], whole[2], upper[2], lower[2];
@@ -440,8 +447,8 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
   }
   double in_plane[3];
   for (int c = 0; c < 3; ++c) in_plane[c] = patch->facet->n_s * w->forward[c] + patch->facet->n_t * w->up[c];
-  double share = patch->share, tilt = patch->tilt, turn = patch->turn;
-  double e_t[3], e_n[3], moment_n[3], moment_y[3];
+  double share = patch->share, tilt = patch->tilt, turn = patch->turn, side = patch->side;
+  double e_t[3], e_n[3], moment_n[3], moment_y[3], moment_side[3];
   for (int c = 0; c < 3; ++c) {
     arm[c] = -r * in_plane[c];
     e_t[c] = share * t[c] + tilt * N[c];
@@ -449,9 +456,12 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
   }
   cross(arm, N, moment_n);
   cross(arm, l, moment_y);
-  double off_n = dot(moment_n, w->axle), off_y = dot(moment_y, w->axle);
+  const double across[3] = {0.0, 1.0, 0.0};
+  cross(arm, across, moment_side);
+  e_n[1] += side;
+  double off_n = dot(moment_n, w->axle), off_y = dot(moment_y, w->axle), off_side = dot(moment_side, w->axle);
   for (int c = 0; c < 3; ++c) {
-    moment_n[c] = share * (moment_n[c] - off_n * w->axle[c]);
+    moment_n[c] = share * (moment_n[c] - off_n * w->axle[c]) + side * (moment_side[c] - off_side * w->axle[c]);
     moment_y[c] = share * (moment_y[c] - off_y * w->axle[c]);
   }
   double push[4][MAX_COLS], see[4][MAX_COLS];
@@ -487,10 +497,9 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
   double *record = d->record + index * N_RECORD;
   record[0] += weight * law.slip[0];
   record[1] += weight * law.slip[1];
-  record[2] = fmax(record[2], patch->depth);
   record[3] += share * law.load[2];
   record[4] += share * law.load[0];
-  record[5] += share * law.load[1];
+  record[5] += share * law.load[1] + side * l[1] * law.load[2];
   record[6] += turn * law.load[3];
   record[7] += weight * contact[1];
   record[8] += 1.0;
@@ -498,6 +507,27 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
     d->loads[6 * index + c] += e_n[c] * law.load[2] + e_t[c] * law.load[0] + share * l[c] * law.load[1];
   for (int c = 0; c < 3; ++c)
     d->loads[6 * index + 3 + c] += moment_n[c] * law.load[2] + moment_y[c] * law.load[1] - turn * w->axle[c] * law.load[3];
+}
+
+/* Add the patches of one strip of a wheel's width, which has this share of it; return how many touch. */
+static integer add_strip(const Drive *d, const Wheel *wheel, integer index, const Facet *facets, integer n, double share,
+                         double slope, System *system, StateUpdate *update) {
+  double radius = d->radius[index], deepest = 0.0, *sinkage = d->record + index * N_RECORD + 2, before = *sinkage;
+  integer touching = 0;
+  for (integer k = 0; k < n; ++k) {
+    Patch patch;
+    double n_soil = d->soils[N_SOIL * facets[k].ground + SOIL_N];
+    if (!find_patch(facets, n, k, radius, n_soil, &patch)) continue;
+    ++touching;
+    deepest = fmax(deepest, patch.depth);
+    patch.side = -slope * patch.share * patch.sinkage / (n_soil + 1.5);
+    patch.share *= share;
+    patch.tilt *= share;
+    patch.turn *= share;
+    add_patch(d, wheel, index, &patch, system, update);
+  }
+  *sinkage = before + share * deepest;
+  return touching;
 }
 
 static void add_wheel(const Drive *d, integer index, System *system, StateUpdate *update) {
@@ -508,18 +538,14 @@ static void add_wheel(const Drive *d, integer index, System *system, StateUpdate
   memset(update, 0, sizeof *update);
   memset(d->record + index * N_RECORD, 0, 9 * sizeof(double));
   memset(d->loads + 6 * index, 0, 6 * sizeof(double));
-  integer n = d->n_lanes ? cut_lane(d, &wheel, radius, facets) : cut_grid(d, &wheel, radius, facets);
-  integer touching = 0;
-  for (integer k = 0; k < n; ++k) {
-    Patch patch;
-    double n_soil = d->soils[N_SOIL * facets[k].ground + SOIL_N];
-    if (!find_patch(facets, n, k, radius, n_soil, &patch)) continue;
-    ++touching;
-    add_patch(d, &wheel, index, &patch, system, update);
+  integer touching = d->n_lanes ? 0 : add_strip(d, &wheel, index, facets, cut_grid(d, &wheel, radius, facets), 1.0, 0.0, system, update);
+  for (integer lane = 0; lane < d->n_lanes; ++lane) {
+    double slope, share = lane_share(d, &wheel, lane, radius, d->kinds[2 * d->kind[index] + 1], &slope);
+    if (share > 0.0) touching += add_strip(d, &wheel, index, facets, cut_lane(d, &wheel, lane, radius, facets), share, slope, system, update);
   }
   if (!touching && d->n_contact_states) { /* in the air: the states go on, nothing pushes */
     Facet below = {0, -radius, 0, 1, {wheel.up[0], wheel.up[1], wheel.up[2]}, 0};
-    Patch patch = {1e-9, 0.0, 0.0, 0.0, 0.0, &below};
+    Patch patch = {1e-9, 0.0, 0.0, 0.0, 0.0, 0.0, &below};
     add_patch(d, &wheel, index, &patch, system, update);
     d->record[index * N_RECORD + 8] = 0.0;
   }

@@ -123,7 +123,8 @@ class Plain:
         centre = self.data.oMi[mount.joint].translation.copy()
         J = pin.getJointJacobian(self.pin_model, self.data, mount.joint, pin.LOCAL_WORLD_ALIGNED)
         frame = wheel_frame(centre, J[3:, mount.dof].copy())
-        found = patches(self.model.terrain, frame, float(mount.wheel.r), [float(soil.n) for soil in self.model.soils])
+        exponents = [float(soil.n) for soil in self.model.soils]
+        found, sinkage = patches(self.model.terrain, frame, float(mount.wheel.r), float(mount.wheel.b), exponents)
         nx = self.state.contact.shape[1]
         airborne = not found
         if airborne and nx:
@@ -137,6 +138,7 @@ class Plain:
         if not weights:
             return np.zeros(nx), np.zeros((nx, J.shape[1]))
         self.record[index, [0, 1, 7]] /= sum(weights)
+        self.record[index, 2] = sinkage
         self.record[index, 8] = 0.0 if airborne else len(found)
         return np.sum(gains, axis=0) / sum(weights), np.sum(slopes, axis=0) / sum(weights)
 
@@ -160,9 +162,10 @@ class Plain:
         in_plane = patch.facet.in_plane
         arm = -r * (in_plane[0] * frame.forward + in_plane[1] * frame.up)
         share, tilt, turn = patch.share, patch.tilt, patch.turn
-        forces = np.array([share * t + tilt * N, share * side, share * N - tilt * t, np.zeros(3)])
+        edge = patch.side * np.array([0.0, 1.0, 0.0])
+        forces = np.array([share * t + tilt * N, share * side, share * N - tilt * t + edge, np.zeros(3)])
         off_axle = np.eye(3) - np.outer(frame.axle, frame.axle)
-        lever = [np.zeros(3), share * np.cross(arm, side), share * np.cross(arm, N)]
+        lever = [np.zeros(3), share * np.cross(arm, side), share * np.cross(arm, N) + np.cross(arm, edge)]
         moments = np.array([*(off_axle @ each for each in lever), -turn * frame.axle])
         push = forces @ J[:3] + moments @ J[3:]
         self.soil_Q += push.T @ load
@@ -170,8 +173,8 @@ class Plain:
         weight = max(share * load[2], 1e-12)
         felt = Load(*(np.array([share, share, share, turn]) * load))
         self.record[index, :2] += weight * law.slip
-        self.record[index, 2] = max(self.record[index, 2], patch.depth)
-        self.record[index, 3:8] += [felt.f_n, felt.f_t, felt.f_y, felt.torque, weight * float(velocity @ t)]
+        lateral = felt.f_y + patch.side * side[1] * load[2]
+        self.record[index, 3:8] += [felt.f_n, felt.f_t, lateral, felt.torque, weight * float(velocity @ t)]
         self.loads[index] += np.concatenate([forces.T @ load, moments.T @ load])
         return weight, step, step_by_speed @ see
 

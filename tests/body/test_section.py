@@ -9,15 +9,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rover_pin.body.profile import Profile
-from rover_pin.body.section import patches, wheel_frame
-from rover_pin.body.shapes import ditch, flat, incline
+from rover_pin.body.section import patches as patches_and_sinkage
+from rover_pin.body.section import wheel_frame
+from rover_pin.body.shapes import ditch, flat, incline, one_sided_bump
 from rover_pin.body.terrain import HeightGrid, Lanes
 
-R = 0.045
+R, B = 0.045, 0.05
 
 
-def upright(x, z, yaw=0.0):
-    return wheel_frame(np.array([x, 0.0, z]), np.array([-math.sin(yaw), math.cos(yaw), 0.0]))
+def patches(*given):
+    return patches_and_sinkage(*given)[0]
+
+
+def upright(x, z, yaw=0.0, y=0.0):
+    return wheel_frame(np.array([x, y, z]), np.array([-math.sin(yaw), math.cos(yaw), 0.0]))
 
 
 def resultant(found):
@@ -47,7 +52,7 @@ def brute_force(corners, centre, count=40001):
 
 
 def test_flat_ground_is_one_whole_patch():
-    (patch,) = patches(flat(), upright(0.3, R - 0.006), R, [1.0])
+    (patch,) = patches(flat(), upright(0.3, R - 0.006), R, B, [1.0])
     assert (patch.share, patch.tilt) == (1.0, 0.0)
     assert patch.h == pytest.approx(0.006, abs=1e-15)
 
@@ -56,7 +61,7 @@ def test_flat_ground_is_one_whole_patch():
 def test_a_slope_is_one_whole_patch_at_any_heading(yaw):
     terrain = incline(math.radians(12.0), start=-5.0)
     height = float(terrain.height(0.3, 0.0)) + 0.95 * R
-    found = patches(terrain, upright(0.3, height, yaw), R, [1.0])
+    found = patches(terrain, upright(0.3, height, yaw), R, B, [1.0])
     assert [patch.share for patch in found] == [1.0]
     assert found[0].facet.normal == pytest.approx(terrain.normal(0.3, 0.0))
 
@@ -66,7 +71,7 @@ def test_a_slope_is_one_whole_patch_at_any_heading(yaw):
 def test_parts_of_a_plane_add_up_to_the_plane(cut, h, n):
     """For any exponent: one sinkage, shares that add up to 1, leans that cancel."""
     split = Lanes((Profile(np.array([-1.0, cut - 0.011, cut, cut + 0.007, 1.0]), np.zeros(5)),))
-    found = patches(split, upright(0.0, R - h), R, [n])
+    found = patches(split, upright(0.0, R - h), R, B, [n])
     assert [patch.h for patch in found] == pytest.approx([h] * len(found))
     assert sum(patch.share for patch in found) == pytest.approx(1.0, rel=1e-9)
     assert sum(patch.turn for patch in found) == pytest.approx(1.0, rel=1e-9)
@@ -78,8 +83,8 @@ def test_parts_of_a_plane_add_up_to_the_plane(cut, h, n):
 @given(cut=st.floats(-0.02, 0.02), h=st.floats(1e-4, 0.02))
 def test_a_corner_that_is_no_corner_changes_nothing(cut, h):
     split = Lanes((Profile(np.array([-1.0, cut, 1.0]), np.zeros(3)),))
-    found = patches(split, upright(0.0, R - h), R, [1.0])
-    whole = patches(flat(), upright(0.0, R - h), R, [1.0])
+    found = patches(split, upright(0.0, R - h), R, B, [1.0])
+    whole = patches(flat(), upright(0.0, R - h), R, B, [1.0])
     assert resultant(found) == pytest.approx(resultant(whole), rel=1e-9, abs=1e-12)
 
 
@@ -89,7 +94,7 @@ def test_a_lip_is_the_arc_integral(wall, x):
     corners = np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, -math.tan(math.radians(wall))]])
     terrain = Lanes((Profile(corners[:, 0], corners[:, 1]),))
     centre = np.array([x, R - 0.008])
-    found = resultant(patches(terrain, upright(*centre), R, [1.0]))
+    found = resultant(patches(terrain, upright(*centre), R, B, [1.0]))
     assert found[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
 
 
@@ -97,7 +102,7 @@ def test_floor_and_wall_are_two_patches():
     corners = np.array([[-1.0, 0.0], [0.0, 0.0], [0.5, 0.5]])
     terrain = Lanes((Profile(corners[:, 0], corners[:, 1]),))
     centre = np.array([-0.017, R - 0.004])
-    found = patches(terrain, upright(*centre), R, [1.0])
+    found = patches(terrain, upright(*centre), R, B, [1.0])
     assert len(found) == 2
     assert resultant(found)[[0, 2]] == pytest.approx(brute_force(corners, centre), rel=2e-3, abs=2e-7)
 
@@ -108,7 +113,7 @@ def test_forces_are_continuous_along_a_ditch(wall, depth):
     terrain = ditch(wall_angle=math.radians(wall))
 
     def largest_jump(count):
-        path = [resultant(patches(terrain, upright(x, R - depth), R, [1.0])) for x in np.linspace(0.4, 0.8, count)]
+        path = [resultant(patches(terrain, upright(x, R - depth), R, B, [1.0])) for x in np.linspace(0.4, 0.8, count)]
         return np.abs(np.diff(path, axis=0)).max() / np.abs(path).max()
 
     assert largest_jump(8001) < 0.6 * largest_jump(4001)
@@ -118,17 +123,71 @@ def test_forces_are_continuous_along_a_ditch(wall, depth):
 @given(x=st.floats(0.4, 0.8), z=st.floats(R - 0.05, R))
 def test_a_ditch_mirrored_end_to_end_gives_mirrored_forces(x, z):
     terrain, middle = ditch(wall_angle=math.radians(50.0)), 0.6
-    there = resultant(patches(terrain, upright(x, z), R, [1.0]))
-    back = resultant(patches(terrain, upright(2 * middle - x, z), R, [1.0]))
+    there = resultant(patches(terrain, upright(x, z), R, B, [1.0]))
+    back = resultant(patches(terrain, upright(2 * middle - x, z), R, B, [1.0]))
     assert back == pytest.approx(there * [-1.0, 1.0, 1.0], rel=1e-7, abs=1e-12)
 
 
 def test_a_level_height_grid_is_flat_ground():
     grid = HeightGrid(-1.0, -1.0, 0.1, 0.1, np.zeros((21, 21)))
     frame = upright(0.033, R - 0.007, 0.4)
-    level = resultant(patches(flat(), frame, R, [1.0]))
-    assert resultant(patches(grid, frame, R, [1.0])) == pytest.approx(level, rel=1e-9)
+    level = resultant(patches(flat(), frame, R, B, [1.0]))
+    assert resultant(patches(grid, frame, R, B, [1.0])) == pytest.approx(level, rel=1e-9)
 
 
 def test_a_wheel_in_the_air_has_no_patch():
-    assert patches(ditch(), upright(0.3, R + 1e-9), R, [1.0]) == []
+    assert patches(ditch(), upright(0.3, R + 1e-9), R, B, [1.0]) == []
+
+
+LEVEL = Profile([-1.0, 1.0], [0.0, 0.0])
+RAISED = Profile([-1.0, 1.0], [0.01, 0.01])
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, math.pi / 2, math.pi])
+def test_two_lanes_alike_are_one(yaw):
+    twice, frame = Lanes((LEVEL, LEVEL, LEVEL), (-0.01, 0.012)), upright(0.0, R - 0.008, yaw)
+    found, sinkage = patches_and_sinkage(twice, frame, R, B, [1.0])
+    assert len(found) > 1
+    assert resultant(found) == pytest.approx(resultant(patches(flat(), frame, R, B, [1.0])), abs=1e-12)
+    assert sinkage == pytest.approx(0.008, abs=1e-12)
+    assert sum(patch.share for patch in found) == pytest.approx(1.0, abs=1e-12)
+    assert sum(patch.side for patch in found) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, math.pi / 2])
+def test_over_an_edge_each_lane_carries_by_its_share_of_the_width(yaw):
+    """With an edge under a wheel's middle half of it is 18 mm deep, half 8 mm; moved by 1 nm nothing jumps."""
+    terrain = Lanes((LEVEL, RAISED), (0.0,))
+    found, sinkage = patches_and_sinkage(terrain, upright(0.0, R - 0.008, yaw), R, B, [1.0])
+    assert sorted((round(patch.h, 9), round(patch.share, 9)) for patch in found) == [(0.008, 0.5), (0.018, 0.5)]
+    assert sinkage == pytest.approx(0.013)
+    forces = [
+        resultant(patches(terrain, upright(0.0, R - 0.008, yaw, y), R, B, [1.0])) for y in np.linspace(-0.06, 0.06, 241)
+    ]
+    steps = np.linalg.norm(np.diff(forces, axis=0), axis=1)
+    assert np.max(steps) < 0.02 * np.linalg.norm(forces[-1] - forces[0])
+
+
+@pytest.mark.parametrize("n", [0.6, 1.0, 1.4])
+def test_an_edge_pushes_by_what_moving_across_it_stores(n):
+    """-dU/dy of both lanes' work of pressing in, int f_n dh by quadrature of the pressure; to 6 %."""
+    terrain, z = Lanes((LEVEL, RAISED), (0.0,)), R - 0.006
+
+    def normal(h):
+        edge = math.acos(1.0 - h / R)
+        theta = np.linspace(-edge, edge, 2001)
+        return R * np.trapezoid(np.maximum(R * (np.cos(theta) - np.cos(edge)), 0.0) ** n * np.cos(theta), theta)
+
+    def stored(h):
+        return np.trapezoid([normal(each) for each in np.linspace(0.0, h, 101)], np.linspace(0.0, h, 101))
+
+    found = patches(terrain, upright(0.0, z, y=0.01), R, B, [n])
+    push = sum(patch.side * normal(patch.h) for patch in found)
+    assert push < 0.0, "away from the raised lane"
+    assert push == pytest.approx(-(stored(0.016) - stored(0.006)) / B, rel=0.06)
+
+
+def test_a_wheel_beside_an_edge_does_not_know_of_it():
+    for y in (-0.0251, 0.0251):
+        (patch,) = patches(one_sided_bump(), upright(0.3, R - 0.006, y=y), R, B, [1.0])
+        assert (patch.share, patch.side) == (1.0, 0.0)

@@ -1,6 +1,7 @@
 """Identification: exact Jacobians, known truths, coverage of the intervals, verdicts, refusals and failures."""
 
 import math
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -248,6 +249,13 @@ def test_n_with_a_prior_is_held_at_it():
     assert result["n"].sd == pytest.approx(0.1, rel=0.02)
     assert "held at prior: traction factor give" in result["n"].reason
     assert result["phi"].reason == "found, given the prior of n"
+
+
+def test_a_parameter_that_only_anothers_prior_tells_is_not_found():
+    """On Table 1's soil k and phi trade for each other: where phi is given, k follows, and that is no finding."""
+    result = identify(points(Soil()), Soil(), ("k", "phi"), {"phi": Prior(math.radians(30.0), math.radians(3.0))})
+    assert result["k"].verdict is Verdict.HELD_AT_PRIOR
+    assert re.match(r"set by the prior of phi: its interval would be \d+% as wide were phi exact", result["k"].reason)
 
 
 def test_c_and_phi_are_refused_from_one_load_and_found_from_three():

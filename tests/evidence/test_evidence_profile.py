@@ -11,7 +11,7 @@ from rover_pin.errors import OptimisationError
 from rover_pin.evidence import fit, levenberg, profile
 from rover_pin.evidence.fit import build
 from rover_pin.evidence.levenberg import descend
-from rover_pin.evidence.profile import Best, LowerMinimum, interval
+from rover_pin.evidence.profile import NORMAL_95, Best, LowerMinimum, interval
 from rover_pin.evidence.traction_points import TractionPoints
 from rover_pin.soil.traction import load_traction_factor
 
@@ -73,7 +73,7 @@ def test_interval_of_a_line_is_its_textbook_interval():
 def test_interval_is_open_where_the_data_say_nothing():
     flat = Made(lambda u: [0.1 * np.tanh(u[0])], lambda u: [[0.1 / np.cosh(u[0]) ** 2]], [-3.0], [4.0])
     found = interval(flat, Best(np.array([0.0]), 0.0, np.array([[100.0]])), 0)
-    assert found == (-3.0, 4.0, False, False)
+    assert found[:4] == (-3.0, 4.0, False, False)
 
 
 def test_a_model_without_a_value_is_refused():
@@ -87,6 +87,19 @@ def test_a_descent_that_does_not_end_says_so(monkeypatch):
     with pytest.raises(OptimisationError, match="did not settle in 2 steps") as caught:
         descend(rosenbrock(), np.array([-1.2, 1.0]))
     assert caught.value.status == 2
+
+
+def test_an_interval_that_ends_at_another_parameters_bound_says_so():
+    """chi2 = (u_0 + u_1)^2 + (u_0 / 10)^2: u_1 makes up for u_0 until it meets its bound of 2."""
+    tied = Made(lambda u: [u[0] + u[1], 0.1 * u[0]], lambda u: [[1.0, 1.0], [0.1, 0.0]], [-50.0, -2.0], [50.0, 2.0])
+    covariance = np.linalg.inv(np.array([[1.01, 1.0], [1.0, 1.0]]))
+    found = interval(tied, Best(np.zeros(2), 0.0, covariance), 0)
+    assert found.pinned == (1,)
+    assert found.closed_low
+    assert found.closed_high
+    assert found.high == pytest.approx((4.0 + np.sqrt(16.0 - 4.0 * 1.01 * (4.0 - NORMAL_95**2))) / 2.02, rel=1e-2)
+    wide = Made(tied.residual, tied.jacobian, [-50.0, -40.0], [50.0, 40.0])
+    assert interval(wide, Best(np.zeros(2), 0.0, covariance), 0).pinned == ()
 
 
 def test_a_jump_of_chi2_ends_the_interval():

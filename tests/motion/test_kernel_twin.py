@@ -46,6 +46,8 @@ CASES = {
     "hills": (model(shapes.hills(1), RelaxedSlip()), Start(y=0.3, yaw=1.0)),
     "eq-1": (model(shapes.bump(at=0.2, ground=1), AlgebraicSlip()), Start()),
     "net": (model(shapes.flat(), RelaxedSlip(), SoilTraction(NetTraction(), SinkageAngles())), Start()),
+    "over-an-edge": (model(shapes.rocks(seed=3), RelaxedSlip()), Start(y=0.135)),
+    "across-an-edge": (model(shapes.one_sided_bump(at=-0.5, length=3.0), RelaxedSlip()), Start(y=-0.4, yaw=1.3)),
     "two-widths": (model(shapes.bump(at=0.2, ground=1), RelaxedSlip(), rover=narrow_in_front(ROVER)), Start()),
 }
 

@@ -1,5 +1,6 @@
 """What a drive must do whatever the numbers: energy, rest, convergence, reasons of a stop, nothing lost."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -123,6 +124,25 @@ def test_the_default_step_is_converged(slip):
     fine_timing = Timing(drive.timing.dt / 16, drive.timing.control, drive.timing.sample)
     fine = simulate(drive.model, drive.controller, 20.0, state, fine_timing, symmetric=True)
     assert np.abs(coarse["body_x"] - fine["body_x"]).max() < 1e-4
+
+
+@pytest.mark.parametrize("name", ["one-sided-bump", "rocks"])
+def test_a_rover_may_drift_across_a_lanes_edge(name):
+    """Both turn until a wheel meets the side of what it passes; an edge had no side, and that wheel was "buried"."""
+    drive = scenario(name)
+    trace = drive.drive()
+    assert trace.attrs["stop"] == "duration"
+    assert np.degrees(np.abs(trace["body_yaw"]).max()) > 10.0
+    assert trace.stack("sinkage").max() < 0.25 * drive.model.rover.wheel.r
+    assert trace.energy_error() < 1e-3
+
+
+def test_a_drive_across_a_lanes_edge_converges():
+    drive = scenario("one-sided-bump")
+    coarse = drive.drive()
+    fine = dataclasses.replace(drive, timing=Timing(drive.timing.dt / 4)).drive()
+    for channel in ("body_x", "body_y", "body_z"):
+        assert np.abs(coarse[channel] - fine[channel]).max() < 1e-3
 
 
 def test_the_step_is_of_second_order_under_way():

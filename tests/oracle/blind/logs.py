@@ -25,7 +25,7 @@ def write_set(folder, plan, logged):
     beside.mkdir(parents=True)
     names = [f"ground-{i}.csv" for i in range(len(plan["heights"]))]
     for name, z in zip(names, plan["heights"], strict=True):
-        write_csv(beside / name, {"x_m": X, "z_m": z})
+        write_csv(beside / name, {"x_m": plan.get("X", X), "z_m": z})
     for (name, _, _), channels in zip(plan["runs"], logged, strict=True):
         write_csv(beside / f"{name}.csv", channels)
     (beside / "drive.toml").write_text(about(folder.name, plan, names))
@@ -33,11 +33,13 @@ def write_set(folder, plan, logged):
 
 
 def about(name, plan, grounds):
+    """Return drive.toml; a plan may have points X and borders of its own, and say where it comes from."""
     sd = {start: size for start, size, _ in KINDS}
+    source, borders = json.dumps(plan.get("source", "simulated")), json.dumps(list(plan.get("borders", BORDERS)))
     lines = [
-        'kind = "drive-log"', f"name = {json.dumps(name)}", 'source = "simulated"', 'rover = "nexus6"',
+        'kind = "drive-log"', f"name = {json.dumps(name)}", f"source = {source}", 'rover = "nexus6"',
         "gravity = 9.81", f"wheels = {json.dumps(list(WHEELS))}", "", "[terrain]",
-        f"polylines = {json.dumps(grounds)}", f"borders = {json.dumps(list(BORDERS))}",
+        f"polylines = {json.dumps(grounds)}", f"borders = {borders}",
     ]  # fmt: skip
     for section in ("soil", "motor"):
         lines += ["", f"[{section}]"]

@@ -1,0 +1,131 @@
+"""How a slowly driven rover on uneven ground shares its weight: statics with measured angles and driving torques."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.acceleration import constraint_row, wheel_jacobians
+from rover_pin.body.rover import Rover
+from rover_pin.errors import ParameterError, closest
+
+SHARES = 4
+"""Rounds in which the shares of resistance and side force are found; each is some ten times nearer."""
+
+
+class Footing(NamedTuple):
+    """The ground under each wheel: unit vectors in the world, rows of wheels."""
+
+    forward: np.ndarray
+    "along the ground in the wheel's plane [n, 3]"
+    left: np.ndarray
+    "along the axle [n, 3]"
+    normal: np.ndarray
+    "out of the ground in the wheel's plane [n, 3]"
+
+    @property
+    def slope(self) -> np.ndarray:
+        """Inclination of the ground along each wheel, nose-up positive [rad] (n,)."""
+        return np.asarray(np.arcsin(np.clip(self.forward[:, 2], -1.0, 1.0)))
+
+
+def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Mapping[str, float]) -> np.ndarray:
+    """Return q of the rover at the origin with this roll, pitch, yaw [rad] and these suspension and steering angles.
+
+    Raises
+    ------
+    ParameterError
+        An angle that the rover has not.
+    """
+    q = pin.neutral(rover.model)
+    roll, pitch, yaw = attitude
+    rotation = pin.rpy.rpyToMatrix(float(roll), float(pitch), float(yaw))
+    q[3:7] = pin.Quaternion(rotation).coeffs()
+    for name, angle in angles.items():
+        if name not in rover.angles:
+            raise ParameterError(f"Rover '{rover.name}' has no angle '{name}': {closest(name, rover.angles)}")
+        q[rover.angles[name]] = angle
+    return q
+
+
+def wheel_mounts(rover: Rover, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rotations [n, 3, 3] of the wheels' frames, and their centres in the world [n, 3] (m)."""
+    data = rover.model.createData()
+    pin.forwardKinematics(rover.model, data, q)
+    placed = [data.oMi[wheel.joint] for wheel in rover.wheels]
+    return np.array([each.rotation for each in placed]), np.array([each.translation for each in placed])
+
+
+def footing(rover: Rover, q: np.ndarray) -> tuple[Footing, np.ndarray]:
+    """Return the ground under each wheel, and the wheels' Jacobians [n, 6, nv].
+
+    No sensor tells the ground's slope under a wheel: it is taken along the line from the centre of the wheel behind to
+    that of the wheel before, on the same side; the first and last wheel have one neighbour. Ground that bends within a
+    wheelbase is smoothed by this.
+    """
+    jacobians, (_, centres) = wheel_jacobians(rover, q), wheel_mounts(rover, q)
+    along = np.empty_like(centres)
+    for side in "lr":
+        rows = [i for i, wheel in enumerate(rover.wheels) if wheel.side == side]
+        along[rows] = centres[rows[:1] + rows[:-1]] - centres[rows[1:] + rows[-1:]]
+    left = np.array([J[3:, wheel.dof] for J, wheel in zip(jacobians, rover.wheels, strict=True)])
+    left /= np.linalg.norm(left, axis=1)[:, None]
+    along -= np.sum(along * left, axis=1)[:, None] * left
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    return Footing(along, left, np.cross(along, left)), jacobians
+
+
+def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Return the normal load of each wheel [n] (N) of a slowly driven rover, from its posture and driving torques.
+
+    Balance of forces and moments on the base, and of moments on every free pivot, with the force of wheel i
+
+        f_n (n - rho t - eta y) + (T / r) t,    and the moment -T y of the soil about the axle,
+
+    t forward and n normal to the ground, y the axle, T the measured torque. rho, the share of the load that resists
+    the motion, and eta, the side force's share, are those of all wheels: the balance along and across tells them.
+
+    Parameters
+    ----------
+    rover : Rover
+        Under the gravity in which it drives.
+    q : array [nq]
+        Attitude, suspension and steering angles; see `configuration`.
+    torque : array [n]
+        Driving torques at the wheels [N m].
+
+    Source: section 4, "evaluated from the body attitude and the suspension link angles considering static balance among
+    forces and moments". Differs from the paper: driving torques are in the balance, since they load the pivots; the
+    ground's slope under a wheel is that between its neighbours (`footing`).
+    """
+    foot, jacobians = footing(rover, q)
+    r = np.array([float(mount.wheel.r) for mount in rover.wheels])
+    held = {mount.dof for mount in rover.wheels} | {mount.steer_dof for mount in rover.wheels}
+    free = [place for place in range(rover.model.nv) if place not in held]
+    weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
+    pull = (torque / r)[:, None] * foot.forward
+    turned = -torque[:, None] * foot.left
+    known = sum(J[:3].T @ f + J[3:].T @ m for J, f, m in zip(jacobians, pull, turned, strict=True))
+    rho, eta = 0.0, 0.0
+    hold = rover.mass * rover.gravity * rover.up - pull.sum(axis=0)
+    for _ in range(SHARES):
+        push = foot.normal - rho * foot.forward - eta * foot.left
+        side = np.cross(-r[:, None] * foot.normal, -eta * foot.left)
+        lift = np.column_stack([J[:3].T @ f + J[3:].T @ m for J, f, m in zip(jacobians, push, side, strict=True)])
+        unknown = np.column_stack([lift, constraint_row(rover)])[free]
+        found, *_ = np.linalg.lstsq(unknown, (weight - known)[free], rcond=1e-10)
+        load = found[:-1]
+        lacking = hold - load @ foot.normal
+        rho, eta = (-float(lacking @ _mean(axes, load)) / max(float(np.sum(load)), 1e-9)
+                    for axes in (foot.forward, foot.left))  # fmt: skip
+    return np.array(load)
+
+
+def _mean(axes: np.ndarray, load: np.ndarray) -> np.ndarray:
+    """Return the loaded wheels' mean direction, of length 1."""
+    mean = np.maximum(load, 0.0) @ axes
+    return np.asarray(mean / max(float(np.linalg.norm(mean)), math.ulp(1.0)))

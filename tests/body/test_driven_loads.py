@@ -1,0 +1,76 @@
+"""Static loads with measured angles and driving torques: against plane statics, and drives over uneven ground."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from rover_pin.body.driven_loads import configuration, driven_loads, footing
+from rover_pin.body.rover import load_rover
+from rover_pin.body.statics import wheel_loads
+from rover_pin.errors import ParameterError
+from rover_pin.scenarios import scenario
+
+NEXUS6 = load_rover("nexus6")
+R = float(NEXUS6.wheel.r)
+
+
+@pytest.mark.parametrize("slope", [-0.2, 0.0, 0.25])
+def test_wheels_that_pull_in_proportion_to_their_load_stand_as_on_a_plane(slope):
+    """Torques r f_t with f_t = f_n tan(slope) are the plane statics' vertical forces."""
+    plane = wheel_loads(NEXUS6, slope)
+    q = configuration(NEXUS6, (0.0, -slope, 0.4), {})
+    assert driven_loads(NEXUS6, q, R * plane * math.tan(slope)) == pytest.approx(plane, rel=1e-6)
+
+
+def test_resistance_that_all_wheels_share_changes_no_load_through_the_axles():
+    """Twice the torque on the flat is a resistance of the same share: only its moments on the pivots count."""
+    q = configuration(NEXUS6, (0.0, 0.0, 0.0), {})
+    flat = driven_loads(NEXUS6, q, np.zeros(6))
+    assert flat == pytest.approx(wheel_loads(NEXUS6, 0.0), rel=1e-9)
+    pulled = driven_loads(NEXUS6, q, 0.1 * R * flat)
+    assert pulled.sum() == pytest.approx(flat.sum(), rel=1e-9)
+    assert np.all(pulled[:2] < flat[:2])
+    assert np.all(pulled[4:] > flat[4:])
+
+
+def test_loads_carry_the_weight_on_a_side_slope():
+    q = configuration(NEXUS6, (0.15, 0.1, 0.0), {})
+    loads = driven_loads(NEXUS6, q, np.full(6, 0.03))
+    foot, _ = footing(NEXUS6, q)
+    along = (0.03 / R * foot.forward).sum(axis=0)
+    assert loads.sum() == pytest.approx(NEXUS6.mass * 9.81 * foot.normal[0, 2], rel=1e-5)
+    assert foot.normal[0] @ along == pytest.approx(0.0, abs=1e-12)
+    assert foot.slope == pytest.approx(np.arcsin(foot.forward[:, 2]))
+
+
+@pytest.mark.parametrize(
+    ("name", "most", "plainly"), [("hills", 0.02, 0.15), ("cross-slope", 0.01, 0.12), ("slope", 0.02, 0.05)]
+)
+def test_they_are_the_normal_forces_of_a_drive(name, most, plainly):
+    """RMS relative error over a drive; zero angles and pitch alone miss by `plainly` and more."""
+    scene = scenario(name, **{"soil.k": 0.005, "duration": 20.0})
+    trace = scene.drive()
+    K, names = float(scene.model.motor.constant), [wheel.name for wheel in NEXUS6.wheels]
+    mine, plain = [], []
+    for at in range(60, len(trace.t), 20):
+        attitude = tuple(trace[f"body_{each}"][at] for each in ("roll", "pitch", "yaw"))
+        q = configuration(NEXUS6, attitude, {each: trace[each][at] for each in NEXUS6.angles if each in trace})
+        normal = trace.stack("normal")[at]
+        torque = K * np.array([trace[f"current_{each}_A"][at] for each in names])
+        mine.append(driven_loads(NEXUS6, q, torque) / normal - 1.0)
+        plain.append(wheel_loads(NEXUS6, -attitude[1]) / normal - 1.0)
+    assert np.sqrt(np.mean(np.square(mine))) < most
+    assert np.sqrt(np.mean(np.square(plain))) > plainly
+
+
+def test_an_angle_that_the_rover_has_not_is_refused():
+    with pytest.raises(ParameterError, match="Rover 'nexus6' has no angle 'boogie_l': did you mean"):
+        configuration(NEXUS6, (0.0, 0.0, 0.0), {"boogie_l": 0.1})
+
+
+def test_four_wheels_on_a_rigid_body_share_what_balances():
+    cart = load_rover("cart")
+    loads = driven_loads(cart, pin.neutral(cart.model), np.zeros(4))
+    assert loads == pytest.approx(wheel_loads(cart, 0.0), rel=1e-9)

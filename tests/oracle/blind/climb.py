@@ -1,0 +1,62 @@
+"""Logs of section 4's kind: a slope that steepens climbed at constant duty, by the independent simulator."""
+
+from math import radians
+
+import numpy as np
+
+from .campaign import MOTOR, MOTOR_SPREAD, TACHO_SPREAD, cruise_resistance, declared
+from .drive import HOLD, drive
+from .logs import write_set
+from .sensors import measured
+from .world import PLAIN, Run
+
+RATE, FROM, STEEPEST = radians(10.0), 0.5, radians(20.0)
+"""The slope grows by RATE [rad/m] from x = FROM [m] to STEEPEST."""
+X = np.round(np.arange(-1.0, 4.001, 0.02), 6)
+CONSTANTS_SD, DURATION = 0.015, 60.0
+"""Relative SD of the declared torque constant about the true one: within the doubt that `identify` assumes."""
+
+
+def slope(x):
+    """Return the height of the slope: the integral of tan(RATE s), then straight on."""
+    s, end = np.maximum(x - FROM, 0.0), STEEPEST / RATE
+    bent = -np.log(np.cos(RATE * np.minimum(s, end))) / RATE
+    return bent + np.tan(STEEPEST) * np.maximum(s - end, 0.0)
+
+
+def run(numbers, random, duration=DURATION, duty=0.55):
+    """Return a climb of a rover whose motors differ a little."""
+    true = dict(numbers)
+    true["R"] = cruise_resistance(PLAIN | true)
+    lane = (X, slope(X))
+    rows = round(duration / HOLD) + 1
+    gain = tuple(1.0 + MOTOR_SPREAD * random.standard_normal(6))
+    return Run(true, (lane,), (), (0.0, 0.0, 0.0), np.full((rows, 6), duty), motor_gain=gain)
+
+
+def climbs(truths, seed, duration=DURATION):
+    """Return the true channels of a climb a row of `truths` (dictionaries of numbers), all driven at once."""
+    runs = [run(numbers, np.random.default_rng([seed, at]), duration) for at, numbers in enumerate(truths)]
+    channels = drive(runs, duration)
+    return [(one, {name: values[at] for name, values in channels.items()}) for at, one in enumerate(runs)]
+
+
+def write_climb(folder, climb, seed, electric=True, sure=False):
+    """Write what sensors make of a climb: noise, six tachometers' gains, a torque constant declared a little off."""
+    one, channels = climb
+    random = np.random.default_rng(seed)
+    gains = 1.0 + (0.0 if sure else TACHO_SPREAD) * random.standard_normal(6)
+    off = 1.0 + (0.0 if sure else CONSTANTS_SD) * random.standard_normal()
+    logged = measured(channels, {}, gains, random, electric)
+    about = declared({name: PLAIN[name] for name in ("phi", "k", "k_1")}, {"phi": 0.05, "k": 1.0, "k_1": 0.1})
+    about["motor"] = {name: {k: v for k, v in entry.items() if k != "sd"} for name, entry in about["motor"].items()}
+    # A torque K i alone changes with k_t where the gear makes up for it in the back-EMF: none is measured by current.
+    about["motor"]["k_t"]["value"] = MOTOR["k_t"] * off
+    plan = {
+        "runs": [("climb", "a slope that steepens", one)],
+        "declared": about,
+        "heights": [slope(X)],
+        "X": X,
+        "borders": (),
+    }
+    write_set(folder, plan, [logged])
