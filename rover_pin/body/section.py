@@ -3,7 +3,7 @@
 A facet is a straight piece of the cut. A patch is the part of a facet's contact arc that lies between the bisectors to
 its neighbours, so that patches tile the arc: one on flats and slopes, two at a lip or between floor and wall.
 
-A wheel over the border of two lanes stands in each with the share of its width that lies over it, and the edge pushes
+A wheel over the border of two lanes stands in each by the share of its width that lies over it, and the edge pushes
 it sideways by what moving across would store in the soil, -dU/dy with U = f_n h / (n + 3/2), the work that pressed the
 wheel in where f_n grows as h^(n + 1/2). So its forces are continuous in y, and a wheel is not lifted for nothing.
 """
@@ -122,18 +122,22 @@ def strips(terrain: Terrain, frame: WheelFrame, r: float, b: float) -> list[Stri
 
 
 def lane_share(terrain: Lanes, frame: WheelFrame, r: float, b: float, lane: int) -> tuple[float, float]:
-    """Return the share of a wheel's width over a lane, and its slope by y [1/m].
+    """Return what share of a wheel a lane carries, and its slope by y [1/m].
 
     The width along y is b |axle_y| + r |forward_y|: that of the rim, and of about a contact's length where the wheel
-    heads across the lanes (assumed).
+    heads across the lanes. It carries as 6 s (1 - s) from one end to the other, most in the middle, so that an edge
+    pushes softly at first (assumed).
     """
     full = b * abs(frame.axle[1]) + r * abs(frame.forward[1])
-    low, high = frame.centre[1] - 0.5 * full, frame.centre[1] + 0.5 * full
-    right, left = (-math.inf, *terrain.borders)[lane], (*terrain.borders, math.inf)[lane]
-    slope = (float(high < left) - float(low > right)) / full
-    if low > right and high < left:
-        return 1.0, 0.0
-    return max(0.0, (min(high, left) - max(low, right)) / full), slope
+    low, ends = frame.centre[1] - 0.5 * full, (-math.inf, *terrain.borders, math.inf)
+    (right, right_slope), (left, left_slope) = (_carried((end - low) / full) for end in ends[lane : lane + 2])
+    return left - right, (right_slope - left_slope) / full
+
+
+def _carried(s: float) -> tuple[float, float]:
+    """Return what the width carries up to s of it, and the slope: int 6 s (1 - s) ds."""
+    s = min(max(s, 0.0), 1.0)
+    return s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s)
 
 
 def cut_lane(terrain: Lanes, frame: WheelFrame, r: float, lane: int) -> list[Facet]:

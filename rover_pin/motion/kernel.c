@@ -130,12 +130,21 @@ static void finish_facets(Facet *facets, integer n) {
   }
 }
 
-/* The share of the wheel's width that lies over a lane, and its slope by y. */
+/* What the width carries up to s of it, most in the middle, and the slope. */
+static double carried(double s, double *slope) {
+  s = fmin(fmax(s, 0.0), 1.0);
+  *slope = 6.0 * s * (1.0 - s);
+  return s * s * (3.0 - 2.0 * s);
+}
+
+/* What share of the wheel a lane carries, and its slope by y. */
 static double lane_share(const Drive *d, const Wheel *w, integer lane, double radius, double width, double *slope) {
-  double full = width * fabs(w->axle[1]) + radius * fabs(w->forward[1]), low = w->centre[1] - 0.5 * full, high = low + full;
-  double right = lane > 0 ? d->lane_borders[lane - 1] : -INFINITY, left = lane < d->n_lanes - 1 ? d->lane_borders[lane] : INFINITY;
-  *slope = ((high < left) - (low > right)) / full;
-  return low > right && high < left ? 1.0 : fmax(0.0, (fmin(high, left) - fmax(low, right)) / full);
+  double full = width * fabs(w->axle[1]) + radius * fabs(w->forward[1]), low = w->centre[1] - 0.5 * full;
+  double right_slope = 0.0, left_slope = 0.0;
+  double right = lane > 0 ? carried((d->lane_borders[lane - 1] - low) / full, &right_slope) : 0.0;
+  double left = lane < d->n_lanes - 1 ? carried((d->lane_borders[lane] - low) / full, &left_slope) : 1.0;
+  *slope = (right_slope - left_slope) / full;
+  return left - right;
 }
 
 static integer cut_lane(const Drive *d, const Wheel *w, integer lane, double radius, Facet *facets) {

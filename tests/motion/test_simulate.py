@@ -137,8 +137,9 @@ def test_a_rover_may_drift_across_a_lanes_edge(name):
     assert trace.energy_error() < 1e-3
 
 
-def test_a_drive_across_a_lanes_edge_converges():
-    drive = scenario("one-sided-bump")
+@pytest.mark.parametrize("name", ["one-sided-bump", "rocks"])
+def test_a_drive_across_a_lanes_edge_converges(name):
+    drive = scenario(name)
     coarse = drive.drive()
     fine = dataclasses.replace(drive, timing=Timing(drive.timing.dt / 4)).drive()
     for channel in ("body_x", "body_y", "body_z"):
