@@ -104,12 +104,8 @@ def _number(path: Path, place: str, name: str, cell: Any) -> float:
 
 def _parquet(path: Path) -> Columns:
     import pyarrow
-    import pyarrow.parquet
 
-    try:
-        table = pyarrow.parquet.read_table(pyarrow.BufferReader(path.read_bytes()))
-    except pyarrow.ArrowInvalid as error:
-        raise DataError(f"{path}: the file is not Parquet: {str(error).splitlines()[0]}") from error
+    table = parquet_table(path)
     places = tuple(f"row {row}" for row in range(table.num_rows))
     if not places:
         raise DataError(f"{path}: the file has no rows.")
@@ -121,6 +117,32 @@ def _parquet(path: Path) -> Columns:
             cells = zip(places, column.to_pylist(), strict=True)
             values[name] = np.array([_number(path, place, name, cell) for place, cell in cells])
     return Columns(path, values, places)
+
+
+def parquet_table(path: Path) -> Any:
+    """Return a Parquet file as a pyarrow Table whose names differ.
+
+    Raises
+    ------
+    DataError
+        The file is missing, or pyarrow cannot read it.
+    """
+    import pyarrow
+    import pyarrow.parquet
+
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
+    try:
+        table = pyarrow.parquet.read_table(pyarrow.BufferReader(content))
+        table.validate(full=True)
+    except Exception as error:  # whatever pyarrow raises for bytes that are no Parquet
+        raise DataError(f"{path}: the file is not Parquet: {error}".rstrip(". \n") + ".") from error
+    for name in table.column_names:
+        if table.column_names.count(name) > 1:
+            raise DataError(f"{path}: column '{name}' stands there twice; rename one.")
+    return table
 
 
 def columns_text(values: dict[str, np.ndarray]) -> str:

@@ -9,9 +9,15 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
+LONGEST, TAIL = 1200, 250
+"""Characters of a message; of a longer one the beginning and this much of its end are kept."""
+
 
 class RoverPinError(Exception):
-    """Anything this package refuses or cannot finish."""
+    """Anything this package refuses or cannot finish; whatever it quotes, its message is one printable line."""
+
+    def __init__(self, message: str):
+        super().__init__(one_line(message))
 
 
 class ParameterError(RoverPinError):
@@ -50,13 +56,20 @@ class OptimisationError(RoverPinError):
         self.status = status
 
 
+def one_line(text: str) -> str:
+    """Return text as one line: breaks as spaces, what cannot be printed escaped, the middle of a long one left out."""
+    line = " ".join(text.splitlines()).strip()
+    line = "".join(each if each.isprintable() else ascii(each)[1:-1] for each in line)
+    return line if len(line) <= LONGEST else f"{line[: LONGEST - TAIL - 5]} ... {line[-TAIL:]}"
+
+
 MOST_NAMES = 20
 """How many names an error lists; of more, the nearest."""
 
 
-def closest(name: str, known: Iterable[str]) -> str:
+def closest(name: Any, known: Iterable[Any]) -> str:
     """Return `did you mean 'x'? ` or nothing, then the known names: the tail of an unknown-name message."""
-    known = sorted(known)
+    name, known = str(name), sorted(map(str, known))
     near = difflib.get_close_matches(name, known, n=8, cutoff=0.5)
     hint = f"did you mean '{near[0]}'? " if near and difflib.SequenceMatcher(None, name, near[0]).ratio() > 0.6 else ""
     if len(known) <= MOST_NAMES:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple, Self
 
 import casadi as ca
+import numpy as np
 
 from rover_pin.errors import ParameterError, closest
 
@@ -112,7 +113,7 @@ def check(owner: str, name: str, value: Any, about: Quantity) -> None:
         return
     if isinstance(value, bool) or not hasattr(value, "__float__"):
         raise ParameterError(f"{owner}.{name} = {value!r} is not a number; give one in {about.unit or 'no unit'}.")
-    number = float(value)
+    number = as_float(value)
     if not (math.isfinite(number) and about.low <= number <= about.high):
         unit = f" {about.unit}" if about.unit else ""
         raise ParameterError(
@@ -121,23 +122,34 @@ def check(owner: str, name: str, value: Any, about: Quantity) -> None:
         )
 
 
-def to_si(value: float, unit: str, expected: str, where: str) -> float:
+def as_float(value: Any) -> float:
+    """Return a number as a float; a whole number beyond all floats is infinite."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def to_si(value: Any, unit: Any, expected: str, where: str) -> float:
     """Return `value` in the SI unit `expected`; `unit` must be of the same kind.
 
     Raises
     ------
     ParameterError
-        An unknown unit, or one of another kind, with `where` it stands.
+        What is not a number, an unknown unit, or one of another kind, with `where` it stands.
     """
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+        raise ParameterError(f"{where}: {value!r} is not a number; give one in {expected or 'no unit'}.")
+    value, unit = as_float(value), str(unit)
     if unit == expected:
-        return float(value)
+        return value
     known = UNITS.get(unit)
     if known is None or known[0] != UNITS.get(expected, (expected, 1.0))[0]:
         kind = [name for name, (si, _) in UNITS.items() if si == expected] or [expected]
         raise ParameterError(
             f"{where}: unit '{unit}' does not measure what is asked for; use one of {', '.join(kind)}."
         )
-    return float(value) * known[1]
+    return value * known[1]
 
 
 def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> Any:
@@ -146,8 +158,10 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
     Raises
     ------
     ParameterError
-        An unknown field, unit or value, with `where` it stands.
+        Not a table, an unknown field, unit or value, with `where` it stands.
     """
+    if not isinstance(table, Mapping):
+        raise ParameterError(f"{where}: {table!r} is not a table; write one line a quantity, as name = 1.0.")
     about = quantities(record)
     fields = {}
     for name, entry in table.items():
@@ -158,9 +172,8 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
                 raise ParameterError(
                     f"{where}: '{name}' needs a 'value', as in {name} = {{ value = 1.0, unit = '...' }}."
                 )
-            entry = to_si(
-                entry["value"], str(entry.get("unit", about[name].unit)), about[name].unit, f"{where}: '{name}'"
-            )
+            unit = about[name].unit
+            entry = to_si(entry["value"], entry.get("unit", unit), unit, f"{where}: '{name}'")
         fields[name] = entry
     try:
         return record(**fields)

@@ -141,7 +141,7 @@ def nexus6_table() -> SpeedTable:
     return calibrated_table(scenario("flat").model)
 
 
-def scenario(name: str, **settings: Any) -> Scenario:
+def scenario(name: str, /, **settings: Any) -> Scenario:
     """Return a ready-made drive, changed by dotted settings (pass them as `**{"terrain.wall_angle_deg": 40}`).
 
     Parameters
@@ -244,8 +244,9 @@ def _trust(asked: Settings) -> Trust:
 
 
 def _of_file(file: str, asked: Settings, terrain: Terrain, trust: Trust) -> Model:
+    model = read_model(file, terrain, trust)
     _refuse(("rover", "soil", "form", "angles", "slip", "motor"), asked, file)
-    return read_model(file, terrain, trust)
+    return model
 
 
 def _of_rig(file: str, asked: Settings, terrain: Terrain, trust: Trust) -> Model:

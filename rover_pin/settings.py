@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rover_pin.errors import ParameterError, closest
+from rover_pin.quantity import as_float
 
 
 class Settings:
@@ -29,8 +30,8 @@ class Settings:
     def choice(self, name: str, default: str, choices: Mapping[str, Any]) -> Any:
         """Return what a setting's word stands for."""
         word = self.take(name, default)
-        if word not in choices:
-            raise ParameterError(f"{name} = {word!r} is not known: {closest(str(word), choices)}")
+        if not isinstance(word, str) or word not in choices:
+            raise ParameterError(f"{name} = {word!r} is not known: {closest(word, choices)}")
         return choices[word]
 
     def group(self, prefix: str, names: tuple[str, ...]) -> dict[str, Any]:
@@ -57,7 +58,7 @@ class Settings:
 def number(name: str, value: Any) -> float:
     """Return a setting's value as a float."""
     try:
-        return float(value)
+        return as_float(value)
     except (TypeError, ValueError):
         raise ParameterError(f"{name} = {value!r} is not a number.") from None
 

@@ -24,11 +24,37 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     """
     try:
         return tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise DataError(f"{path}: the file is not TOML: {error}.") from error
+    except RecursionError as error:
+        raise DataError(f"{path}: the file is not TOML that can be read: it is nested too deep.") from error
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise DataError(f"{path}: the file cannot be read: {reason}.") from error
+    except ValueError as error:  # of the TOML itself, or of a whole number of thousands of digits
+        raise DataError(f"{path}: the file is not TOML: {error}.") from error
+
+
+def table_in(table: Mapping[str, Any], key: str, where: object) -> dict[str, Any]:
+    """Return the table under a key, an empty one where there is none; anything else is a `DataError`."""
+    inner = table.get(key, {})
+    if not isinstance(inner, dict):
+        raise DataError(f"{where}: {key} = {inner!r} must be a table, as [{key}].")
+    return inner
+
+
+def tables_in(table: Mapping[str, Any], key: str, where: object) -> list[dict[str, Any]]:
+    """Return the list of tables under a key, an empty one where there is none; anything else is a `DataError`."""
+    inner = table.get(key, [])
+    if not isinstance(inner, list) or not all(isinstance(each, dict) for each in inner):
+        raise DataError(f"{where}: {key} = {inner!r} must be a list of tables, as [[{key}]].")
+    return inner
+
+
+def text_in(table: Mapping[str, Any], key: str, where: object, default: str = "") -> str:
+    """Return the text under a key, or the default; anything else is a `DataError`."""
+    text = table.get(key, default)
+    if not isinstance(text, str):
+        raise DataError(f"{where}: {key} = {text!r} must be text, as {key} = '...'.")
+    return text
 
 
 def toml_text(table: Mapping[str, Any]) -> str:

@@ -17,7 +17,10 @@ STEEPEST = math.radians(89.0)
 def numbers(name: str, values: Any) -> np.ndarray:
     """Return `values` [m] as an array of its own, or refuse what is not finite."""
     try:
-        array = np.array(values, dtype=float)
+        given = np.asarray(values)
+        if given.dtype.kind not in "biuf":
+            raise ParameterError(f"A terrain's {name} must be numbers in m, not of the type {given.dtype}.")
+        array = np.array(given, dtype=float)
     except (TypeError, ValueError) as error:
         raise ParameterError(f"A terrain's {name} must be numbers in m: {error}.") from error
     bad = np.argwhere(~np.isfinite(array))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -10,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.contact import Wheel
-from rover_pin.errors import ParameterError, UrdfError, closest
+from rover_pin.errors import DataError, ParameterError, UrdfError, closest
+from rover_pin.paths import is_file
 from rover_pin.quantity import record_from
+from rover_pin.toml_file import read_toml
 
 KEYS = ("name", "urdf", "base", "wheels", "wheel", "steering", "suspension", "differential")
 NEEDED = ("name", "urdf", "base", "wheels", "wheel")
@@ -76,7 +77,7 @@ def shipped(name: str) -> Path:
     """
     folder = rover_folder()
     path = folder / f"{name}.toml"
-    if not path.is_file():
+    if not is_file(path):
         known = [each.stem for each in folder.glob("*.toml")]
         raise UrdfError(
             f"There is no rover '{name}': {closest(name, known)} For one of your own give the path of its .toml."
@@ -128,7 +129,7 @@ def _check_keys(table: Mapping[str, Any], where: str) -> None:
 
 
 def _urdf_text(urdf: Path, where: str) -> str:
-    if not urdf.is_file():
+    if not is_file(urdf):
         raise UrdfError(f"{where}: there is no file '{urdf.name}' beside it; mend 'urdf'.")
     try:
         return urdf.read_text(encoding="utf-8")
@@ -144,12 +145,12 @@ def _wheel(table: Mapping[str, Any], where: str) -> Wheel:
 
 
 def _table(path: Path) -> dict[str, Any]:
+    if not is_file(path):
+        raise UrdfError(f"There is no rover file '{path}'; give the path of a .toml.")
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UrdfError(f"There is no rover file '{path}'; give the path of a .toml.") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UrdfError(f"{path.name}: not a TOML file ({error}).") from error
+        return read_toml(path)
+    except DataError as error:
+        raise UrdfError(str(error)) from error
 
 
 def _part(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
@@ -163,6 +164,8 @@ def _axles(table: Mapping[str, Any], where: str) -> tuple[Axle, ...]:
     wheels, steering = _part(table, "wheels", where), _part(table, "steering", where)
     if len(wheels) < 2:
         raise UrdfError(f"{where}: [wheels] names {len(wheels)} axles; a rover needs two or more, from front to rear.")
+    if "" in wheels:
+        raise UrdfError(f"{where}: an axle of [wheels] has no name; give it one, as front: wheels go by its letter.")
     if len({name[:1] for name in wheels}) < len(wheels):
         raise UrdfError(
             f"{where}: the axles {', '.join(wheels)} begin with the same letter; rename one, wheels go by it."

@@ -171,7 +171,10 @@ class HeightGrid(Terrain):
 
     def __post_init__(self) -> None:
         for name in ("x0", "y0", "dx", "dy"):
-            object.__setattr__(self, name, float(numbers(name, getattr(self, name))))
+            value = numbers(name, getattr(self, name))
+            if value.ndim:
+                raise ParameterError(f"A height grid has {name} of shape {value.shape}: give one number in m.")
+            object.__setattr__(self, name, float(value))
         if self.dx <= 0.0 or self.dy <= 0.0:
             raise ParameterError(
                 f"A height grid has spacing dx = {self.dx:g} m, dy = {self.dy:g} m: both must be positive."

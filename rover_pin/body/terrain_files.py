@@ -12,6 +12,7 @@ from rover_pin.body.profile import Profile
 from rover_pin.body.terrain import HeightGrid, Lanes
 from rover_pin.columns import Columns, columns_text, read_columns, replace_file
 from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.paths import is_file
 
 LARGEST = 1000.0
 """A coordinate beyond this [m] is taken for a mistake of units."""
@@ -75,7 +76,7 @@ def to_grid(path: str | Path, grid: HeightGrid) -> Path:
 
 
 def _npz_grid(path: Path) -> HeightGrid:
-    if path.exists() and not zipfile.is_zipfile(path):
+    if is_file(path) and not zipfile.is_zipfile(path):
         raise DataError(f"{path}: the file is not an .npz of arrays: write it with numpy.savez or `to_grid`.")
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -99,18 +100,31 @@ def _column_grid(table: Columns) -> HeightGrid:
     x0, dx, i = _lattice(table, "x_m", x)
     y0, dy, j = _lattice(table, "y_m", y)
     shape = (int(i.max()) + 1, int(j.max()) + 1)
-    counts = np.zeros(shape, dtype=int)
-    np.add.at(counts, (i, j), 1)
-    if np.any(counts != 1):
-        at = np.argwhere(counts != 1)[0]
+    point, rows = _not_once(i * shape[1] + j, shape[0] * shape[1])
+    if rows != 1:
+        x_at, y_at = x0 + point // shape[1] * dx, y0 + point % shape[1] * dy
         raise DataError(
-            f"{table.path}: {counts[tuple(at)]} rows for x = {x0 + at[0] * dx:g} m, y = {y0 + at[1] * dy:g} m; "
+            f"{table.path}: {rows} rows for x = {x_at:g} m, y = {y_at:g} m; "
             f"the {shape[0]} by {shape[1]} grid needs exactly one row a point."
         )
     height, ground = np.empty(shape), np.zeros(shape)
     height[i, j] = z
     ground[i, j] = table.values.get("ground", np.zeros(z.size))
     return HeightGrid(x0, y0, dx, dy, height, ground[:-1, :-1])
+
+
+def _not_once(points: np.ndarray, count: int) -> tuple[int, int]:
+    """Return the first of `count` points that has not one row, and how many it has; (0, 1) where all have one.
+
+    Takes memory for the rows only: a few scattered ones would span a grid of their square.
+    """
+    present, rows = np.unique(points, return_counts=True)
+    missing = np.flatnonzero(present != np.arange(present.size))
+    first = int(missing[0]) if missing.size else present.size
+    twice = np.flatnonzero(rows[:first] > 1)
+    if twice.size:
+        return int(twice[0]), int(rows[twice[0]])
+    return (first, 0) if first < count else (0, 1)
 
 
 def _lattice(table: Columns, name: str, values: np.ndarray) -> tuple[float, float, np.ndarray]:

@@ -64,8 +64,7 @@ def _shape_faults(tree: UrdfTree) -> Iterator[str]:
         yield f"links {names} hang on no joint; all but the base must, so join them to it or leave them out."
     elif not roots:
         yield "every link hangs on another, in a ring; one link, the base, must be no joint's child."
-    elif len(_reached(tree, roots[0])) < len(tree.links):
-        lost = sorted({link.name for link in tree.links} - _reached(tree, roots[0]))
+    elif lost := sorted({link.name for link in tree.links} - _reached(tree, roots[0])):
         yield f"link '{lost[0]}' cannot be reached from the base '{roots[0]}'; join it to it or leave it out."
 
 

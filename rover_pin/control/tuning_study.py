@@ -12,8 +12,8 @@ from typing import Any, Self
 from rover_pin.control.drive_score import Cost
 from rover_pin.control.slip_control import Gains
 from rover_pin.errors import ParameterError, closest
-from rover_pin.quantity import quantities, record_from
-from rover_pin.toml_file import read_toml
+from rover_pin.quantity import quantities, record_from, to_si
+from rover_pin.toml_file import read_toml, table_in
 from rover_pin.trust import Trust
 
 ESTIMATES = ("true", "eq9")
@@ -217,8 +217,8 @@ def _study(table: dict[str, Any], stem: str) -> TuningStudy:
             raise ParameterError(f"the study has no key '{key}': {closest(key, known)}")
     fields = {key: value for key, value in table.items() if key in ("name", "estimate", "seed")}
     if "free" in table:
-        fields["free"] = {name: _pair(name, bounds) for name, bounds in table["free"].items()}
-    effort = table.get("effort", {})
+        fields["free"] = {name: _pair(name, bounds) for name, bounds in table_in(table, "free", stem).items()}
+    effort = table_in(table, "effort", stem)
     efforts = [each.name for each in dataclasses.fields(Effort)]
     for key in effort:
         if key not in efforts:
@@ -234,7 +234,10 @@ def _study(table: dict[str, Any], stem: str) -> TuningStudy:
 
 
 def _pair(name: str, bounds: Any) -> Any:
-    return tuple(bounds) if isinstance(bounds, list) else bounds
+    """Return bounds as two numbers; what is none is left for `TuningStudy` to refuse."""
+    if not isinstance(bounds, list):
+        return bounds
+    return tuple(to_si(each, "", "", f"the bounds of {name}") for each in bounds)
 
 
 def _cases(where: str, entries: Any) -> tuple[DriveCase, ...]:
@@ -247,7 +250,7 @@ def _case(where: str, entry: dict[str, Any]) -> DriveCase:
     if "scenario" not in entry:
         raise ParameterError(f'{where} names no scenario: add scenario = "ditch", say.')
     scenario, name = entry.pop("scenario"), entry.pop("name", where)
-    post_peak = float(entry.pop("post_peak", 0.0))
+    post_peak = to_si(entry.pop("post_peak", 0.0), "", "", f"{where}: post_peak")
     return DriveCase(str(name), str(scenario), tuple(sorted(_flat(entry))), post_peak)
 
 

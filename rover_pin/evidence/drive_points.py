@@ -72,6 +72,9 @@ def drive_points(log: DriveLog, motor: Motor, sampling: Sampling = SAMPLING) -> 
     Differs from the paper: nothing; the rotor's and the body's acceleration are neglected, hence the steady samples.
     """
     rover = load_rover(log.rover)
+    for trace in log.runs:
+        if len(trace.t) < 2:
+            raise DataError(f"{log.folder}: run {trace.attrs['file']} has {len(trace.t)} row: leave it out.")
     gathered = [samples(trace, rover, motor, log.about.gravity, sampling) for trace in log.runs]
     slip, factor, worth = (np.concatenate([part[i] for part in gathered]) for i in range(3))
     means = classes(slip, factor, worth, sampling)

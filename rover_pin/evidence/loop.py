@@ -21,6 +21,7 @@ from rover_pin.evidence.verdict import Verdict
 from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.motion.model import Model
 from rover_pin.motion.model_toml import read_model
+from rover_pin.paths import is_file, is_folder
 from rover_pin.results_folder import alone_in
 from rover_pin.trust import Trust
 from rover_pin.workers import ending_workers
@@ -104,10 +105,10 @@ def _drive_log(data: object) -> DriveLog | None:
         return data
     if not isinstance(data, (str, Path)):
         return None
-    if (Path(data) / FILE).is_file():
+    if is_file(Path(data) / FILE):
         return read_drive_log(data)
-    if not (Path(data) / RIG_FILE).is_file():
-        wrong = f"there is neither {RIG_FILE} nor {FILE} in it" if Path(data).is_dir() else "there is no such folder"
+    if not is_file(Path(data) / RIG_FILE):
+        wrong = f"there is neither {RIG_FILE} nor {FILE} in it" if is_folder(Path(data)) else "there is no such folder"
         raise DataError(f"{data}: {wrong}; give that of a wheel-rig set ({RIG_FILE}) or of a drive log ({FILE}).")
     return None
 

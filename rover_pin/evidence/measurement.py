@@ -17,11 +17,12 @@ from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.evidence.channel import FIELDS, DrawbarPull, Predictor, RigChannel, Sinkage, Torque
 from rover_pin.evidence.checks import column, depths, positive, same_length, slips
 from rover_pin.evidence.prediction import CompiledPrediction
-from rover_pin.evidence.tables import read_table, read_toml
+from rover_pin.evidence.tables import read_table
 from rover_pin.parameters.bekker import bekker
 from rover_pin.quantity import quantities, record_from, to_si
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import wheel_forces
+from rover_pin.toml_file import read_toml, table_in, text_in
 
 CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage)
 """The channels of a rig, in the order in which they are read."""
@@ -154,21 +155,23 @@ def read_wheel_rig(folder: str | Path) -> WheelRig:
     where = f"{folder.name}/rig.toml"
     if about.get("kind") != "wheel-rig":
         raise DataError(f"{where}: kind = {about.get('kind')!r} is not a wheel rig; write kind = 'wheel-rig'.")
-    points = folder / about.get("files", {}).get("points", "points.csv")
+    points = folder / text_in(table_in(about, "files", where), "points", where, "points.csv")
     table = read_table(points, ("slip", "load_N"))
     _refuse_other_units(table, f"{folder.name}/{points.name}")
     try:
-        wheel_table = {name: entry for name, entry in about.get("wheel", {}).items() if name in quantities(Wheel)}
+        wheel_table = {
+            name: entry for name, entry in table_in(about, "wheel", where).items() if name in quantities(Wheel)
+        }
         wheel = record_from(Wheel, wheel_table, where)
         _refuse_undersized(wheel_table, where)
         return WheelRig(
             wheel=wheel,
             slip=table["slip"],
             load=table["load_N"],
-            channels=_channels(table, about.get("noise", {}), where),
+            channels=_channels(table, table_in(about, "noise", where), where),
             name=str(about.get("name", folder.name)),
             wheel_range=_ranges(wheel_table, where),
-            declared=_declared(about.get("soil", {}), where),
+            declared=_declared(table_in(about, "soil", where), where),
             levels=table["level"].to_numpy() if "level" in table else None,
         )
     except ParameterError as error:
@@ -198,9 +201,9 @@ def _sd(kind: type[RigChannel], table: pd.DataFrame, noise: Mapping[str, Any], w
 
 def _si(entry: Any, expected: str, where: str) -> float:
     value, unit = (entry.get("value"), entry.get("unit", expected)) if isinstance(entry, Mapping) else (entry, expected)
-    if not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise DataError(f"{where} has no number; write {{ value = 1.0, unit = '{expected}' }}.")
-    return to_si(value, str(unit), expected, where)
+    return to_si(value, unit, expected, where)
 
 
 def _refuse_undersized(table: Mapping[str, Any], where: str) -> None:
@@ -213,7 +216,7 @@ def _ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, floa
     ranges = {}
     for name, entry in table.items():
         if isinstance(entry, Mapping) and {"low", "high"} <= entry.keys():
-            unit, place = str(entry.get("unit", "m")), f"{where}: {name}"
+            unit, place = entry.get("unit", "m"), f"{where}: {name}"
             ranges[name] = (to_si(entry["low"], unit, "m", place), to_si(entry["high"], unit, "m", place))
     return ranges
 

@@ -13,7 +13,7 @@ from rover_pin.evidence.rig_model import RigModel
 from rover_pin.motion.effect_files import effect_entry, effect_from
 from rover_pin.motion.model_toml import RIG_KIND
 from rover_pin.quantity import declared, record_from
-from rover_pin.toml_file import read_toml, toml_text
+from rover_pin.toml_file import read_toml, tables_in, toml_text
 from rover_pin.trust import Trust
 
 
@@ -41,12 +41,13 @@ def read_model(path: str | Path, trust: Trust = Trust()) -> RigModel:
     """
     path = Path(path)
     table = read_toml(path)
+    effects = tables_in(table, "effect", path)
     if table.get("kind") != RIG_KIND:
         raise DataError(f"{path}: kind = {table.get('kind')!r} is not a rig model; write kind = '{RIG_KIND}'.")
     return RigModel(
         record_from(Wheel, table.get("wheel", {}), f"{path} [wheel]"),
         record_from(Soil, table.get("soil", {}), f"{path} [soil]"),
-        tuple(_effect(entry, path, trust) for entry in table.get("effect", [])),
+        tuple(_effect(entry, path, trust) for entry in effects),
     )
 
 

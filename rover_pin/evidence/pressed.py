@@ -63,7 +63,8 @@ def read_trials(path: Path, surface: str) -> tuple[Trial, ...]:
             "rig.toml to say which one drove."
         )
     where = path.name
-    rows = table[(table["indenter"] == chosen) & (table["sinkage_m"] > SHALLOWEST)]
+    driven = table[table["indenter"].map(str) == chosen]
+    rows = driven[column(driven["sinkage_m"], "sinkage_m", where) > SHALLOWEST] if len(driven) else driven
     keys = [name for name in ("box", "trial") if name in table]
     return tuple(_trial(str(name), rows.loc[group.index], where) for name, group in rows.groupby(keys))
 

@@ -9,6 +9,7 @@ from rover_pin.evidence.channel import Evidence
 from rover_pin.evidence.drive_points import read_drive_points
 from rover_pin.evidence.measurement import read_wheel_rig
 from rover_pin.evidence.traction_points import read_traction_points
+from rover_pin.paths import is_file
 
 
 def read_evidence(path: str | Path) -> Evidence:
@@ -20,11 +21,11 @@ def read_evidence(path: str | Path) -> Evidence:
         None of these, or what its reader refuses.
     """
     path = Path(path)
-    if (path / "rig.toml").is_file():
+    if is_file(path / "rig.toml"):
         return read_wheel_rig(path)
-    if (path / "drive.toml").is_file():
+    if is_file(path / "drive.toml"):
         return read_drive_points(path)
-    if path.is_file():
+    if is_file(path):
         return read_traction_points(path)
     raise DataError(
         f"{path}: give a folder with rig.toml (wheel rig) or drive.toml (drive log), or a CSV file with the columns "

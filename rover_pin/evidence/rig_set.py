@@ -17,8 +17,9 @@ from rover_pin.evidence.checks import column
 from rover_pin.evidence.finding import Finding
 from rover_pin.evidence.measurement import CHANNELS, WheelRig, read_wheel_rig
 from rover_pin.evidence.pressed import Trial, exponent, press, read_trials
-from rover_pin.evidence.tables import read_table, read_toml
+from rover_pin.evidence.tables import read_table
 from rover_pin.quantity import quantities
+from rover_pin.toml_file import read_toml, table_in, text_in
 
 SAME_LEVEL = 0.02
 """Slips within this of their neighbour are one level where the data name none."""
@@ -115,13 +116,15 @@ def read_rig_set(folder: str | Path) -> RigSet:
     """
     folder = Path(folder)
     rig, about = read_wheel_rig(folder), read_toml(folder / RIG_FILE)
-    files = about.get("files", {})
-    points = folder / files.get("points", "points.csv")
+    where = f"{folder.name}/{RIG_FILE}"
+    files = table_in(about, "files", where)
+    points = folder / text_in(files, "points", where, "points.csv")
     table = read_table(points, ("slip", "load_N"))
     speeds = _speeds(table, rig.slip, f"{folder.name}/{points.name}")
     trials: tuple[Trial, ...] = ()
     if "penetration" in files:
-        trials = read_trials(folder / files["penetration"], str(about.get("wheel", {}).get("surface", "")))
+        surface = text_in(table_in(about, "wheel", where), "surface", where)
+        trials = read_trials(folder / text_in(files, "penetration", where), surface)
     names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
     stated = tuple(rig.declared)
     data = as_rig_set(rig, names, speeds, trials, stated, str(about.get("source", "")))
@@ -152,7 +155,7 @@ def as_rig_set(
 ) -> RigSet:
     """Return a `WheelRig` as a `RigSet`: its own levels, or classes of slip where it names none."""
     slip = np.asarray(rig.slip)
-    labels = _classes(slip) if rig.levels is None else np.asarray(rig.levels).astype(str)
+    labels = _classes(slip) if rig.levels is None else np.array([str(level) for level in rig.levels])
     names, level = np.unique(labels, return_inverse=True)
     order = np.argsort([slip[level == i].mean() for i in range(len(names))])
     place = np.argsort(order)

@@ -43,6 +43,7 @@ from rover_pin.motion.ros_bag import is_bag, read_bag
 from rover_pin.motion.trace import Trace
 from rover_pin.motion.trace_files import run_from
 from rover_pin.parameters.gravity import EARTH, gravity_from
+from rover_pin.paths import exists, is_file
 from rover_pin.toml_file import read_toml, toml_text
 
 FILE, KIND = "drive.toml", "drive-log"
@@ -106,7 +107,7 @@ class DriveLog:
     def rover(self) -> str:
         """What `load_rover` takes: the rover's name, or the path of its file in the folder."""
         beside = self.folder / self.about.rover
-        return str(beside) if beside.is_file() else self.about.rover
+        return str(beside) if is_file(beside) else self.about.rover
 
 
 def read_drive_log(folder: str | Path) -> DriveLog:
@@ -120,7 +121,7 @@ def read_drive_log(folder: str | Path) -> DriveLog:
     """
     folder = Path(folder)
     file = folder / FILE
-    if not file.is_file():
+    if not is_file(file):
         raise DataError(
             f"{folder}: there is no {FILE}: give the folder of a drive log, or write one with `write_drive_log`."
         )
@@ -199,7 +200,7 @@ def _run(file: Path, about: About, at: int, entry: dict[str, Any]) -> Trace:
         if not isinstance(entry.get(key, {}), dict):
             raise DataError(f"{file}: run {at} has {key} = {entry[key]!r}: give a table.")
     name = entry.get("file")
-    if not isinstance(name, str) or not name or not (file.parent / name).exists():
+    if not isinstance(name, str) or not name or not exists(file.parent / name):
         raise DataError(
             f"{file}: run {at} names the file {name!r}, which is not in {file.parent}: add it, or mend its name."
         )

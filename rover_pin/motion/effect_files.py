@@ -19,9 +19,11 @@ import rover_pin.effects
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, closest
+from rover_pin.paths import is_file, is_folder
 from rover_pin.quantity import Record, declared, quantities, record_from
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import FORMS
+from rover_pin.toml_file import text_in
 from rover_pin.trust import Trust
 from rover_pin.workers import sent_by_value
 
@@ -50,7 +52,7 @@ def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
         The path is missing, holds no effect, or a file cannot be run.
     """
     path = Path(path)
-    files = sorted(path.glob("*.py")) if path.is_dir() else [path]
+    files = sorted(path.glob("*.py")) if is_folder(path) else [path]
     kinds = tuple(kind for file in files for kind in defined_in(run_file(file)))
     if not kinds:
         bases = ", ".join(base.__name__ for base in BASES)
@@ -72,7 +74,7 @@ def run_file(file: Path) -> ModuleType:
     DataError
         It is missing or cannot be run.
     """
-    if not file.is_file():
+    if not is_file(file):
         raise DataError(f"{file}: there is no such effect file; give a .py file or a folder of them.")
     path = str(file.resolve())
     name = f"rover_pin_user_effect_{file.stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
@@ -140,8 +142,9 @@ def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust
     ParameterError
         An unknown field, unit or value, or one out of bounds.
     """
-    fields = dict(entry)
-    name, file = str(fields.pop("name", "")), fields.pop("file", None)
+    fields, name = dict(entry), text_in(entry, "name", where)
+    file = fields.pop("file", None)
+    fields.pop("name", None)
     known = {kind.__name__: kind for kind in package_effects()}
     if file is not None:
         code = folder / str(file)
@@ -163,7 +166,7 @@ def _choice(value: Any, usual: Any, where: str) -> Any:
     """Return what a file's word stands for, where the field's default is `usual`."""
     for none, known in CHOICES.items():
         if type(usual) in map(type, known.values()):
-            if value not in known:
+            if not isinstance(value, str) or value not in known:
                 raise DataError(f"{where}: there {none} '{value}': {closest(str(value), known)}")
             return known[value]
     if type(value) is not type(usual):

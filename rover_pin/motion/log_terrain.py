@@ -18,6 +18,7 @@ from rover_pin.body.shapes import with_ground
 from rover_pin.body.terrain import HeightGrid, Lanes, Terrain
 from rover_pin.body.terrain_files import from_grid, from_polyline, to_grid, to_polyline
 from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.paths import is_file
 
 KINDS = ("polyline", "polylines", "grid")
 KEYS = (*KINDS, "borders", "patch")
@@ -76,7 +77,7 @@ def _bare(kind: str, table: Mapping[str, Any], folder: Path) -> Terrain:
 
 def _beside(folder: Path, name: Any) -> Path:
     """Return the path of a terrain's file, which must be there."""
-    if not isinstance(name, str) or not (folder / name).is_file():
+    if not isinstance(name, str) or not is_file(folder / name):
         there = [file.name for file in folder.iterdir() if file.is_file()] if folder.is_dir() else []
         near = closest(str(name), there)
         raise DataError(f"{folder}: [terrain] names the file {name!r}, which is not there: {near}")

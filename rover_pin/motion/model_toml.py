@@ -36,6 +36,7 @@ from rover_pin.motion.log_terrain import terrain_from, write_terrain
 from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH, gravity_from
+from rover_pin.paths import is_file
 from rover_pin.quantity import declared, record_from
 from rover_pin.toml_file import read_toml, toml_text
 from rover_pin.trust import Trust
@@ -133,7 +134,7 @@ def model_files(path: str | Path) -> tuple[Path, ...]:
         return (path, *_effect_files(path, table))
     _checked(path, table)
     rover = path.parent / str(table.get("rover", "nexus6"))
-    found = [path, *((rover, rover.parent / read_layout(rover).file) if rover.is_file() else ())]
+    found = [path, *((rover, rover.parent / read_layout(rover).file) if is_file(rover) else ())]
     return (*found, *_effect_files(path, table))
 
 
@@ -165,7 +166,7 @@ def _checked(path: Path, table: dict[str, Any]) -> dict[str, Any]:
 
 def _rover(name: str, folder: Path) -> Rover:
     beside = folder / name
-    return load_rover(str(beside) if beside.is_file() else name)
+    return load_rover(str(beside) if is_file(beside) else name)
 
 
 def _slip(entry: dict[str, Any], path: Path, trust: Trust) -> AlgebraicSlip | RelaxedSlip:

@@ -15,15 +15,19 @@ import numpy as np
 from rover_pin.columns import Columns
 from rover_pin.errors import DataError, MissingExtraError, RoverPinError, closest
 from rover_pin.motion.bag_columns import ANGLES, PART, Source, angle_of, parts, period_from, si, sources_from
+from rover_pin.paths import is_folder
 
 SUFFIXES = (".bag", ".db3", ".mcap")
 MISSED = 5.0
 """Between messages that are this many usual intervals apart nothing is interpolated."""
 
+MOST_ROWS = 5_000_000
+"""Rows that a bag is resampled to at most: more than an hour at 1 kHz."""
+
 
 def is_bag(path: Path) -> bool:
     """Return whether a run's file is a ROS bag: a folder, or by its suffix."""
-    return path.is_dir() or path.suffix in SUFFIXES
+    return is_folder(path) or path.suffix in SUFFIXES
 
 
 def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], where: str) -> Columns:
@@ -50,7 +54,13 @@ def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], whe
         raise DataError(
             f"{path}: the topics of {', '.join(measured[:3])}, ... share no stretch of time: check `stamp`."
         )
-    t = 1e-9 * period * np.arange(int((end - begin) / period) + 1)
+    rows = int((end - begin) / period) + 1
+    if rows > MOST_ROWS:
+        raise DataError(
+            f"{where}: [bag] period = {1e-9 * period:g} s makes {rows} rows of {1e-9 * (end - begin):g} s, more than "
+            f"{MOST_ROWS}: give a longer period."
+        )
+    t = 1e-9 * period * np.arange(rows)
     made = {"t_s": t}
     for name, (at, own) in values.items():
         source = sources[name]

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.columns import Columns, read_columns, replace_file
+from rover_pin.columns import Columns, parquet_table, read_columns, replace_file
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.channels import unit_of, wheel_of
 from rover_pin.motion.trace import Trace
 from rover_pin.quantity import to_si
+from rover_pin.toml_file import table_in
 
 METADATA = b"rover_pin"
 
@@ -62,7 +63,7 @@ def run_from(
     return Trace(channels, units, {**held.get("attrs", {}), **(attrs or {})})
 
 
-def _si(table: Columns, name: str, unit: str) -> np.ndarray:
+def _si(table: Columns, name: str, unit: Any) -> np.ndarray:
     """Return a column in the unit that its name tells, if it does."""
     try:
         factor = to_si(1.0, unit, unit_of(name) or unit, f"{table.path}: column '{name}'")
@@ -93,10 +94,16 @@ def _plain(value: Any) -> Any:
 
 
 def _metadata(path: Path) -> dict[str, Any]:
-    import pyarrow.parquet
-
-    held = (pyarrow.parquet.read_schema(path).metadata or {}).get(METADATA)
-    return json.loads(held) if held else {}
+    held = (parquet_table(path).schema.metadata or {}).get(METADATA)
+    try:
+        about = json.loads(held) if held else {}
+    except ValueError as error:
+        raise DataError(
+            f"{path}: what the file says of its columns is not JSON: write it with `write_parquet`."
+        ) from error
+    if not isinstance(about, dict):
+        raise DataError(f"{path}: what the file says of its columns is {about!r}, not a table of units and attrs.")
+    return {name: table_in(about, name, path) for name in ("units", "attrs")}
 
 
 def _refuse_percent(table: Columns) -> None:

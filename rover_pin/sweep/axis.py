@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.errors import ParameterError
+from rover_pin.quantity import as_float
 
 
 class Axis(ABC):
@@ -41,7 +42,7 @@ class Range(Axis):
     def __post_init__(self) -> None:
         for name in ("low", "high"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            if kind_of(value) != "number":
                 raise ParameterError(f"{name} = {value!r} is not allowed: the end of a range is a finite number.")
         if not self.low < self.high:
             raise ParameterError(
@@ -119,4 +120,4 @@ def kind_of(value: Any) -> str | None:
         return "truth"
     if isinstance(value, str):
         return "text"
-    return "number" if isinstance(value, (int, float)) and math.isfinite(value) else None
+    return "number" if isinstance(value, (int, float)) and math.isfinite(as_float(value)) else None

@@ -18,7 +18,8 @@ Group = Mapping[str, Axis]
 """Parameters that move together: one direction of the plan."""
 Point = dict[str, Any]
 """Parameter -> value."""
-MOST_CASES = 10_000_000
+MOST_CASES = 1_000_000
+"""Cases of a study, its repeats counted: a million drives take days, and all are listed beforehand."""
 
 
 class Plan(ABC):

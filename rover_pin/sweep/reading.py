@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.errors import ParameterError, closest
 from rover_pin.quantity import UNITS
 from rover_pin.sweep.axis import Axis, LogRange, Range, Values, kind_of
 from rover_pin.sweep.plan import Grid, LatinHypercube, Plan, Sobol
 from rover_pin.sweep.study import Study
+from rover_pin.toml_file import read_toml
 
 PLANS: dict[str, type[Any]] = {"grid": Grid, "latin-hypercube": LatinHypercube, "sobol": Sobol}
 SCALES: dict[str, type[Range]] = {"linear": Range, "log": LogRange}
@@ -47,21 +47,11 @@ def read_study(path: str | Path) -> Study:
     ParameterError
         An unknown name, with the close ones; an empty range; anything that Study refuses.
     """
-    path = Path(path)
-    table = _table(path)
+    table = read_toml(path)
     try:
         return _study(table)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from error
-
-
-def _table(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{path}: the study cannot be read: {error.strerror}.") from error
-    except ValueError as error:
-        raise DataError(f"{path}: the study is not valid TOML: {error}.") from error
 
 
 def _study(table: dict[str, Any]) -> Study:
@@ -79,9 +69,7 @@ def _study(table: dict[str, Any]) -> Study:
 def _plan(entry: Any) -> Plan:
     if not isinstance(entry, Mapping) or "kind" not in entry:
         raise ParameterError('plan needs a kind, as in plan = { kind = "sobol", cases = 64 }.')
-    if entry["kind"] not in PLANS:
-        raise ParameterError(f"there is no plan '{entry['kind']}': {closest(str(entry['kind']), PLANS)}")
-    kind = PLANS[entry["kind"]]
+    kind = _chosen(entry["kind"], PLANS, "plan")
     own = {name: value for name, value in entry.items() if name != "kind"}
     _check_keys(own, [each.name for each in dataclasses.fields(kind)], f"the plan '{entry['kind']}'")
     if kind is not Grid and "cases" not in own:
@@ -122,10 +110,8 @@ def _range(entry: Mapping[str, Any]) -> Range:
     for name in ("low", "high"):
         if name not in entry:
             raise ParameterError(f"the range has no '{name}': give low and high.")
-    scale = entry.get("scale", "linear")
-    if scale not in SCALES:
-        raise ParameterError(f"there is no scale '{scale}': {closest(str(scale), SCALES)}")
-    return SCALES[scale](_si(entry["low"], entry), _si(entry["high"], entry))
+    scale = _chosen(entry.get("scale", "linear"), SCALES, "scale")
+    return scale(_si(entry["low"], entry), _si(entry["high"], entry))
 
 
 def _setting(name: str, entry: Any) -> Any:
@@ -142,11 +128,17 @@ def _si(value: Any, entry: Mapping[str, Any]) -> Any:
     """Return `value`, in the SI unit when the entry names a unit."""
     if "unit" not in entry:
         return value
-    if entry["unit"] not in UNITS:
-        raise ParameterError(f"there is no unit '{entry['unit']}': {closest(str(entry['unit']), UNITS)}")
+    _, factor = _chosen(entry["unit"], UNITS, "unit")
     if kind_of(value) != "number":
         raise ParameterError(f"{value!r} has a unit and is not a finite number.")
-    return value * UNITS[entry["unit"]][1]
+    return value * factor
+
+
+def _chosen(word: Any, choices: Mapping[str, Any], what: str) -> Any:
+    """Return what a word stands for among the choices."""
+    if not isinstance(word, str) or word not in choices:
+        raise ParameterError(f"there is no {what} '{word}': {closest(word, choices)}")
+    return choices[word]
 
 
 def _check_keys(entry: Mapping[str, Any], known: Iterable[str], where: str) -> None:

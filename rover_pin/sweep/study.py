@@ -16,7 +16,7 @@ import numpy as np
 
 from rover_pin.errors import ParameterError, closest
 from rover_pin.sweep.axis import Axis, Values, kind_of
-from rover_pin.sweep.plan import Group, Plan
+from rover_pin.sweep.plan import MOST_CASES, Group, Plan
 from rover_pin.trust import Trust
 
 
@@ -84,7 +84,8 @@ class Study:
 
     def __post_init__(self) -> None:
         rows = (list, tuple)
-        if not (isinstance(self.paired, rows) and all(isinstance(names, rows) for names in self.paired)):
+        lists = isinstance(self.paired, rows) and all(isinstance(names, rows) for names in self.paired)
+        if not lists or not all(isinstance(name, str) for names in self.paired for name in names):
             raise ParameterError(f"paired = {self.paired!r} is not a list of lists of parameters.")
         object.__setattr__(self, "paired", tuple(map(tuple, self.paired)))
         if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", str(self.name), re.ASCII):
@@ -131,7 +132,12 @@ class Study:
         """Return all cases in the plan's order, the repeats of a point one after the other."""
         seen: Counter[str] = Counter()
         cases: list[Case] = []
-        for point in self.plan.choose(self.groups(), self.seed):
+        points = self.plan.choose(self.groups(), self.seed)
+        if len(points) * self.repeats > MOST_CASES:
+            raise ParameterError(
+                f"repeats = {self.repeats} of {len(points)} points are more than {MOST_CASES} cases: give fewer."
+            )
+        for point in points:
             values = {name: point[name] for name in self.parameters}
             for _ in range(self.repeats):
                 digest = canonical(values)

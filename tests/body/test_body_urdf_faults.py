@@ -77,6 +77,7 @@ FAULTS = {
         "'rocker_l' needs <parent link='...'/> and <child",
     ),
     "two links": (TEXT.replace("</robot>", '<link name="base_link"/></robot>'), "2 links are called 'base_link'"),
+    "two wheels": (TEXT.replace("</robot>", '<link name="wheel_fl_link"/></robot>'), "2 links are called 'wheel_fl"),
     "two joints": (TEXT.replace('name="wheel_fr"', 'name="wheel_fl"'), "2 joints are called 'wheel_fl'"),
     "unknown link": (
         TEXT.replace('<child link="rocker_l_link"/>', '<child link="rocker_l_lnk"/>'),

@@ -182,6 +182,7 @@ def shared(tmp_path_factory):
         ('[bag]\nperiod = { value = 1, unit = "m" }\n', {}, "[bag] period: unit 'm' does not measure"),
         ("[bag]\nperiods = 1\n", {}, "[bag] has an unknown key 'periods': did you mean 'period'?"),
         ("[bag]\nperiod = 9.0\n", {}, "share no stretch of time"),
+        ("[bag]\nperiod = 1e-9\n", {}, "[bag] period = 1e-09 s makes 29"),
     ],
 )  # fmt: skip
 def test_mistakes_in_the_map(shared, bag, changes, says):

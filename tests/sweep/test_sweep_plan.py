@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rover_pin.errors import ParameterError
-from rover_pin.sweep import Grid, LatinHypercube, LogRange, Range, Sobol, Values
+from rover_pin.sweep import Grid, LatinHypercube, LogRange, Range, Sobol, Study, Values
 from rover_pin.sweep.plan import MOST_CASES
 
 ANGLE = {"terrain.wall_angle": Range(10.0, 60.0)}
@@ -88,6 +88,10 @@ def test_values_take_numpy_numbers():
         (lambda: Sobol(2.5), "cases = 2.5 is not allowed"),
         (lambda: Sobol(100), "cases = 100 is not allowed: .* power of two; use 64 or 128"),
         (lambda: Grid(10).choose([{str(i): Range(0.0, 1.0)} for i in range(8)], 0), f"more than {MOST_CASES}"),
+        (
+            lambda: Study("a", "flat", {"x": Values([1.0, 2.0])}, Grid(), repeats=MOST_CASES).cases(),
+            "repeats = .* more",
+        ),
     ],
 )
 def test_what_is_no_plan_is_refused_in_one_sentence(make, said):

@@ -1,0 +1,26 @@
+"""Whether there is a file of a name that a user gave."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def is_file(path: Path) -> bool:
+    """Return whether this is a file; False too where no file can have such a name, which `Path.is_file` raises for."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def exists(path: Path) -> bool:
+    """Return whether this is a file or folder; False too where none can have such a name."""
+    return is_file(path) or is_folder(path)
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether this is a folder; False too where none can have such a name."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False

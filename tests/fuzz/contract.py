@@ -1,0 +1,74 @@
+"""What every reader owes: an input is accepted, or refused by one RoverPinError of one line, soon, in little memory."""
+
+import resource
+import signal
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rover_pin.errors import RoverPinError
+
+LONGEST = 30.0
+"""Seconds that a reader may take."""
+MEMORY = 2 << 30
+"""Bytes of address space that a reader may take beyond what is taken already."""
+LINE = 2000
+"""Characters of a refusal."""
+
+
+class Hang(BaseException):
+    """A reader that took too long; not an Exception, so that no reader swallows it."""
+
+
+@contextmanager
+def bounded() -> Iterator[None]:
+    """Bound time and memory of what runs inside; warnings are errors."""
+
+    def stop(*_: object) -> None:
+        raise Hang(f"over {LONGEST:g} s")
+
+    before, limits = signal.signal(signal.SIGALRM, stop), resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (_address_space() + MEMORY, limits[1]))
+    signal.setitimer(signal.ITIMER_REAL, LONGEST)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+        resource.setrlimit(resource.RLIMIT_AS, limits)
+
+
+def _address_space() -> int:
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[0]) * resource.getpagesize()
+
+
+def outcome(read: Callable[[], object]) -> str:
+    """Return 'accepted', 'refused', or what broke the contract: the exception's name and where it was raised."""
+    try:
+        with bounded():
+            read()
+    except RoverPinError as error:
+        return _refusal(str(error))
+    except (Exception, Hang) as error:
+        return f"{type(error).__name__} {_place(error)}: {str(error)[:150]!r}"
+    return "accepted"
+
+
+def _refusal(text: str) -> str:
+    if len(text.splitlines()) != 1 or not text.isprintable():
+        return f"refusal of {len(text.splitlines())} lines, or not printable: {text[:300]!r}"
+    return "refused" if len(text) <= LINE else f"refusal of {len(text)} characters: {text[:150]!r}"
+
+
+def _place(error: BaseException) -> str:
+    """Return the innermost line of the package that the exception went through."""
+    found, trace = "", error.__traceback__
+    while trace is not None:
+        file = trace.tb_frame.f_code.co_filename
+        if "/rover_pin/" in file and "/tests/" not in file:
+            found = f"{file.rpartition('/rover_pin/')[2]}:{trace.tb_frame.f_code.co_name}"
+        trace = trace.tb_next
+    return found

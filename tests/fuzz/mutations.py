@@ -1,0 +1,262 @@
+"""Changes of a valid input: of bytes, of text, and of what a TOML, CSV, XML, npz or Parquet file holds."""
+
+import copy
+import datetime
+import io
+import json
+import random
+import tomllib
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pyarrow
+import pyarrow.parquet
+
+DEEP = {"value": {"value": {"value": {"unit": "m"}}}}
+VALUES = (
+    *("", " ", "x", "nan", "-inf", "1e400", "0x10", "1,5", "\u202eabc", "m\u00fcll\nzwei", "a" * 3000),
+    *("[red]x[/red]", "[/b]", "..", "/"),
+    *(True, False, 0, -1, 3, 10**25, -(10**400), 0.5, -0.0, 1e-320, 1e9, 1e308, -1e308),
+    *(float("nan"), float("inf"), float("-inf"), [], [1, "a"], [[[]]], [None], {}, DEEP),
+    *({"value": "x"}, {"value": [1.0]}),
+    *({"value": 1.0, "unit": 3}, {"value": 1.0, "unit": "furlong"}, {"unit": "m"}, {"value": True, "unit": "m"}),
+    *(datetime.date(2026, 1, 1), datetime.datetime(2026, 1, 1, 12), datetime.time(12)),
+)  # fmt: skip
+"""What stands in place of a good value: other types, other sizes, what looks like a number and what breaks a line."""
+KEYS = ("", "value", "unit", "kind", "\u00e4", "a.b", "x" * 300, "[b]", "k_1", "file", "low")
+CELLS = ("", "nan", "inf", "-1e308", "1e400", "x", "1;5", '"', '"a,b"', "0x1f", "1_0", "\u0663", "-", "1e-320", "\x00")
+NOISE = (b"\x00", b"\xff\xfe", b"\n", b"\r", "\u2028".encode(), b"[", b"]]", b'"', b"'''", b"=", b"<!--", b"&x;")
+FLOODS = (b"," * 40, b"{" * 2000, b"x = " + b"[" * 9000)
+
+
+def mutated(name: str, content: bytes, chance: random.Random) -> bytes:
+    """Return the content of a file changed in the way of its kind, or as any bytes."""
+    kinds = {"toml": _toml, "csv": _csv, "urdf": _xml, "npz": _npz, "parquet": _parquet}
+    own = kinds.get(name.rpartition(".")[2])
+    changed = content
+    for _ in range(chance.choice((1, 1, 1, 2, 3))):
+        change = own if own is not None and chance.random() < 0.75 else _bytes
+        try:
+            changed = change(changed, chance)
+        except Exception:  # a change of what an earlier change has broken
+            changed = _bytes(changed, chance)
+    return changed
+
+
+def mutated_words(words: list[str], chance: random.Random) -> list[str]:
+    """Return words of a command line with some left out, doubled, or with another value."""
+    words = list(words)
+    for _ in range(chance.choice((1, 1, 2))):
+        at = chance.randrange(len(words))
+        way = chance.randrange(5)
+        if way == 0:
+            del words[at]
+        elif way == 1:
+            words.insert(at, chance.choice(words))
+        else:
+            name, sign, _ = words[at].partition("=")
+            value = str(chance.choice(VALUES)).replace("\x00", "")
+            words[at] = f"{name}{sign}{value}" if sign and way < 4 else value
+        words = words or ["--set"]
+    return words
+
+
+def _bytes(content: bytes, chance: random.Random) -> bytes:
+    at, to = sorted((chance.randint(0, len(content)), chance.randint(0, len(content))))
+    noise = chance.choice(NOISE + FLOODS)
+    flipped = bytearray(content)
+    for _ in range(chance.choice((1, 3, 30)) if content else 0):
+        flipped[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+    return chance.choice(
+        (
+            bytes(flipped),
+            content[:at],
+            content[:at] + content[to:],
+            content[:at] + noise + content[at:],
+            content[:to] + content[at:],
+            chance.choice((b"", noise, content[::-1])),
+        )
+    )
+
+
+def _toml(content: bytes, chance: random.Random) -> bytes:
+    if chance.random() < 0.2:
+        return _lines(content, chance)
+    table = tomllib.loads(content.decode())
+    _change_node(table, chance)
+    return dumped(table).encode()
+
+
+def _lines(content: bytes, chance: random.Random) -> bytes:
+    lines = content.split(b"\n")
+    at = chance.randrange(len(lines))
+    way = chance.randrange(3)
+    lines[at : at + 1] = ([], [lines[at]] * 2, [chance.choice(lines)])[way]
+    return b"\n".join(lines)
+
+
+def _nodes(node: object) -> list:
+    """Return every table and list that holds something."""
+    inner = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+    own = [node] if isinstance(node, (dict, list)) and node else []
+    return own + [each for value in inner for each in _nodes(value)]
+
+
+def _change_node(tree: object, chance: random.Random) -> None:
+    """Rename, remove, double or replace one entry somewhere in a tree of tables and lists."""
+    node = chance.choice(_nodes(tree))
+    at = chance.choice(list(node) if isinstance(node, dict) else range(len(node)))
+    way, value = chance.randrange(8), copy.deepcopy(chance.choice(VALUES))
+    if way == 0:
+        del node[at]
+    elif way == 1 and isinstance(node, dict):
+        name = chance.choice((*KEYS, at[:-1] or "q", at + "s", at.upper()))
+        node[name] = node.pop(at)
+    elif way == 2 and isinstance(node, dict):
+        node[chance.choice(KEYS)] = value
+    elif way == 2:
+        node.insert(at, copy.deepcopy(node[at]))
+    elif way == 3:
+        node[at] = chance.choice(([node[at]], {"value": node[at]}, str(node[at])))
+    elif way == 4 and isinstance(node[at], (int, float)) and not isinstance(node[at], bool):
+        node[at] = node[at] * chance.choice((-1.0, 1e-3, 1e3, 1e9, 1e-9, 57.3, 100.0))
+    else:
+        node[at] = value
+
+
+def dumped(table: dict) -> str:
+    """Return a table as TOML whose values are written inline: it can write what the package's writer refuses."""
+    return "".join(f"{_quoted(name)} = {_inline(value)}\n" for name, value in table.items())
+
+
+def _inline(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return _quoted(value)
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_quoted(name)} = {_inline(each)}" for name, each in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_inline(each) for each in value) + "]"
+    return str(value).lower() if value is not None else '""'
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=True).replace("\x7f", "\\u007f")
+
+
+def _csv(content: bytes, chance: random.Random) -> bytes:
+    rows = [line.split(",") for line in content.decode().split("\n")]
+    at = chance.choice((0, chance.randrange(len(rows))))
+    cell = chance.randrange(len(rows[at]))
+    way = chance.randrange(9)
+    if way == 0:
+        rows[at].pop(cell)
+    elif way == 1:
+        rows[at][cell] = rows[at][cell - 1]
+    elif way == 2:
+        for row in rows:
+            row[cell : cell + 1] = []
+    elif way == 3:
+        rows.insert(at, rows[at][:])
+    elif way == 4:
+        chance.shuffle(rows)
+    elif way == 5:
+        factor = chance.choice((-1.0, 0.0, 1e-3, 1e3, 57.3, 1e12))
+        for row in rows[1:]:
+            row[cell : cell + 1] = [_scaled(each, factor) for each in row[cell : cell + 1]]
+    else:
+        rows[at][cell] = chance.choice(CELLS)
+    return "\n".join(",".join(row) for row in rows).encode()
+
+
+def _scaled(cell: str, factor: float) -> str:
+    try:
+        return repr(factor * float(cell))
+    except ValueError:
+        return cell
+
+
+def _xml(content: bytes, chance: random.Random) -> bytes:
+    root = ET.fromstring(content)
+    parent = chance.choice([each for each in root.iter() if len(each)])
+    child = chance.choice(list(parent))
+    way = chance.randrange(6)
+    if way == 0:
+        parent.remove(child)
+    elif way == 1:
+        parent.append(copy.deepcopy(child))
+    elif way == 2:
+        parent.remove(child)
+        chance.choice(list(root.iter())).append(child)
+    elif way == 3:
+        child.tag = chance.choice((child.tag + "s", "link", "geometry", "joint", "mesh", "box", "xacro:if"))
+    else:
+        _change_attribute(chance.choice([each for each in root.iter() if each.attrib]), chance)
+    return ET.tostring(root)
+
+
+def _change_attribute(element: ET.Element, chance: random.Random) -> None:
+    name = chance.choice(list(element.attrib))
+    if chance.random() < 0.2:
+        del element.attrib[name]
+        return
+    numbers = (" ".join(chance.choice(("0", "1", "-1", "1e5", "nan", "1e-9")) for _ in range(3)), "1e308", "-1", "0")
+    texts = ("", "x", "1 2", "\u00e4", "base", "fixed", "planar", "floating", "prismatic", "[b]", "a\nb")
+    element.set(name, chance.choice(numbers + texts))
+
+
+ARRAYS = (
+    lambda a: a.astype(str),
+    lambda a: np.full_like(a, np.nan, dtype=float),
+    lambda a: a.astype(complex),
+    lambda a: a[..., None],
+    lambda a: np.zeros((0, *a.shape[1:])) if a.ndim else np.zeros(0),
+    lambda a: np.array(["x", 1.0], dtype=object),
+    lambda a: -1e9 * a,
+    lambda a: np.array(np.datetime64("2026-01-01")),
+    lambda a: a.T[..., :1],
+    lambda a: a.astype([("f", float)]),
+    lambda a: a > 0,
+)
+
+
+def _npz(content: bytes, chance: random.Random) -> bytes:
+    with np.load(io.BytesIO(content)) as file:
+        arrays = {name: file[name] for name in file.files}
+    name, way = chance.choice(list(arrays)), chance.randrange(4)
+    if way == 0:
+        del arrays[name]
+    elif way == 1:
+        arrays[chance.choice((name + "s", "\u00e4", "x0"))] = arrays.pop(name)
+    else:
+        arrays[name] = chance.choice(ARRAYS)(arrays[name])
+    made = io.BytesIO()
+    np.savez(made, **arrays)
+    return made.getvalue()
+
+
+def _parquet(content: bytes, chance: random.Random) -> bytes:
+    table = pyarrow.parquet.read_table(io.BytesIO(content))
+    at, way = chance.randrange(table.num_columns), chance.randrange(6)
+    name, rows = table.column_names[at], table.num_rows
+    if way == 0:
+        table = table.remove_column(at)
+    elif way == 1:
+        table = table.rename_columns([*table.column_names[:at], chance.choice(KEYS), *table.column_names[at + 1 :]])
+    elif way == 2:
+        table = table.append_column(name, table.column(at))
+    elif way == 3:
+        table = table.slice(0, chance.choice((0, 1)))
+    elif way == 4:
+        about = chance.choice((b"", b"{", b"[]", b'{"units": 3}', b'{"units": {"body_x": 3}, "attrs": []}', b"\xff"))
+        table = table.replace_schema_metadata({b"rover_pin": about, b"pandas": b"{"})
+    else:
+        other = chance.choice(
+            (["x"] * rows, [None] * rows, [[1.0]] * rows, [b"\xff"] * rows, [True] * rows, [{"a": 1}] * rows,
+             [datetime.date(2026, 1, 1)] * rows, [10**18] * rows, [float("inf")] * rows)
+        )  # fmt: skip
+        table = table.set_column(at, name, pyarrow.array(other))
+    made = io.BytesIO()
+    pyarrow.parquet.write_table(table, made)
+    return made.getvalue()

@@ -1,0 +1,56 @@
+"""Many mutated inputs through the contract, and what broke it."""
+
+import random
+from collections import Counter
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from . import contract, mutations, valid
+
+
+class Broken(NamedTuple):
+    """One input that broke the contract."""
+
+    reader: str
+    number: int
+    how: str
+
+
+class Tally(NamedTuple):
+    """How often each reader accepted and refused, and what broke the contract."""
+
+    counts: Counter
+    broken: list[Broken]
+
+
+def fuzz(total: int, seed: int = 0, only: str = "", scratch: Path | None = None) -> Tally:
+    """Run about `total` inputs, shared among the readers; input i of a reader depends on seed, reader and i alone."""
+    with TemporaryDirectory() as made:
+        base = Path(scratch or made)
+        readers = valid.cases(base / "made")
+        whole = sum(each.share for each in readers)
+        tally = Tally(Counter(), [])
+        for reader in readers:
+            if only in ("", reader.name):
+                _fuzz_reader(reader, round(total * reader.share / whole), seed, base / "input", tally)
+        return tally
+
+
+def mutant(reader: valid.Case, number: int, seed: int) -> dict[str, bytes]:
+    """Return the files that input `number` of a reader changes."""
+    chance = random.Random(f"{seed} {reader.name} {number}")
+    if reader.name == "command line":
+        words = mutations.mutated_words(chance.choice(valid.WORDS).split(), chance)
+        return {"words.txt": "\t".join(words).encode()}
+    name = chance.choice(reader.victims or tuple(reader.files))
+    return {name: mutations.mutated(name, reader.files[name], chance)}
+
+
+def _fuzz_reader(reader: valid.Case, count: int, seed: int, folder: Path, tally: Tally) -> None:
+    for number in range(count):
+        reader.lay(folder, mutant(reader, number, seed))
+        how = contract.outcome(lambda: reader.read(folder))
+        tally.counts[reader.name, how if how in ("accepted", "refused") else "broken"] += 1
+        if how not in ("accepted", "refused"):
+            tally.broken.append(Broken(reader.name, number, how))

@@ -1,0 +1,95 @@
+"""Every reader accepts a mutated input or refuses it by one clear line: hundreds here, ten thousand in the slow run."""
+
+import importlib
+import importlib.util
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.errors import DataError, SimulationError, one_line
+
+HERE = Path(__file__).parent
+_spec = importlib.util.spec_from_file_location("fuzz", HERE / "__init__.py")
+sys.modules["fuzz"] = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(sys.modules["fuzz"])
+contract, mutations, run, valid = (
+    importlib.import_module(f"fuzz.{name}") for name in ("contract", "mutations", "run", "valid")
+)
+SHOWN = 20
+"""Broken inputs that a failure lists; `run.mutant` makes them again from reader, number and seed."""
+
+
+def assert_kept(tally):
+    assert not tally.broken, "\n".join(map(str, tally.broken[:SHOWN]))
+
+
+def test_what_is_valid_is_accepted(tmp_path):
+    for reader in valid.cases(tmp_path / "made"):
+        reader.lay(tmp_path / "input", {})
+        assert contract.outcome(lambda reader=reader: reader.read(tmp_path / "input")) == "accepted", reader.name
+
+
+@pytest.mark.parametrize("line", valid.WORDS)
+def test_every_command_line_is_accepted(tmp_path, line):
+    (tmp_path / "words.txt").write_text("\t".join(line.split()))
+    assert contract.outcome(lambda: valid.read_words(tmp_path)) == "accepted"
+
+
+def test_hundreds_of_inputs(tmp_path):
+    tally = run.fuzz(500, seed=1, scratch=tmp_path)
+    assert_kept(tally)
+    assert sum(tally.counts.values()) > 450
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 2])
+def test_ten_thousand_inputs(tmp_path, seed):
+    """Both seeds together are ten thousand; every reader must have seen good and bad ones."""
+    tally = run.fuzz(5000, seed=seed, scratch=tmp_path)
+    assert_kept(tally)
+    for reader in {name for name, _ in tally.counts}:
+        assert min(tally.counts[reader, how] for how in ("accepted", "refused")) > 0, reader
+
+
+def test_an_input_depends_on_its_number_alone(tmp_path):
+    reader = valid.cases(tmp_path / "made")[0]
+    assert run.mutant(reader, 7, 0) == run.mutant(reader, 7, 0)
+    assert len({str(run.mutant(reader, number, 0)) for number in range(50)}) > 45
+
+
+def raising(error):
+    def read():
+        raise error
+
+    return read
+
+
+def test_the_contract_bites(monkeypatch):
+    """A traceback, a warning, a hang, too much memory and a refusal that is no line are all seen."""
+    assert contract.outcome(raising(DataError("one line"))) == "refused"
+    assert contract.outcome(raising(SimulationError("one line"))) == "refused"
+    assert contract.outcome(raising(KeyError("x"))).startswith("KeyError")
+    assert contract.outcome(lambda: warnings.warn("x", stacklevel=1)).startswith("UserWarning")
+    assert contract.outcome(lambda: np.ones(contract.MEMORY)).startswith("MemoryError")
+    broken = DataError("x")
+    broken.args = ("two\nlines",)
+    assert contract.outcome(raising(broken)).startswith("refusal of 2 lines")
+    monkeypatch.setattr(contract, "LONGEST", 0.05)
+    assert contract.outcome(lambda: [None for _ in iter(int, 1)]).startswith("Hang")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("a\nb\r\nc\n", "a b c"),
+        ("names 'm\u00fcll'", "names 'm\u00fcll'"),
+        ("bell \x07, turned \u202eround", r"bell \x07, turned \u202eround"),
+        ("x" * 5000, "x" * 945 + " ... " + "x" * 250),
+    ],
+)
+def test_whatever_a_message_quotes_it_is_one_printable_line(text, line):
+    assert one_line(text) == str(DataError(text)) == str(SimulationError(text)) == line
+    assert one_line(line) == line
