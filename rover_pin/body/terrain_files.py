@@ -83,7 +83,7 @@ def _npz_grid(path: Path) -> HeightGrid:
             arrays = {name: file[name] for name in file.files}
     except OSError as error:
         raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
-    except (ValueError, zipfile.BadZipFile) as error:
+    except Exception as error:  # whatever numpy and zipfile raise for a damaged archive
         raise DataError(f"{path}: the file is not an .npz of plain arrays: {error}.") from error
     for name in ("x0", "y0", "dx", "dy", "z"):
         if name not in arrays:
