@@ -63,10 +63,7 @@ ROOMS = {
     ),
     "evidence": Room(
         tuple(f"rover_pin/evidence/{name}.py" for name in DECIDING),
-        _named(
-            "evidence",
-            "drive_decisions rig_decisions rig_thresholds wording residual_sign drive_blocks evidence_profile",
-        ),
+        _named("evidence", DECISIONS),
     ),
 }
 
