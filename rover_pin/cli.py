@@ -52,7 +52,7 @@ def drive(
     control: Annotated[
         str,
         typer.Option(
-            help="none, limit (torque alone), eq9 (the paper's estimate), true (true slip), turn, point-turn."
+            help="none, limit (torque alone), eq9 (the paper's), onboard (from torques), true (slip), turn, point-turn."
         ),
     ] = "",
     gravity: Gravity = "",

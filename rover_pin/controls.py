@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.gains_file import load_gains
+from rover_pin.control.onboard_slip import OnboardSlip
 from rover_pin.control.slip_control import Gains, SlipControl
-from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
+from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.motion.command import Controller
 from rover_pin.motion.model import Model
 from rover_pin.settings import Settings, fields_of
 
-CONTROLS = ("none", "limit", "eq9", "true", "turn", "point-turn")
+CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn")
 LIMITS = ("none", "saturation", "at-slip")
 
 
-def controller_from(asked: Settings, model: Model, table: Callable[[], SpeedTable]) -> Controller:
-    """Return the controller that `control` and `control.FIELD` ask for; `table` measures what Eq (9) needs."""
+def controller_from(asked: Settings, model: Model) -> Controller:
+    """Return the controller that `control` and `control.FIELD` ask for."""
     kind = asked.choice("control", "none", {each: each for each in CONTROLS})
     if kind in ("none", "limit"):
         constant = ConstantDuty(**asked.group("control", fields_of(ConstantDuty)))
@@ -30,9 +29,15 @@ def controller_from(asked: Settings, model: Model, table: Callable[[], SpeedTabl
         return Turn.of(model.rover, **{**default, **asked.numbers("control", ("radius", "delta"))})
     file = asked.take("control.gains", None)
     gains = (Gains() if file is None else load_gains(str(file))).replace(**asked.group("control", fields_of(Gains)))
-    wheel = model.rover.wheels[0].wheel
-    estimate = TrueSlip() if kind == "true" else TableEstimate(table(), float(wheel.r))
-    return SlipControl(gains, estimate, _limit(asked, model, "saturation"))
+    return SlipControl(gains, _estimate(kind, model), _limit(asked, model, "saturation"))
+
+
+def _estimate(kind: str, model: Model) -> SlipEstimate:
+    if kind == "true":
+        return TrueSlip()
+    if kind == "onboard":
+        return OnboardSlip.of(model)
+    return TableEstimate(flat_table(model), float(model.rover.wheel.r))
 
 
 def _limit(asked: Settings, model: Model, usual: str) -> TorqueLimit | NoLimit:

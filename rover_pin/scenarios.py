@@ -7,7 +7,6 @@ import inspect
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from rover_pin.body.field import paper_field
 from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.body.terrain_files import from_grid, from_polyline
-from rover_pin.control.slip_estimate import SpeedTable, calibrated_table
 from rover_pin.controls import controller_from
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
@@ -135,12 +133,6 @@ SCENES: dict[str, Scene] = {
 }
 
 
-@lru_cache(maxsize=1)
-def nexus6_table() -> SpeedTable:
-    """Return the duty-to-speed table of the default rover on flat ground, measured by driving it."""
-    return calibrated_table(scenario("flat").model)
-
-
 def scenario(name: str, /, **settings: Any) -> Scenario:
     """Return a ready-made drive, changed by dotted settings (pass them as `**{"terrain.wall_angle_deg": 40}`).
 
@@ -158,9 +150,9 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         slip; without it R is the named soil's for 0.05, whatever `soil.FIELD` is set to), `model` (a drive's model
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
         `trust` (a `Trust`: which files of effects that the model names may run),
-        `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, true, turn,
+        `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, true, turn,
         point-turn), `control.FIELD`, `control.gains` (a file of tuned gains), `control.limit` (none, saturation,
-        at-slip: the torque check; saturation with eq9 and true, at-slip with limit) and `control.slip_limit`,
+        at-slip: the torque check; saturation with a slip, at-slip with limit) and `control.slip_limit`,
         `start.FIELD`, `duration`, `dt` [s].
         A `_deg` behind any angle reads degrees.
 
@@ -174,7 +166,7 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
     scene = SCENES[name]
     asked = Settings({**scene.settings, **settings})
     model = _model(scene, asked)
-    controller = controller_from(asked, model, nexus6_table)
+    controller = controller_from(asked, model)
     start = Start(**asked.numbers("start", PLACE))
     dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT)
     duration = asked.number("duration", scene.duration)

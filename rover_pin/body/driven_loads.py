@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +58,15 @@ def wheel_mounts(rover: Rover, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     pin.forwardKinematics(rover.model, data, q)
     placed = [data.oMi[wheel.joint] for wheel in rover.wheels]
     return np.array([each.rotation for each in placed]), np.array([each.translation for each in placed])
+
+
+def turning(rotations: Sequence[np.ndarray], axles: np.ndarray) -> np.ndarray:
+    """Return by how far the mounts have turned about their wheels' axles since the first row [rad] (T, n).
+
+    A tachometer measures the wheel against its mount; over the ground it turns with the mount besides.
+    """
+    first = rotations[0]
+    return np.array([[axles[i] @ pin.log3(R @ first[i].T) for i, R in enumerate(row)] for row in rotations])
 
 
 def footing(rover: Rover, q: np.ndarray) -> tuple[Footing, np.ndarray]:

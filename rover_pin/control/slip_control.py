@@ -92,6 +92,8 @@ class SlipControl:
     def reset(self) -> None:
         """Forget the past."""
         self.integral = 0.0
+        if hasattr(self.estimate, "reset"):
+            self.estimate.reset()
 
     def __call__(self, reading: Reading) -> Command:
         """Return the duty of each wheel."""

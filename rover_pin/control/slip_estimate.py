@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 
+from rover_pin.body.shapes import flat
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Reading
@@ -19,7 +22,7 @@ SLOWEST_RIM = 1e-3
 
 
 class SlipEstimate(Protocol):
-    """A way to know the slip of each wheel."""
+    """A way to know the slip of each wheel; one that remembers has a `reset()`, called at the start of a drive."""
 
     def slip(self, reading: Reading) -> np.ndarray:
         """Return S_hat, one value a wheel [-]."""
@@ -72,14 +75,64 @@ class TableEstimate:
         return np.clip(1.0 - sense * self.table.speed_at(reading.duty) / speed, -1.0, 1.0)
 
 
-def calibrated_table(model: Model, duties: Sequence[float] = (0.1, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0)) -> SpeedTable:
+DUTIES = (0.1, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0)
+STEADY = 6.0
+"""Time driven at each duty [s]; the speed is the mean over the last second."""
+
+
+def calibrated_table(model: Model, duties: Sequence[float] = DUTIES) -> SpeedTable:
     """Return the table measured by driving the rover on `model`'s terrain, which should be flat, at each duty for 6 s.
 
-    The speed is the mean over the last second; the table starts at duty 0 and standstill.
+    The table starts at duty 0 and standstill.
+
+    Raises
+    ------
+    ParameterError
+        The model does not run faster at a higher duty: Eq (9) has no table for it.
     """
-    speeds = [0.0]
-    for duty in duties:
-        trace = simulate(model, ConstantDuty(duty), 6.0)
-        last = trace["t_s"] > 5.0
-        speeds.append(float(np.mean(trace["body_vx"][last])))
+    speeds = [0.0, *(_steady_speed(model, duty) for duty in duties)]
+    if not np.all(np.diff(speeds) > 0.0):
+        told = ", ".join(f"{speed:.2g}" for speed in speeds[1:])
+        raise ParameterError(
+            f"Eq (9) needs a speed for every duty, and on flat ground of its own soil this model runs at {told} m/s at "
+            f"duties {', '.join(f'{duty:g}' for duty in duties)}: it has no such table; take another soil or form, or "
+            "control = 'onboard' or 'true'."
+        )
     return SpeedTable((0.0, *map(float, duties)), tuple(speeds))
+
+
+def _steady_speed(model: Model, duty: float) -> float:
+    trace = simulate(model, ConstantDuty(duty), STEADY)
+    if trace.t[-1] < STEADY - 0.5:
+        return math.nan
+    return float(np.mean(trace["body_vx"][trace.t > STEADY - 1.0]))
+
+
+def flat_table(model: Model) -> SpeedTable:
+    """Return Eq (9)'s table of the rover that is driven: its soil, motor, gravity and effects on flat ground.
+
+    Measured once for models that are alike.
+
+    Raises
+    ------
+    ParameterError
+        As `calibrated_table`.
+
+    Source: section 5, "we estimate the value of v_w from delta using an empirical function table".
+    """
+    body = [inertia.toDynamicParameters().tolist() for inertia in model.rover.model.inertias]
+    alike = (model.rover.urdf, body, model.soils[0], model.motor, model.gravity, model.all_effects)
+    return _flat_table(_OnFlat(repr(alike), model.replace(terrain=flat())))
+
+
+@dataclass(frozen=True)
+class _OnFlat:
+    """A model on flat ground, the same as another where its `alike` is."""
+
+    alike: str
+    model: Model = field(compare=False)
+
+
+@lru_cache(maxsize=64)
+def _flat_table(ground: _OnFlat) -> SpeedTable:
+    return calibrated_table(ground.model)

@@ -18,7 +18,7 @@ from rover_pin.control.reduced import GAIN_NAMES, Outcome, Reduced
 from rover_pin.control.reduced_effects import left_out
 from rover_pin.control.reduced_loop import Loop
 from rover_pin.control.slip_control import Gains, SlipControl
-from rover_pin.control.slip_estimate import TableEstimate, TrueSlip
+from rover_pin.control.slip_estimate import TableEstimate, TrueSlip, flat_table
 from rover_pin.control.torque_limit import TorqueLimit
 from rover_pin.control.tuning_model import refuse_other_model
 from rover_pin.control.tuning_study import DriveCase
@@ -27,7 +27,7 @@ from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Controller
 from rover_pin.motion.simulate import simulate
 from rover_pin.motion.trace import Trace
-from rover_pin.scenarios import Scenario, nexus6_table, scenario
+from rover_pin.scenarios import Scenario, scenario
 
 FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0)
 """The score of a drive that the integrator gives up: worse than any that stands still."""
@@ -87,10 +87,10 @@ def cautions(cases: Sequence[DriveCase]) -> tuple[str, ...]:
 
 
 def estimate_of(case: DriveCase, name: str) -> TrueSlip | TableEstimate:
-    """Return the slip estimate of this name for the case's wheels; Eq (9)'s table is that of nexus6 on the flat."""
+    """Return the slip estimate of this name; Eq (9)'s table is that of the case's model on the flat."""
     if name == "true":
         return TrueSlip()
-    return TableEstimate(nexus6_table(), float(built(case).model.rover.wheel.r))
+    return TableEstimate(flat_table(built(case).model), float(built(case).model.rover.wheel.r))
 
 
 @lru_cache(maxsize=64)

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
-from rover_pin.body.driven_loads import configuration, driven_loads, footing, wheel_mounts
+from rover_pin.body.driven_loads import configuration, driven_loads, footing, turning, wheel_mounts
 from rover_pin.body.rover import Rover
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.trace import Trace
@@ -151,15 +150,6 @@ class _Run:
     def _torque(self, t: np.ndarray, rows: np.ndarray, wheel: int) -> Mean:
         drive = self.motor.drive(self.duty[rows, wheel], self.rate[rows, wheel])
         return line(t, drive.constant * (self.current[rows, wheel] if self.by_current else drive.current))
-
-
-def turning(rotations: list[np.ndarray], axles: np.ndarray) -> np.ndarray:
-    """Return by how far the mounts have turned about their wheels' axles since the first row [rad] (T, n).
-
-    A tachometer measures the wheel against its mount; over the ground it turns with the mount besides.
-    """
-    first = rotations[0]
-    return np.array([[axles[i] @ pin.log3(R @ first[i].T) for i, R in enumerate(row)] for row in rotations])
 
 
 def line(t: np.ndarray, values: np.ndarray) -> Mean:

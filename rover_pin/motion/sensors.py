@@ -9,6 +9,7 @@ import numpy as np
 
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import SensorEffect
+from rover_pin.motion.command import Command, Controller, Reading
 from rover_pin.motion.trace import Trace
 from rover_pin.quantity import Record, quantity
 
@@ -49,6 +50,40 @@ class Sensors(Record):
         if name.startswith("body_"):
             return self.position_sd, 0.0
         return (self.voltage_sd, 0.0) if name == "battery_V" else (0.0, 0.0)
+
+
+class Sensed:
+    """A controller that reads what sensors make of the rover: noise and quantisation of rates, currents and angles.
+
+    The truth beside the reading is passed on as it is. `reset` starts the noise of the seed again.
+    """
+
+    def __init__(self, controller: Controller, sensors: Sensors, seed: int):
+        self.controller, self.sensors, self.seed = controller, sensors, seed
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin the noise again, and the controller."""
+        self.random = np.random.default_rng(self.seed)
+        if hasattr(self.controller, "reset"):
+            self.controller.reset()
+
+    def __call__(self, reading: Reading) -> Command | np.ndarray | float:
+        """Return what the controller commands."""
+        roll, pitch, yaw = self._read("body_roll", np.array(reading.attitude)).tolist()
+        return self.controller(
+            reading._replace(
+                wheel_rate=self._read("wheel_rate_", reading.wheel_rate),
+                current=self._read("current_", reading.current),
+                suspension=self._read("rocker_", reading.suspension),
+                attitude=(roll, pitch, yaw),
+            )
+        )
+
+    def _read(self, kind: str, values: np.ndarray) -> np.ndarray:
+        sd, step = self.sensors.kind(kind)
+        noisy = values + sd * self.random.standard_normal(values.shape)
+        return step * np.round(noisy / step) if step else noisy
 
 
 def measured(

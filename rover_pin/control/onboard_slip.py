@@ -1,0 +1,169 @@
+"""The slip of every wheel from what the rover feels on board: currents, wheel rates, attitude, suspension angles."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.body.driven_loads import configuration, driven_loads, footing, turning, wheel_mounts
+from rover_pin.body.rover import Rover
+from rover_pin.contact import Scalar
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.motion.command import Reading
+from rover_pin.motion.failure import suspension_of
+from rover_pin.motion.model import Model
+from rover_pin.motion.simulate import CONTROL_PERIOD
+from rover_pin.quantity import Record, quantity
+from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+
+SPEEDS = np.linspace(-0.4, 1.1, 151)
+"""Speeds that are weighed against each other, in units of the rim speed at full duty without load."""
+SLIPS = np.linspace(-1.0, 1.0, 201)
+LEAST_LOAD, LEAST_RIM = 0.5, 1e-3
+"""N and m/s below which a wheel tells nothing."""
+LEAST_ROWS = 6
+"""Readings from which rates of angles are told."""
+
+
+@dataclass(frozen=True)
+class Trust(Record):
+    """How far the estimator trusts what it knows (all assumed, set on drives that no study reports)."""
+
+    window: Scalar = quantity(0.8, "s", "assumed: rates of angles from potentiometers of 3 mrad", 0.1, 10.0)
+    strength: Scalar = quantity(0.05, "", "assumed: relative error of the soil's law and of loads", 1e-3, 1.0)
+    factor: Scalar = quantity(0.015, "", "assumed: error of T / (r W) from the current", 1e-4, 1.0)
+    correlated: Scalar = quantity(0.5, "s", "assumed: readings nearer than this err alike", 1e-3, 10.0)
+    wander: Scalar = quantity(0.02, "m/s", "assumed: change of speed within a second", 1e-4, 1.0)
+    surprise: Scalar = quantity(0.02, "", "assumed: chance of any speed at all, per second", 0.0, 1.0)
+
+
+class _Felt(NamedTuple):
+    """What was read at a control instant, and where it puts the wheels."""
+
+    current: np.ndarray
+    rate: np.ndarray
+    tilt: np.ndarray
+    "roll and pitch [rad]"
+    links: np.ndarray
+    mounts: np.ndarray
+    "rotations of the wheels' frames"
+    centres: np.ndarray
+    "forward places of the wheel centres against the base [m]"
+
+
+@dataclass
+class OnboardSlip:
+    """S_hat from one common speed u of the rover, weighed on a grid by what every wheel's torque says of its slip.
+
+    Kinematics: the centre of wheel i travels v_i = (u + d_i) / cos alpha_i along ground of slope alpha_i, with d_i the
+    forward speed of the centre against the base, from the rates of attitude and suspension angles. Rim speeds r omega_i
+    count the turning of the mounts. So u alone gives all slips by Eq (1); differences between wheels need no soil.
+    Torque: T_i = K i_i over the load W_i of `driven_loads` is F(S_i) of the known soil, to within its trust. The belief
+    p(u) diffuses by `wander`, is mixed with a little of everything, and multiplied by these likelihoods; S_hat is its
+    mean. Nothing is inverted, so that an F that levels off or falls again only leaves u less certain.
+
+    What cannot be seen: a slip that all wheels share is invisible to kinematics; torques show it where the soil's F(S)
+    is known and rises. Where F is flat (k much below r, S beyond 0.3 to 0.5) S_hat leans on its memory; where the soil
+    is weaker than believed it reads high, where stronger low. Sinkage and lateral slip are left out.
+
+    Source: none; a histogram filter (Thrun, Burgard and Fox, Probabilistic Robotics, chapter 8). Differs from the
+    paper: it has Eq (9)'s table.
+    """
+
+    rover: Rover
+    places: np.ndarray
+    "of the suspension angles in q"
+    constant: float
+    "torque per current at the wheel [N m/A]"
+    fastest: float
+    "rim speed at full duty without load [m/s]"
+    factors: np.ndarray
+    "F at SLIPS"
+    trust: Trust = field(default_factory=Trust)
+    period: float = CONTROL_PERIOD
+
+    def __post_init__(self) -> None:
+        self.r = np.array([float(mount.wheel.r) for mount in self.rover.wheels])
+        self.speeds = self.fastest * SPEEDS
+        step = self.speeds[1] - self.speeds[0]
+        half = len(SPEEDS) // 2
+        reach = np.arange(-half, half + 1) * step
+        kernel = np.exp(-0.5 * (reach / (float(self.trust.wander) * math.sqrt(self.period))) ** 2)
+        self.kernel = kernel / kernel.sum()
+        self.reset()
+
+    @classmethod
+    def of(cls, model: Model, trust: Trust | None = None) -> OnboardSlip:
+        """Return the estimator for a model's rover, motor, gravity and first soil; its other effects are not known."""
+        rover, motor = model.built, model.motor
+        angles = model.effect(SoilTraction).angles
+        F = [float(load_traction_factor(S, model.soils[0], rover.wheel, TorqueTraction(), angles)) for S in SLIPS]
+        fastest = float(rover.wheel.r) * float(motor.no_load_rate)
+        places = suspension_of(model).places
+        return cls(rover, places, float(motor.constant), fastest, np.array(F), trust or Trust())
+
+    def reset(self) -> None:
+        """Forget the past: any speed may be."""
+        self.belief = np.full(len(SPEEDS), 1.0 / len(SPEEDS))
+        self.sd = np.full(len(self.rover.wheels), 1.0)
+        "SD of the last estimate"
+        self.past: deque[_Felt] = deque(maxlen=max(2, round(float(self.trust.window) / self.period)))
+
+    def slip(self, reading: Reading) -> np.ndarray:
+        """Return S_hat, one value a wheel [-]; to be called once a control period."""
+        self.past.append(self._felt(reading))
+        q = self._posture(*(np.mean([getattr(one, name) for one in self.past], axis=0) for name in ("tilt", "links")))
+        foot, _ = footing(self.rover, q)
+        torque = self.constant * np.mean([one.current for one in self.past], axis=0)
+        load = driven_loads(self.rover, q, torque)
+        rim, ahead = self._speeds(foot.left)
+        level = np.hypot(foot.forward[:, 0], foot.forward[:, 1])
+        slips = slip_ratios(rim, (self.speeds[:, None] + ahead) / level)
+        tells = (load > LEAST_LOAD) & (np.abs(rim) > LEAST_RIM)
+        self._learn(slips[:, tells], (torque / (self.r * np.maximum(load, LEAST_LOAD)))[tells])
+        mean = self.belief @ slips
+        self.sd = np.sqrt(np.maximum(self.belief @ slips**2 - mean**2, 0.0))
+        return np.asarray(mean)
+
+    def _felt(self, reading: Reading) -> _Felt:
+        tilt = np.array(reading.attitude[:2])
+        mounts, centres = wheel_mounts(self.rover, self._posture(tilt, reading.suspension))
+        return _Felt(reading.current, reading.wheel_rate, tilt, np.array(reading.suspension), mounts, centres[:, 0])
+
+    def _posture(self, tilt: np.ndarray, links: np.ndarray) -> np.ndarray:
+        """Return q heading along x; steering is not read."""
+        q = configuration(self.rover, (float(tilt[0]), float(tilt[1]), 0.0), {})
+        q[self.places] = links
+        return q
+
+    def _speeds(self, axles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return rim speeds over the ground, and forward speeds of the centres against the base [m/s]."""
+        rate = np.mean([one.rate for one in self.past], axis=0)
+        if len(self.past) < LEAST_ROWS:
+            return self.r * rate, np.zeros(len(rate))
+        t = self.period * (np.arange(len(self.past)) - 0.5 * (len(self.past) - 1))
+        to_rate = t / (t @ t)
+        swing = to_rate @ turning([one.mounts for one in self.past], axles)
+        return self.r * (rate + swing), to_rate @ np.array([one.centres for one in self.past])
+
+    def _learn(self, slips: np.ndarray, factors: np.ndarray) -> None:
+        """Move the belief on by a period, and weigh it by the factors T / (r W) of the wheels that tell something."""
+        trust, spread = self.trust, np.convolve(self.belief, self.kernel, mode="same")
+        anything = float(trust.surprise) * self.period
+        belief = (1.0 - anything) * spread / spread.sum() + anything / len(spread)
+        expected = np.interp(slips, SLIPS, self.factors)
+        variance = float(trust.factor) ** 2 + (float(trust.strength) * expected) ** 2
+        misses = np.sum((factors - expected) ** 2 / variance + np.log(variance), axis=1)
+        belief *= np.exp(-0.5 * self.period / float(trust.correlated) * (misses - misses.min()))
+        self.belief = belief / belief.sum()
+
+
+def slip_ratios(rim: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return Eq (1) within [-1, 1] for the rim speeds of the wheels (n,) at travel speeds (grid, n)."""
+    sense = np.where(rim < 0.0, -1.0, 1.0)
+    greatest = np.maximum(np.maximum(np.abs(rim), np.abs(v)), LEAST_RIM)
+    return np.clip(sense * (rim - v) / greatest, -1.0, 1.0)
