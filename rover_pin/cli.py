@@ -17,9 +17,7 @@ from rover_pin.results_folder import alone_in
 from rover_pin.terminal import assignments, json_text, priors, progress, report, stoppable
 from rover_pin.trust import Trust
 
-app = typer.Typer(
-    rich_markup_mode=None, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__
-)
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object for machines instead of the table.")]
@@ -131,12 +129,13 @@ def curve(
 @app.command("check-urdf")
 def check_urdf(
     file: Annotated[Path, typer.Argument(help="A rover's .toml, or a .urdf alone.")],
+    trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
     """Check a rover description through yourdfpy and Pinocchio, and say what to mend."""
     from rover_pin.body.urdf_check import check_urdf as check
 
-    found = check(file)
+    found = check(file, Trust(everything=trust))
     said = {"faults": list(found.faults), "notes": list(found.notes), "facts": list(found.facts)}
     report({"file": str(file), **said}, as_json)
     if not found.ok:
@@ -207,6 +206,7 @@ def identify(
     soil: SoilName = "table-1",
     set_: Set = [],  # noqa: B006
     prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, what is known of a parameter, repeatable.")] = [],  # noqa: B006
+    trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
     """Fit soil parameters to measured data, and say which of them the data tell."""
@@ -215,7 +215,7 @@ def identify(
 
     start = soil_named(soil).replace(**{name.removeprefix("soil."): value for name, value in assignments(set_).items()})
     names = tuple(name.strip() for name in free.split(",") if name.strip())
-    found = fit(read_evidence(data), start, names, priors(prior))
+    found = fit(read_evidence(data, Trust(everything=trust)), start, names, priors(prior))
     print(json_text(found.as_dict()) if as_json else found.report())
 
 
@@ -230,12 +230,13 @@ def close_loop(
     as_json: AsJson = False,
 ) -> None:
     """Find the effect that the model lacks, add it, and report the error before and after; killed, it resumes."""
-    from rover_pin.evidence.loop import close_the_loop, read_start
+    from rover_pin.evidence.loop import close_the_loop, read_data, read_start
 
     start = None if model is None else read_start(model, data, Trust.of(effects, trust))
     say = (lambda said: None) if as_json else (lambda said: print(said, file=sys.stderr))
     with stoppable(out, ("report.html", "verdict.json", "model.toml", "draft_effect")):
-        verdict = close_the_loop(data, start, effects, out, say, jobs=workers)
+        given = read_data(data, Trust(everything=True)) if trust else data
+        verdict = close_the_loop(given, start, effects, out, say, jobs=workers)
     print(
         json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nreport: {out / 'report.html'}"
     )

@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rover_pin.bounded import MOST_TABLE, content, text
 from rover_pin.errors import DataError, closest
+from rover_pin.parquet import unpacked
 
 
 class Columns(NamedTuple):
@@ -61,7 +63,7 @@ def read_columns(path: str | Path) -> Columns:
     """
     path = Path(path)
     try:
-        return _parquet(path) if path.suffix == ".parquet" else _text(path, path.read_text(encoding="utf-8-sig"))
+        return _parquet(path) if path.suffix == ".parquet" else _text(path, text(path, MOST_TABLE, "utf-8-sig"))
     except UnicodeDecodeError as error:
         raise DataError(
             f"{path}: the file cannot be read as UTF-8 text: save it as CSV with commas, or as Parquet."
@@ -70,8 +72,8 @@ def read_columns(path: str | Path) -> Columns:
         raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
 
 
-def _text(path: Path, text: str) -> Columns:
-    lines = [(at, line) for at, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+def _text(path: Path, whole: str) -> Columns:
+    lines = [(at, line) for at, line in enumerate(whole.splitlines(), 1) if line.strip() and not line.startswith("#")]
     if len(lines) < 2:
         raise DataError(f"{path}: the file has no rows: give one line of column names, then one line a row.")
     for mark, word in ((";", "semicolons"), ("\t", "tabs")):
@@ -125,19 +127,14 @@ def parquet_table(path: Path) -> Any:
     Raises
     ------
     DataError
-        The file is missing, or pyarrow cannot read it.
+        The file is missing, unpacks to more than `parquet` allows, or pyarrow cannot read it.
     """
-    import pyarrow
-    import pyarrow.parquet
-
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
-    try:
-        table = pyarrow.parquet.read_table(pyarrow.BufferReader(content))
+        table = unpacked(content(path))
         table.validate(full=True)
-    except Exception as error:  # whatever pyarrow raises for bytes that are no Parquet
+    except Exception as error:  # whatever pyarrow raises for bytes that are no Parquet, an OSError without a reason too
+        if isinstance(error, OSError) and error.strerror:
+            raise DataError(f"{path}: the file cannot be read: {error.strerror}.") from error
         raise DataError(f"{path}: the file is not Parquet: {error}".rstrip(". \n") + ".") from error
     for name in table.column_names:
         if table.column_names.count(name) > 1:

@@ -117,7 +117,7 @@ SCENES: dict[str, Scene] = {
     "ditch": Scene(shapes.ditch, 20.0, {"wall_angle": 30 * DEG}, symmetric=True),
     "step": Scene(shapes.step, 20.0, symmetric=True),
     "rocks": Scene(shapes.rocks, 30.0),
-    "field": Scene(paper_field, 120.0, settings={"soil.k": 0.010}, cruise_slip=CRUISE_SLIP),
+    "field": Scene(paper_field, 120.0, settings={"soil.k": 0.010}),
     "washboard": Scene(shapes.washboard, 20.0, symmetric=True),
     "cross-slope": Scene(shapes.cross_slope, 20.0, {"angle": 6 * DEG}),
     "hills": Scene(shapes.hills, 30.0),
@@ -149,7 +149,7 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         `effect.CLASS.FIELD`, `cruise_slip` (takes the resistance R with which the soil as driven is cruised at this
         slip; without it R is the named soil's for 0.05, whatever `soil.FIELD` is set to), `model` (a drive's model
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
-        `trust` (a `Trust`: which files of effects that the model names may run),
+        `trust` (a `Trust`: which files that the model or the rover names may run, or lie elsewhere),
         `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, true, turn,
         point-turn), `control.FIELD`, `control.gains` (a file of tuned gains), `control.limit` (none, saturation,
         at-slip: the torque check; saturation with a slip, at-slip with limit) and `control.slip_limit`,
@@ -198,14 +198,13 @@ def _terrain(scene: Scene, asked: Settings) -> Terrain:
 def _model(scene: Scene, asked: Settings) -> Model:
     terrain, file, trust = _terrain(scene, asked), asked.take("model", None), _trust(asked)
     if file is None:
-        model = _composed(asked, terrain)
+        model = _composed(asked, terrain, trust)
     else:
         model = (_of_rig if is_rig_model(str(file)) else _of_file)(str(file), asked, terrain, trust)
     ground = model.soils[0].replace(**asked.group("soil", fields_of(model.soils[0])))
     motor = model.motor.replace(**asked.group("motor", fields_of(model.motor)))
     gravity = gravity_named(asked.take("gravity", model.gravity))
-    buried = asked.number("buried", model.buried)
-    model = model.replace(soils=(ground, *model.soils[1:]), motor=motor, gravity=gravity, buried=buried)
+    model = model.replace(soils=(ground, *model.soils[1:]), motor=motor, gravity=gravity)
     friction = asked.number("gear_friction", 0.0)
     if friction:
         model = model.having(GearFriction(tau_c=friction))
@@ -245,7 +244,7 @@ def _of_file(file: str, asked: Settings, terrain: Terrain, trust: Trust) -> Mode
 def _of_rig(file: str, asked: Settings, terrain: Terrain, trust: Trust) -> Model:
     """Return a rover on the soil, with the traction law and the effects, of a wheel's model; its wheels are its own."""
     _refuse(("soil", "form", "angles"), asked, file)
-    rig, rover = read_rig_model(file, trust), load_rover(str(asked.take("rover", "nexus6")))
+    rig, rover = read_rig_model(file, trust), load_rover(str(asked.take("rover", "nexus6")), trust)
     tractions = [effect for effect in rig.effects if isinstance(effect, SoilTraction)]
     if len(tractions) != 1:
         raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
@@ -261,8 +260,8 @@ def _refuse(names: tuple[str, ...], asked: Settings, file: str) -> None:
             raise ParameterError(f"{name} stands in the model file {file}: change it there, or leave out one of both.")
 
 
-def _composed(asked: Settings, terrain: Terrain) -> Model:
-    rover = load_rover(str(asked.take("rover", "nexus6")))
+def _composed(asked: Settings, terrain: Terrain, trust: Trust) -> Model:
+    rover = load_rover(str(asked.take("rover", "nexus6")), trust)
     soil = asked.choice("soil", "table-1", SOILS)
     form = asked.choice("form", "torque", FORMS)
     angles = asked.choice("angles", "fixed", {"fixed": FixedAngles(), "sinkage": SinkageAngles()})

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.bounded import text
 from rover_pin.errors import DataError
 
 
@@ -23,7 +24,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         The file is missing, or not TOML: with the line.
     """
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return tomllib.loads(text(path))
     except RecursionError as error:
         raise DataError(f"{path}: the file is not TOML that can be read: it is nested too deep.") from error
     except (OSError, UnicodeDecodeError) as error:

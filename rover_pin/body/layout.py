@@ -8,11 +8,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from rover_pin.bounded import text
 from rover_pin.contact import Wheel
 from rover_pin.errors import DataError, ParameterError, UrdfError, closest
 from rover_pin.paths import is_file
 from rover_pin.quantity import record_from
 from rover_pin.toml_file import read_toml
+from rover_pin.trust import Trust
 
 KEYS = ("name", "urdf", "base", "wheels", "wheel", "steering", "suspension", "differential")
 NEEDED = ("name", "urdf", "base", "wheels", "wheel")
@@ -92,13 +94,13 @@ def rover_folder() -> Path:
     return inside if inside.is_dir() else package.parent / "urdf"
 
 
-def read_layout(path: Path) -> Layout:
-    """Return the layout in a TOML, with the text of its URDF.
+def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
+    """Return the layout in a TOML, with the text of its URDF, which lies in its folder unless `trust` allows more.
 
     Raises
     ------
     UrdfError
-        A missing file, a key that is missing, unknown or of the wrong form.
+        A missing file, one elsewhere, a key that is missing, unknown or of the wrong form.
     """
     where = path.name
     if path.suffix == ".urdf":
@@ -106,7 +108,7 @@ def read_layout(path: Path) -> Layout:
     table = _table(path)
     _check_keys(table, where)
     axles, suspension = _axles(table, where), _suspension(table, where)
-    urdf = path.parent / str(table["urdf"])
+    urdf = _urdf(path, table["urdf"], trust)
     return Layout(
         name=str(table["name"]),
         file=urdf.name,
@@ -128,13 +130,22 @@ def _check_keys(table: Mapping[str, Any], where: str) -> None:
             raise UrdfError(f"{where}: '{key}' is missing; a rover's TOML needs {', '.join(NEEDED)}.")
 
 
+def _urdf(path: Path, name: Any, trust: Trust) -> Path:
+    try:
+        return trust.within(path.parent, name, f"{path.name}: urdf")
+    except DataError as error:
+        raise UrdfError(str(error)) from error
+
+
 def _urdf_text(urdf: Path, where: str) -> str:
     if not is_file(urdf):
         raise UrdfError(f"{where}: there is no file '{urdf.name}' beside it; mend 'urdf'.")
     try:
-        return urdf.read_text(encoding="utf-8")
+        return text(urdf)
     except UnicodeDecodeError as error:
         raise UrdfError(f"{urdf.name}: not a text file in UTF-8 ({error}).") from error
+    except OSError as error:
+        raise UrdfError(f"{urdf.name}: the file cannot be read: {error.strerror}.") from error
 
 
 def _wheel(table: Mapping[str, Any], where: str) -> Wheel:

@@ -18,7 +18,9 @@ from rover_pin.body.symmetry import Mirror, is_symmetric, mirror
 from rover_pin.body.urdf_check import refuse_faults
 from rover_pin.body.urdf_readers import free_tree
 from rover_pin.contact import Wheel
-from rover_pin.errors import ParameterError, closest
+from rover_pin.errors import ParameterError, UrdfError, closest
+from rover_pin.paths import is_file
+from rover_pin.trust import Trust
 
 
 @dataclass(frozen=True)
@@ -159,17 +161,42 @@ class Rover:
         raise ParameterError(f"Rover '{self.name}' has no wheel '{name}': {closest(name, known)}")
 
 
-def load_rover(rover: str | Path = "nexus6") -> Rover:
+def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
     """Return a rover that comes with the package, by name, or your own, by the path of its TOML.
+
+    Its URDF lies in the TOML's folder, unless `trust` allows more; meshes are never read.
 
     Raises
     ------
     UrdfError
         The TOML or its URDF does not make a rover; the sentence says what to mend.
     """
-    layout = read_layout(shipped(str(rover)) if Path(rover).suffix == "" else Path(rover))
+    if Path(rover).suffix == "":
+        layout = read_layout(shipped(str(rover)), Trust(everything=True))
+    else:
+        layout = read_layout(Path(rover), trust)
     refuse_faults(layout)
     return assemble(layout)
+
+
+def load_named(rover: str, folder: Path, trust: Trust = Trust()) -> Rover:
+    """Return the rover that a model or a drive log in `folder` names: one of the package's, or a TOML seen from there.
+
+    Sets share rovers, so the TOML may lie elsewhere; a refusal of such a one tells nothing of what stands in it.
+
+    Raises
+    ------
+    UrdfError
+        It does not make a rover.
+    """
+    beside = folder / rover
+    path = beside if is_file(beside) else Path(rover)
+    try:
+        return load_rover(path, trust)
+    except UrdfError:
+        if path.suffix == "" or path.resolve().is_relative_to(folder.resolve()):
+            raise
+    raise UrdfError(f"{folder}: rover = {rover!r} lies elsewhere and makes no rover: try `rover-pin check-urdf` on it.")
 
 
 def assemble(layout: Layout) -> Rover:

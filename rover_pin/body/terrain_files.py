@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import io
-import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rover_pin.body.profile import Profile
 from rover_pin.body.terrain import HeightGrid, Lanes
+from rover_pin.bounded import arrays
 from rover_pin.columns import Columns, columns_text, read_columns, replace_file
 from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.paths import is_file
 
 LARGEST = 1000.0
 """A coordinate beyond this [m] is taken for a mistake of units."""
@@ -76,19 +76,19 @@ def to_grid(path: str | Path, grid: HeightGrid) -> Path:
 
 
 def _npz_grid(path: Path) -> HeightGrid:
-    if is_file(path) and not zipfile.is_zipfile(path):
-        raise DataError(f"{path}: the file is not an .npz of arrays: write it with numpy.savez or `to_grid`.")
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        found = arrays(path)
     except OSError as error:
         raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
-    except Exception as error:  # whatever numpy and zipfile raise for a damaged archive
-        raise DataError(f"{path}: the file is not an .npz of plain arrays: {error}.") from error
+    except ValueError as error:
+        raise DataError(
+            f"{path}: the file is not an .npz of plain arrays ({error}): write it with numpy.savez or `to_grid`."
+        ) from error
     for name in ("x0", "y0", "dx", "dy", "z"):
-        if name not in arrays:
-            raise DataError(f"{path}: there is no array '{name}': {closest(name, arrays)}")
-    grid = HeightGrid(**{name: arrays[name] for name in ("x0", "y0", "dx", "dy", "z", "ground") if name in arrays})
+        if name not in found:
+            raise DataError(f"{path}: there is no array '{name}': {closest(name, found)}")
+    fields: dict[str, Any] = {name: found[name] for name in ("x0", "y0", "dx", "dy", "z", "ground") if name in found}
+    grid = HeightGrid(**fields)
     _refuse_large(path, "z", grid.z)
     return grid
 

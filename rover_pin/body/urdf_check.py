@@ -16,7 +16,9 @@ from rover_pin.body.urdf_readers import free_tree, reader_faults
 from rover_pin.body.urdf_roles import axis_faults, role_faults
 from rover_pin.body.urdf_structure import structure_faults
 from rover_pin.body.urdf_tree import UrdfTree, read_tree
+from rover_pin.bounded import text as read_text
 from rover_pin.errors import UrdfError
+from rover_pin.trust import Trust
 
 ON_ONE_PLANE = 1e-3
 """Spread of the wheel centres off their plane, over that along it, that counts as standing."""
@@ -37,14 +39,14 @@ class UrdfReport:
         return not self.faults
 
 
-def check_urdf(path: str | Path) -> UrdfReport:
+def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
     """Return what is wrong with a rover's .toml and its URDF, or with a .urdf alone as far as it goes without roles.
 
     Raises nothing for a broken file: what cannot even be read is the report's one fault.
     """
     path = Path(path)
     try:
-        layout = None if path.suffix == ".urdf" else read_layout(path)
+        layout = None if path.suffix == ".urdf" else read_layout(path, trust)
         text = _text(path) if layout is None else layout.text
         tree = read_tree(text, path.name if layout is None else layout.file)
     except UrdfError as error:
@@ -152,6 +154,6 @@ def _facts(tree: UrdfTree, model: pin.Model, layout: Layout | None) -> Iterator[
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise UrdfError(f"{path.name}: cannot be read ({error}).") from error

@@ -88,6 +88,8 @@ def read_tree(text: str, file: str) -> UrdfTree:
     UrdfError
         Not XML, not a robot, or an element whose name or number cannot be read.
     """
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise UrdfError(f"{file}: has a <!DOCTYPE> or <!ENTITY>, which can name other files; take it out.")
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:

@@ -7,6 +7,7 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
+from rover_pin.bounded import content
 from rover_pin.control.tuning_study import DriveCase, TuningStudy
 from rover_pin.errors import DataError
 from rover_pin.motion.model_toml import model_files
@@ -41,10 +42,10 @@ def digest(file: str | Path) -> str:
     found = hashlib.sha1()
     for each in model_files(file):
         try:
-            content = each.read_bytes()
+            held = content(each)
         except OSError as error:
             raise DataError(f"{file}: {each} cannot be read: {error.strerror}.") from error
-        found.update(b"%d " % len(content) + content)
+        found.update(b"%d " % len(held) + held)
     return found.hexdigest()
 
 

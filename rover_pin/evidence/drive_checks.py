@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.contact import Wheel
 from rover_pin.control.steering import wheel_places
@@ -88,7 +87,7 @@ def _of_run(run: Driven, motor: Motor | None, terrain: Terrain | None, length: f
 
 def _length(log: DriveLog) -> float:
     """Return the length from the rear to the front axle of the rover [m]."""
-    return float(np.ptp([place[0] for place in wheel_places(load_rover(log.rover)).values()]))
+    return float(np.ptp([place[0] for place in wheel_places(log.load_rover()).values()]))
 
 
 def findings(log: DriveLog) -> tuple[Finding, ...]:
@@ -98,7 +97,7 @@ def findings(log: DriveLog) -> tuple[Finding, ...]:
 
 def _findings(log: DriveLog) -> Iterator[Finding]:
     runs, motor = driven(log), declared_motor(log)
-    joined = load_rover(log.rover).differential is not None
+    joined = log.load_rover().differential is not None
     terrain = _terrain(log)
     yield from column_findings(log)
     yield from declared_findings(log)
@@ -123,7 +122,7 @@ def too_poor(log: DriveLog) -> str:
 def driven(log: DriveLog) -> list[Driven]:
     """Return the runs as the checks look at them, with the wheels' radius as declared, else the rover's."""
     stated = {name: entry for name, entry in log.about.wheel.items() if name == "r"}
-    wheel = record_from(Wheel, stated, f"{log.folder.name}: [wheel]") if stated else load_rover(log.rover).wheel
+    wheel = record_from(Wheel, stated, f"{log.folder.name}: [wheel]") if stated else log.load_rover().wheel
     return [Driven(run, float(wheel.r)) for run in log.runs]
 
 

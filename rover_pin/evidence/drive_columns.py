@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.body.rover import load_rover
 from rover_pin.errors import closest
 from rover_pin.evidence.finding import Finding
 from rover_pin.motion.channels import BY_START, PER_WHEEL, WHOLE
@@ -83,7 +82,7 @@ def _instead(name: str, run: Trace) -> str:
 
 def column_findings(log: DriveLog) -> Iterator[Finding]:
     """Yield what is not recorded and what then cannot be told, and columns that nobody reads."""
-    suspended = load_rover(log.rover).differential is not None
+    suspended = log.load_rover().differential is not None
     for name, (lost, columns) in OPTIONAL.items():
         for run in log.runs if suspended or "rocker_l" not in columns else ():
             if not any(_recorded(run, column) for column in columns):

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.contact import Wheel
 from rover_pin.evidence.drive_model import DRIVEN_SAND
@@ -37,7 +36,7 @@ OTHER_WHEEL = 0.02
 
 def rover_faults(log: DriveLog) -> Iterator[Finding]:
     """Yield wheels that the log has and the rover has not, or the other way, and wheels of another size."""
-    rover = load_rover(log.rover)
+    rover = log.load_rover()
     own = tuple(wheel.name for wheel in rover.wheels)
     if set(own) != set(log.about.wheels):
         what = f"wheels are {', '.join(log.about.wheels)}, but those of the rover '{rover.name}' {', '.join(own)}"

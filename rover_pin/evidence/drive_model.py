@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from rover_pin.body.rover import load_rover
 from rover_pin.contact import Soil
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
@@ -46,7 +45,7 @@ def base_model(log: DriveLog) -> Model:
     DataError
         A terrain, soil or motor that cannot be read.
     """
-    rover = load_rover(log.rover)
+    rover = log.load_rover()
     soil = record_from(Soil, {**DRIVEN_SAND.values(), **log.about.soil}, f"{log.folder}: [soil]")
     motor = record_from(Motor, log.about.motor, f"{log.folder}: [motor]")
     traction = SoilTraction(TorqueTraction(), FixedAngles())

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.body.rover import load_rover
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import DataError
 from rover_pin.evidence.steady_windows import Steady, Window, steady_windows
@@ -20,6 +19,7 @@ from rover_pin.motion.motor import Motor
 from rover_pin.quantity import record_from
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
+from rover_pin.trust import Trust
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Sampling:
 SAMPLING = Sampling()
 
 
-def read_drive_points(folder: str | Path, sampling: Sampling = SAMPLING) -> TractionPoints:
+def read_drive_points(folder: str | Path, sampling: Sampling = SAMPLING, trust: Trust = Trust()) -> TractionPoints:
     """Return the traction points of the drive log in `folder`, which must declare its [motor]."""
-    log = read_drive_log(folder)
+    log = read_drive_log(folder, trust)
     if not log.about.motor:
         raise DataError(
             f"{folder}: drive.toml declares no [motor], and the torque is evaluated from its characteristics: "
@@ -74,10 +74,7 @@ def drive_points(log: DriveLog, motor: Motor, sampling: Sampling = SAMPLING) -> 
     measured current tells the torque where there is one; driving torques are in the balance (`driven_loads`). The
     rotor's and the body's acceleration are neglected, hence the steady windows.
     """
-    rover = load_rover(log.rover).under(log.about.gravity)
-    for trace in log.runs:
-        if len(trace.t) < 2:
-            raise DataError(f"{log.folder}: run {trace.attrs['file']} has {len(trace.t)} row: leave it out.")
+    rover = log.load_rover().under(log.about.gravity)
     for length in sampling.lengths:
         runs = [steady_windows(trace, rover, motor, length, sampling.steady) for trace in log.runs]
         scatter = rms([window.slip_sd for windows in runs for window in windows])

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from rover_pin.body.rover import Rover, load_rover
+from rover_pin.body.rover import Rover
 from rover_pin.contact import Soil
 from rover_pin.errors import DataError
 from rover_pin.evidence.drive_loop import close_drive_loop
@@ -16,7 +16,7 @@ from rover_pin.evidence.model_file import read_model as read_rig_model
 from rover_pin.evidence.own_effects import refuse_unfit_effects
 from rover_pin.evidence.rig_loop import close_rig_loop
 from rover_pin.evidence.rig_model import RigModel
-from rover_pin.evidence.rig_set import RIG_FILE, RigSet
+from rover_pin.evidence.rig_set import RIG_FILE, RigSet, read_rig_set
 from rover_pin.evidence.verdict import Verdict
 from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.motion.model import Model
@@ -43,7 +43,7 @@ def close_the_loop(
     Parameters
     ----------
     data : path, WheelRig, RigSet or DriveLog
-        A folder with rig.toml or drive.toml, or the data in memory.
+        A folder with rig.toml or drive.toml, or the data in memory, as `read_data` gives them.
     model : RigModel, Soil, Model or None
         Where to start: for a rig a RigModel or a soil, for a drive log a Model; else what the data declare.
     effects : path or None
@@ -91,7 +91,7 @@ def close_the_loop(
 
 
 def _refuse_other_rover(log: DriveLog, model: Model) -> None:
-    own, other = _wheels(load_rover(log.rover)), _wheels(model.rover)
+    own, other = _wheels(log.load_rover()), _wheels(model.rover)
     if own != other:
         raise DataError(f"{log.folder}: the model's rover has the wheels {other}, the log's {own}; give its model.")
 
@@ -100,20 +100,25 @@ def _wheels(rover: Rover) -> str:
     return ", ".join(wheel.name for wheel in rover.wheels)
 
 
-def _drive_log(data: object) -> DriveLog | None:
+def _drive_log(data: object, trust: Trust = Trust()) -> DriveLog | None:
     if isinstance(data, DriveLog):
         return data
     if not isinstance(data, (str, Path)):
         return None
     if is_file(Path(data) / FILE):
-        return read_drive_log(data)
+        return read_drive_log(data, trust)
     if not is_file(Path(data) / RIG_FILE):
         wrong = f"there is neither {RIG_FILE} nor {FILE} in it" if is_folder(Path(data)) else "there is no such folder"
         raise DataError(f"{data}: {wrong}; give that of a wheel-rig set ({RIG_FILE}) or of a drive log ({FILE}).")
     return None
 
 
+def read_data(data: str | Path, trust: Trust = Trust()) -> RigSet | DriveLog:
+    """Return the data in a folder; files that they name lie there, unless `trust` allows more."""
+    return _drive_log(data, trust) or read_rig_set(data, trust)
+
+
 def read_start(model: str | Path, data: str | Path, trust: Trust = Trust()) -> RigModel | Model:
     """Return the model of a file that a loop on these data can start from: a wheel's, or a rover's on their terrain."""
-    log = _drive_log(data)
+    log = _drive_log(data, trust)
     return read_rig_model(model, trust) if log is None else read_model(model, log.terrain(), trust)

@@ -23,6 +23,7 @@ from rover_pin.quantity import quantities, record_from, to_si
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import wheel_forces
 from rover_pin.toml_file import read_toml, table_in, text_in
+from rover_pin.trust import Trust
 
 CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage)
 """The channels of a rig, in the order in which they are read."""
@@ -138,8 +139,8 @@ class WheelRig:
         return soil.replace(k_1=k_1, k_2=k_2)
 
 
-def read_wheel_rig(folder: str | Path) -> WheelRig:
-    """Return the wheel-rig set of a folder: `rig.toml` and the `points.csv` it names.
+def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
+    """Return the wheel-rig set of a folder: `rig.toml` and the `points.csv` it names, there unless `trust` allows more.
 
     The noise of a channel is `[noise]` of `rig.toml` (`<channel>` in a unit, or `<channel>_over_load`), else the column
     `<channel>_sd_<unit>`.
@@ -155,7 +156,7 @@ def read_wheel_rig(folder: str | Path) -> WheelRig:
     where = f"{folder.name}/rig.toml"
     if about.get("kind") != "wheel-rig":
         raise DataError(f"{where}: kind = {about.get('kind')!r} is not a wheel rig; write kind = 'wheel-rig'.")
-    points = folder / text_in(table_in(about, "files", where), "points", where, "points.csv")
+    points = trust.within(folder, text_in(table_in(about, "files", where), "points", where, "points.csv"), where)
     table = read_table(points, ("slip", "load_N"))
     _refuse_other_units(table, f"{folder.name}/{points.name}")
     try:

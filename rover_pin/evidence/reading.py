@@ -10,9 +10,10 @@ from rover_pin.evidence.drive_points import read_drive_points
 from rover_pin.evidence.measurement import read_wheel_rig
 from rover_pin.evidence.traction_points import read_traction_points
 from rover_pin.paths import is_file
+from rover_pin.trust import Trust
 
 
-def read_evidence(path: str | Path) -> Evidence:
+def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:
     """Return a `WheelRig` (folder with rig.toml), or `TractionPoints` (folder with drive.toml, or a CSV file).
 
     Raises
@@ -22,9 +23,9 @@ def read_evidence(path: str | Path) -> Evidence:
     """
     path = Path(path)
     if is_file(path / "rig.toml"):
-        return read_wheel_rig(path)
+        return read_wheel_rig(path, trust)
     if is_file(path / "drive.toml"):
-        return read_drive_points(path)
+        return read_drive_points(path, trust=trust)
     if is_file(path):
         return read_traction_points(path)
     raise DataError(

@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import io
-import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.body.rover import Rover
+from rover_pin.bounded import arrays
 from rover_pin.columns import replace_file
 from rover_pin.version import __version__
 
@@ -67,9 +66,8 @@ class Memory:
 def _read(file: Path) -> Arrays | None:
     """Return what a file holds, or None where there is none or it is damaged."""
     try:
-        with np.load(io.BytesIO(file.read_bytes()), allow_pickle=False) as found:
-            return {name: found[name] for name in found.files}
-    except (OSError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error):
+        return arrays(file)
+    except (OSError, ValueError):
         return None
 
 

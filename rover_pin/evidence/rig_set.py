@@ -20,6 +20,7 @@ from rover_pin.evidence.pressed import Trial, exponent, press, read_trials
 from rover_pin.evidence.tables import read_table
 from rover_pin.quantity import quantities
 from rover_pin.toml_file import read_toml, table_in, text_in
+from rover_pin.trust import Trust
 
 SAME_LEVEL = 0.02
 """Slips within this of their neighbour are one level where the data name none."""
@@ -106,7 +107,7 @@ class RigSet:
         return tuple(known)
 
 
-def read_rig_set(folder: str | Path) -> RigSet:
+def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     """Return the set of a folder with `rig.toml`, with levels, speeds and pressing trials where it has them.
 
     Raises
@@ -115,16 +116,16 @@ def read_rig_set(folder: str | Path) -> RigSet:
         What `read_wheel_rig` refuses; speeds that contradict the slip; a pressing file that cannot be read.
     """
     folder = Path(folder)
-    rig, about = read_wheel_rig(folder), read_toml(folder / RIG_FILE)
+    rig, about = read_wheel_rig(folder, trust), read_toml(folder / RIG_FILE)
     where = f"{folder.name}/{RIG_FILE}"
     files = table_in(about, "files", where)
-    points = folder / text_in(files, "points", where, "points.csv")
+    points = trust.within(folder, text_in(files, "points", where, "points.csv"), where)
     table = read_table(points, ("slip", "load_N"))
     speeds = _speeds(table, rig.slip, f"{folder.name}/{points.name}")
     trials: tuple[Trial, ...] = ()
     if "penetration" in files:
         surface = text_in(table_in(about, "wheel", where), "surface", where)
-        trials = read_trials(folder / text_in(files, "penetration", where), surface)
+        trials = read_trials(trust.within(folder, text_in(files, "penetration", where), where), surface)
     names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
     stated = tuple(rig.declared)
     data = as_rig_set(rig, names, speeds, trials, stated, str(about.get("source", "")))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import pandas as pd
 
+from rover_pin.bounded import MOST_TABLE, content
 from rover_pin.columns import parquet_table
 from rover_pin.errors import DataError, closest
 from rover_pin.paths import is_file
@@ -26,9 +28,11 @@ def read_table(path: Path, required: tuple[str, ...]) -> pd.DataFrame:
 
 def _csv(path: Path) -> pd.DataFrame:
     try:
-        return pd.read_csv(path, skipinitialspace=True)
+        return pd.read_csv(io.BytesIO(content(path, MOST_TABLE)), skipinitialspace=True)
     except pd.errors.EmptyDataError:
         raise DataError(f"{path} is empty; give a header line and one row a point.") from None
+    except OSError as error:
+        raise DataError(f"{path} cannot be read ({error.strerror or error}); give a CSV file.") from None
     except Exception as error:  # whatever pandas raises for text that is no table
         told = str(error).strip().partition("\n")[0]
         raise DataError(f"{path} cannot be read as CSV ({told}); give a CSV file.") from None

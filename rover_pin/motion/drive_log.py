@@ -34,6 +34,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rover_pin.body.rover import Rover, load_named
 from rover_pin.body.terrain import Terrain
 from rover_pin.columns import Columns, columns_text, read_columns, replace_file
 from rover_pin.errors import DataError, ParameterError, closest
@@ -43,8 +44,9 @@ from rover_pin.motion.ros_bag import is_bag, read_bag
 from rover_pin.motion.trace import Trace
 from rover_pin.motion.trace_files import run_from
 from rover_pin.parameters.gravity import EARTH, gravity_from
-from rover_pin.paths import exists, is_file
+from rover_pin.paths import exists, is_file, is_folder
 from rover_pin.toml_file import read_toml, toml_text
+from rover_pin.trust import Trust
 
 FILE, KIND = "drive.toml", "drive-log"
 RUN_KEYS = ("file", "start", "purpose", "units", "attrs")
@@ -90,6 +92,8 @@ class DriveLog:
     folder: Path
     about: About
     runs: tuple[Trace, ...]
+    trust: Trust = Trust()
+    "of the user in the log, whose files else lie in its folder"
 
     def run(self, name: str) -> Trace:
         """Return the run whose file is `name`, with or without its suffix."""
@@ -101,7 +105,11 @@ class DriveLog:
 
     def terrain(self) -> Terrain:
         """Return the terrain that the log declares."""
-        return terrain_from(self.about.terrain, self.folder)
+        return terrain_from(self.about.terrain, self.folder, self.trust)
+
+    def load_rover(self) -> Rover:
+        """Return the rover that the log names."""
+        return load_named(self.about.rover, self.folder, self.trust)
 
     @property
     def rover(self) -> str:
@@ -110,14 +118,14 @@ class DriveLog:
         return str(beside) if is_file(beside) else self.about.rover
 
 
-def read_drive_log(folder: str | Path) -> DriveLog:
-    """Return the drive log in a folder.
+def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
+    """Return the drive log in a folder; its runs and its terrain lie there, unless `trust` allows more.
 
     Raises
     ------
     DataError
         No `drive.toml`, one that is not TOML or not a drive log, an unknown or missing key, a run file that is missing
-        or that `read_run` refuses.
+        or lies elsewhere, or that `read_run` refuses.
     """
     folder = Path(folder)
     file = folder / FILE
@@ -133,7 +141,8 @@ def read_drive_log(folder: str | Path) -> DriveLog:
         raise DataError(f"{file}: there is no run: add a [[run]] with file = '...' for each.")
     about = _about(file, {key: value for key, value in table.items() if key not in ("kind", "run")})
     _refuse_twice(file, [entry.get("file") for entry in entries])
-    return DriveLog(folder, about, tuple(_run(file, about, at, entry) for at, entry in enumerate(entries, 1)))
+    runs = (_run(file, about, at, entry, trust) for at, entry in enumerate(entries, 1))
+    return DriveLog(folder, about, tuple(runs), trust)
 
 
 def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], about: About) -> Path:
@@ -192,7 +201,7 @@ def _refuse_twice(file: Path, names: list[Any]) -> None:
             raise DataError(f"{file}: run {at} names the file {name!r}, as run {first} does: leave one of them out.")
 
 
-def _run(file: Path, about: About, at: int, entry: dict[str, Any]) -> Trace:
+def _run(file: Path, about: About, at: int, entry: dict[str, Any], trust: Trust) -> Trace:
     for key in entry:
         if key not in RUN_KEYS:
             raise DataError(f"{file}: run {at} has an unknown key '{key}': {closest(key, RUN_KEYS)}")
@@ -200,19 +209,25 @@ def _run(file: Path, about: About, at: int, entry: dict[str, Any]) -> Trace:
         if not isinstance(entry.get(key, {}), dict):
             raise DataError(f"{file}: run {at} has {key} = {entry[key]!r}: give a table.")
     name = entry.get("file")
-    if not isinstance(name, str) or not name or not exists(file.parent / name):
+    path = trust.within(file.parent, name, f"{file}: run {at}") if name and isinstance(name, str) else None
+    if path is None or not exists(path):
         raise DataError(
             f"{file}: run {at} names the file {name!r}, which is not in {file.parent}: add it, or mend its name."
         )
     told = {"file": name, "rover": about.rover, "gravity_mps2": about.gravity, "wheels": list(about.wheels)}
     told |= {"start": _start(file, at, entry["start"])} if "start" in entry else {}
     told |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
-    trace = run_from(_table(file, about, file.parent / name), about.wheels, units=entry.get("units", {}))
+    trace = run_from(_table(file, about, path, trust), about.wheels, units=entry.get("units", {}))
     return Trace(trace.channels, trace.units, {**told, **trace.attrs, **entry.get("attrs", {})})
 
 
-def _table(file: Path, about: About, run: Path) -> Columns:
-    return read_bag(run, about.columns, about.bag, str(file)) if is_bag(run) else read_columns(run)
+def _table(file: Path, about: About, run: Path, trust: Trust) -> Columns:
+    if not is_bag(run):
+        return read_columns(run)
+    for part in run.iterdir() if is_folder(run) else [run]:
+        if not is_file(trust.within(file.parent, str(part.relative_to(file.parent)), str(file))):
+            raise DataError(f"{file}: {part} is no file, so that {run.name} is no bag: give one of regular files.")
+    return read_bag(run, about.columns, about.bag, str(file))
 
 
 def _start(file: Path, at: int, start: Any) -> dict[str, float]:

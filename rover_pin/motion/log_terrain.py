@@ -19,14 +19,15 @@ from rover_pin.body.terrain import HeightGrid, Lanes, Terrain
 from rover_pin.body.terrain_files import from_grid, from_polyline, to_grid, to_polyline
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.paths import is_file
+from rover_pin.trust import Trust
 
 KINDS = ("polyline", "polylines", "grid")
 KEYS = (*KINDS, "borders", "patch")
 PATCH_KEYS = ("x_from", "x_to", "ground")
 
 
-def terrain_from(table: Mapping[str, Any], folder: str | Path) -> Terrain:
-    """Return the terrain that a drive log's table declares, its files in `folder`.
+def terrain_from(table: Mapping[str, Any], folder: str | Path, trust: Trust = Trust()) -> Terrain:
+    """Return the terrain that a drive log's table declares, its files in `folder` unless `trust` allows more.
 
     Raises
     ------
@@ -46,7 +47,7 @@ def terrain_from(table: Mapping[str, Any], folder: str | Path) -> Terrain:
         if not isinstance(table.get(key, []), list):
             raise DataError(f"{folder}: [terrain] has {key} = {table[key]!r}: give a list.")
     try:
-        terrain = _bare(kinds[0], table, folder)
+        terrain = _bare(kinds[0], table, folder, trust)
         for patch in table.get("patch", []):
             terrain = _laid(terrain, patch, folder)
     except ParameterError as error:
@@ -66,22 +67,23 @@ def write_terrain(folder: str | Path, terrain: Terrain) -> dict[str, Any]:
     return {"polylines": files, "borders": list(terrain.borders)}
 
 
-def _bare(kind: str, table: Mapping[str, Any], folder: Path) -> Terrain:
+def _bare(kind: str, table: Mapping[str, Any], folder: Path, trust: Trust) -> Terrain:
     if kind == "grid":
-        return from_grid(_beside(folder, table["grid"]))
+        return from_grid(_beside(folder, table["grid"], trust))
     if kind == "polyline":
-        return from_polyline(_beside(folder, table["polyline"]))
-    lanes = [from_polyline(_beside(folder, name)).profiles[0] for name in table["polylines"]]
+        return from_polyline(_beside(folder, table["polyline"], trust))
+    lanes = [from_polyline(_beside(folder, name, trust)).profiles[0] for name in table["polylines"]]
     return Lanes(tuple(lanes), tuple(table.get("borders", ())))
 
 
-def _beside(folder: Path, name: Any) -> Path:
+def _beside(folder: Path, name: Any, trust: Trust) -> Path:
     """Return the path of a terrain's file, which must be there."""
-    if not isinstance(name, str) or not is_file(folder / name):
+    path = trust.within(folder, name, f"{folder}: [terrain]")
+    if not is_file(path):
         there = [file.name for file in folder.iterdir() if file.is_file()] if folder.is_dir() else []
         near = closest(str(name), there)
         raise DataError(f"{folder}: [terrain] names the file {name!r}, which is not there: {near}")
-    return folder / name
+    return path
 
 
 def _laid(terrain: Terrain, patch: Any, folder: Path) -> Terrain:

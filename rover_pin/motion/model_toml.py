@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.body.layout import read_layout, rover_folder
-from rover_pin.body.rover import Rover, load_rover
+from rover_pin.body.rover import Rover, load_named
 from rover_pin.body.terrain import Terrain
 from rover_pin.columns import replace_file
 from rover_pin.contact import Soil
@@ -33,7 +33,7 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.effect_files import AnyEffect, effect_entry, effect_from
 from rover_pin.motion.log_terrain import terrain_from, write_terrain
-from rover_pin.motion.model import BURIED, Model
+from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.paths import is_file
@@ -45,7 +45,7 @@ KIND, RIG_KIND = "drive-model", "rig-model"
 """A driving rover's model; a wheel's on a rig, which gives a rover its soil and contact effects."""
 TABLES = ("motor", "slip", "terrain")
 LISTS = ("soil", "effect")
-KEYS = ("kind", "note", "rover", "gravity", "buried", *TABLES, *LISTS)
+KEYS = ("kind", "note", "rover", "gravity", *TABLES, *LISTS)
 
 
 def write_model(model: Model, path: str | Path, note: str = "", rover: str = "", with_terrain: bool = False) -> Path:
@@ -71,7 +71,6 @@ def write_model(model: Model, path: str | Path, note: str = "", rover: str = "",
         "note": note,
         "rover": name,
         "gravity": {"value": float(model.gravity), "unit": "m/s^2"},
-        "buried": float(model.buried),
         "motor": declared(model.motor),
         "slip": effect_entry(model.slip),
         "terrain": write_terrain(path.parent, model.terrain) if with_terrain else None,
@@ -103,13 +102,13 @@ def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = 
     table = _checked(path, read_toml(path))
     if terrain is None and "terrain" not in table:
         raise DataError(f"{path}: the file has no [terrain]: add one, or give a terrain to drive on.")
-    rover = _rover(str(table.get("rover", "nexus6")), path.parent)
+    rover = load_named(str(table.get("rover", "nexus6")), path.parent, trust)
     effects = [effect_from(entry, f"{path} [[effect]]", path.parent, trust) for entry in table.get("effect", [])]
     for effect in effects:
         _refuse_other_wheel(effect, rover, path)
     return Model(
         rover,
-        terrain_from(table["terrain"], path.parent) if terrain is None else terrain,
+        terrain_from(table["terrain"], path.parent, trust) if terrain is None else terrain,
         tuple(record_from(Soil, soil, f"{path} [[soil]]") for soil in table.get("soil", [{}])),
         record_from(Motor, table.get("motor", {}), f"{path} [motor]"),
         _slip(table.get("slip", {"name": "RelaxedSlip"}), path, trust),
@@ -118,17 +117,7 @@ def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = 
         gravity_from(table.get("gravity", EARTH), str(path)),
         tuple(each for each in effects if isinstance(each, BodyEffect)),
         tuple(each for each in effects if isinstance(each, SensorEffect)),
-        buried=_buried(table, path),
     )
-
-
-def _buried(table: dict[str, Any], path: Path) -> float:
-    given = table.get("buried", BURIED)
-    if isinstance(given, bool) or not isinstance(given, (int, float)):
-        raise DataError(
-            f"{path}: buried = {given!r} is not a number; give the sinkage over the wheel's radius, as 0.5."
-        )
-    return float(given)
 
 
 def model_files(path: str | Path) -> tuple[Path, ...]:
@@ -145,7 +134,7 @@ def model_files(path: str | Path) -> tuple[Path, ...]:
         return (path, *_effect_files(path, table))
     _checked(path, table)
     rover = path.parent / str(table.get("rover", "nexus6"))
-    found = [path, *((rover, rover.parent / read_layout(rover).file) if is_file(rover) else ())]
+    found = [path, *((rover, rover.parent / read_layout(rover, Trust(everything=True)).file) if is_file(rover) else ())]
     return (*found, *_effect_files(path, table))
 
 
@@ -173,11 +162,6 @@ def _checked(path: Path, table: dict[str, Any]) -> dict[str, Any]:
         if key in LISTS and not (isinstance(value, list) and all(isinstance(each, dict) for each in value)):
             raise DataError(f"{path}: {key} = {value!r} must be a list of tables, as [[{key}]].")
     return table
-
-
-def _rover(name: str, folder: Path) -> Rover:
-    beside = folder / name
-    return load_rover(str(beside) if is_file(beside) else name)
 
 
 def _slip(entry: dict[str, Any], path: Path, trust: Trust) -> AlgebraicSlip | RelaxedSlip:

@@ -127,7 +127,7 @@ def test_files_that_are_not_there_or_something_else(tmp_path, write):
     ):
         with pytest.raises(DataError, match=re.escape(name) + ": the file cannot be read: No such file"):
             read(tmp_path / name)
-    with pytest.raises(DataError, match=r"not an .npz of arrays"):
+    with pytest.raises(DataError, match=r"not an .npz of plain arrays"):
         from_grid(write("x", "text.npz"))
     with pytest.raises(DataError, match="is not Parquet"):
         from_polyline(write("x", "text.parquet"))

@@ -1,0 +1,242 @@
+"""Files that a model or a data set names lie in its folder, are regular and bounded; refusals quote no others."""
+
+import os
+import shutil
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rover_pin.body import terrain_files
+from rover_pin.body.layout import rover_folder
+from rover_pin.body.rover import load_rover
+from rover_pin.body.urdf_check import check_urdf
+from rover_pin.bounded import MIB, arrays
+from rover_pin.cli import app
+from rover_pin.errors import DataError, RoverPinError, UrdfError
+from rover_pin.evidence.loop import close_the_loop, read_data
+from rover_pin.evidence.reading import read_evidence
+from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.motion.model_toml import read_model, write_model
+from rover_pin.scenarios import scenario
+from rover_pin.trust import Trust
+
+RIG = Path(__file__).parents[1] / "studies" / "data" / "cmu-smooth-wheel"
+SECRET = "root:x:0:0:secret"
+RUN = "t_s,duty_fl,body_x\n0.0,0.5,0.0\n1.0,0.5,0.1\n"
+GROUND = "x_m,z_m\n-1,0\n1,0\n"
+
+
+@pytest.fixture
+def outside(tmp_path):
+    """A folder of someone else, with what a set could name."""
+    folder = tmp_path / "outside"
+    folder.mkdir()
+    (folder / "passwd").write_text(f"{SECRET}\n{SECRET}\n")
+    (folder / "run.csv").write_text(RUN)
+    (folder / "ground.csv").write_text(GROUND)
+    for file in (*RIG.iterdir(), *rover_folder().iterdir()):
+        if file.is_file():
+            shutil.copy(file, folder)
+    return folder
+
+
+def drive_log(folder, run="run.csv", terrain='polyline = "ground.csv"', rover="nexus6"):
+    folder.mkdir(exist_ok=True)
+    (folder / "run.csv").write_text(RUN)
+    (folder / "ground.csv").write_text(GROUND)
+    (folder / "drive.toml").write_text(
+        f'kind = "drive-log"\nname = "log"\nrover = "{rover}"\n[terrain]\n{terrain}\n[[run]]\nfile = "{run}"\n'
+    )
+    return folder
+
+
+def rig(folder, key, name):
+    shutil.copytree(RIG, folder, dirs_exist_ok=True)
+    file = folder / "rig.toml"
+    files = {"points": "points.csv", "penetration": "penetration.csv"}
+    text = file.read_text().replace(f'{key} = "{files[key]}"', f'{key} = "{name}"')
+    assert f'{key} = "{name}"' in text
+    file.write_text(text)
+    return folder
+
+
+def model(folder, terrain):
+    path = write_model(scenario("flat").model, folder / "model.toml", with_terrain=True)
+    path.write_text(path.read_text().replace('polyline = "terrain.csv"', terrain))
+    return path
+
+
+def rover(folder, urdf):
+    folder.mkdir(exist_ok=True)
+    toml = folder / "own.toml"
+    toml.write_text((rover_folder() / "nexus6.toml").read_text().replace('"nexus6.urdf"', f'"{urdf}"'))
+    return toml
+
+
+WAYS = {
+    "run": (lambda to, name, trust=Trust(): read_drive_log(drive_log(to, run=name), trust), "run.csv"),
+    "polyline": (
+        lambda to, name, trust=Trust(): read_drive_log(drive_log(to, terrain=f'polyline = "{name}"'), trust).terrain(),
+        "ground.csv",
+    ),
+    "polylines": (
+        lambda to, name, trust=Trust(): read_drive_log(
+            drive_log(to, terrain=f'polylines = ["ground.csv", "{name}"]\nborders = [0.0]'), trust
+        ).terrain(),
+        "ground.csv",
+    ),
+    "points": (lambda to, name, trust=Trust(): read_data(rig(to, "points", name), trust), "points.csv"),
+    "points of a fit": (lambda to, name, trust=Trust(): read_evidence(rig(to, "points", name), trust), "points.csv"),
+    "penetration": (lambda to, name, trust=Trust(): read_data(rig(to, "penetration", name), trust), "penetration.csv"),
+    "terrain of a model": (
+        lambda to, name, trust=Trust(): read_model(model(to, f'polyline = "{name}"'), trust=trust),
+        "ground.csv",
+    ),
+    "URDF": (lambda to, name, trust=Trust(): load_rover(rover(to, name), trust), "nexus6.urdf"),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_file_elsewhere_needs_trust(way, outside, tmp_path):
+    read, name = WAYS[way]
+    for at, given in enumerate((f"../outside/{name}", str(outside / name), f"below/../../outside/{name}")):
+        with pytest.raises(RoverPinError, match=r"lies outside .*: put it there, or say --trust"):
+            read(tmp_path / f"set{at}", given)
+    assert read(tmp_path / "trusted", f"../outside/{name}", Trust(everything=True))
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_link_is_where_it_leads(way, outside, tmp_path):
+    read, name = WAYS[way]
+    folder = tmp_path / "set"
+    folder.mkdir()
+    (folder / "link.csv").symlink_to(outside / name)
+    with pytest.raises(RoverPinError, match="lies outside"):
+        read(folder, "link.csv")
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_nothing_of_a_foreign_file_is_quoted(way, outside, tmp_path):
+    read, _ = WAYS[way]
+    with pytest.raises(RoverPinError) as told:
+        read(tmp_path / "set", "../outside/passwd")
+    assert SECRET not in str(told.value)
+    assert "root" not in str(told.value).replace(str(tmp_path), "")
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("device", ["/dev/zero", "pipe"])
+def test_devices_and_pipes_do_not_keep_a_reader(way, device, tmp_path):
+    """Even trusted: an endless file would fill the memory, an empty pipe never answers."""
+    read, _ = WAYS[way]
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(RoverPinError):
+        read(tmp_path / "set", device if device[0] == "/" else str(tmp_path / device), Trust(everything=True))
+
+
+@pytest.mark.parametrize("name", ["", "a\\u0000b", "x" * 5000, "loop", "."])
+def test_impossible_names(name, tmp_path):
+    for way, (read, _) in WAYS.items():
+        folder = tmp_path / way
+        folder.mkdir()
+        (folder / "loop").symlink_to(folder / "loop")
+        with pytest.raises(RoverPinError) as told:
+            read(folder, name)
+        assert len(str(told.value).splitlines()) == 1
+
+
+def test_a_rover_may_lie_elsewhere(outside, tmp_path):
+    """Sets share rovers: that of another folder is read, and a file that is none is not quoted."""
+    log = read_drive_log(drive_log(tmp_path / "set", rover="../outside/nexus6.toml"))
+    assert log.load_rover().name == "nexus6"
+    (outside / "secret.toml").write_text(f'password = "{SECRET}"\n')
+    for name in ("../outside/secret.toml", str(outside / "secret.toml"), "../outside/passwd"):
+        log = read_drive_log(drive_log(tmp_path / "set", rover=name))
+        with pytest.raises(UrdfError) as told:
+            log.load_rover()
+        assert SECRET not in str(told.value)
+        assert "password" not in str(told.value)
+    log = read_drive_log(drive_log(tmp_path / "set", rover="../outside/secret.toml"))
+    with pytest.raises(UrdfError, match=r"lies elsewhere and makes no rover: try `rover-pin check-urdf` on it"):
+        log.load_rover()
+
+
+def test_a_bag_folder_holds_regular_files_of_the_set(tmp_path, outside):
+    folder = drive_log(tmp_path / "set", run="bag")
+    (folder / "bag").mkdir()
+    (folder / "bag" / "metadata.yaml").symlink_to(outside / "passwd")
+    with pytest.raises(DataError, match="lies outside"):
+        read_drive_log(folder)
+    (folder / "bag" / "metadata.yaml").unlink()
+    os.mkfifo(folder / "bag" / "metadata.yaml")
+    with pytest.raises(DataError, match="is no file, so that bag is no bag"):
+        read_drive_log(folder)
+
+
+@pytest.mark.parametrize(
+    "entity",
+    ['<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">', '<!ENTITY b SYSTEM "file:///etc/passwd">', '<!ENTITY % b SYSTEM "x">'],
+)
+def test_a_urdf_has_no_entities(entity, tmp_path):
+    toml = rover(tmp_path / "own", "own.urdf")
+    text = (rover_folder() / "nexus6.urdf").read_text()
+    head, robot, rest = text.partition("<robot")
+    (toml.parent / "own.urdf").write_text(f"{head}<!DOCTYPE robot [{entity}]>{robot}{rest}")
+    with pytest.raises(UrdfError, match="has a <!DOCTYPE> or <!ENTITY>, which can name other files; take it out"):
+        load_rover(toml)
+    assert not check_urdf(toml).ok
+
+
+def test_meshes_are_never_opened(tmp_path):
+    """An endless mesh would hang who reads it; of a pipe nothing could be read."""
+    toml = rover(tmp_path / "own", "own.urdf")
+    os.mkfifo(tmp_path / "own" / "mesh.stl")
+    mesh = '<visual><geometry><mesh filename="mesh.stl"/></geometry></visual>'
+    absolute = '<visual><geometry><mesh filename="file:///dev/zero"/></geometry></visual>'
+    text = (rover_folder() / "nexus6.urdf").read_text()
+    (toml.parent / "own.urdf").write_text(text.replace("</link>", f"{mesh}{absolute}</link>", 1))
+    assert load_rover(toml).name == "nexus6"
+
+
+def test_large_descriptions_are_refused(tmp_path):
+    file = tmp_path / "drive.toml"
+    with file.open("wb") as opened:
+        opened.truncate(1 << 33)
+    with pytest.raises(DataError, match="it holds more than 16 MiB, which is the most that is read"):
+        read_drive_log(tmp_path)
+    toml = rover(tmp_path / "own", "own.urdf")
+    with (tmp_path / "own" / "own.urdf").open("wb") as opened:
+        opened.truncate(1 << 33)
+    with pytest.raises(UrdfError, match="it holds more than 16 MiB"):
+        load_rover(toml)
+
+
+def test_large_tables_are_refused(tmp_path, monkeypatch):
+    folder = drive_log(tmp_path / "set")
+    with (folder / "run.csv").open("r+b") as opened:
+        opened.truncate(1 << 33)
+    with pytest.raises(DataError, match=r"run\.csv: the file cannot be read: it holds more than 256 MiB"):
+        read_drive_log(folder)
+    with (rig(tmp_path / "rig", "points", "points.csv") / "points.csv").open("r+b") as opened:
+        opened.truncate(1 << 33)
+    with pytest.raises(DataError, match="it holds more than 256 MiB"):
+        read_evidence(tmp_path / "rig")
+    np.savez_compressed(tmp_path / "set" / "grid.npz", x0=0, y0=0, dx=1, dy=1, z=np.zeros((2_000, 1_000)))
+    monkeypatch.setattr(terrain_files, "arrays", partial(arrays, most=8 * MIB))
+    log = read_drive_log(drive_log(tmp_path / "set", terrain='grid = "grid.npz"'))
+    with pytest.raises(DataError, match=r"grid\.npz: the file cannot be read: it holds more than 8 MiB"):
+        log.terrain()
+
+
+def test_the_commands_take_trust(tmp_path, outside, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = rig(tmp_path / "set", "points", "../outside/points.csv")
+    words = ["identify", str(folder), "--free", "k,phi", "--json"]
+    assert isinstance(CliRunner().invoke(app, words).exception, DataError)
+    assert CliRunner().invoke(app, [*words, "--trust"]).exit_code == 0
+    with pytest.raises(DataError, match="lies outside"):
+        close_the_loop(folder)
+    assert read_data(folder, Trust(everything=True)).rig.slip.size
