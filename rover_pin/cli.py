@@ -17,7 +17,9 @@ from rover_pin.results_folder import alone_in
 from rover_pin.terminal import assignments, json_text, priors, progress, report, stoppable
 from rover_pin.trust import Trust
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
+app = typer.Typer(
+    rich_markup_mode=None, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__
+)
 
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object for machines instead of the table.")]

@@ -117,7 +117,7 @@ SCENES: dict[str, Scene] = {
     "ditch": Scene(shapes.ditch, 20.0, {"wall_angle": 30 * DEG}, symmetric=True),
     "step": Scene(shapes.step, 20.0, symmetric=True),
     "rocks": Scene(shapes.rocks, 30.0),
-    "field": Scene(paper_field, 120.0, settings={"soil.k": 0.010}),
+    "field": Scene(paper_field, 120.0, settings={"soil.k": 0.010}, cruise_slip=CRUISE_SLIP),
     "washboard": Scene(shapes.washboard, 20.0, symmetric=True),
     "cross-slope": Scene(shapes.cross_slope, 20.0, {"angle": 6 * DEG}),
     "hills": Scene(shapes.hills, 30.0),
@@ -204,7 +204,8 @@ def _model(scene: Scene, asked: Settings) -> Model:
     ground = model.soils[0].replace(**asked.group("soil", fields_of(model.soils[0])))
     motor = model.motor.replace(**asked.group("motor", fields_of(model.motor)))
     gravity = gravity_named(asked.take("gravity", model.gravity))
-    model = model.replace(soils=(ground, *model.soils[1:]), motor=motor, gravity=gravity)
+    buried = asked.number("buried", model.buried)
+    model = model.replace(soils=(ground, *model.soils[1:]), motor=motor, gravity=gravity, buried=buried)
     friction = asked.number("gear_friction", 0.0)
     if friction:
         model = model.having(GearFriction(tau_c=friction))

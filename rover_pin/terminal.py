@@ -13,6 +13,7 @@ from typing import Any
 
 import typer
 
+from rover_pin.console import plain_column, plain_console
 from rover_pin.errors import ParameterError
 from rover_pin.results_folder import replacing
 from rover_pin.workers import Terminated, ending_workers
@@ -70,13 +71,12 @@ def report(result: Mapping[str, Any], as_json: bool) -> None:
     if as_json:
         print(json_text(result))
         return
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(show_header=False, box=None)
     for name, value in result.items():
         table.add_row(name.replace("_", " "), shown(value))
-    Console().print(table)
+    plain_console().print(table)
 
 
 def json_text(result: Mapping[str, Any]) -> str:
@@ -107,10 +107,11 @@ class progress:
     """A progress bar over simulated seconds on a terminal; nothing where it would clutter."""
 
     def __init__(self, what: str, total: float, silent: bool):
-        from rich.console import Console
         from rich.progress import Progress
 
-        self.bar = Progress(console=Console(stderr=True), transient=True, disable=silent or not sys.stderr.isatty())
+        columns = (plain_column("{task.description}"), *Progress.get_default_columns()[1:])
+        quiet = silent or not sys.stderr.isatty()
+        self.bar = Progress(*columns, console=plain_console(stderr=True), transient=True, disable=quiet)
         self.task = self.bar.add_task(what, total=total)
 
     def __enter__(self) -> Callable[[float], None]:

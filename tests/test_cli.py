@@ -9,6 +9,7 @@ import pytest
 
 from rover_pin.cli import main
 from rover_pin.motion.saved import load_trace
+from rover_pin.terminal import progress
 
 ROOT = Path(__file__).parents[1]
 RIG = ROOT / "studies" / "data" / "cmu-smooth-wheel"
@@ -313,3 +314,40 @@ def test_help_names_every_command(run):
     assert code == 0
     for command in ("drive", "curve", "check-urdf", "sweep", "bounds", "identify", "tune"):
         assert command in out
+
+
+@pytest.mark.parametrize("name", ["o[/red]x", "[b]y", "a:smile:b"])
+def test_brackets_in_a_name_are_shown_as_they_are(run, name):
+    """rich would read `[red]` as a colour, refuse `[/red]`, and draw `:smile:`."""
+    code, out, _ = run("curve", "--out", name)
+    assert code == 0
+    assert f"{name}/" in out
+    code, _, err = run("drive", "flat", "--soil", name)
+    assert (code, name in err) == (2, True)
+
+
+def test_what_a_urdf_check_says_keeps_its_brackets(run):
+    text = (ROOT / "urdf" / "nexus6.toml").read_text()
+    Path("own.toml").write_text(text.replace('bogie = ["bogie_l", "bogie_r"]\n', ""))
+    Path("nexus6.urdf").write_text((ROOT / "urdf" / "nexus6.urdf").read_text())
+    code, out, _ = run("check-urdf", "own.toml")
+    assert code == 1
+    assert "name it in [suspension] or make it fixed" in " ".join(out.split())
+
+
+def test_help_keeps_the_units(run):
+    code, out, _ = run("bounds", "--help")
+    assert (code, "inclination [deg]" in out) == (0, True)
+
+
+def test_a_progress_bar_shows_brackets(monkeypatch, capsys):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with progress("driving [/red]x", 1.0, silent=False) as advance:
+        advance(1.0)
+    assert "driving [/red]x" in capsys.readouterr().err
+
+
+def test_nothing_prints_through_rich_but_the_plain_console():
+    users = [path.name for path in (ROOT / "rover_pin").rglob("*.py") if "import Console" in path.read_text()]
+    assert users == ["console.py"]

@@ -80,7 +80,7 @@ def _npz_grid(path: Path) -> HeightGrid:
         found = arrays(path)
     except OSError as error:
         raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
-    except ValueError as error:
+    except Exception as error:  # whatever numpy and zipfile raise for a damaged archive
         raise DataError(
             f"{path}: the file is not an .npz of plain arrays ({error}): write it with numpy.savez or `to_grid`."
         ) from error

@@ -75,6 +75,9 @@ def drive_points(log: DriveLog, motor: Motor, sampling: Sampling = SAMPLING) -> 
     rotor's and the body's acceleration are neglected, hence the steady windows.
     """
     rover = log.load_rover().under(log.about.gravity)
+    for trace in log.runs:
+        if len(trace.t) < 2:
+            raise DataError(f"{log.folder}: run {trace.attrs['file']} has {len(trace.t)} row: leave it out.")
     for length in sampling.lengths:
         runs = [steady_windows(trace, rover, motor, length, sampling.steady) for trace in log.runs]
         scatter = rms([window.slip_sd for windows in runs for window in windows])

@@ -17,8 +17,6 @@ UPRIGHT = math.cos(CAPSIZED)
 """The body's own vertical must stay within CAPSIZED of the world's."""
 FOLDED = math.radians(10.0)
 """How far past its stop a suspension joint may go [rad]."""
-BURIED = 0.5
-"""Sinkage over wheel radius at which a wheel counts as buried: the contact model ends there."""
 FASTEST = 10.0
 """Speed [m/s] beyond which a run counts as diverged."""
 
@@ -47,8 +45,8 @@ def failure(model: Model, state: DriveState, record: np.ndarray, suspension: Sus
         return f"capsized: roll {math.degrees(roll):.0f} deg, pitch {math.degrees(pitch):.0f} deg"
     sinkage = record[:, RECORD.index("sinkage")].tolist()
     for wheel, depth in zip(model.rover.wheels, sinkage, strict=True):
-        if depth > BURIED * wheel.wheel.r:
-            return f"buried: wheel {wheel.name} has sunk by {1e3 * depth:.0f} mm"
+        if depth > model.buried * wheel.wheel.r:
+            return f"buried: wheel {wheel.name} has sunk by {1e3 * depth:.0f} mm, over {model.buried:g} r"
     angle, (lower, upper) = state.q[suspension.places], suspension.limits
     if suspension.places.size and max((angle - upper).max(), (lower - angle).max()) > FOLDED:
         over = math.degrees(max((angle - upper).max(), (lower - angle).max()))

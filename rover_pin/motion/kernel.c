@@ -25,8 +25,8 @@ typedef int (*casadi_function)(const double **, double **, integer *, double *, 
 typedef struct { /* field order is mirrored in kernel.py */
   integer nv, n_wheels, n_cols, n_axles, n_contact_states, n_motor_states, n_joints, n_servos, n_stops, n_body, n_lanes, grid_nx, grid_ny;
   integer n_soils, n_kinds, n_held;
-  integer differential_left, differential_right, symmetric;
-  double dt, direction_speed, grid_x0, grid_y0, grid_dx, grid_dy;
+  integer differential_left, differential_right, symmetric, settling;
+  double dt, direction_speed, grid_x0, grid_y0, grid_dx, grid_dy, wheel_share, misjudged;
   double *M, *nle, *J, *q, *v, *du;
   double **centres;
   integer *cols, *col_count, *wheel_dof, *axle;
@@ -52,7 +52,8 @@ typedef struct { /* field order is mirrored in kernel.py */
   integer *lane_ground;
   double *grid_z;
   integer *grid_ground;
-  double *record, *energy, *loads, *differential; /* record: n_wheels x N_RECORD; energy: 6; differential: its torque */
+  double *foreseen; /* 4 a wheel: its load as the last step expected it */
+  double *record, *energy, *loads, *impulse, *differential; /* record: n_wheels x N_RECORD; energy: 6; impulse: of the soil's forces; differential: its torque */
   casadi_function contact_before, contact_law, motor_law, body_law;
   integer *work_i;
   double *work_w;
@@ -60,6 +61,7 @@ typedef struct { /* field order is mirrored in kernel.py */
 
 enum { ENERGY_MOTOR, ENERGY_SOIL, ENERGY_STOPS, ENERGY_SERVOS, ENERGY_ELECTRIC, ENERGY_BODY };
 enum { OK, NOT_FINITE, SINGULAR };
+enum { DRIVING, IN_HAND, ON_THE_SOIL }; /* settling: in hand the soil is not sheared, whatever the speeds */
 
 typedef struct {
   double s, t;       /* start point in the wheel plane, from the centre */
@@ -392,6 +394,27 @@ static void travel_law(const Drive *d, const double *contact, const double *held
   }
 }
 
+/* Weight of the step's end in what is taken implicitly: the midpoint rule drives, implicit Euler sets down. */
+static double implicit_share(const Drive *d) { return d->settling ? 1.0 : 0.5; }
+
+/* While a rover is set down, the normal spring is implicit too: how the load rises with depth over half a step. In hand
+   nothing else changes with the speeds. */
+static void add_stiffness(const Drive *d, const double *contact, const double *held, const double *states, Law *law, double *stiffness) {
+  double deeper[N_GEOMETRY], push = 1e-6 * contact[0];
+  Law pushed;
+  memcpy(deeper, contact, sizeof deeper);
+  deeper[0] += push;
+  travel_law(d, deeper, held, states, &pushed);
+  for (int i = 0; i < 4; ++i) stiffness[i] = 0.5 * d->dt * (pushed.load[i] - law->load[i]) / push;
+  if (d->settling == IN_HAND) {
+    memset(law->by_speed, 0, sizeof law->by_speed);
+    memset(law->load_by_state, 0, sizeof law->load_by_state);
+  }
+}
+
+/* A rover that is set down is not moved by its own slide along the ground: the base's x, y and yaw. */
+static int slides(integer dof) { return dof == 0 || dof == 1 || dof == 5; }
+
 /* Solve (I - half A) X = B for X (n x m, rows of stride `stride`), n <= MAX_STATES. */
 static void implicit_states(double half, integer n, double a[][MAX_STATES], double *b, integer m, integer stride) {
   double lhs[MAX_STATES][MAX_STATES];
@@ -422,11 +445,12 @@ typedef struct { /* what acts on the n degrees of freedom body_dof: force Q + D 
   double Q[MAX_DOF], D[MAX_DOF * MAX_DOF], torque, torque_slope[MAX_DOF];
 } BodyPush;
 
-typedef struct { /* what a wheel's states need once the new speeds are known */
+typedef struct { /* what a wheel's states need once the new speeds are known, and its load: now, and expected at the step's end */
   double weight, gain[MAX_STATES], by_col[MAX_STATES][MAX_COLS];
-} StateUpdate;
+  double load[4], end[4], end_by_velocity[4][3], end_by_spin[4];
+} WheelUpdate;
 
-static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch *patch, System *system, StateUpdate *update) {
+static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch *patch, System *system, WheelUpdate *update) {
   const double *N = patch->facet->normal;
   const integer nx = d->n_contact_states, n = w->n;
   double r = d->radius[index], t[3], l[3], arm[3];
@@ -439,19 +463,25 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
   Law law;
   double *states = d->contact_states + index * nx;
   travel_law(d, contact, held, states, &law);
+  double stiffness[4] = {0.0, 0.0, 0.0, 0.0};
+  if (d->settling) add_stiffness(d, contact, held, states, &law, stiffness);
+
+  double begun[4];
+  memcpy(begun, law.load, sizeof begun);
 
   /* the states' step dx = (I - dt/2 r_x)^-1 dt (r + r_v dv/2); half of it acts on the load of the implicit solve */
+  const double share_of_end = implicit_share(d);
   double step[MAX_STATES][5];
   if (nx) {
     for (integer i = 0; i < nx; ++i) {
       step[i][0] = d->dt * law.rate[i];
       for (int j = 0; j < 4; ++j) step[i][1 + j] = d->dt * law.rate_by_speed[i][j];
     }
-    implicit_states(0.5 * d->dt, nx, law.rate_by_state, &step[0][0], 5, 5);
+    implicit_states(share_of_end * d->dt, nx, law.rate_by_state, &step[0][0], 5, 5);
     for (int a = 0; a < 4; ++a)
       for (integer i = 0; i < nx; ++i) {
-        law.load[a] += 0.5 * law.load_by_state[a][i] * step[i][0];
-        for (int j = 0; j < 4; ++j) law.by_speed[a][j] += 0.5 * law.load_by_state[a][i] * step[i][1 + j];
+        law.load[a] += share_of_end * law.load_by_state[a][i] * step[i][0];
+        for (int j = 0; j < 4; ++j) law.by_speed[a][j] += share_of_end * law.load_by_state[a][i] * step[i][1 + j];
       }
   }
   double in_plane[3];
@@ -495,6 +525,18 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
     double *target = system->soil_D[w->cols[i]];
     for (integer j = 0; j < n; ++j)
       target[w->cols[j]] += row[0] * see[0][j] + row[1] * see[1][j] + row[2] * see[2][j] + row[3] * see[3][j];
+    if (!d->settling) continue;
+    double spring = push[0][i] * stiffness[0] + push[1][i] * stiffness[1] + push[2][i] * stiffness[2] + push[3][i] * stiffness[3];
+    for (integer j = 0; j < n; ++j) if (!slides(w->cols[j])) target[w->cols[j]] += spring * see[2][j];
+  }
+  const double felt[4] = {share, share, share, turn};
+  for (int a = 0; a < 4; ++a) {
+    update->load[a] += felt[a] * begun[a];
+    update->end[a] += felt[a] * (2.0 * law.load[a] - begun[a]);
+    const double *slope = law.by_speed[a];
+    for (int c = 0; c < 3; ++c)
+      update->end_by_velocity[a][c] += felt[a] * (slope[0] * t[c] + slope[1] * l[c] - slope[2] * N[c]);
+    update->end_by_spin[a] += felt[a] * slope[3] * r;
   }
   double weight = fmax(share * law.load[2], 1e-12);
   update->weight += weight;
@@ -520,7 +562,7 @@ static void add_patch(const Drive *d, const Wheel *w, integer index, const Patch
 
 /* Add the patches of one strip of a wheel's width, which has this share of it; return how many touch. */
 static integer add_strip(const Drive *d, const Wheel *wheel, integer index, const Facet *facets, integer n, double share,
-                         double slope, System *system, StateUpdate *update) {
+                         double slope, System *system, WheelUpdate *update) {
   double radius = d->radius[index], deepest = 0.0, *sinkage = d->record + index * N_RECORD + 2, before = *sinkage;
   integer touching = 0;
   for (integer k = 0; k < n; ++k) {
@@ -539,23 +581,22 @@ static integer add_strip(const Drive *d, const Wheel *wheel, integer index, cons
   return touching;
 }
 
-static void add_wheel(const Drive *d, integer index, System *system, StateUpdate *update) {
-  Wheel wheel;
+static void add_wheel(const Drive *d, integer index, Wheel *wheel, System *system, WheelUpdate *update) {
   Facet facets[MAX_FACETS + 1];
-  look_at_wheel(d, index, &wheel);
+  look_at_wheel(d, index, wheel);
   double radius = d->radius[index];
   memset(update, 0, sizeof *update);
   memset(d->record + index * N_RECORD, 0, 9 * sizeof(double));
   memset(d->loads + 6 * index, 0, 6 * sizeof(double));
-  integer touching = d->n_lanes ? 0 : add_strip(d, &wheel, index, facets, cut_grid(d, &wheel, radius, facets), 1.0, 0.0, system, update);
+  integer touching = d->n_lanes ? 0 : add_strip(d, wheel, index, facets, cut_grid(d, wheel, radius, facets), 1.0, 0.0, system, update);
   for (integer lane = 0; lane < d->n_lanes; ++lane) {
-    double slope, share = lane_share(d, &wheel, lane, radius, d->kinds[2 * d->kind[index] + 1], &slope);
-    if (share > 0.0) touching += add_strip(d, &wheel, index, facets, cut_lane(d, &wheel, lane, radius, facets), share, slope, system, update);
+    double slope, share = lane_share(d, wheel, lane, radius, d->kinds[2 * d->kind[index] + 1], &slope);
+    if (share > 0.0) touching += add_strip(d, wheel, index, facets, cut_lane(d, wheel, lane, radius, facets), share, slope, system, update);
   }
   if (!touching && d->n_contact_states) { /* in the air: the states go on, nothing pushes */
-    Facet below = {0, -radius, 0, 1, {wheel.up[0], wheel.up[1], wheel.up[2]}, 0};
+    Facet below = {0, -radius, 0, 1, {wheel->up[0], wheel->up[1], wheel->up[2]}, 0};
     Patch patch = {1e-9, 0.0, 0.0, 0.0, 0.0, 0.0, &below};
-    add_patch(d, &wheel, index, &patch, system, update);
+    add_patch(d, wheel, index, &patch, system, update);
     d->record[index * N_RECORD + 8] = 0.0;
   }
   double *record = d->record + index * N_RECORD;
@@ -565,9 +606,32 @@ static void add_wheel(const Drive *d, integer index, System *system, StateUpdate
     record[7] /= update->weight;
     for (integer i = 0; i < d->n_contact_states; ++i) {
       update->gain[i] /= update->weight;
-      for (integer j = 0; j < wheel.n; ++j) update->by_col[i][j] /= update->weight;
+      for (integer j = 0; j < wheel->n; ++j) update->by_col[i][j] /= update->weight;
     }
   }
+}
+
+/* By how much of its normal force a wheel's load now is not what the last step took it to become. */
+static double misjudged(const Drive *d, integer index, const WheelUpdate *now) {
+  const double *before = d->foreseen + 4 * index;
+  if (!(now->load[2] > 0.0 && before[2] > 0.0)) return 0.0;
+  double most = 0.0;
+  for (int a = 0; a < 4; ++a) {
+    double arm = a == 3 ? d->radius[index] : 1.0;
+    most = fmax(most, fabs(now->load[a] / now->load[2] - before[a] / before[2]) / arm);
+  }
+  return most * fmin(1.0, now->load[2] / d->wheel_share);
+}
+
+static void foresee(const Drive *d, integer index, const Wheel *wheel, const WheelUpdate *update) {
+  double velocity[3] = {0.0, 0.0, 0.0}, spin = 0.0;
+  for (integer i = 0; i < wheel->n; ++i) {
+    double du = d->du[wheel->cols[i]];
+    for (int c = 0; c < 3; ++c) velocity[c] += wheel->lin[i][c] * du;
+    spin += dot(wheel->ang[i], wheel->axle) * du;
+  }
+  for (int a = 0; a < 4; ++a)
+    d->foreseen[4 * index + a] = update->end[a] + dot(update->end_by_velocity[a], velocity) + update->end_by_spin[a] * spin;
 }
 
 /* What all motors drew from the supply at the last step, a duty share of each winding's current. */
@@ -675,7 +739,7 @@ static int solve(integer n, double A[][MAX_DOF], double *b) {
 /* (M - dt/2 D) du = dt (Q - nle), with v_right = -v_left for the rockers of a differential; springs and the body's push fully implicit. */
 static int solve_speeds(const Drive *d, System *system, const BodyPush *push) {
   integer nv = d->nv, left = d->differential_left, right = d->differential_right, n = 0, index[MAX_DOF];
-  double b[MAX_DOF], half = 0.5 * d->dt;
+  double b[MAX_DOF], half = implicit_share(d) * d->dt;
   for (integer j = 0; j < nv; ++j)
     for (integer i = 0; i <= j; ++i) { /* pinocchio fills the upper triangle */
       double m = d->M[i * nv + j];
@@ -731,6 +795,8 @@ static void account(const Drive *d, const System *system, const BodyPush *push) 
   d->energy[ENERGY_SOIL] += d->dt * soil;
   d->energy[ENERGY_STOPS] += d->dt * (other - servos);
   d->energy[ENERGY_SERVOS] += d->dt * servos;
+  for (integer w = 0; w < d->n_wheels; ++w)
+    for (int c = 0; c < 3; ++c) d->impulse[c] += d->dt * d->loads[6 * w + c];
   for (integer w = 0; w < d->n_wheels; ++w)
     d->energy[ENERGY_ELECTRIC] += d->dt * d->record[w * N_RECORD + 10] * d->record[w * N_RECORD + 11] * d->duty[w];
 }
@@ -820,14 +886,17 @@ integer rover_pin_size(void) { return (integer)sizeof(Drive); }
 int rover_pin_step(Drive *d) {
   System system;
   BodyPush push;
-  StateUpdate updates[MAX_DOF];
+  Wheel wheels[MAX_DOF];
+  WheelUpdate updates[MAX_DOF];
   double motor_steps[MAX_DOF][MAX_STATES][2];
   integer nv = d->nv, nx = d->n_contact_states;
   for (integer i = 0; i < nv; ++i) memset(system.soil_D[i], 0, nv * sizeof(double));
   memset(system.soil_Q, 0, sizeof(System) - offsetof(System, soil_Q));
-  const double bus = bus_current(d);
+  d->misjudged = 0.0;
+  const double bus = bus_current(d), share_of_end = implicit_share(d);
   for (integer w = 0; w < d->n_wheels; ++w) {
-    add_wheel(d, w, &system, &updates[w]);
+    add_wheel(d, w, &wheels[w], &system, &updates[w]);
+    d->misjudged = fmax(d->misjudged, misjudged(d, w, &updates[w]));
     add_motor(d, w, bus, &system, motor_steps[w]);
     d->record[w * N_RECORD + 9] = system.motor_torque[d->wheel_dof[w]];
   }
@@ -838,9 +907,10 @@ int rover_pin_step(Drive *d) {
   account(d, &system, &push);
   *d->differential = differential_torque(d, &system, &push);
   for (integer w = 0; w < d->n_wheels; ++w) {
+    foresee(d, w, &wheels[w], &updates[w]);
     for (integer i = 0; i < nx; ++i) {
       double change = updates[w].gain[i];
-      for (integer j = 0; j < d->col_count[w]; ++j) change += 0.5 * updates[w].by_col[i][j] * d->du[d->cols[w * d->n_cols + j]];
+      for (integer j = 0; j < d->col_count[w]; ++j) change += share_of_end * updates[w].by_col[i][j] * d->du[d->cols[w * d->n_cols + j]];
       d->contact_states[w * nx + i] += change;
     }
     for (integer i = 0; i < d->n_motor_states; ++i)

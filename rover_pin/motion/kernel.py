@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.terrain import HeightGrid, Lanes
 from rover_pin.errors import ParameterError
 from rover_pin.motion import laws
 from rover_pin.motion.compiled_laws import compiled_laws, structure_of
+from rover_pin.motion.kernel_terrain import terrain_fields
 from rover_pin.motion.model import Model
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.suspension import suspension_dofs
@@ -21,15 +21,15 @@ from rover_pin.motion.toolchain import shared_library
 
 INTEGERS = (
     "nv n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes grid_nx "
-    "grid_ny n_soils n_kinds n_held differential_left differential_right symmetric"
+    "grid_ny n_soils n_kinds n_held differential_left differential_right symmetric settling"
 ).split()
-NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy".split()
+NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy wheel_share misjudged".split()
 POINTERS = (
     "M nle J q v du centres cols col_count wheel_dof axle radius kind kinds joint_dof joint_q joint_unbounded "
     "servo_dof servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain body_dof body_q mirror_index "
     "mirror_sign contact_states motor_states contact_odd contact_parameters motor_parameters body_parameters soils "
-    "held duty lane_borders lane_start lane_x lane_z lane_ground grid_z grid_ground record energy loads differential "
-    "contact_before contact_law motor_law body_law work_i work_w"
+    "held duty lane_borders lane_start lane_x lane_z lane_ground grid_z grid_ground foreseen record energy loads "
+    "impulse differential contact_before contact_law motor_law body_law work_i work_w"
 ).split()
 """Fields of the C struct Drive, in its order."""
 
@@ -42,7 +42,6 @@ SERVO_GAIN = (20.0, 0.2)
 """Stiffness [N m/rad] and damping [N m s/rad] of a steering servo (assumed: stiff beside the wheel's side forces)."""
 STOP_GAIN = (50.0, 1.0)
 """The same of a suspension's end stop (assumed)."""
-MOST_FACETS = 56
 N_RECORD, MAX_DOF, MAX_COLS = len(RECORD), 48, 20
 
 
@@ -87,8 +86,8 @@ class Kernel:
         self.keep: dict[str, Any] = {}
         self.struct = DriveStruct()
         self.record = np.zeros((len(rover.wheels), N_RECORD))
-        self.loads = np.zeros((len(rover.wheels), 6))
-        self.energy, self.differential = np.zeros(len(ENERGY)), np.zeros(1)
+        self.loads, self.foreseen = np.zeros((len(rover.wheels), 6)), np.zeros((len(rover.wheels), 4))
+        self.energy, self.impulse, self.differential = np.zeros(len(ENERGY)), np.zeros(3), np.zeros(1)
         self._set(dt=dt, direction_speed=direction_speed, symmetric=int(symmetric))
         self._bind_body(rover)
         self._bind_springs(rover)
@@ -106,6 +105,15 @@ class Kernel:
         pin.crba(self.pin_model, self.data, q, pin.Convention.WORLD)
         pin.nonLinearEffects(self.pin_model, self.data, q, v)
         return int(self._step(self._address))
+
+    def set_step(self, dt: float) -> None:
+        """Let steps have this length [s] from now on."""
+        self.struct.dt = dt
+
+    @property
+    def misjudged(self) -> float:
+        """By how much of its normal force some wheel's load was not what the step before took it to become."""
+        return self.struct.misjudged
 
     def resoil(self, soils: np.ndarray) -> None:
         """Let the soils have these constants from now on: (soils, quantities), in the order of `Soil`'s fields."""
@@ -170,10 +178,13 @@ class Kernel:
             mirror_index=np.asarray(perm, dtype=np.int64),
             mirror_sign=np.asarray(sign, dtype=float),
             du=np.zeros(model.nv),
+            wheel_share=self.model.gravity * rover.mass / len(columns),
+            foreseen=self.foreseen,
             record=self.record,
             energy=self.energy,
             differential=self.differential,
             loads=self.loads,
+            impulse=self.impulse,
         )
 
     def _bind_springs(self, rover: Any) -> None:
@@ -216,44 +227,8 @@ class Kernel:
         )
 
     def _bind_terrain(self) -> None:
-        terrain = self.model.terrain
-        if isinstance(terrain, Lanes):
-            self._bind_lanes(terrain)
-        elif isinstance(terrain, HeightGrid):
-            self._set(
-                grid_nx=terrain.z.shape[0],
-                grid_ny=terrain.z.shape[1],
-                grid_x0=terrain.x0,
-                grid_y0=terrain.y0,
-                grid_dx=terrain.dx,
-                grid_dy=terrain.dy,
-                grid_z=np.ascontiguousarray(terrain.z, dtype=float),
-                grid_ground=np.ascontiguousarray(terrain.ground, dtype=np.int64),
-            )
-
-    def _bind_lanes(self, terrain: Lanes) -> None:
-        longest = max(float(wheel.wheel.r) for wheel in self.model.rover.wheels)
-        xs, zs, grounds, starts = [], [], [], [0]
-        for profile in terrain.profiles:
-            x, z, ground = profile.extended()
-            crowd = int(np.max(np.searchsorted(x, x + 2.2 * longest) - np.arange(len(x))))
-            if crowd > MOST_FACETS:
-                raise ParameterError(
-                    f"The terrain has {crowd} points within a wheel's length of {2.2 * longest:g} m; "
-                    f"at most {MOST_FACETS} are allowed: thin the polyline."
-                )
-            xs.append(x)
-            zs.append(z)
-            grounds.append(np.append(ground, ground[-1]))
-            starts.append(starts[-1] + len(x))
-        self._set(
-            n_lanes=len(terrain.profiles),
-            lane_borders=np.append(np.asarray(terrain.borders, dtype=float), np.inf),
-            lane_start=np.array(starts, dtype=np.int64),
-            lane_x=np.concatenate(xs),
-            lane_z=np.concatenate(zs),
-            lane_ground=np.concatenate(grounds).astype(np.int64),
-        )
+        radius = max(float(wheel.wheel.r) for wheel in self.model.rover.wheels)
+        self._set(**terrain_fields(self.model.terrain, radius))
 
     def _bind_laws(self) -> None:
         model = self.model

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Self, TypeVar
 
 from rover_pin.body.rover import Rover
+from rover_pin.body.section import DEEPEST
 from rover_pin.body.terrain import Terrain
 from rover_pin.contact import Soil
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect, called
@@ -25,6 +26,8 @@ from rover_pin.soil.traction import load_traction_factor
 
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
 OneKind = TypeVar("OneKind", bound=AnyEffect)
+BURIED = 0.5
+"""Assumed: a wheel that stands half a radius deep pushes soil with its front, which Eqs (2)-(7) leave out."""
 OWNERS = ("wheel", "channel", "joint")
 """Fields that say whose an effect is: a model may have one of a class for each."""
 
@@ -47,8 +50,15 @@ class Model:
     gravity: float = EARTH
     body_effects: tuple[BodyEffect, ...] = ()
     sensor_effects: tuple[SensorEffect, ...] = ()
+    buried: float = BURIED
+    "sinkage over wheel radius from which a wheel counts as buried and a drive ends"
 
     def __post_init__(self) -> None:
+        if not 0.0 < self.buried <= DEEPEST:
+            raise ParameterError(
+                f"buried = {self.buried:g} is not allowed: it must lie in (0, {DEEPEST:g}] wheel radii, "
+                "beyond which the contact law is held."
+            )
         if not 0.0 < self.gravity < 100.0:
             raise ParameterError(f"gravity = {self.gravity:g} m/s^2 is not allowed: it must lie in (0, 100) m/s^2.")
         used = self.terrain.ground_indices

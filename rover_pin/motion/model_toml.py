@@ -33,7 +33,7 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.effect_files import AnyEffect, effect_entry, effect_from
 from rover_pin.motion.log_terrain import terrain_from, write_terrain
-from rover_pin.motion.model import Model
+from rover_pin.motion.model import BURIED, Model
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.paths import is_file
@@ -45,7 +45,7 @@ KIND, RIG_KIND = "drive-model", "rig-model"
 """A driving rover's model; a wheel's on a rig, which gives a rover its soil and contact effects."""
 TABLES = ("motor", "slip", "terrain")
 LISTS = ("soil", "effect")
-KEYS = ("kind", "note", "rover", "gravity", *TABLES, *LISTS)
+KEYS = ("kind", "note", "rover", "gravity", "buried", *TABLES, *LISTS)
 
 
 def write_model(model: Model, path: str | Path, note: str = "", rover: str = "", with_terrain: bool = False) -> Path:
@@ -71,6 +71,7 @@ def write_model(model: Model, path: str | Path, note: str = "", rover: str = "",
         "note": note,
         "rover": name,
         "gravity": {"value": float(model.gravity), "unit": "m/s^2"},
+        "buried": float(model.buried),
         "motor": declared(model.motor),
         "slip": effect_entry(model.slip),
         "terrain": write_terrain(path.parent, model.terrain) if with_terrain else None,
@@ -117,7 +118,17 @@ def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = 
         gravity_from(table.get("gravity", EARTH), str(path)),
         tuple(each for each in effects if isinstance(each, BodyEffect)),
         tuple(each for each in effects if isinstance(each, SensorEffect)),
+        buried=_buried(table, path),
     )
+
+
+def _buried(table: dict[str, Any], path: Path) -> float:
+    given = table.get("buried", BURIED)
+    if isinstance(given, bool) or not isinstance(given, (int, float)):
+        raise DataError(
+            f"{path}: buried = {given!r} is not a number; give the sinkage over the wheel's radius, as 0.5."
+        )
+    return float(given)
 
 
 def model_files(path: str | Path) -> tuple[Path, ...]:

@@ -15,8 +15,6 @@ the default.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import pinocchio as pin
 
@@ -24,25 +22,11 @@ from rover_pin.body.section import Facet, Patch, WheelFrame, patches, wheel_fram
 from rover_pin.contact import Load
 from rover_pin.motion import laws
 from rover_pin.motion.body_law import body_law
-from rover_pin.motion.kernel import DIRECTION_SPEED, ENERGY, N_RECORD, SERVO_GAIN, STOP_GAIN, armed
+from rover_pin.motion.kernel import ENERGY, N_RECORD, SERVO_GAIN, STOP_GAIN, armed
 from rover_pin.motion.model import Model
+from rover_pin.motion.plain_law import LawValue, PlainLaw
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.suspension import joints_of, suspension_dofs, suspension_places
-
-TRAVEL_SIGNS = np.array([-1.0, -1.0, 1.0, -1.0])
-"""How (f_t, f_y, f_n, torque) and (v_x, v_y, v_n, rim) change when the direction of travel is mirrored."""
-
-
-class LawValue(NamedTuple):
-    """The contact law at one patch: load, rates, their derivatives, and the slip."""
-
-    load: np.ndarray
-    by_speed: np.ndarray
-    rate: np.ndarray
-    rate_by_speed: np.ndarray
-    load_by_state: np.ndarray
-    rate_by_state: np.ndarray
-    slip: np.ndarray
 
 
 class Plain:
@@ -55,17 +39,21 @@ class Plain:
         self.data = self.pin_model.createData()
         n = len(self.rover.wheels)
         self.record, self.loads, self.energy = np.zeros((n, N_RECORD)), np.zeros((n, 6)), np.zeros(len(ENERGY))
-        self.differential = np.zeros(1)
+        self.impulse, self.differential = np.zeros(3), np.zeros(1)
+        self.share = model.gravity * self.rover.mass / n
+        self.foreseen, self.misjudged = np.zeros((n, 4)), 0.0
         self.duty = np.zeros(n)
         steered = {i: wheel.steer_dof for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None}
         self.servo_wheels, self.servo_dofs = list(steered), list(steered.values())
         self.servo_target = np.zeros(max(1, len(self.servo_wheels)))
-        self.law = laws.as_numbers(laws.contact_law(model.contact_effects))
+        self.law = PlainLaw(model)
         self.motor = laws.as_numbers(laws.motor_law(model.motor, model.motor_effects))
         self.body = laws.as_numbers(body_law(model.body_effects, joints_of(self.rover)))
-        self.parameters = laws.numbers(model.contact_effects)
         self.motor_parameters = laws.numbers([model.motor, *model.motor_effects])
-        self.odd = np.array([-1.0 if each.odd else 1.0 for effect in model.contact_effects for each in effect.states])
+
+    def set_step(self, dt: float) -> None:
+        """Let steps have this length [s] from now on."""
+        self.dt = dt
 
     def energies(self) -> tuple[float, float]:
         """Return kinetic and potential energy [J] at the present state."""
@@ -74,19 +62,21 @@ class Plain:
 
     def step(self) -> int:
         """Advance the state by dt; return 0, or 1 when a number is not finite."""
-        state, nv = self.state, self.pin_model.nv
+        state, nv, n = self.state, self.pin_model.nv, len(self.rover.wheels)
         state.q[:] = pin.integrate(self.pin_model, state.q, 0.5 * self.dt * state.v)
         pin.computeJointJacobians(self.pin_model, self.data, state.q)
         self.soil_Q, self.soil_D = np.zeros(nv), np.zeros((nv, nv))
         self.bus = float(self.duty @ self.record[:, 10])
-        self.record[:], self.loads[:] = 0.0, 0.0
-        updates = [self._wheel(index) for index in range(len(self.rover.wheels))]
+        self.record[:], self.loads[:], self.misjudged = 0.0, 0.0, 0.0
+        self.begun, self.end, self.end_slope = np.zeros((n, 4)), np.zeros((n, 4)), np.zeros((n, 4, nv))
+        updates = [self._wheel(index) for index in range(n)]
         motor_Q, motor_D, motor_steps = self._motors()
         spring_Q, spring_D = self._springs()
         push_Q, push_D = self._push()
         du = self._solve(
             self.soil_Q + motor_Q + spring_Q + push_Q, self.soil_D + np.diag(motor_D + 2.0 * spring_D) + 2.0 * push_D
         )
+        self.foreseen[:] = self.end + self.end_slope @ du
         self._account(du, motor_Q + 0.5 * motor_D * du, spring_Q + spring_D * du, push_Q + push_D @ du)
         for index, (gain, slope) in enumerate(updates):
             state.contact[index] += gain + 0.5 * slope @ du
@@ -137,6 +127,7 @@ class Plain:
             slopes.append(weight * slope)
         if not weights:
             return np.zeros(nx), np.zeros((nx, J.shape[1]))
+        self._judge(index)
         self.record[index, [0, 1, 7]] /= sum(weights)
         self.record[index, 2] = sinkage
         self.record[index, 8] = 0.0 if airborne else len(found)
@@ -154,7 +145,7 @@ class Plain:
         speeds = see @ self.state.v
         constants = [mount.wheel, self.model.soils[patch.facet.ground]]
         contact = np.array([patch.h, *speeds, frame.centre[0], mount.axle, *laws.numbers(constants)])
-        law = self._travel_law(contact, self.state.contact[index])
+        law = self.law(contact, self.state.contact[index])
         step, step_by_speed = self._state_step(law)
         load = law.load + 0.5 * law.load_by_state @ step
         by_speed = law.by_speed + 0.5 * law.load_by_state @ step_by_speed
@@ -162,6 +153,10 @@ class Plain:
         in_plane = patch.facet.in_plane
         arm = -r * (in_plane[0] * frame.forward + in_plane[1] * frame.up)
         share, tilt, turn = patch.share, patch.tilt, patch.turn
+        parts = np.array([share, share, share, turn])
+        self.begun[index] += parts * law.load
+        self.end[index] += parts * (2.0 * load - law.load)
+        self.end_slope[index] += parts[:, None] * (by_speed @ see)
         edge = patch.side * np.array([0.0, 1.0, 0.0])
         forces = np.array([share * t + tilt * N, share * side, share * N - tilt * t + edge, np.zeros(3)])
         off_axle = np.eye(3) - np.outer(frame.axle, frame.axle)
@@ -171,51 +166,23 @@ class Plain:
         self.soil_Q += push.T @ load
         self.soil_D += push.T @ by_speed @ see
         weight = max(share * load[2], 1e-12)
-        felt = Load(*(np.array([share, share, share, turn]) * load))
+        felt = Load(*(parts * load))
         self.record[index, :2] += weight * law.slip
         lateral = felt.f_y + patch.side * side[1] * load[2]
         self.record[index, 3:8] += [felt.f_n, felt.f_t, lateral, felt.torque, weight * float(velocity @ t)]
         self.loads[index] += np.concatenate([forces.T @ load, moments.T @ load])
         return weight, step, step_by_speed @ see
 
+    def _judge(self, index: int) -> None:
+        """Compare a wheel's load, by its normal force, with what the step before took it to become."""
+        now, before = self.begun[index], self.foreseen[index]
+        if now[2] > 0.0 and before[2] > 0.0:
+            off = np.abs(now / now[2] - before / before[2]) / [1.0, 1.0, 1.0, float(self.rover.wheels[index].wheel.r)]
+            self.misjudged = max(self.misjudged, float(off.max()) * min(1.0, now[2] / self.share))
+
     def _state_step(self, law: LawValue) -> tuple[np.ndarray, np.ndarray]:
         implicit = np.eye(len(law.rate)) - 0.5 * self.dt * law.rate_by_state
         return np.linalg.solve(implicit, self.dt * law.rate), np.linalg.solve(implicit, self.dt * law.rate_by_speed)
-
-    def _travel_law(self, contact: np.ndarray, states: np.ndarray) -> LawValue:
-        """Return the law in the direction of travel, blended smoothly around rest."""
-        z = min(1.0, max(-1.0, 0.5 * (contact[1] + contact[4]) / DIRECTION_SPEED))
-        forwards = 0.5 + 0.25 * z * (3.0 - z * z)
-        value = self._split(self.law(contact, states, self.parameters))
-        if forwards == 1.0:
-            return value
-        mirrored = contact.copy()
-        mirrored[[1, 2, 4]] *= -1.0
-        mirrored[6] = max(wheel.axle for wheel in self.rover.wheels) - contact[6]
-        back = self._split(self.law(mirrored, self.odd * states, self.parameters))
-        sign, odd = TRAVEL_SIGNS, self.odd
-        turned = LawValue(
-            sign * back.load,
-            np.outer(sign, sign) * back.by_speed,
-            odd * back.rate,
-            np.outer(odd, sign) * back.rate_by_speed,
-            np.outer(sign, odd) * back.load_by_state,
-            np.outer(odd, odd) * back.rate_by_state,
-            -back.slip,
-        )
-        blend = LawValue(*(forwards * a + (1.0 - forwards) * b for a, b in zip(value, turned, strict=True)))
-        turning = 0.375 * (1.0 - z * z) / DIRECTION_SPEED * np.array([1.0, 0.0, 0.0, 1.0])
-        return blend._replace(
-            by_speed=blend.by_speed + np.outer(value.load - turned.load, turning),
-            rate_by_speed=blend.rate_by_speed + np.outer(value.rate - turned.rate, turning),
-        )
-
-    def _split(self, out: np.ndarray) -> LawValue:
-        nx = len(self.odd)
-        shapes = [(4,), (4, 4), (nx,), (nx, 4), (4, nx), (nx, nx), (2,)]
-        ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
-        parts = np.split(out, ends[:-1])
-        return LawValue(*(part.reshape(shape, order="F") for part, shape in zip(parts, shapes, strict=True)))
 
     def _motors(self) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
         nv, nx = self.pin_model.nv, self.state.motor.shape[1]
@@ -275,6 +242,7 @@ class Plain:
         electric = float(np.sum(self.record[:, 10] * self.record[:, 11] * self.duty))
         soil = (self.soil_Q + 0.5 * self.soil_D @ du) @ speed
         steered = (springs - stopped) @ speed
+        self.impulse += self.dt * self.loads[:, :3].sum(axis=0)
         self.energy += self.dt * np.array(
             [motor @ speed, -soil, -(stopped @ speed), -steered, electric, -(push @ speed)]
         )

@@ -90,5 +90,6 @@ def about(model: Model) -> dict[str, Any]:
         "slip_law": type(model.slip).__name__,
         "effects": [type(effect).__name__ for effect in (*model.effects, *model.motor_effects, *model.body_effects)],
         "gravity_mps2": model.gravity,
+        "buried": model.buried,
         "made_by": "rover_pin " + __version__,
     }

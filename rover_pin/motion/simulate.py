@@ -11,13 +11,16 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from rover_pin.errors import SimulationError
+from rover_pin.motion.audit import warnings_of
 from rover_pin.motion.command import Command, Controller, Reading, Truth
 from rover_pin.motion.failure import Suspension, failure, suspension_of
 from rover_pin.motion.kernel import RECORD, Kernel
 from rover_pin.motion.model import Model
-from rover_pin.motion.place import Start, settled
+from rover_pin.motion.pace import Pace, Steps
+from rover_pin.motion.place import SetDown, Start, hovering, set_down
 from rover_pin.motion.plain import Plain
 from rover_pin.motion.record import trace_of
+from rover_pin.motion.resolution import parts
 from rover_pin.motion.state import DriveState, base_rotation, roll_pitch_yaw
 from rover_pin.motion.trace import Trace
 
@@ -29,18 +32,16 @@ SAMPLE = 0.05
 """Time between the trace's rows [s]."""
 
 
-class Stepper(Protocol):
+class Stepper(Steps, Protocol):
     """A drive from one step to the next: `Kernel` or `Plain`."""
 
     record: np.ndarray
+    impulse: np.ndarray
     energy: np.ndarray
     duty: np.ndarray
     servo_target: np.ndarray
     servo_wheels: list[int]
     differential: np.ndarray
-
-    def step(self) -> int:
-        """Advance the state; 0 when all is well."""
 
     def energies(self) -> tuple[float, float]:
         """Return kinetic and potential energy [J]."""
@@ -53,6 +54,8 @@ class Timing:
     dt: float = DT
     control: float = CONTROL_PERIOD
     sample: float = SAMPLE
+    divided: int = 1
+    "into how many parts every step is divided, besides those that the ground asks for (`resolution.parts`)"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.dt <= 0.1:
@@ -65,8 +68,12 @@ class Timing:
                 )
 
     def halved(self) -> Timing:
-        """Return the same with half the step."""
-        return dataclasses.replace(self, dt=self.dt / 2.0)
+        """Return the same with half the step, also where the ground asks for a finer one than `dt`."""
+        return dataclasses.replace(self, divided=2 * self.divided)
+
+    def refined(self, parts: int) -> Timing:
+        """Return the same with the step that is taken: `dt` in as many parts, and divided."""
+        return dataclasses.replace(self, dt=self.dt / (parts * self.divided), divided=1)
 
 
 class Drive(NamedTuple):
@@ -148,17 +155,21 @@ def _simulate(
         raise SimulationError("A mirror-symmetric drive needs a terrain that is the same on the left and on the right.")
     if symmetric and model.built.up[1] != 0.0:
         raise SimulationError("A mirror-symmetric drive needs gravity without a pull to one side: set rise_y to 0.")
-    state = start.copy() if isinstance(start, DriveState) else settled(model, start, symmetric)
+    fine = timing.refined(parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt))
+    begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
     if hasattr(controller, "reset"):
         controller.reset()
+    state = begin.state
     begun = model.begun(float(state.q[0]), float(state.q[1]))
-    drive = Drive(begun, state, kind(begun, state, timing.dt, symmetric), controller, timing)
-    rows, stop = run(drive, duration, progress)
-    attrs = {"dt_s": timing.dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": stop}
-    return trace_of(model, rows, attrs)
+    drive = Drive(begun, state, kind(begun, state, fine.dt, symmetric), controller, fine)
+    pace = Pace(drive.stepper, fine.dt)
+    rows, stop = run(drive, pace, duration, progress)
+    attrs = {"dt_s": fine.dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": stop}
+    attrs |= {"set_down": begin.standing} if begin.standing else {}
+    return trace_of(model, rows, attrs | {"warnings": warnings_of(begun, rows, pace)})
 
 
-def run(drive: Drive, duration: float, progress: Progress | None) -> tuple[list[Row], str]:
+def run(drive: Drive, pace: Pace, duration: float, progress: Progress | None) -> tuple[list[Row], str]:
     """Step until the end; return the rows and the reason of the stop."""
     timing, state, stepper = drive.timing, drive.state, drive.stepper
     steps = round(duration / timing.dt)
@@ -166,11 +177,10 @@ def run(drive: Drive, duration: float, progress: Progress | None) -> tuple[list[
     suspension = suspension_of(drive.model)
     rows: list[Row] = []
     begin = state.t
-    step = stepper.step
     for k in range(steps):
         if k % per_control == 0:
             obey(drive, k, suspension)
-        status = step()
+        status = pace.advance()
         if status:
             return rows, f"diverged at {state.t:.2f} s: " + ("a velocity is not finite", "the system is singular")[
                 status - 1
@@ -198,6 +208,8 @@ class Row(NamedTuple):
     energy: np.ndarray
     differential: float
     mechanical: tuple[float, float]
+    impulse: np.ndarray
+    "of the soil's forces on all wheels since the start, in the world (3) [N s]"
 
 
 def row_of(drive: Drive) -> Row:
@@ -213,6 +225,7 @@ def row_of(drive: Drive) -> Row:
         stepper.energy.copy(),
         float(stepper.differential[0]),
         stepper.energies(),
+        stepper.impulse.copy(),
     )
 
 

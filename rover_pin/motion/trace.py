@@ -14,7 +14,7 @@ from rover_pin.motion.channels import unit_of, wheels_in
 
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
 """Energy channels beside what soil, stops, servos and further effects take; springs' share is within `energy_body`."""
-TOLD = ("stop", "traction_form", "motion_resistance_R")
+TOLD = ("stop", "warnings", "set_down", "traction_form", "motion_resistance_R")
 """Attributes that a summary repeats."""
 
 
@@ -147,7 +147,7 @@ class Trace(Mapping[str, np.ndarray]):
             short["mean_slip"], short["max_slip"] = _over(np.mean, slip), _over(np.max, slip)
         if {"energy_motor", "energy_kinetic", "energy_potential"} <= self.channels.keys():
             short["energy_motor_J"], short["energy_error"] = float(self["energy_motor"][-1]), self.energy_error()
-        told = {name: self.attrs[name] for name in TOLD if name in self.attrs}
+        told = {name: self.attrs[name] for name in TOLD if self.attrs.get(name, []) != []}
         return {**told, **{name: value for name, value in short.items() if math.isfinite(value)}}
 
     def _travel(self) -> dict[str, float]:

@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from rover_pin.console import plain_column, plain_console
+
 Advance = Callable[[bool], None]
 """To be called after each case with whether it failed."""
 SECONDS_BETWEEN_LINES = 10.0
@@ -22,13 +24,12 @@ def progress(name: str, total: int, done: int) -> Iterator[Advance]:
 
 @contextmanager
 def _bar(name: str, total: int, done: int) -> Iterator[Advance]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-    counts = (MofNCompleteColumn(), TextColumn("{task.fields[failures]} failed"))
-    columns = (TextColumn(name), BarColumn(), *counts, TimeRemainingColumn(), TextColumn("left"))
+    counts = (MofNCompleteColumn(), plain_column("{task.fields[failures]} failed"))
+    columns = (plain_column("{task.description}"), BarColumn(), *counts, TimeRemainingColumn(), plain_column("left"))
     failed = 0
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with Progress(*columns, console=plain_console(stderr=True)) as bar:
         task = bar.add_task(name, total=total, completed=done, failures=0)
 
         def advance(has_failed: bool) -> None:

@@ -16,6 +16,7 @@ from rover_pin.evidence.drive_fit import DriveFit, Task, fit
 from rover_pin.evidence.drive_model import DRIVEN_SAND
 from rover_pin.evidence.drive_noise import Noise
 from rover_pin.evidence.drive_parameters import owner_name, owners, parameter
+from rover_pin.evidence.resume import Memory
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
 from rover_pin.soil.angles import FixedAngles
@@ -37,6 +38,8 @@ class LinearBench:
     channels: tuple[str, ...] = CHANNELS
     length: int = BLOCKS
     asked: list = field(default_factory=list)
+    identity: str = "linear"
+    memory: Memory = Memory()
 
     def predict(self, models):
         self.asked.append(len(models))

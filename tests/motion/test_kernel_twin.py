@@ -74,7 +74,7 @@ def test_steps_agree(name):
             ):
                 mine[:] = theirs
             plain.duty[:], plain.servo_target[:] = duty, steer
-            plain.energy[:] = kernel.energy
+            plain.energy[:], plain.impulse[:], plain.foreseen[:] = kernel.energy, kernel.impulse, kernel.foreseen
             assert (plain.step(), kernel.step()) == (0, 0)
             assert other.q == pytest.approx(state.q, abs=1e-11)
             assert other.v == pytest.approx(state.v, abs=1e-9)
@@ -83,6 +83,9 @@ def test_steps_agree(name):
             assert plain.record == pytest.approx(kernel.record, rel=1e-8, abs=1e-8)
             assert plain.loads == pytest.approx(kernel.loads, rel=1e-8, abs=1e-8)
             assert plain.energy == pytest.approx(kernel.energy, rel=1e-9, abs=1e-10)
+            assert plain.impulse == pytest.approx(kernel.impulse, rel=1e-9, abs=1e-10)
+            assert plain.misjudged == pytest.approx(kernel.misjudged, rel=1e-6, abs=1e-9)
+            assert plain.foreseen == pytest.approx(kernel.foreseen, rel=1e-8, abs=1e-8)
             assert plain.differential == pytest.approx(kernel.differential, rel=1e-8, abs=1e-9)
         else:
             assert kernel.step() == 0

@@ -33,7 +33,7 @@ BASE = scenario("flat").model
 
 def alike(one, other):
     """Two models in all but their rovers' objects and terrains."""
-    kept = ("soils", "motor", "slip", "effects", "motor_effects", "gravity", "body_effects", "sensor_effects")
+    kept = ("soils", "motor", "slip", "effects", "motor_effects", "gravity", "body_effects", "sensor_effects", "buried")
     assert {name: getattr(one, name) for name in kept} == {name: getattr(other, name) for name in kept}
     assert (one.rover.name, one.rover.urdf) == (other.rover.name, other.rover.urdf)
 
@@ -239,3 +239,11 @@ def test_a_wheels_model_is_made_of_its_file_and_its_effects(tmp_path):
     assert model_files(path) == (path,)
     path.write_text(path.read_text() + "[[effect]]\nname = 'Own'\nfile = 'own.py'\n")
     assert model_files(path) == (path, tmp_path / "own.py")
+
+
+def test_the_burial_cut_is_kept_and_refused_where_it_is_no_share_of_the_radius(tmp_path):
+    path = write_model(BASE.replace(buried=0.9), tmp_path / "model.toml")
+    alike(read_model(path, FLAT), BASE.replace(buried=0.9))
+    path.write_text(path.read_text().replace("buried = 0.9", 'buried = "deep"'))
+    with pytest.raises(DataError, match="buried = 'deep' is not a number"):
+        read_model(path, FLAT)

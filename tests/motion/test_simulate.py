@@ -215,6 +215,22 @@ def test_a_buried_wheel_stops_the_drive():
         simulate(made("flat", **{"soil.k_1": 1.0}), ConstantDuty(0.3), 2.0)
     trace = simulate(model, ConstantDuty(0.3), 2.0)
     assert str(trace.attrs["stop"]).startswith("buried: wheel")
+    assert ", over 0.5 r at" in trace.attrs["stop"]
+    assert trace.attrs["buried"] == 0.5
+
+
+def test_how_deep_a_buried_wheel_is_can_be_set():
+    """The same drive, only longer: it goes on where the usual cut ended it."""
+    digging = {"add": "DiggingMemory.c_d=0.2", "terrain.angle_deg": 9.0, "terrain.start": -5.0, "duration": 20.0}
+    usual, deep = (scenario("incline", **digging, **cut).drive() for cut in ({}, {"buried": 0.9}))
+    rows = len(usual.t)
+    assert usual.attrs["stop"].startswith("buried")
+    assert deep.attrs["stop"] == "duration"
+    assert np.array_equal(usual["body_x"], deep["body_x"][:rows])
+    assert deep.stack("sinkage").max() > 0.5 * 0.045
+    for wrong in (0.0, 0.99, float("nan")):
+        with pytest.raises(ParameterError, match=r"buried = .* is not allowed"):
+            scenario("incline", buried=wrong)
 
 
 def test_a_diverged_drive_keeps_what_was_driven():

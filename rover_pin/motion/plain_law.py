@@ -1,0 +1,71 @@
+"""The contact law at one patch in plain NumPy, in the direction of travel."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.motion import laws
+from rover_pin.motion.kernel import DIRECTION_SPEED
+from rover_pin.motion.model import Model
+
+TRAVEL_SIGNS = np.array([-1.0, -1.0, 1.0, -1.0])
+"""How (f_t, f_y, f_n, torque) and (v_x, v_y, v_n, rim) change when the direction of travel is mirrored."""
+
+
+class LawValue(NamedTuple):
+    """The contact law at one patch: load, rates, their derivatives, and the slip."""
+
+    load: np.ndarray
+    by_speed: np.ndarray
+    rate: np.ndarray
+    rate_by_speed: np.ndarray
+    load_by_state: np.ndarray
+    rate_by_state: np.ndarray
+    slip: np.ndarray
+
+
+class PlainLaw:
+    """The law of a model's contact effects: (contact vector, own states) -> LawValue."""
+
+    def __init__(self, model: Model):
+        self.law = laws.as_numbers(laws.contact_law(model.contact_effects))
+        self.parameters = laws.numbers(model.contact_effects)
+        self.odd = np.array([-1.0 if each.odd else 1.0 for effect in model.contact_effects for each in effect.states])
+        self.last_axle = max(wheel.axle for wheel in model.rover.wheels)
+
+    def __call__(self, contact: np.ndarray, states: np.ndarray) -> LawValue:
+        """Return the law in the direction of travel, blended smoothly around rest."""
+        z = min(1.0, max(-1.0, 0.5 * (contact[1] + contact[4]) / DIRECTION_SPEED))
+        forwards = 0.5 + 0.25 * z * (3.0 - z * z)
+        value = self._split(self.law(contact, states, self.parameters))
+        if forwards == 1.0:
+            return value
+        mirrored = contact.copy()
+        mirrored[[1, 2, 4]] *= -1.0
+        mirrored[6] = self.last_axle - contact[6]
+        back = self._split(self.law(mirrored, self.odd * states, self.parameters))
+        sign, odd = TRAVEL_SIGNS, self.odd
+        turned = LawValue(
+            sign * back.load,
+            np.outer(sign, sign) * back.by_speed,
+            odd * back.rate,
+            np.outer(odd, sign) * back.rate_by_speed,
+            np.outer(sign, odd) * back.load_by_state,
+            np.outer(odd, odd) * back.rate_by_state,
+            -back.slip,
+        )
+        blend = LawValue(*(forwards * a + (1.0 - forwards) * b for a, b in zip(value, turned, strict=True)))
+        turning = 0.375 * (1.0 - z * z) / DIRECTION_SPEED * np.array([1.0, 0.0, 0.0, 1.0])
+        return blend._replace(
+            by_speed=blend.by_speed + np.outer(value.load - turned.load, turning),
+            rate_by_speed=blend.rate_by_speed + np.outer(value.rate - turned.rate, turning),
+        )
+
+    def _split(self, out: np.ndarray) -> LawValue:
+        nx = len(self.odd)
+        shapes = [(4,), (4, 4), (nx,), (nx, 4), (4, nx), (nx, nx), (2,)]
+        ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
+        parts = np.split(out, ends[:-1])
+        return LawValue(*(part.reshape(shape, order="F") for part, shape in zip(parts, shapes, strict=True)))

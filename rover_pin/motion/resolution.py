@@ -1,0 +1,77 @@
+"""How fine a step the ground under a rover asks for: its fastest vibration on the springs of its contacts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.acceleration import constraint_row, wheel_jacobians
+from rover_pin.contact import Soil, Wheel
+from rover_pin.errors import SimulationError
+from rover_pin.motion.kernel import armed
+from rover_pin.motion.model import Model
+from rover_pin.motion.state import DriveState
+from rover_pin.soil.sinkage import power_law_guess, sinkage
+from rover_pin.soil.stress import modulus
+
+RESOLVED = 1.2
+"""Angle [rad] of the fastest vibration in one step: the step is stable to 2 and right to 6 % of the frequency at 1.2.
+Left over is what a heavier load on a wheel makes of it: omega grows as load^(1/6) for n = 1, load^(1/3) for n = 3."""
+MOST = 200
+"""Parts into which a step may be divided by itself."""
+
+
+def parts(model: Model, state: DriveState, dt: float) -> int:
+    """Return into how many equal parts a step `dt` [s] is divided: the least with omega dt / parts <= RESOLVED.
+
+    The step takes the springs of the contacts, f_n(h), explicitly: it is stable for omega dt < 2 only
+    (Stoermer-Verlet), omega [rad/s] the rover's fastest vibration on them,
+
+        omega^2 = greatest eigenvalue of K^1/2 U (M^-1)_G U^T K^1/2,   K_ii = df_n/dh = (n + 1/2) W / h(W),
+
+    U the wheels' upward Jacobians, (M^-1)_G the inverse mass with the differential's constraint, W an equal share of
+    the weight and h(W) the sinkage of the firmest of the terrain's soils under it. Damping is implicit and asks for
+    nothing; effects that make a soil firmer than its own constants are not seen here.
+
+    Raises
+    ------
+    SimulationError
+        Soil so firm that it would take more than MOST parts.
+    """
+    omega = contact_frequency(model, state)
+    needed = max(1, math.ceil(omega * dt / RESOLVED - 1e-9))
+    if needed > MOST:
+        raise SimulationError(
+            f"The ground is too stiff for dt = {dt:g} s: the rover vibrates on it at {omega:.3g} rad/s, which takes "
+            f"{needed} parts of a step, and {MOST} are allowed: lower soil.k_1 or raise soil.n to 0.5 or more, or give "
+            f"a dt of at most {MOST * RESOLVED / omega:.2g} s."
+        )
+    return needed
+
+
+def contact_frequency(model: Model, state: DriveState) -> float:
+    """Return omega [rad/s] of `parts` for a rover in the configuration of `state`."""
+    rover = model.built
+    pin_model = armed(rover.model, model)
+    data = pin_model.createData()
+    M = np.array(pin.crba(pin_model, data, state.q))
+    inverse = np.linalg.inv(np.triu(M) + np.triu(M, 1).T)
+    if rover.differential is not None and model.rigid_differential:
+        G = constraint_row(rover)
+        inverse -= np.outer(inverse @ G, inverse @ G) / (G @ inverse @ G)
+    U = np.array([J[2] for J in wheel_jacobians(rover, state.q)])
+    share = model.gravity * rover.mass / len(rover.wheels)
+    soils = [model.soils[index] for index in sorted(model.terrain.ground_indices)]
+    K = [max(stiffness(share, mount.wheel, soil) for soil in soils) for mount in rover.wheels]
+    root = np.sqrt(K)
+    return math.sqrt(float(np.linalg.eigvalsh(root[:, None] * (U @ inverse @ U.T) * root)[-1]))
+
+
+def stiffness(load: float, wheel: Wheel, soil: Soil) -> float:
+    """Return df_n/dh [N/m] where a wheel carries `load` [N]: f_n ~ h^(n + 1/2), Eqs (4) and (6) at small angles."""
+    if not float(modulus(wheel, soil)) > 0.0:
+        return 0.0
+    h = sinkage(math.exp(power_law_guess(math.log(load), wheel, soil)), wheel)
+    return (float(soil.n) + 0.5) * load / float(h)

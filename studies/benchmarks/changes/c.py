@@ -1,0 +1,28 @@
+"""All changes of a C file, one at a time: operators, constants, comparisons, names."""
+
+from __future__ import annotations
+
+import re
+
+from changes.python import Mutant
+
+SIGNS = {" + ": " - ", " * ": " / ", " < ": " >= ", " > ": " <= ", " && ": " || ", " += ": " -= ", " == ": " != ",
+         "fmin(": "fmax(", "sin(": "cos("}  # fmt: skip
+SIGNS |= {other: sign for sign, other in SIGNS.items()} | {"= -": "= "}
+TOKEN = re.compile(
+    "|".join(re.escape(sign) for sign in sorted(SIGNS, key=len, reverse=True)) + r"|\b\d+\.\d*(?:e-?\d+)?"
+)
+HIDDEN = re.compile(r"/\*.*?\*/|//[^\n]*|^\s*#[^\n]*|\"[^\"\n]*\"|for \([^{\n]*", re.DOTALL | re.MULTILINE)
+"""Comments, directives, strings, and the heads of loops."""
+
+
+def changes(text: str) -> list[Mutant]:
+    """Return all changes of a C text."""
+    code = HIDDEN.sub(lambda found: re.sub(r"[^\n]", "~", found.group()), text)
+    made = []
+    for token in TOKEN.finditer(code):
+        line = text.count("\n", 0, token.start()) + 1
+        new = SIGNS.get(token.group()) or repr(1.1 * float(token.group()) or 0.1)
+        told = f"{' '.join(text.splitlines()[line - 1].split())}: {token.group().strip()} -> {new.strip()}"
+        made.append(Mutant(line, *token.span(), new, told))
+    return made

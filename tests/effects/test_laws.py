@@ -1,0 +1,176 @@
+"""Laws of effects that have no file of their own here, by hand: closed forms, limits, and what must not change."""
+
+import math
+
+import pytest
+
+from rover_pin.contact import Contact, Load, Soil, Wheel
+from rover_pin.effects.effect import Drive
+from rover_pin.effects.gear_friction import GearFriction
+from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.effects.normal_damping import NormalDamping
+from rover_pin.effects.post_peak import PostPeak
+from rover_pin.effects.side_shear import LEAST_SHARE, SideShear
+from rover_pin.effects.slip import SIDEWAYS_SHARE, AlgebraicSlip, RelaxedSlip, sliding_speed
+from rover_pin.effects.soil_traction import NODES, SoilTraction
+from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, wheel_forces
+
+BEFORE = Load(f_t=1.3, f_y=0.4, f_n=8.0, torque=0.09)
+
+
+# --- PostPeak --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("times", [0.0, 0.5, 1.0, 2.0, -1.0])
+def test_failed_sand_loses_a_share_of_its_shear_that_grows_with_the_square_of_slip(patch, times):
+    """B (1 - e^-x^2) at x = S / S_w: 63 % of the loss at S_w, alike forwards and back; load and resistance stay."""
+    effect = PostPeak(fraction=0.35, S_w=0.45)
+    contact = patch(S=0.45 * times, wheel=Wheel(r=0.06))
+    lost = 0.35 * (1 - math.exp(-times * times))
+    left = BEFORE.plus(effect.load(contact, BEFORE, ()))
+    assert left.torque == pytest.approx(0.09 * (1 - lost))
+    assert left.f_y == pytest.approx(0.4 * (1 - lost))
+    assert left.f_t == pytest.approx(1.3 - 0.09 / 0.06 * lost)
+    assert left.f_n == 8.0
+
+
+# --- MotionResistance, NormalDamping ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("v", [0.05, 0.005, 0.0, -0.05])
+def test_the_resistance_is_a_share_of_the_load_against_the_travel(patch, v):
+    push = MotionResistance(R=0.03, v_0=0.005).load(patch(v_x=v), BEFORE, ())
+    assert push.f_t == pytest.approx(-0.03 * 8.0 * v / math.hypot(v, 0.005))
+    assert (push.f_y, push.f_n, push.torque) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("speed", "factor"), [(0.0, 1.0), (0.02, 1.2), (-0.03, 0.7), (-0.2, 0.0)])
+def test_soil_that_is_pushed_in_bears_more_and_never_pulls(patch, speed, factor):
+    left = BEFORE.plus(NormalDamping(d=10.0).load(patch(v_n=speed), BEFORE, ()))
+    assert list(left) == pytest.approx([factor * part for part in BEFORE])
+
+
+# --- SideShear -------------------------------------------------------------------------------------------------------
+
+
+def arc(h, r, ratio):
+    theta_1 = math.acos(1 - h / r)
+    return theta_1 * (1 + ratio)
+
+
+@pytest.mark.parametrize("S_y", [0.3, -0.3, 0.02, 0.0])
+@pytest.mark.parametrize("f_t", [0.0, 2.0])
+def test_the_side_force_is_what_the_strength_leaves_by_janosis_law(patch, S_y, f_t):
+    wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=300.0, phi=0.5, k=0.004, exit_ratio=0.2)
+    before = Load(f_t=f_t, f_n=8.0, torque=0.1)
+    push = SideShear(scale=0.8).load(patch(S_y=S_y, h=0.007, wheel=wheel, soil=soil), before, ())
+    length = 0.06 * arc(0.007, 0.06, 0.2)
+    strength = 300.0 * 0.04 * length + 8.0 * math.tan(0.5)
+    share = 1 - math.exp(-abs(S_y) * length / 2 / 0.004)
+    expected = -math.copysign(0.8 * math.sqrt(strength**2 - f_t**2) * share, S_y) if S_y else 0.0
+    assert push.f_y == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    assert (push.f_t, push.f_n, push.torque) == (0.0, 0.0, 0.0)
+
+
+def test_a_wheel_whose_pull_takes_all_the_strength_keeps_a_twentieth_sideways(patch):
+    soil = Soil(c=0.0, phi=math.radians(30), k=1e-5)
+    push = SideShear(scale=1.0).load(patch(S_y=1.0, soil=soil), Load(f_t=50.0, f_n=9.0), ())
+    assert push.f_y == pytest.approx(-LEAST_SHARE * 9.0 * math.tan(math.radians(30)), rel=1e-6)
+    assert LEAST_SHARE == 0.05
+
+
+# --- slip ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rim", "v", "S"),
+    [
+        (0.05, 0.03, 0.4),
+        (0.03, 0.05, -0.4),
+        (-0.05, -0.03, -0.4),
+        (0.002, 0.0, 0.2),
+        (0.0, 0.003, -0.3),
+        (0.05, -0.05, 1.0),
+    ],
+)
+def test_algebraic_slip_is_eq_1_but_for_the_least_speed(patch, rim, v, S):
+    assert pytest.approx(S) == AlgebraicSlip(v_0=0.01).amend(patch(rim=rim, v_x=v), ()).S
+
+
+def test_sideways_slip_is_the_sideways_speed_over_the_faster_of_rim_and_travel(patch):
+    slip = AlgebraicSlip(v_0=0.01)
+    assert slip.amend(patch(rim=0.05, v_x=0.03, v_y=0.02), ()).S_y == pytest.approx(0.4)
+    assert slip.amend(patch(rim=0.03, v_x=-0.05, v_y=-0.02), ()).S_y == pytest.approx(-0.4)
+    assert slip.amend(patch(rim=0.0, v_x=0.0, v_y=0.002), ()).S_y == pytest.approx(0.2)
+    assert slip.amend(patch(rim=0.0, v_x=0.0, v_y=0.5), ()).S_y == pytest.approx(1 / SIDEWAYS_SHARE)
+    assert sliding_speed(patch(rim=0.0, v_x=0.0, v_y=-0.5)) == pytest.approx(0.05 * 0.5)
+
+
+@pytest.mark.parametrize(("rim", "v_x"), [(0.05, 0.03), (0.03, 0.05), (-0.05, -0.02), (-0.02, -0.05)])
+def test_relaxed_slip_settles_at_eq_1_over_its_length(patch, rim, v_x):
+    """Its steady state, and by how much it moves off it: the rate is max(speeds) (S - s) / L; S leads it by T."""
+    slip, contact = RelaxedSlip(length=0.03, damping=0.1), patch(rim=rim, v_x=v_x, v_y=0.01)
+    fastest = max(abs(rim), abs(v_x))
+    steady = ((rim - v_x) / fastest, 0.01 / fastest)
+    assert slip.rate(contact, Load(), steady) == pytest.approx((0.0, 0.0), abs=1e-15)
+    for off in (0.1, -0.2):
+        x = (steady[0] - off, steady[1] - off)
+        assert slip.rate(contact, Load(), x) == pytest.approx((fastest * off / 0.03, fastest * off / 0.03))
+        amended = slip.amend(contact, x)
+        assert pytest.approx(min(1.0, max(-1.0, x[0] + 0.1 * fastest * off / 0.03))) == amended.S
+        assert amended.S_y == pytest.approx(x[1] + 0.1 * fastest * off / 0.03)
+
+
+def test_relaxed_slip_stays_within_one_and_keeps_its_value_at_rest(patch):
+    slip = RelaxedSlip(length=0.03, damping=0.5)
+    assert slip.amend(patch(rim=0.5, v_x=0.0), (0.0, 0.0)).S == 1.0
+    assert slip.amend(patch(rim=-0.5, v_x=0.0), (0.0, 0.0)).S == -1.0
+    assert slip.rate(patch(rim=0.0, v_x=0.0, v_y=0.0), Load(), (0.3, -0.2)) == (0.0, 0.0)
+
+
+# --- GearFriction ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("omega", [0.5, -2.0])
+def test_a_bristle_winds_up_over_its_angle(omega):
+    """After the angle theta the bristle has wound up by sgn(omega) (1 - exp(-|theta| / theta_c))."""
+    friction, drive = GearFriction(tau_c=0.07, theta_c=0.03), Drive(0.0, omega, 7.2, 24.0, 3.3)
+    for turned in (0.0, 0.01, 0.05):
+        z = math.copysign(1 - math.exp(-turned / 0.03), omega)
+        (rate,) = friction.rate(drive, 0.2, (z,))
+        assert rate == pytest.approx(omega / 0.03 * math.exp(-turned / 0.03))
+        assert friction.torque(drive, 0.2, (z,)) == pytest.approx(-0.07 * z)
+
+
+# --- SoilTraction ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", [NetTraction(), TorqueTraction(), GrossTraction()], ids=lambda form: form.name)
+@pytest.mark.parametrize("angles", [FixedAngles(), SinkageAngles()], ids=lambda angles: type(angles).__name__)
+def test_the_papers_traction_is_a_share_of_the_load_that_the_sinkage_carries(patch, form, angles):
+    contact = patch(S=0.3, h=0.008, soil=Soil(c=200.0, k=0.01))
+    wheel, soil = contact.wheel, contact.soil
+    push = SoilTraction(form, angles).load(contact, Load(), ())
+    theta_1 = math.acos(1 - 0.008 / wheel.r)
+    sunk = wheel_forces(0.3, theta_1, -soil.exit_ratio * theta_1, wheel, soil, NODES)
+    acting = (
+        sunk if isinstance(angles, SinkageAngles) else wheel_forces(0.3, soil.theta_1, soil.theta_2, wheel, soil, NODES)
+    )
+    pull = {"net": acting.f_t, "torque": acting.torque / wheel.r, "gross": acting.thrust}[form.name]
+    assert push.f_n == pytest.approx(sunk.f_n)
+    assert push.f_t == pytest.approx(pull / acting.f_n * sunk.f_n)
+    assert push.torque == pytest.approx(acting.torque / acting.f_n * sunk.f_n)
+    assert push.f_y == 0.0
+
+
+@pytest.mark.parametrize("form", [NetTraction(), TorqueTraction(), GrossTraction()], ids=lambda form: form.name)
+@pytest.mark.parametrize("angles", [FixedAngles(), SinkageAngles()], ids=lambda angles: type(angles).__name__)
+def test_only_the_net_form_whose_angles_follow_feels_a_deeper_rut(patch, form, angles):
+    feels = form.name == "net" and isinstance(angles, SinkageAngles)
+    assert SoilTraction(form, angles).amend(patch(), ()).uncompacted == (0.0 if feels else 1.0)
+
+
+def test_a_contact_knows_the_sense_of_its_travel(patch):
+    contact: Contact = patch(v_x=-0.03)
+    assert contact.sense(0.04) == pytest.approx(-0.6)

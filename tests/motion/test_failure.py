@@ -1,0 +1,65 @@
+"""When a drive cannot go on: each limit just within and just beyond it."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from rover_pin.body.rover import load_rover
+from rover_pin.motion.failure import failure, suspension_of
+from rover_pin.motion.kernel import RECORD
+
+ROVER = load_rover("nexus6")
+MODEL = SimpleNamespace(rover=ROVER)
+SUSPENSION = suspension_of(MODEL)
+
+
+def asked(roll=0.0, pitch=0.0, yaw=0.0, speed=0.0, depth=0.0, joint=0.0):
+    """Why a rover fails that stands so, rolls so, is so fast [m/s] backwards, whose third wheel has sunk so far [r]."""
+    q, v = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv)
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([roll, pitch, yaw]))).coeffs()
+    v[1] = -speed
+    place = SUSPENSION.places[1]
+    q[place] = (SUSPENSION.limits[1][1] + joint) if joint >= 0 else (SUSPENSION.limits[0][1] + joint)
+    record = np.zeros((6, len(RECORD)))
+    record[2, RECORD.index("sinkage")] = depth * float(ROVER.wheels[2].wheel.r)
+    return failure(MODEL, SimpleNamespace(q=q, v=v), record, SUSPENSION)
+
+
+def test_a_rover_within_all_limits_goes_on():
+    assert asked() is None
+    assert asked(yaw=170.0) is None, "its heading is no tilt"
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch"])
+@pytest.mark.parametrize("side", [1, -1])
+def test_it_has_capsized_beyond_60_deg(axis, side):
+    assert asked(**{axis: 59.5 * side}) is None
+    assert asked(**{axis: 60.5 * side}).startswith("capsized: ")
+    assert f"{axis} {60.5 * side:.0f} deg" in asked(**{axis: 60.5 * side})
+
+
+def test_roll_and_pitch_count_together():
+    within, beyond = (math.degrees(math.acos(math.sqrt(math.cos(math.radians(tilt))))) for tilt in (59.0, 61.0))
+    assert asked(roll=within, pitch=within) is None
+    assert asked(roll=beyond, pitch=beyond).startswith("capsized")
+
+
+def test_a_wheel_is_buried_beyond_half_its_radius():
+    assert asked(depth=0.49) is None
+    wheel = ROVER.wheels[2]
+    assert asked(depth=0.51) == f"buried: wheel {wheel.name} has sunk by {510 * float(wheel.wheel.r):.0f} mm"
+
+
+def test_a_joint_may_go_10_deg_past_its_stop():
+    for side in (1, -1):
+        assert asked(joint=side * math.radians(9.5)) is None
+        assert asked(joint=side * math.radians(10.6)) == "folded: a suspension joint is 11 deg past its stop"
+
+
+def test_a_rover_faster_than_10_m_s_has_diverged():
+    assert asked(speed=9.9) is None
+    assert asked(speed=10.1) == "diverged: the rover is faster than any rover"
+    assert asked(speed=math.nan).startswith("diverged")

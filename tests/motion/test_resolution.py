@@ -1,0 +1,157 @@
+"""A step too coarse for the ground is divided by itself, or refused; a drive that still misses says so."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.body import shapes
+from rover_pin.contact import Soil
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.errors import SimulationError
+from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.pace import FINEST, ROUGH, Pace
+from rover_pin.motion.place import Start, settled
+from rover_pin.motion.resolution import MOST, RESOLVED, contact_frequency, parts, stiffness
+from rover_pin.motion.simulate import Timing, simulate
+from rover_pin.scenarios import scenario
+
+
+def test_stiffness_is_the_slope_of_the_sinkage_law():
+    """Against a difference of the compiled law's own normal force; the closed form holds for small angles."""
+    model = scenario("flat", **{"soil.k_1": 1e7}).model
+    state = settled(model, Start())
+    kernel = Kernel(model, state.copy(), 1e-9, symmetric=False)
+    kernel.step()
+    loads, h = kernel.record[:, 3].copy(), kernel.record[:, 2].copy()
+    kernel.state.q[2] -= 1e-3 * h.min()
+    kernel.step()
+    slope = (kernel.record[:, 3] - loads) / (kernel.record[:, 2] - h)
+    expected = [stiffness(float(load), model.rover.wheel, model.soils[0]) for load in loads]
+    assert slope == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize("k_1", [1e5, 1e7])
+def test_the_frequency_is_that_at_which_a_small_disturbance_rings(k_1):
+    """Stable just below omega dt = 2, unstable just above, as Stoermer-Verlet's step must be: undamped, from rest."""
+    model = scenario("flat", **{"soil.k_1": k_1, "effect.NormalDamping.d": 0.0}).model
+    state = settled(model, Start())
+    omega = contact_frequency(model, state)
+
+    def grown(turn):
+        kernel = Kernel(model, state.copy(), turn / omega, symmetric=False)
+        kernel.state.v[2] = 1e-9
+        for _ in range(400):
+            kernel.step()
+        return float(np.abs(kernel.state.v[:6]).max())
+
+    assert grown(1.7) < 1e-6
+    assert not grown(2.4) < 1e-3
+
+
+@pytest.mark.parametrize("name", ["flat", "ditch", "hills"])
+@pytest.mark.parametrize("k_1", [3e7, 1e9])
+def test_stiff_ground_is_driven_with_the_weight_on_the_wheels(name, k_1):
+    """It used to hop by 36 to 152 mm under 6 to 137 times its weight, with an energy error below 1 %."""
+    drive = scenario(name, duration=4.0, **{"soil.k_1": k_1, "soil.k": 0.01})
+    trace = drive.drive()
+    weight = drive.model.rover.mass * drive.model.gravity
+    assert trace.attrs["dt_s"] < 0.005
+    assert trace.stack("normal").sum(axis=1).mean() == pytest.approx(weight, rel=0.03)
+    assert trace.attrs["warnings"] == []
+    half = dataclasses.replace(drive, timing=drive.timing.halved()).drive()
+    assert half.attrs["dt_s"] == pytest.approx(trace.attrs["dt_s"] / 2)
+    assert np.abs(half["body_x"] - trace["body_x"]).max() < 1e-3
+
+
+def test_the_shipped_grounds_keep_their_step():
+    for soil in ("table-1", "dry-sand", "lunar-nominal", "mars-sand"):
+        model = scenario("flat", soil=soil).model
+        assert parts(model, settled(model, Start()), 0.005) == 1
+
+
+def test_the_firmest_ground_of_the_terrain_decides():
+    soft = scenario("bump").model
+    hard = soft.replace(terrain=shapes.bump(ground=1), soils=(soft.soils[0], Soil(k_1=1e8)))
+    state = settled(soft, Start())
+    assert parts(hard, state, 0.005) > parts(soft, state, 0.005) == 1
+
+
+def test_ground_too_stiff_for_any_step_is_refused_in_one_sentence():
+    model = scenario("flat").model
+    state = settled(model, Start())
+    stiff = model.replace(soils=(Soil(k_1=1e9, n=0.1), *model.soils[1:]))
+    message = rf"too stiff for dt = 0\.005 s: the rover vibrates on it at .* rad/s, .* {MOST} are allowed: lower soil"
+    for start in (state, Start()):
+        with pytest.raises(SimulationError, match=message):
+            simulate(stiff, ConstantDuty(0.5), 1.0, start)
+    omega = contact_frequency(stiff, state)
+    assert parts(stiff, state, 0.9 * MOST * RESOLVED / omega) <= MOST
+
+
+def test_a_drive_whose_steps_miss_the_load_says_so(monkeypatch):
+    """As it was before the step was divided."""
+    monkeypatch.setattr("rover_pin.motion.simulate.parts", lambda model, state, dt: 1)
+    trace = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01}).drive()
+    assert any("times the rover's weight on average" in warning for warning in trace.attrs["warnings"])
+    assert trace.summary()["warnings"] == trace.attrs["warnings"]
+
+
+def park(**settings):
+    """The cart on a slope with a slip law and a shear so stiff that one step sweeps across it."""
+    return scenario(
+        "park", rover="cart", form="gross", slip="algebraic", duration=2.0, gravity=11.06,
+        **{"soil.k": 0.0006, "soil.phi_deg": 12.7, "soil.k_1": 3.7e6, "start.yaw_deg": -77.0, **settings},
+    )  # fmt: skip
+
+
+def test_a_shear_stiffer_than_the_step_does_not_shake_the_wheels_loose():
+    """It used to slide by 3.9 m in 4 s; steps 4 and 32 times finer creep by 2.1 mm."""
+    drive = park()
+    coarse = drive.drive()
+    fine = dataclasses.replace(drive, timing=dataclasses.replace(drive.timing, divided=16)).drive()
+    for axis in ("body_x", "body_y"):
+        assert np.abs(coarse[axis] - fine[axis]).max() < 5e-4
+
+
+def test_steps_are_divided_only_while_forces_turn_too_fast():
+    class Stub:
+        dt, misjudged, sizes = 64.0, 0.0, []
+
+        def set_step(self, dt):
+            self.dt = dt
+
+        def step(self):
+            self.sizes.append(self.dt)
+            self.misjudged = 2 * ROUGH if 2 <= len(self.sizes) < 5 else 0.0
+            return 0
+
+    stub = Stub()
+    pace = Pace(stub, 64.0)
+    for _ in range(5):
+        assert pace.advance() == 0
+    assert stub.sizes[:5] == [64.0, 64.0, 16.0, 4.0, 1.0]
+    assert stub.sizes[-1] == 64.0
+    assert sum(stub.sizes) == 5 * 64.0
+    assert pace.rough == 0
+
+
+def test_a_drive_that_the_finest_steps_do_not_resolve_says_so():
+    from rover_pin.motion.audit import warnings_of
+
+    drive = scenario("flat", duration=0.1)
+
+    class Spent:
+        finest, rough = 100, 50
+
+    (warning,) = warnings_of(drive.model, [], Spent())
+    assert warning.startswith(f"50 steps misjudged a wheel's force even at a {FINEST}th of dt")
+
+
+def test_half_the_step_is_half_of_what_is_taken():
+    timing = Timing(0.005)
+    assert timing.refined(3).dt == pytest.approx(0.005 / 3)
+    assert timing.halved().refined(3).dt == pytest.approx(0.005 / 6)
+    assert timing.halved().halved().refined(1).dt == pytest.approx(0.00125)
+    assert math.isclose(timing.halved().dt, 0.005)
