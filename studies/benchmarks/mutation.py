@@ -53,9 +53,7 @@ def _named(folder: str, names: str) -> tuple[str, ...]:
 
 ROOMS = {
     "soil": Room(("rover_pin/soil/*.py",), ("tests/soil/test_soil_[!t]*.py", "tests/soil/test_soil_t*.py")),
-    "effects": Room(
-        ("rover_pin/effects/*.py",), _named("effects", "{stem} laws every_effect [!be]* effects_in_a_drive bulldozing")
-    ),
+    "effects": Room(("rover_pin/effects/*.py",), _named("effects", "{stem} laws every_effect ballast_and_tilt")),
     "body": Room(("rover_pin/body/*.py",), ("tests/body/test_*.py", "tests/oracle/test_oracle_dynamics.py")),
     "motion": Room(
         ("rover_pin/motion/*.py", "rover_pin/motion/kernel.c"),

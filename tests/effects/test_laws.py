@@ -2,6 +2,7 @@
 
 import math
 
+import casadi as ca
 import pytest
 
 from rover_pin.contact import Contact, Load, Soil, Wheel
@@ -80,6 +81,16 @@ def test_a_wheel_whose_pull_takes_all_the_strength_keeps_a_twentieth_sideways(pa
     assert LEAST_SHARE == 0.05
 
 
+def test_a_wheel_in_the_air_has_no_side_force_and_finite_slopes(patch):
+    f_n, S_y = ca.SX.sym("f_n"), ca.SX.sym("S_y")
+    contact = patch(S_y=S_y, soil=Soil(c=0.0))
+    f_y = SideShear().load(contact, Load(f_n=f_n), ()).f_y
+    slopes = ca.Function("slopes", [f_n, S_y], [f_y, ca.jacobian(f_y, ca.vertcat(f_n, S_y))])
+    for each in slopes(0.0, 0.2):
+        assert all(math.isfinite(value) for value in each.full().ravel())
+    assert float(slopes(0.0, 0.2)[0]) == pytest.approx(0.0, abs=1e-10)
+
+
 # --- slip ------------------------------------------------------------------------------------------------------------
 
 
@@ -92,6 +103,7 @@ def test_a_wheel_whose_pull_takes_all_the_strength_keeps_a_twentieth_sideways(pa
         (0.002, 0.0, 0.2),
         (0.0, 0.003, -0.3),
         (0.05, -0.05, 1.0),
+        (-0.05, 0.05, -1.0),
     ],
 )
 def test_algebraic_slip_is_eq_1_but_for_the_least_speed(patch, rim, v, S):
@@ -127,6 +139,15 @@ def test_relaxed_slip_stays_within_one_and_keeps_its_value_at_rest(patch):
     assert slip.amend(patch(rim=0.5, v_x=0.0), (0.0, 0.0)).S == 1.0
     assert slip.amend(patch(rim=-0.5, v_x=0.0), (0.0, 0.0)).S == -1.0
     assert slip.rate(patch(rim=0.0, v_x=0.0, v_y=0.0), Load(), (0.3, -0.2)) == (0.0, 0.0)
+
+
+def test_relaxed_slip_turns_round_with_the_sense_of_travel(patch):
+    """Seen from the other end the rim and the travel run back, and so do both slips: its states are odd."""
+    slip, x = RelaxedSlip(), (0.3, -0.2)
+    ahead = slip.rate(patch(rim=0.05, v_x=0.03, v_y=0.01), Load(), x)
+    back = slip.rate(patch(rim=-0.05, v_x=-0.03, v_y=-0.01), Load(), tuple(-each for each in x))
+    assert back == pytest.approx([-each for each in ahead])
+    assert [state.odd for state in slip.states] == [True, True]
 
 
 # --- GearFriction ----------------------------------------------------------------------------------------------------

@@ -20,18 +20,14 @@ from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.effects.viscous_friction import ViscousFriction
 from rover_pin.evidence.drive_candidates import Candidate, size_of
-from rover_pin.evidence.drive_compare import ODDS, Refit, alike, joined, refit
+from rover_pin.evidence.drive_compare import Refit, alike, joined, refit
 from rover_pin.evidence.drive_fit import Task, at, fit
 from rover_pin.evidence.drive_heldout import held_out, together
-from rover_pin.evidence.drive_left_out import FAR, left_out, loss_of, refitted_left_out
-from rover_pin.evidence.drive_loop import MUCH, UNKNOWN, answer_of, explained, is_unknown, verdict_on
-from rover_pin.evidence.drive_noise import COLOURED, huber
+from rover_pin.evidence.drive_left_out import left_out, loss_of, refitted_left_out
+from rover_pin.evidence.drive_loop import answer_of, explained, is_unknown, verdict_on
+from rover_pin.evidence.drive_noise import huber
 from rover_pin.evidence.drive_report import sides_of
 from rover_pin.evidence.drive_screen import (
-    MULTIPLES,
-    ROUGH,
-    SOUGHT,
-    STILL,
     Signature,
     fee_of,
     saturated,
@@ -40,7 +36,7 @@ from rover_pin.evidence.drive_screen import (
     started,
     trials,
 )
-from rover_pin.evidence.drive_search import MOST, Round, Search, fee_after, search
+from rover_pin.evidence.drive_search import Round, Search, fee_after, search
 from rover_pin.evidence.drive_verdict import numbers
 from rover_pin.evidence.profile import NORMAL_95
 from rover_pin.evidence.verdict import Answer
@@ -57,6 +53,10 @@ linear, channels = module("linear_drive"), module("drive_channels")
 
 OWNER = linear.owner_of_rows()
 SILENT = lambda line: None  # noqa: E731
+
+ODDS, MOST, FAR, UNKNOWN, MUCH = 20.0, 3, 3.0, 90.0, 0.1
+COLOURED, SOUGHT, ROUGH, STILL, MULTIPLES = 2.25, 3.0, 0.01, 0.3, (0.8, 1.2, 1.8, 2.7)
+"""The limits as they are stated: to change one is a decision, and a test says so."""
 
 
 def candidate(effect, place=""):

@@ -16,25 +16,15 @@ from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.load_exponent import LoadExponent
 from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage
-from rover_pin.evidence.calibrate import SURPRISE, calibrate, parameters, remains, settled
+from rover_pin.errors import OptimisationError
+from rover_pin.evidence.calibrate import Fitted, calibrate, parameters, remains, settled
 from rover_pin.evidence.candidates import rig_kinds
-from rover_pin.evidence.cautions import STABLE, of_choice
-from rover_pin.evidence.compare import (
-    FURTHER,
-    HALF,
-    MUCH,
-    ODDS,
-    SHOWN,
-    Candidate,
-    Comparison,
-    compare_pairs,
-    compare_singles,
-)
+from rover_pin.evidence.cautions import of_choice
+from rover_pin.evidence.compare import Candidate, Comparison, compare_pairs, compare_singles
 from rover_pin.evidence.heldout import held_out, loss, scores
 from rover_pin.evidence.reselect import NOTHING, Fold, Reselected, reselect
-from rover_pin.evidence.rig_fit import STRAY
-from rover_pin.evidence.rig_loop import ENOUGH, LEFT, answer_of, decide, share_taken
-from rover_pin.evidence.screen import ALIASED, entry_fee, screen
+from rover_pin.evidence.rig_loop import answer_of, decide, share_taken
+from rover_pin.evidence.screen import entry_fee, screen
 from rover_pin.evidence.verdict import Answer
 from rover_pin.evidence.wording import Outcome
 
@@ -45,6 +35,10 @@ _spec.loader.exec_module(linear)
 ROWS, FREE = 2 * linear.RUNS, linear.FREE
 KINDS = rig_kinds()
 SILENT = lambda said: None  # noqa: E731
+
+SURPRISE, LEFT, ENOUGH, STABLE, ALIASED, STRAY = 1e-3, 0.01, 0.9, 0.8, 0.03, 4.0
+FURTHER, ODDS, MUCH, HALF, SHOWN = 2 * math.log(20), 9.2, 1.25, 0.5, 3
+"""The limits as they are stated: to change one is a decision, and a test says so."""
 
 
 def laws_of(random, *effects, size=1.0):
@@ -107,11 +101,11 @@ def test_levels_left_out_are_predicted_by_exact_least_squares_on_the_others(made
 def test_chi2_is_a_surprise_where_its_law_says_so(made):
     _, base, *_ = made
     freedom = base.problem.freedom
-    for surprise in (SURPRISE, 0.01):
+    for surprise, said in ((SURPRISE, ()), (0.01, (0.01,))):
         limit = chi2_law.isf(surprise, freedom)
         for factor in (0.999, 1.001):
             one = SimpleNamespace(problem=SimpleNamespace(freedom=freedom, widen=1.0), chi2=factor * limit)
-            assert remains(one, surprise) == (factor > 1)
+            assert remains(one, *said) == (factor > 1)
     widened = SimpleNamespace(problem=SimpleNamespace(freedom=freedom, widen=2.0), chi2=limit / 3)
     assert remains(widened, 0.01), "chi2 of SDs that were doubled counts four times"
 
@@ -147,6 +141,50 @@ def test_noise_by_chance_a_little_large_does_not_widen_an_interval():
     assert fit.misfit > 1.0
     assert not remains(fit)
     assert settled(fit).problem.widen == 1.0
+
+
+def fails(*asked):
+    raise OptimisationError("no end")
+
+
+def test_where_no_profile_ends_the_interval_is_that_of_the_covariance(made, monkeypatch):
+    _, base, *_ = made
+    _, profiled = parameters(base)
+    monkeypatch.setattr("rover_pin.evidence.calibrate.interval", fails)
+    _, local = parameters(base)
+    for one, other in zip(local, profiled, strict=True):
+        assert (one.low, one.high) == pytest.approx((other.low, other.high), rel=1e-3)
+        assert one.closed
+        assert one.prior == other.prior
+    assert [one.prior for one in local] == ["", "0.143 +- 0.1"]
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-2])
+def test_an_interval_that_a_bound_cuts_is_not_closed(size, monkeypatch):
+    """phi within 0 and 60 deg; the same whether profiles or the covariance say it."""
+    random = np.random.default_rng(2)
+    laws = {"phi": linear.law_of("phi", size * random.normal(size=ROWS))}
+    fit = calibrate(linear.setting(0.1 * clipped(random), laws, ("phi",), {}), linear.MODEL)
+    (profiled,) = parameters(fit)[1]
+    monkeypatch.setattr("rover_pin.evidence.calibrate.interval", fails)
+    (local,) = parameters(fit)[1]
+    for one in (profiled, local):
+        assert not one.closed
+        assert (one.low, one.high) == pytest.approx((0.0, math.radians(60)), abs=1e-9)
+        assert one.covered == pytest.approx(1.0)
+
+
+def test_a_value_lies_at_its_bound_where_the_interval_is_open_and_ends_there():
+    def fitted(value, closed=False):
+        return Fitted("k", "m", value, 1.0, 3.0, closed, "").at_bound
+
+    assert fitted(1.0)
+    assert fitted(3.0)
+    assert fitted(1.0 + 1.9e-6)
+    assert not fitted(1.0 + 2.1e-6)
+    assert not fitted(3.0 - 2.1e-6)
+    assert not fitted(2.0)
+    assert not fitted(1.0, closed=True)
 
 
 # --- the score test --------------------------------------------------------------------------------------------------
@@ -219,6 +257,25 @@ def test_a_single_gains_the_exact_fall_and_pays_for_what_it_frees(made):
     assert best.loss == pytest.approx(np.mean(exact.held_out(setting.data.level) ** 2), rel=1e-4)
     assert best.reference_loss == pytest.approx(loss(closed(made).held_out(setting.data.level)), rel=1e-4)
     assert [one.name for one in found.alike] == ["SlipSinkage"]
+
+
+def test_every_candidate_that_may_pay_is_refitted_and_five_at_least():
+    """Seven hidden effects are all refitted; without any, the five that promise most."""
+    random = np.random.default_rng(1)
+    kinds = [kind() for kind in KINDS if len(kind.neutral) == 1][:10]
+    laws = laws_of(random, *kinds)
+    names = [next(iter(linear.law_of_size(effect, np.zeros(ROWS)))) for effect in kinds]
+    hidden = {name.replace(".", "__"): 0.9 for name in names[:7]}
+    for shares in (hidden, {}):
+        setting = linear.setting(rows_of(laws, random, **shares), laws)
+        base = calibrate(setting, linear.MODEL)
+        screened = screen(setting, base, KINDS)
+        told = [row for row in screened if row.told]
+        paying = [row.name for row in told if row.gain > entry_fee(len(screened)) / 4]
+        refitted = {one.name for one in compare_singles(setting, base, screened).ranked}
+        assert refitted == {row.name for row in told[:5]} | set(paying)
+        assert (len(paying) > 5) == bool(shares)
+        assert len(told) > len(refitted)
 
 
 def test_where_much_is_left_gains_count_in_its_units(made):

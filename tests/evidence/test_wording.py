@@ -23,7 +23,7 @@ from rover_pin.evidence.reselect import Fold
 from rover_pin.evidence.rig_loop import decide
 from rover_pin.evidence.rig_set import Independent, read_rig_set
 from rover_pin.evidence.verdict import Answer, flag_line
-from rover_pin.evidence.wording import AT_FLOOR, Against, Change, Outcome, against, got_worse, interval, share, spread
+from rover_pin.evidence.wording import Against, Change, Outcome, against, got_worse, interval, share, spread
 
 
 def module(name, file):
@@ -34,6 +34,9 @@ def module(name, file):
 
 
 rig = module("linear_rig", Path(__file__).parent / "linear_rig.py")
+
+
+AT_FLOOR = 1.25
 
 
 # --- changes ---------------------------------------------------------------------------------------------------------

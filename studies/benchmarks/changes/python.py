@@ -117,6 +117,10 @@ class Changes(ast.NodeVisitor):
         if node.value is not None:
             self.visit(node.value)
 
+    def visit_ClassDef(self, node: ast.ClassDef) -> None:  # noqa: D102
+        for each in node.body:
+            self.visit(each)
+
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:  # noqa: D102
         for each in (*node.args.defaults, *node.body):
             self.visit(each)
