@@ -85,6 +85,7 @@ def about(model: Model) -> dict[str, Any]:
     return {
         "rover": model.rover.name,
         "wheels": [wheel.name for wheel in model.rover.wheels],
+        "wheel_radii_m": [float(wheel.wheel.r) for wheel in model.rover.wheels],
         "traction_form": forms[0] if forms else "none",
         "motion_resistance_R": sum(resistances),
         "slip_law": type(model.slip).__name__,

@@ -14,6 +14,7 @@ from rover_pin.errors import SimulationError
 from rover_pin.motion.audit import warnings_of
 from rover_pin.motion.command import Command, Controller, Reading, Truth
 from rover_pin.motion.failure import Suspension, failure, suspension_of
+from rover_pin.motion.happened import happened
 from rover_pin.motion.kernel import RECORD, Kernel
 from rover_pin.motion.model import Model
 from rover_pin.motion.pace import Pace, Steps
@@ -21,6 +22,7 @@ from rover_pin.motion.place import SetDown, Start, hovering, set_down
 from rover_pin.motion.plain import Plain
 from rover_pin.motion.record import trace_of
 from rover_pin.motion.resolution import parts
+from rover_pin.motion.soil_energy import energy_warning
 from rover_pin.motion.state import DriveState, base_rotation, roll_pitch_yaw
 from rover_pin.motion.trace import Trace
 
@@ -166,7 +168,15 @@ def _simulate(
     rows, stop = run(drive, pace, duration, progress)
     attrs = {"dt_s": fine.dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": stop}
     attrs |= {"set_down": begin.standing} if begin.standing else {}
-    return trace_of(model, rows, attrs | {"warnings": warnings_of(begun, rows, pace)})
+    return told(model, trace_of(model, rows, attrs), warnings_of(begun, rows, pace))
+
+
+def told(model: Model, trace: Trace, warnings: list[str]) -> Trace:
+    """Return the trace with what it came to, and with all reasons not to believe it."""
+    came_to, energy = happened(trace), energy_warning(model, trace)
+    found: dict[str, Any] = {"happened": came_to.sentence} if came_to else {}
+    found["warnings"] = [*warnings, energy] if energy else warnings
+    return dataclasses.replace(trace, attrs={**trace.attrs, **found})
 
 
 def run(drive: Drive, pace: Pace, duration: float, progress: Progress | None) -> tuple[list[Row], str]:

@@ -1,0 +1,177 @@
+"""What a drive came to, in one sentence: it drives on, is stuck, stalled, slid back, or held, since when and where.
+
+Lengths are told by the wheel's radius r and by how far the rims have turned, times by the drive's own duration, so
+that the same words fit any rover. What a wheel does is counted in the sense in which its motor is driven.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.motion.trace import Trace
+
+GRIP = 0.1
+"""Travel over what the rims turn, from which on a rover moves: below it, all in all, S is above 0.9."""
+SPEED_SHARE = 0.05
+"""Mechanical over electric energy, which is the wheels' speed over that without a load, below which motors stall."""
+SHORT = 0.1
+"""Share of a wheel's radius that counts as standing still."""
+
+
+class Happened(NamedTuple):
+    """What a drive came to; `since` [s] is NaN where it was so from the start."""
+
+    kind: str
+    "driving, creeping, stuck, stalled, slid back, held, slid, stopped, or ended"
+    since: float
+    sentence: str
+
+
+class _Ways(NamedTuple):
+    """Rows (T,) of a drive: time [s], mean ways of rims and wheels in the driven sense [m], if driven; mean r [m]."""
+
+    t: np.ndarray
+    turned: np.ndarray
+    moved: np.ndarray
+    driven: np.ndarray
+    r: float
+
+
+def happened(trace: Trace) -> Happened | None:
+    """Return what a drive came to, or None where the trace has not the truth that it takes.
+
+    - ended: stopped before its time, as `attrs["stop"]` says;
+    - slid back: more than a radius behind the furthest place, in the sense of its duty;
+    - stalled: driven, but the motors turn at less than 5 % of their speed without a load, and no wheel by a tenth of r;
+    - stuck: over every last radius that the rims turn, the wheels travel less than a tenth of it;
+    - held, slid: never driven, and moved by less than r / 10, or by more;
+    - stopped: no longer driven at the end;
+    - creeping, driving: the rest, the wheels travelling less than half of what they turn, or more.
+    """
+    needed = [f"{name}_{wheel}" for name in ("wheel_rate", "travel", "duty") for wheel in trace.wheels]
+    if not {*needed, "body_x", "body_y", "energy_motor", "energy_electric"} <= trace.channels.keys():
+        return None
+    if str(trace.attrs.get("stop", "duration")) != "duration":
+        return Happened("ended", float(trace.t[-1]), f"{trace.attrs['stop']}, {_place(trace, -1)}")
+    if len(trace.t) < 2 or not trace.wheels or "wheel_radii_m" not in trace.attrs:
+        return None
+    ways = _ways(trace)
+    if not np.any(ways.driven):
+        return _parked(trace, ways)
+    for judge in (_slid_back, _stopped, _stalled, _stuck):
+        found = judge(trace, ways)
+        if found is not None:
+            return found
+    return _driving(trace, ways)
+
+
+def _ways(trace: Trace) -> _Ways:
+    r = np.asarray(trace.attrs["wheel_radii_m"], dtype=float)
+    duty, dt = trace.stack("duty"), np.diff(trace.t, prepend=trace.t[:1])[:, None]
+    sense = _held_sense(duty)
+    rims, travel = sense * r * trace.stack("wheel_rate"), sense * trace.stack("travel")
+    turned, moved = (np.cumsum(np.mean(each * dt, axis=1)) for each in (np.abs(rims), travel))
+    return _Ways(trace.t, turned, moved, np.any(duty != 0.0, axis=1), float(np.mean(r)))
+
+
+def _held_sense(duty: np.ndarray) -> np.ndarray:
+    """Return the sign of each wheel's duty, through a pause that of before, 1 before the first."""
+    sign = np.sign(duty)
+    last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(len(sign))[:, None], -1), axis=0)
+    held = np.take_along_axis(sign, np.maximum(last, 0), axis=0)
+    return np.where(last < 0, 1.0, held)
+
+
+def _parked(trace: Trace, ways: _Ways) -> Happened:
+    x, y = trace["body_x"] - trace["body_x"][0], trace["body_y"] - trace["body_y"][0]
+    far = float(np.max(np.hypot(x, y)))
+    if far < SHORT * ways.r:
+        return Happened("held", math.nan, f"held: not driven, it stood still to {1e3 * far:.2g} mm")
+    way = "forwards" if ways.moved[-1] > 0.0 else "back"
+    return Happened("slid", math.nan, f"slid {way} by {_length(far)} without being driven, {_place(trace, -1)}")
+
+
+def _slid_back(trace: Trace, ways: _Ways) -> Happened | None:
+    most = int(np.argmax(ways.moved))
+    back = float(ways.moved[most] - ways.moved[-1])
+    if back < ways.r:
+        return None
+    when = _since(ways, most)
+    return Happened("slid back", float(ways.t[most]), f"slid back by {_length(back)} {when}, {_place(trace, -1)}")
+
+
+def _stopped(trace: Trace, ways: _Ways) -> Happened | None:
+    if ways.driven[-1]:
+        return None
+    off = int(np.flatnonzero(ways.driven)[-1]) + 1
+    on = float(ways.moved[-1] - ways.moved[off])
+    return Happened(
+        "stopped",
+        float(ways.t[off]),
+        f"not driven since {ways.t[off]:.1f} s, it moved on by {_length(on)}, {_place(trace, -1)}",
+    )
+
+
+def _stalled(trace: Trace, ways: _Ways) -> Happened | None:
+    """Over the last tenth of the drive and as long before as it was so."""
+    window = max(2, len(ways.t) // 10)
+    gave, took = (trace[name][window:] - trace[name][:-window] for name in ("energy_motor", "energy_electric"))
+    rolled = ways.turned[window:] - ways.turned[:-window]
+    still = (np.abs(gave) < SPEED_SHARE * took) & (rolled < SHORT * ways.r)
+    if not still.size or not still[-1]:
+        return None
+    first = _last_stretch(still)
+    duty = float(np.mean(np.abs(trace.stack("duty")[-1])))
+    told = f"stalled {_since(ways, first)}: no wheel turns at a duty of {duty:.2g}, {_place(trace, -1)}"
+    return Happened("stalled", float(ways.t[first]), told)
+
+
+def _stuck(trace: Trace, ways: _Ways) -> Happened | None:
+    ratio = _grip(ways)
+    if not ratio.size or ratio[-1] >= GRIP:
+        return None
+    first = _last_stretch(ratio < GRIP)
+    least = np.min(np.mean(trace.stack("slip")[first:], axis=0)) if f"slip_{trace.wheels[0]}" in trace else math.nan
+    tell = f": all wheels above S = {math.floor(100 * least) / 100:g}" if least > 0.0 else ""
+    return Happened("stuck", float(ways.t[first]), f"stuck {_place(trace, -1)} {_since(ways, first)}{tell}")
+
+
+def _driving(trace: Trace, ways: _Ways) -> Happened:
+    ratio = _grip(ways)
+    last = float(ratio[-1]) if ratio.size else 1.0
+    window = max(1, len(ways.t) // 20)
+    speed = (ways.moved[-1] - ways.moved[-1 - window]) / (ways.t[-1] - ways.t[-1 - window])
+    kind, word = ("driving", "drives on") if last >= 0.5 else ("creeping", "creeps on")
+    turn = math.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0]) if "body_yaw" in trace else 0.0
+    turned = f", turned by {turn:.0f} deg" if abs(turn) > 5.0 else ""
+    return Happened(kind, math.nan, f"{word} at {speed:.2g} m/s, {_place(trace, -1)}{turned}")
+
+
+def _grip(ways: _Ways) -> np.ndarray:
+    """Return, for each row from which the rims still turn by r, what the wheels travel over that way."""
+    begin = np.flatnonzero(ways.turned <= ways.turned[-1] - ways.r)
+    end = np.searchsorted(ways.turned, ways.turned[begin] + ways.r)
+    return (ways.moved[end] - ways.moved[begin]) / (ways.turned[end] - ways.turned[begin])
+
+
+def _last_stretch(so: np.ndarray) -> int:
+    """Return where the last run of True begins."""
+    otherwise = np.flatnonzero(~so)
+    return int(otherwise[-1]) + 1 if otherwise.size else 0
+
+
+def _since(ways: _Ways, row: int) -> str:
+    return "from the start" if row <= len(ways.t) // 50 else f"since {ways.t[row]:.1f} s"
+
+
+def _place(trace: Trace, row: int) -> str:
+    x, y = (round(float(trace[name][row]), 2) + 0.0 for name in ("body_x", "body_y"))
+    beside = f", y = {y:.2f} m" if y else ""
+    return f"at x = {x:.2f} m{beside}"
+
+
+def _length(length: float) -> str:
+    return f"{1e3 * length:.0f} mm" if abs(length) < 0.5 else f"{length:.2f} m"

@@ -1,0 +1,87 @@
+"""What a drive came to is said as it is, whatever the rover's size and pace."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from rover_pin.motion.happened import happened
+from rover_pin.motion.trace import Trace
+from rover_pin.scenarios import scenario
+
+STEEP = {"terrain.angle_deg": 30.0, "terrain.start": -3.0}
+CASES = {
+    "flat": ("flat", {}, "driving", "drives on at 0.05 m/s, at x = 0.50 m"),
+    "backwards": ("flat", {"control.delta": -0.55}, "driving", "drives on at 0.05 m/s, at x = -0.50 m"),
+    "a moment": ("flat", {"duration": 0.4}, "driving", "drives on"),
+    "a crawl": ("flat", {"control.delta": 0.05}, "driving", "drives on at 0.00"),
+    "cart": ("flat", {"rover": "cart"}, "driving", "drives on"),
+    "ditch": ("ditch", {}, "stuck", "stuck at x = 0.48 m since 8.2 s: all wheels above S = 0.9"),
+    "ditch, passed": ("ditch", {"soil.k": 0.01, "duration": 30.0}, "driving", "drives on"),
+    "hills": ("hills", {}, "creeping", "creeps on at 0.01"),
+    "net": ("flat", {"form": "net"}, "slid back", "slid back by 6"),
+    "steep": ("incline", STEEP, "slid back", "slid back by 0.9"),
+    "steep, parked": ("incline", {**STEEP, "control.delta": 0.0}, "slid", "slid back by"),
+    "park": ("park", {}, "held", "held: not driven, it stood still to 1"),
+    "zero duty": ("flat", {"control.delta": 0.0}, "held", "held: not driven"),
+    "weak": (
+        "flat",
+        {"control.delta": 0.02, "gear_friction": 0.2},
+        "stalled",
+        "stalled from the start: no wheel turns",
+    ),
+    "slip control": ("ditch", {"control": "true"}, "stalled", "no wheel turns at a duty of 0.0"),
+    "on the spot": ("point-turn", {"duration": 10.0}, "driving", "at x = 0.00 m, turned by 9"),
+    "buried": ("flat", {"soil.k_1": 8e3}, "ended", "buried: "),
+}
+
+
+@pytest.fixture(scope="module")
+def traces():
+    return {name: scenario(scene, **settings).drive() for name, (scene, settings, _, _) in CASES.items()}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_drive_says_what_it_came_to(traces, name):
+    kind, words = CASES[name][2:]
+    assert happened(traces[name]).kind == kind
+    assert words in traces[name].attrs["happened"]
+    assert traces[name].summary()["happened"] == traces[name].attrs["happened"]
+
+
+def scaled(trace, length, time):
+    """The same drive of a rover `length` times as large, `time` times as slow."""
+    by = {"m": length, "m/s": length / time, "rad/s": 1.0 / time, "s": time}
+    channels = {name: values * by.get(trace.units[name], 1.0) for name, values in trace.channels.items()}
+    radii = [length * r for r in trace.attrs["wheel_radii_m"]]
+    return Trace(channels, trace.units, {**trace.attrs, "wheel_radii_m": radii})
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("length", "time"), [(0.02, 0.1), (20.0, 100.0), (1.0, 1e3)])
+def test_it_is_the_same_for_a_rover_of_another_size_and_pace(traces, name, length, time):
+    here, there = happened(traces[name]), happened(scaled(traces[name], length, time))
+    assert there.kind == here.kind
+    assert there.since == pytest.approx(time * here.since, nan_ok=True)
+
+
+def test_stuck_since_is_when_the_body_stopped(traces):
+    trace = traces["ditch"]
+    since = happened(trace).since
+    before, after = np.interp([since - 1.0, since], trace.t, trace["body_x"])
+    assert after - before > 0.01
+    assert abs(trace["body_x"][-1] - after) < 0.01
+
+
+def test_a_pause_at_the_end_is_no_stall():
+    drive = scenario("flat", duration=8.0)
+    stopped = dataclasses.replace(drive, controller=lambda reading: 0.55 if reading.t < 4.0 else 0.0).drive()
+    assert happened(stopped).kind == "stopped"
+    assert happened(stopped).since == pytest.approx(4.0, abs=0.1)
+    assert "not driven since 4" in stopped.attrs["happened"]
+
+
+def test_a_measured_trace_without_the_truth_says_nothing(traces):
+    bare = {name: traces["flat"][name] for name in ("t_s", "body_x", "body_y", "wheel_rate_fl", "duty_fl")}
+    assert happened(Trace(bare)) is None
+    assert "happened" not in Trace(bare).summary()

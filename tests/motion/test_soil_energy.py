@@ -1,0 +1,67 @@
+"""Energy that a traction law has from nowhere is told, in joules and per cent; a law that takes is not accused."""
+
+import re
+
+import pytest
+
+from rover_pin.motion.soil_energy import gift
+from rover_pin.scenarios import scenario
+
+STIFF = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03}
+
+
+def driven(name, **settings):
+    made = scenario(name, **settings)
+    return made.model, made.drive()
+
+
+def test_a_flat_cruised_at_negative_slip_is_told_as_by_hand():
+    """R = 0.03 at k = 2.5 mm: v > r omega while torque > 0, so (T / r) (v - r omega) comes from nowhere."""
+    _, trace = driven("flat", **STIFF)
+    assert trace.stack("slip")[-1].max() < -0.03
+    torque, rate, v = (trace.stack(name)[-1] for name in ("torque", "wheel_rate", "travel"))
+    power = float(torque / 0.045 @ (v - 0.045 * rate))
+    told = re.search(r"gave (\S+) J from nowhere, (\S+) % of the motors' work", trace.summary()["warnings"][0])
+    assert float(told[1]) == pytest.approx(power * trace.t[-1], rel=0.05)
+    assert float(told[2]) == pytest.approx(100.0 * power / float(torque @ rate), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("slope", {"soil.k": 0.001, "soil.phi_deg": 13.0, "effect.MotionResistance.R": 0.03}),
+        ("bump", {"form": "gross", "soil.k": 0.01, "effect.MotionResistance.R": 0.0}),
+    ],
+)
+def test_forms_without_compaction_are_found_out(name, settings):
+    _, trace = driven(name, **settings)
+    assert "form's traction gave" in trace.attrs["warnings"][0]
+    assert trace.energy_error() < 0.01, "the account itself is in order"
+
+
+def test_an_account_that_falls_is_told():
+    model, trace = driven("ditch", **{**STIFF, "effect.MotionResistance.R": 0.0})
+    assert gift(model, trace).soil > 0.03
+    assert "the soil's whole account fell by" in trace.attrs["warnings"][0]
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("flat", {}),
+        ("incline", {"terrain.angle_deg": -9.0}),
+        ("park", {}),
+        ("hills", {}),
+        ("turn", {"duration": 5.0}),
+        ("hills", {"form": "net", "angles": "sinkage", "soil.k": 0.002}),
+        ("flat", {"soil.k": 0.01, "cruise_slip": 0.05}),
+    ],
+)
+def test_a_drive_that_pays_for_its_way_gets_no_warning(name, settings):
+    _, trace = driven(name, **settings)
+    assert not any("nowhere" in each for each in trace.attrs["warnings"])
+
+
+def test_the_net_form_gives_nothing_at_any_slip():
+    model, trace = driven("ditch", form="net", **{"soil.k": 0.005})
+    assert gift(model, trace).traction == 0.0
