@@ -11,8 +11,9 @@ from typing import Annotated, Any
 
 import typer
 
-from rover_pin.errors import RoverPinError
+from rover_pin.errors import RoverPinError, UrdfError
 from rover_pin.parameters import soil_named
+from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
 from rover_pin.terminal import assignments, json_text, priors, progress, report, stoppable
 from rover_pin.trust import Trust
@@ -137,6 +138,8 @@ def check_urdf(
     """Check a rover description through yourdfpy and Pinocchio, and say what to mend."""
     from rover_pin.body.urdf_check import check_urdf as check
 
+    if not is_file(file):
+        raise UrdfError(f"{file}: there is no such file: give a rover's .toml, or a .urdf.")
     found = check(file, Trust(everything=trust))
     said = {"faults": list(found.faults), "notes": list(found.notes), "facts": list(found.facts)}
     report({"file": str(file), **said}, as_json)

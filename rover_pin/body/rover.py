@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from rover_pin.body.layout import Layout, read_layout, shipped
 from rover_pin.body.symmetry import Mirror, is_symmetric, mirror
-from rover_pin.body.urdf_check import refuse_faults
+from rover_pin.body.urdf_faults import refuse_faults
 from rover_pin.body.urdf_readers import free_tree
 from rover_pin.contact import Wheel
 from rover_pin.errors import ParameterError, UrdfError, closest

@@ -10,14 +10,14 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.body.layout import Layout, read_layout
-from rover_pin.body.symmetry import axes_at_zero, is_symmetric, mirror
-from rover_pin.body.urdf_inertia import inertia_faults, unit_faults
-from rover_pin.body.urdf_readers import free_tree, reader_faults
-from rover_pin.body.urdf_roles import axis_faults, role_faults
-from rover_pin.body.urdf_structure import structure_faults
+from rover_pin.body.rover import assemble
+from rover_pin.body.statics import wheel_loads
+from rover_pin.body.symmetry import is_symmetric, mirror
+from rover_pin.body.urdf_faults import across, faults_of
+from rover_pin.body.urdf_readers import free_tree
 from rover_pin.body.urdf_tree import UrdfTree, read_tree
 from rover_pin.bounded import text as read_text
-from rover_pin.errors import UrdfError
+from rover_pin.errors import ParameterError, UrdfError
 from rover_pin.trust import Trust
 
 ON_ONE_PLANE = 1e-3
@@ -26,7 +26,7 @@ ON_ONE_PLANE = 1e-3
 
 @dataclass(frozen=True)
 class UrdfReport:
-    """What a check found: faults keep a rover from loading, notes do not."""
+    """What a check found: faults keep a rover from loading, or from standing on level ground; notes do not."""
 
     file: str
     faults: tuple[str, ...]
@@ -51,7 +51,8 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
         tree = read_tree(text, path.name if layout is None else layout.file)
     except UrdfError as error:
         return UrdfReport(path.name, (str(error),), (), ())
-    faults = tuple(f"{tree.file}: {fault}" for fault in _faults(tree, text, layout))
+    found = faults_of(tree, text, layout) or ([] if layout is None else list(_standing_faults(layout)))
+    faults = tuple(f"{tree.file}: {fault}" for fault in found)
     if faults:
         return UrdfReport(path.name, faults, (), ())
     model = free_tree(text)
@@ -61,59 +62,20 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
     )
 
 
-def refuse_faults(layout: Layout) -> None:
-    """Raise the first fault of a layout's URDF.
-
-    Raises
-    ------
-    UrdfError
-        The first fault; further ones are counted.
-    """
-    tree = read_tree(layout.text, layout.file)
-    faults = _faults(tree, layout.text, layout)
-    if faults:
-        more = f" ({len(faults) - 1} more: see `rover-pin check-urdf`.)" if len(faults) > 1 else ""
-        raise UrdfError(f"{layout.file}: {faults[0]}{more}")
-
-
-def _faults(tree: UrdfTree, text: str, layout: Layout | None) -> list[str]:
-    """Return the faults of the first stage that has any: later stages need the earlier ones sound."""
-    for stage in (_written, _placed):
-        faults = list(stage(tree, text, layout))
-        if faults:
-            return faults
-    return []
-
-
-def _written(tree: UrdfTree, text: str, layout: Layout | None) -> Iterator[str]:
-    faults = list(structure_faults(tree))
-    yield from faults or inertia_faults(tree)
-    if faults:
-        return
-    if layout is not None:
-        yield from role_faults(layout, tree)
-    elif not any(joint.kind == "continuous" for joint in tree.joints):
-        yield "it has no wheel: none of its joints is continuous."
-
-
-def _placed(tree: UrdfTree, text: str, layout: Layout | None) -> Iterator[str]:
+def _standing_faults(layout: Layout) -> Iterator[str]:
+    """Yield why the rover does not stand on level ground at zero joint angles, if so."""
+    rover = assemble(layout)
     try:
-        model = free_tree(text)
-    except Exception as error:
-        yield f"Pinocchio cannot read it ({error}); check its joints."
+        loads = wheel_loads(rover, 0.0)
+    except ParameterError as error:
+        yield str(error)
         return
-    yield from unit_faults(tree, across(model))
-    if layout is not None:
-        yield from axis_faults(layout, model, axes_at_zero(model))
-    yield from reader_faults(tree, text, model)
-
-
-def across(model: pin.Model) -> float:
-    """Return the diagonal of the box around all joints at zero angles [m]."""
-    data = model.createData()
-    pin.forwardKinematics(model, data, pin.neutral(model))
-    places = np.array([data.oMi[joint].translation for joint in range(1, model.njoints)])
-    return float(np.linalg.norm(places.max(axis=0) - places.min(axis=0)))
+    lifted = [wheel.name for wheel, load in zip(rover.wheels, loads, strict=True) if load <= 0.0]
+    if lifted:
+        yield (
+            f"at rest on level ground wheel{'s' * (len(lifted) > 1)} {', '.join(lifted)} would have to be held down "
+            f"({float(np.min(loads)):.3g} N), so it tips over; move its wheels, or its masses between them."
+        )
 
 
 def _notes(tree: UrdfTree, layout: Layout | None) -> Iterator[str]:

@@ -10,6 +10,8 @@ import numpy as np
 from rover_pin.body.urdf_tree import Joint, UrdfTree
 from rover_pin.errors import closest
 
+UNLIMITED = 1e6
+"""A limit of so many rad is none: tools write the largest double, 1.8e308, or the like for a joint without stops."""
 KINDS = ("fixed", "revolute", "continuous")
 
 
@@ -43,8 +45,9 @@ def _joint_faults(tree: UrdfTree, joint: Joint) -> Iterator[str]:
     if joint.limited and joint.kind == "revolute" and joint.limits[0] >= joint.limits[1]:
         low, high = joint.limits
         yield f"joint '{joint.name}' has lower = {low:g} and upper = {high:g} rad; lower must be below upper."
-    if max(map(abs, joint.limits)) > 10.0:
-        yield f"joint '{joint.name}' has a limit of {max(map(abs, joint.limits)):g} rad; give radians, not degrees."
+    furthest = max((abs(limit) for limit in joint.limits if abs(limit) < UNLIMITED), default=0.0)
+    if furthest > 10.0:
+        yield f"joint '{joint.name}' has a limit of {furthest:g} rad; give radians, not degrees."
     others = [other.name for other in tree.joints]
     if joint.mimic is not None and joint.mimic.joint not in others:
         yield f"joint '{joint.name}' mimics '{joint.mimic.joint}', not there: {closest(joint.mimic.joint, others)}"

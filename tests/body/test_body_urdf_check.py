@@ -10,8 +10,10 @@ import pytest
 
 from rover_pin.body import urdf_readers
 from rover_pin.body.rover import load_rover
+from rover_pin.body.statics import wheel_loads
 from rover_pin.body.urdf_check import check_urdf
-from rover_pin.errors import UrdfError
+from rover_pin.errors import ParameterError, UrdfError
+from rover_pin.scenarios import scenario
 
 URDF = Path(__file__).parents[2] / "urdf"
 TEXT = (URDF / "nexus6.urdf").read_text()
@@ -134,3 +136,39 @@ def test_copies_of_the_example_load_from_anywhere(tmp_path):
     for name in ("nexus6.toml", "nexus6.urdf"):
         shutil.copy(URDF / name, tmp_path / name)
     assert load_rover(tmp_path / "nexus6.toml").model.nv == 20
+
+
+def test_a_rover_that_cannot_stand_is_told(own):
+    """Without a differential the two rockers are free pivots: the body swings round, and no load balances it."""
+    layout = (URDF / "nexus6.toml").read_text().split("[differential]")[0]
+    path = own(re.sub("<mimic[^>]*/>", "", TEXT), layout)
+    report = check_urdf(path)
+    assert not report.ok
+    (fault,) = report.faults
+    assert "cannot stand on its wheels: a pivot of its suspension stays out of balance" in fault
+    with pytest.raises(ParameterError, match="cannot stand on its wheels"):
+        wheel_loads(load_rover(path), 0.0)
+
+
+def test_a_rover_that_tips_over_is_told(tmp_path):
+    """The chassis' centre of mass 0.4 m behind the rear axle."""
+    text = (URDF / "cart.urdf").read_text()
+    moved = re.sub(
+        r'(<link name="chassis">.*?<inertial>\s*<origin xyz=")[^"]*', r"\g<1>-0.8 0 0.1", text, flags=re.DOTALL
+    )
+    assert moved != text
+    (tmp_path / "cart.urdf").write_text(moved)
+    shutil.copy(URDF / "cart.toml", tmp_path)
+    (fault,) = check_urdf(tmp_path / "cart.toml").faults
+    assert re.search(r"wheels fl, fr would have to be held down \(-\d+ N\), so it tips over", fault)
+
+
+@pytest.mark.parametrize("most", ["1.7976931348623157e+308", "3.4028235e+38", "1e16"])
+def test_the_largest_number_is_no_limit(own, most):
+    """What tools write for a joint without stops; the rover drives with it."""
+    text = TEXT.replace(ROCKER_LIMIT, f'<limit lower="-{most}" upper="{most}" effort="10" velocity="10"/>')
+    path = own(text)
+    assert check_urdf(path).faults == ()
+    trace = scenario("one-sided-bump", rover=str(path), duration=1.0).drive()
+    assert trace.attrs["stop"] == "duration"
+    assert "20 rad; give radians" in check_urdf(own(TEXT.replace('upper="0.349066"', 'upper="20"', 1))).faults[0]
