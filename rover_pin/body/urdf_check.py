@@ -22,6 +22,8 @@ from rover_pin.trust import Trust
 
 ON_ONE_PLANE = 1e-3
 """Spread of the wheel centres off their plane, over that along it, that counts as standing."""
+TILT = 0.02
+"""Slope [rad] on which a rover that stands must stand too: one poised on a free pivot does not."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +65,10 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
 
 
 def _standing_faults(layout: Layout) -> Iterator[str]:
-    """Yield why the rover does not stand on level ground at zero joint angles, if so."""
+    """Yield why the rover does not stand on level ground at zero joint angles, if so; a poise is not to stand."""
     rover = assemble(layout)
     try:
-        loads = wheel_loads(rover, 0.0)
+        loads, *_ = (wheel_loads(rover, slope) for slope in (0.0, TILT, -TILT))
     except ParameterError as error:
         yield str(error)
         return
