@@ -152,6 +152,17 @@ def to_si(value: Any, unit: Any, expected: str, where: str) -> float:
     return value * known[1]
 
 
+ENTRY = ("value", "unit", "sd", "low", "high", "source", "note")
+"""Keys of a quantity in a file; what is known of it besides value and unit is for those who ask."""
+
+
+def refuse_strange(entry: Mapping[str, Any], where: str) -> None:
+    """Refuse a key that no quantity in a file has: a misspelt unit would be none."""
+    for key in entry:
+        if key not in ENTRY:
+            raise ParameterError(f"{where} has no key '{key}': {closest(key, ENTRY)}")
+
+
 def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> Any:
     """Return `record(**fields)` from a table of numbers (SI) or `{ value, unit }` entries, as read from TOML.
 
@@ -168,6 +179,7 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
         if name not in about:
             raise ParameterError(f"{where}: {record.__name__} has no field '{name}': {closest(name, about)}")
         if isinstance(entry, Mapping):
+            refuse_strange(entry, f"{where}: '{name}'")
             if "value" not in entry:
                 raise ParameterError(
                     f"{where}: '{name}' needs a 'value', as in {name} = {{ value = 1.0, unit = '...' }}."

@@ -17,9 +17,10 @@ from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.evidence.channel import FIELDS, DrawbarPull, Predictor, RigChannel, Sinkage, Torque
 from rover_pin.evidence.checks import column, depths, positive, same_length, slips
 from rover_pin.evidence.prediction import CompiledPrediction
+from rover_pin.evidence.rig_keys import BEKKER_UNITS, refuse_unknown_keys
 from rover_pin.evidence.tables import read_table
 from rover_pin.parameters.bekker import bekker
-from rover_pin.quantity import quantities, record_from, to_si
+from rover_pin.quantity import quantities, record_from, refuse_strange, to_si
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import wheel_forces
 from rover_pin.toml_file import read_toml, table_in, text_in
@@ -27,8 +28,6 @@ from rover_pin.trust import Trust
 
 CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage)
 """The channels of a rig, in the order in which they are read."""
-
-BEKKER_UNITS = {"k_c": "N/m^(n+1)", "k_phi": "N/m^(n+2)"}
 
 
 @dataclass(frozen=True)
@@ -156,6 +155,7 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
     where = f"{folder.name}/rig.toml"
     if about.get("kind") != "wheel-rig":
         raise DataError(f"{where}: kind = {about.get('kind')!r} is not a wheel rig; write kind = 'wheel-rig'.")
+    refuse_unknown_keys(about, where)
     points = trust.within(folder, text_in(table_in(about, "files", where), "points", where, "points.csv"), where)
     table = read_table(points, ("slip", "load_N"))
     _refuse_other_units(table, f"{folder.name}/{points.name}")
@@ -201,6 +201,8 @@ def _sd(kind: type[RigChannel], table: pd.DataFrame, noise: Mapping[str, Any], w
 
 
 def _si(entry: Any, expected: str, where: str) -> float:
+    if isinstance(entry, Mapping):
+        refuse_strange(entry, where)
     value, unit = (entry.get("value"), entry.get("unit", expected)) if isinstance(entry, Mapping) else (entry, expected)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise DataError(f"{where} has no number; write {{ value = 1.0, unit = '{expected}' }}.")
@@ -228,10 +230,11 @@ def _declared(table: Mapping[str, Any], where: str) -> dict[str, float]:
 
 
 def _refuse_other_units(table: pd.DataFrame, where: str) -> None:
-    """Refuse a column such as `sinkage_mm`: it would be read as not measured."""
+    """Refuse a column such as `sinkage_mm`, or `sinkage` alone: it would be read as not measured."""
     columns = ("slip", "load_N", *(kind.column for kind in CHANNELS))
     stems = {name.rpartition("_")[0] or name: name for name in columns}
     for name in map(str, table.columns):
-        if name not in columns and name.rpartition("_")[0] in stems:
-            expected = stems[name.rpartition("_")[0]]
+        stem = name if name in stems else name.rpartition("_")[0]
+        if name not in columns and stem in stems:
+            expected = stems[stem]
             raise DataError(f"{where}: column '{name}' is not read: {closest(name, [expected])} Convert it to SI.")

@@ -8,6 +8,7 @@ from rover_pin.errors import DataError
 from rover_pin.evidence.channel import Evidence
 from rover_pin.evidence.drive_points import read_drive_points
 from rover_pin.evidence.measurement import read_wheel_rig
+from rover_pin.evidence.rig_physics import refuse_impossible
 from rover_pin.evidence.traction_points import read_traction_points
 from rover_pin.paths import is_file
 from rover_pin.trust import Trust
@@ -23,7 +24,9 @@ def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:
     """
     path = Path(path)
     if is_file(path / "rig.toml"):
-        return read_wheel_rig(path, trust)
+        rig = read_wheel_rig(path, trust)
+        refuse_impossible(rig)
+        return rig
     if is_file(path / "drive.toml"):
         return read_drive_points(path, trust=trust)
     if is_file(path):

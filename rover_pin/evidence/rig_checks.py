@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from rover_pin.errors import DataError
-from rover_pin.evidence.channel import DrawbarPull, RigChannel, Torque
+from rover_pin.evidence.channel import RigChannel
 from rover_pin.evidence.finding import Finding
 from rover_pin.evidence.identifiability import SAME_LOAD
 from rover_pin.evidence.rig_fit import ROWS
+from rover_pin.evidence.rig_physics import refuse_impossible, suspicions
 from rover_pin.evidence.rig_set import RigSet
 
 FEWEST_LEVELS = 3
@@ -16,9 +17,6 @@ FEWEST_LEVELS = 3
 
 LEAST_RANGE = 0.15
 """Slips that span less than this tell no dependence on slip."""
-
-MOST_FORCE = 3.0
-"""Drawbar pull over load, or torque over load times radius, beyond this is a wrong unit."""
 
 OUTLYING = 5.0
 """A run this many SDs from the median of its repeats is named."""
@@ -30,7 +28,7 @@ def refuse_unfit(data: RigSet) -> None:
     Raises
     ------
     DataError
-        One level, constant slip, a channel that never moves, or forces in a wrong unit.
+        One level, constant slip, a channel that never moves, or what `refuse_impossible` refuses.
     """
     rig, where = data.rig, data.rig.name
     span = float(np.ptp(rig.slip))
@@ -46,7 +44,7 @@ def refuse_unfit(data: RigSet) -> None:
         )
     for channel in rig.channels:
         _refuse_frozen(channel, where)
-        _refuse_unit(data, channel)
+    refuse_impossible(rig)
 
 
 SAME = 1e-6
@@ -58,19 +56,6 @@ def _refuse_frozen(channel: RigChannel, where: str) -> None:
         raise DataError(
             f"{where}: {channel.column} is {channel.measured[0]:g} in all {channel.measured.size} runs, as of a sensor "
             "that is stuck or unplugged; remove the column or mend it."
-        )
-
-
-def _refuse_unit(data: RigSet, channel: RigChannel) -> None:
-    if not isinstance(channel, (DrawbarPull, Torque)):
-        return
-    arm = data.rig.wheel.r if isinstance(channel, Torque) else 1.0
-    share = np.abs(channel.measured) / (np.asarray(data.rig.load) * float(arm))
-    if np.median(share) > MOST_FORCE:
-        of = "load times radius" if isinstance(channel, Torque) else "load"
-        raise DataError(
-            f"{data.rig.name}: {channel.column} is {np.median(share):.3g} times the {of}, "
-            f"more than any soil gives; check the units of {channel.column} and load_N."
         )
 
 
@@ -95,7 +80,7 @@ def too_poor(data: RigSet, nuisances: int) -> str:
 def findings(data: RigSet) -> list[Finding]:
     """Return what a reader should know of the set before any result."""
     rig = data.rig
-    found = list(data.misspelt)
+    found = [*data.misspelt, *suspicions(rig)]
     missing = [kind for kind in ROWS if kind not in [type(channel) for channel in rig.channels]]
     for kind in missing:
         found.append(Finding(f"{kind.name} was not measured", kind.column, "effects that it alone shows stay hidden"))

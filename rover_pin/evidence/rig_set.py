@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
@@ -29,7 +30,11 @@ SPEEDS = ("travel_speed_mps", "rim_speed_mps")
 
 RIG_FILE = "rig.toml"
 
-OTHERS = ("slip", "load_N", "run", "level", *SPEEDS)
+ANGLE = "slip_angle_rad"
+STRAIGHT = 0.01
+"""Slip angle [rad] up to which a wheel runs straight."""
+
+OTHERS = ("slip", "load_N", "run", "level", ANGLE, *SPEEDS)
 """Columns of the points that are read besides the channels and their SDs."""
 
 ALIKE = 0.7
@@ -121,7 +126,9 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     files = table_in(about, "files", where)
     points = trust.within(folder, text_in(files, "points", where, "points.csv"), where)
     table = read_table(points, ("slip", "load_N"))
-    speeds = _speeds(table, rig.slip, f"{folder.name}/{points.name}")
+    here = f"{folder.name}/{points.name}"
+    angle = slip_angles(table, here)
+    speeds = _speeds(table, rig.slip, angle, here)
     trials: tuple[Trial, ...] = ()
     if "penetration" in files:
         surface = text_in(table_in(about, "wheel", where), "surface", where)
@@ -129,7 +136,7 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
     stated = tuple(rig.declared)
     data = as_rig_set(rig, names, speeds, trials, stated, str(about.get("source", "")))
-    return replace(data, misspelt=tuple(_misspelt(table, f"{folder.name}/{points.name}")))
+    return replace(data, misspelt=(*_misspelt(table, here), *_askew(angle, here)))
 
 
 def _misspelt(table: pd.DataFrame, where: str) -> Iterator[Finding]:
@@ -172,11 +179,28 @@ def _classes(slip: np.ndarray) -> np.ndarray:
     return np.array([f"S = {slip[index == i].mean():.2f}" for i in index])
 
 
-def _speeds(table: pd.DataFrame, slip: np.ndarray, where: str) -> np.ndarray | None:
-    """Return travel and rim speed [runs, 2], or None; refuse speeds that contradict the slip."""
+def slip_angles(table: pd.DataFrame, where: str) -> np.ndarray:
+    """Return the angle between the wheel's plane and its travel [rad] of each run, 0 where none is given."""
+    return column(table[ANGLE], ANGLE, where) if ANGLE in table else np.zeros(len(table))
+
+
+def _askew(angle: np.ndarray, where: str) -> Iterator[Finding]:
+    askew = np.abs(angle) > STRAIGHT
+    if askew.any():
+        most = math.degrees(float(np.abs(angle).max()))
+        what = f"{int(askew.sum())} of {askew.size} runs have a slip angle, of {most:.3g} deg at most"
+        yield Finding(what, where, "the wheel is modelled as running straight: fit the straight runs by themselves")
+
+
+def _speeds(table: pd.DataFrame, slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray | None:
+    """Return the speeds of travel along the wheel's plane and of the rim [runs, 2], or None.
+
+    Refuses speeds that contradict the slip.
+    """
     if not set(SPEEDS) <= set(table.columns):
         return None
     travel, rim = (column(table[name], name, where) for name in SPEEDS)
+    travel = travel * np.cos(angle)
     own = (rim - travel) / np.maximum(np.maximum(np.abs(rim), np.abs(travel)), 1e-12)
     off = np.abs(own - slip)
     if off.max() > 0.05:
