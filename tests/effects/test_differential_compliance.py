@@ -46,10 +46,12 @@ def test_towards_no_compliance_the_drive_goes_to_that_of_the_rigid_differential(
 
 
 def test_the_twist_is_the_compliance_times_the_torque():
+    """Where it does not change by more than 1 mrad/s: its damping adds T_d = 10 ms of the rate."""
     trace = drive(DifferentialCompliance(compliance=0.02, backlash=0.0))
-    late = trace["t_s"] > 0.5
-    twist = trace["rocker_l"][late] + trace["rocker_r"][late]
-    assert twist == pytest.approx(-0.02 * trace["differential_torque"][late], abs=2e-5)
+    twist = trace["rocker_l"] + trace["rocker_r"]
+    steady = (trace["t_s"] > 0.5) & (np.abs(np.gradient(twist, trace["t_s"])) < 1e-3)
+    assert steady.mean() > 0.8
+    assert twist[steady] == pytest.approx(-0.02 * trace["differential_torque"][steady], abs=2e-5)
 
 
 def test_within_the_play_the_rockers_are_free():
