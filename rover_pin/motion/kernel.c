@@ -17,6 +17,7 @@
 #define N_WHEEL 2
 #define N_RECORD 12
 #define PI 3.14159265358979323846
+#define UNDECIDED_SHARE 100.0 /* direction speed over the speed below which both speeds decide alike */
 #define DEEPEST 0.98 /* sinkage over radius at which the law is held; drives stop long before */
 
 typedef int64_t integer;
@@ -374,23 +375,32 @@ static void blend(double *a, const double *b, double share, size_t n) {
   for (size_t i = 0; i < n; ++i) a[i] = share * a[i] + (1.0 - share) * b[i];
 }
 
+/* Which way a wheel goes, -1 to 1 over `direction_speed`, and its slopes with v_x and rim: the faster of both decides. */
+static double direction(const Drive *d, double v, double rim, double slope[2]) {
+  const double least = d->direction_speed / UNDECIDED_SHARE, both = least / sqrt(2.0);
+  const double top = v * fabs(v) + rim * fabs(rim) + both * (v + rim), bottom_2 = v * v + rim * rim + least * least;
+  const double scale = 1.0 / (sqrt(2.0 * bottom_2) * d->direction_speed);
+  slope[0] = (2.0 * fabs(v) + both - top * v / bottom_2) * scale;
+  slope[1] = (2.0 * fabs(rim) + both - top * rim / bottom_2) * scale;
+  return top * scale;
+}
+
 /* The law in the direction of travel; within the speed `direction_speed` around rest, a blend of both directions.
    Its slopes hold the blend's own: near rest they are the stiffest part of a resistance that turns with the wheel. */
 static void travel_law(const Drive *d, const double *contact, const double *held, const double *states, Law *law) {
-  double z = 0.5 * (contact[1] + contact[4]) / d->direction_speed;
-  z = fmin(1.0, fmax(-1.0, z));
+  double slope[2], z = fmin(1.0, fmax(-1.0, direction(d, contact[1], contact[4], slope)));
   double forwards = 0.5 + 0.25 * z * (3.0 - z * z);
   evaluate_law(d, contact, held, states, forwards <= 0.0, law);
   if (forwards <= 0.0 || forwards >= 1.0) return;
   Law back;
   evaluate_law(d, contact, held, states, 1, &back);
-  double slope = 0.375 * (1.0 - z * z) / d->direction_speed, load[4], rate[MAX_STATES];
-  for (int i = 0; i < 4; ++i) load[i] = slope * (law->load[i] - back.load[i]);
-  for (integer i = 0; i < d->n_contact_states; ++i) rate[i] = slope * (law->rate[i] - back.rate[i]);
+  double steep = 0.75 * (1.0 - z * z), load[4], rate[MAX_STATES];
+  for (int i = 0; i < 4; ++i) load[i] = steep * (law->load[i] - back.load[i]);
+  for (integer i = 0; i < d->n_contact_states; ++i) rate[i] = steep * (law->rate[i] - back.rate[i]);
   blend((double *)law, (const double *)&back, forwards, sizeof(Law) / sizeof(double));
-  for (int j = 0; j < 4; j += 3) { /* v_x and rim */
-    for (int i = 0; i < 4; ++i) law->by_speed[i][j] += load[i];
-    for (integer i = 0; i < d->n_contact_states; ++i) law->rate_by_speed[i][j] += rate[i];
+  for (int j = 0; j < 2; ++j) { /* v_x and rim */
+    for (int i = 0; i < 4; ++i) law->by_speed[i][3 * j] += load[i] * slope[j];
+    for (integer i = 0; i < d->n_contact_states; ++i) law->rate_by_speed[i][3 * j] += rate[i] * slope[j];
   }
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,26 @@ class LawValue(NamedTuple):
     slip: np.ndarray
 
 
+UNDECIDED = DIRECTION_SPEED / 100.0
+"""Speed [m/s] below which travel and rim decide alike where a wheel goes; above it the faster of both does."""
+
+
+def direction(v: float, rim: float) -> tuple[float, float, float]:
+    """Return which way a wheel goes, -1 to 1 over DIRECTION_SPEED, and its slopes with travel and rim speed.
+
+    z = (v |v| + rim |rim| + c (v + rim)) / sqrt(2 (v^2 + rim^2 + UNDECIDED^2)), c = UNDECIDED / sqrt(2): monotone in
+    both; v / DIRECTION_SPEED where the wheel rolls (rim = v). The slower hardly matters: were it the mean of both, a
+    held wheel that slides would be driven by its own turning and ring on its gear for ever, because driving and braking
+    shear differ at the same |S|, and a torque of the soil that falls with the rim's speed drives the rim.
+    """
+    least = UNDECIDED / math.sqrt(2.0)
+    top = v * abs(v) + rim * abs(rim) + least * (v + rim)
+    bottom = v * v + rim * rim + UNDECIDED**2
+    scale = 1.0 / (math.sqrt(2.0 * bottom) * DIRECTION_SPEED)
+    slopes = [(2.0 * abs(each) + least - top * each / bottom) * scale for each in (v, rim)]
+    return top * scale, slopes[0], slopes[1]
+
+
 class PlainLaw:
     """The law of a model's contact effects: (contact vector, own states) -> LawValue."""
 
@@ -37,7 +58,8 @@ class PlainLaw:
 
     def __call__(self, contact: np.ndarray, states: np.ndarray) -> LawValue:
         """Return the law in the direction of travel, blended smoothly around rest."""
-        z = min(1.0, max(-1.0, 0.5 * (contact[1] + contact[4]) / DIRECTION_SPEED))
+        z, slope_v, slope_rim = direction(float(contact[1]), float(contact[4]))
+        z = min(1.0, max(-1.0, z))
         forwards = 0.5 + 0.25 * z * (3.0 - z * z)
         value = self._split(self.law(contact, states, self.parameters))
         if forwards == 1.0:
@@ -57,7 +79,7 @@ class PlainLaw:
             -back.slip,
         )
         blend = LawValue(*(forwards * a + (1.0 - forwards) * b for a, b in zip(value, turned, strict=True)))
-        turning = 0.375 * (1.0 - z * z) / DIRECTION_SPEED * np.array([1.0, 0.0, 0.0, 1.0])
+        turning = 0.75 * (1.0 - z * z) * np.array([slope_v, 0.0, 0.0, slope_rim])
         return blend._replace(
             by_speed=blend.by_speed + np.outer(value.load - turned.load, turning),
             rate_by_speed=blend.rate_by_speed + np.outer(value.rate - turned.rate, turning),
