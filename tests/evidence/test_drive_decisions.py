@@ -434,6 +434,48 @@ def test_refits_come_best_first():
     assert found[0].name == "DeadBand"
 
 
+def three_hidden():
+    """A base on a log that hides three effects, which alone gain about 200, 165 and 100."""
+    random = np.random.default_rng(3)
+    columns = linear.slopes(random, linear.nuisances())
+    sizes = {}
+    for one, amplitude in ((EXIT, 1.25), (BAND, 1.135), (VISCOUS, 0.88)):
+        (name,) = one.sizes
+        reach = float(getattr(one.effect, name.rpartition(".")[2]))
+        columns[name] = (0.0, random.choice([-1.0, 1.0], linear.SHAPE) / reach)
+        sizes[name] = amplitude * reach
+    noise = np.clip(random.normal(size=linear.SHAPE), -0.7, 0.7)
+    return linear.fitted(shown(columns, sizes) + noise, columns)
+
+
+def refitted_lines(base, rows):
+    lines = []
+    found = refit(base, rows, lambda one: 10.0, lines.append)
+    return found, lines
+
+
+def test_leaders_are_fitted_to_the_end_and_those_far_behind_are_not():
+    base = three_hidden()
+    found, lines = refitted_lines(base, score(base, signatures(base, [EXIT, VISCOUS, BAND])))
+    assert [one.name for one in found] == ["ExitAngle", "DeadBand", "ViscousFriction"]
+    reach = found[0].net - 40 - 0.1 * found[0].net
+    assert found[0].net - 0.1 * found[0].net > found[1].net > reach > found[2].net > 0
+    assert [line for line in lines if "every slope anew" in line] == [
+        f"refitting with {one.name}, every slope anew" for one in found[:2]
+    ]
+
+
+def test_one_that_promised_more_than_any_reached_is_fitted_again():
+    base = three_hidden()
+    rows = score(base, signatures(base, [EXIT, VISCOUS, BAND]))
+    more = [dataclasses.replace(row, gain=1000.0) if row.candidate is VISCOUS else row for row in rows]
+    found, lines = refitted_lines(base, more)
+    assert "refitting with ViscousFriction, which gained less than promised" in lines
+    assert not any("less than promised" in line for line in lines if "Viscous" not in line)
+    assert "refitting with ViscousFriction, every slope anew" in lines
+    assert found[2].gain < 200
+
+
 # --- accepted, and told apart ----------------------------------------------------------------------------------------
 
 

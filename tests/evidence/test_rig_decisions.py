@@ -305,6 +305,19 @@ def test_a_shape_that_is_freed_too_pays_its_own_fee():
     assert freed == 3
 
 
+@pytest.mark.parametrize(("amplitude", "freed"), [(0.42, 1), (0.66, 3)])
+def test_a_shape_is_freed_only_where_it_gains_more_than_its_fee(amplitude, freed):
+    """gamma gains 48 amplitude^2 or so, 8 or 21; with the other shape it costs 2 x 6, whatever the effect costs."""
+    random = np.random.default_rng(3)
+    laws = laws_of(random, Bulldozing())
+    shaped = linear.MODEL.having(Bulldozing())
+    laws["Bulldozing.gamma"] = linear.law_of("Bulldozing.gamma", random.choice([-1.0, 1.0], ROWS), shaped)
+    setting = linear.setting(rows_of(laws, random, Bulldozing__share=1.0, Bulldozing__gamma=amplitude), laws)
+    base = calibrate(setting, linear.MODEL)
+    (best, *_) = compare_singles(setting, base, screen(setting, base, KINDS)).ranked
+    assert len(best.fit.u) == len(FREE) + freed
+
+
 def test_a_pair_pays_for_both_or_for_the_one_that_it_adds():
     random = np.random.default_rng(4)
     laws = laws_of(random, SlipSinkage(), ExitAngle())
