@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear, minimize_scalar
 from scipy.stats import binom
 
 from rover_pin.effects.dead_band import DeadBand
@@ -140,6 +141,46 @@ def test_intervals_are_those_of_the_posterior_widened_for_coloured_noise(made):
         known = next(each for each in missed.parameters if each.name == one.name)
         assert one.high - one.low == pytest.approx(2 * NORMAL_95 * sd * known.scale, rel=1e-9)
         assert one.drift == pytest.approx(u)
+
+
+def test_numbers_at_their_bounds_are_held_there_and_the_others_fitted():
+    """Against scipy's bounded least squares: phi would leave its bounds; the other takes over."""
+    random = np.random.default_rng(3)
+    free = linear.nuisances()
+    signs = random.choice([-1.0, 1.0], (2, *linear.SHAPE))
+    slopes = (signs[0] / free[0].scale, (0.3 * signs[0] + 0.7 * signs[1]) / free[1].scale)
+    columns = {one.name: (one.origin, slope) for one, slope in zip(free, slopes, strict=True)}
+    for value, prior in ((0.62, True), (0.42, True), (0.62, False)):
+        narrow = dataclasses.replace(free[0], low=0.47, high=0.58, prior=prior)
+        seen = shown(columns, {"soil.phi": value}) + 0.3 * random.normal(size=linear.SHAPE)
+        fitted = linear.fitted(seen, columns, (narrow, free[1]))
+        exact = linear.gaussian(fitted)
+        known = np.isfinite(exact.sd)
+        matrix = np.vstack([exact.X, np.eye(2)[known]])
+        right = np.concatenate([exact.y, np.zeros(known.sum())])
+        low, high = np.array([one.bounds for one in fitted.parameters]).T
+        np.testing.assert_allclose(fitted.u, lsq_linear(matrix, right, (low, high)).x, atol=1e-6)
+        assert fitted.u[0] in (pytest.approx(low[0]), pytest.approx(high[0]))
+
+
+def test_rows_beyond_4_sd_pull_as_one_of_4_sd():
+    """The optimum of the Huber loss, by a plain minimiser; the spread counts a stray by its weight."""
+    random = np.random.default_rng(3)
+    free = linear.nuisances()[:1]
+    columns = linear.slopes(random, free)
+    noise = random.normal(size=linear.SHAPE)
+    noise[0, 0, :3] += 40.0 * np.sign(columns["soil.phi"][1][0, 0, :3])
+    fitted = linear.fitted(noise, columns, free)
+    (x,) = linear.gaussian(fitted).X.T
+
+    def loss(u):
+        size = np.abs(noise.ravel() - x * u)
+        return np.sum(np.where(size > 4, 8 * size - 16, size**2)) + u * u
+
+    best = minimize_scalar(loss, bounds=(-3, 3), method="bounded", options={"xatol": 1e-10}).x
+    assert fitted.u[0] == pytest.approx(best, abs=1e-3)
+    weights = np.minimum(1.0, 4.0 / np.abs(noise.ravel() - x * fitted.u[0]))
+    assert fitted.covariance[0, 0] == pytest.approx(1 / (np.sum(weights * x * x) + 1), rel=1e-9)
 
 
 def test_rows_that_hang_together_by_stretches_widen_an_interval():
@@ -373,7 +414,7 @@ def test_the_interval_of_a_change_is_that_of_resampled_stretches():
         assert (run.low, run.high) == pytest.approx((1 / 4 - 1, 0.0))
     fell = [math.sqrt(1 - 0.75 * binom.ppf(share, 8, 0.5) / 8) - 1 for share in (0.975, 0.025)]
     for row in found.channels:
-        assert (row.before, row.after) == pytest.approx((2.0, math.sqrt(2.5)))
+        assert (row.before, row.after, row.change) == pytest.approx((2.0, math.sqrt(2.5), math.sqrt(2.5) / 2 - 1))
         assert (row.low, row.high) == pytest.approx(fell)
 
 

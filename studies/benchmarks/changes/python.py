@@ -110,6 +110,10 @@ class Changes(ast.NodeVisitor):
         if name not in DECLARED:
             self.generic_visit(node)
 
+    def visit_keyword(self, node: ast.keyword) -> None:  # noqa: D102
+        if node.arg not in ("strict", "repr"):
+            self.visit(node.value)
+
     def visit_Subscript(self, node: ast.Subscript) -> None:  # noqa: D102
         self.visit(node.value)
 
