@@ -2,8 +2,8 @@
 
     H a + C = tau + J^T F_e + G^T lambda,    G a = -gamma,    G = (... 1 at each rocker ...)
 
-H is `mass_matrix`, C is `bias`, J is `wheel_jacobians`, lambda is the differential's torque on either rocker. Two traps
-of Eq (8) as printed:
+H is `mass_matrix`, C is `bias`, J is `wheel_jacobians`, lambda is the differential's torque on either rocker. A joint
+that follows another, as in a parallel link, adds a row (... 1 ... -ratio ...) to G. Two traps of Eq (8) as printed:
 
 * The rocker angles are relative to the base, so G^T lambda already holds the reaction on the base: relative coordinates
   make it internal. Putting lambda into N_0 once more, as the sentence below Eq (8) can be read, is wrong.
@@ -49,40 +49,38 @@ class Dynamics:
         self._moves = np.zeros((len(rover.wheels), self.model.nv))
         for row, wheel in zip(self._moves, rover.wheels, strict=True):
             row[supporting_dofs(self.model, wheel.joint)] = 1.0
-        self._differential_row = constraint_row(rover)
+        self._rows = constraint_rows(rover)
+        self._angle_rows = _angle_rows(rover)
         self._no_force = [pin.Force.Zero() for _ in range(self.model.njoints)]
 
     def accelerate(self, q: np.ndarray, v: np.ndarray, torques: np.ndarray, wheel_forces: np.ndarray) -> Acceleration:
-        """Return the acceleration by the mass matrix, its Cholesky factors and a rank-1 correction; the fast route.
+        """Return the acceleration by the mass matrix, its Cholesky factors and a low-rank correction; the fast route.
 
-        With a_0 = H^-1 (tau + J^T F_e - C) and y = H^-1 G^T: lambda = -(G a_0 + gamma) / (G y), a = a_0 + lambda y.
+        With a_0 = H^-1 (tau + J^T F_e - C) and y = H^-1 G^T: lambda = -(G y)^-1 (G a_0 + gamma), a = a_0 + y lambda.
         """
         model, data = self.model, self.data
         pin.crba(model, data, q, pin.Convention.WORLD)
         bias = pin.nonLinearEffects(model, data, q, v)
         pin.cholesky.decompose(model, data)
         free = pin.cholesky.solve(model, data, torques + self.generalised(wheel_forces) - bias)
-        differential = self.rover.differential
-        if differential is None:
-            return Acceleration(free, 0.0)
-        left, right, _, _ = differential
-        y = pin.cholesky.solve(model, data, self._differential_row)
-        torque = -(free[left] + free[right] + self._gamma(q, v)) / (y[left] + y[right])
-        return Acceleration(free + torque * y, float(torque))
+        return self._held(free, [pin.cholesky.solve(model, data, row) for row in self._rows], q, v)
 
     def accelerate_aba(
         self, q: np.ndarray, v: np.ndarray, torques: np.ndarray, wheel_forces: np.ndarray
     ) -> Acceleration:
-        """Return the same by the articulated-body algorithm, which is affine in tau: called with tau and tau + G^T."""
+        """Return the same by the articulated-body algorithm, affine in tau: called with tau and tau + each row of G."""
         model, data, pushes = self.model, self.data, self._joint_forces(q, wheel_forces)
         free = pin.aba(model, data, q, v, torques, pushes).copy()
-        differential = self.rover.differential
-        if differential is None:
+        return self._held(free, [pin.aba(model, data, q, v, torques + row, pushes) - free for row in self._rows], q, v)
+
+    def _held(self, free: np.ndarray, answers: list[np.ndarray], q: np.ndarray, v: np.ndarray) -> Acceleration:
+        """Return the acceleration with every constraint held, given what a unit of each one's torque answers."""
+        if not answers:
             return Acceleration(free, 0.0)
-        left, right, _, _ = differential
-        y = pin.aba(model, data, q, v, torques + self._differential_row, pushes) - free
-        torque = -(free[left] + free[right] + self._gamma(q, v)) / (y[left] + y[right])
-        return Acceleration(free + torque * y, float(torque))
+        y, rows = np.column_stack(answers), self._rows
+        gamma = 2.0 * STABILISATION * (rows @ v) + STABILISATION**2 * (self._angle_rows @ q)
+        multipliers = np.linalg.solve(rows @ y, -(rows @ free + gamma))
+        return Acceleration(free + y @ multipliers, 0.0 if self.rover.differential is None else float(multipliers[0]))
 
     def generalised(self, wheel_forces: np.ndarray) -> np.ndarray:
         """Return J^T F_e [nv] of world wrenches at the wheel centres [n, 6]; the Jacobians must be up to date."""
@@ -90,11 +88,6 @@ class Dynamics:
         at_origin = wheel_forces.copy()
         at_origin[:, 3:] += centres.take(NEXT, 1) * force.take(AFTER, 1) - centres.take(AFTER, 1) * force.take(NEXT, 1)
         return (at_origin @ self.data.J * self._moves).sum(0)
-
-    def _gamma(self, q: np.ndarray, v: np.ndarray) -> float:
-        left, right, q_left, q_right = self.rover.differential  # type: ignore[misc]
-        rate, angle = v[left] + v[right], q[q_left] + q[q_right]
-        return float(2.0 * STABILISATION * rate + STABILISATION**2 * angle)
 
     def _joint_forces(self, q: np.ndarray, wheel_forces: np.ndarray) -> list[pin.Force]:
         """Return the wheels' wrenches in their own axes, as Pinocchio's algorithms take external forces."""
@@ -161,12 +154,27 @@ def wheel_jacobians(rover: Rover, q: np.ndarray) -> np.ndarray:
     )
 
 
-def constraint_row(rover: Rover) -> np.ndarray:
-    """Return G [nv]: ones at the two rockers, or zeros where there is no differential."""
-    row = np.zeros(rover.model.nv)
+def constraint_rows(rover: Rover, *, differential: bool = True) -> np.ndarray:
+    """Return G [m, nv]: first the row of a rigid `differential`, if there is one, then one a joint that follows."""
+    pairs = [(each.follower, each.leader, each.ratio) for each in rover.couplings]
+    if rover.differential is not None and differential:
+        pairs.insert(0, (rover.differential.left, rover.differential.right, -1.0))
+    return _rows(pairs, rover.model.nv)
+
+
+def _angle_rows(rover: Rover) -> np.ndarray:
+    """Return the same for the angles [m, nq]."""
+    pairs = [(each.q_follower, each.q_leader, each.ratio) for each in rover.couplings]
     if rover.differential is not None:
-        row[[rover.differential.left, rover.differential.right]] = 1.0
-    return row
+        pairs.insert(0, (rover.differential.q_left, rover.differential.q_right, -1.0))
+    return _rows(pairs, rover.model.nq)
+
+
+def _rows(pairs: list[tuple[int, int, float]], size: int) -> np.ndarray:
+    rows = np.zeros((len(pairs), size))
+    for row, (follower, leader, ratio) in zip(rows, pairs, strict=True):
+        row[follower], row[leader] = 1.0, -ratio
+    return rows
 
 
 def supporting_dofs(model: pin.Model, joint: int) -> list[int]:

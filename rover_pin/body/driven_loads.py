@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.acceleration import constraint_row, wheel_jacobians
+from rover_pin.body.acceleration import constraint_rows, wheel_jacobians
 from rover_pin.body.rover import Rover
 from rover_pin.errors import ParameterError, closest
 
@@ -125,9 +125,9 @@ def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray) -> np.ndarray:
         push = foot.normal - rho * foot.forward - eta * foot.left
         side = np.cross(-r[:, None] * foot.normal, -eta * foot.left)
         lift = np.column_stack([J[:3].T @ f + J[3:].T @ m for J, f, m in zip(jacobians, push, side, strict=True)])
-        unknown = np.column_stack([lift, constraint_row(rover)])[free]
+        unknown = np.column_stack([lift, constraint_rows(rover).T])[free]
         found, *_ = np.linalg.lstsq(unknown, (weight - known)[free], rcond=1e-10)
-        load = found[:-1]
+        load = found[: len(rover.wheels)]
         lacking = hold - load @ foot.normal
         rho, eta = (-float(lacking @ _mean(axes, load)) / max(float(np.sum(load)), 1e-9)
                     for axes in (foot.forward, foot.left))  # fmt: skip

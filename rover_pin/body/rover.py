@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from rover_pin.body.layout import Layout, read_layout, shipped
 from rover_pin.body.symmetry import Mirror, is_symmetric, mirror
 from rover_pin.body.urdf_faults import refuse_faults
 from rover_pin.body.urdf_readers import free_tree
+from rover_pin.body.urdf_tree import read_tree
 from rover_pin.contact import Wheel
 from rover_pin.errors import ParameterError, UrdfError, closest
 from rover_pin.paths import is_file
@@ -47,6 +48,16 @@ class Differential(NamedTuple):
     q_right: int
 
 
+class Coupling(NamedTuple):
+    """v[follower] = ratio v[leader], and the angles likewise: a parallel link's joints, declared by <mimic>."""
+
+    follower: int
+    leader: int
+    ratio: float
+    q_follower: int
+    q_leader: int
+
+
 @dataclass(frozen=True, eq=False)
 class Rover:
     """The rigid body half of Eq (8); q = (position, quaternion x y z w, joints), v = (base in body axes, joints).
@@ -64,6 +75,8 @@ class Rover:
     mirror: Mirror
     urdf: str
     "the text of the URDF, for viewers"
+    couplings: tuple[Coupling, ...] = ()
+    "joints of the suspension that follow others rigidly, the differential apart"
 
     @property
     def wheel(self) -> Wheel:
@@ -211,6 +224,7 @@ def assemble(layout: Layout) -> Rover:
         angles=angles,
         mirror=mirror(model, layout.pairs),
         urdf=layout.text,
+        couplings=tuple(_couplings(model, layout)),
     )
 
 
@@ -238,6 +252,15 @@ def _differential(model: pin.Model, layout: Layout) -> Differential | None:
         return None
     left, right = layout.differential
     return Differential(_dof(model, left), _dof(model, right), _angle(model, left), _angle(model, right))
+
+
+def _couplings(model: pin.Model, layout: Layout) -> Iterator[Coupling]:
+    """Yield what the URDF's <mimic> joins and the differential does not."""
+    for joint in read_tree(layout.text, layout.file).joints:
+        if joint.mimic is not None and {joint.name, joint.mimic.joint} != set(layout.differential or ()):
+            name, leader = joint.name, joint.mimic.joint
+            dofs, angles = (_dof(model, name), _dof(model, leader)), (_angle(model, name), _angle(model, leader))
+            yield Coupling(*dofs, joint.mimic.multiplier, *angles)
 
 
 def _dof(model: pin.Model, joint: str) -> int:

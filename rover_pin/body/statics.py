@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.acceleration import constraint_row, wheel_jacobians
+from rover_pin.body.acceleration import constraint_rows, wheel_jacobians
 from rover_pin.body.rover import Rover
 from rover_pin.errors import ParameterError
 
@@ -57,7 +57,7 @@ def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: fl
     lifts = _vertical_pushes(rover, q, rotation[:, 2])
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     free = _free_dofs(rover)
-    unknown = np.column_stack([lifts, constraint_row(rover)])[free]
+    unknown = np.column_stack([lifts, constraint_rows(rover).T])[free]
     # Least squares mixes N and N m: lengths and loads are of order one, and a rover that stands leaves no residual.
     found, *_ = np.linalg.lstsq(unknown, weight[free], rcond=1e-10)
     if np.max(np.abs(unknown @ found - weight[free])) > UNBALANCED * rover.mass * gravity:
@@ -65,7 +65,7 @@ def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: fl
             f"Rover '{rover.name}' cannot stand on its wheels: a pivot of its suspension stays out of balance; "
             "give it a differential or a fixed joint there."
         )
-    return np.array(found[:-1] * (rotation[:, 2] @ rover.up))
+    return np.array(found[: len(rover.wheels)] * (rotation[:, 2] @ rover.up))
 
 
 def _vertical_pushes(rover: Rover, q: np.ndarray, normal: np.ndarray) -> np.ndarray:

@@ -114,6 +114,9 @@ def _facts(tree: UrdfTree, model: pin.Model, layout: Layout | None) -> Iterator[
         return
     yield f"{len(layout.wheel_joints)} wheels: " + ", ".join(layout.wheel_joints)
     yield "differential: " + (" and ".join(layout.differential) if layout.differential else "none")
+    for joint in tree.joints:
+        if joint.mimic is not None and {joint.name, joint.mimic.joint} != set(layout.differential or ()):
+            yield f"{joint.name} = {joint.mimic.multiplier:g} {joint.mimic.joint}"
 
 
 def _text(path: Path) -> str:

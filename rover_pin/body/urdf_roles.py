@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.body.layout import Layout
-from rover_pin.body.urdf_tree import UrdfTree
+from rover_pin.body.urdf_tree import Joint, UrdfTree
 from rover_pin.errors import closest
 
 ALONG = 0.95
@@ -39,11 +39,14 @@ def role_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
 
 
 def _mimic_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
-    differential = set(layout.differential or ())
+    differential, sides = set(layout.differential or ()), [set(pair) for pair in layout.suspension.values()]
     for joint in tree.joints:
         if joint.mimic is None:
             continue
-        if {joint.name, joint.mimic.joint} != differential:
+        pair = {joint.name, joint.mimic.joint}
+        if pair != differential and pair not in sides:
+            yield from _coupling_faults(joint, layout, tree)
+        elif pair != differential:
             yield (
                 f"joint '{joint.name}' mimics '{joint.mimic.joint}', but the TOML's [differential] does not join them; "
                 "name the pair there or take the <mimic> out."
@@ -53,6 +56,25 @@ def _mimic_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
                 f"joint '{joint.name}' mimics with multiplier {joint.mimic.multiplier:g} and offset "
                 f'{joint.mimic.offset:g}; a differential has multiplier="-1" and offset="0".'
             )
+
+
+def _coupling_faults(joint: Joint, layout: Layout, tree: UrdfTree) -> Iterator[str]:
+    """Yield why a joint cannot follow another as one of a parallel link."""
+    assert joint.mimic is not None
+    name, leader = joint.name, joint.mimic.joint
+    pivots = {each for joints in layout.suspension.values() for each in joints}
+    for each in (name, leader):
+        if each not in pivots:
+            yield f"joint '{name}' mimics '{leader}'; name '{each}' in the TOML's [suspension], as a pivot."
+        if each in (layout.differential or ()):
+            yield f"joint '{name}' mimics '{leader}'; '{each}' belongs to the differential: only its two go together."
+    if any(other.name == leader and other.mimic is not None for other in tree.joints):
+        yield f"joint '{name}' mimics '{leader}', which mimics another; let both mimic the one that leads."
+    if joint.mimic.offset != 0.0 or joint.mimic.multiplier == 0.0:
+        yield (
+            f"joint '{name}' mimics with multiplier {joint.mimic.multiplier:g} and offset {joint.mimic.offset:g}; one "
+            'that follows has multiplier="1", "-1" or another but 0, and offset="0".'
+        )
 
 
 def axis_faults(layout: Layout, model: pin.Model, axes: np.ndarray) -> Iterator[str]:

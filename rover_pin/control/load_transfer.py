@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.acceleration import constraint_row, mass_matrix, wheel_jacobians
+from rover_pin.body.acceleration import constraint_rows, mass_matrix, wheel_jacobians
 from rover_pin.body.rover import Rover
 
 
@@ -49,8 +49,8 @@ def axle_loads(rover: Rover, gravity: float) -> AxleLoads:
     inertia = mass_matrix(rover, q)[:, :1] / rover.mass
     asked = np.column_stack([weight, inertia - pushes @ (member / member.sum(axis=0))])
     free = _free_dofs(rover)
-    found, *_ = np.linalg.lstsq(np.column_stack([lifts, constraint_row(rover)])[free], asked[free], rcond=1e-10)
-    loads = member.T @ found[:-1]
+    found, *_ = np.linalg.lstsq(np.column_stack([lifts, constraint_rows(rover).T])[free], asked[free], rcond=1e-10)
+    loads = member.T @ found[: len(rover.wheels)]
     data = rover.model.createData()
     pin.forwardKinematics(rover.model, data, q)
     centres = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels])

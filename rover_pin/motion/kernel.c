@@ -26,7 +26,7 @@ typedef int (*casadi_function)(const double **, double **, integer *, double *, 
 typedef struct { /* field order is mirrored in kernel.py */
   integer nv, n_wheels, n_cols, n_axles, n_contact_states, n_motor_states, n_joints, n_servos, n_stops, n_body, n_lanes, grid_nx, grid_ny;
   integer n_soils, n_kinds, n_held;
-  integer differential_left, differential_right, symmetric, settling;
+  integer differential_left, n_coupled, symmetric, settling;
   double dt, direction_speed, grid_x0, grid_y0, grid_dx, grid_dy, wheel_share, misjudged;
   double *M, *nle, *J, *q, *v, *du;
   double **centres;
@@ -40,6 +40,8 @@ typedef struct { /* field order is mirrored in kernel.py */
   integer *stop_dof, *stop_q;
   double *stop_limits, *stop_gain; /* limits: lower, upper per stop */
   integer *body_dof, *body_q; /* base (6), then the suspension's joints; body_q: those joints alone */
+  integer *coupled_dof; /* follower, leader of each coupling; a rigid differential is the last one, of ratio -1 */
+  double *coupled_ratio;
   integer *mirror_index;
   double *mirror_sign;
   double *contact_states, *motor_states;
@@ -746,9 +748,10 @@ static int solve(integer n, double A[][MAX_DOF], double *b) {
   return OK;
 }
 
-/* (M - dt/2 D) du = dt (Q - nle), with v_right = -v_left for the rockers of a differential; springs and the body's push fully implicit. */
+/* (M - dt/2 D) du = dt (Q - nle), with v_follower = ratio v_leader for joints that are coupled, as the rockers of a
+   differential are; springs and the body's push fully implicit. */
 static int solve_speeds(const Drive *d, System *system, const BodyPush *push) {
-  integer nv = d->nv, left = d->differential_left, right = d->differential_right, n = 0, index[MAX_DOF];
+  integer nv = d->nv, n = 0, index[MAX_DOF], follows[MAX_DOF] = {0};
   double b[MAX_DOF], half = implicit_share(d) * d->dt;
   for (integer j = 0; j < nv; ++j)
     for (integer i = 0; i <= j; ++i) { /* pinocchio fills the upper triangle */
@@ -764,23 +767,24 @@ static int solve_speeds(const Drive *d, System *system, const BodyPush *push) {
     b[d->body_dof[j]] += d->dt * push->Q[j];
     for (integer i = 0; i < d->n_body; ++i) system->A[d->body_dof[i]][d->body_dof[j]] -= d->dt * push->D[i + j * d->n_body];
   }
-  if (left >= 0) {
-    for (integer j = 0; j < nv; ++j) system->A[left][j] -= system->A[right][j];
-    for (integer i = 0; i < nv; ++i) system->A[i][left] -= system->A[i][right];
-    b[left] -= b[right];
+  for (integer c = 0; c < d->n_coupled; ++c) {
+    integer follower = d->coupled_dof[2 * c], leader = d->coupled_dof[2 * c + 1];
+    double ratio = d->coupled_ratio[c];
+    for (integer j = 0; j < nv; ++j) system->A[leader][j] += ratio * system->A[follower][j];
+    for (integer i = 0; i < nv; ++i) system->A[i][leader] += ratio * system->A[i][follower];
+    b[leader] += ratio * b[follower];
+    follows[follower] = 1;
   }
-  for (integer i = 0; i < nv; ++i) if (left < 0 || i != right) index[n++] = i;
+  for (integer i = 0; i < nv; ++i) if (!follows[i]) index[n++] = i;
   if (n < nv)
-    for (integer i = 0; i < n; ++i) {
-      if (index[i] != i) memcpy(system->A[i], system->A[index[i]], sizeof system->A[i]);
+    for (integer i = 0; i < n; ++i) { /* in place: index[i] >= i */
       b[i] = b[index[i]];
+      for (integer j = 0; j < n; ++j) system->A[i][j] = system->A[index[i]][index[j]];
     }
-  if (n < nv)
-    for (integer i = 0; i < n; ++i)
-      for (integer j = right; j < n; ++j) system->A[i][j] = system->A[i][j + 1];
   int status = solve(n, system->A, b);
   for (integer i = 0; i < n; ++i) d->du[index[i]] = b[i];
-  if (left >= 0) d->du[right] = -d->du[left];
+  for (integer c = 0; c < d->n_coupled; ++c)
+    d->du[d->coupled_dof[2 * c]] = d->coupled_ratio[c] * d->du[d->coupled_dof[2 * c + 1]];
   return status;
 }
 

@@ -21,15 +21,16 @@ from rover_pin.motion.toolchain import shared_library
 
 INTEGERS = (
     "nv n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes grid_nx "
-    "grid_ny n_soils n_kinds n_held differential_left differential_right symmetric settling"
+    "grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling"
 ).split()
 NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy wheel_share misjudged".split()
 POINTERS = (
     "M nle J q v du centres cols col_count wheel_dof axle radius kind kinds joint_dof joint_q joint_unbounded "
-    "servo_dof servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain body_dof body_q mirror_index "
-    "mirror_sign contact_states motor_states contact_odd contact_parameters motor_parameters body_parameters soils "
-    "held duty lane_borders lane_start lane_x lane_z lane_ground grid_z grid_ground foreseen record energy loads "
-    "impulse differential contact_before contact_law motor_law body_law work_i work_w"
+    "servo_dof servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain body_dof body_q coupled_dof "
+    "coupled_ratio mirror_index mirror_sign contact_states motor_states contact_odd contact_parameters "
+    "motor_parameters body_parameters soils held duty lane_borders lane_start lane_x lane_z lane_ground grid_z "
+    "grid_ground foreseen record energy loads impulse differential contact_before contact_law motor_law body_law "
+    "work_i work_w"
 ).split()
 """Fields of the C struct Drive, in its order."""
 
@@ -152,6 +153,8 @@ class Kernel:
         joints = [model.joints[j] for j in range(2, model.njoints)]
         perm, sign = rover.mirror
         differential = rover.differential if self.model.rigid_differential else None
+        coupled = [(each.follower, each.leader, each.ratio) for each in rover.couplings]
+        coupled += [] if differential is None else [(differential.right, differential.left, -1.0)]
         self._set(
             nv=model.nv,
             n_wheels=len(columns),
@@ -159,7 +162,9 @@ class Kernel:
             n_axles=1 + max(wheel.axle for wheel in rover.wheels),
             n_joints=len(joints),
             differential_left=-1 if differential is None else differential.left,
-            differential_right=-1 if differential is None else differential.right,
+            n_coupled=len(coupled),
+            coupled_dof=np.array([pair[:2] for pair in coupled] or [(0, 0)], dtype=np.int64).ravel(),
+            coupled_ratio=np.array([ratio for *_, ratio in coupled] or [1.0]),
             M=data.M,
             nle=data.nle,
             J=data.J,

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from rover_pin.body.acceleration import constraint_rows
 from rover_pin.body.section import Facet, Patch, WheelFrame, patches, wheel_frame
 from rover_pin.contact import Load
 from rover_pin.motion import laws
@@ -95,17 +96,13 @@ class Plain:
         M = np.triu(M) + np.triu(M, 1).T
         nle = pin.nonLinearEffects(model, self.data, state.q, state.v)
         left, right = M - 0.5 * self.dt * D, self.dt * (force - nle)
-        differential = self.rover.differential
-        if differential is None or not self.model.rigid_differential:
-            du = np.linalg.solve(left, right)
-            self.differential[0] = self.torque + self.torque_slope @ du
-            return np.asarray(du)
-        G = np.zeros((1, model.nv))
-        G[0, [differential.left, differential.right]] = 1.0
-        saddle = np.block([[left, G.T], [G, np.zeros((1, 1))]])
+        rigid = self.rover.differential is not None and self.model.rigid_differential
+        G = constraint_rows(self.rover, differential=rigid)
+        saddle = np.block([[left, G.T], [G, np.zeros((len(G), len(G)))]])
         solved = np.linalg.solve(saddle, np.append(right, -G @ state.v))
-        self.differential[0] = -solved[-1] / self.dt
-        return solved[: model.nv]
+        du = solved[: model.nv]
+        self.differential[0] = -solved[model.nv] / self.dt if rigid else self.torque + self.torque_slope @ du
+        return np.asarray(du)
 
     def _wheel(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Add a wheel's patches; return how its states move: gain and slope by du."""

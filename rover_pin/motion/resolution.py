@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.acceleration import constraint_row, wheel_jacobians
+from rover_pin.body.acceleration import constraint_rows, wheel_jacobians
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import SimulationError
 from rover_pin.motion.kernel import armed
@@ -58,9 +58,9 @@ def contact_frequency(model: Model, state: DriveState) -> float:
     data = pin_model.createData()
     M = np.array(pin.crba(pin_model, data, state.q))
     inverse = np.linalg.inv(np.triu(M) + np.triu(M, 1).T)
-    if rover.differential is not None and model.rigid_differential:
-        G = constraint_row(rover)
-        inverse -= np.outer(inverse @ G, inverse @ G) / (G @ inverse @ G)
+    G = constraint_rows(rover, differential=model.rigid_differential)
+    if len(G):
+        inverse -= inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, G @ inverse)
     U = np.array([J[2] for J in wheel_jacobians(rover, state.q)])
     share = model.gravity * rover.mass / len(rover.wheels)
     soils = [model.soils[index] for index in sorted(model.terrain.ground_indices)]

@@ -154,7 +154,7 @@ FAULTS = {
     ),
     "mimic of another": (
         TEXT.replace('<mimic joint="rocker_l"', '<mimic joint="bogie_l"'),
-        "does not join them; name the pair",
+        r"joint .rocker_r. mimics .bogie_l.; .rocker_r. belongs to the differential",
     ),
     "mimic the same way": (
         TEXT.replace('multiplier="-1"', 'multiplier="1"'),
