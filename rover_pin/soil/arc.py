@@ -15,6 +15,10 @@ Mobilised = Callable[[Scalar, Scalar], Scalar]
 """The share of the shear strength in use, of s = theta_1 - theta and sin theta_1 - sin theta."""
 
 
+LEAST_DEPTH = 1e-300
+"""Of sinkage over radius, below which the stress is level."""
+
+
 class Arc(NamedTuple):
     """Integrals over theta [Pa rad]; Arcs of neighbouring stretches add."""
 
@@ -72,7 +76,8 @@ def integrate(
         chord = 2 * ca.sin(half)
         depth, rise = ca.sin(theta_1 - half) * chord, ca.cos(theta_1 - half) * chord
         cos, sin = cos_1 + depth, sin_1 - rise
-        sigma = ca.exp(n * ca.log(depth))  # its derivative needs no second power
+        # the derivative needs no second power, and a stretch of no length at an end of the arc must not take log(0)
+        sigma = ca.exp(n * ca.log(ca.fmax(depth, LEAST_DEPTH)))
         tau = weight * (cohesion + friction * sigma) * law(2 * half, rise)
         total = total.plus(Arc(weight * sigma * cos, tau, tau * cos, tau * sin))
     return Arc(*(2 * half_length * part for part in total))

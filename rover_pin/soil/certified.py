@@ -1,4 +1,4 @@
-"""The wheel forces to 1e-10 over a stated box: the arc is cut where the shear displacement needs it."""
+"""Wheel forces to 1e-10 over a stated box, Eq (4)'s and Wong and Reece's: the arc is cut where the shear needs it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.quantity import is_symbolic
-from rover_pin.soil.arc import integrate, shear_law, strength
+from rover_pin.soil.arc import LEAST_DEPTH, integrate, shear_law, strength
+from rover_pin.soil.peak_stress import PeakSums, terms
 from rover_pin.soil.quadrature import CERTIFIED, both_graded
 from rover_pin.soil.slip import speed_ratio
 from rover_pin.soil.traction import WheelForces, assemble
@@ -52,6 +53,45 @@ def certified_forces(
     for stretch in rest:
         first = first.plus(stretch)
     return assemble(first, theta_1, length, wheel, soil)
+
+
+def certified_peak_forces(
+    S: Scalar, angles: tuple[Scalar, Scalar, Scalar], wheel: Wheel, soil: Soil, nodes: int = CERTIFIED
+) -> WheelForces:
+    """Return the forces of `peak_stress_forces` with a quadrature error below 1e-10 in the box of `certified_forces`.
+
+    theta_m lies within the arc, at least a tenth of it from either end; the error is measured as there.
+
+    Parameters
+    ----------
+    S, angles : Scalar and tuple of Scalar
+        As in `peak_stress_forces`.
+    nodes : int
+        Quadrature nodes of each stretch: one (S >= 0, a number) to four on either side of theta_m.
+
+    Raises
+    ------
+    ParameterError
+        `nodes` is not a whole number of 2 or more.
+
+    Source and differences from the paper: as `peak_stress_forces`.
+    """
+    theta_1, theta_m, theta_2 = angles
+    ratio, front, length = speed_ratio(S), theta_1 - theta_m, theta_1 - theta_2
+    cuts = _cuts(ratio, theta_1, length, wheel.r / soil.k) if is_symbolic(S) or S < 0 else ()
+    before = pairwise((0.0, *(ca.fmin(cut, front) for cut in cuts), front))
+    behind = pairwise((front, *(ca.fmax(cut, front) for cut in cuts), length))
+    (cohesion, friction, n), law, rule = strength(wheel, soil), shear_law(ratio, wheel, soil), both_graded(nodes)
+    sums = PeakSums()
+    for start, end in (*before, *behind):
+        for psi, weight in zip(rule.psi, rule.weights, strict=True):
+            s = start + (end - start) * psi
+            alike = ca.fmin(s, (length - s) * front / (length - front))  # where in front the stress is the same
+            depth = ca.fmax(2 * ca.sin(theta_1 - alike / 2) * ca.sin(alike / 2), LEAST_DEPTH)
+            sigma = ca.exp(n * ca.log(depth))
+            part = terms(theta_1 - s, theta_1, sigma, cohesion + friction * sigma, law)
+            sums = sums.plus(weight * (end - start), part)
+    return sums.forces(wheel, soil)
 
 
 def _cuts(ratio: Scalar, theta_1: Scalar, length: Scalar, stiffness: Scalar) -> tuple[Scalar, Scalar, Scalar]:

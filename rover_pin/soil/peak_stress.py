@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -41,7 +42,7 @@ def peak_stress_forces(
     angles : tuple of Scalar
         theta_1, theta_m, theta_2 [rad], falling; see `PeakAngle.at`.
     nodes : int
-        Quadrature nodes of each of the two stretches; they share the stress.
+        Quadrature nodes of each of the two stretches; they share the stress. `certified_peak_forces` keeps 1e-10.
 
     Raises
     ------
@@ -54,29 +55,44 @@ def peak_stress_forces(
     cohesion, friction, n = strength(wheel, soil)
     law = shear_law(speed_ratio(S), wheel, soil)
     front, rear = theta_1 - theta_m, theta_m - theta_2
-    sums = [0.0] * 5
+    sums = PeakSums()
     rule = cubic_graded(nodes)
     for psi, weight in zip(rule.psi, rule.weights, strict=True):
         s = front * psi
         sigma = (2 * ca.sin(theta_1 - s / 2) * ca.sin(s / 2)) ** n
         tau_most = cohesion + friction * sigma
         for theta, length in ((theta_1 - s, front), (theta_2 + rear * psi, rear)):
-            terms = _terms(theta, theta_1, sigma, tau_most, law)
-            sums = [total + weight * length * term for total, term in zip(sums, terms, strict=True)]
-    sigma_cos, sigma_sin, tau, tau_cos, tau_sin = sums
-    patch = wheel.r * wheel.b * stress_scale(wheel, soil)
-    return WheelForces(
-        f_n=patch * (sigma_cos + tau_sin),
-        f_t=patch * (tau_cos - sigma_sin),
-        torque=patch * wheel.r * tau,
-        thrust=patch * tau_cos,
-        compaction=patch * sigma_sin,
-    )
+            sums = sums.plus(weight * length, terms(theta, theta_1, sigma, tau_most, law))
+    return sums.forces(wheel, soil)
 
 
-def _terms(
-    theta: Scalar, theta_1: Scalar, sigma: Scalar, tau_most: Scalar, law: Mobilised
-) -> tuple[Scalar, Scalar, Scalar, Scalar, Scalar]:
+class PeakSums(NamedTuple):
+    """Integrals over theta per unit of `stress_scale` [rad]."""
+
+    sigma_cos: Scalar = 0.0
+    sigma_sin: Scalar = 0.0
+    tau: Scalar = 0.0
+    tau_cos: Scalar = 0.0
+    tau_sin: Scalar = 0.0
+
+    def plus(self, weight: Scalar, part: PeakSums) -> PeakSums:
+        """Return the sums with a part of this weight."""
+        return PeakSums(*(total + weight * term for total, term in zip(self, part, strict=True)))
+
+    def forces(self, wheel: Wheel, soil: Soil) -> WheelForces:
+        """Return the forces of the whole arc's integrals."""
+        patch = wheel.r * wheel.b * stress_scale(wheel, soil)
+        return WheelForces(
+            f_n=patch * (self.sigma_cos + self.tau_sin),
+            f_t=patch * (self.tau_cos - self.sigma_sin),
+            torque=patch * wheel.r * self.tau,
+            thrust=patch * self.tau_cos,
+            compaction=patch * self.sigma_sin,
+        )
+
+
+def terms(theta: Scalar, theta_1: Scalar, sigma: Scalar, tau_most: Scalar, law: Mobilised) -> PeakSums:
+    """Return the integrands at an angle theta [rad] where the stress is `sigma` and the strength `tau_most`."""
     cos, sin, half = ca.cos(theta), ca.sin(theta), (theta_1 - theta) / 2
     tau = tau_most * law(2 * half, 2 * ca.cos(theta_1 - half) * ca.sin(half))
-    return sigma * cos, sigma * sin, tau, tau * cos, tau * sin
+    return PeakSums(sigma * cos, sigma * sin, tau, tau * cos, tau * sin)

@@ -64,7 +64,8 @@ def entry_angle(
     S : Scalar
         Slip ratio [-], in [-1, 1].
     steps : int
-        Newton steps; 3 leave less than 1e-9 in ln theta_1 for the soils of `parameters`, 4 for any soil tried.
+        Newton steps; 3 leave less than 1e-9 in ln theta_1 for the soils of `parameters`, 4 for any soil tried. What
+        the quadrature leaves besides: 4e-8 for S >= 0; for S < 0 1e-6 for the soils of `parameters`, 1e-4 for k = 1 mm.
     state : ShearState
         `slipping`, or `sheared` for the soil's full strength.
 

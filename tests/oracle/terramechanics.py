@@ -102,6 +102,27 @@ class Wheel:
         }
 
 
+class PeakedWheel(Wheel):
+    """The same with Wong and Reece's stress: behind theta_m that of an angle in front, linearly from theta_2."""
+
+    def __init__(self, theta_m, theta_2, *constants):
+        super().__init__(*constants)
+        self.theta_m, self.theta_2 = mp.mpf(theta_m), mp.mpf(theta_2)
+
+    def sigma(self, theta, theta_1):
+        """Eq (4) at the angle in front that has the stress of theta."""
+        if theta < self.theta_m:
+            share = (theta - self.theta_2) / (self.theta_m - self.theta_2)
+            theta = theta_1 - share * (theta_1 - self.theta_m)
+        return super().sigma(theta, theta_1)
+
+    def breaks(self, theta_1, theta_2, S):
+        """Those of the plain wheel, theta_m, and points towards the exit."""
+        length = self.theta_m - self.theta_2
+        near_exit = {self.theta_2 + length * mp.mpf(10) ** -e for e in (1, 2, 3, 4)}
+        return sorted({*super().breaks(theta_1, theta_2, S), self.theta_m, *near_exit})
+
+
 def midpoint_forces(S, theta_1, theta_2, r, b, c, phi, k, K, n, points=200_000):
     """Eqs (2)-(7) by the midpoint rule in plain NumPy, S >= 0 only: f_n, f_t, torque to about 1e-7."""
     theta = theta_2 + (theta_1 - theta_2) * (np.arange(points) + 0.5) / points

@@ -3,6 +3,7 @@
 import math
 
 import casadi as ca
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import ParameterError
 from rover_pin.parameters import SOILS
+from rover_pin.soil.certified import certified_forces
 from rover_pin.soil.limits import saturation_torque, torque_at_slip
 from rover_pin.soil.sinkage import LOAD_FLOOR, entry_angle
 from rover_pin.soil.traction import wheel_forces
@@ -103,3 +105,16 @@ def test_expressions_equal_floats_and_their_slopes_central_differences():
         difference = (f(up)[0] - f(down)[0]) / (2 * step)
         assert float(slope[0, i]) == pytest.approx(float(difference[0]), rel=1e-6, abs=1e-12)
         assert float(slope[1, i]) == pytest.approx(float(difference[1]), rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize(("k", "sign", "stated"), [(0.001, 1.0, 4e-8), (0.001, -1.0, 1e-4), (0.05, -1.0, 1e-6)])
+def test_the_entry_angle_is_as_good_as_its_docstring_says(k, sign, stated):
+    """ln theta_1 against the load of the certified forces there, by d ln f_n / d ln theta_1."""
+    soil, worst = SOIL.replace(k=k), 0.0
+    for S in sign * np.linspace(0.02, 1.0, 50):
+        theta_1 = entry_angle(9.5, float(S), WHEEL, soil)
+        at = [certified_forces(float(S), y, -y * soil.exit_ratio, WHEEL, soil).f_n for y in (theta_1, 1.001 * theta_1)]
+        steepness = math.log(at[1] / at[0]) / math.log(1.001)
+        worst = max(worst, abs(math.log(at[0] / 9.5)) / steepness)
+    assert worst < stated
+    assert k == 0.05 or worst > 0.1 * stated

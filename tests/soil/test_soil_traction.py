@@ -15,7 +15,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import ParameterError
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.arc import full_shear
-from rover_pin.soil.certified import certified_forces
+from rover_pin.soil.certified import certified_forces, certified_peak_forces
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
 from rover_pin.soil.quadrature import both_graded, cubic_graded, entry_graded
 from rover_pin.soil.traction import FORMS, NetTraction, WheelForces, forces, load_traction_factor, wheel_forces
@@ -94,13 +94,72 @@ def test_certified_forces_equal_a_30_digit_integral_over_the_whole_box():
         assert error(found, true) < 1e-10, (n, theta_1 / DEG, theta_2 / theta_1, k, S, phi, c)
 
 
-@pytest.mark.parametrize(
-    ("k", "S", "tolerance"), [(0.05, 0.3, 2e-10), (0.005, 1.0, 3e-9), (0.001, 1.0, 3e-7), (0.05, -0.1, 2e-4)]
-)
+@pytest.mark.parametrize(("k", "S", "tolerance"), [(0.05, 0.3, 2e-10), (0.005, 1.0, 3e-9), (0.001, 1.0, 3e-7)])
 def test_the_fast_rule_is_as_good_as_its_docstring_says(k, S, tolerance):
     soil = SOIL.replace(k=k)
     found = wheel_forces(S, soil.theta_1, soil.theta_2, WHEEL, soil)
     assert error(found, exact(S, soil.theta_1, soil.theta_2, soil)) < tolerance
+
+
+def over_many(function, points):
+    """f_n, f_t and torque / r at points [S, theta_1, theta_2, k, phi, n, c] (7, N)."""
+    x = ca.SX.sym("x", 7)
+    found = function(x[0], x[1], x[2], WHEEL, SOIL.replace(k=x[3], phi=x[4], n=x[5], c=x[6]))
+    law = ca.Function("law", [x], [ca.vertcat(found.f_n, found.f_t, found.torque / WHEEL.r)])
+    return law.map(points.shape[1])(points).full()
+
+
+def off_by(points):
+    """Worst of the three errors of the fast rule at each point, over f_n."""
+    true = over_many(certified_forces, points)
+    return np.max(np.abs(over_many(wheel_forces, points) - true), axis=0) / true[0]
+
+
+@pytest.mark.parametrize(("k", "stated"), [(0.05, 7e-7), (0.005, 2e-5), (0.001, 4e-4)])
+def test_the_fast_rule_brakes_as_its_docstring_says(k, stated):
+    """No better and no worse, at Table 1's angles; f_t and torque / r by f_n."""
+    S = np.linspace(-1.0, -0.001, 1000)
+    rest = [[SOIL.theta_1], [SOIL.theta_2], [k], [SOIL.phi], [1.0], [SOIL.c]]
+    worst = np.max(off_by(np.vstack([S, np.tile(rest, (1, S.size))])))
+    assert 0.7 * stated < worst < 1.1 * stated
+
+
+def test_the_fast_rule_over_the_whole_box_is_as_its_docstring_says():
+    rng, count = np.random.default_rng(1), 3000
+
+    def drawn(low, high, ends=True):
+        at_end = rng.random(count) < 0.3
+        return np.where(at_end & ends, rng.choice([low, high], count), rng.uniform(low, high, count))
+
+    theta_1, ratio, k = drawn(2 * DEG, 70 * DEG), drawn(0.0, 1.0), np.exp(drawn(math.log(1e-3), math.log(0.1)))
+    rest = [theta_1, -ratio * theta_1, k, drawn(10 * DEG, 45 * DEG, False), drawn(0.3, 1.6)]
+    rest.append(rng.choice([0.0, 0.005, 1000.0], count))
+    assert np.max(off_by(np.vstack([drawn(0.0, 1.0), *rest]))) < 5e-5
+    braking = off_by(np.vstack([drawn(-1.0, 0.0), *rest]))
+    assert 1e-3 < np.quantile(braking, 0.99) < 8e-3
+    corner = np.array([-0.231, 1.2036, -0.9035, 0.001, 0.5458, 0.7088, 1000.0])[:, None]
+    assert 0.04 < off_by(corner)[0] < 0.06
+    assert np.max(braking) < 0.06
+
+
+@pytest.mark.parametrize("S", [-1.0, -0.9, -0.5, -0.2, -0.05, 0.0, 0.4, 1.0])
+@pytest.mark.parametrize("angles", [(35.0, -5.0), (35.0, -35.0), (70.0, 0.0), (2.0, -1.0)])
+def test_certified_derivatives_are_those_of_the_forces(S, angles):
+    """Those by S, theta_1, theta_2, k, phi, n were NaN for braking at Table 1 from S = -0.2 on, by log(0)."""
+    x = ca.SX.sym("x", 6)
+    found = certified_forces(x[0], x[1], x[2], WHEEL, SOIL.replace(k=x[3], phi=x[4], n=x[5]))
+    forces_of = ca.vertcat(found.f_n, found.f_t, found.torque / WHEEL.r)
+    law = ca.Function("law", [x], [forces_of, ca.jacobian(forces_of, x)])
+    at = np.array([S, angles[0] * DEG, angles[1] * DEG, 0.05, 30 * DEG, 1.0])
+    value, jacobian = (np.array(each) for each in law(at))
+    assert np.all(np.isfinite(jacobian))
+    for i, step in enumerate(1e-6 * np.maximum(np.abs(at), 1e-2)):
+        if (i == 0 and abs(S) == 1.0) or (i == 2 and angles[0] == -angles[1]):
+            continue  # the slip's own ends, and the exit where it is held
+        sides = [np.array(law(at + sign * step * np.eye(6)[i])[0]) for sign in (1, -1)]
+        difference = (sides[0] - sides[1]) / (2 * step)
+        size = np.abs(value[0]) / max(abs(at[i]), 1e-2)
+        assert jacobian[:, [i]] == pytest.approx(difference, rel=2e-6, abs=float(2e-6 * size[0]))
 
 
 def test_wheel_forces_agree_with_a_midpoint_sum_in_numpy():
@@ -238,6 +297,43 @@ def test_peak_stress_agrees_with_a_midpoint_sum(S):
     true = oracle.peak_midpoint_forces(S, 0.6, -0.2, theta_m, 0.045, 0.05, 200.0, soil.phi, 0.01, soil.k_1, 0.9)
     found = peak_stress_forces(S, (0.6, theta_m, -0.2), WHEEL, soil)
     assert [found.f_n, found.f_t, found.torque] == pytest.approx(true, rel=1e-6, abs=1e-6 * found.f_n)
+
+
+def certified_peak_error(S, theta_1, ratio, share, n, k, c):
+    """Against 30 digits; theta_m stands at `share` of the arc from the exit."""
+    theta_2 = -ratio * theta_1
+    theta_m, soil = theta_2 + share * (theta_1 - theta_2), SOIL.replace(n=n, k=k, c=c)
+    constants = (WHEEL.r, WHEEL.b, soil.c, soil.phi, soil.k, soil.k_1, soil.k_2, soil.n)
+    true = oracle.PeakedWheel(theta_m, theta_2, *constants).forces(S, theta_1, theta_2)
+    return error(certified_peak_forces(S, (theta_1, theta_m, theta_2), WHEEL, soil), true)
+
+
+@pytest.mark.parametrize("point", [(1.0, 0.6, 0.15, 0.6, 0.7, 0.001, 1000.0), (-0.18, 1.2, 0.72, 0.3, 1.3, 0.02, 0.0)])
+def test_certified_peak_forces_equal_a_30_digit_integral_to_1e_10(point):
+    assert certified_peak_error(*point) < 1e-10
+
+
+@pytest.mark.slow
+def test_certified_peak_forces_equal_a_30_digit_integral_over_the_whole_box():
+    rng = np.random.default_rng(3)
+    for _ in range(25):
+        S = rng.choice([-1.0, -0.99, 0.0, 1.0, rng.uniform(-1, 1), rng.uniform(-1, 0)])
+        theta_1 = DEG * rng.choice([2, 70, rng.uniform(2, 70)])
+        ratio, share = rng.choice([0, 1, rng.uniform(0, 1)]), rng.uniform(0.1, 0.9)
+        k = math.exp(rng.uniform(math.log(1e-3), math.log(0.1)))
+        point = (S, theta_1, ratio, share, rng.uniform(0.3, 1.6), k, rng.choice([0.0, 0.005, 1000.0]))
+        assert certified_peak_error(*map(float, point)) < 1e-10, point
+
+
+def test_certified_peak_forces_have_derivatives():
+    x = ca.SX.sym("x", 4)
+    found = certified_peak_forces(x[0], (x[1], x[2], x[3]), WHEEL, SOIL)
+    law = ca.Function("law", [x], [ca.vertcat(*found), ca.jacobian(ca.vertcat(*found), x)])
+    for at in ([-0.5, 0.6, 0.25, -0.1], [-0.1, 0.6, 0.25, -0.6], [0.3, 0.6, 0.25, 0.0]):
+        assert np.all(np.isfinite(law(at)[1].full()))
+        assert law(at)[0].full().ravel() == pytest.approx(
+            list(certified_peak_forces(at[0], tuple(at[1:]), WHEEL, SOIL)), rel=1e-10
+        )
 
 
 def test_peak_stress_is_the_paper_s_where_the_arc_is_symmetric_about_the_axle():
