@@ -16,7 +16,7 @@ from rover_pin.body.symmetry import is_symmetric, mirror
 from rover_pin.body.urdf_faults import across, faults_of
 from rover_pin.body.urdf_readers import free_tree
 from rover_pin.body.urdf_tree import UrdfTree, read_tree
-from rover_pin.bounded import text as read_text
+from rover_pin.bounded import text as bounded_text
 from rover_pin.errors import ParameterError, UrdfError
 from rover_pin.trust import Trust
 
@@ -121,6 +121,6 @@ def _facts(tree: UrdfTree, model: pin.Model, layout: Layout | None) -> Iterator[
 
 def _text(path: Path) -> str:
     try:
-        return read_text(path)
+        return bounded_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise UrdfError(f"{path.name}: cannot be read ({error}).") from error

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rover_pin.bounded import content
 from rover_pin.errors import DataError
 from rover_pin.version import __version__
 
@@ -90,9 +91,9 @@ def key_of(function: Callable[..., Any], job: tuple[Any, ...]) -> str:
 def _read(file: Path) -> dict[str, list[float]]:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        text = file.read_bytes() if file.exists() else b""
-        whole = text[: text.rfind(b"\n") + 1]
-        if len(whole) < len(text):
+        found = content(file) if file.exists() else b""
+        whole = found[: found.rfind(b"\n") + 1]
+        if len(whole) < len(found):
             part = file.with_name(f".{file.name}.part")
             part.write_bytes(whole)
             part.replace(file)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from pathlib import Path
 
 from rover_pin.columns import replace_file
@@ -19,7 +20,8 @@ DRAFT = Path("draft_effect") / "measured_remainder.py"
 
 def written(verdict: DriveVerdict, log: DriveLog, out: Path) -> DriveVerdict:
     """Write model.toml, report.html with its figures and verdict.json; return the verdict with their paths."""
-    rover = "" if log.rover == log.about.rover else log.rover
+    named = Path(log.rover)
+    rover = "" if named.suffix == "" else os.path.relpath(named.resolve(), out.resolve())
     files = [write_model(verdict.model, out / "model.toml", verdict.sentence, rover)]
     if verdict.answer is Answer.NONE_FITS and verdict.remainder is not None:
         files.append(replace_file(out / DRAFT, draft_effect(verdict.remainder, verdict.name)))

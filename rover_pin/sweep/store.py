@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from rover_pin.bounded import content, text
 from rover_pin.errors import DataError
 from rover_pin.results_folder import LOCK
 from rover_pin.sweep.case import LEADING, Row
@@ -101,11 +102,14 @@ def collect(folder: str | Path) -> Any:
 def known_study(folder: Path) -> dict[str, Any]:
     """Return the study that the folder's results belong to, as plain data."""
     try:
-        return json.loads((folder / STUDY_FILE).read_text(encoding="utf-8"))
+        study = json.loads(text(folder / STUDY_FILE))
     except OSError as error:
         raise DataError(f"{folder}: no sweep lies here: {STUDY_FILE} cannot be read; name its folder.") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DataError(f"{folder / STUDY_FILE}: not valid JSON; start the study again in a new folder.") from error
+    if not isinstance(study, dict) or not isinstance(study.get("parameters"), dict):
+        raise DataError(f"{folder / STUDY_FILE}: it describes no study; start the study again in a new folder.")
+    return study
 
 
 def _refuse_change(folder: Path, old: dict[str, Any], new: dict[str, Any]) -> None:
@@ -130,9 +134,12 @@ def _read(paths: Iterable[Path]) -> list[Row]:
     rows: list[Row] = []
     for path in paths:
         try:
-            rows += pq.ParquetFile(path).read().to_pylist()
+            table = pq.ParquetFile(pa.BufferReader(content(path))).read()
         except (pa.ArrowException, OSError) as error:
             raise DataError(f"{path}: the file cannot be read; remove it and sweep again.") from error
+        if not {*LEADING} <= {*table.column_names}:
+            raise DataError(f"{path}: the file has no rows of a sweep; remove it and sweep again.")
+        rows += table.to_pylist()
     return rows
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin.body.layout import rover_folder
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.errors import DataError
@@ -113,6 +114,22 @@ def test_a_log_too_poor_says_so_instead_of_answering(tmp_path):
     assert verdict.answer is Answer.CANNOT_TELL
     assert verdict.sentence
     assert verdict.named == ()
+
+
+def test_a_log_of_ones_own_rover_gives_a_model_that_reads_back_from_anywhere(tmp_path, monkeypatch):
+    folder = drive_sets.write(tmp_path / "log", runs=1, duration=1.0)
+    (tmp_path / "rovers").mkdir()
+    for suffix in ("toml", "urdf"):
+        shutil.copy(rover_folder() / f"nexus6.{suffix}", tmp_path / "rovers")
+    toml = (tmp_path / "rovers" / "nexus6.toml").rename(tmp_path / "rovers" / "own.toml")
+    toml.write_text(toml.read_text().replace('name = "nexus6"', 'name = "own"'))
+    described = folder / "drive.toml"
+    described.write_text(described.read_text().replace('rover = "nexus6"', 'rover = "../rovers/own.toml"'))
+    monkeypatch.chdir(tmp_path)
+    close_the_loop("log", out="out/loop")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert read_start(tmp_path / "out" / "loop" / "model.toml", folder).rover.name == "own"
 
 
 def test_a_model_of_the_other_kind_is_refused(tmp_path):

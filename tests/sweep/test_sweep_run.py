@@ -131,6 +131,20 @@ def test_a_changed_study_is_refused_with_what_changed(tmp_path):
         sweep(STUDY, tmp_path / "out")
 
 
+@pytest.mark.parametrize("study", ["[]", "{}", '{"parameters": 3}', "[" * 100_000])
+def test_a_description_that_is_none_is_refused(tmp_path, study):
+    (tmp_path / "study.json").write_text(study)
+    with pytest.raises(DataError, match=r"study\.json: (it describes no study|not valid JSON); start the study again"):
+        collect(tmp_path)
+
+
+def test_results_of_something_else_are_refused(tmp_path):
+    sweep(STUDY, tmp_path, workers=1, case_function=lambda study, case: {})
+    pd.DataFrame({"a": [1.0]}).to_parquet(tmp_path / RESULTS)
+    with pytest.raises(DataError, match=r"results\.parquet: the file has no rows of a sweep"):
+        collect(tmp_path)
+
+
 def test_folders_that_are_no_sweep_are_refused(tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").write_text("")
