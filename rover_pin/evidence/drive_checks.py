@@ -16,13 +16,16 @@ from rover_pin.control.steering import wheel_places
 from rover_pin.errors import DataError
 from rover_pin.evidence import drive_excitation
 from rover_pin.evidence.drive_columns import absurd_faults, column_faults, column_findings, gap_findings
+from rover_pin.evidence.drive_currents import current_faults, current_findings
 from rover_pin.evidence.drive_declared import (
     declared_findings,
+    far_faults,
     ground_findings,
     rover_faults,
     start_faults,
     start_findings,
 )
+from rover_pin.evidence.drive_odometry import odometry_faults, odometry_findings
 from rover_pin.evidence.drive_sensors import frozen_faults, jump_findings, range_findings, stuck_findings
 from rover_pin.evidence.drive_signs import differential_findings, sign_faults, wheel_sign_faults
 from rover_pin.evidence.drive_speeds import speed_faults
@@ -75,14 +78,19 @@ def faults(log: DriveLog) -> tuple[Finding, ...]:
     if missing:
         return missing
     motor, terrain, length = declared_motor(log), _terrain(log), _length(log)
-    return gathered(fault for run in driven(log) for fault in _of_run(run, motor, terrain, length))
+    whole = _whole_motor(log)
+    return gathered(
+        fault
+        for run in driven(log)
+        for fault in (*_of_run(run, motor, terrain, length), *(current_faults(run, whole) if whole else ()))
+    )
 
 
 def _of_run(run: Driven, motor: Motor | None, terrain: Terrain | None, length: float) -> list[Finding]:
     """Return a run's faults: what the speeds tell only where the wheels are right, signs only where units are."""
     found = [*frozen_faults(run), *wheel_sign_faults(run)]
-    found = found or [*unit_faults(run, motor), *speed_faults(run, motor), *start_faults(run)]
-    return found or list(sign_faults(run, terrain, length))
+    found = found or [*far_faults(run), *unit_faults(run, motor), *speed_faults(run, motor), *start_faults(run)]
+    return found or [*sign_faults(run, terrain, length), *odometry_faults(run)]
 
 
 def _length(log: DriveLog) -> float:
@@ -98,7 +106,7 @@ def findings(log: DriveLog) -> tuple[Finding, ...]:
 def _findings(log: DriveLog) -> Iterator[Finding]:
     runs, motor = driven(log), declared_motor(log)
     joined = log.load_rover().differential is not None
-    terrain = _terrain(log)
+    terrain, whole = _terrain(log), _whole_motor(log)
     yield from column_findings(log)
     yield from declared_findings(log)
     for run in runs:
@@ -109,6 +117,8 @@ def _findings(log: DriveLog) -> Iterator[Finding]:
         yield from stuck_findings(run)
         yield from jump_findings(run)
         yield from range_findings(run, motor)
+        yield from odometry_findings(run)
+        yield from current_findings(run, whole) if whole else ()
         if joined:
             yield from differential_findings(run)
     yield from drive_excitation.excitation_findings(runs, log.about.name)
@@ -131,6 +141,11 @@ def declared_motor(log: DriveLog) -> Motor | None:
     table = {name: entry for name, entry in log.about.motor.items() if name in quantities(Motor)}
     stated = {"supply", "resistance"} <= table.keys()
     return record_from(Motor, table, f"{log.folder.name}: [motor]") if stated else None
+
+
+def _whole_motor(log: DriveLog) -> Motor | None:
+    """Return the motor of a log that declares all that its current follows from, or None."""
+    return declared_motor(log) if {"supply", "resistance", "k_t", "gear"} <= log.about.motor.keys() else None
 
 
 def _terrain(log: DriveLog) -> Terrain | None:

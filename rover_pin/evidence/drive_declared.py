@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rover_pin.body.terrain import Terrain
+from rover_pin.body.terrain_files import LARGEST
 from rover_pin.contact import Wheel
 from rover_pin.evidence.drive_model import DRIVEN_SAND
 from rover_pin.evidence.driven import Driven, degrees
@@ -29,6 +30,9 @@ NEAR, NEARLY = 0.03, math.radians(6.0)
 FAR, FARTHER = 0.25, math.radians(30.0)
 """Distance [m] and angle [rad] from which start and tracker are not in the same axes."""
 
+
+FAR_OFF = 10.0 * LARGEST
+"""Coordinate [m] that is on no declared ground."""
 
 OTHER_WHEEL = 0.02
 """Relative difference of a declared wheel's radius or width from the rover's that is no rounding."""
@@ -100,6 +104,17 @@ def _off_start(run: Driven) -> tuple[float, float]:
     place, heading = place[np.isfinite(place)], heading[np.isfinite(heading)]
     off = float(np.abs(place.mean())) if place.size else 0.0
     return off, abs(float(np.angle(heading.mean()))) if heading.size else 0.0
+
+
+def far_faults(run: Driven) -> Iterator[Finding]:
+    """Yield a place far from where any ground is described, as of a map's grid."""
+    for axis in "xyz":
+        values = run.trace[f"body_{axis}"] if f"body_{axis}" in run.trace else np.zeros(1)
+        middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
+        if abs(middle) > FAR_OFF:
+            what = f"body_{axis} is {middle:.3g} m in the median"
+            todo = f"give metres from an origin on the declared ground, which lies within {LARGEST:g} m of 0"
+            yield Finding(what, run.name, todo)
 
 
 def ground_findings(run: Driven, terrain: Terrain) -> Iterator[Finding]:

@@ -24,6 +24,12 @@ ASTRAY = math.radians(75.0)
 ALIGNED = 0.9
 """Length of the mean of unit vectors from which they all point one way."""
 
+FOLLOWS = 0.25
+"""RMS angle [rad] between course and heading of a rover that goes where it points."""
+
+SLOPE = 0.3
+"""Relative error of the course's turn over that of the yaw."""
+
 ENOUGH_CLIMB = math.radians(1.5)
 """SD of the climb from which the pitch can be held against it."""
 
@@ -74,26 +80,46 @@ def _heading(run: Driven) -> Iterator[Finding]:
     course = run.velocity[use] / np.abs(run.velocity[use]) * np.sign(run.rim[use])
     off = complex(np.mean(course * np.conj(run.heading[use])))
     aligned = abs(off) > ALIGNED
-    if _in_degrees(run, course, use, off):
+    if _in_degrees(run, course, use):
         yield Finding("body_yaw looks like degrees", run.name, "give radians: multiply it by pi / 180")
     elif aligned and abs(np.angle(off)) > ASTRAY:
         yield _turned(run, float(np.angle(off)))
 
 
-def _in_degrees(run: Driven, course: np.ndarray, use: np.ndarray, off: complex) -> bool:
-    """Whether the heading follows the course if taken in degrees, and does not as it is."""
+def _in_degrees(run: Driven, course: np.ndarray, use: np.ndarray) -> bool:
+    """Whether the heading follows the course if taken in degrees, does not as it is, and chance is no explanation.
+
+    Noise about a straight course follows in degrees as well: numbers must be beyond one turn in radians, or the course
+    must turn with them at pi / 180.
+    """
     yaw = run.trace["body_yaw"]
-    as_degrees = complex(np.mean(course * np.conj(run.direction(np.radians(yaw))[use])))
-    follows = abs(as_degrees) > ALIGNED and abs(np.angle(as_degrees)) < 0.5 * ASTRAY
-    beyond = np.nanmax(np.abs(yaw)) > 2.0 * math.pi and abs(np.angle(off)) > abs(np.angle(as_degrees)) + 0.2
-    return bool(follows and (abs(off) < ALIGNED or beyond))
+    off, off_degrees = (np.angle(course * np.conj(run.direction(each)[use])) for each in (yaw, np.radians(yaw)))
+    follows = _rms(off_degrees) < FOLLOWS and _rms(off) > _rms(off_degrees) + FOLLOWS
+    beyond = float(np.nanmax(np.abs(yaw))) > 2.0 * math.pi
+    return bool(follows and (beyond or _turns_in_degrees(course, run.mean(yaw)[use])))
+
+
+def _turns_in_degrees(course: np.ndarray, yaw: np.ndarray) -> bool:
+    """Whether the course turns with the yaw, by pi / 180 of its numbers, beyond chance."""
+    turned = np.unwrap(np.angle(course))
+    if len(yaw) < AT_LEAST or min(np.std(yaw), np.std(turned)) == 0.0:
+        return False
+    alike = float(np.corrcoef(turned, yaw)[0, 1])
+    slope = alike * float(np.std(turned) / np.std(yaw))
+    sure = alike * math.sqrt(len(yaw) - 2) > SURE * math.sqrt(max(1.0 - alike**2, 0.0))
+    return sure and abs(slope / math.radians(1.0) - 1.0) < SLOPE
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _turned(run: Driven, off: float) -> Finding:
     what = f"the rover travels {degrees(abs(off))} off its heading, body_yaw"
     if abs(abs(off) - math.pi) < 0.3:
         return Finding(what, run.name, "add pi to body_yaw, or turn the signs of duties and wheel rates")
-    return Finding(what, run.name, "check the axes of body_x and body_y, and which axis body_yaw is taken from")
+    todo = "check the axes of body_x and body_y, which axis body_yaw is taken from, and that it is in radians"
+    return Finding(what, run.name, todo)
 
 
 def _pitch(run: Driven, terrain: Terrain | None, length: float) -> Iterator[Finding]:
