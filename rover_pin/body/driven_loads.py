@@ -36,6 +36,8 @@ class Footing(NamedTuple):
 def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Mapping[str, float]) -> np.ndarray:
     """Return q of the rover at the origin with this roll, pitch, yaw [rad] and these suspension and steering angles.
 
+    Joints that follow others are where these put them.
+
     Raises
     ------
     ParameterError
@@ -49,6 +51,8 @@ def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Ma
         if name not in rover.angles:
             raise ParameterError(f"Rover '{rover.name}' has no angle '{name}': {closest(name, rover.angles)}")
         q[rover.angles[name]] = angle
+    for joint in rover.couplings:
+        q[joint.q_follower] = joint.ratio * q[joint.q_leader]
     return q
 
 
@@ -111,20 +115,23 @@ def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray) -> np.ndarray:
     forces and moments". Differs from the paper: driving torques are in the balance, since they load the pivots; the
     ground's slope under a wheel is that between its neighbours (`footing`).
     """
-    foot, jacobians = footing(rover, q)
+    return loads_on(rover, q, torque, *footing(rover, q))
+
+
+def loads_on(rover: Rover, q: np.ndarray, torque: np.ndarray, foot: Footing, jacobians: np.ndarray) -> np.ndarray:
+    """Return `driven_loads` where the footing is known already."""
     r = np.array([float(mount.wheel.r) for mount in rover.wheels])
     held = {mount.dof for mount in rover.wheels} | {mount.steer_dof for mount in rover.wheels}
     free = [place for place in range(rover.model.nv) if place not in held]
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     pull = (torque / r)[:, None] * foot.forward
-    turned = -torque[:, None] * foot.left
-    known = sum(J[:3].T @ f + J[3:].T @ m for J, f, m in zip(jacobians, pull, turned, strict=True))
-    rho, eta = 0.0, 0.0
+    known = np.einsum("nij,ni->j", jacobians, np.hstack([pull, -torque[:, None] * foot.left]))
     hold = rover.mass * rover.gravity * rover.up - pull.sum(axis=0)
+    rho, eta = 0.0, 0.0
     for _ in range(SHARES):
         push = foot.normal - rho * foot.forward - eta * foot.left
-        side = np.cross(-r[:, None] * foot.normal, -eta * foot.left)
-        lift = np.column_stack([J[:3].T @ f + J[3:].T @ m for J, f, m in zip(jacobians, push, side, strict=True)])
+        # The side force acts at the rim: (-r n) x (-eta y) = -r eta t.
+        lift = np.einsum("nij,ni->jn", jacobians, np.hstack([push, -eta * r[:, None] * foot.forward]))
         unknown = np.column_stack([lift, constraint_rows(rover).T])[free]
         found, *_ = np.linalg.lstsq(unknown, (weight - known)[free], rcond=1e-10)
         load = found[: len(rover.wheels)]

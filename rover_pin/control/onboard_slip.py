@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.body.driven_loads import configuration, driven_loads, footing, turning, wheel_mounts
+from rover_pin.body.driven_loads import configuration, footing, loads_on, turning, wheel_mounts
 from rover_pin.body.rover import Rover
 from rover_pin.contact import Scalar
 from rover_pin.effects.soil_traction import SoilTraction
@@ -117,9 +117,9 @@ class OnboardSlip:
         """Return S_hat, one value a wheel [-]; to be called once a control period."""
         self.past.append(self._felt(reading))
         q = self._posture(*(np.mean([getattr(one, name) for one in self.past], axis=0) for name in ("tilt", "links")))
-        foot, _ = footing(self.rover, q)
+        foot, jacobians = footing(self.rover, q)
         torque = self.constant * np.mean([one.current for one in self.past], axis=0)
-        load = driven_loads(self.rover, q, torque)
+        load = loads_on(self.rover, q, torque, foot, jacobians)
         rim, ahead = self._speeds(foot.left)
         level = np.hypot(foot.forward[:, 0], foot.forward[:, 1])
         slips = slip_ratios(rim, (self.speeds[:, None] + ahead) / level)

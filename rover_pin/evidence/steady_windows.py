@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.body.driven_loads import configuration, driven_loads, footing, turning, wheel_mounts
+from rover_pin.body.driven_loads import configuration, footing, loads_on, turning, wheel_mounts
 from rover_pin.body.rover import Rover
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.trace import Trace
@@ -114,7 +114,7 @@ class _Run:
         t, motor = self.t[rows], self.motor
         attitude = (float(np.mean(self.roll[rows])), float(np.mean(self.pitch[rows])), float(np.mean(self.yaw[rows])))
         q = configuration(self.rover, attitude, {name: float(np.mean(v[rows])) for name, v in self.angles.items()})
-        foot, _ = footing(self.rover, q)
+        foot, jacobians = footing(self.rover, q)
         ahead, axles = foot.forward, foot.left
         if not self.tracked_z:
             # A centre that moves by v along the ground moves by v |t_xy| over the map.
@@ -124,7 +124,7 @@ class _Run:
         centres = self.place[rows][:, None] + np.array([places for _, places in mounts])
         rates = [line(t, self.rate[rows, i]) for i in range(len(self.rover.wheels))]
         torques = [self._torque(t, rows, i) for i in range(len(self.rover.wheels))]
-        loads = driven_loads(self.rover, q, np.array([torque.middle for torque in torques]))
+        loads = loads_on(self.rover, q, np.array([torque.middle for torque in torques]), foot, jacobians)
         stiff = 0.0 if self.by_current else float(motor.constant) ** 2 / float(motor.resistance)
         found = []
         for i, mount in enumerate(self.rover.wheels):
