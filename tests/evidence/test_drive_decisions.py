@@ -231,8 +231,8 @@ def test_what_the_numbers_imitate_is_not_told():
     columns = linear.slopes(random, free)
     columns["ExitAngle.e_1"] = (0.0, columns["soil.phi"][1] + 1e-5 * random.normal(size=linear.SHAPE))
     faint = random.normal(size=linear.SHAPE)
-    columns["ViscousFriction.b_v"] = (0.0, 0.9 * STILL / 0.01 * faint / np.linalg.norm(faint))
-    columns["DeadBand.delta_0"] = (0.0, 1.3 * STILL / 0.05 * faint / np.linalg.norm(faint))
+    columns["ViscousFriction.b_v"] = (0.0, 0.98 * STILL / 0.01 * faint / np.linalg.norm(faint))
+    columns["DeadBand.delta_0"] = (0.0, 1.05 * STILL / 0.05 * faint / np.linalg.norm(faint))
     fitted = linear.fitted(random.normal(size=linear.SHAPE), columns)
     rows = {row.candidate.name: row for row in score(fitted, signatures(fitted, [EXIT, VISCOUS, BAND]))}
     slope = columns["soil.phi"][1].ravel()
@@ -720,3 +720,24 @@ def test_nothing_needed_is_said_and_added(log):
     assert verdict.answer is Answer.NONE_NEEDED
     assert (verdict.named, verdict.alike, verdict.explained) == ((), (), 0.0)
     assert "no candidate gains more than chance" in verdict.sentence
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_runs_are_proposed_that_tell_the_best_from_its_first_two_rivals(log, monkeypatch, told):
+    def asked(best, rival, progress):
+        return SimpleNamespace(said=f"{best[0]} or {rival[0]}", second=rival[0]) if told else None
+
+    def alike_laws(random):
+        one = law(random, EXIT)["ExitAngle.e_1"][1]
+        others = (VISCOUS, BAND, candidate(GearFriction()))
+        reach = {each.sizes[0]: float(next(iter(each.effect.values().values()))) for each in others}
+        return {"ExitAngle.e_1": (0.0, one)} | {name: (0.0, 0.3 / size * one) for name, size in reach.items()}
+
+    monkeypatch.setattr("rover_pin.evidence.drive_loop.separating_drive", asked)
+    found = searched({"ExitAngle.e_1": 0.5}, alike_laws)
+    verdict = verdict_on(log, found, QUIET, 0, SILENT)
+    assert verdict.answer is Answer.SET
+    best, *rivals = verdict.alike
+    assert len(rivals) == 3
+    assert [one.said for one in verdict.experiments] == ([f"{best} or {rival}" for rival in rivals[:2]] if told else [])
+    assert verdict.sentence.startswith(f"the log does not tell {' or '.join(verdict.alike)} apart; {best} takes")

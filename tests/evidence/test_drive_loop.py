@@ -113,7 +113,7 @@ def test_a_log_too_poor_says_so_instead_of_answering(tmp_path):
     verdict = close_the_loop(folder)
     assert verdict.answer is Answer.CANNOT_TELL
     assert verdict.sentence
-    assert verdict.named == ()
+    assert (verdict.named, verdict.explained) == ((), 0.0)
 
 
 def test_a_log_of_ones_own_rover_gives_a_model_that_reads_back_from_anywhere(tmp_path, monkeypatch):

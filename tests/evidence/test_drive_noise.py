@@ -97,6 +97,21 @@ def test_what_channels_share_is_taken_out_but_for_a_fifth():
     assert np.mean(noise.white(residual) ** 2) == pytest.approx((1 + left) / 2, rel=1e-3)
 
 
+def test_a_stray_that_channels_share_counts_as_one_of_3_sd():
+    """Two channels without memory and without common mode, but for one block that both miss by far."""
+    one = np.tile([1.0, -1.0], 20)
+    other = np.where(np.arange(40) < 20, one, -one)
+    one[4], other[4] = 1e6, 1e6
+    residual = np.stack([one, other])[None]
+    noise = noise_of(residual, np.ones_like(residual, dtype=bool), np.full(2, 1e-9))
+    assert (noise.rho == 0).all()
+    rows = np.clip(np.stack([one, other]) / SPREAD, -3, 3)
+    measured = (rows[0] @ rows[1]) / np.sqrt((rows[0] @ rows[0]) * (rows[1] @ rows[1]))
+    kept = np.linalg.inv(noise.mixing.T @ noise.mixing)
+    assert kept[0, 1] / np.sqrt(kept[0, 0] * kept[1, 1]) == pytest.approx((1 - SHRINK) * measured, rel=1e-9)
+    assert measured > 0.1
+
+
 def test_first_noise_is_as_large_as_the_residual():
     residual = np.array([[[3.0, -3.0, np.nan], [0.1, 0.1, 0.1]]])
     noise = first_noise(residual, np.array([1.0, 1.0]))
