@@ -243,7 +243,7 @@ def test_what_the_numbers_imitate_is_not_told():
     assert rows["DeadBand"].told
     assert rows["DeadBand"].smallest(9.0) == pytest.approx(3.0 / rows["DeadBand"].visible)
     assert dataclasses.replace(rows["DeadBand"], visible=0.0).smallest(9.0) == math.inf
-    far = linear.fitted(50.0 * faint / np.linalg.norm(faint), columns)
+    far = linear.fitted(6.0 * faint / np.linalg.norm(faint), columns)
     found = score(far, signatures(far, [VISCOUS, EXIT, BAND]))
     assert [row.candidate.name for row in found] == ["DeadBand", "ExitAngle", "ViscousFriction"], "untold ones last"
     assert found[2].gain > found[1].gain
