@@ -37,8 +37,8 @@ class Changes(ast.NodeVisitor):
     """Collects the changes of a text in which one character is one byte."""
 
     def __init__(self, text: str):
-        self.text, self.found = text, list[Mutant]()
-        lengths = [len(line) for line in text.splitlines(keepends=True)]
+        self.text, self.lines, self.found = text, text.splitlines(keepends=True), list[Mutant]()
+        lengths = [len(line) for line in self.lines]
         self.starts = [sum(lengths[:at]) for at in range(len(lengths) + 1)]
         self.visit(ast.parse(text.encode("latin-1")))
 
@@ -51,62 +51,63 @@ class Changes(ast.NodeVisitor):
         """Return the text of an expression."""
         return self.text[slice(*self.span(node))]
 
-    def add(self, span: tuple[int, int], new: str, whole: ast.expr) -> None:
-        """Keep a change of a stretch of the text, told with the expression around it."""
-        told = f"{' '.join(self.old(whole).split())}: {' '.join(self.text[slice(*span)].split())} -> {new}"
-        self.found.append(Mutant(self.text.count("\n", 0, span[0]) + 1, *span, new, told))
+    def add(self, span: tuple[int, int], new: str) -> None:
+        """Keep a change of a stretch of the text, told with the line on which it begins."""
+        line = self.text.count("\n", 0, span[0])
+        told = f"{self.lines[line].strip()}: {' '.join(self.text[slice(*span)].split())} -> {new}"
+        self.found.append(Mutant(line + 1, *span, new, told))
 
-    def signs(self, whole: ast.expr, left: ast.expr, op: ast.AST, right: ast.expr) -> None:
+    def signs(self, left: ast.expr, op: ast.AST, right: ast.expr) -> None:
         """Keep the changes of the sign between two expressions."""
         sign, others = SIGNS[type(op)]
         begin, end = self.span(left)[1], self.span(right)[0]
         at = begin + self.text[begin:end].index(sign)
         for other in others:
-            self.add((at, at + len(sign)), other, whole)
+            self.add((at, at + len(sign)), other)
 
     def visit_BinOp(self, node: ast.BinOp) -> None:  # noqa: D102
         sides = (node.left, node.right)
         texts = [isinstance(each, ast.JoinedStr) or isinstance(getattr(each, "value", 0), str) for each in sides]
         if type(node.op) in SIGNS and not any(texts):
-            self.signs(node, node.left, node.op, node.right)
-            self.add(self.span(node), f"({self.old(node.left)})", node)
+            self.signs(node.left, node.op, node.right)
+            self.add(self.span(node), f"({self.old(node.left)})")
             if isinstance(node.op, ast.Add):
-                self.add(self.span(node), f"({self.old(node.right)})", node)
+                self.add(self.span(node), f"({self.old(node.right)})")
         self.generic_visit(node)
 
     def visit_Compare(self, node: ast.Compare) -> None:  # noqa: D102
         for left, op, right in zip([node.left, *node.comparators], node.ops, node.comparators, strict=False):
-            self.signs(node, left, op, right)
+            self.signs(left, op, right)
         self.generic_visit(node)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> None:  # noqa: D102
         for left, right in zip(node.values, node.values[1:], strict=False):
-            self.signs(node, left, node.op, right)
+            self.signs(left, node.op, right)
         self.generic_visit(node)
 
     def visit_Constant(self, node: ast.Constant) -> None:  # noqa: D102
         if isinstance(node.value, bool):
-            self.add(self.span(node), str(not node.value), node)
+            self.add(self.span(node), str(not node.value))
         elif isinstance(node.value, int):
-            self.add(self.span(node), str(node.value + 1), node)
+            self.add(self.span(node), str(node.value + 1))
         elif isinstance(node.value, float):
-            self.add(self.span(node), repr(1.1 * node.value or 0.1), node)
+            self.add(self.span(node), repr(1.1 * node.value or 0.1))
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> None:  # noqa: D102
         if isinstance(node.op, (ast.USub, ast.Not)):
-            self.add(self.span(node), f"({self.old(node.operand)})", node)
+            self.add(self.span(node), f"({self.old(node.operand)})")
         self.generic_visit(node)
 
     def visit_IfExp(self, node: ast.IfExp) -> None:  # noqa: D102
-        self.add(self.span(node.body), f"({self.old(node.orelse)})", node)
-        self.add(self.span(node.orelse), f"({self.old(node.body)})", node)
+        self.add(self.span(node.body), f"({self.old(node.orelse)})")
+        self.add(self.span(node.orelse), f"({self.old(node.body)})")
         self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> None:  # noqa: D102
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
         if name in NAMES:
             end = self.span(node.func)[1]
-            self.add((end - len(name), end), NAMES[name], node)
+            self.add((end - len(name), end), NAMES[name])
         if name not in DECLARED:
             self.generic_visit(node)
 
