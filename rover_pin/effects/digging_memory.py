@@ -23,11 +23,12 @@ class DiggingMemory(Effect):
     rim over a travel L; s = v / sqrt(v^2 + v_0^2) is the sense of travel. The work of the resistance, f_n D v s / L, is
     the lift that leaving the hole gives the load, in every form and at every speed: climbing costs what it raises, and
     no compaction is counted twice. Unlike `SlipSinkage` it follows the slip that was, not that of now, and stays
-    through a pause. Source: assumed form; energy. Differs from the paper: it says that digging is not modelled.
+    through a pause. A hole left over less than about r / 2 would be a drag without depth, hence the least L. Source:
+    assumed form; energy. Differs from the paper: it says that digging is not modelled.
     """
 
     c_d: Scalar = quantity(0.05, "", "assumed: a twentieth of what the rim throws deepens the hole", 0.0, 1.0, "c_d")
-    length: Scalar = quantity(0.04, "m", "assumed: a contact length of travel leaves the hole", 1e-3, 1.0, "L")
+    length: Scalar = quantity(0.04, "m", "assumed: a contact length of travel leaves the hole", 0.02, 1.0, "L")
     v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
     states: ClassVar[tuple[State, ...]] = (State("dug"),)
     neutral: ClassVar[dict[str, float]] = {"c_d": 0.0}
