@@ -64,6 +64,8 @@ TRAINING, HELD_OUT, BOUND = 50.0, 100.0, 60.0
 """Durations [s]: a rover that crawls at a wall gets its time."""
 GOAL = {"ditch": 0.95, "incline": 1.5}
 """Where the base must come [m]: 0.25 m behind the ditch, 1 m up the incline."""
+COST = Cost(sinkage=0.0, buried=0.0)
+"""Nothing digs here."""
 BOUNDS = {
     "heading": (math.radians(10), math.radians(60)),
     "radius": (0.4, 1.5),
@@ -72,7 +74,7 @@ BOUNDS = {
 OWN = ("tacking", "tacking, full duty")
 CONTROLS = ("constant 0.55", "constant 1", "paper, Eq 9", "paper, Eq 9, tuned", "paper, true slip", *OWN)
 TUNED = Gains(S_d=0.8558, k_p=0.03928, k_i=0.2037)
-"""What studies/tune_gains.py finds for Eq 9."""
+"""What tuning for Eq 9 found on ditches, slopes and a bump in which nothing dug."""
 LOOKS = {
     (True, True): ("tacking and constant 0.55 pass", "o", 0),
     (True, False): ("tacking only", "*", 2),
@@ -141,7 +143,8 @@ def tuned(evaluations: Evaluations, training: tuple[DriveCase, ...], population:
 
     def costs(places: np.ndarray) -> np.ndarray:
         jobs = [(case, "tacking", law_at(place)) for place in places.T for case in training]
-        scores = [Score(*found[:4]).cost(Cost()) for found in evaluations.run("tuning on the full rover", judged, jobs)]
+        found, size = evaluations.run("tuning on the full rover", judged, jobs), len(Score._fields)
+        scores = [Score(*each[:size]).cost(COST) for each in found]
         return np.mean(np.reshape(scores, (places.shape[1], -1)), axis=1)
 
     low, high = np.array(list(BOUNDS.values())).T

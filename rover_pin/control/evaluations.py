@@ -15,6 +15,8 @@ from rover_pin.errors import DataError
 from rover_pin.version import __version__
 
 FILE = "evaluations.jsonl"
+ANSWERS = 2
+"""Counted up when what a function of the same name returns, or how a drive goes, has changed."""
 Progress = Callable[[str, int, int], None]
 """Called with the stage's name, how many of its evaluations are done, and how many there are."""
 
@@ -85,7 +87,7 @@ class Evaluations:
 
 def key_of(function: Callable[..., Any], job: tuple[Any, ...]) -> str:
     """Return what names an evaluation: version, function, and every argument to its last digit."""
-    return hashlib.sha1(repr((__version__, function.__qualname__, job)).encode()).hexdigest()
+    return hashlib.sha1(repr((__version__, ANSWERS, function.__qualname__, job)).encode()).hexdigest()
 
 
 def _read(file: Path) -> dict[str, list[float]]:

@@ -1,16 +1,17 @@
 """A longitudinal model of the driving rover, small enough to be differentiated through a whole drive.
 
-Unknowns: x and v of the rover; of each axle the wheel rate, the effects' own states, the duty and the control's
-integral. The axles follow the path of a wheel's centre over the terrain; with p its slope and F = f_t / f_n,
+Unknowns: x and v of the rover; of each axle the wheel rate, the sinkage h, the effects' own states, the duty and the
+control's integral. The axles follow the path of a wheel's centre over the terrain; with p its slope and F = f_t / f_n,
 
     m dv/dt = sum H_i + f_x,   H_i = W_i (F_i - p_i) / (1 + F_i p_i),   W = rest + shift H,
-    J domega_i/dt = motor torque - M_i f_n,i,   f_n = W sqrt(1 + p^2) / (1 + F p),   M = soil torque / f_n.
+    J domega_i/dt = motor torque - M_i N_i,   N = W sqrt(1 + p^2) / (1 + F p),   M = soil torque / f_n,
+    dh_i/dt = (N_i / 2 - f_n) / (df_n/dv_n + SETTLES df_n/dh): the wheel sinks until the soil carries its load.
 
-F and M are the model's own effects evaluated at the static sinkage, motors and supply too: the same expressions as in
-the simulator. Of body effects there are their weight and their push f_x along the path. Left out: the suspension's
-motion and what acts on it (`left_out`), yaw, the two patches of a lip, ground other than the first soil, and the
-mirrored view of a wheel that runs backwards. An effect that amends a motor by the supply's current of now sees the
-current without it.
+F, M and f_n are the model's own effects at that sinkage, motors and supply too: the same expressions as in the
+simulator. Of body effects there are their weight and their push f_x along the path. Left out: the suspension's motion
+and what acts on it (`left_out`), that a wheel which sinks leaves the path of the others, yaw, the two patches of a lip,
+ground other than the first soil, and the mirrored view of a wheel that runs backwards. An effect that amends a motor by
+the supply's current of now sees the current without it.
 """
 
 from __future__ import annotations
@@ -39,6 +40,10 @@ from rover_pin.soil.sinkage import entry_angle, sinkage
 
 LIGHTEST = 0.05
 """Load of an axle that is about to lift, as a share of its load at rest: the shear model has no wheel in the air."""
+SHALLOWEST = 1e-4
+"""Sinkage [m] below which a wheel is taken to sink by this: without contact there is no traction factor."""
+SETTLES = 0.02
+"""Time [s] in which a wheel comes down on undamped soil: the root of its mass over the soil's stiffness."""
 FASTEST = 3.0
 """How far the path is laid out, over cruise speed times duration."""
 TOLERANCES = {"abstol": 1e-6, "reltol": 1e-5, "max_num_steps": 8000}
@@ -57,6 +62,10 @@ class Outcome(NamedTuple):
     "mean over time and wheels of S^2 [-]"
     energy: Scalar
     "electric energy [J]"
+    sinkage: Scalar
+    "mean over time and wheels of h / r [-]"
+    deepest: Scalar
+    "greatest h / r of a wheel at the end [-]"
 
 
 class Axle(NamedTuple):
@@ -66,6 +75,10 @@ class Axle(NamedTuple):
     M: Scalar
     S: Scalar
     rate: tuple[Scalar, ...]
+    f_n: Scalar
+    "of one wheel that moves neither up nor down [N]"
+    yielding: Scalar
+    "df_n/dv_n + SETTLES df_n/dh [N s/m]"
 
 
 @dataclass(frozen=True)
@@ -124,35 +137,36 @@ class Reduced:
 
     @cached_property
     def ode(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
-        """States, gains, their rates, the rates of the quadratures (S^2, power), and the outputs (v, S, omega)."""
+        """States, gains, their rates, those of the quadratures (S^2, power, h / r), the outputs (v, S, omega, h)."""
         model, effects = self.model, self.model.contact_effects
         nx = sum(len(effect.states) for effect in effects)
         nm = sum(len(effect.states) for effect in model.motor_effects)
         x, v = ca.SX.sym("x"), ca.SX.sym("v")
-        own = [ca.SX.sym(f"axle_{i}", 3 + nx + nm) for i in range(self.axles)]
+        own = [ca.SX.sym(f"axle_{i}", 4 + nx + nm) for i in range(self.axles)]
         p = ca.SX.sym("gains", len(GAIN_NAMES))
         gains = Gains(**dict(zip(GAIN_NAMES, ca.vertsplit(p), strict=True)))
         places = [x + float(each) for each in self.loads.place]
         slopes = [self.path.slope_at(each) for each in places]
         heights = [self.path.height_at(each) for each in places]
         pitch = (_mean(heights[1:]) - heights[0]) / (self.loads.place[0] - _mean(self.loads.place[1:]))
-        axles = [self._axle(i, places[i], slopes[i], v, own[i][: 3 + nx]) for i in range(self.axles)]
+        axles = [self._axle(i, places[i], slopes[i], v, own[i][: 4 + nx]) for i in range(self.axles)]
         motors = self._motors(own, nx)
         normal, push = self._balance(slopes, [axle.F for axle in axles])
         pull = pull_along(model.begun(self.start, 0.0), Along(x, v, _mean(heights), pitch))
         rates: list[Scalar] = [v, (sum(push) + pull) / self.rover.mass]
         for i, axle in enumerate(axles):
             omega, duty, integral = own[i][0], own[i][1], own[i][2]
-            soil = axle.M * normal[i] / 2
+            sinking = (normal[i] / 2 - axle.f_n) / axle.yielding
             S_hat = self.loop.estimated(axle.S, duty, model.rover.wheel.r * omega)
             highest = self.loop.highest(i, pitch, omega)
             d_integral, d_duty = self.loop.rates(gains, S_hat, highest, integral, duty)
-            spin = (motors[i].torque - soil) / self._inertia
-            rates += [spin, d_duty, d_integral, *axle.rate, *motors[i].rate]
+            spin = (motors[i].torque - axle.M * normal[i] / 2) / self._inertia
+            rates += [spin, d_duty, d_integral, sinking, *axle.rate, *motors[i].rate]
         slip = sum(axle.S**2 for axle in axles) / self.axles
         power = sum(each.power for each in motors) * 2
-        outputs = ca.vertcat(v, *(axle.S for axle in axles), *(each[0] for each in own))
-        return ca.vertcat(x, v, *own), p, ca.vertcat(*rates), ca.vertcat(slip, power), outputs
+        sunk = sum(each[3] for each in own) / (self.axles * model.rover.wheel.r)
+        outputs = ca.vertcat(v, *(axle.S for axle in axles), *(each[0] for each in own), *(each[3] for each in own))
+        return ca.vertcat(x, v, *own), p, ca.vertcat(*rates), ca.vertcat(slip, power, sunk), outputs
 
     @cached_property
     def _inertia(self) -> float:
@@ -165,19 +179,21 @@ class Reduced:
     def _axle(self, i: int, x: Scalar, p: Scalar, v: Scalar, own: ca.SX) -> Axle:
         """Return what the soil does at axle `i` at the place `x` on slope `p`."""
         wheel, speed = self.model.rover.wheel, v * ca.sqrt(1 + p**2)
+        h, v_n = ca.fmax(own[3], SHALLOWEST), ca.SX.sym("v_n")
         # S, S_y, h, v_x, v_y, v_n, rim, x, axle
-        contact = Contact(
-            0.0, 0.0, self.sunk, speed, 0.0, 0.0, wheel.r * own[0], x, float(i), wheel, self.model.soils[0]
-        )
-        contact, load, rate = through_contacts(self.model, contact, ca.vertsplit(own)[3:])
-        return Axle(load.f_t / load.f_n, load.torque / load.f_n, contact.S, rate)
+        contact = Contact(0.0, 0.0, h, speed, 0.0, v_n, wheel.r * own[0], x, float(i), wheel, self.model.soils[0])
+        contact, load, rate = through_contacts(self.model, contact, ca.vertsplit(own)[4:])
+        yielding = ca.jacobian(load.f_n, v_n) + SETTLES * ca.jacobian(load.f_n, own)[3]
+        found = ca.vertcat(load.f_t / load.f_n, load.torque / load.f_n, contact.S, load.f_n, yielding, *rate)
+        F, M, S, f_n, stiff, *rates = ca.vertsplit(ca.substitute(found, v_n, 0.0))
+        return Axle(F, M, S, tuple(rates), f_n, stiff)
 
     def _motors(self, own: list[ca.SX], nx: int) -> list[AxleMotors]:
         """Return what the motors of each axle do; what all draw comes from a first pass that does not know it."""
         bus: Scalar = 0.0
         for _ in range(2):
             motors = [
-                through_motors(self.model, i, each[1], each[0], ca.vertsplit(each)[3 + nx :], bus)
+                through_motors(self.model, i, each[1], each[0], ca.vertsplit(each)[4 + nx :], bus)
                 for i, each in enumerate(own)
             ]
             bus = sum(each.drawn for each in motors) * 2
@@ -196,10 +212,12 @@ class Reduced:
     @cached_property
     def initial(self) -> np.ndarray:
         """States at rest at the start."""
-        return np.concatenate([[self.start], np.zeros(self.ode[0].numel() - 1)])
+        state = self.ode[0]
+        names = [each.name() for each in ca.vertsplit(state)]
+        return np.array([self.start, *(self.sunk if name.endswith("_3") else 0.0 for name in names[1:])])
 
     def outcome(self) -> ca.Function:
-        """Return the function gains (GAIN_NAMES) -> Outcome (4), differentiable forwards and backwards."""
+        """Return the function gains (GAIN_NAMES) -> Outcome, differentiable forwards and backwards."""
         state, p, rate, quad, _ = self.ode
         grid = [max(0.0, self.duration - self.tail), self.duration]
         dae = {"x": state, "p": p, "ode": rate, "quad": quad}
@@ -208,11 +226,15 @@ class Reduced:
         gains = ca.MX.sym("gains", len(GAIN_NAMES))
         end = integrator(x0=self.initial, p=gains)
         x = end["xf"][0, :]
-        out = ca.vertcat(x[1], (x[1] - x[0]) / self.tail, end["qf"][0, 1] / self.duration, end["qf"][1, 1])
+        slip, energy, sunk = ca.vertsplit(end["qf"][:, 1])
+        sinkages = ca.Function("sinkages", [state], [self.ode[4][-self.axles :]])
+        deepest = ca.mmax(sinkages(end["xf"][:, 1])) / self.model.rover.wheel.r
+        means = (slip / self.duration, energy, sunk / self.duration)
+        out = ca.vertcat(x[1], (x[1] - x[0]) / self.tail, *means, deepest)
         return ca.Function("outcome", [gains], [out])
 
     def drive(self, gains: Gains, times: np.ndarray) -> dict[str, np.ndarray]:
-        """Return x [m], v [m/s] (T,), slip [-] and wheel rate [rad/s] (T, axles) at increasing `times` [s].
+        """Return x [m], v [m/s] (T,), slip [-], wheel rate [rad/s], sinkage [m] (T, axles) at increasing `times` [s].
 
         Raises
         ------
@@ -229,8 +251,9 @@ class Reduced:
         except RuntimeError as error:
             raise OptimisationError(f"The reduced model cannot be driven with {gains}: {error}") from error
         seen = np.array(ca.Function("seen", [state], [outputs]).map(len(times))(path))
-        slip, wheel_rate = np.split(seen[1:], 2)
-        return {"x": np.array(path[0, :]).ravel(), "v": seen[0], "slip": slip.T, "wheel_rate": wheel_rate.T}
+        slip, wheel_rate, sinkage = (each.T for each in np.split(seen[1:], 3))
+        own = {"slip": slip, "wheel_rate": wheel_rate, "sinkage": sinkage}
+        return {"x": np.array(path[0, :]).ravel(), "v": seen[0], **own}
 
 
 def as_column(gains: Gains) -> np.ndarray:

@@ -1,8 +1,10 @@
-"""Find gains: a global search and a gradient polish on the reduced model, then the verdict of the full rover.
+"""Find gains: a global search, a gradient polish on the reduced model, then the verdict of the full rover.
 
-The landscape of the gains has several minima and cliffs, so that differential evolution looks everywhere first. L-BFGS
-then follows derivatives that adjoints carry through the reduced model, with limits rounded by SMOOTHING. What they
-find is driven by the full rover, together with the gains from before; its unsmoothed score alone decides.
+The landscape of the gains has several minima and cliffs, so that differential evolution looks everywhere first: on the
+reduced model where its slip is that of the full rover (`tuning_trust`), on the full rover elsewhere. L-BFGS then goes
+by derivatives that adjoints carry through the reduced model, with limits rounded by SMOOTHING, from starts at which
+that model is right on every drive; from others it is not begun, and the result says so. What they find is driven by the
+full rover, together with the gains from before; its unsmoothed score alone decides.
 """
 
 from __future__ import annotations
@@ -22,18 +24,19 @@ from rover_pin.control.evaluations import Evaluations, Progress
 from rover_pin.control.reduced import GAIN_NAMES, as_column
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.tuning_drives import (
+    CHECKED,
     CONSTANT,
     Control,
     built,
     cautions,
     full_score,
-    reduced_errors,
     reduced_gradient,
     reduced_score,
 )
 from rover_pin.control.tuning_model import sealed
 from rover_pin.control.tuning_report import Candidate, Drives, TuningResult, write_result
 from rover_pin.control.tuning_study import ESTIMATES, LOGARITHMIC, DriveCase, TuningStudy
+from rover_pin.control.tuning_trust import Checked, checked, checked_over, refusal
 from rover_pin.errors import OptimisationError
 from rover_pin.results_folder import alone_in
 from rover_pin.workers import ending_workers
@@ -92,8 +95,10 @@ def tune_gains(
 
 def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
     begin = time.perf_counter()
-    points = search(study, evaluations)
-    points += [polish(study, evaluations, start.place) for start in spread(points, study.effort.starts)]
+    checks = checked_over(study, evaluations)
+    points = search(study, evaluations, checks)
+    polished, skipped = polishes(study, evaluations, spread(points, study.effort.starts))
+    points += polished
     candidates = judged(study, evaluations, spread(points, study.effort.keep))
     constant = _drives(evaluations, study.training, Control(CONSTANT, values(study.before)))
     if all(score.stuck for each in candidates for score in each.scores):
@@ -110,21 +115,22 @@ def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
         best.gains,
         candidates,
         tuple(_report(study, evaluations, best.gains)),
-        tuple(_checked(study, evaluations, best.gains)),
+        tuple((each.case.name, *each[1:]) for each in checked(study, evaluations, best.gains)),
         evaluations.fresh,
         time.perf_counter() - begin,
         cautions=cautions((*study.training, *study.held_out)),
+        search_notes=(*_on_full(checks), *skipped),
     )
 
 
-def search(study: TuningStudy, evaluations: Evaluations) -> list[Point]:
-    """Return every point that differential evolution tries on the reduced model, the gains before among the first."""
+def search(study: TuningStudy, evaluations: Evaluations, checks: Sequence[Checked]) -> list[Point]:
+    """Return every point that differential evolution tries, the gains before among the first."""
     effort, size = study.effort, len(study.free)
     tried: list[Point] = []
 
     def costs(places: np.ndarray) -> np.ndarray:
         gains = [study.gains(place) for place in places.T]
-        found = reduced_costs(study, evaluations, gains)
+        found = search_costs(study, evaluations, gains, checks)
         tried.extend(Point(place.copy(), float(cost), "search") for place, cost in zip(places.T, found, strict=True))
         return found
 
@@ -144,12 +150,51 @@ def search(study: TuningStudy, evaluations: Evaluations) -> list[Point]:
     return tried
 
 
+def search_costs(
+    study: TuningStudy, evaluations: Evaluations, gains: Sequence[Gains], checks: Sequence[Checked]
+) -> np.ndarray:
+    """Return the ensemble's cost of each set of gains: of the reduced model where it is trusted, else of the rover."""
+    scores = np.zeros((len(gains), len(checks), len(Score._fields)))
+    for trusted, stage, score in (
+        (True, "search on the reduced model", reduced_score),
+        (False, "search on the full rover", full_score),
+    ):
+        places = [i for i, check in enumerate(checks) if check.trusted == trusted]
+        jobs = [(checks[i].case, Control(study.estimate, values(each))) for each in gains for i in places]
+        if jobs:
+            scores[:, places] = np.reshape(evaluations.run(stage, score, jobs), (len(gains), len(places), -1))
+    costs = [[Score(*score).cost(study.cost) for score in own] for own in scores]
+    return study.cost.over(np.array(costs))
+
+
+def _on_full(checks: Sequence[Checked]) -> tuple[str, ...]:
+    """Return in words where the search drives the full rover."""
+    off = [check for check in checks if not check.trusted]
+    if not off:
+        return ()
+    drives = f"{len(off)} of {len(checks)} drives"
+    return (f"the search drives the full rover on {drives}: {refusal(off)}",)
+
+
+def polishes(
+    study: TuningStudy, evaluations: Evaluations, starts: Sequence[Point]
+) -> tuple[list[Point], tuple[str, ...]]:
+    """Return what the polish finds from each start at which the reduced model is right, and why not from others."""
+    found: list[Point] = []
+    skipped: list[str] = []
+    for i, start in enumerate(starts):
+        wrong = refusal(checked(study, evaluations, study.gains(start.place)))
+        if wrong:
+            skipped.append(f"no gradient polish from start {i + 1} of {len(starts)}: {wrong}")
+        else:
+            found.append(polish(study, evaluations, start.place))
+    return found, tuple(skipped)
+
+
 def reduced_costs(study: TuningStudy, evaluations: Evaluations, gains: Sequence[Gains]) -> np.ndarray:
-    """Return the ensemble's cost of each set of gains on the reduced model, unsmoothed but for the stuck share."""
-    jobs = [(case, Control(study.estimate, values(each))) for each in gains for case in study.training]
-    scores = evaluations.run("search on the reduced model", reduced_score, jobs)
-    costs = [Score(*score).cost(study.cost) for score in scores]
-    return study.cost.over(np.reshape(costs, (len(gains), len(study.training))))
+    """Return the ensemble's cost of each set of gains on the reduced model, unsmoothed but for stuck and buried."""
+    everywhere = [Checked(case, 0.0, 0.0, 0.0) for case in study.training]
+    return search_costs(study, evaluations, gains, everywhere)
 
 
 def polish(study: TuningStudy, evaluations: Evaluations, start: np.ndarray) -> Point:
@@ -219,8 +264,9 @@ def place_of(study: TuningStudy, gains: Gains) -> np.ndarray:
 
 
 def _report(study: TuningStudy, evaluations: Evaluations, gains: Gains) -> list[Drives]:
-    """Return all drives without control, with the gains before and with those found, by either estimate."""
+    """Return all drives without control, under the torque check alone, and by either estimate before and after."""
     controls = {"constant duty": Control(CONSTANT, values(study.before))}
+    controls["torque check"] = Control(CHECKED, values(study.before))
     for estimate in ESTIMATES:
         controls[f"before, {estimate}"] = Control(estimate, values(study.before))
         controls[f"tuned, {estimate}"] = Control(estimate, values(gains))
@@ -230,12 +276,6 @@ def _report(study: TuningStudy, evaluations: Evaluations, gains: Gains) -> list[
     rows = [tuple(found[i * len(both) : (i + 1) * len(both)]) for i in range(len(controls))]
     split = len(study.training)
     return [Drives(name, row[:split], row[split:]) for name, row in zip(controls, rows, strict=True)]
-
-
-def _checked(study: TuningStudy, evaluations: Evaluations, gains: Gains) -> list[tuple[str, float, float, float]]:
-    jobs = [(case, Control(study.estimate, values(gains))) for case in study.training]
-    found = evaluations.run("check of the reduced model", reduced_errors, jobs)
-    return [(case.name, *errors) for case, errors in zip(study.training, found, strict=True)]  # type: ignore[misc]
 
 
 def _drives(evaluations: Evaluations, cases: Sequence[DriveCase], control: Control) -> Drives:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import io
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
@@ -19,26 +20,28 @@ from rover_pin.control.reduced_effects import left_out
 from rover_pin.control.reduced_loop import Loop
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, TrueSlip, flat_table
-from rover_pin.control.torque_limit import TorqueLimit
+from rover_pin.control.torque_limit import TorqueLimit, TorqueLimited
 from rover_pin.control.tuning_model import refuse_other_model
 from rover_pin.control.tuning_study import DriveCase
 from rover_pin.effects.post_peak import PostPeak
-from rover_pin.errors import ParameterError
+from rover_pin.errors import OptimisationError, ParameterError
 from rover_pin.motion.command import Controller
 from rover_pin.motion.simulate import simulate
 from rover_pin.motion.trace import Trace
 from rover_pin.scenarios import Scenario, scenario
 
-FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0)
+FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0, sinkage=1.0, buried=1.0)
 """The score of a drive that the integrator gives up: worse than any that stands still."""
 SMOOTHING = 0.005
 """Rounding of the limits [duty] where derivatives are taken; it moves the cost by about 0.2 %."""
 CONSTANT = "constant"
 """The name of the drive without control, beside those of the estimates."""
+CHECKED = "limit"
+"""The name of the drive at constant duty under the torque check at a slip, which senses no slip."""
 
 
 class Control(NamedTuple):
-    """A control law as plain values: `true` or `eq9` (slip control by that estimate), or `constant` (delta_0)."""
+    """A control law as plain values: slip control by an estimate (`true`, `eq9`), `constant` or `limit` (delta_0)."""
 
     estimate: str
     gains: tuple[float, ...]
@@ -103,6 +106,8 @@ def controller_of(case: DriveCase, control: Control) -> Controller:
     """Return the controller for the full rover."""
     if control.estimate == CONSTANT:
         return ConstantDuty(control.named.delta_0)
+    if control.estimate == CHECKED:
+        return TorqueLimited(ConstantDuty(control.named.delta_0), TorqueLimit.at_slip(built(case).model))
     return SlipControl(control.named, estimate_of(case, control.estimate), limit_of(case))
 
 
@@ -140,7 +145,7 @@ def _scores(case: DriveCase, estimate: str, smoothing: float) -> ca.Function:
 def _sensitivity(case: DriveCase, estimate: str, smoothing: float, cost: Cost) -> ca.Function:
     """Return gains -> J and its gradient, by adjoints through CVODES."""
     gains = ca.MX.sym("gains", len(GAIN_NAMES))
-    J = cost.total(*ca.vertsplit(_scores(case, estimate, smoothing)(gains)))
+    J = cost.total(Score(*ca.vertsplit(_scores(case, estimate, smoothing)(gains))))
     return ca.Function("sensitivity", [gains], [ca.vertcat(J, ca.gradient(J, gains))])
 
 
@@ -166,14 +171,22 @@ def _numbers(function: ca.Function, gains: tuple[float, ...], failed: list[float
 
 
 def reduced_errors(case: DriveCase, control: Control) -> list[float]:
-    """Return how far the reduced drive is from the full one: RMSE of slip [-] and of speed [m/s], end distance [m]."""
+    """Return how far the reduced drive is from the full one: RMSE of slip [-] and of speed [m/s], end distance [m].
+
+    Infinite where the integrator gives up, or the full drive has no rows.
+    """
     trace = drive_full(case, controller_of(case, control))
+    if len(trace.t) < 2:
+        return [math.inf] * 3
     # The reduced model knows constant duty as a control whose gains are zero.
     gains = control.named
     estimate = control.estimate
     if estimate == CONSTANT:
         gains, estimate = gains.replace(k_p=0.0, k_i=0.0, delta_min=-1.0, delta_max=1.0), "true"
-    own = reduced_of(case, estimate, 0.0).drive(gains, trace.t)
+    try:
+        own = reduced_of(case, estimate, 0.0).drive(gains, trace.t)
+    except OptimisationError:
+        return [math.inf] * 3
     axle = [wheel.axle for wheel in built(case).model.rover.wheels]
     slip = np.sqrt(np.mean((own["slip"][:, axle] - trace.stack("slip")) ** 2))
     speed = np.sqrt(np.mean((own["v"] - trace["body_vx"]) ** 2))

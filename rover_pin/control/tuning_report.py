@@ -41,6 +41,14 @@ class Drives(NamedTuple):
     held_out: tuple[Score, ...]
 
 
+WORTH = 0.02
+"""Difference of a drive's cost that counts as better or worse: a fiftieth of a drive that goes nowhere (assumed)."""
+
+
+CONTROLLED = ("the torque check alone", "the gains before", "the tuned gains")
+"""What the counts of a verdict are of, in order."""
+
+
 class Digest(NamedTuple):
     """An ensemble in a few numbers."""
 
@@ -75,6 +83,8 @@ class TuningResult:
     files: tuple[Path, ...] = ()
     cautions: tuple[str, ...] = ()
     "what the reduced model, or every drive, leaves out of the model"
+    search_notes: tuple[str, ...] = ()
+    "where the search drove the full rover, and where the polish was not begun"
 
     def digests(self) -> dict[str, dict[str, Digest]]:
         """Return 'training' and 'held out' -> control -> Digest; without held-out drives only the first."""
@@ -88,7 +98,11 @@ class TuningResult:
         """Return sentences on what the tuning is worth, the bad news included."""
         sentences = []
         for where, table in self.digests().items():
-            constant = table["constant duty"]
+            constant, check = table["constant duty"], table["torque check"]
+            sentences.append(
+                f"{where}: the torque check alone {check.mean:.3f} against {constant.mean:.3f} at constant duty"
+                f"{_warning(check, constant)}"
+            )
             for estimate in ESTIMATES:
                 before, after = table[f"before, {estimate}"], table[f"tuned, {estimate}"]
                 sentences.append(
@@ -96,6 +110,24 @@ class TuningResult:
                     f"{constant.mean:.3f} at constant duty{_warning(after, constant)}"
                 )
         return sentences
+
+    def where(self) -> list[str]:
+        """Return in a sentence a set on how many drives a control helps, tuning adds to it, and nothing does."""
+        sets = [("training", "training"), *([("held out", "held_out")] if self.study.held_out else [])]
+        return [f"{name}: {self._counted(part)}" for name, part in sets]
+
+    def _counted(self, part: str) -> str:
+        cost, by = self.study.cost, self.study.estimate
+        costs = {each.control: np.array([score.cost(cost) for score in getattr(each, part)]) for each in self.drives}
+        constant, check = costs["constant duty"], costs["torque check"]
+        before, tuned = costs[f"before, {by}"], costs[f"tuned, {by}"]
+        helped, harmed = ([sign * (constant - each) > WORTH for each in (check, before, tuned)] for sign in (1.0, -1.0))
+        counts = [f"{what} {int(np.sum(which))}" for what, which in zip(CONTROLLED, helped, strict=True)]
+        return (
+            f"of {len(constant)} drives, better than at constant duty: {', '.join(counts)}; worse: "
+            f"{', '.join(str(int(np.sum(which))) for which in harmed)}; tuning adds to the gains before on "
+            f"{int(np.sum(tuned < before - WORTH))}; nothing helps on {int(np.sum(~np.any(helped, axis=0)))}"
+        )
 
     def summary(self) -> dict[str, Any]:
         """Return the gains, the digests, the check of the reduced model and the verdicts, for a table or JSON."""
@@ -115,7 +147,8 @@ class TuningResult:
             "gains": {name: float(value) for name, value in self.gains.values().items()},
             **rows,
             **check,
-            "verdict": self.verdicts(),
+            "verdict": [*self.verdicts(), *self.search_notes],
+            "where": self.where(),
             **({"warnings": list(self.cautions)} if self.cautions else {}),
             "new evaluations": self.evaluations,
             "seconds": round(self.seconds, 1),

@@ -45,8 +45,9 @@ class DriveCase:
 class Effort:
     """How much is tried.
 
-    `population` and `generations` of differential evolution on the reduced model; from the `starts` best of it,
-    gradient polish with `steps` evaluations each; the `keep` best of all are driven by the full rover.
+    `population` and `generations` of differential evolution, on the reduced model where its slip is that of the full
+    rover, else on this; from the `starts` best of it, gradient polish with `steps` evaluations each; the `keep` best of
+    all are driven by the full rover.
     """
 
     population: int = 12
@@ -258,5 +259,7 @@ def _flat(entry: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     """Return dotted name -> value: in TOML `soil.k = 1` is a table in a table."""
     flat: list[tuple[str, Any]] = []
     for name, value in entry.items():
-        flat += _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else [(f"{prefix}{name}", value)]
+        # a list, as of effects to add, must be fit for a key
+        plain = tuple(value) if isinstance(value, list) else value
+        flat += _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else [(f"{prefix}{name}", plain)]
     return flat

@@ -1,6 +1,7 @@
 """The tuning as a whole, small: deterministic, resumable, never worse than before, honest about what it finds."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from rover_pin.control.evaluations import FILE, Evaluations
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.tuning import Point, place_of, slope_of, spread, tune_gains, values
 from rover_pin.control.tuning_drives import FAILED, Control, built, full_score, reduced_gradient, reduced_score
-from rover_pin.control.tuning_report import digest
+from rover_pin.control.tuning_report import Drives, digest
 from rover_pin.control.tuning_study import DriveCase, Effort, TuningStudy
+from rover_pin.control.tuning_trust import SLIP_ERROR, checked_over, refusal
 from rover_pin.errors import DataError, OptimisationError, ParameterError
 from rover_pin.motion.trace import Trace
 
@@ -66,22 +68,22 @@ def test_progress_is_told_by_stage(tuned):
 def test_the_report_holds_both_estimates_before_and_after_and_the_check(tuned):
     summary = tuned[0].summary()
     for where in ("training", "held out"):
-        for control in ("constant duty", "before, true", "tuned, true", "before, eq9", "tuned, eq9"):
+        for control in ("constant duty", "torque check", "before, true", "tuned, true", "before, eq9", "tuned, eq9"):
             assert set(summary[f"{where}: {control}"]) == {"mean", "worst", "10 % tail", "stuck share"}
     assert summary["reduced model on flat"]["slip RMSE"] < 0.02
     assert summary["reduced model on flat"]["speed RMSE [mm/s]"] < 3.0
-    assert len(tuned[0].table()) == 5 * 3
+    assert len(tuned[0].table()) == 6 * 3
     assert {file.name for file in tuned[0].files} == {"gains.toml", "drives.csv", "candidates.csv"}
     assert all(file.exists() for file in tuned[0].files)
 
 
 def test_control_that_makes_things_worse_is_called_so(tuned):
-    bad = Score(0.0, 1.0, 0.1, 1.0)
+    bad = Score(0.0, 1.0, 0.1, 1.0, 0.4, 0.0)
     drives = tuple(
         each._replace(training=(bad,) * 2) if each.control.startswith("tuned") else each for each in tuned[0].drives
     )
     told = dataclasses.replace(tuned[0], drives=drives).verdicts()
-    assert "WORSE than constant duty" in told[0]
+    assert "WORSE than constant duty" in told[1]
 
 
 def test_all_stuck_is_one_sentence_with_the_score_of_constant_duty():
@@ -143,12 +145,12 @@ def test_a_drive_that_ends_early_is_stuck_and_one_without_rows_is_the_worst():
     trace = scene.drive()
     assert score_trace(trace, scene.model, 4.0).stuck == 0.0
     assert score_trace(trace, scene.model, 8.0).stuck == 1.0
-    assert score_trace(Trace({"t_s": np.zeros(0)}), scene.model, 4.0) == Score(0.0, 1.0, 0.0, 1.0)
+    assert score_trace(Trace({"t_s": np.zeros(0)}), scene.model, 4.0) == Score(0.0, 1.0, 0.0, 1.0, 0.5, 0.0)
 
 
 def test_worst_and_mean_share_the_ensembles_cost():
     assert float(Cost(worst=0.25).over(np.array([1.0, 3.0]))) == pytest.approx(0.75 * 2.0 + 0.25 * 3.0)
-    scores = [Score(1.0 - i / 20, 0.0, 0.0, 0.0) for i in range(20)]
+    scores = [Score(1.0 - i / 20, 0.0, 0.0, 0.0, 0.0, 0.0) for i in range(20)]
     found = digest(scores, Cost())
     assert found.worst == pytest.approx(0.95)
     assert found.tail == pytest.approx(0.925)
@@ -176,6 +178,104 @@ def test_reduced_and_full_score_agree_part_by_part():
     assert reduced.progress == pytest.approx(full.progress, abs=0.05)
     assert reduced.slip == pytest.approx(full.slip, abs=0.02)
     assert reduced.energy == pytest.approx(full.energy, rel=0.1)
+    assert reduced.sinkage == pytest.approx(full.sinkage, abs=0.01)
+
+
+DIGS = (("duration", 30.0), ("add", "DiggingMemory.c_d=0.1"), ("terrain.angle_deg", 7.0))
+DIGGING = DriveCase("digging slope", "incline", DIGS)
+BEFORE_A_WALL = DriveCase("ditch", "ditch", (("duration", 14.0), ("soil.k", 0.01), ("terrain.wall_angle_deg", 40.0)))
+
+
+def test_what_digs_in_is_buried_by_both_models_and_costs_its_depth():
+    """Constant duty buries a wheel within 30 s; the law that holds S at 0.3 does not. Score by score, both models."""
+    bare, held = Control("true", values(Gains(k_p=0.0, k_i=0.0))), Control("true", values(Gains(S_d=0.3)))
+    for control, buried in ((bare, 1.0), (held, 0.0)):
+        reduced, full = Score(*reduced_score(DIGGING, control)), Score(*full_score(DIGGING, control))
+        assert full.buried == buried
+        assert reduced.buried == pytest.approx(buried, abs=0.05)
+        assert reduced.stuck == pytest.approx(full.stuck, abs=0.05)
+        assert reduced.sinkage == pytest.approx(full.sinkage, abs=0.02)
+        assert reduced.cost(Cost()) == pytest.approx(full.cost(Cost()), abs=0.1)
+    deeper = Score(*full_score(DIGGING, bare)).sinkage - Score(*full_score(DIGGING, held)).sinkage
+    assert deeper > 0.05
+
+
+def test_a_cost_is_the_weighted_sum_of_its_parts():
+    score = Score(progress=0.25, slip=0.5, energy=0.2, stuck=1.0, sinkage=0.3, buried=1.0)
+    assert score.cost(Cost()) == pytest.approx(0.75 + 0.3 * 0.5 + 0.1 * 0.2 + 1.0 + 0.5 * 0.3 + 1.0)
+    assert score.cost(Cost(sinkage=0.0, buried=0.0)) == pytest.approx(0.75 + 0.15 + 0.02 + 1.0)
+
+
+def test_a_drive_that_ended_early_stays_as_deep_as_it_was():
+    """Its sinkage is the mean over the time that it was to last, its last value held."""
+    scene = built(FLAT)
+    trace = scene.drive()
+    half, whole = (score_trace(trace, scene.model, duration).sinkage for duration in (8.0, 4.0))
+    last = float(np.mean(trace.stack("sinkage")[-1])) / 0.045
+    assert half == pytest.approx(0.5 * (whole + last), rel=0.02)
+
+
+def test_the_reduced_model_is_checked_where_the_rover_moves():
+    """A rover that the gains before hold at a wall is easily modelled; the check takes the worse of two gains."""
+    study = dataclasses.replace(STUDY, training=(INCLINE, BEFORE_A_WALL), held_out=())
+    incline, ditch = checked_over(study, Evaluations(None, 1, None))
+    assert incline.slip < SLIP_ERROR
+    assert incline.trusted
+    assert ditch.slip > 2.0 * SLIP_ERROR
+    assert not ditch.trusted
+    assert refusal([incline]) == ""
+    assert (
+        refusal([incline, ditch]) == f"the reduced model's slip is off by {ditch.slip:.2f} (RMSE, limit 0.05) on ditch"
+    )
+    assert refusal([ditch, ditch]).endswith("on ditch and 1 more")
+
+
+def test_where_the_reduced_model_is_wrong_the_full_rover_is_searched_and_nothing_is_polished():
+    study = dataclasses.replace(
+        STUDY,
+        training=(INCLINE, BEFORE_A_WALL),
+        held_out=(),
+        effort=Effort(population=5, generations=0, starts=1, steps=1, keep=1),
+    )
+    stages = []
+    result = tune_gains(study, None, lambda stage, done, total: stages.append((stage, done, total)), workers=1)
+    assert ("search on the full rover", 5, 5) in stages
+    assert ("search on the reduced model", 5, 5) in stages
+    assert "polish by gradients" not in {stage for stage, _, _ in stages}
+    assert result.search_notes[0].startswith(
+        "the search drives the full rover on 1 of 2 drives: the reduced model's slip"
+    )
+    assert result.search_notes[1].startswith("no gradient polish from start 1 of 1: the reduced model's slip is off by")
+    assert {each.stage for each in result.candidates} <= {"before", "search"}
+    assert set(result.search_notes) <= set(result.summary()["verdict"])
+
+
+def test_an_integrator_that_gives_up_is_no_model_to_trust(monkeypatch):
+    from rover_pin.control import reduced, tuning_drives
+
+    monkeypatch.setattr(reduced, "TOLERANCES", {"max_num_steps": 2})
+    lost = dataclasses.replace(FLAT, name="lost")
+    assert tuning_drives.reduced_errors(lost, Control("true", values(Gains()))) == [math.inf] * 3
+
+
+def test_where_control_helps_is_counted_drive_by_drive(tuned):
+    """Three drives by hand: one that all help, one that only the tuned gains help, one that they harm."""
+    good, fair, bad = (Score(progress, 0.0, 0.0, 0.0, 0.0, 0.0) for progress in (0.9, 0.5, 0.1))
+    table = {
+        "constant duty": (bad, fair, good),
+        "torque check": (good, fair, good),
+        "before, true": (fair, fair, good),
+        "tuned, true": (good, good, fair),
+        "before, eq9": (bad, fair, good),
+        "tuned, eq9": (bad, fair, good),
+    }
+    drives = tuple(Drives(name, scores, scores[:1]) for name, scores in table.items())
+    told = dataclasses.replace(tuned[0], drives=drives).where()
+    assert told[0] == (
+        "training: of 3 drives, better than at constant duty: the torque check alone 1, the gains before 1, the tuned "
+        "gains 2; worse: 0, 0, 1; tuning adds to the gains before on 2; nothing helps on 1"
+    )
+    assert told[1].startswith("held out: of 1 drives")
 
 
 def test_a_drive_shorter_than_its_tail_has_both_scores():

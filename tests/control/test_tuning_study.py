@@ -6,6 +6,7 @@ import pytest
 
 from rover_pin.control.gains_file import load_gains, save_gains
 from rover_pin.control.slip_control import Gains
+from rover_pin.control.tuning_drives import built
 from rover_pin.control.tuning_ensemble import random_drives
 from rover_pin.control.tuning_study import DriveCase, Effort, TuningStudy, placed, read_tuning
 from rover_pin.errors import DataError, ParameterError
@@ -22,10 +23,19 @@ def written(tmp_path, text):
 
 def test_the_example_is_read():
     study = read_tuning(EXAMPLE)
-    assert len(study.training) == len(study.held_out) == 6
+    assert len(study.training) == 7
+    assert len(study.held_out) == 8
     assert study.free["S_d"] == (0.05, 0.9)
-    assert dict(study.training[0].settings)["soil.k"] == 0.025
-    assert study.training[2].post_peak == 0.15
+    assert dict(study.training[0].settings)["soil.k"] == 0.0073
+    assert dict(study.training[0].settings)["add"] == "DiggingMemory.c_d=0.08"
+    assert study.training[1].post_peak == 0.3
+
+
+def test_a_list_of_effects_is_read(tmp_path):
+    text = '[[training]]\nscenario = "flat"\nadd = ["DiggingMemory.c_d=0.1", "PostPeak"]\n'
+    (case,) = read_tuning(written(tmp_path, text)).training
+    assert dict(case.settings)["add"] == ("DiggingMemory.c_d=0.1", "PostPeak")
+    assert len(built(case).model.effects) == len(built(DriveCase("flat", "flat")).model.effects) + 2
 
 
 def test_gains_go_to_a_file_and_back(tmp_path):
