@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rover_pin.motion.model import Model
-from rover_pin.motion.pace import FINEST, Pace
+from rover_pin.motion.pace import Pace
 from rover_pin.motion.state import base_rotation
 
 LOAD_BAND = (0.95, 1.05)
@@ -15,8 +15,8 @@ LOAD_BAND = (0.95, 1.05)
 137 in drives that did not."""
 SHORTEST = 0.5
 """Time [s] below which a drive is too short for its mean load to say anything."""
-STILL_ROUGH = 10
-"""Steps of the finest size that may misjudge a force before the drive says so."""
+MOST_MISSED = 0.25
+"""Change of speed [m/s] that all misjudged forces of a drive would make together, beyond which it is doubted."""
 
 
 def warnings_of(model: Model, rows: Sequence[Any], pace: Pace) -> list[str]:
@@ -28,10 +28,11 @@ def warnings_of(model: Model, rows: Sequence[Any], pace: Pace) -> list[str]:
             f"the soil carried {load:.3g} times the rover's weight on average, which no body can: the step "
             "is too coarse for this ground; give a smaller dt."
         )
-    if pace.rough > STILL_ROUGH:
+    missed = pace.missed * model.gravity
+    if missed > MOST_MISSED:
         made.append(
-            f"{pace.rough} steps misjudged a wheel's force even at a {FINEST}th of dt: where the rover got to "
-            "depends on the step; give a smaller dt, or soil with a larger k."
+            f"wheels' forces turned faster than the steps, which misjudged them by {missed:.2g} m/s in sum: where the "
+            "rover got to may depend on the step; compare with half of it, or give a smaller dt."
         )
     return made
 

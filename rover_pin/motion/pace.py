@@ -35,16 +35,17 @@ class Pace:
 
     def __init__(self, stepper: Steps, dt: float):
         self.stepper, self.unit, self.size = stepper, dt / FINEST, FINEST
-        self.finest = self.rough = 0
-        "how many of the finest steps were taken, and how many of them still misjudged by more than ROUGH"
+        self.missed = 0.0
+        "what was misjudged by more than ROUGH, times its step, summed [s]; times gravity it is a change of speed"
 
     def advance(self) -> int:
         """Advance by dt; return the first status that is not 0."""
         if self.size < FINEST:
             return self._in_parts()
         status = self.stepper.step()
-        if self.stepper.misjudged > ROUGH:
-            self._change(FINEST // 4)
+        off = self.stepper.misjudged
+        if off > ROUGH:
+            self._quarter(off)
         return status
 
     def _in_parts(self) -> int:
@@ -55,13 +56,15 @@ class Pace:
                 return status
             left -= self.size
             off = self.stepper.misjudged
-            if self.size == 1:
-                self.finest, self.rough = self.finest + 1, self.rough + (off > ROUGH)
             if off > ROUGH:
-                self._change(max(1, self.size // 4))
+                self._quarter(off)
             elif off < CALM and left % (2 * self.size) == 0:
                 self._change(2 * self.size)
         return 0
+
+    def _quarter(self, off: float) -> None:
+        self.missed += off * self.size * self.unit
+        self._change(max(1, self.size // 4))
 
     def _change(self, size: int) -> None:
         self.size = size

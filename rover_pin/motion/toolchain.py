@@ -16,7 +16,7 @@ from pathlib import Path
 from rover_pin.errors import MissingExtraError
 from rover_pin.motion.library_cache import built, kept, private_folders
 
-FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
+FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 PLAIN_CPU = "-mcpu=baseline"
 """Zig builds for this very processor unless told otherwise; a folder of libraries may be shared with another."""
 SEPARATOR = "\0"
