@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -24,7 +23,7 @@ from rover_pin.evidence.resume import Memory, key_of_code
 from rover_pin.evidence.verdict import Answer
 from rover_pin.evidence.wording import shown
 from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.effect_files import user_effects
+from rover_pin.motion.effect_files import file_of, user_effects
 from rover_pin.motion.model import Model
 
 RIVALS = 2
@@ -59,22 +58,16 @@ def close_drive_loop(
     progress("checking the log")
     refuse_unfit(log)
     poor, start = too_poor(log), model or base_model(log)
-    if poor:
-        verdict = _poor(log, start, poor)
-    else:
-        memory = Memory(None if out is None else Path(out), key_of_code(_code(start, effects)))
-        try:
-            verdict = _decided(log, start, effects, memory, (progress, jobs, seed))
-        except (KeyboardInterrupt, SystemExit) as stop:
-            if memory.told:
-                stop.add_note(f"{memory.told}: the same command goes on there")
-            raise
-    verdict.provenance.update(provenance(seed, time.monotonic() - begun, command(log.folder, effects, out)))
-    if out is None:
-        return verdict
-    progress("writing the report")
-    verdict = written(verdict, log, Path(out))
-    Memory(Path(out)).done()
+    folder = None if out is None else Path(out)
+    memory = Memory(folder, "" if folder is None else key_of_code(_code(start, effects)))
+    with memory.noting():
+        verdict = _poor(log, start, poor) if poor else _decided(log, start, effects, memory, (progress, jobs, seed))
+        verdict.provenance.update(provenance(seed, time.monotonic() - begun, command(log.folder, effects, out)))
+        if folder is None:
+            return verdict
+        progress("writing the report")
+        verdict = written(verdict, log, folder)
+    memory.done()
     return verdict
 
 
@@ -93,7 +86,7 @@ def _decided(
 def _code(model: Model, effects: str | Path | None) -> set[Path]:
     """Return the files with the code of effects: a user's own, and those of the model."""
     own = user_effects(effects) if effects else ()
-    return {Path(inspect.getfile(kind)) for kind in (*own, *map(type, model.all_effects))}
+    return {file_of(kind) for kind in (*own, *map(type, model.all_effects))}
 
 
 def _poor(log: DriveLog, model: Model, poor: str) -> DriveVerdict:

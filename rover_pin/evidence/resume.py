@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import io
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
@@ -51,6 +52,16 @@ class Memory:
         """How much is kept, and where; empty where nothing is."""
         count = len(self._files())
         return f"{count} finished steps are kept in {self.folder}/{FOLDER}" if count else ""
+
+    @contextmanager
+    def noting(self) -> Iterator[None]:
+        """Let who stops the work in this block take along what is kept, as a note."""
+        try:
+            yield
+        except (KeyboardInterrupt, SystemExit) as stop:
+            if self.told:
+                stop.add_note(f"{self.told}: the same command goes on there")
+            raise
 
     def done(self) -> None:
         """Remove what was kept: the work is finished."""

@@ -116,11 +116,28 @@ def effect_entry(effect: AnyEffect) -> dict[str, Any]:
     kind = type(effect)
     entry: dict[str, Any] = {"name": kind.__name__}
     if not kind.__module__.startswith(OWN):
-        entry["file"] = inspect.getfile(kind)
+        entry["file"] = str(file_of(kind))
     for field in dataclasses.fields(effect):
         if field.name not in quantities(effect):
             entry[field.name] = _word(getattr(effect, field.name))
     return entry | declared(effect)
+
+
+def file_of(kind: type[AnyEffect]) -> Path:
+    """Return the file with an effect's code.
+
+    Raises
+    ------
+    DataError
+        It has none, as one that was written at a prompt.
+    """
+    try:
+        return Path(inspect.getfile(kind))
+    except (TypeError, OSError) as error:
+        raise DataError(
+            f"Effect {kind.__name__} has no file of its code, from which a model could be read back: put its class "
+            "into a .py file."
+        ) from error
 
 
 def _word(choice: Any) -> Any:

@@ -54,6 +54,15 @@ def test_arrays_come_back_to_the_bit(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_who_stops_the_work_is_told_what_is_kept(tmp_path):
+    memory = Memory(tmp_path, "key")
+    for notes in ([], [f"1 finished steps are kept in {tmp_path}/{FOLDER}: the same command goes on there"]):
+        with pytest.raises(KeyboardInterrupt) as stop, memory.noting():
+            raise KeyboardInterrupt
+        assert getattr(stop.value, "__notes__", []) == notes
+        memory.kept((1,), arrays)
+
+
 def test_without_a_folder_nothing_is_kept():
     assert same(Memory().kept((1,), arrays), arrays())
     assert Memory().told == ""

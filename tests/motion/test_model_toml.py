@@ -120,6 +120,14 @@ def test_an_effect_of_ones_own_keeps_its_file(tmp_path):
         read_model(path, FLAT, trust)
 
 
+def test_an_effect_without_a_file_cannot_be_written(tmp_path):
+    """As a class that was written at a prompt."""
+    made = {"__name__": "prompt"}
+    exec(compile(OWN_EFFECT, "<stdin>", "exec"), made)
+    with pytest.raises(DataError, match=r"Effect Squeak has no file of its code, .*: put its class into a \.py file"):
+        write_model(BASE.having(made["Squeak"]()), tmp_path / "model.toml")
+
+
 def test_a_rover_of_ones_own_needs_its_path(tmp_path):
     folder = tmp_path / "own"
     folder.mkdir()
