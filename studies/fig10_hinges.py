@@ -11,7 +11,7 @@ Method
 Result
     As it is: stuck from 46.5, out under control up to 48 deg, a window of 2 deg, 12 of 18 drives rescued. None with the
     paper's S_d = 0.1, with the slip of Eq 9, with no loss (stuck from 63 deg) or 20 % lost, with k = 10 mm, or with R
-    at the house's default for this k (0.34: the duty does not even pass 27 deg). 30 % lost: 1.5 deg. S_w = 0.2: 1.5 deg
+    at F(0.05) of this k (0.34: the duty does not even pass 27 deg). 30 % lost: 1.5 deg. S_w = 0.2: 1.5 deg
     from 40 deg on; S_w = 1: 0.5 deg. k = 5 mm: 1 deg. R = 0.10 instead of 0.03: 9 deg, from 37.5 to 46 deg, 47 of 60
     drives. Slip by Eq 1 itself: 3.5 deg. The torque limit changes nothing. So the story needs a strength loss of 30 %
     or more at a k of 5 mm or less, an S_d above the paper's (but for one drive in the map of `fig10_ditch.py`), and the

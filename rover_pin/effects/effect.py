@@ -37,6 +37,8 @@ class Effect(Record):
     states: ClassVar[tuple[State, ...]] = ()
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
+    unpaid: ClassVar[bool] = False
+    "whether it changes the sinkage without what compaction then costs, where the traction law leaves that out"
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact as the later effects shall see it."""

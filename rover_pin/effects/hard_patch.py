@@ -33,6 +33,7 @@ class HardPatch(Effect):
     x_from: Scalar = quantity(0.5, "m", "where it begins; no default is better than another", -1e4, 1e4, "x_from")
     length: Scalar = quantity(0.3, "m", "assumed: a wheelbase or less", 0.0, 1e4, "length")
     neutral: ClassVar[dict[str, float]] = {"g": 0.0, "g_k": 0.0, "dphi": 0.0}
+    unpaid: ClassVar[bool] = True
     places: ClassVar[tuple[str, ...]] = ("x_from", "length")
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:

@@ -23,6 +23,7 @@ class LoadExponent(Effect):
 
     n_h: Scalar = quantity(0.5, "", "assumed: n differs by 0.05 to 0.1 at h / b = 0.1 to 0.2", -1.0, 2.0, "n_h")
     neutral: ClassVar[dict[str, float]] = {"n_h": 0.0}
+    unpaid: ClassVar[bool] = True
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact with the exponent of its depth."""

@@ -24,6 +24,7 @@ class MultiPass(Effect):
     stiffening: Scalar = quantity(0.3, "", "assumed: 30 % a pass", 0.0, 5.0, "g")
     shear_stiffening: Scalar = quantity(0.3, "", "assumed: 30 % a pass", 0.0, 5.0, "g_k")
     neutral: ClassVar[dict[str, float]] = {"stiffening": 0.0, "shear_stiffening": 0.0}
+    unpaid: ClassVar[bool] = True
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact on the soil that the wheels before have left."""

@@ -26,10 +26,14 @@ class SoilTraction(Effect):
     form: NetTraction | TorqueTraction | GrossTraction = field(default_factory=TorqueTraction)
     angles: FixedAngles | SinkageAngles = field(default_factory=FixedAngles)
 
+    @property
+    def leaves_compaction_out(self) -> bool:
+        """Whether F does not fall as a rut deepens: in all but the net form whose angles follow it."""
+        return not (isinstance(self.form, NetTraction) and isinstance(self.angles, SinkageAngles))
+
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact that knows whether F falls as a rut deepens: in the net form whose angles follow it."""
-        follows = isinstance(self.form, NetTraction) and isinstance(self.angles, SinkageAngles)
-        return contact._replace(uncompacted=0.0 if follows else 1.0)
+        """Return the contact that knows whether a deeper rut still has to be paid for."""
+        return contact._replace(uncompacted=float(self.leaves_compaction_out))
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return f_t, f_n and torque of the patch."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.motion.body_law import elastic_energy
 from rover_pin.motion.kernel import ENERGY, RECORD
 from rover_pin.motion.model import Model
@@ -88,9 +89,23 @@ def about(model: Model) -> dict[str, Any]:
         "wheel_radii_m": [float(wheel.wheel.r) for wheel in model.rover.wheels],
         "traction_form": forms[0] if forms else "none",
         "motion_resistance_R": sum(resistances),
+        "notes": notes(model),
         "slip_law": type(model.slip).__name__,
         "effects": [type(effect).__name__ for effect in (*model.effects, *model.motor_effects, *model.body_effects)],
         "gravity_mps2": model.gravity,
         "buried": model.buried,
         "made_by": "rover_pin " + __version__,
     }
+
+
+def notes(model: Model) -> list[str]:
+    """Return what a reader of the drive should know of its model: where sinking costs nothing."""
+    tractions = [effect for effect in model.effects if isinstance(effect, SoilTraction)]
+    unpaid = [type(effect).__name__ for effect in model.effects if effect.unpaid]
+    if not unpaid or not any(traction.leaves_compaction_out for traction in tractions):
+        return []
+    who, form = f"{', '.join(unpaid)} change{'s' * (len(unpaid) == 1)}", tractions[0].form.name
+    return [
+        f"{who} how deep wheels stand, and the {form} form lets that cost or save nothing: R stays; form=net with "
+        "angles=sinkage pays for it."
+    ]

@@ -65,3 +65,23 @@ def test_a_drive_that_pays_for_its_way_gets_no_warning(name, settings):
 def test_the_net_form_gives_nothing_at_any_slip():
     model, trace = driven("ditch", form="net", **{"soil.k": 0.005})
     assert gift(model, trace).traction == 0.0
+
+
+@pytest.mark.parametrize(
+    ("add", "settings", "told"),
+    [
+        (
+            "MultiPass",
+            {},
+            ["MultiPass changes how deep wheels stand, and the torque form lets that cost or save nothing"],
+        ),
+        ("MultiPass", {"form": "net", "angles": "sinkage"}, []),
+        ("DiggingMemory", {}, []),
+        ("SlipSinkage", {"form": "gross"}, []),
+        ("LoadExponent", {"form": "net"}, ["LoadExponent changes how deep wheels stand, and the net form"]),
+    ],
+)
+def test_a_drive_notes_where_sinking_costs_nothing(add, settings, told):
+    notes = scenario("flat", duration=0.5, add=add, **settings).drive().summary().get("notes", [])
+    assert len(notes) == len(told)
+    assert all(words in note for words, note in zip(told, notes, strict=True))
