@@ -72,7 +72,7 @@ class Terrain(ABC):
 @final
 @dataclass(frozen=True)
 class Lanes(Terrain):
-    """Profiles along x, each extruded over its own band of y.
+    """Profiles along x, each extruded over its own band of y; a wheel over a border stands in both: see `section`.
 
     Parameters
     ----------
