@@ -21,6 +21,9 @@ STEPS = 3
 LOAD_FLOOR = 1e-6
 """Load [N] at which the solved load levels off: a lifted wheel has a tiny arc instead of log(0)."""
 
+UNSOLVED = 1e-6
+"""Error of ln f_n from which the load counts as not carried."""
+
 DEEPEST = math.log(1.55)
 """Greatest ln theta_1 that Newton's method tries: just below 90 deg."""
 
@@ -81,7 +84,7 @@ def entry_angle(
     if not isinstance(found[0], ca.DM):
         return found[0]
     theta_1, residual = float(found[0]), float(found[1])
-    if not (theta_1 < math.pi / 2 and abs(residual) < 1e-6):
+    if not abs(residual) < UNSOLVED:  # nor where it is not a number
         raise ParameterError(
             f"no entry angle below 90 deg carries load = {float(load):g} N at S = {float(S):g} on this soil "
             f"(k_1 + k_2 b = {float(modulus(wheel, soil)):g} Pa); lighten the wheel, widen it or choose a firmer soil."

@@ -1,6 +1,6 @@
 """Changes of formulas, laws and thresholds that no test notices.
 
-    python studies/benchmarks/mutation.py [--rooms soil effects ...] [--files NAME ...] [--sample N] [--seed S]
+    python studies/benchmarks/mutation.py [--rooms soil effects ...] [--files NAME ...] [--sample N] [--minutes M]
 
 Operators are swapped, terms dropped, constants changed by a tenth, comparisons turned, branches exchanged, one at a
 time, in a copy of the tree. The tests that belong to the changed file run on it, its own first, until one fails. What
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import math
 import os
 import random
 import re
@@ -73,7 +74,8 @@ def main() -> None:
     options.add_argument("--rooms", nargs="*", choices=ROOMS, default=list(ROOMS))
     options.add_argument("--files", nargs="*", default=[], help="only files of these names, as traction.py")
     options.add_argument("--sample", type=int, default=0, help="changes that are tried; 0 for all")
-    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--seed", type=int, default=0, help="of the order in which they are tried")
+    options.add_argument("--minutes", type=float, default=math.inf, help="none is begun after so long")
     options.add_argument("--quick", action="store_true", help=f"{QUICK} changes of the soil")
     asked = options.parse_args()
     rooms, sample = (["soil"], QUICK) if asked.quick else (asked.rooms, asked.sample)
@@ -82,13 +84,16 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         tree = copied(Path(folder) / "tree")
         chosen = [each for room in rooms for each in mutants(tree, room, asked.files)]
-        if sample and sample < len(chosen):
-            chosen = sorted(random.Random(asked.seed).sample(chosen, sample), key=lambda each: (each[0], each[2].start))
-        trial = Trial(tree)
-        survived = [told for told in map(trial.survives, chosen) if told]
+        random.Random(asked.seed).shuffle(chosen)
+        trial, end, results = Trial(tree), time.monotonic() + 60 * asked.minutes, list[str]()
+        for each in chosen[: sample or None]:
+            if time.monotonic() < end:
+                results.append(trial.survives(each))
     for name in sorted(trial.failing):
         print(f"left out, as it fails without any change: {name}")
-    print(f"{len(chosen)} changes in {', '.join(rooms)}: {len(chosen) - len(survived)} noticed, {len(survived)} not")
+    missed = sum(map(bool, results))
+    told = f"{len(results)} of {len(chosen)} changes in {', '.join(rooms)}"
+    print(f"{told}: {len(results) - missed} noticed, {missed} not")
 
 
 def copied(tree: Path) -> Path:
@@ -132,11 +137,11 @@ class Trial:
         path, tests, mutant = change
         if tests not in self.taken:
             begun = time.monotonic()
-            self._run(tests, 3600.0, stop="--maxfail=1000")
+            code = self._run(tests, 3600.0, stop="--maxfail=1000")
+            self.taken[tests] = time.monotonic() - begun
             self.failing |= set(re.findall(r"^(?:FAILED|ERROR) (\S+)", self.said.read_text(), re.MULTILINE))
-            if self._run(tests, 3600.0) != 0:
+            if code and self._run(tests, 3600.0):
                 raise SystemExit(f"the tests of {path.name} fail without any change:\n{self.said.read_text()[-3000:]}")
-            self.taken[tests] = (time.monotonic() - begun) / 2
         text = path.read_text(encoding="latin-1")
         path.write_text(mutant.of(text), encoding="latin-1")
         try:
