@@ -340,6 +340,24 @@ def test_a_pair_pays_for_both_or_for_the_one_that_it_adds():
     assert all(one.fee == pytest.approx(2 * entry_fee(len(screened))) for one in both)
 
 
+def test_a_pair_pays_for_each_shape_that_it_frees():
+    """The best single has one size; the other of the pair brings its size and two shapes, of which one helps."""
+    random = np.random.default_rng(3)
+    laws = laws_of(random, Bulldozing(), SlipSinkage(), size=2.0)
+    shaped = linear.MODEL.having(Bulldozing())
+    laws["Bulldozing.gamma"] = linear.law_of("Bulldozing.gamma", 3 * random.normal(size=ROWS), shaped)
+    shares = {"SlipSinkage__n_1": 1.8, "Bulldozing__share": 0.7, "Bulldozing__gamma": 1.0}
+    setting = linear.setting(rows_of(laws, random, **shares), laws)
+    base = calibrate(setting, linear.MODEL)
+    singles = compare_singles(setting, base, screen(setting, base, KINDS))
+    assert singles.best.name == "SlipSinkage"
+    further = screen(setting, singles.best.fit, KINDS)
+    found = compare_pairs(setting, base, singles, further).ranked
+    more = [len(one.fit.u) - (len(FREE) + 2) for one in found]
+    assert max(more) == 2
+    assert [one.fee for one in found] == pytest.approx([entry_fee(len(further) + 1) + FURTHER * each for each in more])
+
+
 def rows_of_setting(setting):
     pull, depth = setting.data.rig.channels
     return np.concatenate([pull.measured / pull.sd, (depth.measured - linear.DEPTH) / depth.sd])

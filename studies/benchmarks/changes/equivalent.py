@@ -8,7 +8,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     ): "the least positive depth keeps a power finite; either is nothing",
     ("rover_pin/soil/compaction.py", "return 0.0: 0.0 -> 0.1"): "the share in use of a strength of 0",
     ("rover_pin/soil/sinkage.py", "STEPS = 3: 3 -> 4"): "a step more than is needed",
-    ("rover_pin/soil/sinkage.py", "UNSOLVED = 1e-6: 1e-6 -> 1.1e-06"): "a tolerance between what steps leave, 1e-9, and an error that matters",
+    (
+        "rover_pin/soil/sinkage.py",
+        "UNSOLVED = 1e-6: 1e-6 -> 1.1e-06",
+    ): "a tolerance between what steps leave, 1e-9, and an error that matters",
     (
         "rover_pin/effects/side_shear.py",
         "grip = ca.if_else(j_y < 0.0, ca.expm1(j_y / soil.k), -ca.expm1(-j_y / soil.k)): < -> <=",
