@@ -43,7 +43,7 @@ def test_every_candidate_can_be_added_to_the_rover():
 
 def test_what_acts_in_a_differential_or_in_pivots_is_tried_only_where_they_are(tmp_path):
     (tmp_path / "mine.py").write_text(OWN)
-    parts = {"DifferentialCompliance", "PivotFriction", "MyGears"}
+    parts = {"DifferentialCompliance", "PivotFriction", "SpringDamper", "MyGears"}
     nexus6, cart = tried("nexus6", tmp_path / "mine.py"), tried("cart", tmp_path / "mine.py")
     assert nexus6.keys() - cart.keys() == parts
     assert cart.keys() < nexus6.keys()

@@ -10,9 +10,10 @@ import pytest
 from rover_pin.body.rover import load_rover
 from rover_pin.motion.failure import failure, suspension_of
 from rover_pin.motion.kernel import RECORD
+from rover_pin.motion.model import BURIED
 
 ROVER = load_rover("nexus6")
-MODEL = SimpleNamespace(rover=ROVER)
+MODEL = SimpleNamespace(rover=ROVER, buried=BURIED)
 SUSPENSION = suspension_of(MODEL)
 
 
@@ -49,8 +50,8 @@ def test_roll_and_pitch_count_together():
 
 def test_a_wheel_is_buried_beyond_half_its_radius():
     assert asked(depth=0.49) is None
-    wheel = ROVER.wheels[2]
-    assert asked(depth=0.51) == f"buried: wheel {wheel.name} has sunk by {510 * float(wheel.wheel.r):.0f} mm"
+    name, r = ROVER.wheels[2].name, float(ROVER.wheels[2].wheel.r)
+    assert asked(depth=0.51) == f"buried: wheel {name} has sunk by {510 * r:.0f} mm, over 0.5 r"
 
 
 def test_a_joint_may_go_10_deg_past_its_stop():
