@@ -1,0 +1,59 @@
+"""The mutation run's changes: what is changed in Python and C, what is left alone, and no stale excuse."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def loaded(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "studies" / "benchmarks"))
+    return lambda name: importlib.import_module(f"changes.{name}")
+
+
+def said(found):
+    return [one.said.rpartition(": ")[2] for one in found]
+
+
+def test_a_formula_is_changed_sign_by_sign_and_term_by_term(loaded):
+    text = "def f(a: float = 2.0, *, b=3) -> float:\n    return a + 0.5 * b if a <= b else -max(a, b)\n"
+    found = loaded("python").changes(text)
+    assert said(found) == [
+        "2.0 -> 2.2", "a + 0.5 * b -> (-max(a, b))", "-max(a, b) -> (a + 0.5 * b)", "<= -> >", "<= -> <",
+        "+ -> -", "a + 0.5 * b -> (a)", "a + 0.5 * b -> (0.5 * b)", "* -> /", "0.5 * b -> (0.5)", "0.5 -> 0.55",
+        "-max(a, b) -> (max(a, b))", "max -> min",
+    ]  # fmt: skip
+    for one in found:
+        changed = one.of(text)
+        assert changed != text
+        compile(changed, "changed", "exec")
+
+
+def test_declarations_messages_and_indices_are_left_alone(loaded):
+    text = (
+        'x: float = quantity(1.0, "m", "assumed", 0.0, 2.0, "x")\n'
+        'def f(a):\n    """Return 1 + 1."""\n    if not a[3 - 1]:\n        raise ValueError(f"{1 + 1}" + "2")\n'
+    )
+    assert said(loaded("python").changes(text)) == ["not a[3 - 1] -> (a[3 - 1])"]
+
+
+def test_c_is_changed_outside_of_comments_directives_and_loops_heads(loaded):
+    text = (
+        "#define N 2.0\n/* a + b */\nfor (int i = 0; i < 3 - 1; ++i) {\n"
+        "  x = -fmin(a * 2.5, b) + 1e-3; /* - */\n  if (x > 0.0 && y) x += 1.0;\n}\n"
+    )
+    assert said(loaded("c").changes(text)) == [
+        "= - -> =", "fmin( -> fmax(", "* -> /", "2.5 -> 2.75", "+ -> -", "> -> <=", "0.0 -> 0.1", "&& -> ||",
+        "+= -> -=", "1.0 -> 1.1",
+    ]  # fmt: skip
+
+
+def test_every_excuse_is_still_of_a_change_that_is_made(loaded):
+    python, excused = loaded("python"), loaded("equivalent").EQUIVALENT
+    for (file, told), reason in excused.items():
+        made = [one.said for one in python.changes((ROOT / file).read_text(encoding="latin-1"))]
+        assert told in made, (file, told)
+        assert reason
