@@ -22,6 +22,9 @@ SHALLOWEST = 0.004
 SAMPLES = 40
 """Points of a trial that are used, evenly in depth: neighbours are not independent."""
 
+DEEPEST, STRONGEST = 10.0, 1e7
+"""Sinkage [m] and force [N] that no wheel is pressed in by."""
+
 EXPONENTS = (0.3, 2.5)
 
 
@@ -71,6 +74,11 @@ def read_trials(path: Path, surface: str) -> tuple[Trial, ...]:
 
 def _trial(name: str, rows: pd.DataFrame, where: str) -> Trial:
     depth, force = column(rows["sinkage_m"], "sinkage_m", where), column(rows["force_N"], "force_N", where)
+    for values, what, most in ((depth, "sinkage_m", DEEPEST), (force, "force_N", STRONGEST)):
+        if np.abs(values).max() > most:
+            raise DataError(
+                f"{where}: {what} of trial {name} reaches {np.abs(values).max():g}; give metres and newtons."
+            )
     order = np.argsort(depth)
     even = np.linspace(depth.min(), depth.max(), SAMPLES)
     return Trial(name, even, np.interp(even, depth[order], force[order]))

@@ -29,6 +29,8 @@ NO_TORQUE, LITTLE_TORQUE = 0.003, 0.01
 (Prandtl) still resists with c / (5.1 c) = 0.2; where k is ten times the contact it gives a tenth of that."""
 GIVES_BACK = 1.5
 """Work given out over work put in that is impossible beyond doubt; any excess beyond the noise is named."""
+FINEST = 1e-12
+"""Noise over the greatest value of a channel below which it is no measurement's."""
 SURE = 3.0
 """SDs of one run beyond which a sign is sure."""
 LEAST_PULL = 0.02
@@ -66,6 +68,10 @@ def _impossible(rig: WheelRig) -> Iterator[Finding]:
         yield Finding(what, rig.name, f"give newtons, from {LOADS[0]:g} to {LOADS[1]:g}")
     for channel in rig.channels:
         yield from _too_much(rig, channel)
+        finest = float(np.min(channel.sd / np.max(np.abs(channel.measured), initial=1e-300)))
+        if finest < FINEST:
+            what = f"the noise of {channel.column} is {finest:.2g} of what was measured, no sensor's"
+            yield Finding(what, rig.name, "state the SD of one run, from repeats")
     yield from _signs(rig)
     yield from _work(rig)
 

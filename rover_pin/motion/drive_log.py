@@ -45,6 +45,7 @@ from rover_pin.motion.trace import Trace
 from rover_pin.motion.trace_files import run_from
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.paths import exists, is_file, is_folder
+from rover_pin.quantity import as_float
 from rover_pin.toml_file import read_toml, toml_text
 from rover_pin.trust import Trust
 
@@ -234,7 +235,7 @@ def _start(file: Path, at: int, start: Any) -> dict[str, float]:
     if not isinstance(start, dict) or not set(start) <= set(START_KEYS):
         raise DataError(f"{file}: run {at} has start = {start!r}: give {{ x = [m], y = [m], yaw = [rad] }}.")
     try:
-        place = {key: float(start.get(key, 0.0)) for key in START_KEYS}
+        place = {key: as_float(start.get(key, 0.0)) for key in START_KEYS}
     except (TypeError, ValueError):
         raise DataError(f"{file}: run {at} has start = {start!r}: x, y [m] and yaw [rad] must be numbers.") from None
     if not all(map(math.isfinite, place.values())) or abs(place["yaw"]) > 2.0 * math.pi:

@@ -19,6 +19,7 @@ from rover_pin.body.terrain import HeightGrid, Lanes, Terrain
 from rover_pin.body.terrain_files import from_grid, from_polyline, to_grid, to_polyline
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.paths import is_file
+from rover_pin.quantity import as_float
 from rover_pin.trust import Trust
 
 KINDS = ("polyline", "polylines", "grid")
@@ -90,7 +91,7 @@ def _laid(terrain: Terrain, patch: Any, folder: Path) -> Terrain:
     if not isinstance(patch, Mapping) or not set(patch) <= set(PATCH_KEYS) or "ground" not in patch:
         raise DataError(f"{folder}: [terrain] has patch = {patch!r}: give {{ x_from = [m], x_to = [m], ground = 1 }}.")
     try:
-        ends = [float(patch.get("x_from", -math.inf)), float(patch.get("x_to", math.inf))]
+        ends = [as_float(patch.get("x_from", -math.inf)), as_float(patch.get("x_to", math.inf))]
     except (TypeError, ValueError):
         raise DataError(f"{folder}: [terrain] has patch = {patch!r}: x_from and x_to must be numbers [m].") from None
     return with_ground(terrain, ends[0], ends[1], patch["ground"])

@@ -118,6 +118,26 @@ def test_single_rows_and_torques_that_cannot_be():
         refuse_impossible(still)
 
 
+def test_a_noise_that_no_sensor_has_is_refused():
+    rig = read_rig_set(DATA / CMU).rig
+    sunk = next(each for each in rig.channels if isinstance(each, Sinkage))
+    with pytest.raises(DataError, match=r"noise of sinkage_m is .* of what was measured, no sensor's; state the SD"):
+        refuse_impossible(dataclasses.replace(rig, channels=(Sinkage(sunk.measured, 1e-320),)))
+
+
+@pytest.mark.parametrize(("column", "value"), [(-3, "50"), (-2, "-1e308")])
+def test_a_pressing_that_cannot_be_is_refused(tmp_path, column, value):
+    copied = Path(shutil.copytree(DATA / CMU, tmp_path / "set"))
+    lines = (copied / "penetration.csv").read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if ",wheel_smooth," in line)
+    cells = lines[at + 300].split(",")
+    cells[column] = value
+    lines[at + 300] = ",".join(cells)
+    (copied / "penetration.csv").write_text("\n".join(lines))
+    with pytest.raises(DataError, match=r"penetration.csv: .* of trial .* reaches .*; give metres and newtons"):
+        read_rig_set(copied)
+
+
 def of_model(soil, r, load):
     """A noiseless rig of the model itself, or None where the wheel hardly sinks, or nearly to its axle."""
     wheel, rows = Wheel(r=r, b=r), []
