@@ -60,6 +60,11 @@ COMMANDS = {
         Claim(rf"Table 1 breaks {NUMBER} of {NUMBER} \(Eq 7\) or {NUMBER} \(torque form\)",
               rf"Table 1 breaks {NUMBER} of {NUMBER} in the net form, {NUMBER} in the torque form"),
     )),
+    "rover-pin identify studies/data/steepening-slope": Command((
+        Claim(rf"k = {NUMBER} m \[{NUMBER}, {NUMBER}\]", rf"k = {NUMBER} \+- {WORD} m, 95 % in \[{NUMBER}, {NUMBER}\]"),
+        Claim(rf"phi = {NUMBER} deg \[{NUMBER}, {NUMBER}\]",
+              rf"phi = {NUMBER} \+- {WORD} deg, 95 % in \[{NUMBER}, {NUMBER}\]"),
+    )),
     "python studies/identify_table1.py": Command((
         Claim(rf"k between {NUMBER} and {NUMBER} mm and phi between {NUMBER} and {NUMBER} deg",
               rf"net 50 (?:{WORD} ){{3}}{NUMBER} {NUMBER} {NUMBER} {NUMBER} none"),

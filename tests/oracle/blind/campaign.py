@@ -110,21 +110,26 @@ def waves(random):
     return z
 
 
-def smooth_noise(random, shape, length):
-    """Return unit noise on FINE with a Gaussian correlation exp(-(d / length)^2 / 2)."""
-    reach = int(np.ceil(4 * length / (FINE[1] - FINE[0])))
-    at = np.arange(-reach, reach + 1) * (FINE[1] - FINE[0])
+def smooth_noise(random, shape, length, x=FINE):
+    """Return unit noise on x with a Gaussian correlation exp(-(d / length)^2 / 2)."""
+    reach = int(np.ceil(4 * length / (x[1] - x[0])))
+    at = np.arange(-reach, reach + 1) * (x[1] - x[0])
     kernel = np.exp(-((at / length) ** 2))
     kernel /= np.sqrt(np.sum(kernel**2))
-    white = random.standard_normal((*shape, len(FINE) + 2 * reach))
+    white = random.standard_normal((*shape, len(x) + 2 * reach))
     return np.apply_along_axis(lambda row: np.convolve(row, kernel, mode="valid"), -1, white)
 
 
-def relief(random):
+def relief(random, x=FINE):
     """Return relief under the right and the left wheels whose slope is RELIEF_SLOPE rms."""
-    rough = smooth_noise(random, (2,), RELIEF_LENGTH)
-    slope = np.sqrt(np.mean((np.diff(rough, axis=1) / (FINE[1] - FINE[0])) ** 2))
+    rough = smooth_noise(random, (2,), RELIEF_LENGTH, x)
+    slope = np.sqrt(np.mean((np.diff(rough, axis=1) / (x[1] - x[0])) ** 2))
     return rough * RELIEF_SLOPE / slope
+
+
+def strength(random, x=FINE):
+    """Return factors of the soil's strength along x under the right and the left wheels."""
+    return 1.0 + STRENGTH_SD * smooth_noise(random, (2,), STRENGTH_LENGTH, x)
 
 
 def holds(random, low=0.4, high=0.85, side=0.1):
@@ -212,7 +217,7 @@ def data_set(seed, index, kind, hidden):
             steer,
             gains["motor_gain"],
             (FINE[0], FINE[1] - FINE[0]),
-            1.0 + STRENGTH_SD * smooth_noise(own, (2,), STRENGTH_LENGTH),
+            strength(own),
             snags(own),
         )
         runs.append((name, purpose, run))

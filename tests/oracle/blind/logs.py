@@ -17,7 +17,7 @@ NOISE = {
 }  # fmt: skip
 
 
-def write_set(folder, plan, logged):
+def write_set(folder, plan, logged, digits=8, sample_period=0.05):
     """Write a set into a folder beside and move it into place, so that a set is there as a whole or not at all."""
     folder = Path(folder)
     beside = folder.with_name(f".{folder.name}.{os.getpid()}")
@@ -27,17 +27,19 @@ def write_set(folder, plan, logged):
     for name, z in zip(names, plan["heights"], strict=True):
         write_csv(beside / name, {"x_m": plan.get("X", X), "z_m": z})
     for (name, _, _), channels in zip(plan["runs"], logged, strict=True):
-        write_csv(beside / f"{name}.csv", channels)
-    (beside / "drive.toml").write_text(about(folder.name, plan, names))
+        write_csv(beside / f"{name}.csv", channels, digits)
+    (beside / "drive.toml").write_text(about(folder.name, plan, names, sample_period))
     os.replace(beside, folder)
 
 
-def about(name, plan, grounds):
+def about(name, plan, grounds, sample_period):
     """Return drive.toml; a plan may have points X and borders of its own, and say where it comes from."""
     sd = {start: size for start, size, _ in KINDS}
     source, borders = json.dumps(plan.get("source", "simulated")), json.dumps(list(plan.get("borders", BORDERS)))
-    lines = [
-        'kind = "drive-log"', f"name = {json.dumps(name)}", f"source = {source}", 'rover = "nexus6"',
+    licence = [f"licence = {json.dumps(plan['licence'])}"] if "licence" in plan else []
+    lines = [f"# {line}" for line in plan.get("header", ())]
+    lines += [
+        'kind = "drive-log"', f"name = {json.dumps(name)}", f"source = {source}", *licence, 'rover = "nexus6"',
         "gravity = 9.81", f"wheels = {json.dumps(list(WHEELS))}", "", "[terrain]",
         f"polylines = {json.dumps(grounds)}", f"borders = {borders}",
     ]  # fmt: skip
@@ -46,7 +48,7 @@ def about(name, plan, grounds):
         lines += [f"{key} = {inline(table)}" for key, table in plan["declared"][section].items()]
     lines += ["", "[noise]"]
     lines += [f"{key} = {inline({'value': sd[start], 'unit': unit})}" for key, (unit, start) in NOISE.items()]
-    lines += ['sample_period = { value = 0.05, unit = "s" }']
+    lines += [f"sample_period = {inline({'value': sample_period, 'unit': 's'})}"]
     for name, purpose, run in plan["runs"]:
         x, y, yaw = (float(each) for each in run.start)
         lines += ["", "[[run]]", f'file = "{name}.csv"', f"start = {inline({'x': x, 'y': y, 'yaw': yaw})}"]
@@ -58,6 +60,6 @@ def inline(table):
     return "{ " + ", ".join(f"{key} = {json.dumps(value)}" for key, value in table.items()) + " }"
 
 
-def write_csv(path, channels):
+def write_csv(path, channels, digits=8):
     rows = np.column_stack(list(channels.values()))
-    np.savetxt(path, rows, fmt="%.8g", delimiter=",", header=",".join(channels), comments="")
+    np.savetxt(path, rows, fmt=f"%.{digits}g", delimiter=",", header=",".join(channels), comments="")

@@ -1,0 +1,88 @@
+"""The drive log of Fig 8 that comes along: what it holds, what the base model makes of it, and what a loop finds.
+
+It is made by `tests/oracle/blind`, which shares no code with the package; drive.toml says what is hidden.
+"""
+
+import importlib
+import importlib.util
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.contact import Soil
+from rover_pin.evidence.drive_model import base_model
+from rover_pin.evidence.drive_points import read_drive_points
+from rover_pin.evidence.fit import identify
+from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.motion.place import Start
+from rover_pin.motion.simulate import simulate
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT / "studies" / "data" / "steepening-slope"
+BLIND = ROOT / "tests" / "oracle" / "blind" / "__init__.py"
+_spec = importlib.util.spec_from_file_location("blind", BLIND)
+sys.modules.setdefault("blind", importlib.util.module_from_spec(_spec))
+_spec.loader.exec_module(sys.modules["blind"])
+fig8 = importlib.import_module("blind.fig8")
+KINDS, WHEELS = (getattr(importlib.import_module("blind.sensors"), name) for name in ("KINDS", "WHEELS"))
+
+
+@pytest.fixture(scope="module")
+def log():
+    return read_drive_log(DATA)
+
+
+def risen(t, z, begin, end):
+    """Return by how much the body rose between two half-second means [m]."""
+    after, before = (np.mean(z[(t > at - 0.5) & (t <= at)]) for at in (end, begin))
+    return after - before
+
+
+def test_it_is_small_and_says_that_it_is_simulated():
+    assert sum(file.stat().st_size for file in DATA.iterdir()) < 1.5e6
+    header = (DATA / "drive.toml").read_text().splitlines()[:3]
+    assert all(line.startswith("#") for line in header)
+    assert "SIMULATED" in header[0]
+
+
+def test_the_elevation_stops_where_the_base_model_keeps_rising(log):
+    """'The elevation keeps rising ... because the digging and sinking process is not modeled' (section 4.2)."""
+    run = log.run("climb-1")
+    base = simulate(base_model(log), lambda reading: 0.55, 40.0, Start(**run.attrs["start"]))
+    assert risen(run.t, run["body_z"], 16.0, 20.0) > 0.008
+    assert risen(run.t, run["body_z"], 36.0, 40.0) < 0.003
+    assert risen(base.t, base["body_z"], 36.0, 40.0) > 0.012
+
+
+def test_section_4_tells_the_soil_from_it():
+    """The declared k of 3.5 mm is wrong; steady windows of the same log say which is right."""
+    found = identify(read_drive_points(DATA), Soil())
+    assert found["k"].low < fig8.TRUE["k"] < found["k"].high < 0.002
+    assert found["phi"].low < fig8.TRUE["phi"] < found["phi"].high
+
+
+def test_it_declares_another_soil_than_the_true_one(log):
+    assert log.about.soil["k"]["value"] == pytest.approx(3.5)
+    assert fig8.TRUE["k"] == 0.0015
+    assert math.degrees(fig8.TRUE["phi"]) == pytest.approx(log.about.soil["phi"]["value"])
+
+
+@pytest.mark.slow
+def test_the_shipped_files_are_what_the_simulator_drives(log):
+    """The first three seconds of every run, within the sensors' noise and gains."""
+    planned, gains = fig8.plan()
+    true = fig8.drive([run for _, _, run in planned["runs"]], 3.0)
+    for at, (name, _, _) in enumerate(planned["runs"]):
+        shipped = log.run(name)
+        for channel, values in true.items():
+            if channel.startswith("slip_"):
+                continue
+            sd, step = next((kind[1:] for kind in KINDS if channel.startswith(kind[0])), (1e-9, 0.0))
+            gain = gains["tacho"][WHEELS.index(channel[-2:])] if channel.startswith("wheel_rate_") else 1.0
+            made = gain * values[at][fig8.EVERY - 1 :: fig8.EVERY]
+            miss = shipped[channel][: len(made)] - made
+            turns = 2.0 * np.pi * np.round(miss / (2.0 * np.pi)) if channel == "body_yaw" else 0.0
+            assert np.max(np.abs(miss - turns)) < 5.0 * sd + step + 1e-4, (name, channel)
