@@ -37,6 +37,13 @@ class Command(NamedTuple):
 
 NUMBER = r"([-+]?[\d.]+(?:e-?\d+)?)"
 WORD = r"[-+.\de]+"
+
+
+def held_out(words):
+    """The same words of both ensembles of studies/tune_gains.py."""
+    return f"held out[^.]*?{words} .*held out[^.]*?{words} "
+
+
 INTERVAL = rf"{NUMBER} \[{NUMBER}, {NUMBER}\]"
 LOOP = "rover-pin close-loop studies/data/cmu-smooth-wheel"
 COMMANDS = {
@@ -51,6 +58,16 @@ COMMANDS = {
                   rf"SlipSinkage chosen in {NUMBER} of {NUMBER} folds, and with another in {NUMBER}"),
         )
     ),
+    "python studies/tune_gains.py": Command((
+        Claim(rf"slopes: constant duty {NUMBER} / {NUMBER}", held_out(rf"check alone {WORD} against {NUMBER} at")),
+        Claim(rf"senses no slip, {NUMBER} / {NUMBER}", held_out(rf"check alone {NUMBER} against")),
+        Claim(rf"the true slip {NUMBER} / {NUMBER}", held_out(rf"true slip: tuned {WORD} against {NUMBER} before")),
+        Claim(rf"tuned {NUMBER} / {NUMBER}, with", held_out(rf"true slip: tuned {NUMBER} against")),
+        Claim(rf"with Eq 9 {NUMBER} / {NUMBER}", held_out(rf"eq9 slip: tuned {NUMBER} against")),
+    )),
+    "python studies/motors.py": Command((
+        Claim(rf"takes not {NUMBER} s but {NUMBER} s", rf"deg reached at \[s\] {NUMBER} {NUMBER}"),
+    )),
     "python studies/close_the_loop.py": Command((
         Claim(rf"the base model misses by {NUMBER} mm, with slip-sinkage and a relaxation over 66 mm of travel by "
               rf"{NUMBER} mm; {NUMBER} mm are left",

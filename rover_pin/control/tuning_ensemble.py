@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -16,20 +17,40 @@ WALLS, INCLINES = (30.0, 65.0), (6.0, 18.0)
 """Ranges of a ditch's walls and of an incline [deg]."""
 LOSSES = (0.05, 0.4)
 """Range of the strength lost past the peak; half of the drives lose none."""
+DIGS = (0.02, 0.1)
+"""Range of c_d, the share of what a rim throws that deepens its hole, drawn on a logarithmic scale."""
 
 
-def random_drives(seed: int, ditches: int, inclines: int, duration: float) -> tuple[DriveCase, ...]:
+def random_drives(
+    seed: int, ditches: int, inclines: int, duration: float, digging: float = 0.0
+) -> tuple[DriveCase, ...]:
     """Return drives of `duration` [s] through ditches, then up inclines that begin half a metre ahead.
+
+    Parameters
+    ----------
+    digging : float
+        Share of the drives in whose sand wheels dig in (`DiggingMemory`); they are else the same for a seed.
 
     Raises
     ------
     ParameterError
-        A negative number of drives.
+        A negative number of drives, or a share outside [0, 1].
     """
+    if not 0.0 <= digging <= 1.0:
+        raise ParameterError(f"digging = {digging:g} is not allowed: it is a share of the drives, from 0 to 1.")
     if min(ditches, inclines) < 0:
         raise ParameterError(f"{ditches} ditches and {inclines} inclines cannot be drawn: give numbers from 0 on.")
-    chance = np.random.default_rng(seed)
-    return tuple(_drawn(chance, i < ditches, duration, i + 1) for i in range(ditches + inclines))
+    chance, holes = np.random.default_rng(seed), np.random.default_rng([seed, 1])
+    drawn = (_drawn(chance, i < ditches, duration, i + 1) for i in range(ditches + inclines))
+    return tuple(_digging(holes, case, digging) for case in drawn)
+
+
+def _digging(chance: np.random.Generator, case: DriveCase, share: float) -> DriveCase:
+    digs, c_d = chance.random() < share, round(math.exp(chance.uniform(*np.log(DIGS))), 3)
+    if not digs:
+        return case
+    settings = (*case.settings, ("add", f"DiggingMemory.c_d={c_d}"))
+    return dataclasses.replace(case, name=f"{case.name}, c_d {c_d:g}", settings=tuple(sorted(settings)))
 
 
 def _drawn(chance: np.random.Generator, ditch: bool, duration: float, number: int) -> DriveCase:

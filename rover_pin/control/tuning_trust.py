@@ -57,5 +57,5 @@ def refusal(checks: Sequence[Checked]) -> str:
     worst = off[0]
     others = f" and {len(off) - 1} more" if len(off) > 1 else ""
     return (
-        f"the reduced model's slip is off by {worst.slip:.2f} (RMSE, limit {SLIP_ERROR:g}) on {worst.case.name}{others}"
+        f"the reduced model's slip is off by {worst.slip:.3f} (RMSE, limit {SLIP_ERROR:g}) on {worst.case.name}{others}"
     )

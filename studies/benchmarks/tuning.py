@@ -1,9 +1,9 @@
-"""How long tuning six drives takes, beside Nelder-Mead on the same model in the same run.
+"""How long tuning five drives takes, beside Nelder-Mead on the same model in the same run.
 
 Question
-    Do six drives take 60 s at most on two cores, and are the global search and the derivatives worth it?
+    Do five drives take 60 s at most on two cores, and are the global search and the derivatives worth it?
 Method
-    `tune_gains` on studies/tune_ditch.toml without its held-out drives; then Nelder-Mead from the gains before, on the
+    `tune_gains` on studies/tune_slopes.toml without its held-out drives; then Nelder-Mead from the gains before, on the
     same reduced model without smoothing, with as many evaluations as a user would wait for (120), its result judged by
     the full rover too. Workers are started before either clock.
 Result
@@ -37,7 +37,7 @@ from rover_pin.control.tuning import place_of, reduced_costs, tune_gains, values
 from rover_pin.control.tuning_drives import Control, full_score
 from rover_pin.control.tuning_study import Effort, TuningStudy, read_tuning
 
-EXAMPLE = Path(__file__).parents[1] / "tune_ditch.toml"
+EXAMPLE = Path(__file__).parents[1] / "tune_slopes.toml"
 EVALUATIONS = 120
 
 

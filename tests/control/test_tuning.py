@@ -225,7 +225,7 @@ def test_the_reduced_model_is_checked_where_the_rover_moves():
     assert not ditch.trusted
     assert refusal([incline]) == ""
     assert (
-        refusal([incline, ditch]) == f"the reduced model's slip is off by {ditch.slip:.2f} (RMSE, limit 0.05) on ditch"
+        refusal([incline, ditch]) == f"the reduced model's slip is off by {ditch.slip:.3f} (RMSE, limit 0.05) on ditch"
     )
     assert refusal([ditch, ditch]).endswith("on ditch and 1 more")
 

@@ -9,6 +9,7 @@ from rover_pin.control.slip_control import Gains
 from rover_pin.control.tuning_drives import built
 from rover_pin.control.tuning_ensemble import random_drives
 from rover_pin.control.tuning_study import DriveCase, Effort, TuningStudy, placed, read_tuning
+from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.errors import DataError, ParameterError
 
 EXAMPLE = Path(__file__).parents[2] / "studies" / "tune_ditch.toml"
@@ -108,6 +109,28 @@ def test_random_drives_depend_on_the_seed_only():
     assert len({each.name for each in drives}) == 6
     assert any(each.post_peak for each in drives)
     assert not all(each.post_peak for each in drives)
+
+
+def test_random_drives_that_dig_are_else_the_same():
+    """A share of them gets a c_d of its own and can be built; none and all are none and all."""
+    plain = random_drives(3, 4, 4, 30.0)
+    some = random_drives(3, 4, 4, 30.0, digging=0.5)
+    digging = [dict(each.settings).pop("add", None) for each in some]
+    assert 0 < sum(each is not None for each in digging) < 8
+    for one, other in zip(plain, some, strict=True):
+        assert [each for each in other.settings if each[0] != "add"] == list(one.settings)
+    assert random_drives(3, 4, 4, 30.0, digging=0.0) == plain
+    everywhere = random_drives(3, 4, 4, 30.0, digging=1.0)
+    assert all(0.02 <= built(each).model.effect(DiggingMemory).c_d <= 0.1 for each in everywhere)
+    with pytest.raises(ParameterError, match=r"digging = 1.5 is not allowed: it is a share of the drives"):
+        random_drives(3, 1, 1, 30.0, digging=1.5)
+
+
+def test_both_shipped_studies_can_be_built():
+    for name in ("tune_slopes.toml", "tune_ditch.toml"):
+        study = read_tuning(EXAMPLE.with_name(name))
+        cases = (*study.training, *study.held_out)
+        assert sum(any(isinstance(e, DiggingMemory) for e in built(case).model.effects) for case in cases) >= 9
 
 
 def test_fewer_than_no_drives():
