@@ -607,6 +607,26 @@ def test_an_effect_of_one_level_is_not_chosen_without_it():
     assert again.folds[-1].chosen == NOTHING
 
 
+def test_a_fold_counts_gains_in_units_of_what_is_left():
+    """With four times the noise left, 30 of chi2 by two more shapes are worth 7.5, less than their fee of 12."""
+    random = np.random.default_rng(2)
+    laws = laws_of(random)
+    main, aside = random.choice([-1.0, 1.0], (2, ROWS))
+    laws |= linear.law_of_size(SlipSinkage(), main) | linear.law_of_size(Bulldozing(), aside)
+    laws["Bulldozing.gamma"] = linear.law_of("Bulldozing.gamma", main, linear.MODEL.having(Bulldozing()))
+    rows = 3.0 * main + 0.8 * aside + 2 * clipped(random)
+    setting = linear.setting(rows, laws)
+    base = calibrate(setting, linear.MODEL)
+    singles = compare_singles(setting, base, screen(setting, base, KINDS))
+    by_name = {one.name: one for one in singles.ranked}
+    assert by_name["Bulldozing"].fit.chi2 < by_name["SlipSinkage"].fit.chi2 - 15
+    assert by_name["Bulldozing"].fee == pytest.approx(by_name["SlipSinkage"].fee + 2 * FURTHER)
+    assert by_name["Bulldozing"].accepted
+    assert singles.best.name == "SlipSinkage"
+    again = reselect(setting.data, base, singles, Comparison())
+    assert {fold.chosen for fold in again.folds} == {"SlipSinkage"}
+
+
 def test_noise_chooses_nothing_in_any_fold():
     random = np.random.default_rng(8)
     laws = laws_of(random, SlipSinkage(), ExitAngle())

@@ -93,9 +93,9 @@ def test_what_got_worse_beyond_its_scatter_stands_apart_from_what_may_be_chance(
 
 
 def test_small_shares_keep_a_digit_and_none_has_no_sign():
-    assert [share(each) for each in (0.0, 1e-9, -0.004, 0.12, -0.5, np.nan)] == [
-        "0%", "0%", "-0.4%", "+12%", "-50%", "unknown",
-    ]  # fmt: skip
+    for value, said in ((0.0, "0%"), (1e-9, "0%"), (-0.004, "-0.4%"), (0.0095, "+1%"), (0.12, "+12%"), (-0.5, "-50%")):
+        assert share(value) == said
+    assert share(np.nan) == "unknown"
 
 
 # --- intervals -------------------------------------------------------------------------------------------------------

@@ -29,5 +29,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "rover_pin/evidence/drive_screen.py",
         "return sorted(best.values(), key=lambda row: -row.gain if row.told else 0.0): 0.0 -> 0.1",
     ): "moves what cannot be told behind what gains nothing: neither is refitted",
+    (
+        "rover_pin/evidence/drive_screen.py",
+        "return np.array(rows) if rows else np.zeros((0, *base.predicted.shape)): "
+        "np.zeros((0, *base.predicted.shape)) -> (np.array(rows))",
+    ): "nothing is read of an empty array, whatever its shape",
     ("rover_pin/evidence/calibrate.py", "seed: int = 0: 0 -> 1"): "any seed will do",
 }
