@@ -13,6 +13,13 @@ from rover_pin.motion.trace import Trace
 WORTH_TELLING = 0.005
 """Share of the drive's greatest energy, or of the weight times a wheel's radius, from which a gift is told."""
 
+AT_SKID = (
+    "at S < 0 it drives wheel and rover at once; cruise_slip=0.05 or a greater R keeps a drive from there, "
+    "form=net pays for it"
+)
+WHY = {"net": "near rest Eq (7)'s compaction pushes, though nothing rolls"}
+"""Why a form gives energy, where it is not `AT_SKID`."""
+
 
 class Gift(NamedTuple):
     """Energy [J] that a drive had from nowhere."""
@@ -55,10 +62,7 @@ def energy_warning(model: Model, trace: Trace) -> str:
     form, works = trace.attrs.get("traction_form", ""), given.meanwhile > given.traction
     share = f", {100.0 * given.traction / given.meanwhile:.2g} % of the motors' work meanwhile" if works else ""
     fall = f"; the soil's whole account fell by {given.soil:.2g} J" if given.soil > least else ""
-    return (
-        f"the {form} form's traction gave {given.traction:.2g} J from nowhere{share}{fall}: at S < 0 it drives wheel "
-        "and rover at once; cruise_slip=0.05 or a greater R keeps a drive from there, form=net pays for it"
-    )
+    return f"the {form} form's traction gave {given.traction:.2g} J from nowhere{share}{fall}: {WHY.get(form, AT_SKID)}"
 
 
 def _scale(trace: Trace) -> float:

@@ -85,3 +85,10 @@ def test_a_drive_notes_where_sinking_costs_nothing(add, settings, told):
     notes = scenario("flat", duration=0.5, add=add, **settings).drive().summary().get("notes", [])
     assert len(notes) == len(told)
     assert all(words in note for words, note in zip(told, notes, strict=True))
+
+
+def test_the_net_form_is_told_why_it_pushes_at_rest():
+    """Parked across a slope on stiff shear it creeps, pushed by a compaction that nothing rolls up."""
+    parked = {"soil.k": 0.001, "terrain.angle_deg": 5.0, "start.yaw_deg": 90.0, "duration": 3.0}
+    _, trace = driven("park", form="net", **parked)
+    assert trace.attrs["warnings"][0].endswith("near rest Eq (7)'s compaction pushes, though nothing rolls")
