@@ -13,13 +13,15 @@ from rover_pin.motion.failure import failure, suspension_of
 from rover_pin.motion.kernel import RECORD, Kernel
 from rover_pin.motion.model import Model
 from rover_pin.motion.place import Start, settled
+from rover_pin.motion.resolution import parts
 from rover_pin.motion.state import DriveState, base_rotation, roll_pitch_yaw
 from rover_pin.motion.trace import Trace
 
 PERIOD = 0.05
 """Time between rows of a replay [s], unless the log's rows are further apart."""
 DT = 0.01
-"""Step of a replay [s]: within a tenth of a tracker's noise of the default step, at half its time."""
+"""Step of a replay [s], divided where the ground asks for it: within a tenth of a tracker's noise of the default step,
+at half its time."""
 HOLD = 1.0
 """Time constant [s] with which the simulated rover is drawn to the logged place and heading."""
 CHECKED = 10
@@ -120,11 +122,12 @@ def replay(model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState
     Raises
     ------
     SimulationError
-        The rover does not settle at the start.
+        The rover does not settle at the start, or the ground is too stiff for any step.
     """
     state = settled(model, run.start) if rest is None else _taken_over(model, rest)
     model = model.begun(run.start.x, run.start.y)
-    return _Rerun(model, run, nudge, state, Kernel(model, state, DT, symmetric=False)).drive()
+    dt = DT / parts(model, state, DT)
+    return _Rerun(model, run, nudge, state, Kernel(model, state, dt, symmetric=False)).drive()
 
 
 def _taken_over(model: Model, rest: DriveState) -> DriveState:
@@ -152,7 +155,7 @@ class _Rerun:
 
     def drive(self) -> Replay:
         """Step through all rows; after an early end the last row stands for the rest."""
-        steps, stop = round(self.run.period / DT), ""
+        steps, stop = round(self.run.period / self.kernel.struct.dt), ""
         for row in range(len(self.run.t)):
             stop = stop or self._advance(row, steps)
             self.rows.append(self.rows[-1] if stop and self.rows else self._read())

@@ -13,6 +13,7 @@ from rover_pin.errors import SimulationError
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.pace import ROUGH, Pace
 from rover_pin.motion.place import Start, settled
+from rover_pin.motion.replay import commands, replay
 from rover_pin.motion.resolution import MOST, RESOLVED, contact_frequency, parts, stiffness
 from rover_pin.motion.simulate import Timing, simulate
 from rover_pin.scenarios import scenario
@@ -96,6 +97,16 @@ def test_a_drive_whose_steps_miss_the_load_says_so(monkeypatch):
     trace = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01}).drive()
     assert any("times the rover's weight on average" in warning for warning in trace.attrs["warnings"])
     assert trace.summary()["warnings"] == trace.attrs["warnings"]
+
+
+def test_a_replay_on_stiff_ground_divides_its_step_too():
+    drive = scenario("flat", duration=3.0, **{"soil.k_1": 1e8, "soil.k": 0.01})
+    trace, model = drive.drive(), drive.model
+    steered = tuple(mount.name for mount in model.rover.wheels if mount.steer_dof is not None)
+    again = replay(model, commands(trace, trace.wheels, steered)).channels
+    load = sum(again[f"normal_{wheel}"] for wheel in trace.wheels).mean()
+    assert load == pytest.approx(model.rover.mass * model.gravity, rel=0.02)
+    assert again["body_x"][-1] == pytest.approx(trace["body_x"][-1], abs=2e-3)
 
 
 def park(**settings):
