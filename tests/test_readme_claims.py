@@ -47,6 +47,8 @@ def held_out(words):
 INTERVAL = rf"{NUMBER} \[{NUMBER}, {NUMBER}\]"
 LOOP = "rover-pin close-loop studies/data/cmu-smooth-wheel"
 COMMANDS = {
+    "rover-pin close-loop out/drive/log --out out/loop": Command(needs=("rover-pin drive ditch",)),
+    "rover-pin drive ditch --model out/close_loop/model.toml": Command(needs=(LOOP,)),
     "rover-pin drive flat --set form=net": Command(
         (Claim(rf"it is after {NUMBER} s at x = {NUMBER} m", rf"end time s {NUMBER} .* end x m {NUMBER}"),)
     ),
@@ -87,8 +89,15 @@ COMMANDS = {
               rf"net 50 (?:{WORD} ){{3}}{NUMBER} {NUMBER} {NUMBER} {NUMBER} none"),
     )),
 }  # fmt: skip
-BY_HAND: dict[str, str] = {}
-"""Commands that take too long for a test: why, and where their results are kept."""
+BY_HAND = {
+    "python studies/blind_rig.py": "223 loops, half an hour",
+    "python studies/blind_test.py --first 90": "90 loops on drive logs, hours",
+    "python studies/fig10_ditch.py": "a thousand drives, minutes",
+    "python studies/tune_gains.py": "two tunings, minutes",
+    "python studies/beyond_the_paper.py": "a tuning on the full rover, minutes",
+    "python studies/benchmarks/drive_speed.py": "times, which hang on the machine",
+}
+"""Commands that take too long for a test, run by hand before a release; `test_studies_run` runs them with --quick."""
 
 
 def commands():
