@@ -20,6 +20,10 @@ RESTS, SLIDES = "at rest", "slides: the soil does not hold the rover there with 
 """What a trace says of its start: `attrs["start"]`."""
 
 
+FARTHEST = 1e6
+"""Start [m, rad] beyond which millimetres and milliradians are lost in round-off."""
+
+
 @dataclass(frozen=True)
 class Start:
     """Where the base starts: x, y [m] and yaw [rad] in the world."""
@@ -27,6 +31,14 @@ class Start:
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, unit in (("x", "m"), ("y", "m"), ("yaw", "rad")):
+            value = getattr(self, name)
+            if not abs(value) <= FARTHEST:
+                raise SimulationError(
+                    f"start.{name} = {value:g} {unit} is not allowed: give a number within {FARTHEST:g} of 0."
+                )
 
 
 class SetDown(NamedTuple):

@@ -28,6 +28,8 @@ from rover_pin.motion.trace import Trace
 
 DT = 0.005
 """Default step [s]: x of the 30-deg-wall ditch (k = 10 mm) over 20 s within 0.1 mm with R = 0.12, 0.25 with 0.028."""
+FINEST = 1e-6
+"""Least step [s]: ten seconds of driving then take minutes."""
 CONTROL_PERIOD = 0.05
 """Sample time of the controller [s] (assumed; the command is held in between)."""
 SAMPLE = 0.05
@@ -60,8 +62,8 @@ class Timing:
     "into how many parts every step is divided, besides those that the ground asks for (`resolution.parts`)"
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.dt <= 0.1:
-            raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in (0, 0.1] s.")
+        if not FINEST <= self.dt <= 0.1:
+            raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in [{FINEST:g}, 0.1] s.")
         for name in ("control", "sample"):
             ratio = getattr(self, name) / self.dt
             if ratio < 0.999 or abs(ratio - round(ratio)) > 1e-6:
