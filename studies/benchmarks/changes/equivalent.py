@@ -17,6 +17,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "grip = ca.if_else(j_y < 0.0, ca.expm1(j_y / soil.k), -ca.expm1(-j_y / soil.k)): < -> <=",
     ): "both branches are 0 at 0",
     (
+        "rover_pin/effects/grousers.py",
+        "braking = ca.if_else(faster < 1.0, S + (q - 1.0) * (1.0 + S), 1.0 - 1.0 / ca.fmax(faster, 1.0)): < -> <=",
+    ): "both branches are 0 where the lugs run as fast as the travel",
+    (
         "rover_pin/evidence/drive_noise.py",
         "steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho): 0.0 -> 0.1",
     ): "what is not compared is read by no row: a block after a gap begins anew",
@@ -34,5 +38,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "return np.array(rows) if rows else np.zeros((0, *base.predicted.shape)): "
         "np.zeros((0, *base.predicted.shape)) -> (np.array(rows))",
     ): "nothing is read of an empty array, whatever its shape",
+    (
+        "rover_pin/evidence/rig_loop.py",
+        "added = () if best is None else after.model.effects[len(base.model.effects) :]: "
+        "() -> (after.model.effects[len(base.model.effects) :])",
+    ): "where nothing was added the model after is the base model",
     ("rover_pin/evidence/calibrate.py", "seed: int = 0: 0 -> 1"): "any seed will do",
 }
