@@ -7,6 +7,11 @@ the vehicle has stopped, the wheel was yet rotating constantly, then the slip ra
 chance to get recovered"; with control: "the slip control functioned to slow down the wheel velocity [...] Finally,
 after t = 14 [s] the rover went out of the ditch". The wall angle is not given: 30 deg (phi) unless said otherwise.
 Every claimed outcome is driven at the step and at half of it. Disagreements are strict xfails.
+
+What the right side takes, all of it assumed: a sand of k = 2.5 mm (Table 1: 50 mm) that loses half of its shear
+strength past the peak (`PostPeak`, which Eq (2) lacks), R = 0.03 or 0.1, the slip truly known (Eq (9) does not do),
+S_d = 0.2 (with the paper's 0.1 only where R = 0.1), and walls just past those that constant duty
+climbs: 47 deg, or 46 deg where the sand digs besides (`DiggingMemory`, c_d = 0.05), or 38 deg with R = 0.1.
 """
 
 import dataclasses
@@ -119,3 +124,32 @@ def test_the_story_comes_out_where_strength_is_lost_past_the_peak():
 @pytest.mark.xfail(strict=True, reason="stuck: under load the wheel turns slower, and Eq 9 reads that as grip")
 def test_the_story_comes_out_with_the_estimate_of_eq_9():
     assert outcome(case(0.5, duration=30.0, control="eq9", **TUNED, **LOSING)) == "out"
+
+
+DIGGING = {**LOSING, "terrain.wall_angle_deg": 46.0, "add": "DiggingMemory.c_d=0.05", "duration": 45.0}
+TIGHT = {**LOSING, "terrain.wall_angle_deg": 38.0, "effect.MotionResistance.R": 0.1, "duration": 45.0}
+
+
+def test_the_story_comes_out_on_a_sand_that_digs_too():
+    """'avoiding soil failure', 'without digging the soil or being stuck': buried without, out with the true slip."""
+    without, controlled = case(0.5, **DIGGING), case(0.5, control="true", **TUNED, **DIGGING)
+    assert outcome(without) == "stuck"
+    assert without.drive().attrs["stop"].startswith("buried: wheel")
+    assert outcome(controlled) == "out"
+    assert np.max(controlled.drive().stack("sinkage")) < 0.5 * 0.045
+
+
+def test_the_story_comes_out_with_the_paper_s_own_slip_where_more_resists():
+    """'S_d = 0.1 is given as a control command': with R = 0.1, and the other gains as assumed."""
+    assert outcome(case(0.5, **TIGHT)) == "stuck"
+    assert outcome(case(0.5, control="true", **TIGHT)) == "out"
+
+
+@pytest.mark.xfail(strict=True, reason="stuck, but not buried: it stands in the ditch at a small slip")
+def test_the_story_comes_out_on_a_sand_that_digs_with_the_paper_s_own_slip():
+    assert outcome(case(0.5, control="true", **DIGGING)) == "out"
+
+
+@pytest.mark.xfail(strict=True, reason="buried: Eq 9 reads the wheel that spins as one that grips")
+def test_the_story_comes_out_on_a_sand_that_digs_with_the_estimate_of_eq_9():
+    assert outcome(case(0.5, control="eq9", **TUNED, **DIGGING)) == "out"
