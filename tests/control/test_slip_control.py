@@ -103,7 +103,7 @@ def test_the_duty_keeps_its_limits_and_the_integral_does_not_pass_them(slips, ca
     assert np.all((integral < 0.8 - 0.55 + beyond) & (integral > 0.05 - 0.55 - beyond))
 
 
-@pytest.mark.parametrize("steps", [10, 100, 10_000])
+@pytest.mark.parametrize("steps", [10, 100, 2_000])
 def test_a_long_saturation_is_forgotten_at_once(steps):
     """On the flat S < S_d whatever the duty: however long that lasts, a slip of 1 then takes the duty down as fast."""
     control = SlipControl(Gains(), TrueSlip())
@@ -128,10 +128,10 @@ def test_noise_at_the_limit_is_no_ratchet(k_i):
     """S = 0.05 +- 0.1 under S_d = 0.1 at full duty: the integral stays within what a strong sample asks for."""
     rng = np.random.default_rng(1)
     gains = Gains(k_i=k_i)
-    slips = np.clip(0.05 + 0.1 * rng.standard_normal(20_000), -1.0, 1.0)
+    slips = np.clip(0.05 + 0.1 * rng.standard_normal(6_000), -1.0, 1.0)
     duty, integral = driven(SlipControl(gains, TrueSlip()), slips)
     assert integral.min() > -4.0 * 0.1 * gains.k_p - 4.0 * 0.1 * k_i * 0.05
-    early, late = duty[1000:6000].mean(), duty[-5000:].mean()
+    early, late = duty[1000:3000].mean(), duty[-2000:].mean()
     assert late == pytest.approx(early, abs=0.003)
     assert late > 0.5
 
