@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Load, Soil, Wheel
-from rover_pin.effects.effect import Drive
+from rover_pin.effects.effect import Drive, called
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.normal_damping import NormalDamping
@@ -255,3 +255,11 @@ def test_only_pivots_friction_and_springs_act_in_pivots():
     """The others need no pivot, so a rover without a suspension may have them."""
     acting = {kind.__name__ for kind in package_effects() if getattr(kind, "in_pivots", False)}
     assert acting == {"PivotFriction", "SpringDamper"}
+
+
+def test_a_word_calls_a_joint_a_pair_or_all():
+    names = ("rocker_l", "bogie_l", "rocker_r", "bogie_r")
+    assert called("", names) == names
+    assert called("bogie_l", names) == ("bogie_l",)
+    assert called("bogie", names) == ("bogie_l", "bogie_r")
+    assert called("bog", names) == ()
