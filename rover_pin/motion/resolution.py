@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,11 +20,15 @@ from rover_pin.soil.stress import modulus
 RESOLVED = 1.2
 """Angle [rad] of the fastest vibration in one step: the step is stable to 2 and right to 6 % of the frequency at 1.2.
 Left over is what a heavier load on a wheel makes of it: omega grows as load^(1/6) for n = 1, load^(1/3) for n = 3."""
+PRESSED, FIRMEST = 1e-3, 100.0
+"""Share of the least sinkage by which `firmness` presses, and the most that it returns."""
+STANDING = 1e-9
+"""Step [s] in which nothing moves."""
 MOST = 200
 """Parts into which a step may be divided by itself."""
 
 
-def parts(model: Model, state: DriveState, dt: float) -> int:
+def parts(model: Model, state: DriveState, dt: float, firmer: float = 1.0) -> int:
     """Return into how many equal parts a step `dt` [s] is divided: the least with omega dt / parts <= RESOLVED.
 
     The step takes the springs of the contacts, f_n(h), explicitly: it is stable for omega dt < 2 only
@@ -33,14 +38,14 @@ def parts(model: Model, state: DriveState, dt: float) -> int:
 
     U the wheels' upward Jacobians, (M^-1)_G the inverse mass with the differential's constraint, W an equal share of
     the weight and h(W) the sinkage of the firmest of the terrain's soils under it. Damping is implicit and asks for
-    nothing; effects that make a soil firmer than its own constants are not seen here.
+    nothing. `firmer` is by how much the effects make the soils stiffer than their own constants do (`firmness`).
 
     Raises
     ------
     SimulationError
         Soil so firm that it would take more than MOST parts.
     """
-    omega = contact_frequency(model, state)
+    omega = math.sqrt(firmer) * contact_frequency(model, state)
     needed = max(1, math.ceil(omega * dt / RESOLVED - 1e-9))
     if needed > MOST:
         raise SimulationError(
@@ -49,6 +54,29 @@ def parts(model: Model, state: DriveState, dt: float) -> int:
             f"a dt of at most {MOST * RESOLVED / omega:.2g} s."
         )
     return needed
+
+
+def firmness(stepper: Any, model: Model) -> float:
+    """Return how much stiffer the wheels stand than `stiffness` says, 1 at least: by pressing them in a little.
+
+    `stepper` holds its own copy of a state at rest and a step so short that nothing moves. What depends on the way, or
+    lies elsewhere, is not seen.
+    """
+    state, record = stepper.state, stepper.record
+    stepper.step()
+    load, h = record[:, 3].copy(), record[:, 2].copy()
+    touching = (load > 0.0) & (h > 0.0)
+    if not touching.any():
+        return 1.0
+    state.q[2] -= PRESSED * float(h[touching].min())
+    stepper.step()
+    soil = model.soils[int(model.terrain.ground_at(float(state.q[0]), float(state.q[1])))]
+    ratios = [
+        (record[i, 3] - load[i]) / (record[i, 2] - h[i]) / stiffness(float(load[i]), mount.wheel, soil)
+        for i, mount in enumerate(model.rover.wheels)
+        if touching[i] and record[i, 2] > h[i] and float(modulus(mount.wheel, soil)) > 0.0
+    ]
+    return min(FIRMEST, max([1.0, *ratios]))
 
 
 def contact_frequency(model: Model, state: DriveState) -> float:

@@ -21,7 +21,7 @@ from rover_pin.motion.pace import Pace, Steps
 from rover_pin.motion.place import SetDown, Start, hovering, set_down
 from rover_pin.motion.plain import Plain
 from rover_pin.motion.record import trace_of
-from rover_pin.motion.resolution import parts
+from rover_pin.motion.resolution import STANDING, firmness, parts
 from rover_pin.motion.soil_energy import energy_warning
 from rover_pin.motion.state import DriveState, base_rotation, roll_pitch_yaw
 from rover_pin.motion.trace import Trace
@@ -159,12 +159,14 @@ def _simulate(
         raise SimulationError("A mirror-symmetric drive needs a terrain that is the same on the left and on the right.")
     if symmetric and model.built.up[1] != 0.0:
         raise SimulationError("A mirror-symmetric drive needs gravity without a pull to one side: set rise_y to 0.")
-    fine = timing.refined(parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt))
+    parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
     if hasattr(controller, "reset"):
         controller.reset()
     state = begin.state
     begun = model.begun(float(state.q[0]), float(state.q[1]))
+    firmer = firmness(kind(begun, state.copy(), STANDING, symmetric), begun)
+    fine = timing.refined(parts(begun, state, timing.dt, firmer))
     drive = Drive(begun, state, kind(begun, state, fine.dt, symmetric), controller, fine)
     pace = Pace(drive.stepper, fine.dt)
     rows, stop = run(drive, pace, duration, progress)

@@ -9,12 +9,13 @@ import pytest
 from rover_pin.body import shapes
 from rover_pin.contact import Soil
 from rover_pin.control.constant import ConstantDuty
+from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.errors import SimulationError
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.pace import ROUGH, Pace
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.replay import commands, replay
-from rover_pin.motion.resolution import MOST, RESOLVED, contact_frequency, parts, stiffness
+from rover_pin.motion.resolution import MOST, RESOLVED, contact_frequency, firmness, parts, stiffness
 from rover_pin.motion.simulate import Timing, simulate
 from rover_pin.scenarios import scenario
 
@@ -66,6 +67,18 @@ def test_stiff_ground_is_driven_with_the_weight_on_the_wheels(name, k_1):
     assert np.abs(half["body_x"] - trace["body_x"]).max() < 1e-3
 
 
+def test_ground_that_an_effect_makes_firmer_asks_for_a_finer_step():
+    """Ruts pressed firm by the wheels in front: 24 times as stiff as the soil's own constants under the last axle."""
+    settings = {"soil.k_1": 5e6, "soil.k": 0.01, "duration": 2.0}
+    plain, firm = scenario("flat", **settings), scenario("flat", **settings)
+    firm = dataclasses.replace(firm, model=firm.model.having(MultiPass(stiffening=5.0)))
+    traces = plain.drive(), firm.drive()
+    assert traces[1].attrs["dt_s"] < traces[0].attrs["dt_s"]
+    assert not any("weight on average" in each for each in traces[1].attrs["warnings"])
+    state = settled(plain.model, Start())
+    assert firmness(Kernel(plain.model, state.copy(), 1e-9, False), plain.model) == pytest.approx(1.0, abs=0.15)
+
+
 def test_the_shipped_grounds_keep_their_step():
     for soil in ("table-1", "dry-sand", "lunar-nominal", "mars-sand"):
         model = scenario("flat", soil=soil).model
@@ -93,7 +106,7 @@ def test_ground_too_stiff_for_any_step_is_refused_in_one_sentence():
 
 def test_a_drive_whose_steps_miss_the_load_says_so(monkeypatch):
     """As it was before the step was divided."""
-    monkeypatch.setattr("rover_pin.motion.simulate.parts", lambda model, state, dt: 1)
+    monkeypatch.setattr("rover_pin.motion.simulate.parts", lambda *_: 1)
     trace = scenario("flat", duration=4.0, **{"soil.k_1": 3e7, "soil.k": 0.01}).drive()
     assert any("times the rover's weight on average" in warning for warning in trace.attrs["warnings"])
     assert trace.summary()["warnings"] == trace.attrs["warnings"]
