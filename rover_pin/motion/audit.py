@@ -15,7 +15,7 @@ LOAD_BAND = (0.95, 1.05)
 137 in drives that did not."""
 SHORTEST = 0.5
 """Time [s] below which a drive is too short for its mean load to say anything."""
-MOST_MISSED = 0.25
+MOST_MISSED = 0.1
 """Change of speed [m/s] that all misjudged forces of a drive would make together, beyond which it is doubted."""
 
 

@@ -31,6 +31,8 @@ WHEEL_CHANNELS = {
 
 def trace_of(model: Model, rows: Sequence[Any], attrs: Mapping[str, Any]) -> Trace:
     """Return the trace of sampled rows; empty where the drive failed before the first."""
+    if not rows:
+        return Trace({"t_s": np.zeros(0)}, {"t_s": "s"}, {**about(model), **attrs})
     channels: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
 
@@ -43,8 +45,6 @@ def trace_of(model: Model, rows: Sequence[Any], attrs: Mapping[str, Any]) -> Tra
     record = np.array([row.record for row in rows]).reshape(len(rows), -1, len(RECORD))
     duty = np.array([row.duty for row in rows]).reshape(len(rows), -1)
     energy = np.array([row.energy for row in rows]).reshape(len(rows), -1)
-    if not rows:
-        return Trace({"t_s": np.zeros(0)}, {"t_s": "s"}, {**about(model), **attrs})
     for i, wheel in enumerate(model.rover.wheels):
         put(f"duty_{wheel.name}", "-", duty[:, i])
         put(f"wheel_rate_{wheel.name}", "rad/s", v[:, wheel.dof])

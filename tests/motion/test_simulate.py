@@ -369,3 +369,11 @@ def test_an_effect_on_a_wheel_that_is_not_there_is_refused():
         made("flat").having(WeakMotor(g=0.1, wheel=9))
     with pytest.raises(ParameterError, match="TachoScale: the rover has no wheel 'fx'"):
         made("flat").having(TachoScale(e=0.1, wheel="fx"))
+
+
+def test_a_drive_that_fails_before_its_first_row_says_why(monkeypatch):
+    """It used to end in an error of numpy's."""
+    monkeypatch.setattr("rover_pin.motion.simulate.Pace.advance", lambda self: 1)
+    trace = simulate(made("flat"), ConstantDuty(0.5), 1.0)
+    assert len(trace.t) == 0
+    assert trace.attrs["stop"] == "diverged at 0.00 s: a velocity is not finite"
