@@ -7,6 +7,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from rover_pin.evidence.driven import Driven
 from rover_pin.evidence.finding import Finding
@@ -23,6 +24,8 @@ RESOLVED = 0.001
 """Noise over way up to which a slip that varies by a percent would show."""
 SAME, ALIKE = 0.005, 0.05
 """Mean slip up to which the pose is that of the wheels; up to which it may be, with another radius."""
+SHARED = 0.3
+"""Correlation of noises from which they are one: wheels on a flat may slip as evenly, but their noise is their own."""
 
 
 class Followed(NamedTuple):
@@ -36,6 +39,8 @@ class Followed(NamedTuple):
     "white noise of the pose, by its increments [m]"
     way: float
     "of the rims [m]"
+    shared: float
+    "rank correlation of the changes of both from sample to sample: their noise, which a tracker does not share"
 
     @property
     def equal(self) -> bool:
@@ -46,7 +51,7 @@ class Followed(NamedTuple):
 
 def odometry_faults(run: Driven) -> Iterator[Finding]:
     """Yield a pose whose increments are those of the wheels: the loop would find a rover that never slips."""
-    if any(each.equal and abs(each.slip) < SAME for each in _followed(run)):
+    if any(each.equal and abs(each.slip) < SAME and each.shared > SHARED for each in _followed(run)):
         what = "body_x and body_y move as the wheels turn, within their noise: they are the wheels' odometry"
         yield Finding(what, run.name, "give a pose that was measured otherwise, as by a camera, GNSS or total station")
 
@@ -86,4 +91,5 @@ def _compared(step: np.ndarray, rolled: np.ndarray) -> Followed:
     share = float(spread @ (ahead - ahead.mean())) / square if square > 0.0 else 0.0
     left = ahead - share * rims
     noise = float(np.std(np.diff(left))) / np.sqrt(2.0)
-    return Followed(1.0 - share, float(np.std(left)), float(noise), float(np.sum(np.abs(rolled))))
+    shared = float(spearmanr(np.diff(step), np.diff(rolled)).statistic) if np.ptp(np.diff(rolled)) > 0.0 else 0.0
+    return Followed(1.0 - share, float(np.std(left)), float(noise), float(np.sum(np.abs(rolled))), shared)
