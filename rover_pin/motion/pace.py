@@ -34,7 +34,7 @@ class Pace:
     """
 
     def __init__(self, stepper: Steps, dt: float):
-        self.stepper, self.unit, self.size = stepper, dt / FINEST, FINEST
+        self.stepper, self.dt, self.unit, self.size = stepper, dt, dt / FINEST, FINEST
         self.missed = 0.0
         "what was misjudged by more than ROUGH, times its step, summed [s]; times gravity it is a change of speed"
 

@@ -12,6 +12,7 @@ from rover_pin.errors import DataError
 from rover_pin.motion.failure import failure, suspension_of
 from rover_pin.motion.kernel import RECORD, Kernel
 from rover_pin.motion.model import Model
+from rover_pin.motion.pace import Pace
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.resolution import parts
 from rover_pin.motion.state import DriveState, base_rotation, roll_pitch_yaw
@@ -147,7 +148,7 @@ class _Rerun:
         self.model, self.run, self.state, self.kernel = model, run, state, kernel
         self.duty = run.duty if nudge.torque is None else run.duty + nudge.torque / float(model.motor.stall_torque)
         self.force, self.grip = nudge.force, nudge.grip
-        self.suspension = suspension_of(model)
+        self.pace, self.suspension = Pace(kernel, float(kernel.struct.dt)), suspension_of(model)
         self.down = np.array(kernel.pin_model.gravity.linear)
         self.moved = np.zeros(3)
         "corrections so far: x, y [m] and heading [rad]"
@@ -155,7 +156,7 @@ class _Rerun:
 
     def drive(self) -> Replay:
         """Step through all rows; after an early end the last row stands for the rest."""
-        steps, stop = round(self.run.period / self.kernel.struct.dt), ""
+        steps, stop = round(self.run.period / self.pace.dt), ""
         for row in range(len(self.run.t)):
             stop = stop or self._advance(row, steps)
             self.rows.append(self.rows[-1] if stop and self.rows else self._read())
@@ -172,7 +173,7 @@ class _Rerun:
         if self.grip is not None:
             self._grip(self.grip[row])
         for _ in range(steps):
-            if kernel.step():
+            if self.pace.advance():
                 return "diverged"
         if row % CHECKED:
             return ""
