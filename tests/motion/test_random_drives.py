@@ -65,10 +65,10 @@ def of_start(chosen, trace):
 def of_trace(trace):
     found = [f"{name} is not finite" for name, values in trace.channels.items() if not np.isfinite(values).all()]
     doubted = str(trace.attrs["stop"]).startswith("diverged") or any(map(doubts, trace.attrs["warnings"]))
-    if len(trace.t) > 1 and not (doubted or trace.energy_error() < 0.01):
+    turned = max(np.ptp(values) for name, values in trace.channels.items() if name.startswith("energy_"))
+    scale = max(turned, trace.stack("normal").sum(axis=1).mean() * min(trace.attrs["wheel_radii_m"]))
+    if turned > 1e-6 * scale and not (doubted or trace.energy_error() < 0.01):
         found.append(f"its energy is off by {trace.energy_error():.2g}")
-    scale = max(np.ptp(values) for name, values in trace.channels.items() if name.startswith("energy_"))
-    scale = max(scale, trace.stack("normal").sum(axis=1).mean() * min(trace.attrs["wheel_radii_m"]))
     if trace["energy_soil"][-1] < -0.01 * scale and not trace.attrs["warnings"]:
         found.append("the soil gave energy without a word")
     return found
