@@ -19,7 +19,7 @@ CASES = {
     "ditch": ("ditch", {}, "stuck", "stuck at x = 0.48 m since 8.2 s: all wheels above S = 0.9"),
     "ditch, passed": ("ditch", {"soil.k": 0.01, "duration": 30.0}, "driving", "drives on"),
     "hills": ("hills", {}, "creeping", "creeps on at 0.01"),
-    "net": ("flat", {"form": "net"}, "slid back", "slid back by 6"),
+    "net": ("flat", {"form": "net"}, "slid back", "slid back by 7"),
     "steep": ("incline", STEEP, "slid back", "slid back by 0.9"),
     "steep, parked": ("incline", {**STEEP, "control.delta": 0.0}, "slid", "slid back by"),
     "park": ("park", {}, "held", "held: not driven, it stood still to 1"),
