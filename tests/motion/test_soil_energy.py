@@ -42,7 +42,7 @@ def test_forms_without_compaction_are_found_out(name, settings):
 def test_an_account_that_falls_is_told():
     model, trace = driven("ditch", **{**STIFF, "effect.MotionResistance.R": 0.0})
     assert gift(model, trace).soil > 0.03
-    assert "the soil's whole account fell by" in trace.attrs["warnings"][0]
+    assert any("the soil's whole account fell by" in each for each in trace.attrs["warnings"])
 
 
 @pytest.mark.parametrize(
