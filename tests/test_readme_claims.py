@@ -100,10 +100,10 @@ COMMANDS = {
 BY_HAND = {
     "python studies/blind_rig.py": "223 loops, half an hour",
     "python studies/blind_test.py --first 90": "90 loops on drive logs, hours",
-    "python studies/fig10_ditch.py": "a thousand drives, minutes",
+    "python studies/fig10_ditch.py": "1,200 drives, ten minutes; `test_readme_tables` reads the table that it wrote",
     "python studies/tune_gains.py": "two tunings, minutes",
-    "python studies/digging.py": "378 drives, ten minutes; `test_readme_digging` reads the table that it wrote",
-    "python studies/beyond_the_paper.py": "a tuning on the full rover, minutes",
+    "python studies/digging.py": "378 drives, ten minutes; `test_readme_tables` reads the table that it wrote",
+    "python studies/beyond_the_paper.py": "a tuning on the full rover, four minutes; its table as well",
     "python studies/benchmarks/drive_speed.py": "times, which hang on the machine",
 }
 """Commands that take too long for a test, run by hand before a release; `test_studies_run` runs them with --quick."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from rover_pin.control.tuning_study import DriveCase
 from rover_pin.errors import ParameterError
+from rover_pin.motion.model import CRUISE_SLIP
 
 SHEAR = (10**-2.5, 10**-1.5)
 """Range of k [m], drawn on a logarithmic scale: about 3 to 32 mm."""
@@ -25,6 +26,8 @@ def random_drives(
     seed: int, ditches: int, inclines: int, duration: float, digging: float = 0.0
 ) -> tuple[DriveCase, ...]:
     """Return drives of `duration` [s] through ditches, then up inclines that begin half a metre ahead.
+
+    R is that of each sand, so that its flat is cruised at CRUISE_SLIP: with Table 1's, sand of small k gives energy.
 
     Parameters
     ----------
@@ -60,5 +63,5 @@ def _drawn(chance: np.random.Generator, ditch: bool, duration: float, number: in
     ground = {"terrain.wall_angle_deg": angle} if ditch else {"terrain.angle_deg": angle, "terrain.start": 0.5}
     kind = "ditch" if ditch else "incline"
     name = f"{number}: {kind} {angle:g} deg, k {1e3 * k:.1f} mm, past {100 * lost:.0f} %"
-    settings: dict[str, Any] = {"soil.k": k, "duration": duration, **ground}
+    settings: dict[str, Any] = {"soil.k": k, "cruise_slip": CRUISE_SLIP, "duration": duration, **ground}
     return DriveCase(name, kind, tuple(sorted(settings.items())), lost)

@@ -1,4 +1,4 @@
-"""The README's paragraph on slip control against the kept table of `python studies/digging.py`, which takes minutes."""
+"""What the README says of slip control against the kept tables of studies that take minutes."""
 
 import re
 from pathlib import Path
@@ -71,3 +71,46 @@ def test_half_the_step_agrees():
     assert len(again) > 40
     assert again.same.astype(bool).all()
     assert again.moved.max() < 3e-3
+
+
+MAP = pd.read_csv(ROOT / "studies" / "results" / "fig10_map.csv")
+
+
+def tried(rows):
+    """The controlled drives of rows with the verdict of constant duty in the same sand at the same wall."""
+    bare = rows[rows.kind == "none"].set_index(["sand", "wall_deg"]).verdict.rename("bare")
+    return rows[rows.kind != "none"].join(bare, on=["sand", "wall_deg"])
+
+
+def test_the_ditch_of_fig_10_is_that_of_its_map():
+    losing = MAP.sand.str.endswith("lost")
+    rising, falling = tried(MAP[~losing]), tried(MAP[losing & (MAP.kind != "eq9")])
+    stuck, passed = rising[rising.bare == "stuck"], rising[rising.bare == "out"]
+    found = [(stuck.verdict == "out").sum(), len(stuck), (passed.verdict == "stuck").sum(), len(passed)]
+    said = re.search(rf"rescued {N} of {N} drives and lost {N} of {N} that constant duty passes", TEXT)
+    assert [int(each) for each in said.groups()] == found
+    stuck = falling[falling.bare == "stuck"]
+    out = stuck[stuck.verdict == "out"]
+    said = re.search(rf"it rescues {N} of {N}, all but {N} with S_d = 0.2, in windows of {N} and ([\d.]+) deg", TEXT)
+    walls = [part.wall_deg.max() - part.wall_deg.min() + 0.5 for _, part in out.groupby("sand")]
+    assert [float(each) for each in said.groups()] == [len(out), len(stuck), (out.S_d != 0.2).sum(), *sorted(walls)]
+
+
+HELD_OUT = pd.read_csv(ROOT / "studies" / "results" / "beyond_the_paper.csv")
+
+
+def test_tacking_passes_what_is_said():
+    ditches = HELD_OUT[HELD_OUT.kind == "ditch"]
+    passed = ditches.groupby("control").passed.sum()
+    said = re.search(
+        rf"{N} of {N} held-out ditches against {N} at constant duty and {N} to {N} with Eq 9; on {N} inclines", TEXT
+    )
+    found = [passed["tacking"], ditches.drive.nunique(), passed["constant 0.55"]]
+    found += [passed["paper, Eq 9"], passed["paper, Eq 9, tuned"], HELD_OUT[HELD_OUT.kind == "incline"].drive.nunique()]
+    assert [int(each) for each in said.groups()] == found
+    assert passed["constant 0.55"] == passed["constant 1"]
+
+
+def test_tacking_gains_nothing_on_inclines():
+    inclines = HELD_OUT[HELD_OUT.kind == "incline"].pivot(index="drive", columns="control", values="passed")
+    assert not (inclines["tacking"] & ~inclines["constant 0.55"]).any()
