@@ -1,17 +1,16 @@
-"""The compiled step: Pinocchio's matrices on one side, the generated laws on the other, kernel.c between them."""
+"""The compiled step: Pinocchio's matrices on one side, the generated laws on the other, native/ between them."""
 
 from __future__ import annotations
 
 import ctypes
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from rover_pin.errors import ParameterError
-from rover_pin.motion import laws
+from rover_pin.motion import laws, native
 from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.kernel_terrain import terrain_fields
 from rover_pin.motion.model import Model
@@ -47,7 +46,7 @@ N_RECORD, MAX_DOF, MAX_COLS = len(RECORD), 48, 20
 
 
 class DriveStruct(ctypes.Structure):
-    """Mirror of the struct Drive in kernel.c."""
+    """Mirror of the struct Drive in native/drive.h."""
 
     _fields_ = [
         *[(name, ctypes.c_int64) for name in INTEGERS],
@@ -59,14 +58,13 @@ class DriveStruct(ctypes.Structure):
 @lru_cache(maxsize=1)
 def library() -> ctypes.CDLL:
     """Return the compiled kernel."""
-    source = files("rover_pin.motion").joinpath("kernel.c").read_text()
-    made = shared_library(source, "kernel")
+    made = shared_library(native.source(), "kernel")
     made.rover_pin_step.argtypes = [ctypes.c_void_p]
     made.rover_pin_drift.argtypes = [ctypes.c_void_p]
     made.rover_pin_drift.restype = None
     made.rover_pin_hold.argtypes = [ctypes.c_void_p]
     made.rover_pin_hold.restype = None
-    assert made.rover_pin_size() == ctypes.sizeof(DriveStruct), "kernel.py does not mirror the struct of kernel.c"
+    assert made.rover_pin_size() == ctypes.sizeof(DriveStruct), "kernel.py does not mirror the struct of drive.h"
     return made
 
 

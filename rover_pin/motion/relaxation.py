@@ -17,7 +17,7 @@ UNDECIDED = 1.0
 AIM, AT_REST = 1e-8, 1e-5
 """Acceleration over gravity at which a rover is at rest: what is aimed at, and what is still taken."""
 DRIVING, IN_HAND, ON_THE_SOIL = range(3)
-"""What the compiled step does: the enum in kernel.c."""
+"""What the compiled step does: the enum in native/drive.h."""
 PITCH, NUDGE = 4, 1e-6
 """The base's pitch in v, and a turn that no rest notices [rad]."""
 SLIDE = [0, 1, 5]

@@ -58,7 +58,7 @@ ROOMS = {
     "effects": Room(("rover_pin/effects/*.py",), _named("effects", "{stem} laws every_effect ballast_and_tilt")),
     "body": Room(("rover_pin/body/*.py",), ("tests/body/test_*.py", "tests/oracle/test_oracle_dynamics.py")),
     "motion": Room(
-        ("rover_pin/motion/*.py", "rover_pin/motion/kernel.c"),
+        ("rover_pin/motion/*.py", "rover_pin/motion/native/*.c"),
         _named("motion", "{stem} kernel_twin simulate [!kst]* t*"),
     ),
     "evidence": Room(

@@ -1,0 +1,49 @@
+/* Configurations: half a step on, and mirrored. */
+
+static void advance_base(double *q, const double *v, double dt) {
+  double w[3] = {v[3] * dt, v[4] * dt, v[5] * dt}, u[3] = {v[0] * dt, v[1] * dt, v[2] * dt};
+  double angle_2 = dot(w, w), angle = sqrt(angle_2), a, b, s, c;
+  if (angle < 1e-4) {
+    a = 0.5 - angle_2 / 24.0;
+    b = 1.0 / 6.0 - angle_2 / 120.0;
+    s = 0.5 - angle_2 / 48.0;
+  } else {
+    a = (1.0 - cos(angle)) / angle_2;
+    b = (angle - sin(angle)) / (angle_2 * angle);
+    s = sin(0.5 * angle) / angle;
+  }
+  c = cos(0.5 * angle);
+  double wu[3], wwu[3], move[3], turned[3], twice[3];
+  cross(w, u, wu);
+  cross(w, wu, wwu);
+  for (int i = 0; i < 3; ++i) move[i] = u[i] + a * wu[i] + b * wwu[i];
+  cross(q + 3, move, turned); /* R move = move + 2 qw (qv x move) + 2 qv x (qv x move) */
+  cross(q + 3, turned, twice);
+  for (int i = 0; i < 3; ++i) q[i] += move[i] + 2.0 * (q[6] * turned[i] + twice[i]);
+  double e[3] = {s * w[0], s * w[1], s * w[2]}, mixed[3], product[4];
+  cross(q + 3, e, mixed);
+  for (int i = 0; i < 3; ++i) product[i] = q[6] * e[i] + c * q[3 + i] + mixed[i];
+  product[3] = q[6] * c - dot(q + 3, e);
+  double scale = 1.0 / sqrt(dot(product, product) + product[3] * product[3]);
+  for (int i = 0; i < 4; ++i) q[3 + i] = product[i] * scale;
+}
+
+/* Move the configuration half a step on at the present velocity. */
+void rover_pin_drift(const Drive *d) {
+  const double half = 0.5 * d->dt;
+  advance_base(d->q, d->v, half);
+  for (integer k = 0; k < d->n_joints; ++k) {
+    double step = d->v[d->joint_dof[k]] * half, *q = d->q + d->joint_q[k];
+    if (!d->joint_unbounded[k]) { *q += step; continue; }
+    double c = cos(step), s = sin(step), x = c * q[0] - s * q[1], y = s * q[0] + c * q[1];
+    double scale = 1.0 / sqrt(x * x + y * y);
+    q[0] = x * scale;
+    q[1] = y * scale;
+  }
+}
+
+static void mirror_speeds(const Drive *d) {
+  double image[MAX_DOF];
+  for (integer i = 0; i < d->nv; ++i) image[i] = d->mirror_sign[i] * d->v[d->mirror_index[i]];
+  for (integer i = 0; i < d->nv; ++i) d->v[i] = 0.5 * (d->v[i] + image[i]);
+}
