@@ -14,14 +14,15 @@ LONGEST = 300
 
 GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "settings", "paths", "results_folder",
           "workers", "trust", "bounded", "parquet", "console")  # fmt: skip
-ROOMS = ("ground", "parameters", "soil", "effects", "body", "motion", "control", "evidence",
+ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control", "evidence",
          "controls", "scenarios", "plot", "sweep", "tuning", "terminal", "cli")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.
 
 `scenarios`, `plot`, `sweep` have this order among themselves: figures and sweeps are made of ready-made drives.
 `tuning` (control/tuning*.py) stands above its folder's other files: it drives scenarios and sweeps, they do not.
 """
-FOREIGN = {"parameters": "pinocchio", "soil": "pinocchio", "effects": "pinocchio", "body": "casadi"}
+FOREIGN = {"parameters": "pinocchio", "soil": "pinocchio", "effects": "pinocchio", "description": "casadi",
+           "body": "casadi"}  # fmt: skip
 """What a room never imports itself. (casadi comes to body through quantity, which must know an expression.)"""
 
 

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rover_pin.body import terrain_files
-from rover_pin.body.layout import rover_folder
+from rover_pin.description.layout import rover_folder
 from rover_pin.body.rover import load_rover
 from rover_pin.body.urdf_check import check_urdf
 from rover_pin.bounded import MIB, arrays

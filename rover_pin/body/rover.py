@@ -13,12 +13,12 @@ from typing import NamedTuple, Self
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.layout import Layout, read_layout, shipped
 from rover_pin.body.symmetry import Mirror, is_symmetric, mirror
-from rover_pin.body.urdf_faults import refuse_faults
-from rover_pin.body.urdf_readers import free_tree
-from rover_pin.body.urdf_tree import read_tree
 from rover_pin.contact import Wheel
+from rover_pin.description.faults import refuse_faults
+from rover_pin.description.layout import Layout, read_layout, shipped
+from rover_pin.description.readers import free_tree
+from rover_pin.description.tree import read_tree
 from rover_pin.errors import ParameterError, UrdfError, closest
 from rover_pin.paths import is_file
 from rover_pin.trust import Trust

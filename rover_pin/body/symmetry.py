@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from rover_pin.description.readers import axes_at_zero
+
 SAME = 1e-6
 """Largest difference between the mass matrix and its mirror image, over its largest entry."""
 
@@ -34,12 +36,6 @@ def mirror(model: pin.Model, pairs: Sequence[tuple[str, str]]) -> Mirror:
         perm[a], perm[b] = b, a
         sign[a] = sign[b] = 1.0 if image @ axes[b] > 0.0 else -1.0
     return Mirror(perm, sign)
-
-
-def axes_at_zero(model: pin.Model) -> np.ndarray:
-    """Return the axis of each degree of freedom at zero angles, in the base's axes [nv, 3]."""
-    data = model.createData()
-    return np.array(pin.computeJointJacobians(model, data, pin.neutral(model))[3:].T)
 
 
 def is_symmetric(model: pin.Model, image: Mirror) -> bool:

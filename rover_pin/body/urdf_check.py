@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.layout import Layout, read_layout
 from rover_pin.body.rover import assemble
 from rover_pin.body.statics import wheel_loads
 from rover_pin.body.symmetry import is_symmetric, mirror
-from rover_pin.body.urdf_faults import across, faults_of
-from rover_pin.body.urdf_readers import free_tree
-from rover_pin.body.urdf_tree import UrdfTree, read_tree
 from rover_pin.bounded import text as bounded_text
+from rover_pin.description.faults import across, faults_of
+from rover_pin.description.layout import Layout, read_layout
+from rover_pin.description.readers import free_tree
+from rover_pin.description.tree import UrdfTree, read_tree
 from rover_pin.errors import ParameterError, UrdfError
 from rover_pin.trust import Trust
 

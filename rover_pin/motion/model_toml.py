@@ -23,11 +23,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rover_pin.body.layout import read_layout, rover_folder
 from rover_pin.body.rover import Rover, load_named
 from rover_pin.body.terrain import Terrain
 from rover_pin.columns import replace_file
 from rover_pin.contact import Soil
+from rover_pin.description.layout import read_layout, rover_folder
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.errors import DataError, ParameterError, closest

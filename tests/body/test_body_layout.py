@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.body.layout import read_layout
+from rover_pin.description.layout import read_layout
 from rover_pin.errors import UrdfError
 
 URDF = Path(__file__).parents[2] / "urdf"

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.body import urdf_readers
 from rover_pin.body.rover import load_rover
 from rover_pin.body.statics import wheel_loads
 from rover_pin.body.urdf_check import check_urdf
+from rover_pin.description import readers
 from rover_pin.errors import ParameterError, UrdfError
 from rover_pin.scenarios import scenario
 
@@ -101,14 +101,14 @@ def test_a_base_without_mass_carries_one_that_is_fixed_to_it(own):
 
 def test_two_readers_that_disagree_are_told_apart(own, monkeypatch):
     """Here by a Pinocchio that is handed one other angle: no URDF known to us makes them differ."""
-    honest = urdf_readers._random_angles
+    honest = readers._random_angles
 
     def crooked(tree, rng):
         angles = honest(tree, rng)
         angles["rocker_r"] += 0.1
         return angles
 
-    monkeypatch.setattr(urdf_readers, "_random_angles", crooked)
+    monkeypatch.setattr(readers, "_random_angles", crooked)
     faults = check_urdf(own(TEXT)).faults
     assert len(faults) == 1
     assert "Pinocchio and yourdfpy place link 'rocker_r_link'" in faults[0]

@@ -134,7 +134,7 @@ def test_on_the_flat_it_carries_what_the_plain_bogie_carries():
     ],
 )
 def test_joints_that_cannot_follow_get_a_sentence(tmp_path, old, new, words):
-    from rover_pin.body.layout import shipped
+    from rover_pin.description.layout import shipped
 
     toml = shipped("nexus6_links")
     text = toml.with_suffix(".urdf").read_text()

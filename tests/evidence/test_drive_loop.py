@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.body.layout import rover_folder
+from rover_pin.description.layout import rover_folder
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.errors import DataError

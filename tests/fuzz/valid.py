@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from rover_pin import cli
-from rover_pin.body.layout import rover_folder
+from rover_pin.description.layout import rover_folder
 from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain_files import from_grid, from_polyline
 from rover_pin.body.urdf_check import check_urdf

@@ -131,7 +131,7 @@ def test_an_effect_without_a_file_cannot_be_written(tmp_path):
 def test_a_rover_of_ones_own_needs_its_path(tmp_path):
     folder = tmp_path / "own"
     folder.mkdir()
-    from rover_pin.body.layout import rover_folder
+    from rover_pin.description.layout import rover_folder
 
     for name in ("nexus6.toml", "nexus6.urdf"):
         text = (rover_folder() / name).read_text().replace('name = "nexus6"', 'name = "mine"')

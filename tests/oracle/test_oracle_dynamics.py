@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.body.acceleration import Dynamics, mass_matrix
-from rover_pin.body.layout import read_layout, shipped
+from rover_pin.description.layout import read_layout, shipped
 from rover_pin.body.rover import assemble
 
 HERE = Path(__file__).parent

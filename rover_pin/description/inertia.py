@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.body.urdf_tree import Body, Link, UrdfTree
+from rover_pin.description.tree import Body, Link, UrdfTree
 
 SIZES = (0.02, 20.0)
 """Distance across all joints of a rover [m]."""

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.layout import Layout
-from rover_pin.body.urdf_tree import Joint, UrdfTree
+from rover_pin.description.layout import Layout
+from rover_pin.description.tree import Joint, UrdfTree
 from rover_pin.errors import closest
 
 ALONG = 0.95

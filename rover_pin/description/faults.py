@@ -7,13 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.layout import Layout
-from rover_pin.body.symmetry import axes_at_zero
-from rover_pin.body.urdf_inertia import inertia_faults, unit_faults
-from rover_pin.body.urdf_readers import free_tree, reader_faults
-from rover_pin.body.urdf_roles import axis_faults, role_faults
-from rover_pin.body.urdf_structure import structure_faults
-from rover_pin.body.urdf_tree import UrdfTree, read_tree
+from rover_pin.description.inertia import inertia_faults, unit_faults
+from rover_pin.description.layout import Layout
+from rover_pin.description.readers import axes_at_zero, free_tree, reader_faults
+from rover_pin.description.roles import axis_faults, role_faults
+from rover_pin.description.structure import structure_faults
+from rover_pin.description.tree import UrdfTree, read_tree
 from rover_pin.errors import UrdfError
 
 

@@ -14,11 +14,24 @@ from rover_pin.errors import UrdfError
 
 
 class Body(NamedTuple):
-    """Mass [kg], centre of mass in the link [m], and inertia about it [kg m^2] in the axes of the inertial frame."""
+    """Mass [kg], centre of mass in the link [m], and inertia about it [kg m^2] in the axes of its inertial frame."""
 
     mass: float
     centre: np.ndarray
     inertia: np.ndarray
+    axes: np.ndarray
+    "of the inertial frame in the link [3, 3]"
+
+
+class Shape(NamedTuple):
+    """A shape of a link: a box (its three sizes), sphere (radius), cylinder (radius, length; along its z) or mesh."""
+
+    kind: str
+    placement: np.ndarray
+    "in the link [4, 4]"
+    size: tuple[float, ...]
+    "[m]; of a mesh its scale along x, y, z"
+    mesh: str = ""
 
 
 class Link(NamedTuple):
@@ -27,7 +40,12 @@ class Link(NamedTuple):
     name: str
     body: Body | None
     reach: float
-    meshes: tuple[str, ...]
+    shapes: tuple[Shape, ...]
+
+    @property
+    def meshes(self) -> tuple[str, ...]:
+        """The files of its meshes."""
+        return tuple(shape.mesh for shape in self.shapes if shape.kind == "mesh")
 
 
 class Mimic(NamedTuple):
@@ -45,6 +63,8 @@ class Joint(NamedTuple):
     kind: str
     parent: str
     child: str
+    origin: np.ndarray
+    "of the child in the parent at zero [4, 4]"
     axis: np.ndarray
     limited: bool
     limits: tuple[float, float]
@@ -71,6 +91,22 @@ class UrdfTree:
         """The links that are no joint's child."""
         children = {joint.child for joint in self.joints}
         return [link.name for link in self.links if link.name not in children]
+
+    @property
+    def placements(self) -> dict[str, np.ndarray]:
+        """Where each link that hangs on the first root lies in it, all joints at zero [4, 4]."""
+        found = {self.roots[0]: np.eye(4)} if self.roots else {}
+        reached = list(found)
+        for name in reached:
+            for joint in self.joints:
+                if joint.parent == name and joint.child not in found:
+                    found[joint.child] = found[name] @ joint.origin
+                    reached.append(joint.child)
+        return found
+
+    def joint(self, name: str) -> Joint | None:
+        """Return the joint of this name, or None."""
+        return next((joint for joint in self.joints if joint.name == name), None)
 
     def rigid_group(self, link: str) -> list[str]:
         """Return the link and those fixed to it, outwards."""
@@ -109,10 +145,9 @@ def _link(element: ET.Element, file: str) -> Link:
     inertial = element.find("inertial")
     body = None if inertial is None else _body(inertial, where)
     centre = np.zeros(3) if body is None else body.centre
-    shapes = [*element.findall("visual"), *element.findall("collision")]
-    reaches = [_reach(shape, centre, where) for shape in shapes]
-    meshes = tuple(mesh.get("filename", "") for shape in shapes for mesh in shape.iter("mesh"))
-    return Link(name, body, max(reaches, default=0.0), meshes)
+    drawn = [*element.findall("visual"), *element.findall("collision")]
+    shapes = tuple(shape for each in drawn for shape in _shapes(each, where))
+    return Link(name, body, max((_reach(shape, centre) for shape in shapes), default=0.0), shapes)
 
 
 def _body(inertial: ET.Element, where: str) -> Body:
@@ -122,25 +157,34 @@ def _body(inertial: ET.Element, where: str) -> Body:
     entries = {key: _number(inertia.get(key, "missing"), f"{where}: inertia {key}") for key in INERTIA}
     xx, xy, xz, yy, yz, zz = (entries[key] for key in INERTIA)
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Body(_number(mass.get("value", "missing"), f"{where}: mass"), _origin(inertial, where), matrix)
+    placement = _placement(inertial, where)
+    mass_value = _number(mass.get("value", "missing"), f"{where}: mass")
+    return Body(mass_value, placement[:3, 3], matrix, placement[:3, :3])
 
 
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
-def _reach(shape: ET.Element, centre: np.ndarray, where: str) -> float:
-    away = float(np.linalg.norm(_origin(shape, where) - centre))
-    return max((away + half for half in _half_diagonals(shape, where)), default=0.0)
+def _reach(shape: Shape, centre: np.ndarray) -> float:
+    if shape.kind == "mesh":
+        return 0.0
+    half = {"box": math.hypot(*shape.size) / 2.0, "sphere": shape.size[0]}
+    away = float(np.linalg.norm(shape.placement[:3, 3] - centre))
+    return away + half.get(shape.kind, math.hypot(shape.size[0], shape.size[-1] / 2.0))
 
 
-def _half_diagonals(shape: ET.Element, where: str) -> Iterator[float]:
-    for box in shape.iter("box"):
-        yield float(np.linalg.norm(_vector(box.get("size", "missing"), f"{where}: box size"))) / 2.0
-    for sphere in shape.iter("sphere"):
-        yield _number(sphere.get("radius", "missing"), f"{where}: sphere radius")
-    for cylinder in shape.iter("cylinder"):
-        radius = _number(cylinder.get("radius", "missing"), f"{where}: cylinder radius")
-        yield math.hypot(radius, _number(cylinder.get("length", "missing"), f"{where}: cylinder length") / 2.0)
+def _shapes(element: ET.Element, where: str) -> Iterator[Shape]:
+    placement = _placement(element, where)
+    for box in element.iter("box"):
+        yield Shape("box", placement, tuple(_vector(box.get("size", "missing"), f"{where}: box size")))
+    for sphere in element.iter("sphere"):
+        yield Shape("sphere", placement, (_number(sphere.get("radius", "missing"), f"{where}: sphere radius"),))
+    for cylinder in element.iter("cylinder"):
+        sizes = [_number(cylinder.get(key, "missing"), f"{where}: cylinder {key}") for key in ("radius", "length")]
+        yield Shape("cylinder", placement, tuple(sizes))
+    for mesh in element.iter("mesh"):
+        scale = _vector(mesh.get("scale", "1 1 1"), f"{where}: mesh scale")
+        yield Shape("mesh", placement, tuple(scale), mesh.get("filename", ""))
 
 
 def _joint(element: ET.Element, file: str) -> Joint:
@@ -149,13 +193,13 @@ def _joint(element: ET.Element, file: str) -> Joint:
     ends = [element.find(end) for end in ("parent", "child")]
     if any(end is None or end.get("link") is None for end in ends):
         raise UrdfError(f"{where} needs <parent link='...'/> and <child link='...'/>.")
-    _origin(element, where)
     axis, limit, dynamics = element.find("axis"), element.find("limit"), element.find("dynamics")
     return Joint(
         name=name,
         kind=element.get("type", ""),
         parent=str(ends[0].get("link")),  # type: ignore[union-attr]
         child=str(ends[1].get("link")),  # type: ignore[union-attr]
+        origin=_placement(element, where),
         axis=np.array([1.0, 0.0, 0.0]) if axis is None else _vector(axis.get("xyz", "missing"), f"{where}: axis"),
         limited=limit is not None,
         limits=(_attribute(limit, "lower", where), _attribute(limit, "upper", where)),
@@ -184,12 +228,24 @@ def _name(element: ET.Element, file: str) -> str:
     return name
 
 
-def _origin(element: ET.Element, where: str) -> np.ndarray:
-    origin = element.find("origin")
-    if origin is None:
-        return np.zeros(3)
-    _vector(origin.get("rpy", "0 0 0"), f"{where}: origin rpy")
-    return _vector(origin.get("xyz", "0 0 0"), f"{where}: origin xyz")
+def _placement(element: ET.Element, where: str) -> np.ndarray:
+    placement, origin = np.eye(4), element.find("origin")
+    if origin is not None:
+        roll, pitch, yaw = _vector(origin.get("rpy", "0 0 0"), f"{where}: origin rpy")
+        placement[:3, :3] = turn("z", yaw) @ turn("y", pitch) @ turn("x", roll)
+        placement[:3, 3] = _vector(origin.get("xyz", "0 0 0"), f"{where}: origin xyz")
+    return placement
+
+
+def turn(axis: str, angle: float) -> np.ndarray:
+    """Return the rotation by an angle [rad] about x, y or z [3, 3]."""
+    i = "xyz".index(axis)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    rotation = np.eye(3)
+    rotation[j, j] = rotation[k, k] = math.cos(angle)
+    rotation[k, j] = math.sin(angle)
+    rotation[j, k] = -rotation[k, j]
+    return rotation
 
 
 def _vector(text: str, where: str) -> np.ndarray:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.body.urdf_tree import Joint, UrdfTree
+from rover_pin.description.tree import Joint, UrdfTree
 from rover_pin.errors import closest
 
 UNLIMITED = 1e6

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.urdf_tree import UrdfTree
+from rover_pin.description.tree import UrdfTree
 
 CONFIGURATIONS = 5
 """Random configurations at which the two readers are compared."""
@@ -20,6 +20,12 @@ AGREE = 1e-6
 def free_tree(text: str) -> pin.Model:
     """Return Pinocchio's tree with a free-flyer at the root and every mimicking joint set free."""
     return pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), False)
+
+
+def axes_at_zero(model: pin.Model) -> np.ndarray:
+    """Return the axis of each degree of freedom at zero angles, in the base's axes [nv, 3]."""
+    data = model.createData()
+    return np.array(pin.computeJointJacobians(model, data, pin.neutral(model))[3:].T)
 
 
 def reader_faults(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
