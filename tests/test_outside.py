@@ -10,11 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 from rover_pin.body import terrain_files
-from rover_pin.description.layout import rover_folder
 from rover_pin.body.rover import load_rover
 from rover_pin.body.urdf_check import check_urdf
 from rover_pin.bounded import MIB, arrays
 from rover_pin.cli import app
+from rover_pin.description.layout import rover_folder
 from rover_pin.errors import DataError, RoverPinError, UrdfError
 from rover_pin.evidence.loop import close_the_loop, read_data
 from rover_pin.evidence.reading import read_evidence

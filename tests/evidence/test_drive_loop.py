@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.description.layout import rover_folder
 from rover_pin.contact import Soil, Wheel
+from rover_pin.description.layout import rover_folder
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.errors import DataError
 from rover_pin.evidence.loop import close_the_loop, read_start

@@ -13,12 +13,12 @@ import numpy as np
 import pandas as pd
 
 from rover_pin import cli
-from rover_pin.description.layout import rover_folder
 from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain_files import from_grid, from_polyline
 from rover_pin.body.urdf_check import check_urdf
 from rover_pin.control.gains_file import load_gains
 from rover_pin.control.tuning_study import read_tuning
+from rover_pin.description.layout import rover_folder
 from rover_pin.errors import DataError
 from rover_pin.evidence import drive_checks, rig_checks
 from rover_pin.evidence.drive_model import base_model, nuisances, with_spread
