@@ -1,0 +1,34 @@
+"""The loop's answers stay what they were when they were frozen: a change of one is to be explained by a rule."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import pytest
+
+_spec = importlib.util.spec_from_file_location("golden_verdicts", Path(__file__).with_name("verdicts.py"))
+golden = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(golden)
+
+FROZEN = json.loads(golden.FROZEN.read_text(encoding="utf-8"))
+SHIFT = 0.15
+"""Share of a 95 % interval's width by which a value, or one of its ends, may move: round-off, another time step."""
+GROWTH = 0.1
+"""Relative change that a held-out error may show for the same reason."""
+SETS = [*golden.FAST, *(pytest.param(name, marks=pytest.mark.slow) for name in golden.SLOW)]
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_the_answer_is_the_frozen_one(name, tmp_path):
+    frozen, now = FROZEN[name], golden.answer(name, tmp_path / "set")
+    for key in ("answer", "effects", "alike"):
+        assert now[key] == frozen[key]
+    assert now["sizes"].keys() == frozen["sizes"].keys()
+    for key, (value, low, high) in frozen["sizes"].items():
+        assert now["sizes"][key] == pytest.approx([value, low, high], abs=SHIFT * (high - low)), key
+    for key, errors in frozen["held_out"].items():
+        assert now["held_out"][key] == pytest.approx(errors, rel=GROWTH), key
+
+
+def test_every_set_is_frozen():
+    assert set(FROZEN) == set(golden.MAKERS)
