@@ -14,21 +14,22 @@ from rover_pin.motion import laws, native
 from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.kernel_terrain import terrain_fields
 from rover_pin.motion.model import Model
+from rover_pin.motion.native.compiled_body import compiled_body
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.suspension import suspension_dofs
 from rover_pin.motion.toolchain import shared_library
 
 INTEGERS = (
-    "nv n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes grid_nx "
+    "nq nv n_inertia n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes grid_nx "
     "grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling"
 ).split()
 NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy wheel_share misjudged".split()
 POINTERS = (
-    "M nle J q v du centres cols col_count wheel_dof axle radius kind kinds joint_dof joint_q joint_unbounded "
+    "M nle q v du rigid rigid_held gravity armature axes points rotation potential inertia_place cols col_count wheel_dof axle radius kind kinds joint_dof joint_q joint_unbounded "
     "servo_dof servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain body_dof body_q coupled_dof "
     "coupled_ratio mirror_index mirror_sign contact_states motor_states contact_odd contact_parameters "
     "motor_parameters body_parameters soils held duty lane_borders lane_start lane_x lane_z lane_ground grid_z "
-    "grid_ground foreseen record energy loads impulse differential contact_before contact_law motor_law body_law "
+    "grid_ground foreseen record energy loads impulse differential contact_before contact_law motor_law body_law rigid_body "
     "work_i work_w"
 ).split()
 """Fields of the C struct Drive, in its order."""
@@ -60,8 +61,8 @@ def library() -> ctypes.CDLL:
     """Return the compiled kernel."""
     made = shared_library(native.source(), "kernel")
     made.rover_pin_step.argtypes = [ctypes.c_void_p]
-    made.rover_pin_drift.argtypes = [ctypes.c_void_p]
-    made.rover_pin_drift.restype = None
+    made.rover_pin_energies.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+    made.rover_pin_energies.restype = None
     made.rover_pin_hold.argtypes = [ctypes.c_void_p]
     made.rover_pin_hold.restype = None
     assert made.rover_pin_size() == ctypes.sizeof(DriveStruct), "kernel.py does not mirror the struct of drive.h"
@@ -81,7 +82,6 @@ class Kernel:
         self.state = state
         rover = model.built
         self.pin_model = armed(rover.model, model)
-        self.data = self.pin_model.createData()
         self.keep: dict[str, Any] = {}
         self.struct = DriveStruct()
         self.record = np.zeros((len(rover.wheels), N_RECORD))
@@ -89,20 +89,17 @@ class Kernel:
         self.energy, self.impulse, self.differential = np.zeros(len(ENERGY)), np.zeros(3), np.zeros(1)
         self._set(dt=dt, direction_speed=direction_speed, symmetric=int(symmetric))
         self._bind_body(rover)
+        self._bind_rigid_body()
         self._bind_springs(rover)
         self._bind_state(state)
         self._bind_terrain()
         self._bind_laws()
-        self._drift, self._step = library().rover_pin_drift, library().rover_pin_step
+        self._step = library().rover_pin_step
         self._address = ctypes.addressof(self.struct)
         self.resoil(self.soils)
 
     def step(self) -> int:
         """Advance the state by dt; return 0, or 1 (not finite) or 2 (singular)."""
-        q, v = self.state.q, self.state.v
-        self._drift(self._address)
-        pin.crba(self.pin_model, self.data, q, pin.Convention.WORLD)
-        pin.nonLinearEffects(self.pin_model, self.data, q, v)
         return int(self._step(self._address))
 
     def set_step(self, dt: float) -> None:
@@ -121,8 +118,9 @@ class Kernel:
 
     def energies(self) -> tuple[float, float]:
         """Return kinetic and potential energy [J] at the present state."""
-        kinetic = pin.computeKineticEnergy(self.pin_model, self.data, self.state.q, self.state.v)
-        return kinetic, pin.computePotentialEnergy(self.pin_model, self.data, self.state.q)
+        found = np.zeros(2)
+        library().rover_pin_energies(self._address, found.ctypes.data)
+        return float(found[0]), float(found[1])
 
     def _set(self, **values: Any) -> None:
         for name, value in values.items():
@@ -132,9 +130,7 @@ class Kernel:
             setattr(self.struct, name, value)
 
     def _bind_body(self, rover: Any) -> None:
-        model, data = self.pin_model, self.data
-        pin.crba(model, data, self.state.q, pin.Convention.WORLD)
-        pin.nonLinearEffects(model, data, self.state.q, self.state.v)
+        model = self.pin_model
         columns = [supports(model, wheel.joint) for wheel in rover.wheels]
         most = max(map(len, columns))
         if model.nv > MAX_DOF or most > MAX_COLS:
@@ -145,7 +141,6 @@ class Kernel:
         cols = np.zeros((len(columns), most), dtype=np.int64)
         for row, own in zip(cols, columns, strict=True):
             row[: len(own)] = own
-        self.centres = [data.oMi[wheel.joint].translation for wheel in rover.wheels]
         sizes = np.array([[float(wheel.wheel.r), float(wheel.wheel.b)] for wheel in rover.wheels])
         kinds, kind = np.unique(sizes, axis=0, return_inverse=True)
         joints = [model.joints[j] for j in range(2, model.njoints)]
@@ -163,10 +158,6 @@ class Kernel:
             n_coupled=len(coupled),
             coupled_dof=np.array([pair[:2] for pair in coupled] or [(0, 0)], dtype=np.int64).ravel(),
             coupled_ratio=np.array([ratio for *_, ratio in coupled] or [1.0]),
-            M=data.M,
-            nle=data.nle,
-            J=data.J,
-            centres=np.array([centre.ctypes.data for centre in self.centres], dtype=np.int64),
             cols=cols,
             col_count=np.array([len(own) for own in columns], dtype=np.int64),
             wheel_dof=np.array([wheel.dof for wheel in rover.wheels], dtype=np.int64),
@@ -188,6 +179,28 @@ class Kernel:
             differential=self.differential,
             loads=self.loads,
             impulse=self.impulse,
+        )
+
+    def _bind_rigid_body(self) -> None:
+        model, made = self.pin_model, compiled_body(self.pin_model)
+        self.gravity, self.armature = np.array(model.gravity.linear), np.array(model.armature)
+        column, ends = np.zeros(made.ends["potential"]), made.ends
+        self.keep["rigid_handle"] = made
+        self._set(
+            nq=model.nq,
+            M=np.zeros((model.nv, model.nv)),
+            n_inertia=len(made.places),
+            inertia_place=made.places,
+            rigid=column,
+            rigid_held=np.append(made.held, 0.0),
+            rigid_body=made.address,
+            gravity=self.gravity,
+            armature=self.armature,
+            nle=column[ends["inertia"] :],
+            axes=column[ends["bias"] :],
+            points=column[ends["axes"] :],
+            rotation=column[ends["points"] :],
+            potential=column[ends["rotation"] :],
         )
 
     def _bind_springs(self, rover: Any) -> None:
@@ -235,7 +248,7 @@ class Kernel:
 
     def _bind_laws(self) -> None:
         model = self.model
-        made = compiled_laws(structure_of(model))
+        made, rigid = compiled_laws(structure_of(model)), self.keep["rigid_handle"].work
         self.soils = np.array([laws.numbers([soil]) for soil in model.soils])
         self._set(
             soils=self.soils,
@@ -249,8 +262,8 @@ class Kernel:
             contact_law=made.contact,
             motor_law=made.motor,
             body_law=made.body,
-            work_i=np.zeros(made.work[0] + 1, dtype=np.int64),
-            work_w=np.zeros(made.work[1] + 1),
+            work_i=np.zeros(max(made.work[0], rigid[0]) + 1, dtype=np.int64),
+            work_w=np.zeros(max(made.work[1], rigid[1]) + 1),
         )
         self.keep["laws"] = made
 

@@ -131,9 +131,7 @@ class Relaxation:
         q[:2] = self.place
 
     def _lock(self, dofs: list[int]) -> None:
-        armature = np.array(self.kernel.pin_model.armature)
-        armature[dofs] = LOCKED
-        self.kernel.pin_model.armature = armature
+        self.kernel.armature[dofs] = LOCKED
         self.weights[dofs] = 0.0
 
 

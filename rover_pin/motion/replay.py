@@ -149,7 +149,7 @@ class _Rerun:
         self.duty = run.duty if nudge.torque is None else run.duty + nudge.torque / float(model.motor.stall_torque)
         self.force, self.grip = nudge.force, nudge.grip
         self.pace, self.suspension = Pace(kernel, float(kernel.struct.dt)), suspension_of(model)
-        self.down = np.array(kernel.pin_model.gravity.linear)
+        self.down = kernel.gravity.copy()
         self.moved = np.zeros(3)
         "corrections so far: x, y [m] and heading [rad]"
         self.rows: list[np.ndarray] = []
@@ -184,7 +184,7 @@ class _Rerun:
         yaw = roll_pitch_yaw(self.state.q)[2]
         pull = force / self.model.built.mass
         forward = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        self.kernel.pin_model.gravity.linear = self.down + pull * forward
+        self.kernel.gravity[:] = self.down + pull * forward
 
     def _grip(self, share: float) -> None:
         soils = self.kernel.soils.copy()

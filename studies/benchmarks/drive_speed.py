@@ -105,7 +105,7 @@ def parts(case: Scenario, count: int) -> None:
     kernel.duty[:] = 0.55
     for _ in range(round(10.0 / case.timing.dt)):
         kernel.step()
-    model, data, keep = kernel.pin_model, kernel.data, state.copy()
+    model, data, keep = kernel.pin_model, kernel.pin_model.createData(), state.copy()
     whole = 1e6 * each(kernel.step, count)
     state.q[:], state.v[:], state.contact[:] = keep.q, keep.v, keep.contact
     crba = 1e6 * each(lambda: pin.crba(model, data, state.q, pin.Convention.WORLD), count)
@@ -114,8 +114,7 @@ def parts(case: Scenario, count: int) -> None:
     suspension = motion.suspension_of(case.model)
     obey = 1e6 * each(lambda: motion.obey(drive, 0, suspension), count)
     row = 1e6 * each(lambda: motion.row_of(drive), count)
-    print(f"microseconds per step: {whole:.1f} in all: Pinocchio's crba {crba:.1f}, its nle {nle:.1f}, ", end="")
-    print(f"compiled kernel and the rest {whole - crba - nle:.1f}")
+    print(f"microseconds per step: {whole:.1f} in all; Pinocchio's crba {crba:.1f} and its nle {nle:.1f} beside it")
     shares = case.timing.dt / case.timing.control, case.timing.dt / case.timing.sample
     print(f"    control {obey:.1f} us a call, {obey * shares[0]:.1f} us a step; ", end="")
     print(f"sampling {row:.1f} us a row, {row * shares[1]:.1f} us a step")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib.resources import files
 
 FILES = (
-    "drive.h wheel.c ground.c patch.c law.c stiffness.c states.c assembly.c judge.c motor.c springs.c body.c solve.c "
-    "account.c configuration.c step.c"
+    "drive.h rigid.c wheel.c ground.c patch.c law.c stiffness.c states.c assembly.c judge.c motor.c springs.c body.c "
+    "solve.c account.c configuration.c step.c"
 ).split()
 """The files of the source: each uses only what those before it define."""
 

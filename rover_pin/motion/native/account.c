@@ -37,7 +37,7 @@ static double differential_torque(const Drive *d, const System *system, const Bo
   }
   double torque = d->nle[i] - system->soil_Q[i] - system->other_Q[i] - system->other_slope[i] * d->du[i];
   for (integer j = 0; j < d->nv; ++j)
-    torque += (d->M[i * d->nv + j] / d->dt - 0.5 * system->soil_D[i][j]) * d->du[j];
+    torque += (d->M[i < j ? i * d->nv + j : j * d->nv + i] / d->dt - 0.5 * system->soil_D[i][j]) * d->du[j];
   for (integer k = 6; k < d->n_body; ++k) if (d->body_dof[k] == i) torque -= body_force(d, push, k);
   return torque;
 }

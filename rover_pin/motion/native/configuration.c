@@ -29,7 +29,7 @@ static void advance_base(double *q, const double *v, double dt) {
 }
 
 /* Move the configuration half a step on at the present velocity. */
-void rover_pin_drift(const Drive *d) {
+static void drift(const Drive *d) {
   const double half = 0.5 * d->dt;
   advance_base(d->q, d->v, half);
   for (integer k = 0; k < d->n_joints; ++k) {

@@ -22,12 +22,13 @@ typedef int64_t integer;
 typedef int (*casadi_function)(const double **, double **, integer *, double *, int);
 
 typedef struct { /* field order is mirrored in kernel.py */
-  integer nv, n_wheels, n_cols, n_axles, n_contact_states, n_motor_states, n_joints, n_servos, n_stops, n_body, n_lanes, grid_nx, grid_ny;
+  integer nq, nv, n_inertia, n_wheels, n_cols, n_axles, n_contact_states, n_motor_states, n_joints, n_servos, n_stops, n_body, n_lanes, grid_nx, grid_ny;
   integer n_soils, n_kinds, n_held;
   integer differential_left, n_coupled, symmetric, settling;
   double dt, direction_speed, grid_x0, grid_y0, grid_dx, grid_dy, wheel_share, misjudged;
-  double *M, *nle, *J, *q, *v, *du;
-  double **centres;
+  double *M, *nle, *q, *v, *du;
+  double *rigid, *rigid_held, *gravity, *armature, *axes, *points, *rotation, *potential; /* rigid: the generated column, whose parts are the last four and nle */
+  integer *inertia_place;
   integer *cols, *col_count, *wheel_dof, *axle;
   double *radius;
   integer *kind; /* wheels of one kind have the same sizes */
@@ -55,7 +56,7 @@ typedef struct { /* field order is mirrored in kernel.py */
   integer *grid_ground;
   double *foreseen; /* 4 a wheel: its load as the last step expected it */
   double *record, *energy, *loads, *impulse, *differential; /* record: n_wheels x N_RECORD; energy: 6; impulse: of the soil's forces; differential: its torque */
-  casadi_function contact_before, contact_law, motor_law, body_law;
+  casadi_function contact_before, contact_law, motor_law, body_law, rigid_body;
   integer *work_i;
   double *work_w;
 } Drive;

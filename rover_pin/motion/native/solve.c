@@ -31,7 +31,7 @@ static int solve_speeds(const Drive *d, System *system, const BodyPush *push) {
   integer nv = d->nv, n = 0, index[MAX_DOF], follows[MAX_DOF] = {0};
   double b[MAX_DOF], half = implicit_share(d) * d->dt;
   for (integer j = 0; j < nv; ++j)
-    for (integer i = 0; i <= j; ++i) { /* pinocchio fills the upper triangle */
+    for (integer i = 0; i <= j; ++i) { /* M has its upper triangle */
       double m = d->M[i * nv + j];
       system->A[i][j] = m - half * system->soil_D[i][j];
       if (i != j) system->A[j][i] = m - half * system->soil_D[j][i];

@@ -1,5 +1,5 @@
 /* One step of the drive: wheel-terrain patches, their loads, and a linearly implicit solve of Eq (8).
-   Pinocchio has filled M, nle, J and the wheel centres half a step on; the laws are functions generated from the effects.
+   The rigid body is a function generated from Pinocchio's model, the laws are functions generated from the effects.
    Twin of plain.py, which is slower, explains the scheme, and is the reference. */
 
 /* Work out what the contact law holds; again after every change of the soils. */
@@ -18,7 +18,7 @@ void rover_pin_hold(const Drive *d) {
 /* For the caller to check that its mirror of the struct is this one. */
 integer rover_pin_size(void) { return (integer)sizeof(Drive); }
 
-/* The second half of a step: speeds from the forces half-way, then the configuration to the end. */
+/* Half a step of the configuration, the speeds by the forces there, the other half. */
 int rover_pin_step(Drive *d) {
   System system;
   BodyPush push;
@@ -26,6 +26,8 @@ int rover_pin_step(Drive *d) {
   WheelUpdate updates[MAX_DOF];
   double motor_steps[MAX_DOF][MAX_STATES][2];
   integer nv = d->nv, nx = d->n_contact_states;
+  drift(d);
+  move_body(d);
   for (integer i = 0; i < nv; ++i) memset(system.soil_D[i], 0, nv * sizeof(double));
   memset(system.soil_Q, 0, sizeof(System) - offsetof(System, soil_Q));
   d->misjudged = 0.0;
@@ -59,6 +61,6 @@ int rover_pin_step(Drive *d) {
   }
   if (!isfinite(total)) return NOT_FINITE;
   if (d->symmetric) mirror_speeds(d);
-  rover_pin_drift(d);
+  drift(d);
   return OK;
 }

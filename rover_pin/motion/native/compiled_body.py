@@ -1,0 +1,49 @@
+"""The compiled rigid body, one for all rovers of a tree."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.motion.hoist import hoisted
+from rover_pin.motion.laws import generated_source
+from rover_pin.motion.native.rigid_body import Joint, inertia_places, rigid_body, tree_of
+from rover_pin.motion.toolchain import shared_library
+
+
+@dataclass(frozen=True)
+class CompiledBody:
+    """The address of the generated function, its constants of one rover, and where its column's parts lie."""
+
+    handle: ctypes.CDLL
+    address: int
+    held: np.ndarray
+    places: np.ndarray
+    "of the inertia's entries in the matrix, row by row"
+    ends: dict[str, int]
+    "where the parts of the column end: those of `Motion`"
+    work: tuple[int, int]
+
+
+def compiled_body(model: pin.Model) -> CompiledBody:
+    """Return the rigid body of a model, compiled; its numbers stay parameters, so a load or a sweep compiles once."""
+    tree = tree_of(model)
+    handle, before, during = _compiled(tree.joints, model.nq, model.nv)
+    held = np.array(before(np.zeros(0), tree.parameters)).ravel()
+    places = np.array([row * model.nv + column for row, column in inertia_places(tree.joints)], dtype=np.int64)
+    joints = len(tree.joints) - 1
+    sizes = {"inertia": len(places), "bias": model.nv, "axes": 3 * joints, "points": 3 * joints}
+    sizes |= {"rotation": 9, "potential": 1}
+    ends = dict(zip(sizes, np.cumsum(list(sizes.values())).tolist(), strict=True))
+    address = ctypes.cast(getattr(handle, during.name()), ctypes.c_void_p).value or 0
+    return CompiledBody(handle, address, held, places, ends, (during.sz_iw(), during.sz_w()))
+
+
+@lru_cache(maxsize=64)
+def _compiled(joints: tuple[Joint, ...], nq: int, nv: int):  # type: ignore[no-untyped-def]
+    before, during = hoisted(rigid_body(joints, nq, nv), nq + nv + 3)
+    return shared_library(generated_source(during), "rigid_body"), before, during
