@@ -20,17 +20,17 @@ from rover_pin.motion.suspension import suspension_dofs
 from rover_pin.motion.toolchain import shared_library
 
 INTEGERS = (
-    "nq nv n_inertia n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes grid_nx "
-    "grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling"
+    "nq nv n_inertia n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes "
+    "grid_nx grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling"
 ).split()
 NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy wheel_share misjudged".split()
 POINTERS = (
-    "M nle q v du rigid rigid_held gravity armature axes points rotation potential inertia_place cols col_count wheel_dof axle radius kind kinds joint_dof joint_q joint_unbounded "
-    "servo_dof servo_q servo_target servo_gain stop_dof stop_q stop_limits stop_gain body_dof body_q coupled_dof "
-    "coupled_ratio mirror_index mirror_sign contact_states motor_states contact_odd contact_parameters "
-    "motor_parameters body_parameters soils held duty lane_borders lane_start lane_x lane_z lane_ground grid_z "
-    "grid_ground foreseen record energy loads impulse differential contact_before contact_law motor_law body_law rigid_body "
-    "work_i work_w"
+    "M nle q v du rigid rigid_held gravity armature axes points rotation potential inertia_place cols col_count "
+    "wheel_dof axle radius kind kinds joint_dof joint_q joint_unbounded servo_dof servo_q servo_target servo_gain "
+    "stop_dof stop_q stop_limits stop_gain body_dof body_q coupled_dof coupled_ratio mirror_index mirror_sign "
+    "contact_states motor_states contact_odd contact_parameters motor_parameters body_parameters soils held duty "
+    "lane_borders lane_start lane_x lane_z lane_ground grid_z grid_ground foreseen record energy loads impulse "
+    "differential contact_before contact_law motor_law body_law rigid_body work_i work_w"
 ).split()
 """Fields of the C struct Drive, in its order."""
 

@@ -60,7 +60,7 @@ class Motion(NamedTuple):
 
 
 def tree_of(model: pin.Model) -> Tree:
-    """Return a model with a free base and revolute joints as a tree; bodies' frames are turned to their joints' axes."""
+    """Return a model with a free base and revolute joints as a tree, bodies' frames turned to their joints' axes."""
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     turns = [np.eye(3)] * 2 + [_turn_to(_axis(model, data, i)) for i in range(2, model.njoints)]
@@ -157,22 +157,26 @@ class _Pass:
     """Outwards for speeds and accelerations, inwards for forces and composite inertias."""
 
     def __init__(self, joints: tuple[Joint, ...], q: ca.SX, v: ca.SX, gravity: ca.SX, parameters: ca.SX):
-        self.joints, self.q, self.v, self.gravity = (None, *joints), q, v, gravity
+        self.joints, self.q, self.v, self.gravity = dict(enumerate(joints, BASE)), q, v, gravity
         given = iter(ca.vertsplit(parameters) if parameters.numel() else [])
         numbers = [[next(given) if kind is None else ca.SX(kind) for kind in joint.numbers] for joint in joints]
-        self.fixed = [_Numbers.of(each) for each in numbers]
+        self.fixed = {i: _Numbers.of(each) for i, each in enumerate(numbers, BASE)}
+        self.R: dict[int, ca.SX] = {}
+        self.p: dict[int, ca.SX] = {}
+        self.world: dict[int, ca.SX] = {}
+        self.at: dict[int, ca.SX] = {}
+        self.speed: dict[int, tuple[ca.SX, ca.SX]] = {}
+        self.gain: dict[int, tuple[ca.SX, ca.SX]] = {}
 
     def motion(self, nv: int) -> Motion:
-        n = len(self.joints)
-        self.R, self.p, self.world, self.at = ([None] * n for _ in range(4))  # type: ignore[var-annotated]
-        self.speed, self.gain = [None] * n, [None] * n
-        for i in range(BASE, n):
+        """Return all parts of the motion."""
+        for i in self.joints:
             self._place(i)
             self._move(i)
-        force = [None, *(self._force(i) for i in range(BASE, n))]
-        composite = [None, *((fixed.mass, fixed.first, fixed.second) for fixed in self.fixed)]
+        force: dict[int, tuple[ca.SX, ...]] = {i: self._force(i) for i in self.joints}
+        composite: dict[int, tuple[ca.SX, ...]] = {i: self.fixed[i][2:] for i in self.joints}
         inertia, bias = ca.SX(nv, nv), ca.SX(nv, 1)
-        for i in range(n - 1, BASE, -1):
+        for i in range(len(self.joints), BASE, -1):
             bias[self.joints[i].v] = force[i][1][0]
             self._inertia_column(inertia, i, composite[i])
             parent = self.joints[i].parent
@@ -181,12 +185,13 @@ class _Pass:
         mass, first, second = composite[BASE]
         bias[:3], bias[3:6] = force[BASE]
         inertia[:3, :3], inertia[:3, 3:6], inertia[3:6, 3:6] = mass * ca.SX.eye(3), -_cross(first), second
-        axes, points = (ca.horzcat(*each) for each in ([R[:, 0] for R in self.world[2:]], self.at[2:]))
+        moving = list(self.joints)[1:]
+        axes, points = ca.horzcat(*(self.world[i][:, 0] for i in moving)), ca.horzcat(*(self.at[i] for i in moving))
         centre = mass * self.at[BASE] + self.world[BASE] @ first
         return Motion(inertia, bias, axes, points, self.world[BASE], -ca.dot(self.gravity, centre))
 
     def _place(self, i: int) -> None:
-        joint, fixed = self.joints[i], self.fixed[i - 1]
+        joint, fixed = self.joints[i], self.fixed[i]
         if i == BASE:
             self.R[i], self.p[i] = _rotation(self.q[3:7]), self.q[:3]
             self.world[i], self.at[i] = self.R[i], self.p[i]
@@ -200,7 +205,7 @@ class _Pass:
         self.at[i] = self.at[parent] + self.world[parent] @ self.p[i]
 
     def _move(self, i: int) -> None:
-        """Speeds and accelerations at no joint acceleration, (linear, angular) in the joint's frame; free fall is rest."""
+        """Work out speed and acceleration (linear, angular) without joint accelerations, against free fall."""
         joint, R, p = self.joints[i], self.R[i], self.p[i]
         if i == BASE:
             self.speed[i] = (self.v[:3], self.v[3:6])
@@ -214,13 +219,13 @@ class _Pass:
         self.gain[i] = (R.T @ (a + ca.cross(b, p)) + ca.cross(linear, own), R.T @ b + ca.cross(angular, own))
 
     def _force(self, i: int) -> tuple[ca.SX, ca.SX]:
-        (v, w), (a, b), (mass, first, second) = self.speed[i], self.gain[i], self.fixed[i - 1][2:]
+        (v, w), (a, b), (mass, first, second) = self.speed[i], self.gain[i], self.fixed[i][2:]
         momentum, spin = mass * v - ca.cross(first, w), second @ w + ca.cross(first, v)
         force = mass * a - ca.cross(first, b) + ca.cross(w, momentum)
         return force, second @ b + ca.cross(first, a) + ca.cross(w, spin) + ca.cross(v, momentum)
 
-    def _lowered(self, i: int, force: ca.SX, moment: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """A force on body i as one on its parent."""
+    def _lowered(self, i: int, force: Any, moment: Any) -> tuple[ca.SX, ca.SX]:
+        """Return a force on body i as one on its parent."""
         below = self.R[i] @ force
         return below, self.R[i] @ moment + ca.cross(self.p[i], below)
 
@@ -228,7 +233,7 @@ class _Pass:
         R, P, turned = self.R[i], _cross(self.p[i]), _cross(self.R[i] @ first)
         return mass, self.R[i] @ first + mass * self.p[i], R @ second @ R.T - P @ turned - turned @ P - mass * P @ P
 
-    def _inertia_column(self, inertia: ca.SX, i: int, composite: tuple[ca.SX, ca.SX, ca.SX]) -> None:
+    def _inertia_column(self, inertia: ca.SX, i: int, composite: tuple[ca.SX, ...]) -> None:
         _, first, second = composite
         column = self.joints[i].v
         force, moment = ca.vertcat(0, -first[2], first[1]), second[:, 0]
