@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import dataclasses
+import gc
 import json
 import math
 import sys
@@ -12,7 +14,6 @@ from typing import Annotated, Any
 import typer
 
 from rover_pin.errors import RoverPinError, UrdfError
-from rover_pin.parameters import soil_named
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
 from rover_pin.terminal import assignments, json_text, priors, progress, report, stoppable
@@ -21,6 +22,9 @@ from rover_pin.trust import Trust
 app = typer.Typer(
     rich_markup_mode=None, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__
 )
+
+SELDOM = (50_000, 20, 100)
+"""When garbage is collected: importing makes much and drops little, and the process's end frees all at once."""
 
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object for machines instead of the table.")]
@@ -40,6 +44,8 @@ ModelFile = Annotated[Path | None, typer.Option("--model", help="A model file: r
 
 def main() -> None:
     """Run the command line; one clear sentence and exit code 2 on what is refused."""
+    gc.set_threshold(*SELDOM)
+    atexit.register(gc.freeze)
     try:
         app()
     except RoverPinError as error:
@@ -83,14 +89,14 @@ def drive(
 
 
 def _driven(chosen: Any, check: bool, out: Path, as_json: bool) -> None:
-    from rover_pin import plot
-
     with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance)
     result: dict[str, Any] = {"scenario": chosen.name, **trace.summary()}
     if check:
         result["x_change_at_half_step_mm"] = 1e3 * half_step_change(chosen, trace)
     if len(trace["t_s"]):
+        from rover_pin import plot
+
         chosen.write_log(trace, out / "log")
         result["files"] = [str(out / "log"), *map(str, plot.drive_figures(trace, chosen.model, out))]
     report(result, as_json)
@@ -117,6 +123,7 @@ def curve(
 ) -> None:
     """Draw the load-traction factor F(S) against slip, in every form, at the soil's fixed angles."""
     from rover_pin import plot
+    from rover_pin.parameters import soil_named
     from rover_pin.soil.curves import traction_curves
 
     table = traction_curves(soil_named(soil), k, n)
@@ -217,6 +224,7 @@ def identify(
     """Fit soil parameters to measured data, and say which of them the data tell."""
     from rover_pin.evidence.fit import identify as fit
     from rover_pin.evidence.reading import read_evidence
+    from rover_pin.parameters import soil_named
 
     start = soil_named(soil).replace(**{name.removeprefix("soil."): value for name, value in assignments(set_).items()})
     names = tuple(name.strip() for name in free.split(",") if name.strip())

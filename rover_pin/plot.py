@@ -25,6 +25,8 @@ COLOURS = tuple(matplotlib.colormaps["tab10"].colors)
 STYLES = {"l": "-", "r": "--"}
 FURTHEST_APART = 0.5
 """Way [m] between two snapshots of a rover, about."""
+MARGINS = (0.75, 0.15, 0.5, 0.3)
+"""Left, right, bottom and top of the axes [in]: a layout that measures every text costs as much as the drawing."""
 WHEEL_COLOUR = {"f": COLOURS[0], "m": COLOURS[1], "r": COLOURS[2]}
 
 
@@ -38,9 +40,17 @@ def save(figure: Figure, file: Path) -> Path:
 def new_figure(
     rows: int, columns: int = 1, size: tuple[float, float] = (8.0, 6.0), **options: Any
 ) -> tuple[Figure, Any]:
-    """Return a figure and its axes, without any window."""
+    """Return a figure and its axes, laid out around their texts, without any window."""
     figure = Figure(figsize=size, layout="constrained")
     return figure, figure.subplots(rows, columns, **options)
+
+
+def sheet(rows: int, size: tuple[float, float], **options: Any) -> tuple[Figure, Any]:
+    """Return a figure of this size [in] and its axes one above the other, within `MARGINS`."""
+    (left, right, bottom, top), (width, height) = MARGINS, size
+    figure = Figure(figsize=size)
+    figure.subplots_adjust(left / width, bottom / height, 1.0 - right / width, 1.0 - top / height, hspace=0.08)
+    return figure, figure.subplots(rows, **options)
 
 
 def drive_figures(trace: Trace, model: Model, out: Path) -> list[Path]:
@@ -80,7 +90,7 @@ def draw_rover(axes: Axes, rover: Rover, q: np.ndarray, colour: Any) -> None:
 def ground_line(terrain: Terrain, low: float, high: float, y: float) -> tuple[np.ndarray, np.ndarray]:
     """Return x and height of the terrain along a track."""
     x = np.linspace(low, high, 2000)
-    return x, np.array([terrain.height(each, y) for each in x])
+    return x, np.asarray(terrain.height(x, y))
 
 
 def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
@@ -93,7 +103,7 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     y = max(place[1] for place in wheel_places(model.rover).values())
     x, z = ground_line(model.terrain, low, high, y)
     highest = max(float(np.max(trace["body_z"])), float(np.max(z))) + 0.1
-    figure, axes = new_figure(1, size=(10.0, min(3.8, 1.2 + 9.0 * (highest - float(np.min(z)) + 0.05) / (high - low))))
+    figure, axes = sheet(1, size=(10.0, min(3.8, 1.2 + 9.0 * (highest - float(np.min(z)) + 0.05) / (high - low))))
     axes.fill_between(x, z, np.min(z) - 0.05, color="#d9c9a5", lw=0)
     axes.plot(x, z, color="#8a7340", lw=1)
     if not model.terrain.mirror_symmetric:
@@ -132,7 +142,7 @@ def title_of(trace: Trace) -> str:
 
 def history(trace: Trace) -> Figure:
     """Return slip, speed, suspension angles and duty against time."""
-    figure, axes = new_figure(4, size=(9.0, 9.0), sharex=True)
+    figure, axes = sheet(4, size=(9.0, 9.0), sharex=True)
     t = trace["t_s"]
     for wheel in trace.wheels:
         look = {
@@ -164,7 +174,7 @@ def traction_figure(table: TractionCurves, name: str, out: Path) -> list[Path]:
     """Write traction.csv and traction.png into `out`; return their paths."""
     import pandas as pd
 
-    figure, axes = new_figure(1, size=(7.5, 5.0))
+    figure, axes = sheet(1, size=(7.5, 5.0))
     styles = dict(zip(("net", "torque", "gross"), ("-", "--", ":"), strict=True))
     values = sorted({k for _, k in table.curves})
     for (form, k), curve in table.curves.items():

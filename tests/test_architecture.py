@@ -13,7 +13,7 @@ STUDIES = sorted((ROOT / "studies").rglob("*.py"))
 LONGEST = 300
 
 GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "settings", "paths", "results_folder",
-          "workers", "trust", "bounded", "parquet", "console")  # fmt: skip
+          "workers", "trust", "bounded", "parquet", "console", "private_folders", "remembered")  # fmt: skip
 ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control", "evidence",
          "controls", "scenarios", "plot", "sweep", "tuning", "terminal", "cli")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.

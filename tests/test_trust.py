@@ -277,7 +277,7 @@ READS = {"np.loadtxt", "np.genfromtxt", "pd.read_csv", "pd.read_parquet", "pyarr
 OF_ITS_OWN = {
     "bounded": "it is what bounds",
     "library_cache": "its own folder, where nobody else writes",
-    "kernel": "a file of the package",
+    "__init__": "files of the package: motion/native",
     "results_folder": "the lock",
     "resume": "the code of the package and of trusted effects, for a digest",
     "store": "writes",

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Iterator, Mapping
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from rover_pin import bounded
 from rover_pin.description.tree import UrdfTree
+from rover_pin.remembered import digest_of, remember, remembered
 
 CONFIGURATIONS = 5
 """Random configurations at which the two readers are compared."""
@@ -29,8 +33,28 @@ def axes_at_zero(model: pin.Model) -> np.ndarray:
 
 
 def reader_faults(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
-    """Yield the first link that Pinocchio and yourdfpy place differently, at random joint angles."""
-    import yourdfpy  # half a second, and only checks want it
+    """Yield the first link that Pinocchio and yourdfpy place differently, at random joint angles.
+
+    A text that both read alike is remembered, so that it is read by the slower one once a machine and user.
+    """
+    digest = digest_of([text, bounded.text(__file__), *_readers()])
+    if remembered("urdf", digest):
+        return
+    faults = list(_compared(tree, text, model))
+    yield from faults
+    if not faults:
+        remember("urdf", digest)
+
+
+def _readers() -> list[str]:
+    """Return which readers these are: Pinocchio by its version, the other by its file, as importing takes long."""
+    found = find_spec("yourdfpy")
+    place = "" if found is None else str(found.origin)
+    return [pin.__version__, place, str(os.stat(place).st_mtime_ns) if place else ""]
+
+
+def _compared(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
+    import yourdfpy  # half a second, and only a URDF not seen before wants it
 
     try:
         other = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False)

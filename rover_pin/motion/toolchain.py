@@ -14,7 +14,8 @@ import sys
 from pathlib import Path
 
 from rover_pin.errors import MissingExtraError
-from rover_pin.motion.library_cache import built, kept, private_folders
+from rover_pin.motion.library_cache import built, kept
+from rover_pin.private_folders import private_folders
 
 FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 PLAIN_CPU = "-mcpu=baseline"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin import remembered
 from rover_pin.body.rover import load_rover
 from rover_pin.body.statics import wheel_loads
 from rover_pin.body.urdf_check import check_urdf
@@ -19,6 +20,12 @@ URDF = Path(__file__).parents[2] / "urdf"
 TEXT = (URDF / "nexus6.urdf").read_text()
 ROCKER_LIMIT = re.search(r"<limit .*?/>", TEXT).group()
 STAND = '<link name="foot"/><joint name="stand" type="fixed"><parent link="foot"/><child link="base_link"/></joint>'
+
+
+@pytest.fixture(autouse=True)
+def nothing_remembered(tmp_path, monkeypatch):
+    """Every test reads with both readers again."""
+    monkeypatch.setenv("ROVER_PIN_CACHE", str(tmp_path / "own_cache"))
 
 
 @pytest.mark.parametrize("name", ["nexus6.toml", "nexus6.urdf", "cart.toml", "cart.urdf"])
@@ -130,6 +137,30 @@ def test_a_reader_that_fails_is_named(own, monkeypatch, reader, words):
 
         monkeypatch.setattr(pinocchio, "buildModelFromXML", fails)
     assert words in check_urdf(own(TEXT)).faults[0]
+
+
+def test_a_sound_urdf_is_read_by_the_slow_reader_once_and_a_faulty_one_always(own, monkeypatch):
+    import yourdfpy
+
+    read, load = [], yourdfpy.URDF.load
+    monkeypatch.setattr(yourdfpy.URDF, "load", lambda *given, **how: read.append(given) or load(*given, **how))
+    assert [check_urdf(own(TEXT)).ok for _ in range(2)] == [True, True]
+    assert len(read) == 1
+    monkeypatch.setattr(yourdfpy.URDF, "load", lambda *_, **__: 1 / 0)
+    assert check_urdf(own(TEXT)).ok
+    other = TEXT.replace("</robot>", "<!-- another text --></robot>")
+    assert [check_urdf(own(other)).ok for _ in range(2)] == [False, False]
+
+
+def test_what_is_remembered_is_bounded_and_may_be_lost(tmp_path, monkeypatch):
+    for number in range(remembered.MOST + 5):
+        remembered.remember("kind", str(number))
+    known = [remembered.remembered("kind", str(number)) for number in range(remembered.MOST + 5)]
+    assert known == [False] * 5 + [True] * remembered.MOST
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("ROVER_PIN_CACHE", str(tmp_path / "file"))
+    remembered.remember("kind", "7")
+    assert not remembered.remembered("kind", "7")
 
 
 def test_copies_of_the_example_load_from_anywhere(tmp_path):

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin import private_folders
 from rover_pin.errors import CacheError, MissingExtraError
-from rover_pin.motion import library_cache, toolchain
+from rover_pin.motion import toolchain
 
 SOURCE = "double twice(double x) { return 2.0 * x; }\n"
 CALLED = f"""
@@ -116,7 +117,7 @@ def usual(tmp_path, monkeypatch):
     """The folders where none is named: the user's cache and the system's for temporary files, both of this test."""
     monkeypatch.delenv("ROVER_PIN_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr(library_cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(private_folders.tempfile, "gettempdir", lambda: str(tmp_path))
     (tmp_path / "home").mkdir()
     return tmp_path / "home" / "rover_pin", tmp_path / f"rover_pin-{os.geteuid()}"
 
@@ -140,7 +141,7 @@ def test_a_user_without_a_home_gets_a_private_folder(usual, monkeypatch):
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.delenv("XDG_CACHE_HOME")
-    monkeypatch.setattr(library_cache.Path, "home", homeless)
+    monkeypatch.setattr(private_folders.Path, "home", homeless)
     assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
     assert only(usual[1]).suffix == ".so"
 

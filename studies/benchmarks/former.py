@@ -1,0 +1,24 @@
+"""An earlier version of the package, taken from the repository's history, to run beside the present one."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import tarfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+ROOT = Path(__file__).parents[2]
+
+
+@contextmanager
+def checkout(commit: str) -> Iterator[Path]:
+    """Yield a folder with the package and the rovers of a commit; put it first in PYTHONPATH."""
+    packed = subprocess.run(
+        ["git", "archive", commit, "rover_pin", "urdf"], cwd=ROOT, check=True, capture_output=True
+    ).stdout
+    with TemporaryDirectory() as folder, tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+        archive.extractall(folder, filter="data")
+        yield Path(folder)

@@ -1,0 +1,73 @@
+"""What a command costs from start to end, importing included: CPU seconds beside those of an earlier version.
+
+    python studies/benchmarks/process_cost.py [--quick] [--against COMMIT]
+
+User and system time of the whole process, the least of several runs; both versions take turns, on one core, with what
+is compiled and checked kept from an untimed first run. An older version is taken from the repository's history.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from former import ROOT, checkout
+
+BEFORE = "f624ee7"
+"""The version before commands were made cheap."""
+COMMANDS = {"--help": (), "drive flat": ("--out", "drive"), "curve": ("--out", "curve"), "bounds": ()}
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="two runs of each instead of ten")
+    parser.add_argument("--against", default=BEFORE, help=f"the earlier version; {BEFORE} unless given")
+    asked = parser.parse_args()
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    with checkout(asked.against) as earlier, TemporaryDirectory() as out:
+        for command, more in COMMANDS.items():
+            before, now = compared([*command.split(), *more], earlier, out, 2 if asked.quick else 10)
+            words = f"rover-pin {command}"
+            print(f"{words:22s} {now:.3f} s of CPU, {before:.3f} s at {asked.against}: ratio {now / before:.2f}")
+
+
+def compared(words: list[str], earlier: Path, out: str, runs: int) -> tuple[float, float]:
+    """Return the least CPU time [s] of a command in the earlier and in the present version."""
+    times: dict[Path, list[float]] = {earlier: [], ROOT: []}
+    for run in range(runs + 1):
+        for package, taken in times.items():
+            seconds = cpu_seconds(words, package, out)
+            taken += [seconds] if run else []
+    return min(times[earlier]), min(times[ROOT])
+
+
+def cpu_seconds(words: list[str], package: Path, out: str) -> float:
+    """Return the CPU time [s] of one command of the package in this folder."""
+    before = children()
+    code = "import sys; from rover_pin.cli import main; sys.argv[0] = 'rover-pin'; main()"
+    subprocess.run(
+        [sys.executable, "-c", code, *words],
+        cwd=out,
+        env={**os.environ, "PYTHONPATH": str(package)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        check=True,
+    )
+    return children() - before
+
+
+def children() -> float:
+    """Return the CPU time [s] of all processes that this one started and that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+if __name__ == "__main__":
+    main()
