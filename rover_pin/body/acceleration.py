@@ -156,6 +156,7 @@ def wheel_jacobians(rover: Rover, q: np.ndarray) -> np.ndarray:
 
 def constraint_rows(rover: Rover, *, differential: bool = True) -> np.ndarray:
     """Return G [m, nv]: first the row of a rigid `differential`, if there is one, then one a joint that follows."""
+    pairs: list[tuple[int | None, int | None, float]]
     pairs = [(each.follower, each.leader, each.ratio) for each in rover.couplings]
     if rover.differential is not None and differential:
         pairs.insert(0, (rover.differential.left, rover.differential.right, -1.0))
@@ -163,17 +164,18 @@ def constraint_rows(rover: Rover, *, differential: bool = True) -> np.ndarray:
 
 
 def _angle_rows(rover: Rover) -> np.ndarray:
-    """Return the same for the angles [m, nq]."""
+    """Return the same for the angles [m, nq]; a row of zeros for wheels that are tied, which have rates only."""
     pairs = [(each.q_follower, each.q_leader, each.ratio) for each in rover.couplings]
     if rover.differential is not None:
         pairs.insert(0, (rover.differential.q_left, rover.differential.q_right, -1.0))
     return _rows(pairs, rover.model.nq)
 
 
-def _rows(pairs: list[tuple[int, int, float]], size: int) -> np.ndarray:
+def _rows(pairs: list[tuple[int | None, int | None, float]], size: int) -> np.ndarray:
     rows = np.zeros((len(pairs), size))
     for row, (follower, leader, ratio) in zip(rows, pairs, strict=True):
-        row[follower], row[leader] = 1.0, -ratio
+        if follower is not None:
+            row[follower], row[leader] = 1.0, -ratio
     return rows
 
 

@@ -52,7 +52,8 @@ def configuration(rover: Rover, attitude: tuple[float, float, float], angles: Ma
             raise ParameterError(f"Rover '{rover.name}' has no angle '{name}': {closest(name, rover.angles)}")
         q[rover.angles[name]] = angle
     for joint in rover.couplings:
-        q[joint.q_follower] = joint.ratio * q[joint.q_leader]
+        if joint.q_follower is not None:
+            q[joint.q_follower] = joint.ratio * q[joint.q_leader]
     return q
 
 

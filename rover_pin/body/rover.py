@@ -5,57 +5,26 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
 
+from rover_pin.body.parts import Coupling, Differential, WheelMount
 from rover_pin.body.symmetry import Mirror, is_symmetric, mirror
 from rover_pin.contact import Wheel
 from rover_pin.description.faults import refuse_faults
 from rover_pin.description.layout import Layout, read_layout, shipped
+from rover_pin.description.motor_sheet import MotorSheet
 from rover_pin.description.readers import free_tree
 from rover_pin.description.tree import read_tree
+from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.errors import ParameterError, UrdfError, closest
 from rover_pin.paths import is_file
 from rover_pin.trust import Trust
-
-
-@dataclass(frozen=True)
-class WheelMount:
-    """A wheel on the rover; `joint` is Pinocchio's, `dof` and `steer_dof` count in v."""
-
-    name: str
-    joint: int
-    dof: int
-    steer_dof: int | None
-    side: str
-    "'l' or 'r'"
-    axle: int
-    "0 is the front"
-    wheel: Wheel
-
-
-class Differential(NamedTuple):
-    """theta_s1 = -theta_s2: the two rockers' places in v (and in q), so that v[left] + v[right] = 0."""
-
-    left: int
-    right: int
-    q_left: int
-    q_right: int
-
-
-class Coupling(NamedTuple):
-    """v[follower] = ratio v[leader], and the angles likewise: a parallel link's joints, declared by <mimic>."""
-
-    follower: int
-    leader: int
-    ratio: float
-    q_follower: int
-    q_leader: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +45,35 @@ class Rover:
     urdf: str
     "the text of the URDF, for viewers"
     couplings: tuple[Coupling, ...] = ()
-    "joints of the suspension that follow others rigidly, the differential apart"
+    "joints of the suspension, or wheels, that follow others rigidly, the differential apart"
+    springs: tuple[SpringDamper, ...] = ()
+    "of its suspension, as its TOML states them"
+    motor_sheet: MotorSheet | None = None
+    soil_table: Mapping[str, Any] = field(default_factory=dict)
+    "[soil] of its TOML: the ground to drive on where nothing else is said"
 
     @property
     def wheel(self) -> Wheel:
-        """The size of the wheels."""
+        """The size of the wheels.
+
+        Raises
+        ------
+        ParameterError
+            Its axles have wheels of different sizes.
+        """
+        sizes = dict.fromkeys((float(mount.wheel.r), float(mount.wheel.b)) for mount in self.wheels)
+        if len(sizes) > 1:
+            told = ", ".join(f"{1e3 * r:g} x {1e3 * b:g} mm" for r, b in sizes)
+            raise ParameterError(
+                f"Rover '{self.name}' has wheels of several sizes (r x b: {told}), and this is done for one: take a "
+                "rover of equal wheels; drive, bounds and check-urdf take any."
+            )
         return self.wheels[0].wheel
+
+    @property
+    def radii(self) -> np.ndarray:
+        """The radius of each wheel [n] (m)."""
+        return np.array([float(mount.wheel.r) for mount in self.wheels])
 
     @property
     def gravity(self) -> float:
@@ -225,6 +217,9 @@ def assemble(layout: Layout) -> Rover:
         mirror=mirror(model, layout.pairs),
         urdf=layout.text,
         couplings=tuple(_couplings(model, layout)),
+        springs=layout.springs,
+        motor_sheet=layout.motor,
+        soil_table=layout.soil,
     )
 
 
@@ -241,7 +236,7 @@ def _mounts(model: pin.Model, layout: Layout) -> list[WheelMount]:
                     steer_dof=None if steer is None else _dof(model, steer),
                     side=side,
                     axle=number,
-                    wheel=layout.wheel,
+                    wheel=axle.wheel,
                 )
             )
     return made
@@ -256,11 +251,10 @@ def _differential(model: pin.Model, layout: Layout) -> Differential | None:
 
 def _couplings(model: pin.Model, layout: Layout) -> Iterator[Coupling]:
     """Yield what the URDF's <mimic> joins and the differential does not."""
-    for joint in read_tree(layout.text, layout.file).joints:
-        if joint.mimic is not None and {joint.name, joint.mimic.joint} != set(layout.differential or ()):
-            name, leader = joint.name, joint.mimic.joint
-            dofs, angles = (_dof(model, name), _dof(model, leader)), (_angle(model, name), _angle(model, leader))
-            yield Coupling(*dofs, joint.mimic.multiplier, *angles)
+    for name, mimic in read_tree(layout.text, layout.file).followers(layout.differential):
+        wheel = name in layout.wheel_joints
+        angles = [None if wheel else _angle(model, each) for each in (name, mimic.joint)]
+        yield Coupling(_dof(model, name), _dof(model, mimic.joint), mimic.multiplier, *angles)
 
 
 def _dof(model: pin.Model, joint: str) -> int:

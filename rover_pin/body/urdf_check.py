@@ -14,6 +14,7 @@ from rover_pin.body.statics import wheel_loads
 from rover_pin.body.symmetry import is_symmetric, mirror
 from rover_pin.bounded import text as bounded_text
 from rover_pin.description.faults import across, faults_of
+from rover_pin.description.inertia import inertia_notes
 from rover_pin.description.layout import Layout, read_layout
 from rover_pin.description.readers import free_tree
 from rover_pin.description.tree import UrdfTree, read_tree
@@ -81,6 +82,8 @@ def _standing_faults(layout: Layout) -> Iterator[str]:
 
 
 def _notes(tree: UrdfTree, layout: Layout | None) -> Iterator[str]:
+    yield from () if layout is None else layout.changes
+    yield from inertia_notes(tree)
     for joint in tree.joints:
         if joint.lossy:
             yield f"joint '{joint.name}' has <dynamics>, which is not used; friction is an effect of the model."
@@ -114,9 +117,8 @@ def _facts(tree: UrdfTree, model: pin.Model, layout: Layout | None) -> Iterator[
         return
     yield f"{len(layout.wheel_joints)} wheels: " + ", ".join(layout.wheel_joints)
     yield "differential: " + (" and ".join(layout.differential) if layout.differential else "none")
-    for joint in tree.joints:
-        if joint.mimic is not None and {joint.name, joint.mimic.joint} != set(layout.differential or ()):
-            yield f"{joint.name} = {joint.mimic.multiplier:g} {joint.mimic.joint}"
+    for name, mimic in tree.followers(layout.differential):
+        yield f"{name} = {mimic.multiplier:g} {mimic.joint}"
 
 
 def _text(path: Path) -> str:

@@ -18,19 +18,63 @@ GYRATION_IN_SHAPE = (0.05, 1.5)
 GYRATION_IN_ROVER = (0.003, 1.0)
 """The same over the distance across all joints, for a link without primitive shapes."""
 
+SMALL = 0.1
+"""Share of a rigid body's mass up to which a part's own inertia matters little."""
+
 
 def inertia_faults(tree: UrdfTree) -> Iterator[str]:
     """Yield links whose mass or inertia no body can have, and moving parts that have none."""
-    for link in tree.links:
-        if link.body is not None:
-            yield from _body_faults(link.name, link.body)
     by_name = {link.name: link for link in tree.links}
-    for start in [*tree.roots, *(joint.child for joint in tree.joints if joint.moves)]:
+    for start in _starts(tree):
         if all(by_name[name].body is None for name in tree.rigid_group(start)):
             yield (
                 f"link '{start}' has no <inertial> and nothing fixed to it has one; "
                 "give it mass, centre and inertia, what moves freely must weigh something."
             )
+    small = small_parts(tree)
+    for link in tree.links:
+        if link.body is not None and link.name not in small:
+            yield from _body_faults(link.name, link.body)
+
+
+def inertia_notes(tree: UrdfTree) -> Iterator[str]:
+    """Yield what is wrong with the masses of small parts, which count for little in the body that they are fixed to."""
+    small = small_parts(tree)
+    for link in tree.links:
+        if link.body is not None and link.name in small:
+            for fault in _body_faults(link.name, link.body):
+                yield f"{fault[:-1]}; it is a small part of a body that is sound, so it is only noted."
+
+
+def small_parts(tree: UrdfTree) -> set[str]:
+    """Return the links of at most SMALL of the mass of the rigid body that they are part of, where that is sound."""
+    bodies = {link.name: link.body for link in tree.links if link.body is not None}
+    places, found = tree.placements, set()
+    for start in _starts(tree):
+        group = [name for name in tree.rigid_group(start) if name in bodies and name in places]
+        if not group or any(bodies[name].mass < 0.0 for name in group):
+            continue
+        whole = _together([(bodies[name], places[name]) for name in group])
+        if whole.mass > 0.0 and not list(_body_faults(start, whole)):
+            found |= {name for name in group if bodies[name].mass <= SMALL * whole.mass}
+    return found
+
+
+def _starts(tree: UrdfTree) -> list[str]:
+    return [*tree.roots, *(joint.child for joint in tree.joints if joint.moves)]
+
+
+def _together(parts: list[tuple[Body, np.ndarray]]) -> Body:
+    """Return one body in place of several, in the axes of the root."""
+    mass = sum(body.mass for body, _ in parts)
+    centres = [place[:3, :3] @ body.centre + place[:3, 3] for body, place in parts]
+    weighted = sum(body.mass * centre for (body, _), centre in zip(parts, centres, strict=True))
+    middle = weighted / mass if mass else np.zeros(3)
+    inertia = np.zeros((3, 3))
+    for (body, place), centre in zip(parts, centres, strict=True):
+        axes, off = place[:3, :3] @ body.axes, centre - middle
+        inertia += axes @ body.inertia @ axes.T + body.mass * (off @ off * np.eye(3) - np.outer(off, off))
+    return Body(mass, np.asarray(middle), inertia, np.eye(3))
 
 
 def _body_faults(name: str, body: Body) -> Iterator[str]:
@@ -64,8 +108,9 @@ def unit_faults(tree: UrdfTree, across: float) -> Iterator[str]:
         hint = "are masses in grams?" if density > high else "are lengths in inches or masses in tonnes?"
         yield f"it weighs {mass:.4g} kg with joints {across:.3g} m apart, which is no rover: {hint} kg and m are meant."
         return
+    small = small_parts(tree)
     for link in tree.links:
-        if link.body is not None:
+        if link.body is not None and link.name not in small:
             yield from _gyration_faults(link, link.body, across)
 
 

@@ -3,45 +3,61 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from rover_pin.bounded import text
 from rover_pin.contact import Wheel
+from rover_pin.description.as_driven import as_driven
+from rover_pin.description.motor_sheet import MotorSheet
+from rover_pin.description.rover_toml import part_of, read_forms, read_motor, read_springs
+from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.errors import DataError, ParameterError, UrdfError, closest
 from rover_pin.paths import is_file
 from rover_pin.quantity import record_from
 from rover_pin.toml_file import read_toml
 from rover_pin.trust import Trust
 
-KEYS = ("name", "urdf", "base", "wheels", "wheel", "steering", "suspension", "differential")
+KEYS = (
+    *("name", "urdf", "base", "base_rpy", "cut", "tied_sides", "wheels", "wheel", "steering", "suspension"),
+    *("differential", "coupled", "held", "springs", "motor", "soil"),
+)
 NEEDED = ("name", "urdf", "base", "wheels", "wheel")
 
 
 @dataclass(frozen=True)
 class Axle:
-    """The joints of an axle's left and right wheel, and those that steer them."""
+    """The joints of an axle's left and right wheel, and those that steer them; the wheels' size."""
 
     name: str
     wheels: tuple[str, str]
     steering: tuple[str | None, str | None]
+    wheel: Wheel
 
 
 @dataclass(frozen=True)
 class Layout:
-    """A rover's TOML, read: names of joints only; `text` is the URDF's and `file` its name for messages."""
+    """A rover's TOML, read: names of joints only; `file` is the URDF's name for messages."""
 
     name: str
     file: str
     text: str
+    "the URDF's, as it is driven: see `as_driven`"
     base: str
     axles: tuple[Axle, ...]
-    wheel: Wheel
     suspension: Mapping[str, tuple[str, ...]]
     "channel -> joints (left, right), or the one joint in the middle"
     differential: tuple[str, str] | None
+    coupled: tuple[str, ...] = ()
+    "joints that the TOML lets follow others and that are in no table besides"
+    springs: tuple[SpringDamper, ...] = ()
+    motor: MotorSheet | None = None
+    soil: Mapping[str, Any] = field(default_factory=dict)
+    "[soil] as it is written: the ground to drive on where nothing else is said"
+    changes: tuple[str, ...] = ()
+    "what was changed in the URDF, a sentence each"
 
     @property
     def wheel_joints(self) -> list[str]:
@@ -59,14 +75,15 @@ class Layout:
             for side, joint in zip("lr", axle.steering, strict=True):
                 if joint is not None:
                     made[f"steer_{axle.name[0]}{side}"] = joint
-        return made
+        return made | {joint: joint for joint in self.coupled}
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
         """The joints (left, right) that are each other's mirror image; one in the middle is its own."""
         made = [axle.wheels for axle in self.axles]
         made += [(a, b) for axle in self.axles for a, b in [axle.steering] if a is not None and b is not None]
-        return made + [(joints[0], joints[-1]) for joints in self.suspension.values()]
+        made += [(joints[0], joints[-1]) for joints in self.suspension.values()]
+        return made + [(joint, joint) for joint in self.coupled]
 
 
 def shipped(name: str) -> Path:
@@ -108,16 +125,24 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
     table = _table(path)
     _check_keys(table, where)
     axles, suspension = _axles(table, where), _suspension(table, where)
+    differential = _differential(table, suspension, where)
+    forms = read_forms(table, where, axles, suspension, differential)
+    named = {*forms.wheels, *forms.steering, *(joint for joints in suspension.values() for joint in joints)}
     urdf = _urdf(path, table["urdf"], trust)
+    driven = as_driven(_urdf_text(urdf, where), urdf.name, forms)
     return Layout(
         name=str(table["name"]),
         file=urdf.name,
-        text=_urdf_text(urdf, where),
+        text=driven.text,
         base=str(table["base"]),
         axles=axles,
-        wheel=_wheel(table, where),
         suspension=suspension,
-        differential=_differential(table, suspension, where),
+        differential=differential,
+        coupled=tuple(joint for joint in forms.pivots if joint not in named),
+        springs=read_springs(table, where),
+        motor=read_motor(table, where),
+        soil=part_of(table, "soil", where),
+        changes=driven.changes,
     )
 
 
@@ -148,11 +173,19 @@ def _urdf_text(urdf: Path, where: str) -> str:
         raise UrdfError(f"{urdf.name}: the file cannot be read: {error.strerror}.") from error
 
 
-def _wheel(table: Mapping[str, Any], where: str) -> Wheel:
+def _wheel(table: Mapping[str, Any], axle: str, where: str) -> Wheel:
+    """Return the size of an axle's wheels: what [wheel] says, and what [wheel.AXLE] says otherwise."""
+    part = part_of(table, "wheel", where)
+    own = part_of(part, axle, f"{where}: wheel")
+    sizes = {**{name: value for name, value in part.items() if name not in table["wheels"]}, **own}
     try:
-        return record_from(Wheel, _part(table, "wheel", where), f"{where}: wheel")
+        wheel: Wheel = record_from(Wheel, sizes, f"{where}: wheel")
     except ParameterError as error:
         raise UrdfError(str(error)) from error
+    for name in ("r", "b"):
+        if name not in sizes:
+            raise UrdfError(f"{where}: [wheel] does not say '{name}' of axle '{axle}'; write both r and b in metres.")
+    return wheel
 
 
 def _table(path: Path) -> dict[str, Any]:
@@ -164,15 +197,8 @@ def _table(path: Path) -> dict[str, Any]:
         raise UrdfError(str(error)) from error
 
 
-def _part(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
-    part = table.get(key, {})
-    if not isinstance(part, Mapping):
-        raise UrdfError(f"{where}: '{key}' must be a table, written [{key}] on a line of its own.")
-    return part
-
-
 def _axles(table: Mapping[str, Any], where: str) -> tuple[Axle, ...]:
-    wheels, steering = _part(table, "wheels", where), _part(table, "steering", where)
+    wheels, steering = part_of(table, "wheels", where), part_of(table, "steering", where)
     if len(wheels) < 2:
         raise UrdfError(f"{where}: [wheels] names {len(wheels)} axles; a rover needs two or more, from front to rear.")
     if "" in wheels:
@@ -186,14 +212,25 @@ def _axles(table: Mapping[str, Any], where: str) -> tuple[Axle, ...]:
             raise UrdfError(f"{where}: [steering] has no axle '{name}' to steer: {closest(name, wheels)}")
     made = []
     for name, joints in wheels.items():
+        _refuse_single(name, joints, where)
         pair = _joints(joints, f"{where}: wheels.{name}", (2,))
         steer = _joints(steering[name], f"{where}: steering.{name}", (2,)) if name in steering else (None, None)
-        made.append(Axle(name, (pair[0], pair[1]), (steer[0], steer[1])))
+        made.append(Axle(name, (pair[0], pair[1]), (steer[0], steer[1]), _wheel(table, name, where)))
     return tuple(made)
 
 
+def _refuse_single(name: str, joints: Any, where: str) -> None:
+    single = [joints] if isinstance(joints, str) else joints
+    if isinstance(single, list) and len(single) == 1:
+        raise UrdfError(
+            f"{where}: wheels.{name} = {single[0]!r} has no partner, it must be a pair of joint names [left, right]: "
+            "rovers here have their wheels in pairs; a single wheel or castor that carries little may be held, in "
+            "[held], or cut, with what it would carry left to the others."
+        )
+
+
 def _suspension(table: Mapping[str, Any], where: str) -> dict[str, tuple[str, ...]]:
-    part = _part(table, "suspension", where)
+    part = part_of(table, "suspension", where)
     return {name: _joints(joints, f"{where}: suspension.{name}", (1, 2)) for name, joints in part.items()}
 
 
@@ -214,7 +251,7 @@ def _differential(
 ) -> tuple[str, str] | None:
     if "differential" not in table:
         return None
-    pair = str(_part(table, "differential", where).get("pair", ""))
+    pair = str(part_of(table, "differential", where).get("pair", ""))
     joints = suspension.get(pair, ())
     if len(joints) != 2:
         known = [name for name, each in suspension.items() if len(each) == 2]

@@ -8,18 +8,16 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
+from rover_pin.description.as_driven import ALONG
 from rover_pin.description.layout import Layout
 from rover_pin.description.tree import Joint, UrdfTree
 from rover_pin.errors import closest
 
-ALONG = 0.95
-"""Least cosine between an axis and where it must point (18 deg: wheels may be cambered)."""
-
 
 def role_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
     """Yield roles that do not fit the URDF's joints, by name and kind."""
-    if layout.base not in tree.roots:
-        yield f"the TOML's base '{layout.base}' is not its root link; write base = \"{tree.roots[0]}\"."
+    if layout.base not in tree.rigid_group(tree.roots[0]):
+        yield f"the TOML's base '{layout.base}' is not its root link or fixed to it; write base = \"{tree.roots[0]}\"."
     kinds = {joint.name: joint.kind for joint in tree.joints}
     roles = [*((joint, "wheel") for joint in layout.wheel_joints), *((j, "pivot") for j in layout.angles.values())]
     for joint, times in Counter(joint for joint, _ in roles).items():
@@ -34,45 +32,47 @@ def role_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
             yield f"joint '{joint}' is {kinds[joint]}; suspension and steering need type=\"revolute\" with a <limit>."
     for joint in (each.name for each in tree.joints if each.moves):
         if joint not in dict(roles):
-            yield f"joint '{joint}' moves but the TOML gives it no role; name it in [suspension] or make it fixed."
+            yield f"joint '{joint}' moves but the TOML gives it no role; name it in [suspension], or in [held]."
     yield from _mimic_faults(layout, tree)
 
 
 def _mimic_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
     differential, sides = set(layout.differential or ()), [set(pair) for pair in layout.suspension.values()]
     for joint in tree.joints:
-        if joint.mimic is None:
+        if joint.mimic is None or not joint.moves:
             continue
         pair = {joint.name, joint.mimic.joint}
-        if pair != differential and pair not in sides:
-            yield from _coupling_faults(joint, layout, tree)
-        elif pair != differential:
+        if pair == differential and (joint.mimic.multiplier, joint.mimic.offset) != (-1.0, 0.0):
+            yield (
+                f"joint '{joint.name}' mimics with multiplier {joint.mimic.multiplier:g} and offset "
+                f"{joint.mimic.offset:g} where both axes point to the left; a differential turns its rockers by "
+                "opposite angles, -1 and 0."
+            )
+        elif pair != differential and pair in sides and joint.mimic.multiplier == -1.0:
             yield (
                 f"joint '{joint.name}' mimics '{joint.mimic.joint}', but the TOML's [differential] does not join them; "
                 "name the pair there or take the <mimic> out."
             )
-        elif (joint.mimic.multiplier, joint.mimic.offset) != (-1.0, 0.0):
-            yield (
-                f"joint '{joint.name}' mimics with multiplier {joint.mimic.multiplier:g} and offset "
-                f'{joint.mimic.offset:g}; a differential has multiplier="-1" and offset="0".'
-            )
+        elif pair != differential:
+            yield from _coupling_faults(joint, layout)
 
 
-def _coupling_faults(joint: Joint, layout: Layout, tree: UrdfTree) -> Iterator[str]:
-    """Yield why a joint cannot follow another as one of a parallel link."""
+def _coupling_faults(joint: Joint, layout: Layout) -> Iterator[str]:
+    """Yield why a joint cannot follow another."""
     assert joint.mimic is not None
-    name, leader = joint.name, joint.mimic.joint
-    pivots = {each for joints in layout.suspension.values() for each in joints}
-    for each in (name, leader):
-        if each not in pivots:
-            yield f"joint '{name}' mimics '{leader}'; name '{each}' in the TOML's [suspension], as a pivot."
-        if each in (layout.differential or ()):
-            yield f"joint '{name}' mimics '{leader}'; '{each}' belongs to the differential: only its two go together."
-    if any(other.name == leader and other.mimic is not None for other in tree.joints):
-        yield f"joint '{name}' mimics '{leader}', which mimics another; let both mimic the one that leads."
-    if joint.mimic.offset != 0.0 or joint.mimic.multiplier == 0.0:
+    name, leader, ratio = joint.name, joint.mimic.joint, joint.mimic.multiplier
+    steering = {joint for axle in layout.axles for joint in axle.steering}
+    pivots, wheels = {*layout.angles.values()} - steering, layout.wheel_joints
+    if name in wheels and leader in wheels:
+        if ratio <= 0.0:
+            yield f"wheel '{name}' would turn against '{leader}' ({ratio:g} : 1); tie wheels that turn the same way."
+    elif not {name, leader} <= steering:
+        for each in (name, leader):
+            if each not in pivots:
+                yield f"joint '{name}' mimics '{leader}'; name '{each}' in the TOML's [suspension], as a pivot."
+    if joint.mimic.offset != 0.0 or ratio == 0.0:
         yield (
-            f"joint '{name}' mimics with multiplier {joint.mimic.multiplier:g} and offset {joint.mimic.offset:g}; one "
+            f"joint '{name}' mimics with multiplier {ratio:g} and offset {joint.mimic.offset:g}; one "
             'that follows has multiplier="1", "-1" or another but 0, and offset="0".'
         )
 
@@ -97,10 +97,22 @@ def _place_faults(layout: Layout, model: pin.Model) -> Iterator[str]:
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     where = {joint: data.oMi[model.getJointId(joint)].translation for joint in layout.wheel_joints}
+    radius = max(float(axle.wheel.r) for axle in layout.axles)
+    lowest = min(place[2] for place in where.values()) - radius
+    if (height := float(pin.centerOfMass(model, data, pin.neutral(model))[2])) < lowest:
+        yield (
+            f"its centre of mass lies {lowest - height:.3g} m below its lowest wheel's rim: the base's z must point "
+            "up; where it points down write base_rpy = [3.14159265, 0, 0] in the TOML."
+        )
     for axle in layout.axles:
         left, right = axle.wheels
         if where[left][1] <= where[right][1]:
             yield f"axle '{axle.name}': '{left}' is not to the left (+y) of '{right}'; write [left, right]."
+    if all(where[axle.wheels[0]][1] <= where[axle.wheels[1]][1] for axle in layout.axles):
+        yield (
+            "left is right on every axle: the base's axes must be x forward, y left, z up; where the base link's z "
+            "points down write base_rpy = [3.14159265, 0, 0] in the TOML, where its x points back [0, 0, 3.14159265]."
+        )
     middles = [(where[axle.wheels[0]][0] + where[axle.wheels[1]][0]) / 2.0 for axle in layout.axles]
     for ahead, behind, x_ahead, x_behind in zip(layout.axles, layout.axles[1:], middles, middles[1:], strict=False):
         if x_ahead <= x_behind:

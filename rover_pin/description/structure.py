@@ -37,7 +37,10 @@ def _joint_faults(tree: UrdfTree, joint: Joint) -> Iterator[str]:
     if joint.kind in ("floating", "planar"):
         yield f"joint '{joint.name}' is {joint.kind}: leave it out, the free base is added here; its child is the root."
     elif joint.kind not in KINDS:
-        yield f"joint '{joint.name}' is of type '{joint.kind}'; use one of {', '.join(KINDS)}."
+        yield (
+            f"joint '{joint.name}' is of type '{joint.kind}'; use one of {', '.join(KINDS)}, or hold it where it is, "
+            "in the TOML's [held]."
+        )
     if joint.moves and np.linalg.norm(joint.axis) < 1e-6:
         yield f"joint '{joint.name}' has an axis of no length; write <axis xyz='0 1 0'/> for one across the rover."
     if joint.kind == "revolute" and not joint.limited:

@@ -108,6 +108,12 @@ class UrdfTree:
         """Return the joint of this name, or None."""
         return next((joint for joint in self.joints if joint.name == name), None)
 
+    def followers(self, differential: tuple[str, str] | None) -> Iterator[tuple[str, Mimic]]:
+        """Yield what follows what by a <mimic>, but for the two joints of the differential."""
+        for joint in self.joints:
+            if joint.mimic is not None and joint.moves and {joint.name, joint.mimic.joint} != set(differential or ()):
+                yield joint.name, joint.mimic
+
     def rigid_group(self, link: str) -> list[str]:
         """Return the link and those fixed to it, outwards."""
         group = [link]

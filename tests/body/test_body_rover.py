@@ -13,9 +13,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.body import layout
 from rover_pin.body.acceleration import forward_dynamics
 from rover_pin.body.rover import load_rover
+from rover_pin.description import layout
 from rover_pin.errors import ParameterError, UrdfError
 
 URDF = Path(__file__).parents[2] / "urdf"

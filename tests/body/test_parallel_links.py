@@ -118,8 +118,6 @@ def test_on_the_flat_it_carries_what_the_plain_bogie_carries():
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('joint="bogie_l" multiplier="1"', 'joint="upright_ml" multiplier="1"', "mimics another; let both mimic"),
-        ('joint="bogie_l" multiplier="1"', 'joint="rocker_l" multiplier="1"', "'rocker_l' belongs to the differential"),
         (
             'joint="bogie_l" multiplier="1"',
             'joint="steer_fl" multiplier="1"',
