@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.motion.kernel import RECORD
 from rover_pin.motion.model import Model
+from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.state import DriveState, roll_pitch_yaw
 from rover_pin.motion.suspension import suspension_places
 

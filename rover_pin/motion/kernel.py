@@ -15,45 +15,17 @@ from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.kernel_terrain import terrain_fields
 from rover_pin.motion.model import Model
 from rover_pin.motion.native.compiled_body import compiled_body
+from rover_pin.motion.native.shared import ENERGY, MAX_COLS, MAX_DOF, RECORD, DriveStruct
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.suspension import suspension_dofs
 from rover_pin.motion.toolchain import shared_library
 
-INTEGERS = (
-    "nq nv n_inertia n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes "
-    "grid_nx grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling"
-).split()
-NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy wheel_share misjudged".split()
-POINTERS = (
-    "M nle q v du rigid rigid_held gravity armature axes points rotation potential inertia_place cols col_count "
-    "wheel_dof axle radius kind kinds joint_dof joint_q joint_unbounded servo_dof servo_q servo_target servo_gain "
-    "stop_dof stop_q stop_limits stop_gain body_dof body_q coupled_dof coupled_ratio mirror_index mirror_sign "
-    "contact_states motor_states contact_odd contact_parameters motor_parameters body_parameters soils held duty "
-    "lane_borders lane_start lane_x lane_z lane_ground grid_z grid_ground foreseen record energy loads impulse "
-    "differential contact_before contact_law motor_law body_law rigid_body work_i work_w"
-).split()
-"""Fields of the C struct Drive, in its order."""
-
-RECORD = ("slip", "slip_y", "sinkage", "normal", "tangential", "lateral", "soil_torque", "travel", "patches", "torque",
-          "current", "supply")  # fmt: skip
-ENERGY = ("energy_motor", "energy_soil", "energy_stops", "energy_servos", "energy_electric", "energy_body")
 DIRECTION_SPEED = 0.005
 """Below this mean of rim and travel speed [m/s] the direction of travel is blended."""
 SERVO_GAIN = (20.0, 0.2)
 """Stiffness [N m/rad] and damping [N m s/rad] of a steering servo (assumed: stiff beside the wheel's side forces)."""
 STOP_GAIN = (50.0, 1.0)
 """The same of a suspension's end stop (assumed)."""
-N_RECORD, MAX_DOF, MAX_COLS = len(RECORD), 48, 20
-
-
-class DriveStruct(ctypes.Structure):
-    """Mirror of the struct Drive in native/drive.h."""
-
-    _fields_ = [
-        *[(name, ctypes.c_int64) for name in INTEGERS],
-        *[(name, ctypes.c_double) for name in NUMBERS],
-        *[(name, ctypes.c_void_p) for name in POINTERS],
-    ]
 
 
 @lru_cache(maxsize=1)
@@ -65,7 +37,7 @@ def library() -> ctypes.CDLL:
     made.rover_pin_energies.restype = None
     made.rover_pin_hold.argtypes = [ctypes.c_void_p]
     made.rover_pin_hold.restype = None
-    assert made.rover_pin_size() == ctypes.sizeof(DriveStruct), "kernel.py does not mirror the struct of drive.h"
+    assert made.rover_pin_size() == ctypes.sizeof(DriveStruct), "this compiler lays the struct Drive out otherwise"
     return made
 
 
@@ -84,7 +56,7 @@ class Kernel:
         self.pin_model = armed(rover.model, model)
         self.keep: dict[str, Any] = {}
         self.struct = DriveStruct()
-        self.record = np.zeros((len(rover.wheels), N_RECORD))
+        self.record = np.zeros((len(rover.wheels), len(RECORD)))
         self.loads, self.foreseen = np.zeros((len(rover.wheels), 6)), np.zeros((len(rover.wheels), 4))
         self.energy, self.impulse, self.differential = np.zeros(len(ENERGY)), np.zeros(3), np.zeros(1)
         self._set(dt=dt, direction_speed=direction_speed, symmetric=int(symmetric))
@@ -141,7 +113,7 @@ class Kernel:
         cols = np.zeros((len(columns), most), dtype=np.int64)
         for row, own in zip(cols, columns, strict=True):
             row[: len(own)] = own
-        sizes = np.array([[float(wheel.wheel.r), float(wheel.wheel.b)] for wheel in rover.wheels])
+        sizes = np.array([laws.numbers([wheel.wheel]) for wheel in rover.wheels])
         kinds, kind = np.unique(sizes, axis=0, return_inverse=True)
         joints = [model.joints[j] for j in range(2, model.njoints)]
         perm, sign = rover.mirror
@@ -162,7 +134,7 @@ class Kernel:
             col_count=np.array([len(own) for own in columns], dtype=np.int64),
             wheel_dof=np.array([wheel.dof for wheel in rover.wheels], dtype=np.int64),
             axle=np.array([wheel.axle for wheel in rover.wheels], dtype=np.int64),
-            radius=sizes[:, 0].copy(),
+            radius=np.array([float(wheel.wheel.r) for wheel in rover.wheels]),
             n_kinds=len(kinds),
             kind=np.asarray(kind, dtype=np.int64).ravel(),
             kinds=kinds,

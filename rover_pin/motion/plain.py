@@ -23,8 +23,9 @@ from rover_pin.body.section import Facet, Patch, WheelFrame, patches, wheel_fram
 from rover_pin.contact import Load
 from rover_pin.motion import laws
 from rover_pin.motion.body_law import body_law
-from rover_pin.motion.kernel import ENERGY, N_RECORD, SERVO_GAIN, STOP_GAIN, armed
+from rover_pin.motion.kernel import SERVO_GAIN, STOP_GAIN, armed
 from rover_pin.motion.model import Model
+from rover_pin.motion.native.shared import ENERGY, RECORD
 from rover_pin.motion.plain_law import LawValue, PlainLaw
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.suspension import joints_of, suspension_dofs, suspension_places
@@ -39,7 +40,7 @@ class Plain:
         self.pin_model = armed(self.rover.model, model)
         self.data = self.pin_model.createData()
         n = len(self.rover.wheels)
-        self.record, self.loads, self.energy = np.zeros((n, N_RECORD)), np.zeros((n, 6)), np.zeros(len(ENERGY))
+        self.record, self.loads, self.energy = np.zeros((n, len(RECORD))), np.zeros((n, 6)), np.zeros(len(ENERGY))
         self.impulse, self.differential = np.zeros(3), np.zeros(1)
         self.share = model.gravity * self.rover.mass / n
         self.foreseen, self.misjudged = np.zeros((n, 4)), 0.0

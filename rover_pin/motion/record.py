@@ -10,8 +10,8 @@ import numpy as np
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.motion.body_law import elastic_energy
-from rover_pin.motion.kernel import ENERGY, RECORD
 from rover_pin.motion.model import Model
+from rover_pin.motion.native.shared import ENERGY, RECORD
 from rover_pin.motion.state import base_rotation, roll_pitch_yaw
 from rover_pin.motion.suspension import joints_of, suspension_places
 from rover_pin.motion.trace import Trace
@@ -63,7 +63,7 @@ def trace_of(model: Model, rows: Sequence[Any], attrs: Mapping[str, Any]) -> Tra
         put(f"body_v{axis}", "m/s", world[:, i])
     put("battery_V", "V", record[:, 0, RECORD.index("supply")])
     for i, name in enumerate(ENERGY if model.body_effects else ENERGY[:-1]):
-        put(name, "J", energy[:, i])
+        put(f"energy_{name}", "J", energy[:, i])
     if model.rover.differential is not None:
         put("differential_torque", "N m", [row.differential for row in rows])
     put("energy_kinetic", "J", [row.mechanical[0] for row in rows])

@@ -10,8 +10,9 @@ import pinocchio as pin
 
 from rover_pin.errors import DataError
 from rover_pin.motion.failure import failure, suspension_of
-from rover_pin.motion.kernel import RECORD, Kernel
+from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model
+from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.pace import Pace
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.resolution import parts

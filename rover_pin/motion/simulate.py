@@ -15,8 +15,9 @@ from rover_pin.motion.audit import warnings_of
 from rover_pin.motion.command import Command, Controller, Reading, Truth
 from rover_pin.motion.failure import Suspension, failure, suspension_of
 from rover_pin.motion.happened import happened
-from rover_pin.motion.kernel import RECORD, Kernel
+from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model
+from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.pace import Pace, Steps
 from rover_pin.motion.place import SetDown, Start, hovering, set_down
 from rover_pin.motion.plain import Plain

@@ -9,8 +9,8 @@ import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.motion.failure import failure, suspension_of
-from rover_pin.motion.kernel import RECORD
 from rover_pin.motion.model import BURIED
+from rover_pin.motion.native.shared import RECORD
 
 ROVER = load_rover("nexus6")
 MODEL = SimpleNamespace(rover=ROVER, buried=BURIED)

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from importlib.resources import files
 
+from rover_pin.motion.native.shared import header
+
 FILES = (
-    "drive.h rigid.c wheel.c ground.c patch.c law.c stiffness.c states.c assembly.c judge.c motor.c springs.c body.c "
-    "solve.c account.c configuration.c step.c"
+    "types.h shared.py drive.h rigid.c wheel.c ground.c patch.c law.c stiffness.c states.c assembly.c judge.c "
+    "motor.c springs.c body.c solve.c account.c configuration.c step.c"
 ).split()
 """The files of the source: each uses only what those before it define."""
 
 
 def source() -> str:
     """Return the step's C source; the compiler's messages name the files."""
+    return "".join(f'#line 1 "{name}"\n{_text(name)}' for name in FILES)
+
+
+def _text(name: str) -> str:
+    """Return what a file declares: a C file itself, of shared.py what it writes."""
     folder = files("rover_pin.motion.native")
-    return "".join(f'#line 1 "{name}"\n{folder.joinpath(name).read_text(encoding="utf-8")}' for name in FILES)
+    return header() if name == "shared.py" else folder.joinpath(name).read_text(encoding="utf-8")

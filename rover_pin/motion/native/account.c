@@ -24,7 +24,7 @@ static void account(const Drive *d, const System *system, const BodyPush *push) 
   for (integer w = 0; w < d->n_wheels; ++w)
     for (int c = 0; c < 3; ++c) d->impulse[c] += d->dt * d->loads[6 * w + c];
   for (integer w = 0; w < d->n_wheels; ++w)
-    d->energy[ENERGY_ELECTRIC] += d->dt * d->record[w * N_RECORD + 10] * d->record[w * N_RECORD + 11] * d->duty[w];
+    d->energy[ENERGY_ELECTRIC] += d->dt * d->record[w * N_RECORD + RECORD_CURRENT] * d->record[w * N_RECORD + RECORD_SUPPLY] * d->duty[w];
 }
 
 /* The differential's torque on the left rocker: what Eq (8) lacks in its row, or what stands for it on the body. */

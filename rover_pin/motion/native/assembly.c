@@ -155,7 +155,7 @@ static void add_wheel(const Drive *d, integer index, Wheel *wheel, System *syste
   memset(d->loads + 6 * index, 0, 6 * sizeof(double));
   integer touching = d->n_lanes ? 0 : add_strip(d, wheel, index, facets, cut_grid(d, wheel, radius, facets), 1.0, 0.0, system, update);
   for (integer lane = 0; lane < d->n_lanes; ++lane) {
-    double slope, share = lane_share(d, wheel, lane, radius, d->kinds[2 * d->kind[index] + 1], &slope);
+    double slope, share = lane_share(d, wheel, lane, radius, d->kinds[N_WHEEL * d->kind[index] + WHEEL_B], &slope);
     if (share > 0.0) touching += add_strip(d, wheel, index, facets, cut_lane(d, wheel, lane, radius, facets), share, slope, system, update);
   }
   if (!touching && d->n_contact_states) { /* in the air: the states go on, nothing pushes */

@@ -3,7 +3,7 @@
 /* What all motors drew from the supply at the last step, a duty share of each winding's current. */
 static double bus_current(const Drive *d) {
   double total = 0.0;
-  for (integer w = 0; w < d->n_wheels; ++w) total += d->duty[w] * d->record[w * N_RECORD + 10];
+  for (integer w = 0; w < d->n_wheels; ++w) total += d->duty[w] * d->record[w * N_RECORD + RECORD_CURRENT];
   return total;
 }
 
@@ -15,8 +15,8 @@ static void add_motor(const Drive *d, integer index, double bus, System *system,
   d->motor_law(arguments, results, d->work_i, d->work_w, 0);
   const double *next = out; /* torque, d torque / d omega, current, supply, rate, its slope, torque by state, rate by state */
   double torque = *next++, slope = *next++;
-  d->record[index * N_RECORD + 10] = *next++;
-  d->record[index * N_RECORD + 11] = *next++;
+  d->record[index * N_RECORD + RECORD_CURRENT] = *next++;
+  d->record[index * N_RECORD + RECORD_SUPPLY] = *next++;
   for (integer i = 0; i < nx; ++i) step[i][0] = d->dt * *next++;
   for (integer i = 0; i < nx; ++i) step[i][1] = d->dt * *next++;
   const double *by_state = next;

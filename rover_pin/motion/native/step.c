@@ -36,7 +36,7 @@ int rover_pin_step(Drive *d) {
     add_wheel(d, w, &wheels[w], &system, &updates[w]);
     d->misjudged = fmax(d->misjudged, misjudged(d, w, &updates[w]));
     add_motor(d, w, bus, &system, motor_steps[w]);
-    d->record[w * N_RECORD + 9] = system.motor_torque[d->wheel_dof[w]];
+    d->record[w * N_RECORD + RECORD_TORQUE] = system.motor_torque[d->wheel_dof[w]];
   }
   add_springs(d, &system);
   if (d->n_body) push_body(d, &push);

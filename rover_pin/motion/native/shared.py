@@ -1,0 +1,100 @@
+"""What the C files and Python share: the struct Drive, sizes, and where each quantity stands, from one definition."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from typing import Any
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.motion.laws import GEOMETRY, MAX_STATES
+from rover_pin.quantity import Record, quantities
+
+MAX_DOF, MAX_COLS = 48, 20
+MOST = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "OUT": 192, "FACETS": 64}
+"""The most of each that the step holds."""
+
+RECORD = ("slip", "slip_y", "sinkage", "normal", "tangential", "lateral", "soil_torque", "travel", "patches", "torque",
+          "current", "supply")  # fmt: skip
+"""What is recorded of a wheel."""
+ENERGY = ("motor", "soil", "stops", "servos", "electric", "body")
+"""Where energy goes, as the drive's account names it."""
+
+INTEGERS = (
+    "nq nv n_inertia n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes "
+    "grid_nx grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling"
+).split()
+NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy wheel_share misjudged".split()
+ARRAYS = {
+    "M nle q v du": "",
+    "rigid": "the generated column of the rigid body, whose parts are nle and the next four",
+    "axes points rotation potential": "",
+    "rigid_held gravity armature": "",
+    "radius": "of each wheel",
+    "kinds": "the quantities of each kind of wheel: n_kinds x N_WHEEL",
+    "servo_target servo_gain": "gain: stiffness, damping",
+    "stop_limits stop_gain": "limits: lower, upper per stop",
+    "coupled_ratio mirror_sign": "",
+    "contact_states motor_states contact_odd": "",
+    "contact_parameters motor_parameters body_parameters": "",
+    "soils": "n_soils x N_SOIL",
+    "held": "what the contact law holds for each kind of wheel on each soil: n_kinds x n_soils x n_held",
+    "duty": "",
+    "lane_borders lane_x lane_z grid_z": "",
+    "foreseen": "4 a wheel: its load as the last step expected it",
+    "record energy loads": "n_wheels x N_RECORD; N_ENERGY; n_wheels x 6",
+    "impulse differential": "of the soil's forces; the differential's torque",
+    "work_w": "",
+}
+"""Arrays of double, with what is to be said of them."""
+INDICES = {
+    "inertia_place cols col_count wheel_dof axle": "",
+    "kind": "wheels of one kind have the same sizes",
+    "joint_dof joint_q joint_unbounded": "",
+    "servo_dof servo_q stop_dof stop_q": "",
+    "body_dof body_q": "base (6), then the suspension's joints; body_q: those joints alone",
+    "coupled_dof": "follower, leader of each coupling; a rigid differential is the last one, of ratio -1",
+    "mirror_index lane_start lane_ground grid_ground work_i": "",
+}
+"""Arrays of integer, likewise."""
+FUNCTIONS = "contact_before contact_law motor_law body_law rigid_body".split()
+
+FIELDS: list[tuple[Any, dict[str, str], str]] = [
+    (ctypes.c_int64, {" ".join(INTEGERS): ""}, "integer {}"),
+    (ctypes.c_double, {" ".join(NUMBERS): ""}, "double {}"),
+    (ctypes.c_void_p, ARRAYS, "double *{}"),
+    (ctypes.c_void_p, INDICES, "integer *{}"),
+    (ctypes.c_void_p, {" ".join(FUNCTIONS): ""}, "casadi_function {}"),
+]
+
+
+class DriveStruct(ctypes.Structure):
+    """The struct Drive."""
+
+    _fields_ = [(name, kind) for kind, lines, _ in FIELDS for names in lines for name in names.split()]
+
+
+def header() -> str:
+    """Return the C declarations: sizes (N_SOIL), places (SOIL_N: where the exponent n stands), and the struct Drive."""
+    tables = {"SOIL": _names(Soil), "WHEEL": _names(Wheel), "GEOMETRY": GEOMETRY, "RECORD": RECORD, "ENERGY": ENERGY}
+    lines = [f"#define MAX_{name} {size}" for name, size in MOST.items()]
+    lines += [_places(table, names) for table, names in tables.items()]
+    return "\n".join([*lines, "typedef struct {", *_members(), "} Drive;", ""])
+
+
+def _names(record: type[Record]) -> Sequence[str]:
+    return list(quantities(record))
+
+
+def _places(table: str, names: Sequence[str]) -> str:
+    each = ", ".join(f"{table}_{name.upper()}" for name in names)
+    return f"enum {{ {each}, N_{table} }};"
+
+
+def _members() -> list[str]:
+    return [
+        f"  {form.format(name)};" + (f" /* {about} */" if about else "")
+        for _, lines, form in FIELDS
+        for names, about in lines.items()
+        for name in names.split()
+    ]
