@@ -4,6 +4,7 @@ The names below are loaded on first use, so `import rover_pin` costs nothing. Ev
 module, batch studies from `rover_pin.sweep`.
 """
 
+import logging
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from rover_pin.parameters import SOILS
     from rover_pin.scenarios import scenario
     from rover_pin.soil.traction import load_traction_factor, wheel_forces
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 __all__ = [
     "SOILS",

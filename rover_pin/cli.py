@@ -6,6 +6,7 @@ import atexit
 import dataclasses
 import gc
 import json
+import logging
 import math
 import sys
 from pathlib import Path
@@ -13,14 +14,17 @@ from typing import Annotated, Any
 
 import typer
 
+from rover_pin import commands
+from rover_pin.commands.speaking import Speaking, program, scenario_names, soil_names, speak
 from rover_pin.errors import RoverPinError, UrdfError
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
 from rover_pin.terminal import assignments, json_text, priors, progress, report, stoppable
 from rover_pin.trust import Trust
 
+log = logging.getLogger(__name__)
 app = typer.Typer(
-    rich_markup_mode=None, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__
+    cls=Speaking, rich_markup_mode=None, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__
 )
 
 SELDOM = (50_000, 20, 100)
@@ -29,9 +33,10 @@ SELDOM = (50_000, 20, 100)
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object for machines instead of the table.")]
 Set = Annotated[
-    list[str], typer.Option("--set", metavar="NAME=VALUE", help="Change any number, as terrain.wall_angle_deg=40.")
+    list[str],
+    typer.Option("--set", metavar="NAME=VALUE", help="Change anything of rover-pin list settings."),
 ]
-SoilName = Annotated[str, typer.Option("--soil", help="A soil of rover_pin.parameters.")]
+SoilName = Annotated[str, typer.Option("--soil", autocompletion=soil_names, help="A soil: rover-pin list soils.")]
 Gravity = Annotated[str, typer.Option("--gravity", help="earth, moon, mars, or m/s^2; else the model's, else Earth's.")]
 Effects = Annotated[
     Path | None, typer.Option("--effects", help="Your own effect's .py file, or a folder of them: its code may run.")
@@ -46,6 +51,7 @@ def main() -> None:
     """Run the command line; one clear sentence and exit code 2 on what is refused."""
     gc.set_threshold(*SELDOM)
     atexit.register(gc.freeze)
+    speak()
     try:
         app()
     except RoverPinError as error:
@@ -55,7 +61,10 @@ def main() -> None:
 
 @app.command()
 def drive(
-    scenario: Annotated[str, typer.Argument(help="ditch, flat, slope, bump, turn ...: a wrong name lists them all.")],
+    scenario: Annotated[
+        str,
+        typer.Argument(autocompletion=scenario_names, help="ditch, flat ...: rover-pin list scenarios."),
+    ],
     control: Annotated[
         str,
         typer.Option(
@@ -91,6 +100,7 @@ def drive(
 def _driven(chosen: Any, check: bool, out: Path, as_json: bool) -> None:
     with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance)
+    log.debug("driven: %d rows of the trace", len(trace["t_s"]))
     result: dict[str, Any] = {"scenario": chosen.name, **trace.summary()}
     if check:
         result["x_change_at_half_step_mm"] = 1e3 * half_step_change(chosen, trace)
@@ -225,8 +235,12 @@ def identify(
     from rover_pin.evidence.fit import identify as fit
     from rover_pin.evidence.reading import read_evidence
     from rover_pin.parameters import soil_named
+    from rover_pin.settings import Settings
 
-    start = soil_named(soil).replace(**{name.removeprefix("soil."): value for name, value in assignments(set_).items()})
+    given = Settings({f"soil.{name.removeprefix('soil.')}": value for name, value in assignments(set_).items()})
+    start = soil_named(soil)
+    start = start.replace(**given.record("soil", start))
+    given.finish()
     names = tuple(name.strip() for name in free.split(",") if name.strip())
     found = fit(read_evidence(data, Trust(everything=trust)), start, names, priors(prior))
     print(json_text(found.as_dict()) if as_json else found.report())
@@ -246,7 +260,7 @@ def close_loop(
     from rover_pin.evidence.loop import close_the_loop, read_data, read_start
 
     start = None if model is None else read_start(model, data, Trust.of(effects, trust))
-    say = (lambda said: None) if as_json else (lambda said: print(said, file=sys.stderr))
+    say = (lambda said: None) if as_json else log.info
     with stoppable(out, ("report.html", "verdict.json", "model.toml", "draft_effect")):
         given = read_data(data, Trust(everything=True)) if trust else data
         verdict = close_the_loop(given, start, effects, out, say, jobs=workers)
@@ -272,16 +286,19 @@ def tune(
 
     def stage(name: str, done: int, total: int) -> None:
         if not as_json and done == total:
-            print(f"{name}: {total} done", file=sys.stderr)
+            log.info("%s: %d done", name, total)
 
     asked = read_tuning(study)
     asked = (asked if model is None else asked.on_model(model)).trusting(Trust.of(effects, trust))
     for line in cautions((*asked.training, *asked.held_out)):
-        print(f"rover-pin: warning: {line}", file=sys.stderr)
+        log.warning("%s", line)
     with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv")):
         result = tune_gains(asked, out, stage, workers or None)
     report(result.summary(), as_json)
 
+
+app.callback(help=__doc__)(program)
+commands.add_to(app)
 
 if __name__ == "__main__":
     main()

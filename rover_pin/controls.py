@@ -11,7 +11,7 @@ from rover_pin.control.steering import Turn
 from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.motion.command import Controller
 from rover_pin.motion.model import Model
-from rover_pin.settings import Settings, fields_of
+from rover_pin.settings import Settings
 
 CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn")
 LIMITS = ("none", "saturation", "at-slip")
@@ -21,14 +21,15 @@ def controller_from(asked: Settings, model: Model) -> Controller:
     """Return the controller that `control` and `control.FIELD` ask for."""
     kind = asked.choice("control", "none", {each: each for each in CONTROLS})
     if kind in ("none", "limit"):
-        constant = ConstantDuty(**asked.group("control", fields_of(ConstantDuty)))
+        constant = ConstantDuty(**asked.record("control", ConstantDuty))
         limit = _limit(asked, model, "none" if kind == "none" else "at-slip")
         return constant if isinstance(limit, NoLimit) else TorqueLimited(constant, limit)
     if kind in ("turn", "point-turn"):
-        default = {"radius": 0.0} if kind == "point-turn" else {}
-        return Turn.of(model.rover, **{**default, **asked.numbers("control", ("radius", "delta"))})
-    file = asked.take("control.gains", None)
-    gains = (Gains() if file is None else load_gains(str(file))).replace(**asked.group("control", fields_of(Gains)))
+        usual = {"radius": 0.0} if kind == "point-turn" else {}
+        return Turn.of(model.rover, **{**usual, **asked.arguments("control", Turn.of, usual, ("radius", "delta"))})
+    file = asked.take("control.gains", None, source="a file of tuned gains, as tune writes it")
+    gains = Gains() if file is None else load_gains(str(file))
+    gains = gains.replace(**asked.record("control", gains))
     return SlipControl(gains, _estimate(kind, model), _limit(asked, model, "saturation"))
 
 
@@ -46,4 +47,6 @@ def _limit(asked: Settings, model: Model, usual: str) -> TorqueLimit | NoLimit:
         return NoLimit()
     if word == "saturation":
         return TorqueLimit.saturation(model)
-    return TorqueLimit.at_slip(model, asked.number("control.slip_limit", LOST_SLIP))
+    return TorqueLimit.at_slip(
+        model, asked.number("control.slip_limit", LOST_SLIP, source="the slip whose torque is the limit")
+    )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -36,6 +37,9 @@ UNITS: dict[str, tuple[str, float]] = {
     "mm/s": ("m/s", 1e-3),
     "rad/s": ("rad/s", 1.0),
     "rpm": ("rad/s", math.pi / 30.0),
+    "deg/s": ("rad/s", math.pi / 180.0),
+    "rad/m": ("rad/m", 1.0),
+    "deg/m": ("rad/m", math.pi / 180.0),
     "m/s^2": ("m/s^2", 1.0),
     "V": ("V", 1.0),
     "A": ("A", 1.0),
@@ -44,6 +48,11 @@ UNITS: dict[str, tuple[str, float]] = {
     "g/cm^3": ("kg/m^3", 1e3),
 }
 """Units read at the edge: name -> (SI name, factor). Any other unit must be the field's own, spelled the same."""
+
+Length = Annotated[float, "m"]
+Angle = Annotated[float, "rad"]
+AngleRate = Annotated[float, "rad/m"]
+"""Arguments that state their unit, so that settings of them can be read and listed with it."""
 
 
 class Quantity(NamedTuple):
@@ -116,10 +125,24 @@ def check(owner: str, name: str, value: Any, about: Quantity) -> None:
     number = as_float(value)
     if not (math.isfinite(number) and about.low <= number <= about.high):
         unit = f" {about.unit}" if about.unit else ""
+        other = meant(number, about)
+        hint = f"Did you mean {number:g} {other}? " if other else ""
         raise ParameterError(
             f"{owner}.{name} = {number:g}{unit} is not allowed: it must lie in "
-            f"[{about.low:g}, {about.high:g}]{unit}. Its default comes from: {about.source}."
+            f"[{about.low:g}, {about.high:g}]{unit}. {hint}Its default comes from: {about.source}."
         )
+
+
+MEANT = {"rad": "deg", "rad/m": "deg/m", "m": "mm"}
+"""The unit that a number out of bounds may have been in."""
+
+
+def meant(number: float, about: Quantity) -> str:
+    """Return the unit in which a number that is out of bounds would be allowed, or nothing."""
+    unit = MEANT.get(about.unit, about.unit)
+    value = number * UNITS[unit][1] if unit in UNITS else math.nan
+    within = about.low <= number <= about.high
+    return unit if unit != about.unit and not within and about.low <= value <= about.high else ""
 
 
 def as_float(value: Any) -> float:
@@ -150,6 +173,34 @@ def to_si(value: Any, unit: Any, expected: str, where: str) -> float:
             f"{where}: unit '{unit}' does not measure what is asked for; use one of {', '.join(kind)}."
         )
     return value * known[1]
+
+
+WRITTEN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*([^\d\s.].*)|\s+(\S.*))?")
+
+
+def written(value: Any, expected: str, where: str) -> float:
+    """Return the SI number of a value as one writes it: `0.005`, or `"5mm"`, `"30 deg"`, `"1.2 kPa"` with its unit.
+
+    Raises
+    ------
+    ParameterError
+        What is not a number, or has a unit of another kind, with `where` it stands.
+    """
+    if not isinstance(value, str):
+        try:
+            return as_float(value)
+        except (TypeError, ValueError):
+            raise ParameterError(f"{where} = {value!r} is not a number.") from None
+    found = WRITTEN.fullmatch(value.strip())
+    if found is None:
+        try:
+            return float(value)  # as nan and inf are written, which bounds refuse
+        except ValueError:
+            unit = f" [{expected}]" if expected else ""
+            raise ParameterError(f"{where} = {value!r} is not a number{unit}.") from None
+    unit = (found[2] or found[3] or expected).strip()
+    unit = next((name for name in UNITS if name.replace(" ", "") == unit.replace(" ", "")), unit)
+    return to_si(float(found[1]), unit, expected, where)
 
 
 ENTRY = ("value", "unit", "sd", "low", "high", "source", "note")

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from rover_pin.body import shapes
-from rover_pin.body.field import paper_field
 from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Terrain
-from rover_pin.body.terrain_files import from_grid, from_polyline
 from rover_pin.controls import controller_from
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
@@ -26,24 +23,27 @@ from rover_pin.motion.command import Controller
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.effect_words import having, words_of
 from rover_pin.motion.log_terrain import write_terrain
-from rover_pin.motion.model import CRUISE_SLIP, Model, base_effects, cruising
+from rover_pin.motion.model import Model, base_effects, cruising
 from rover_pin.motion.model_toml import is_rig_model, read_model
 from rover_pin.motion.motor import Motor
-from rover_pin.motion.motors import motor_named
+from rover_pin.motion.motors import MOTORS, motor_named
 from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import Progress, Timing, simulate
 from rover_pin.motion.trace import Trace
 from rover_pin.parameters import SOILS
-from rover_pin.parameters.gravity import gravity_named
+from rover_pin.parameters.gravity import GRAVITIES, gravity_named
 from rover_pin.parameters.hard import HARD_GROUND
-from rover_pin.quantity import declared, quantities
-from rover_pin.settings import Settings, fields_of, number
+from rover_pin.quantity import declared, written
+from rover_pin.scenes import SCENES, Scene
+from rover_pin.settings import Setting, Settings
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import FORMS
 from rover_pin.trust import Trust
 
 ALGEBRAIC_DT = 0.0025
 """Step [s] with Eq (1) itself, which is stiffer than the relaxed slip: within 0.1 mm over 20 s of the ditch."""
+
+ROVERS, STEP = "rover-pin list rovers, or the path of your own TOML", "the step, refined where the ground asks for it"
 
 
 @dataclass(frozen=True)
@@ -93,46 +93,6 @@ class Scenario:
         return write_drive_log(folder, {"run": trace}, about)
 
 
-@dataclass(frozen=True)
-class Scene:
-    """A terrain with its usual settings, and what is driven on it."""
-
-    terrain: Callable[..., Terrain]
-    duration: float = 20.0
-    terrain_settings: Mapping[str, Any] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    symmetric: bool = False
-    cruise_slip: float | None = None
-    "the slip for which the resistance is chosen on the scene's own soil; else it is that of the named soil"
-
-
-DEG = math.pi / 180.0
-PLACE = tuple(each.name for each in dataclasses.fields(Start))
-SCENES: dict[str, Scene] = {
-    "flat": Scene(shapes.flat, 10.0, symmetric=True),
-    "incline": Scene(shapes.incline, 20.0, {"angle": 6 * DEG}, symmetric=True),
-    "slope": Scene(shapes.growing_slope, 60.0, symmetric=True),
-    "bump": Scene(shapes.bump, 30.0, symmetric=True),
-    "one-sided-bump": Scene(shapes.one_sided_bump, 30.0),
-    "ditch": Scene(shapes.ditch, 20.0, {"wall_angle": 30 * DEG}, symmetric=True),
-    "step": Scene(shapes.step, 20.0, symmetric=True),
-    "rocks": Scene(shapes.rocks, 30.0),
-    "field": Scene(paper_field, 120.0, settings={"soil.k": 0.010}, cruise_slip=CRUISE_SLIP),
-    "washboard": Scene(shapes.washboard, 20.0, symmetric=True),
-    "cross-slope": Scene(shapes.cross_slope, 20.0, {"angle": 6 * DEG}),
-    "hills": Scene(shapes.hills, 30.0),
-    "turn": Scene(shapes.flat, 30.0, settings={"control": "turn", "soil.k": 0.003}, cruise_slip=CRUISE_SLIP),
-    "point-turn": Scene(
-        shapes.flat, 20.0, settings={"control": "point-turn", "soil.k": 0.003}, cruise_slip=CRUISE_SLIP
-    ),
-    "polyline": Scene(from_polyline, 30.0, {"path": "terrain.csv"}),
-    "grid": Scene(from_grid, 30.0, {"path": "terrain.npz"}),
-    "park": Scene(
-        shapes.incline, 10.0, {"angle": 6 * DEG, "start": -5.0}, {"control.delta": 0.0, "gear_friction": 0.1}
-    ),
-}
-
-
 def scenario(name: str, /, **settings: Any) -> Scenario:
     """Return a ready-made drive, changed by dotted settings (pass them as `**{"terrain.wall_angle_deg": 40}`).
 
@@ -154,27 +114,37 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         point-turn), `control.FIELD`, `control.gains` (a file of tuned gains), `control.limit` (none, saturation,
         at-slip: the torque check; saturation with a slip, at-slip with limit) and `control.slip_limit`,
         `start.FIELD`, `duration`, `dt` [s].
-        A `_deg` behind any angle reads degrees.
+        A value may have its unit ("5mm", "30deg"); a `_deg` behind an angle's name reads degrees.
 
     Raises
     ------
     ParameterError
         An unknown name or setting, with the close matches.
     """
+    made, _ = _made(name, settings)
+    return made
+
+
+def settings_of(name: str, /, **settings: Any) -> tuple[Setting, ...]:
+    """Return what can be set of this scenario, as it is with these settings: what `scenario` takes, with defaults."""
+    return tuple(_made(name, settings)[1].known.values())
+
+
+def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     if name not in SCENES:
         raise ParameterError(f"There is no scenario '{name}': {closest(name, SCENES)}")
     scene = SCENES[name]
     asked = Settings({**scene.settings, **settings})
     model = _model(scene, asked)
     controller = controller_from(asked, model)
-    start = Start(**asked.numbers("start", PLACE))
-    dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT)
-    duration = asked.number("duration", scene.duration)
+    start = Start(**asked.arguments("start", Start))
+    dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, "s", STEP)
+    duration = asked.number("duration", scene.duration, "s", "of the scenario")
     asked.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
     symmetric = symmetric and "model" not in settings and mirrored(model)
     told = {name: words_of(value) if name == "add" else value for name, value in settings.items() if name != "trust"}
-    return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, told)
+    return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, told), asked
 
 
 def mirrored(model: Model) -> bool:
@@ -183,54 +153,58 @@ def mirrored(model: Model) -> bool:
 
 
 def _terrain(scene: Scene, asked: Settings) -> Terrain:
-    given = asked.group("terrain", tuple(inspect.signature(scene.terrain).parameters))
-    for name, value in given.items():
-        given[name] = (
-            str(value) if name == "path" else value if isinstance(value, tuple) else number(f"terrain.{name}", value)
-        )
+    given = asked.arguments("terrain", scene.terrain, scene.terrain_settings)
     terrain = scene.terrain(**{**scene.terrain_settings, **given})
-    patch = asked.numbers("patch", ("x_from", "x_to"))
+    patch = asked.arguments("patch", shapes.with_ground, {"x_from": -math.inf, "x_to": math.inf}, ("x_from", "x_to"))
     if patch:
         terrain = shapes.with_ground(terrain, **{"x_from": -math.inf, "x_to": math.inf, **patch}, index=1)
     return terrain
 
 
 def _model(scene: Scene, asked: Settings) -> Model:
-    terrain, file, trust = _terrain(scene, asked), asked.take("model", None), _trust(asked)
+    terrain, file, trust = (
+        _terrain(scene, asked),
+        asked.take("model", None, source="a model file, as close-loop writes it"),
+        _trust(asked),
+    )
     if file is None:
         model = _composed(asked, terrain, trust)
     else:
         model = (_of_rig if is_rig_model(str(file)) else _of_file)(str(file), asked, terrain, trust)
-    ground = model.soils[0].replace(**asked.group("soil", fields_of(model.soils[0])))
-    motor = model.motor.replace(**asked.group("motor", fields_of(model.motor)))
-    gravity = gravity_named(asked.take("gravity", model.gravity))
-    buried = asked.number("buried", model.buried)
+    ground = model.soils[0].replace(**asked.record("soil", model.soils[0]))
+    motor = model.motor.replace(**asked.record("motor", model.motor))
+    gravity = gravity_named(asked.take("gravity", model.gravity, GRAVITIES, "or a number in m/s^2"))
+    buried = asked.number("buried", model.buried, source="assumed: sunk by half a wheel radius, a drive is over")
     model = model.replace(soils=(ground, *model.soils[1:]), motor=motor, gravity=gravity, buried=buried)
-    friction = asked.number("gear_friction", 0.0)
+    friction = asked.number("gear_friction", 0.0, "N m", "adds GearFriction of this torque at the wheel")
     if friction:
         model = model.having(GearFriction(tau_c=friction))
     model = _cruising(model, asked, None if file else scene.cruise_slip)
-    model = having(model, asked.take("add", ()))
+    model = having(
+        model, asked.take("add", (), source="effects to add, as DiggingMemory.c_d=0.1: rover-pin list effects")
+    )
     for effect in model.all_effects:
-        changes = asked.group(f"effect.{type(effect).__name__}", tuple(quantities(effect)))
+        changes = asked.record(f"effect.{type(effect).__name__}", effect)
         model = model.having(effect.replace(**changes)) if changes else model
     return model
 
 
 def _cruising(model: Model, asked: Settings, usual: float | None) -> Model:
     """Return the model with the resistance of an asked `cruise_slip`, taken on the soil as it is driven."""
-    slip = asked.take("cruise_slip", None)
+    slip = asked.take(
+        "cruise_slip", None, source="takes the resistance with which the soil as driven is cruised at this slip"
+    )
     if slip is not None:
         if "effect.MotionResistance.R" in asked.values:
             raise ParameterError("cruise_slip and effect.MotionResistance.R both set R: give one of them.")
-        return cruising(model, number("cruise_slip", slip))
+        return cruising(model, written(slip, "", "cruise_slip"))
     resists = any(isinstance(effect, MotionResistance) for effect in model.effects)
     return model if usual is None or not resists else cruising(model, usual)
 
 
 def _trust(asked: Settings) -> Trust:
-    """Return what the user trusts, who alone can say it: a study's file cannot."""
-    trust = asked.take("trust", Trust())
+    """Return what the user trusts, who alone can say it: a study's file cannot. It is no setting to be listed."""
+    trust = asked.values.pop("trust", Trust())
     if not isinstance(trust, Trust):
         raise ParameterError(f"trust = {trust!r} is not yours to give in a file: say --effects FILE or --trust.")
     return trust
@@ -245,7 +219,7 @@ def _of_file(file: str, asked: Settings, terrain: Terrain, trust: Trust) -> Mode
 def _of_rig(file: str, asked: Settings, terrain: Terrain, trust: Trust) -> Model:
     """Return a rover on the soil, with the traction law and the effects, of a wheel's model; its wheels are its own."""
     _refuse(("soil", "form", "angles"), asked, file)
-    rig, rover = read_rig_model(file, trust), load_rover(str(asked.take("rover", "nexus6")), trust)
+    rig, rover = read_rig_model(file, trust), load_rover(str(asked.take("rover", "nexus6", source=ROVERS)), trust)
     tractions = [effect for effect in rig.effects if isinstance(effect, SoilTraction)]
     if len(tractions) != 1:
         raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
@@ -262,7 +236,7 @@ def _refuse(names: tuple[str, ...], asked: Settings, file: str) -> None:
 
 
 def _composed(asked: Settings, terrain: Terrain, trust: Trust) -> Model:
-    rover = load_rover(str(asked.take("rover", "nexus6")), trust)
+    rover = load_rover(str(asked.take("rover", "nexus6", source=ROVERS)), trust)
     soil = asked.choice("soil", "table-1", SOILS)
     form = asked.choice("form", "torque", FORMS)
     angles = asked.choice("angles", "fixed", {"fixed": FixedAngles(), "sinkage": SinkageAngles()})
@@ -271,7 +245,7 @@ def _composed(asked: Settings, terrain: Terrain, trust: Trust) -> Model:
 
 
 def _motor(asked: Settings) -> Motor:
-    return motor_named(asked.take("motor", "speed-like"))
+    return motor_named(asked.take("motor", "speed-like", MOTORS))
 
 
 def _slip(asked: Settings) -> AlgebraicSlip | RelaxedSlip:

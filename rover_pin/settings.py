@@ -1,14 +1,42 @@
-"""Dotted settings, as `terrain.wall_angle_deg`: taken one by one, what is left over refused."""
+"""Dotted settings, as `terrain.wall_angle_deg`: taken one by one, what is left over refused.
+
+Who takes a setting says its default and unit. So a value may have a unit (`soil.k=5mm`, `soil.phi=30deg`), and what was
+taken is the list of all settings that there are.
+"""
 
 from __future__ import annotations
 
-import dataclasses
+import inspect
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from rover_pin.errors import ParameterError, closest
-from rover_pin.quantity import as_float
+from rover_pin.quantity import UNITS, Quantity, Record, check, is_symbolic, meant, quantities, written
+
+
+class Setting(NamedTuple):
+    """What can be set: its name, default, unit, bounds, choices and where the default comes from."""
+
+    name: str
+    value: Any
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    source: str = ""
+    choices: tuple[str, ...] = ()
+
+
+def numbers_of(record: Record) -> tuple[Setting, ...]:
+    """Return a record's quantities with its values; of one that is not the class's default, both sources are said."""
+    usual = type(record)()
+    made = []
+    for name, about in quantities(record).items():
+        value, default = getattr(record, name), getattr(usual, name)
+        own = is_symbolic(value) or value == default
+        source = about.source if own else f"as given or read; usual {default:.6g}: {about.source}"
+        made.append(Setting(name, value, about.unit, about.low, about.high, source))
+    return tuple(made)
 
 
 class Settings:
@@ -16,53 +44,112 @@ class Settings:
 
     def __init__(self, values: Mapping[str, Any]):
         self.values = dict(values)
-        self.known: list[str] = []
+        self.known: dict[str, Setting] = {}
 
-    def take(self, name: str, default: Any) -> Any:
+    def take(self, name: str, default: Any, choices: Iterable[str] = (), source: str = "") -> Any:
         """Return a setting, or its default."""
-        self.known.append(name)
-        return self.values.pop(name, default)
+        return self._taken(Setting(name, default, source=source, choices=tuple(choices)))
 
-    def number(self, name: str, default: float) -> float:
+    def number(self, name: str, default: float, unit: str = "", source: str = "") -> float:
         """Return a setting that is a number, or its default."""
-        return number(name, self.take(name, default))
+        value = written(self._taken(Setting(name, default, unit, source=source)), unit, name)
+        self._in_force(name, value)
+        return value
 
     def choice(self, name: str, default: str, choices: Mapping[str, Any]) -> Any:
         """Return what a setting's word stands for."""
-        word = self.take(name, default)
+        word = self.take(name, default, choices)
         if not isinstance(word, str) or word not in choices:
             raise ParameterError(f"{name} = {word!r} is not known: {closest(word, choices)}")
         return choices[word]
 
-    def group(self, prefix: str, names: tuple[str, ...]) -> dict[str, Any]:
-        """Return the settings `prefix.NAME` for these names, angles with `_deg` in radians."""
-        found = {}
-        for name in names:
-            self.known.append(f"{prefix}.{name}")
-            if f"{prefix}.{name}" in self.values:
-                found[name] = self.values.pop(f"{prefix}.{name}")
-            if f"{prefix}.{name}_deg" in self.values:
-                found[name] = math.radians(number(f"{prefix}.{name}_deg", self.values.pop(f"{prefix}.{name}_deg")))
-        return found
+    def record(self, prefix: str, record: Record | type[Record]) -> dict[str, float]:
+        """Return the settings `prefix.FIELD` that are given for the quantities of a record."""
+        own = record if isinstance(record, Record) else record()
+        return self._given(each._replace(name=f"{prefix}.{each.name}") for each in numbers_of(own))
 
-    def numbers(self, prefix: str, names: tuple[str, ...]) -> dict[str, float]:
-        """Return the settings of a group that are all numbers."""
-        return {name: number(f"{prefix}.{name}", value) for name, value in self.group(prefix, names).items()}
+    def arguments(
+        self, prefix: str, function: Callable[..., Any], usual: Mapping[str, Any] = {}, names: Iterable[str] = ()
+    ) -> dict[str, Any]:
+        """Return the settings `prefix.NAME` that are given for a function's arguments, or for those of these names.
+
+        A number's unit is that of its `Annotated[float, unit]`; `usual` are defaults in place of the function's own.
+        """
+        hints = get_type_hints(function, include_extras=True)
+        chosen = {
+            name: each for name, each in inspect.signature(function).parameters.items() if not names or name in names
+        }
+        defaults = {name: None if each.default is each.empty else each.default for name, each in chosen.items()}
+        return self._given(
+            Setting(f"{prefix}.{name}", {**defaults, **usual}[name], _unit(hints.get(name))) for name in chosen
+        )
 
     def finish(self) -> None:
         """Refuse what nothing has taken."""
-        for name in self.values:
-            raise ParameterError(f"There is no setting '{name}' here: {closest(name, set(self.known))}")
+        for name, value in self.values.items():
+            raise ParameterError(f"There is no setting '{name}' here: {self._in_unit(name, value)}")
+
+    def _given(self, settings: Iterable[Setting]) -> dict[str, Any]:
+        """Return the values by the last part of the name; `_deg` behind that of an angle reads degrees."""
+        found = {}
+        for each in settings:
+            key = each.name.rpartition(".")[2]
+            degrees = f"{each.name}_deg" if each.unit.startswith("rad") else ""
+            if each.name in self.values:
+                found[key] = _read(each, self._taken(each))
+            self._taken(each)
+            if degrees in self.values:
+                found[key] = math.radians(written(self.values.pop(degrees), "", degrees))
+            if key in found:
+                _check(each, key, found[key])
+                self._in_force(each.name, found[key])
+        return found
+
+    def _in_force(self, name: str, value: Any) -> None:
+        """Have a setting listed with its value instead of its default."""
+        self.known[name] = self.known[name]._replace(value=value)
+
+    def _taken(self, setting: Setting) -> Any:
+        value = self.values.pop(setting.name, setting.value)
+        self.known[setting.name] = setting._replace(value=value)
+        return value
+
+    def _in_unit(self, name: str, value: Any) -> str:
+        """Return how a setting is written whose name was given its unit, as `soil.k_mm`; else the names alike."""
+        stem, _, unit = name.rpartition("_")
+        if stem in self.known and unit in UNITS and UNITS[unit][0] == self.known[stem].unit:
+            return f"did you mean {stem}={shown(value)}{unit}?"
+        return closest(name, self.known)
 
 
-def number(name: str, value: Any) -> float:
-    """Return a setting's value as a float."""
-    try:
-        return as_float(value)
-    except (TypeError, ValueError):
-        raise ParameterError(f"{name} = {value!r} is not a number.") from None
+def _read(setting: Setting, value: Any) -> Any:
+    """Return a value as its default is: text, several numbers (`50mm,100mm`), or one."""
+    if isinstance(setting.value, str):
+        return str(value)
+    if not isinstance(setting.value, tuple):
+        return written(value, setting.unit, setting.name)
+    several = value.split(",") if isinstance(value, str) else value
+    if not isinstance(several, (list, tuple)) or len(several) != len(setting.value):
+        raise ParameterError(f"{setting.name} = {value!r} must be {len(setting.value)} numbers, as in 0.05,0.1.")
+    return tuple(written(each, setting.unit, setting.name) for each in several)
 
 
-def fields_of(record: Any) -> tuple[str, ...]:
-    """Return the names of a record's fields."""
-    return tuple(each.name for each in dataclasses.fields(record))
+def _check(setting: Setting, key: str, value: Any) -> None:
+    """Refuse a number out of bounds by the setting's own name, with how it is written in another unit."""
+    about = Quantity(setting.unit, setting.source, setting.low, setting.high, "")
+    if isinstance(value, float) and setting.source:
+        hint = meant(value, about)
+        write = f" Write it as {setting.name}={value:g}{hint}." if hint else ""
+        try:
+            check(setting.name.rpartition(".")[0], key, value, about)
+        except ParameterError as error:
+            raise ParameterError(f"{error}{write}") from None
+
+
+def shown(value: Any) -> str:
+    """Return a number or word as one writes it."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _unit(hint: Any) -> str:
+    return get_args(hint)[1] if get_origin(hint) is Annotated else ""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -17,6 +18,11 @@ from rover_pin.console import plain_column, plain_console
 from rover_pin.errors import ParameterError
 from rover_pin.results_folder import replacing
 from rover_pin.workers import Terminated, ending_workers
+
+if TYPE_CHECKING:
+    from rover_pin.settings import Setting
+
+log = logging.getLogger(__name__)
 
 
 def priors(words: Iterable[str]) -> dict[str, Any]:
@@ -56,7 +62,7 @@ def stoppable(out: Path | None = None, replaced: Sequence[str] = ()) -> Iterator
     """
     told = "" if out is None else replacing(out, replaced)
     if told:
-        print(f"rover-pin: {told}", file=sys.stderr)
+        log.info("rover-pin: %s", told)
     try:
         with ending_workers():
             yield
@@ -71,12 +77,39 @@ def report(result: Mapping[str, Any], as_json: bool) -> None:
     if as_json:
         print(json_text(result))
         return
-    from rich.table import Table
+    lines = [(name.replace("_", " "), shown(value).split("\n")) for name, value in result.items()]
+    width = max((len(name) for name, _ in lines), default=0)
+    for name, (first, *more) in lines:  # never folded nor shortened: paths are to be copied
+        print(f"{name:{width}}  {first}".rstrip())
+        for line in more:
+            print(f"{'':{width}}  {line}")
 
-    table = Table(show_header=False, box=None)
-    for name, value in result.items():
-        table.add_row(name.replace("_", " "), shown(value))
-    plain_console().print(table)
+
+def numbers_table(settings: Iterable[Setting]) -> None:
+    """Print what can be set, a line each: default with unit, bounds or choices, source."""
+    rows = [("name", "default", "allowed", "from")]
+    rows += [(each.name, told(each.value, each.unit), _allowed(each), each.source) for each in settings]
+    widths = [max(len(row[i]) for row in rows) for i in range(3)]
+    for row in rows:
+        cells = (f"{cell:{width}}" for cell, width in zip(row, widths, strict=False))
+        print("  ".join([*cells, row[3]]).rstrip())
+
+
+def told(value: Any, unit: str = "") -> str:
+    """Return a value as the table has it: six digits and its unit, an angle in degrees too, a dash for none."""
+    if value is None or value == ():
+        return "-"
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return str(value)
+    degrees = f" = {math.degrees(value):.4g} {unit.replace('rad', 'deg')}" if unit.startswith("rad") and value else ""
+    return f"{value:.6g} {unit}".rstrip() + (degrees if "/s" not in unit else "")
+
+
+def _allowed(setting: Setting) -> str:
+    if setting.choices:
+        return ", ".join(setting.choices)
+    low, high = (f"{bound:g}" if math.isfinite(bound) else "" for bound in (setting.low, setting.high))
+    return f"{low} .. {high}".strip() if low or high else "-"
 
 
 def json_text(result: Mapping[str, Any]) -> str:
@@ -110,7 +143,7 @@ class progress:
         from rich.progress import Progress
 
         columns = (plain_column("{task.description}"), *Progress.get_default_columns()[1:])
-        quiet = silent or not sys.stderr.isatty()
+        quiet = silent or not sys.stderr.isatty() or logging.getLogger("rover_pin").level > logging.INFO
         self.bar = Progress(*columns, console=plain_console(stderr=True), transient=True, disable=quiet)
         self.task = self.bar.add_task(what, total=total)
 

@@ -15,7 +15,8 @@ LONGEST = 300
 GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "settings", "paths", "results_folder",
           "workers", "trust", "bounded", "parquet", "console", "private_folders", "remembered")  # fmt: skip
 ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control", "evidence",
-         "controls", "scenarios", "plot", "sweep", "tuning", "terminal", "cli")  # fmt: skip
+         "controls", "scenes", "scenarios", "catalogue", "plot", "sweep", "tuning",
+         "terminal", "commands", "cli")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.
 
 `scenarios`, `plot`, `sweep` have this order among themselves: figures and sweeps are made of ready-made drives.

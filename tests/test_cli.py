@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.cli import main
 from rover_pin.motion.saved import load_trace
 from rover_pin.terminal import progress
 
@@ -30,20 +29,6 @@ name = "flat"
 scenario = "flat"
 duration = 2
 """
-
-
-@pytest.fixture
-def run(monkeypatch, capsys, tmp_path):
-    """Run the command line in an empty folder; return exit code, standard output and standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def command(*words):
-        monkeypatch.setattr(sys, "argv", ["rover-pin", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        return (end.value.code, *capsys.readouterr())
-
-    return command
 
 
 def strict(text):
@@ -224,9 +209,19 @@ REFUSED = [
     ("drive ditch --control pid", "Known: eq9, limit, none"),
     ("drive ditch --set soil.kk=1", "did you mean 'soil.k'"),
     ("drive ditch --set soil.k", "write it as NAME=VALUE"),
-    ("drive ditch --set soil.k=-1", "Soil.k = -1 m is not allowed: it must lie in [1e-05, 10] m"),
-    ("drive ditch --set soil.k=abc", "Soil.k = 'abc' is not a number"),
-    ("drive ditch --set soil.n=9", "Soil.n = 9 is not allowed: it must lie in [0.05, 3]. "),
+    ("drive ditch --set soil.k=-1", "soil.k = -1 m is not allowed: it must lie in [1e-05, 10] m"),
+    ("drive ditch --set soil.k=abc", "soil.k = 'abc' is not a number"),
+    ("drive ditch --set soil.phi=40", "Did you mean 40 deg? "),
+    ("drive ditch --set soil.phi=40", "Write it as soil.phi=40deg."),
+    ("drive ditch --set soil.k_mm=5", "did you mean soil.k=5mm?"),
+    ("drive ditch --set soil.k_deg=5", "There is no setting 'soil.k_deg' here"),
+    ("drive ditch --set soil.k=5kPa", "soil.k: unit 'kPa' does not measure what is asked for; use one of m, mm, cm"),
+    ("drive ditch --add DiggingMemory.length=5deg", "length: unit 'deg' does not measure what is asked for"),
+    ("drive rocks --set terrain.diameters=3cm", "terrain.diameters = '3cm' must be 2 numbers, as in 0.05,0.1"),
+    ("identify gone --set soil.kk=1", "There is no setting 'soil.kk' here: did you mean 'soil.k'"),
+    ("list soils fjs", "There is no soil 'fjs': did you mean 'fjs-1'"),
+    ("list settings ditc", "There is no scenario 'ditc': did you mean 'ditch'"),
+    ("drive ditch --set soil.n=9", "soil.n = 9 is not allowed: it must lie in [0.05, 3]. "),
     ("drive ditch --set duration=abc", "duration = 'abc' is not a number"),
     ("drive ditch --set duration=-1", "give a positive time"),
     ("drive ditch --set dt=0.003", "whole multiple of dt"),
@@ -296,7 +291,7 @@ def test_identify_refuses_parameters_and_priors(run):
     for words, sentence in (
         (("--free", "kk"), "did you mean 'k'"),
         (("--prior", "k"), "write it as NAME=MEAN:SD"),
-        (("--set", "soil.kk=1"), "Soil has no field 'kk'"),
+        (("--set", "soil.kk=1"), "There is no setting 'soil.kk' here"),
     ):
         code, _, err = run("identify", RIG, *words)
         assert code == 2

@@ -9,7 +9,8 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.evidence.drive_model import base_model
 from rover_pin.motion.drive_log import read_drive_log
-from rover_pin.scenarios import SCENES, scenario
+from rover_pin.scenarios import scenario
+from rover_pin.scenes import SCENES
 
 FROM_FILES = ("polyline", "grid")
 
@@ -107,7 +108,7 @@ def test_the_net_form_has_no_resistance_beside_its_own():
         ({"form": "nett"}, "did you mean 'net'"),
         ({"terrain.wall_angel_deg": 30}, "There is no setting"),
         ({"effect.NormalDamping.d": -1.0}, r"NormalDamping.d = -1 s/m is not allowed"),
-        ({"motor.supply": 0.0}, "Motor.supply = 0 V is not allowed"),
+        ({"motor.supply": 0.0}, "motor.supply = 0 V is not allowed"),
     ],
 )
 def test_wrong_settings_are_said(settings, words):

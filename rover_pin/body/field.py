@@ -12,6 +12,7 @@ from rover_pin.body import shapes
 from rover_pin.body.profile import Profile
 from rover_pin.body.terrain import Lanes
 from rover_pin.errors import ParameterError
+from rover_pin.quantity import Angle, AngleRate, Length
 
 BETWEEN = 0.8
 """Level ground between two parts of the field [m] (assumed: two rover's lengths)."""
@@ -21,12 +22,12 @@ DEG = math.pi / 180.0
 def paper_field(
     seed: int = 1,
     count: int = 6,
-    depth: float = 0.05,
-    width: float = 0.2,
-    wall_angle: float = 30.0 * DEG,
-    rate: float = 10.0 * DEG,
-    steepest: float = 20.0 * DEG,
-    rocks_length: float = 1.5,
+    depth: Length = 0.05,
+    width: Length = 0.2,
+    wall_angle: Angle = 30.0 * DEG,
+    rate: AngleRate = 10.0 * DEG,
+    steepest: Angle = 20.0 * DEG,
+    rocks_length: Length = 1.5,
 ) -> Lanes:
     """Return rocks from 0.5 m on, then a ditch, then a slope that grows to `steepest` [rad] and goes on.
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from numbers import Real
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from rover_pin.body.ground_checks import STEEPEST
 from rover_pin.body.terrain import HeightGrid, Lanes, Profile, Terrain
 from rover_pin.errors import ParameterError
+from rover_pin.quantity import Angle, AngleRate, Length
 
 LEAD = 1.0
 """Level ground described before and behind a shape [m]; it goes on without end."""
@@ -30,7 +31,7 @@ def flat(ground: int = 0) -> Lanes:
     return Lanes((_polyline([-LEAD, LEAD], [0.0, 0.0], ground),))
 
 
-def incline(angle: float, start: float = 1.0) -> Lanes:
+def incline(angle: Angle, start: Length = 1.0) -> Lanes:
     """Return level ground that turns into a slope of `angle` [rad] at `start` [m]; negative goes down.
 
     Source: paper, section 4: the field has "smooth slopes up to the inclination of 20 degrees".
@@ -39,7 +40,7 @@ def incline(angle: float, start: float = 1.0) -> Lanes:
     return Lanes((_polyline([start - LEAD, start, start + LEAD], [0.0, 0.0, LEAD * math.tan(angle)]),))
 
 
-def growing_slope(rate: float = 10.0 * DEG, start: float = 0.5, steepest: float = 20.0 * DEG) -> Lanes:
+def growing_slope(rate: AngleRate = 10.0 * DEG, start: Length = 0.5, steepest: Angle = 20.0 * DEG) -> Lanes:
     """Return a slope whose inclination grows by `rate` [rad/m] from `start` [m], until it stays at `steepest` [rad].
 
     z = -ln(cos(rate s)) / rate over s = x - start, the integral of tan(rate s).
@@ -56,7 +57,7 @@ def growing_slope(rate: float = 10.0 * DEG, start: float = 0.5, steepest: float 
     return Lanes((_polyline(x, np.concatenate([[0.0], z, [z[-1] + LEAD * math.tan(steepest)]])),))
 
 
-def bump(height: float = 0.04, length: float = 0.3, at: float = 0.5, ground: int = 0) -> Lanes:
+def bump(height: Length = 0.04, length: Length = 0.3, at: Length = 0.5, ground: int = 0) -> Lanes:
     """Return a raised cosine of `height` over `length` [m] across the whole width, of soil index `ground`.
 
     z = height / 2 (1 - cos(2 pi s / length)), s = x - at.
@@ -69,7 +70,7 @@ def bump(height: float = 0.04, length: float = 0.3, at: float = 0.5, ground: int
 
 
 def one_sided_bump(
-    height: float = 0.04, length: float = 0.3, at: float = 0.5, ground: int = 0, *, left: bool = True
+    height: Length = 0.04, length: Length = 0.3, at: Length = 0.5, ground: int = 0, *, left: bool = True
 ) -> Lanes:
     """Return the same bump under the left wheels (y > 0) only, or under the right ones.
 
@@ -79,7 +80,7 @@ def one_sided_bump(
     return Lanes((level, raised) if left else (raised, level), (0.0,))
 
 
-def ditch(depth: float = 0.05, width: float = 0.2, wall_angle: float = 30.0 * DEG, at: float = 0.5) -> Lanes:
+def ditch(depth: Length = 0.05, width: Length = 0.2, wall_angle: Angle = 30.0 * DEG, at: Length = 0.5) -> Lanes:
     """Return a ditch with straight walls and a level floor; `width` [m] is measured at the top, from lip to lip.
 
     The floor is width - 2 depth / tan(wall_angle) wide, or nothing, when the walls meet at the depth.
@@ -111,7 +112,7 @@ def ditch(depth: float = 0.05, width: float = 0.2, wall_angle: float = 30.0 * DE
     return Lanes((_polyline(x, z),))
 
 
-def step(height: float = 0.05, wall_angle: float = STEEPEST, at: float = 0.5, ground: int = 0) -> Lanes:
+def step(height: Length = 0.05, wall_angle: Angle = STEEPEST, at: Length = 0.5, ground: int = 0) -> Lanes:
     """Return a step up by `height` [m], or down where it is negative; its wall leans at `wall_angle` [rad].
 
     `ground` is the soil index of the wall and of what lies behind it.
@@ -126,9 +127,9 @@ def step(height: float = 0.05, wall_angle: float = STEEPEST, at: float = 0.5, gr
 def rocks(
     seed: int = 0,
     count: int = 8,
-    start: float = 0.5,
-    length: float = 2.0,
-    diameters: tuple[float, float] = (0.05, 0.10),
+    start: Length = 0.5,
+    length: Length = 2.0,
+    diameters: Annotated[tuple[float, float], "m"] = (0.05, 0.10),
     ground: int = 1,
 ) -> Lanes:
     """Return half-buried round rocks of soil index `ground`, each at random under the left or the right wheels.
@@ -163,7 +164,7 @@ def rocks(
     return Lanes(tuple(sides), (0.0,))
 
 
-def washboard(amplitude: float = 0.01, wavelength: float = 0.3, count: int = 10, at: float = 0.5) -> Lanes:
+def washboard(amplitude: Length = 0.01, wavelength: Length = 0.3, count: int = 10, at: Length = 0.5) -> Lanes:
     """Return `count` waves z = amplitude (1 - cos(2 pi s / wavelength)) [m], each twice the amplitude high."""
     _within("amplitude", amplitude, 0.0, 100.0)
     _within("wavelength", wavelength, 1e-3, 1000.0)
@@ -174,13 +175,13 @@ def washboard(amplitude: float = 0.01, wavelength: float = 0.3, count: int = 10,
     return Lanes((_polyline(x, z),))
 
 
-def cross_slope(angle: float) -> HeightGrid:
+def cross_slope(angle: Angle) -> HeightGrid:
     """Return a plane that rises to the left by `angle` [rad]: z = y tan(angle), 20 m long and 8 m wide."""
     _within("angle", angle, -80.0 * DEG, 80.0 * DEG)
     return _grid(lambda x, y: y * math.tan(angle) + 0.0 * x, 0.1)
 
 
-def hills(seed: int = 0, height: float = 0.05, wavelength: float = 1.5) -> HeightGrid:
+def hills(seed: int = 0, height: Length = 0.05, wavelength: Length = 1.5) -> HeightGrid:
     """Return random rolling ground, 20 m long and 8 m wide, of standard deviation `height` [m].
 
     The sum of 32 plane waves in random directions, of lengths between `wavelength` [m] and three times that.
@@ -198,7 +199,7 @@ def hills(seed: int = 0, height: float = 0.05, wavelength: float = 1.5) -> Heigh
     return _grid(waves, 0.05)
 
 
-def with_ground(terrain: Terrain, x_from: float, x_to: float, index: int) -> Terrain:
+def with_ground(terrain: Terrain, x_from: Length, x_to: Length, index: int) -> Terrain:
     """Return the terrain with soil index `index` from `x_from` to `x_to` [m], over all y; either may be infinite.
 
     In a height grid these are the cells whose middle lies in between.

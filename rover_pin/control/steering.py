@@ -12,6 +12,7 @@ import pinocchio as pin
 from rover_pin.body.rover import Rover
 from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Command, Reading
+from rover_pin.quantity import Length
 
 MOST_STEER = math.radians(75.0)
 
@@ -29,7 +30,7 @@ class Turn:
     steer: tuple[float, ...]
 
     @classmethod
-    def of(cls, rover: Rover, radius: float = 1.0, delta: float = 0.55) -> Self:
+    def of(cls, rover: Rover, radius: Length = 1.0, delta: float = 0.55) -> Self:
         """Return the turn of this rover; `delta` is the duty of the fastest wheel.
 
         Raises

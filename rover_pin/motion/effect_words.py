@@ -12,7 +12,7 @@ from rover_pin.body.rover import Rover
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.effect_files import BASES, AnyEffect, effect_entry, effect_from, package_effects, reading_traction
 from rover_pin.motion.model import OWNERS, Model, same_place
-from rover_pin.quantity import quantities
+from rover_pin.quantity import quantities, written
 
 FORM = "write it as EFFECT or EFFECT.name=value,name=value, as DiggingMemory.c_d=0.1"
 
@@ -110,7 +110,6 @@ def _value(word: str, effect: AnyEffect, field: str, text: str) -> tuple[str, An
         if name not in known:
             raise ParameterError(f"{word}: {type(effect).__name__} has no field '{field}': {closest(field, known)}")
         return name, text
-    try:
-        return name, math.radians(float(text)) if angle else float(text)
-    except ValueError:
-        raise ParameterError(f"{word}: {field} = {text!r} is not a number.") from None
+    if angle:
+        return name, math.radians(written(text, "", f"{word}: {field}"))
+    return name, written(text, quantities(effect)[name].unit, f"{word}: {field}")

@@ -15,6 +15,7 @@ from rover_pin.errors import SimulationError
 from rover_pin.motion.model import Model
 from rover_pin.motion.relaxation import AT_REST, Relaxation
 from rover_pin.motion.state import DriveState
+from rover_pin.quantity import Angle, Length
 
 RESTS, SLIDES = "at rest", "slides: the soil does not hold the rover there with its wheels locked"
 """What a trace says of its start: `attrs["start"]`."""
@@ -28,9 +29,9 @@ FARTHEST = 1e6
 class Start:
     """Where the base starts: x, y [m] and yaw [rad] in the world."""
 
-    x: float = 0.0
-    y: float = 0.0
-    yaw: float = 0.0
+    x: Length = 0.0
+    y: Length = 0.0
+    yaw: Angle = 0.0
 
     def __post_init__(self) -> None:
         for name, unit in (("x", "m"), ("y", "m"), ("yaw", "rad")):

@@ -6,6 +6,7 @@ import ctypes
 import errno
 import hashlib
 import importlib.util
+import logging
 import os
 import platform
 import shutil
@@ -17,6 +18,7 @@ from rover_pin.errors import MissingExtraError
 from rover_pin.motion.library_cache import built, kept
 from rover_pin.private_folders import private_folders
 
+log = logging.getLogger(__name__)
 FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 PLAIN_CPU = "-mcpu=baseline"
 """Zig builds for this very processor unless told otherwise; a folder of libraries may be shared with another."""
@@ -58,6 +60,7 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
 
 
 def _compiled(command: list[str], source: str, place: Path) -> Path:
+    log.debug("compiling %d lines of C with %s", source.count("\n"), " ".join(command))
     file, made = place / "source.c", place / "made.so"
     file.write_text(source)
     run = subprocess.run(

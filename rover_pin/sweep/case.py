@@ -26,7 +26,8 @@ def drive_case(study: Study, case: Case) -> Mapping[str, Any]:
 
 def scenario_of(study: Study, case: Case) -> Any:
     """Return the scenario with the case's values; a terrain of chance is made from the case's seed."""
-    from rover_pin.scenarios import SCENES, scenario
+    from rover_pin.scenarios import scenario
+    from rover_pin.scenes import SCENES
 
     times = {name: getattr(study, name) for name in ("duration", "dt") if getattr(study, name) is not None}
     settings = {**times, "trust": study.trust, **study.settings, **case.values}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -11,15 +12,21 @@ from rover_pin.console import plain_column, plain_console
 
 Advance = Callable[[bool], None]
 """To be called after each case with whether it failed."""
+LOG = logging.getLogger("rover_pin")
 SECONDS_BETWEEN_LINES = 10.0
 
 
 @contextmanager
 def progress(name: str, total: int, done: int) -> Iterator[Advance]:
     """Show on stderr how many of `total` cases are finished, `done` of them before."""
-    shown = _bar if sys.stderr.isatty() else _lines
+    shown = _silent if LOG.level > logging.INFO else _bar if sys.stderr.isatty() else _lines
     with shown(name, total, done) as advance:
         yield advance
+
+
+@contextmanager
+def _silent(name: str, total: int, done: int) -> Iterator[Advance]:
+    yield lambda has_failed: None
 
 
 @contextmanager

@@ -299,7 +299,7 @@ def test_commands_are_checked():
         (lambda: scenario("ditch", soil="tabel-1"), "did you mean 'table-1'"),
         (lambda: scenario("ditch", gravity="mon"), "did you mean 'moon'"),
         (lambda: scenario("ditch", gravity=-1.0), "must lie in"),
-        (lambda: scenario("ditch", **{"soil.k": -1.0}), "Soil.k = -1 m is not allowed"),
+        (lambda: scenario("ditch", **{"soil.k": -1.0}), "soil.k = -1 m is not allowed"),
         (lambda: made("flat").replace(terain=1), "did you mean 'terrain'"),
         (lambda: made("flat").effect(GearFriction), "has no effect GearFriction"),
     ],

@@ -1,0 +1,12 @@
+"""Commands that `cli` adds to those of its own: one file each; what a command needs is imported when it runs."""
+
+from __future__ import annotations
+
+import typer
+
+from rover_pin.commands import listing
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands of this room."""
+    app.command("list")(listing.list_)

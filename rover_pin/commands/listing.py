@@ -1,0 +1,85 @@
+"""`rover-pin list`: what there is to choose from, with unit, bounds, default and source."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rover_pin.errors import ParameterError, closest
+from rover_pin.terminal import assignments, json_text, numbers_table
+
+if TYPE_CHECKING:
+    from rover_pin.catalogue import Entry
+    from rover_pin.settings import Setting
+
+
+class What(StrEnum):
+    """What can be listed."""
+
+    SCENARIOS = "scenarios"
+    SOILS = "soils"
+    ROVERS = "rovers"
+    EFFECTS = "effects"
+    SETTINGS = "settings"
+
+
+def list_(
+    what: Annotated[What, typer.Argument(help="What to list.")],
+    name: Annotated[str, typer.Argument(help="One of them, with its numbers; of settings: the scenario.")] = "",
+    set_: Annotated[
+        list[str], typer.Option("--set", metavar="NAME=VALUE", help="Settings as driven, as control=eq9.")
+    ] = [],  # noqa: B006 - typer wants a list
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
+) -> None:
+    """List scenarios, soils, rovers, effects or settings, each number with unit, default, bounds and source."""
+    from rover_pin import catalogue
+
+    if what is What.SETTINGS:
+        _say_settings(catalogue.settings(name or "ditch", **assignments(set_)), as_json)
+        return
+    entries: list[Entry] = getattr(catalogue, what.value)()
+    if name:
+        entries = [each for each in entries if each.name == name] or _unknown(what, name, entries)
+    if as_json:
+        print(json_text({what.value: [each.as_dict() for each in entries]}))
+    elif name:
+        _say_one(entries[0])
+    else:
+        _say_all(entries)
+
+
+def _unknown(what: What, name: str, entries: list[Entry]) -> Any:
+    raise ParameterError(f"There is no {what.removesuffix('s')} '{name}': {closest(name, (e.name for e in entries))}")
+
+
+def _say_settings(settings: list[Setting], as_json: bool) -> None:
+    from rover_pin.catalogue import plain
+
+    if as_json:
+        print(json_text({"settings": [plain(each) for each in settings]}))
+        return
+    numbers_table(settings)
+    print("\nGive them as --set NAME=VALUE, with a unit if you like: soil.k=5mm, terrain.wall_angle=40deg.")
+
+
+def _say_all(entries: list[Entry]) -> None:
+    width = max(len(each.name) for each in entries)
+    group = ""
+    for each in entries:
+        if each.facts.get("acts", group) != group:
+            group = each.facts["acts"]
+            print(f"{group}:")
+        print(f"{each.name:{width}}  {each.about}")
+
+
+def _say_one(entry: Entry) -> None:
+    print(f"{entry.name}: {entry.about}")
+    for name, value in entry.facts.items():
+        if value or value == 0:
+            print(f"{name.replace('_', ' ')}: {value if isinstance(value, str) else json.dumps(value)}")
+    if entry.numbers:
+        print()
+        numbers_table(entry.numbers)

@@ -1,0 +1,90 @@
+"""How much a command says on its way: `-q`, `-v` and `--version`, which every command and the program itself take."""
+
+from __future__ import annotations
+
+import copy
+import logging
+import sys
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from rover_pin.version import __version__
+
+LEVELS = {"quiet": logging.WARNING, "": logging.INFO, "verbose": logging.DEBUG}
+
+
+class Lines(logging.Formatter):
+    """One line a record: a plain one as it is, a warning as the program's, one of `-v` with its module and time."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line."""
+        said = record.getMessage()
+        if record.levelno >= logging.WARNING:
+            return f"rover-pin: warning: {said}"
+        if record.levelno >= logging.INFO:
+            return said
+        return f"{record.relativeCreated / 1e3:8.2f} s  {record.name.removeprefix('rover_pin.')}: {said}"
+
+
+def speak(level: str = "") -> None:
+    """Say the package's log on standard error from this level on: quiet, verbose, or what is usual."""
+    log = logging.getLogger("rover_pin")
+    for each in [each for each in log.handlers if isinstance(each.formatter, Lines)]:
+        log.removeHandler(each)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(Lines())
+    log.addHandler(handler)
+    log.setLevel(LEVELS[level])
+
+
+class Speaking(TyperGroup):
+    """A program whose commands all take its own `-q` and `-v`, wherever one writes them."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        shared = [copy.copy(each) for each in self.params if each.name in LEVELS]
+        for option in shared:
+            option.expose_value = False
+        for command in self.commands.values():
+            command.params = [*command.params, *shared]
+
+
+def _say_version(given: bool) -> None:
+    if given:
+        print(f"rover-pin {__version__}")
+        raise typer.Exit
+
+
+def _say_less(given: bool) -> None:
+    if given:
+        speak("quiet")
+
+
+def _say_more(given: bool) -> None:
+    if given:
+        speak("verbose")
+
+
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", callback=_say_less, help="Say only warnings on the way.")]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", callback=_say_more, help="Say also what is compiled, when.")]
+Version = Annotated[bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")]
+
+
+def program(quiet: Quiet = False, verbose: Verbose = False, version: Version = False) -> None:
+    """Take the options of the program itself."""
+
+
+def scenario_names(begun: str) -> list[str]:
+    """Return the scenarios that begin so, for the shell to complete."""
+    from rover_pin.scenes import SCENES
+
+    return [name for name in SCENES if name.startswith(begun)]
+
+
+def soil_names(begun: str) -> list[str]:
+    """Return the soils that begin so, for the shell to complete."""
+    from rover_pin.parameters import SOILS
+
+    return [name for name in SOILS if name.startswith(begun)]

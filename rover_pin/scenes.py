@@ -1,0 +1,70 @@
+"""The ready-made scenes by name: a terrain with its usual settings, and how long it is driven."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from rover_pin.body import shapes
+from rover_pin.body.field import paper_field
+from rover_pin.body.terrain import Terrain
+from rover_pin.body.terrain_files import from_grid, from_polyline
+from rover_pin.motion.model import CRUISE_SLIP
+
+DEG = math.pi / 180.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A terrain with its usual settings, and what is driven on it."""
+
+    terrain: Callable[..., Terrain]
+    duration: float = 20.0
+    terrain_settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    symmetric: bool = False
+    cruise_slip: float | None = None
+    "the slip for which the resistance is chosen on the scene's own soil; else it is that of the named soil"
+    about: str = ""
+    "what it is, where the terrain's own docstring does not say it"
+
+
+SCENES: dict[str, Scene] = {
+    "flat": Scene(shapes.flat, 10.0, symmetric=True),
+    "incline": Scene(shapes.incline, 20.0, {"angle": 6 * DEG}, symmetric=True),
+    "slope": Scene(shapes.growing_slope, 60.0, symmetric=True),
+    "bump": Scene(shapes.bump, 30.0, symmetric=True),
+    "one-sided-bump": Scene(shapes.one_sided_bump, 30.0),
+    "ditch": Scene(shapes.ditch, 20.0, {"wall_angle": 30 * DEG}, symmetric=True),
+    "step": Scene(shapes.step, 20.0, symmetric=True),
+    "rocks": Scene(shapes.rocks, 30.0),
+    "field": Scene(paper_field, 120.0, settings={"soil.k": 0.010}, cruise_slip=CRUISE_SLIP),
+    "washboard": Scene(shapes.washboard, 20.0, symmetric=True),
+    "cross-slope": Scene(shapes.cross_slope, 20.0, {"angle": 6 * DEG}),
+    "hills": Scene(shapes.hills, 30.0),
+    "turn": Scene(
+        shapes.flat,
+        30.0,
+        settings={"control": "turn", "soil.k": 0.003},
+        cruise_slip=CRUISE_SLIP,
+        about="A turn of 1 m radius on level ground, wheels steered",
+    ),
+    "point-turn": Scene(
+        shapes.flat,
+        20.0,
+        settings={"control": "point-turn", "soil.k": 0.003},
+        cruise_slip=CRUISE_SLIP,
+        about="A turn on the spot on level ground, wheels steered",
+    ),
+    "polyline": Scene(from_polyline, 30.0, {"path": "terrain.csv"}, about="Your own ground: x_m, z_m of a CSV file"),
+    "grid": Scene(from_grid, 30.0, {"path": "terrain.npz"}, about="Your own ground: a height grid in .npz or CSV"),
+    "park": Scene(
+        shapes.incline,
+        10.0,
+        {"angle": 6 * DEG, "start": -5.0},
+        {"control.delta": 0.0, "gear_friction": 0.1},
+        about="Motors off on a slope of 6 deg, held by gear friction",
+    ),
+}

@@ -1,0 +1,65 @@
+"""How much is said on the way: nothing but warnings with -q, more with -v; the version; what a shell completes."""
+
+import logging
+import os
+import subprocess
+import sys
+
+import pytest
+
+import rover_pin
+from rover_pin.commands.speaking import speak
+
+
+@pytest.fixture(autouse=True)
+def as_it_was():
+    yield
+    log = logging.getLogger("rover_pin")
+    log.handlers = [each for each in log.handlers if isinstance(each, logging.NullHandler)]
+    log.setLevel(logging.NOTSET)
+
+
+def test_the_version(run):
+    assert run("--version")[:2] == (0, f"rover-pin {rover_pin.__version__}\n")
+
+
+@pytest.mark.parametrize("words", [("-q", "drive", "flat"), ("drive", "flat", "-q")])
+def test_a_quiet_command_says_nothing_on_the_way(run, words):
+    more = ("--set", "duration=0.5")
+    run(*words, *more)
+    assert run(*words, *more)[2] == ""
+    assert "replaces" in run("drive", "flat", *more)[2]
+
+
+def test_a_verbose_command_says_what_it_does(run):
+    assert "driven: 10 rows" in run("drive", "flat", "-v", "--set", "duration=0.5")[2]
+
+
+def test_warnings_are_said_even_where_it_is_quiet(capsys):
+    speak("quiet")
+    logging.getLogger("rover_pin.motion").info("on the way")
+    logging.getLogger("rover_pin.motion").warning("look out")
+    assert capsys.readouterr().err == "rover-pin: warning: look out\n"
+
+
+def test_the_package_says_nothing_unless_asked():
+    code = "import logging, rover_pin; logging.getLogger('rover_pin.motion').warning('look out')"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stderr == b""
+
+
+@pytest.mark.parametrize(("words", "found"), [("drive di", ["ditch"]), ("drive flat --soil fj", ["fjs-1"])])
+def test_a_shell_completes_names(words, found):
+    asked = {"_ROVER_PIN_COMPLETE": "complete_bash", "COMP_WORDS": f"rover-pin {words}"}
+    asked["COMP_CWORD"] = str(len(words.split()))
+    code = "import sys; sys.argv[0] = 'rover-pin'; from rover_pin.cli import app; app(prog_name='rover-pin')"
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, **asked}, check=False
+    )
+    assert run.stdout.split() == found
+
+
+def test_paths_are_never_shortened(run, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "30")
+    folder = "a-rather-long-name-of-a-folder/" + "and-another-that-is-as-long" * 2
+    _, out, _ = run("drive", "flat", "--set", "duration=0.5", "--out", folder)
+    assert f"{folder}/snapshots.png" in out.split()
