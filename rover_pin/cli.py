@@ -15,7 +15,8 @@ from typing import Annotated, Any
 import typer
 
 from rover_pin import commands
-from rover_pin.commands.speaking import Speaking, program, scenario_names, soil_names, speak
+from rover_pin.commands.options import AsJson, Effects, Gravity, ModelFile, Out, Set, SoilName, Trusted
+from rover_pin.commands.speaking import Speaking, program, scenario_names, speak
 from rover_pin.errors import RoverPinError, UrdfError
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
@@ -29,22 +30,6 @@ app = typer.Typer(
 
 SELDOM = (50_000, 20, 100)
 """When garbage is collected: importing makes much and drops little, and the process's end frees all at once."""
-
-Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object for machines instead of the table.")]
-Set = Annotated[
-    list[str],
-    typer.Option("--set", metavar="NAME=VALUE", help="Change anything of rover-pin list settings."),
-]
-SoilName = Annotated[str, typer.Option("--soil", autocompletion=soil_names, help="A soil: rover-pin list soils.")]
-Gravity = Annotated[str, typer.Option("--gravity", help="earth, moon, mars, or m/s^2; else the model's, else Earth's.")]
-Effects = Annotated[
-    Path | None, typer.Option("--effects", help="Your own effect's .py file, or a folder of them: its code may run.")
-]
-Trusted = Annotated[
-    bool, typer.Option("--trust", help="Let a model or data run all code, and read all files, that they name.")
-]
-ModelFile = Annotated[Path | None, typer.Option("--model", help="A model file: rover, soils, motor, all effects.")]
 
 
 def main() -> None:
@@ -121,29 +106,6 @@ def half_step_change(chosen: Any, trace: Any) -> float:
     finer = dataclasses.replace(chosen, timing=chosen.timing.halved()).drive()
     rows = min(len(trace["body_x"]), len(finer["body_x"]))
     return float(np.max(np.abs(trace["body_x"][:rows] - finer["body_x"][:rows])))
-
-
-@app.command()
-def curve(
-    soil: SoilName = "table-1",
-    k: Annotated[list[float], typer.Option(help="Shear displacement k [m], repeatable; default: the soil's own.")] = [],  # noqa: B006
-    n: Annotated[float | None, typer.Option(help="Sinkage exponent, in place of the soil's.")] = None,
-    out: Out = Path("out/curve"),
-    as_json: AsJson = False,
-) -> None:
-    """Draw the load-traction factor F(S) against slip, in every form, at the soil's fixed angles."""
-    from rover_pin import plot
-    from rover_pin.parameters import soil_named
-    from rover_pin.soil.curves import traction_curves
-
-    table = traction_curves(soil_named(soil), k, n)
-    with stoppable(out, ("traction.csv", "traction.png")), alone_in(out):
-        files = plot.traction_figure(table, soil, out)
-    at = {f"F({form}, k = {1e3 * value:g} mm)": curve for (form, value), curve in table.curves.items()}
-    rows = {
-        name: {"S=0": float(curve[0]), "S=0.2": float(curve[20]), "S=1": float(curve[-1])} for name, curve in at.items()
-    }
-    report({"soil": soil, **rows, "files": [str(file) for file in files]}, as_json)
 
 
 @app.command("check-urdf")

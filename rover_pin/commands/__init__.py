@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import typer
 
-from rover_pin.commands import listing
+from rover_pin.commands import curve, listing
 
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands of this room."""
+    app.command()(curve.curve)
     app.command("list")(listing.list_)

@@ -1,0 +1,34 @@
+"""`rover-pin curve`: the load-traction factor against slip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rover_pin.commands.options import AsJson, Out, SoilName
+from rover_pin.results_folder import alone_in
+from rover_pin.terminal import report, stoppable
+
+
+def curve(
+    soil: SoilName = "table-1",
+    k: Annotated[list[float], typer.Option(help="Shear displacement k [m], repeatable; default: the soil's own.")] = [],  # noqa: B006
+    n: Annotated[float | None, typer.Option(help="Sinkage exponent, in place of the soil's.")] = None,
+    out: Out = Path("out/curve"),
+    as_json: AsJson = False,
+) -> None:
+    """Draw the load-traction factor F(S) against slip, in every form, at the soil's fixed angles."""
+    from rover_pin import plot
+    from rover_pin.parameters import soil_named
+    from rover_pin.soil.curves import traction_curves
+
+    table = traction_curves(soil_named(soil), k, n)
+    with stoppable(out, ("traction.csv", "traction.png")), alone_in(out):
+        files = plot.traction_figure(table, soil, out)
+    at = {f"F({form}, k = {1e3 * value:g} mm)": curve for (form, value), curve in table.curves.items()}
+    rows = {
+        name: {"S=0": float(curve[0]), "S=0.2": float(curve[20]), "S=1": float(curve[-1])} for name, curve in at.items()
+    }
+    report({"soil": soil, **rows, "files": [str(file) for file in files]}, as_json)

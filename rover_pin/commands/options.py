@@ -1,0 +1,26 @@
+"""The options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rover_pin.commands.speaking import soil_names
+
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object for machines instead of the table.")]
+Set = Annotated[
+    list[str],
+    typer.Option("--set", metavar="NAME=VALUE", help="Change anything of rover-pin list settings."),
+]
+SoilName = Annotated[str, typer.Option("--soil", autocompletion=soil_names, help="A soil: rover-pin list soils.")]
+Gravity = Annotated[str, typer.Option("--gravity", help="earth, moon, mars, or m/s^2; else the model's, else Earth's.")]
+Effects = Annotated[
+    Path | None, typer.Option("--effects", help="Your own effect's .py file, or a folder of them: its code may run.")
+]
+Trusted = Annotated[
+    bool, typer.Option("--trust", help="Let a model or data run all code, and read all files, that they name.")
+]
+ModelFile = Annotated[Path | None, typer.Option("--model", help="A model file: rover, soils, motor, all effects.")]
