@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rover_pin.evidence.drive_anchor import Anchor
 from rover_pin.evidence.drive_candidates import Candidate
 from rover_pin.evidence.drive_fit import DriveFit, fit
 from rover_pin.evidence.drive_left_out import left_out, loss_of, refitted_left_out
@@ -19,6 +20,8 @@ REFITTED, PROMISING = 5, 0.4
 """Candidates that are refitted, at most, and the share of its fee that one must promise to pay."""
 FAR_BEHIND = 0.02
 """Share of the best score below which a candidate is not refitted."""
+FROM_DECLARED = 3
+"""Candidates that are refitted from the declared numbers, at most."""
 NEAR = 0.1
 """Share of the best's net gain within which one that has gained, or had promised, so much is fitted to the end."""
 POLISHED = 3
@@ -61,32 +64,50 @@ class Refit:
         return self.net > 0 and self.held_out > 0
 
 
-def refit(base: DriveFit, scored: Sequence[Scored], fee: Fee, progress: Progress) -> tuple[Refit, ...]:
-    """Return the plausible candidates refitted, the best first; `fee` says what one must gain."""
-    best = max((row.gain for row in scored if row.told), default=0.0)
-    paying = [row for row in scored if row.told and _promises(row, fee, best)]
-    chosen = list(
-        {row.candidate.name: row for row in (placed(base, one) for one in _distinct(paying)[:REFITTED])}.values()
-    )
+def refit(
+    base: DriveFit, scored: Sequence[Scored], fee: Fee, progress: Progress, declared: Anchor | None = None
+) -> tuple[Refit, ...]:
+    """Return the plausible candidates refitted, the best first; `fee` says what one must gain.
+
+    Each starts where the base ended; the best of `declared`, which a bent base gives, from the declared numbers too:
+    from a base that has absorbed a strong effect there may be no way down to the model that has it.
+    """
     without = left_out(base)
-    found = []
+    chosen = _chosen(base, scored, fee)
+    found = {}
     for row in chosen:
         progress(f"refitting with {row.candidate.name}")
-        found.append(_refit(base, row, fee, without, chord=True))
+        found[row.candidate.name] = _refit(base, base, row, fee, without)
+    for row in _chosen(declared.start, declared.scored, fee)[:FROM_DECLARED] if declared else ():
+        progress(f"refitting with {row.candidate.name} from the declared numbers")
+        _keep(found, _refit(base, declared.start, row, fee, without))  # type: ignore[union-attr]
     promised = {row.candidate.name: row.gain - fee(row.candidate) for row in chosen}
-    reached = max((one.net for one in found), default=0.0)
-    for at, row in enumerate(chosen):
+    reached = max((one.net for one in found.values()), default=0.0)
+    for row in chosen:
         if promised[row.candidate.name] > max(reached, 0.0):
             progress(f"refitting with {row.candidate.name}, which gained less than promised")
-            again = _refit(base, row, fee, without, chord=False)
-            found[at] = max(found[at], again, key=lambda one: one.net)
-    ranked = sorted(found, key=lambda one: -one.net)
+            _keep(found, _refit(base, base, row, fee, without, chord=False))
+    ranked = sorted(found.values(), key=lambda one: -one.net)
     reach = ranked[0].net - 2 * ODDS - NEAR * abs(ranked[0].net) if ranked else 0.0
-    near = [one for one in ranked if one.net > 0 and max(one.net, promised[one.name]) > reach][:POLISHED]
+    near = [one for one in ranked if one.net > 0 and max(one.net, promised.get(one.name, 0.0)) > reach][:POLISHED]
     for one in near:
         progress(f"refitting with {one.name}, every slope anew")
         ranked[ranked.index(one)] = _confirmed(base, _polished(base, one, without))
     return tuple(sorted(ranked, key=lambda one: -one.net))
+
+
+def _chosen(start: DriveFit, scored: Sequence[Scored], fee: Fee) -> list[Scored]:
+    """Return the candidates that promise enough, each once, at their best places."""
+    best = max((row.gain for row in scored if row.told), default=0.0)
+    paying = [row for row in scored if row.told and _promises(row, fee, best)]
+    return list(
+        {row.candidate.name: row for row in (placed(start, one) for one in _distinct(paying)[:REFITTED])}.values()
+    )
+
+
+def _keep(found: dict[str, Refit], one: Refit) -> None:
+    """Keep a candidate's refit where it is its best so far."""
+    found[one.name] = max(found.get(one.name, one), one, key=lambda each: each.net)
 
 
 def _promises(row: Scored, fee: Fee, best: float) -> bool:
@@ -105,14 +126,15 @@ def _distinct(rows: Sequence[Scored]) -> list[Scored]:
     return kept
 
 
-def _refit(base: DriveFit, row: Scored, fee: Fee, without: np.ndarray, chord: bool) -> Refit:
+def _refit(base: DriveFit, start: DriveFit, row: Scored, fee: Fee, without: np.ndarray, chord: bool = True) -> Refit:
+    """Return a candidate refitted from the numbers of `start`, judged against the base."""
     candidate = row.candidate
-    model = with_values(candidate.on(base.model), started(row, base.model))
-    numbers, start = joined(base, candidate, model)
-    slopes = base.slopes if chord else None
-    refitted = fit(base.task, model, numbers, start, slopes, chord)
-    if refitted.chi2 > base.chi2 and candidate.effect is not None:
-        other = fit(base.task, model, numbers, _small(numbers, start, len(base.u)), slopes, chord)
+    model = with_values(candidate.on(start.model), started(row, start.model))
+    numbers, here = joined(start, candidate, model)
+    slopes = start.slopes if chord else None
+    refitted = fit(base.task, model, numbers, here, slopes, chord)
+    if refitted.chi2 > start.chi2 and candidate.effect is not None:
+        other = fit(base.task, model, numbers, _small(numbers, here, len(start.u)), slopes, chord)
         refitted = min(refitted, other, key=lambda one: one.chi2)
     return _judged(base, candidate, refitted, fee(candidate), without)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rover_pin.evidence.drive_anchor import anchor, is_bent
 from rover_pin.evidence.drive_bench import bench_of
 from rover_pin.evidence.drive_candidates import Candidate, candidates
 from rover_pin.evidence.drive_compare import Fee, Refit, alike, refit
@@ -110,7 +111,11 @@ def _round(
     added = {each.alike[0].candidate.kind for each in before}
     left = [each for each in known if each.candidate.name not in added and each.candidate.kind not in _once(added)]
     scored = score(here, left)
-    return Round(tuple(scored), refit(here, scored, fee_after(before, len(tried)), progress))
+    declared = None
+    if is_bent(here):
+        progress("the numbers had to leave what is declared: scoring every candidate at the declared ones too")
+        declared = anchor(here, [each.candidate for each in left])
+    return Round(tuple(scored), refit(here, scored, fee_after(before, len(tried)), progress, declared))
 
 
 def fee_after(before: Sequence[Round], count: int) -> Fee:

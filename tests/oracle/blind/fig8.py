@@ -78,18 +78,18 @@ def drives(random):
     )  # fmt: skip
 
 
-def plan():
+def plan(seed=SEED, true=TRUE):
     """Return the runs and what the log declares."""
-    random = np.random.default_rng([SEED, 0])
+    random = np.random.default_rng([seed, 0])
     gains = {"motor": 1.0 + campaign.MOTOR_SPREAD * random.standard_normal(6)}
     gains["tacho"] = 1.0 + campaign.TACHO_SPREAD * random.standard_normal(6)
     heights, runs = np.round([np.zeros(len(X)), height(X)], 5), []
     for at, (name, purpose, y, x, yaw, duty) in enumerate(drives(random)):
-        own = np.random.default_rng([SEED, 1, at])
+        own = np.random.default_rng([seed, 1, at])
         row = heights[1 if y > BORDER else 0]
         z = np.interp(FINE, X, row) + campaign.relief(own, FINE)
         run = Run(
-            dict(TRUE), tuple((FINE, each) for each in z), (y,), (x, y, yaw), duty, None, tuple(gains["motor"]),
+            dict(true), tuple((FINE, each) for each in z), (y,), (x, y, yaw), duty, None, tuple(gains["motor"]),
             (FINE[0], FINE[1] - FINE[0]), campaign.strength(own, FINE),
         )  # fmt: skip
         runs.append((name, purpose, run))
@@ -102,37 +102,51 @@ def plan():
         "licence": "MIT, as this repository",
         "header": (
             "Six drives of Nexus 6 on sand that gives way at once, on a slope that steepens as in Fig 8. SIMULATED.",
-            "Hidden: DiggingMemory, c_d = 0.1, L = 40 mm. True: k = 1.5 mm, phi = 30 deg, R = 0.34; motors and",
-            "tachometers 1 % apart; the declared k is wrong on purpose. Written by tests/oracle/blind/fig8.py, seed 8.",
+            *told(seed, true),
         ),
     }
     return {"runs": runs, "declared": declared, "heights": heights, "X": X, "borders": (BORDER,)} | about, gains
 
 
-def made():
-    """Return the plan, the gains and the true channels [runs, rows]."""
-    planned, gains = plan()
-    return planned, gains, drive([run for _, _, run in planned["runs"]], DURATION)
+def told(seed, true):
+    """Return the lines that say what is hidden."""
+    if (seed, true) != (SEED, TRUE):
+        numbers = ", ".join(f"{name} = {value:.6g}" for name, value in true.items())
+        return (f"True: {numbers}. Written by tests/oracle/blind/fig8.py, seed {seed}.",)
+    return (
+        "Hidden: DiggingMemory, c_d = 0.1, L = 40 mm. True: k = 1.5 mm, phi = 30 deg, R = 0.34; motors and",
+        "tachometers 1 % apart; the declared k is wrong on purpose. Written by tests/oracle/blind/fig8.py, seed 8.",
+    )
 
 
-def write(folder):
+def write(folder, seed=SEED, true=TRUE):
     """Drive and write the log."""
-    planned, gains, true = made()
+    planned, gains = plan(seed, true)
+    driven = drive([run for _, _, run in planned["runs"]], DURATION)
     logged = []
     for at, _ in enumerate(planned["runs"]):
-        channels = {name: values[at] for name, values in true.items()}
-        random = np.random.default_rng([SEED, 2, at])
+        channels = {name: values[at] for name, values in driven.items()}
+        random = np.random.default_rng([seed, 2, at])
         read = measured(channels, {}, gains["tacho"], random)
         logged.append({name: values[EVERY - 1 :: EVERY] for name, values in read.items()})
     write_set(folder, planned, logged, digits=5, sample_period=EVERY * 0.05)
-    return true
+    return driven
+
+
+def number(text):
+    """Return name and value of NAME=VALUE."""
+    name, _, value = text.partition("=")
+    return name, float(value)
 
 
 def main():
-    """Write the log where asked."""
+    """Write the log, or one like it with other true numbers, where asked."""
     reader = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     reader.add_argument("--out", type=Path, required=True)
-    write(reader.parse_args().out.resolve())
+    reader.add_argument("--seed", type=int, default=SEED)
+    reader.add_argument("--true", type=number, action="append", default=[], metavar="NAME=VALUE", help="SI, repeatable")
+    options = reader.parse_args()
+    write(options.out.resolve(), options.seed, TRUE | dict(options.true))
 
 
 if __name__ == "__main__":
