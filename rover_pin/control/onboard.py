@@ -17,7 +17,7 @@ from rover_pin.body.rover import Rover
 from rover_pin.contact import Scalar
 from rover_pin.control.steering import Turn
 from rover_pin.motion.command import Command, Reading
-from rover_pin.motion.simulate import CONTROL_PERIOD
+from rover_pin.motion.timing import CONTROL_PERIOD
 from rover_pin.quantity import Record, quantity
 
 STRAIGHT = 1e-3

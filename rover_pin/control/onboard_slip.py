@@ -16,7 +16,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.motion.command import Reading
 from rover_pin.motion.failure import suspension_of
 from rover_pin.motion.model import Model
-from rover_pin.motion.simulate import CONTROL_PERIOD
+from rover_pin.motion.timing import CONTROL_PERIOD
 from rover_pin.quantity import Record, quantity
 from rover_pin.soil.traction import TorqueTraction, load_traction_factor
 

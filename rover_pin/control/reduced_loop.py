@@ -13,7 +13,7 @@ from rover_pin.control.slip_estimate import SLOWEST_RIM, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_limit import PITCHES, NoLimit, TorqueLimit
 from rover_pin.control.wheel_path import piecewise
-from rover_pin.motion.simulate import CONTROL_PERIOD
+from rover_pin.motion.timing import CONTROL_PERIOD
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from rover_pin.control.slip_estimate import SlipEstimate
 from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_limit import NoLimit, TorqueLimit
 from rover_pin.motion.command import Command, Reading
-from rover_pin.motion.simulate import CONTROL_PERIOD
+from rover_pin.motion.timing import CONTROL_PERIOD
 from rover_pin.quantity import Record, quantities, quantity
 
 FADE = 0.005

@@ -37,6 +37,16 @@ def warnings_of(model: Model, rows: Sequence[Any], pace: Pace) -> list[str]:
     return made
 
 
+def pivot_warning(steps: int) -> str:
+    """Return a sentence where the equations of so many steps were nearly singular, or nothing."""
+    if not steps:
+        return ""
+    return (
+        f"the equations of motion were nearly singular in {steps} steps, which were solved with exchanged rows: "
+        "look for a joint that moves next to no mass, or give a smaller dt."
+    )
+
+
 def mean_load(model: Model, rows: Sequence[Any]) -> float:
     """Return the mean of the soil's forces against gravity over the weight [-], less what the rover gained in momentum.
 

@@ -11,6 +11,7 @@ from rover_pin.motion import laws
 from rover_pin.motion.body_law import Joints, body_law
 from rover_pin.motion.hoist import hoisted
 from rover_pin.motion.model import Model
+from rover_pin.motion.native import lanes
 from rover_pin.motion.suspension import joints_of
 from rover_pin.motion.toolchain import shared_library
 from rover_pin.quantity import quantities
@@ -29,22 +30,31 @@ class CompiledLaws:
     motor: int
     body: int
     held: int
+    lanes: int
+    "patches or wheels that `contact` and `motor` take at once"
     work: tuple[int, int]
+
+
+COUNTED = "int law_lanes(void) { return LANES; }\n"
+"Lets the step check that it passes as many lanes."
 
 
 @lru_cache(maxsize=64)
 def compiled_laws(structure: Any) -> CompiledLaws:
     """Return the laws of this structure, compiled; the numbers stay parameters, so a sweep compiles once."""
-    contact = hoisted(laws.contact_law(structure.contact), len(laws.GEOMETRY))
-    functions = [*contact, laws.motor_law(structure.motor, structure.motor_effects)]
+    before, during = hoisted(laws.contact_law(structure.contact), len(laws.GEOMETRY))
+    motor = laws.motor_law(structure.motor, structure.motor_effects)
+    scalar = [before]
     if structure.body_effects:
-        functions.append(body_law(structure.body_effects, structure.joints))
-    handle = shared_library(laws.generated_source(*functions), "laws")
-    before, during, motor, *body = (
-        ctypes.cast(getattr(handle, f.name()), ctypes.c_void_p).value or 0 for f in functions
-    )
-    work = max(f.sz_iw() for f in functions), max(f.sz_w() for f in functions)
-    return CompiledLaws(handle, before, during, motor, body[0] if body else 0, contact.before.numel_out(0), work)
+        assert structure.joints is not None
+        scalar.append(body_law(structure.body_effects, structure.joints))
+    together = lanes.header() + lanes.written(during) + lanes.written(motor, shared=[2]) + COUNTED
+    handle = shared_library(laws.generated_source(*scalar) + together, "laws")
+    names = ["contact_law_before", "contact_law_during", "motor_law", *(f.name() for f in scalar[1:])]
+    at = [ctypes.cast(getattr(handle, name), ctypes.c_void_p).value or 0 for name in names]
+    work = max(f.sz_iw() for f in scalar), max(f.sz_w() for f in scalar)
+    body = at[3] if scalar[1:] else 0
+    return CompiledLaws(handle, at[0], at[1], at[2], body, before.numel_out(0), int(handle.law_lanes()), work)
 
 
 @dataclass(frozen=True)

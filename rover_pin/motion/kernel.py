@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import ctypes
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from rover_pin.errors import ParameterError
-from rover_pin.motion import laws, native
+from rover_pin.motion import laws
 from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.kernel_terrain import terrain_fields
 from rover_pin.motion.model import Model
 from rover_pin.motion.native.compiled_body import compiled_body
+from rover_pin.motion.native.elimination import elimination
+from rover_pin.motion.native.library import aligned, library, sizes
 from rover_pin.motion.native.shared import ENERGY, MAX_COLS, MAX_DOF, RECORD, DriveStruct
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.suspension import suspension_dofs
-from rover_pin.motion.toolchain import shared_library
 
 DIRECTION_SPEED = 0.005
 """Below this mean of rim and travel speed [m/s] the direction of travel is blended."""
@@ -26,19 +26,6 @@ SERVO_GAIN = (20.0, 0.2)
 """Stiffness [N m/rad] and damping [N m s/rad] of a steering servo (assumed: stiff beside the wheel's side forces)."""
 STOP_GAIN = (50.0, 1.0)
 """The same of a suspension's end stop (assumed)."""
-
-
-@lru_cache(maxsize=1)
-def library() -> ctypes.CDLL:
-    """Return the compiled kernel."""
-    made = shared_library(native.source(), "kernel")
-    made.rover_pin_step.argtypes = [ctypes.c_void_p]
-    made.rover_pin_energies.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
-    made.rover_pin_energies.restype = None
-    made.rover_pin_hold.argtypes = [ctypes.c_void_p]
-    made.rover_pin_hold.restype = None
-    assert made.rover_pin_size() == ctypes.sizeof(DriveStruct), "this compiler lays the struct Drive out otherwise"
-    return made
 
 
 class Kernel:
@@ -82,6 +69,11 @@ class Kernel:
     def misjudged(self) -> float:
         """By how much of its normal force some wheel's load was not what the step before took it to become."""
         return self.struct.misjudged
+
+    @property
+    def pivoted(self) -> int:
+        """How many steps had to exchange rows to solve for their speeds."""
+        return int(self.struct.pivoted)
 
     def resoil(self, soils: np.ndarray) -> None:
         """Let the soils have these constants from now on: (soils, quantities), in the order of `Soil`'s fields."""
@@ -130,6 +122,7 @@ class Kernel:
             n_coupled=len(coupled),
             coupled_dof=np.array([pair[:2] for pair in coupled] or [(0, 0)], dtype=np.int64).ravel(),
             coupled_ratio=np.array([ratio for *_, ratio in coupled] or [1.0]),
+            **self._elimination([pair[:2] for pair in coupled]),
             cols=cols,
             col_count=np.array([len(own) for own in columns], dtype=np.int64),
             wheel_dof=np.array([wheel.dof for wheel in rover.wheels], dtype=np.int64),
@@ -153,6 +146,16 @@ class Kernel:
             impulse=self.impulse,
         )
 
+    def _elimination(self, coupled: list[Any]) -> dict[str, Any]:
+        """Return the fields that say in which order the step's equations are solved."""
+        body = [*range(6), *suspension_dofs(self.model.built)] if self.model.body_effects else []
+        order, above = elimination(self.pin_model, coupled, body)
+        table = np.zeros((len(order), MAX_DOF), dtype=np.int64)
+        for row, left in zip(table, above, strict=True):
+            row[: len(left)] = left
+        count = np.array([len(left) for left in above], dtype=np.int64)
+        return {"n_free": len(order), "free_order": np.array(order), "free_count": count, "free_above": table}
+
     def _bind_rigid_body(self) -> None:
         model, made = self.pin_model, compiled_body(self.pin_model)
         self.gravity, self.armature = np.array(model.gravity.linear), np.array(model.armature)
@@ -160,9 +163,8 @@ class Kernel:
         self.keep["rigid_handle"] = made
         self._set(
             nq=model.nq,
-            M=np.zeros((model.nv, model.nv)),
-            n_inertia=len(made.places),
-            inertia_place=made.places,
+            n_inertia=len(made.rows),
+            inertia_place=np.concatenate([made.rows * MAX_DOF + made.columns, made.columns * MAX_DOF + made.rows]),
             rigid=column,
             rigid_held=np.append(made.held, 0.0),
             rigid_body=made.address,
@@ -220,13 +222,17 @@ class Kernel:
 
     def _bind_laws(self) -> None:
         model = self.model
+        room = sizes(library())
         made, rigid = compiled_laws(structure_of(model)), self.keep["rigid_handle"].work
         self.soils = np.array([laws.numbers([soil]) for soil in model.soils])
+        assert made.lanes == room.lanes, "the laws and the step are compiled for other lanes"
         self._set(
             soils=self.soils,
             n_soils=len(self.soils),
             n_held=made.held,
             held=np.zeros((self.struct.n_kinds * len(self.soils), max(1, made.held))),
+            held_lanes=aligned(room.questions * made.held + 8),
+            step=aligned(room.step // 8 + 1),
             contact_parameters=np.append(laws.numbers(model.contact_effects), 0.0),
             motor_parameters=laws.numbers([model.motor, *model.motor_effects]),
             body_parameters=np.append(laws.numbers(model.body_effects), 0.0),

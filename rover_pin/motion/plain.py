@@ -43,7 +43,7 @@ class Plain:
         self.record, self.loads, self.energy = np.zeros((n, len(RECORD))), np.zeros((n, 6)), np.zeros(len(ENERGY))
         self.impulse, self.differential = np.zeros(3), np.zeros(1)
         self.share = model.gravity * self.rover.mass / n
-        self.foreseen, self.misjudged = np.zeros((n, 4)), 0.0
+        self.foreseen, self.misjudged, self.pivoted = np.zeros((n, 4)), 0.0, 0
         self.duty = np.zeros(n)
         steered = {i: wheel.steer_dof for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None}
         self.servo_wheels, self.servo_dofs = list(steered), list(steered.values())

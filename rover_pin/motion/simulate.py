@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from rover_pin.errors import SimulationError
-from rover_pin.motion.audit import warnings_of
+from rover_pin.motion.audit import pivot_warning, warnings_of
 from rover_pin.motion.command import Command, Controller, Reading, Truth
 from rover_pin.motion.failure import Suspension, failure, suspension_of
 from rover_pin.motion.happened import happened
@@ -25,16 +24,8 @@ from rover_pin.motion.record import trace_of
 from rover_pin.motion.resolution import STANDING, firmness, parts
 from rover_pin.motion.soil_energy import energy_warning
 from rover_pin.motion.state import DriveState, base_rotation, roll_pitch_yaw
+from rover_pin.motion.timing import Timing
 from rover_pin.motion.trace import Trace
-
-DT = 0.005
-"""Default step [s]: x of the 30-deg-wall ditch (k = 10 mm) over 20 s within 0.1 mm with R = 0.12, 0.25 with 0.028."""
-FINEST = 1e-6
-"""Least step [s]: ten seconds of driving then take minutes."""
-CONTROL_PERIOD = 0.05
-"""Sample time of the controller [s] (assumed; the command is held in between)."""
-SAMPLE = 0.05
-"""Time between the trace's rows [s]."""
 
 
 class Stepper(Steps, Protocol):
@@ -48,37 +39,12 @@ class Stepper(Steps, Protocol):
     servo_wheels: list[int]
     differential: np.ndarray
 
+    @property
+    def pivoted(self) -> int:
+        """How many steps had to exchange rows to solve for their speeds."""
+
     def energies(self) -> tuple[float, float]:
         """Return kinetic and potential energy [J]."""
-
-
-@dataclass(frozen=True)
-class Timing:
-    """Step, control period and time between rows of the trace [s]; the last two are whole multiples of the step."""
-
-    dt: float = DT
-    control: float = CONTROL_PERIOD
-    sample: float = SAMPLE
-    divided: int = 1
-    "into how many parts every step is divided, besides those that the ground asks for (`resolution.parts`)"
-
-    def __post_init__(self) -> None:
-        if not FINEST <= self.dt <= 0.1:
-            raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in [{FINEST:g}, 0.1] s.")
-        for name in ("control", "sample"):
-            ratio = getattr(self, name) / self.dt
-            if ratio < 0.999 or abs(ratio - round(ratio)) > 1e-6:
-                raise SimulationError(
-                    f"The {name} period {getattr(self, name):g} s must be a whole multiple of dt = {self.dt:g} s."
-                )
-
-    def halved(self) -> Timing:
-        """Return the same with half the step, also where the ground asks for a finer one than `dt`."""
-        return dataclasses.replace(self, divided=2 * self.divided)
-
-    def refined(self, parts: int) -> Timing:
-        """Return the same with the step that is taken: `dt` in as many parts, and divided."""
-        return dataclasses.replace(self, dt=self.dt / (parts * self.divided), divided=1)
 
 
 class Drive(NamedTuple):
@@ -173,7 +139,8 @@ def _simulate(
     rows, stop = run(drive, pace, duration, progress)
     attrs = {"dt_s": fine.dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": stop}
     attrs |= {"set_down": begin.standing} if begin.standing else {}
-    return told(model, trace_of(model, rows, attrs), warnings_of(begun, rows, pace))
+    warnings = [*warnings_of(begun, rows, pace), pivot_warning(drive.stepper.pivoted)]
+    return told(model, trace_of(model, rows, attrs), [each for each in warnings if each])
 
 
 def told(model: Model, trace: Trace, warnings: list[str]) -> Trace:

@@ -16,10 +16,11 @@ from pathlib import Path
 
 from rover_pin.errors import MissingExtraError
 from rover_pin.motion.library_cache import built, kept
+from rover_pin.motion.processor import has_vector_math, level
 from rover_pin.private_folders import private_folders
 
 log = logging.getLogger(__name__)
-FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
+FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 PLAIN_CPU = "-mcpu=baseline"
 """Zig builds for this very processor unless told otherwise; a folder of libraries may be shared with another."""
 SEPARATOR = "\0"
@@ -52,20 +53,30 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
             "No C compiler found, and the fast simulator is compiled on first use: install gcc or clang, or "
             "the package `ziglang` (`pip install rover-pin[compiler]`)."
         )
-    words = [source, *command, *FLAGS, sys.platform, os.uname().machine, *platform.libc_ver()]
+    words = [source, *command, *FLAGS, *fast_flags(command), sys.platform, os.uname().machine, *platform.libc_ver()]
     stem = f"{name}-{hashlib.sha256(SEPARATOR.join(words).encode()).hexdigest()[:20]}"
     folders = private_folders()
     found = next(filter(None, (kept(folder, stem) for folder in folders)), None)
     return found or built(folders, stem, lambda place: _compiled(command, source, place))
 
 
+def fast_flags(command: list[str]) -> list[str]:
+    """Return what lets the compiler use this processor's vectors: nothing where elementary functions have none."""
+    if len(command) > 1 or not (level() and has_vector_math()):  # zig has a C library of its own
+        return []
+    return [f"-march={level()}", "-DLIBMVEC"]
+
+
 def _compiled(command: list[str], source: str, place: Path) -> Path:
     log.debug("compiling %d lines of C with %s", source.count("\n"), " ".join(command))
     file, made = place / "source.c", place / "made.so"
     file.write_text(source)
-    run = subprocess.run(
-        [*command, *FLAGS, "-o", str(made), str(file), "-lm"], capture_output=True, text=True, check=False
-    )
+    fast = fast_flags(command)
+    tried = [[*FLAGS, *fast, "-o", str(made), str(file), "-lmvec"], [*FLAGS, "-o", str(made), str(file)]]
+    for arguments in tried if fast else tried[1:]:
+        run = subprocess.run([*command, *arguments, "-lm"], capture_output=True, text=True, check=False)
+        if run.returncode == 0:
+            break
     if run.returncode and FULL in run.stderr:
         raise OSError(errno.ENOSPC, FULL)
     if run.returncode:

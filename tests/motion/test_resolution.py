@@ -167,8 +167,9 @@ def test_a_drive_whose_forces_turn_faster_than_its_steps_says_so():
         "hills", form="net", slip="algebraic", duration=4.0, gravity=7.2, gear_friction=0.0178,
         **{"soil.k": 0.0786, "soil.phi_deg": 35.9, "soil.n": 0.958, "soil.k_1": 117154.7, "control.delta": -0.969},
     )  # fmt: skip
-    (warning,) = drive.drive().attrs["warnings"]
-    assert warning.startswith("wheels' forces turned faster than the steps, which misjudged them by 0.")
+    told = drive.drive().attrs["warnings"]
+    start = "wheels' forces turned faster than the steps, which misjudged them by 0."
+    assert any(warning.startswith(start) for warning in told), told
 
 
 def test_half_the_step_is_half_of_what_is_taken():

@@ -207,3 +207,33 @@ def test_a_failing_compiler_is_said(cache):
     with pytest.raises(MissingExtraError, match="set CC to one that works"):
         toolchain.shared_library("this is not C\n", "broken")
     assert not list(cache.iterdir())
+
+
+def test_libraries_of_another_processor_are_not_taken(cache, monkeypatch):
+    """A folder that two machines share: what one compiles for its vectors, the other does not load."""
+    made = []
+    for level in ("", "x86-64-v3", "x86-64-v4", ""):
+        monkeypatch.setattr(toolchain, "level", lambda level=level: level)
+        monkeypatch.setattr(toolchain, "has_vector_math", lambda: True)
+        monkeypatch.setattr(toolchain, "_compiled", lambda command, source, place: _built(place))
+        monkeypatch.setattr(toolchain, "compiler", lambda: ["gcc"])
+        toolchain.shared_library(SOURCE, "twice")
+        made.append({file.name.rsplit("-", 1)[0] for file in cache.iterdir()})
+    assert [len(each) for each in made] == [1, 2, 3, 3]
+
+
+def _built(place):
+    """Return the plain library: this processor may not have the other's vectors."""
+    file = place / "source.c"
+    file.write_text(SOURCE)
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", str(place / "made.so"), str(file)], check=True)
+    return place / "made.so"
+
+
+def test_a_compiler_that_does_not_know_the_processor_builds_for_any(cache, monkeypatch):
+    monkeypatch.setattr(toolchain, "fast_flags", lambda command: ["-march=not-a-processor"])
+    assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
+
+
+def test_the_package_ziglang_builds_for_any_processor():
+    assert toolchain.fast_flags([sys.executable, "-m", "ziglang", "cc", toolchain.PLAIN_CPU]) == []

@@ -22,8 +22,9 @@ class CompiledBody:
     handle: ctypes.CDLL
     address: int
     held: np.ndarray
-    places: np.ndarray
-    "of the inertia's entries in the matrix, row by row"
+    rows: np.ndarray
+    columns: np.ndarray
+    "of the inertia's entries, in its upper triangle"
     ends: dict[str, int]
     "where the parts of the column end: those of `Motion`"
     work: tuple[int, int]
@@ -34,13 +35,13 @@ def compiled_body(model: pin.Model) -> CompiledBody:
     tree = tree_of(model)
     handle, before, during = _compiled(tree.joints, model.nq, model.nv)
     held = np.array(before(np.zeros(0), tree.parameters)).ravel()
-    places = np.array([row * model.nv + column for row, column in inertia_places(tree.joints)], dtype=np.int64)
+    rows, columns = np.array(inertia_places(tree.joints), dtype=np.int64).T
     joints = len(tree.joints) - 1
-    sizes = {"inertia": len(places), "bias": model.nv, "axes": 3 * joints, "points": 3 * joints}
+    sizes = {"inertia": len(rows), "bias": model.nv, "axes": 3 * joints, "points": 3 * joints}
     sizes |= {"rotation": 9, "potential": 1}
     ends = dict(zip(sizes, np.cumsum(list(sizes.values())).tolist(), strict=True))
     address = ctypes.cast(getattr(handle, during.name()), ctypes.c_void_p).value or 0
-    return CompiledBody(handle, address, held, places, ends, (during.sz_iw(), during.sz_w()))
+    return CompiledBody(handle, address, held, rows, columns, ends, (during.sz_iw(), during.sz_w()))
 
 
 @lru_cache(maxsize=64)

@@ -19,11 +19,11 @@ typedef struct {
   const Facet *facet;
 } Patch;
 
-typedef struct {
-  double centre[3], axle[3], forward[3], up[3], velocity[3], spin;
-  double lin[MAX_COLS][3], ang[MAX_COLS][3];
+typedef struct { /* Jacobian of the centre in columns: along (lin), about (ang), and about the axle (rim) */
+  _Alignas(64) double lin[3][MAX_COLS], ang[3][MAX_COLS], rim[MAX_COLS];
+  double centre[3], axle[3], forward[3], up[3], velocity[3], rate[3], spin;
   const integer *cols;
-  integer n;
+  integer n, rows; /* columns, and rows of 8 that hold them */
 } Wheel;
 
 static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }

@@ -1,7 +1,7 @@
-/* Whether a step took the forces to be what they became. */
+/* What a step made of its wheels, and whether it took the forces to be what they became. */
 
 /* By how much of its normal force a wheel's load now is not what the last step took it to become. */
-static double misjudged(const Drive *d, integer index, const WheelUpdate *now) {
+static double misjudged(const Drive *d, integer index, const WheelLoad *now) {
   const double *before = d->foreseen + 4 * index;
   if (!(now->load[2] > 0.0 && before[2] > 0.0)) return 0.0;
   double most = 0.0;
@@ -12,13 +12,32 @@ static double misjudged(const Drive *d, integer index, const WheelUpdate *now) {
   return most * fmin(1.0, now->load[2] / d->wheel_share);
 }
 
-static void foresee(const Drive *d, integer index, const Wheel *wheel, const WheelUpdate *update) {
-  double velocity[3] = {0.0, 0.0, 0.0}, spin = 0.0;
-  for (integer i = 0; i < wheel->n; ++i) {
-    double du = d->du[wheel->cols[i]];
-    for (int c = 0; c < 3; ++c) velocity[c] += wheel->lin[i][c] * du;
-    spin += dot(wheel->ang[i], wheel->axle) * du;
+static double by_moved(const double *slope, const double *moved) {
+  return slope[0] * moved[0] + slope[1] * moved[1] + slope[2] * moved[2] + slope[3] * moved[3];
+}
+
+/* A wheel's change of motion, the load expected of it, and its states at the step's end. */
+static void end_wheel(const Drive *d, integer index, const Wheel *wheel, WheelLoad *sum) {
+  const integer nx = d->n_contact_states;
+  _Alignas(64) double du[MAX_COLS];
+  take_columns(wheel, d->du, du);
+  for (int c = 0; c < 3; ++c) sum->moved[c] = along(wheel->lin[c], du, wheel->rows);
+  sum->moved[3] = along(wheel->rim, du, wheel->rows);
+  for (int a = 0; a < 4; ++a) d->foreseen[4 * index + a] = sum->end[a] + by_moved(sum->end_slope[a], sum->moved);
+  for (integer i = 0; i < nx; ++i)
+    d->contact_states[index * nx + i] += sum->gain[i] + implicit_share(d) * by_moved(sum->gain_slope[i], sum->moved);
+}
+
+/* Power of the soil on a wheel half-way through the step. */
+static double soil_power(const Drive *d, const Wheel *wheel, const WheelLoad *sum) {
+  _Alignas(64) double du[MAX_COLS];
+  double power = 0.0;
+  take_columns(wheel, d->du, du);
+  for (int c = 0; c < 3; ++c) {
+    const double along_c = wheel->velocity[c] + 0.5 * sum->moved[c];
+    const double about_c = wheel->rate[c] + 0.5 * along(wheel->ang[c], du, wheel->rows);
+    power += (sum->wrench[c] + 0.5 * by_moved(sum->slope[c], sum->moved)) * along_c;
+    power += (sum->wrench[3 + c] + 0.5 * by_moved(sum->slope[3 + c], sum->moved)) * about_c;
   }
-  for (int a = 0; a < 4; ++a)
-    d->foreseen[4 * index + a] = update->end[a] + dot(update->end_by_velocity[a], velocity) + update->end_by_spin[a] * spin;
+  return power;
 }

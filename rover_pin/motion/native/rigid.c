@@ -9,19 +9,24 @@ static void move_body(const Drive *d) {
   const double *arguments[3] = {moving, 0, d->rigid_held};
   double *results[1] = {d->rigid};
   d->rigid_body(arguments, results, d->work_i, d->work_w, 0);
-  for (integer k = 0; k < d->n_inertia; ++k) d->M[d->inertia_place[k]] = d->rigid[k];
-  for (integer i = 0; i < nv; ++i) d->M[i * nv + i] += d->armature[i];
+}
+
+/* The joint-space inertia with rotors, into a matrix that is zero where bodies do not bear each other. */
+static void set_inertia(const Drive *d, double A[][MAX_DOF]) {
+  const integer *upper = d->inertia_place, *lower = upper + d->n_inertia;
+  double *flat = &A[0][0];
+  for (integer i = 0; i < d->nv; ++i) memset(A[i], 0, d->nv * sizeof(double));
+  for (integer k = 0; k < d->n_inertia; ++k) flat[upper[k]] = flat[lower[k]] = d->rigid[k];
+  for (integer i = 0; i < d->nv; ++i) A[i][i] += d->armature[i];
 }
 
 /* Kinetic and potential energy at the present state. */
 void rover_pin_energies(const Drive *d, double *energies) {
-  double momentum, kinetic = 0.0;
+  double A[MAX_DOF][MAX_DOF], twice = 0.0;
   move_body(d);
-  for (integer i = 0; i < d->nv; ++i) {
-    momentum = 0.5 * d->M[i * d->nv + i] * d->v[i];
-    for (integer j = i + 1; j < d->nv; ++j) momentum += d->M[i * d->nv + j] * d->v[j];
-    kinetic += d->v[i] * momentum;
-  }
-  energies[0] = kinetic;
+  set_inertia(d, A);
+  for (integer i = 0; i < d->nv; ++i)
+    for (integer j = 0; j < d->nv; ++j) twice += d->v[i] * A[i][j] * d->v[j];
+  energies[0] = 0.5 * twice;
   energies[1] = *d->potential;
 }

@@ -10,9 +10,9 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.motion.laws import GEOMETRY, MAX_STATES
 from rover_pin.quantity import Record, quantities
 
-MAX_DOF, MAX_COLS = 48, 20
-MOST = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "OUT": 192, "FACETS": 64}
-"""The most of each that the step holds."""
+MAX_DOF, MAX_COLS = 48, 24
+MOST = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "MOTOR_OUT": 128, "FACETS": 64, "SPOTS": 64}
+"""The most of each that the step holds; COLS in whole rows of 8, SPOTS: patches whose laws are worked out together."""
 
 RECORD = ("slip", "slip_y", "sinkage", "normal", "tangential", "lateral", "soil_torque", "travel", "patches", "torque",
           "current", "supply")  # fmt: skip
@@ -22,11 +22,11 @@ ENERGY = ("motor", "soil", "stops", "servos", "electric", "body")
 
 INTEGERS = (
     "nq nv n_inertia n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes "
-    "grid_nx grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling"
+    "grid_nx grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling n_free pivoted"
 ).split()
 NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_dx grid_dy wheel_share misjudged".split()
 ARRAYS = {
-    "M nle q v du": "",
+    "nle q v du": "",
     "rigid": "the generated column of the rigid body, whose parts are nle and the next four",
     "axes points rotation potential": "",
     "rigid_held gravity armature": "",
@@ -39,6 +39,7 @@ ARRAYS = {
     "contact_parameters motor_parameters body_parameters": "",
     "soils": "n_soils x N_SOIL",
     "held": "what the contact law holds for each kind of wheel on each soil: n_kinds x n_soils x n_held",
+    "held_lanes": "the same, as the lanes took it last",
     "duty": "",
     "lane_borders lane_x lane_z grid_z": "",
     "foreseen": "4 a wheel: its load as the last step expected it",
@@ -48,7 +49,9 @@ ARRAYS = {
 }
 """Arrays of double, with what is to be said of them."""
 INDICES = {
-    "inertia_place cols col_count wheel_dof axle": "",
+    "inertia_place": "of each entry in A: upper triangle, then lower triangle",
+    "free_order free_count free_above": "order of elimination, and what each row then meets",
+    "cols col_count wheel_dof axle": "",
     "kind": "wheels of one kind have the same sizes",
     "joint_dof joint_q joint_unbounded": "",
     "servo_dof servo_q stop_dof stop_q": "",
@@ -57,7 +60,8 @@ INDICES = {
     "mirror_index lane_start lane_ground grid_ground work_i": "",
 }
 """Arrays of integer, likewise."""
-FUNCTIONS = "contact_before contact_law motor_law body_law rigid_body".split()
+FUNCTIONS = "contact_before body_law rigid_body".split()
+LANES_FUNCTIONS = "contact_law motor_law".split()
 
 FIELDS: list[tuple[Any, dict[str, str], str]] = [
     (ctypes.c_int64, {" ".join(INTEGERS): ""}, "integer {}"),
@@ -65,6 +69,8 @@ FIELDS: list[tuple[Any, dict[str, str], str]] = [
     (ctypes.c_void_p, ARRAYS, "double *{}"),
     (ctypes.c_void_p, INDICES, "integer *{}"),
     (ctypes.c_void_p, {" ".join(FUNCTIONS): ""}, "casadi_function {}"),
+    (ctypes.c_void_p, {" ".join(LANES_FUNCTIONS): ""}, "lanes_function {}"),
+    (ctypes.c_void_p, {"step": "what a step works with"}, "struct Step *{}"),
 ]
 
 

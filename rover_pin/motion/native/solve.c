@@ -1,7 +1,39 @@
-/* The new speeds. */
+/* The new speeds: (M - dt/2 D) du = dt (Q - nle), by the tree's own elimination. */
+
+#define LEAST_PIVOT 1e-12 /* of what stood on the diagonal */
+
+/* Eliminate in the order of `free_order`, from the leaves to the base: nothing fills in that `free_above` does not list,
+   whose first entries are the base's. No row is exchanged; return SINGULAR where that asks for one. */
+static int eliminate(const Drive *d, double A[][MAX_DOF], double *b) {
+  double diagonal[MAX_DOF];
+  for (integer i = 0; i < d->nv; ++i) diagonal[i] = fabs(A[i][i]);
+  for (integer o = 0; o < d->n_free; ++o) {
+    const integer k = d->free_order[o], m = d->free_count[o], *above = d->free_above + o * MAX_DOF;
+    const integer base = m < 6 ? m : 6;
+    if (!(fabs(A[k][k]) > LEAST_PIVOT * diagonal[k])) return SINGULAR;
+    const double inverse = 1.0 / A[k][k], *pivot = A[k], b_k = b[k];
+    Row first = {0};
+    for (integer c = 0; c < base; ++c) first[c] = pivot[c];
+    A[k][k] = inverse;
+    for (integer a = 0; a < m; ++a) {
+      double *row = A[above[a]];
+      const double factor = row[k] * inverse;
+      b[above[a]] -= factor * b_k;
+      *(Row *)row -= factor * first;
+      for (integer c = 6; c < m; ++c) row[above[c]] -= factor * pivot[above[c]];
+    }
+  }
+  for (integer o = d->n_free - 1; o >= 0; --o) {
+    const integer k = d->free_order[o], m = d->free_count[o], *above = d->free_above + o * MAX_DOF;
+    double sum = b[k];
+    for (integer a = 0; a < m; ++a) sum -= A[k][above[a]] * b[above[a]];
+    b[k] = sum * A[k][k];
+  }
+  return OK;
+}
 
 /* Gaussian elimination with row pivoting on A (n x n) and b. */
-static int solve(integer n, double A[][MAX_DOF], double *b) {
+static int eliminate_pivoted(integer n, double A[][MAX_DOF], double *b) {
   for (integer p = 0; p < n; ++p) {
     integer best = p;
     for (integer i = p + 1; i < n; ++i) if (fabs(A[i][p]) > fabs(A[best][p])) best = i;
@@ -25,41 +57,62 @@ static int solve(integer n, double A[][MAX_DOF], double *b) {
   return OK;
 }
 
-/* (M - dt/2 D) du = dt (Q - nle), with v_follower = ratio v_leader for joints that are coupled, as the rockers of a
-   differential are; springs and the body's push fully implicit. */
-static int solve_speeds(const Drive *d, System *system, const BodyPush *push) {
-  integer nv = d->nv, n = 0, index[MAX_DOF], follows[MAX_DOF] = {0};
-  double b[MAX_DOF], half = implicit_share(d) * d->dt;
-  for (integer j = 0; j < nv; ++j)
-    for (integer i = 0; i <= j; ++i) { /* M has its upper triangle */
-      double m = d->M[i * nv + j];
-      system->A[i][j] = m - half * system->soil_D[i][j];
-      if (i != j) system->A[j][i] = m - half * system->soil_D[j][i];
-    }
-  for (integer i = 0; i < nv; ++i) {
+/* The same equations with every row free to be exchanged; A is lost. */
+static int solve_pivoted(const Drive *d, double A[][MAX_DOF], double *b) {
+  double x[MAX_DOF], packed[MAX_DOF][MAX_DOF];
+  const integer n = d->n_free;
+  for (integer i = 0; i < n; ++i) {
+    x[i] = b[d->free_order[i]];
+    for (integer j = 0; j < n; ++j) packed[i][j] = A[d->free_order[i]][d->free_order[j]];
+  }
+  int status = eliminate_pivoted(n, packed, x);
+  for (integer i = 0; i < n; ++i) b[d->free_order[i]] = x[i];
+  return status;
+}
+
+/* v_follower = ratio v_leader: a follower's row and column go to its leader's. */
+static void couple(const Drive *d, System *system, double *b) {
+  for (integer c = 0; c < d->n_coupled; ++c) {
+    const integer follower = d->coupled_dof[2 * c], leader = d->coupled_dof[2 * c + 1];
+    const double ratio = d->coupled_ratio[c];
+    for (integer j = 0; j < d->nv; ++j) system->A[leader][j] += ratio * system->A[follower][j];
+    for (integer i = 0; i < d->nv; ++i) system->A[i][leader] += ratio * system->A[i][follower];
+    b[leader] += ratio * b[follower];
+  }
+}
+
+/* Motors by the midpoint rule; springs and the body's push fully implicit. */
+static void complete_system(const Drive *d, System *system, const BodyPush *push) {
+  const double half = implicit_share(d) * d->dt;
+  for (integer i = 0; i < d->nv; ++i) {
     system->A[i][i] -= half * system->motor_slope[i] + d->dt * system->other_slope[i];
-    b[i] = d->dt * (system->soil_Q[i] + system->motor_torque[i] + system->other_Q[i] - d->nle[i]);
+    system->force[i] += system->motor_torque[i] + system->other_Q[i] - d->nle[i];
   }
   for (integer j = 0; j < d->n_body; ++j) {
-    b[d->body_dof[j]] += d->dt * push->Q[j];
-    for (integer i = 0; i < d->n_body; ++i) system->A[d->body_dof[i]][d->body_dof[j]] -= d->dt * push->D[i + j * d->n_body];
+    system->force[d->body_dof[j]] += push->Q[j];
+    for (integer i = 0; i < d->n_body; ++i)
+      system->A[d->body_dof[i]][d->body_dof[j]] -= d->dt * push->D[i + j * d->n_body];
   }
-  for (integer c = 0; c < d->n_coupled; ++c) {
-    integer follower = d->coupled_dof[2 * c], leader = d->coupled_dof[2 * c + 1];
-    double ratio = d->coupled_ratio[c];
-    for (integer j = 0; j < nv; ++j) system->A[leader][j] += ratio * system->A[follower][j];
-    for (integer i = 0; i < nv; ++i) system->A[i][leader] += ratio * system->A[i][follower];
-    b[leader] += ratio * b[follower];
-    follows[follower] = 1;
+}
+
+static int solve_speeds(Drive *d, System *system) {
+  double b[MAX_DOF], again[MAX_DOF];
+  const integer nv = d->nv, left = d->differential_left;
+  for (integer i = 0; i < nv; ++i) b[i] = d->dt * system->force[i];
+  if (left >= 0) {
+    memcpy(system->left_row, system->A[left], nv * sizeof(double));
+    system->left_side = b[left];
   }
-  for (integer i = 0; i < nv; ++i) if (!follows[i]) index[n++] = i;
-  if (n < nv)
-    for (integer i = 0; i < n; ++i) { /* in place: index[i] >= i */
-      b[i] = b[index[i]];
-      for (integer j = 0; j < n; ++j) system->A[i][j] = system->A[index[i]][index[j]];
-    }
-  int status = solve(n, system->A, b);
-  for (integer i = 0; i < n; ++i) d->du[index[i]] = b[i];
+  couple(d, system, b);
+  memcpy(again, b, nv * sizeof(double));
+  for (integer i = 0; i < nv; ++i) memcpy(system->kept[i], system->A[i], nv * sizeof(double));
+  int status = eliminate(d, system->A, b);
+  if (status != OK) {
+    ++d->pivoted;
+    memcpy(b, again, nv * sizeof(double));
+    status = solve_pivoted(d, system->kept, b);
+  }
+  memcpy(d->du, b, nv * sizeof(double));
   for (integer c = 0; c < d->n_coupled; ++c)
     d->du[d->coupled_dof[2 * c]] = d->coupled_ratio[c] * d->du[d->coupled_dof[2 * c + 1]];
   return status;

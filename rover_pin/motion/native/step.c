@@ -2,64 +2,66 @@
    The rigid body is a function generated from Pinocchio's model, the laws are functions generated from the effects.
    Twin of plain.py, which is slower, explains the scheme, and is the reference. */
 
-/* Work out what the contact law holds; again after every change of the soils. */
-void rover_pin_hold(const Drive *d) {
-  double constants[N_WHEEL + N_SOIL], *row = d->held;
-  const double *arguments[2] = {constants, d->contact_parameters};
-  for (integer kind = 0; kind < d->n_kinds; ++kind)
-    for (integer soil = 0; soil < d->n_soils; ++soil, row += d->n_held) {
-      memcpy(constants, d->kinds + N_WHEEL * kind, N_WHEEL * sizeof(double));
-      memcpy(constants + N_WHEEL, d->soils + N_SOIL * soil, N_SOIL * sizeof(double));
-      double *results[1] = {row};
-      d->contact_before(arguments, results, d->work_i, d->work_w, 0);
-    }
+/* For the caller to check that its mirror of the struct is this one, and to make room. */
+void rover_pin_sizes(integer *sizes) {
+  sizes[0] = sizeof(Drive);
+  sizes[1] = sizeof(Step);
+  sizes[2] = MAX_QUESTIONS;
+  sizes[3] = LANES;
 }
 
-/* For the caller to check that its mirror of the struct is this one. */
-integer rover_pin_size(void) { return (integer)sizeof(Drive); }
-
-/* Half a step of the configuration, the speeds by the forces there, the other half. */
-int rover_pin_step(Drive *d) {
-  System system;
-  BodyPush push;
-  Wheel wheels[MAX_DOF];
-  WheelUpdate updates[MAX_DOF];
-  double motor_steps[MAX_DOF][MAX_STATES][2];
-  integer nv = d->nv, nx = d->n_contact_states;
-  drift(d);
-  move_body(d);
-  for (integer i = 0; i < nv; ++i) memset(system.soil_D[i], 0, nv * sizeof(double));
-  memset(system.soil_Q, 0, sizeof(System) - offsetof(System, soil_Q));
+/* What the soil does to all wheels: their loads, and the equations' part of them. */
+static void add_soil(Drive *d, Step *s) {
+  const double half = implicit_share(d) * d->dt;
+  for (integer w = 0; w < d->n_wheels; ++w) {
+    look_at_wheel(d, w, s->wheels + w);
+    find_spots(d, s, w);
+  }
+  add_spots(d, s);
   d->misjudged = 0.0;
-  const double bus = bus_current(d), share_of_end = implicit_share(d);
   for (integer w = 0; w < d->n_wheels; ++w) {
-    add_wheel(d, w, &wheels[w], &system, &updates[w]);
-    d->misjudged = fmax(d->misjudged, misjudged(d, w, &updates[w]));
-    add_motor(d, w, bus, &system, motor_steps[w]);
-    d->record[w * N_RECORD + RECORD_TORQUE] = system.motor_torque[d->wheel_dof[w]];
+    finish_wheel(d, w, s->loads + w);
+    d->misjudged = fmax(d->misjudged, misjudged(d, w, s->loads + w));
+    add_wheel(d, s->wheels + w, s->loads + w, half, &s->system);
   }
-  add_springs(d, &system);
-  if (d->n_body) push_body(d, &push);
-  int status = solve_speeds(d, &system, &push);
-  if (status != OK) return status;
-  account(d, &system, &push);
-  *d->differential = differential_torque(d, &system, &push);
-  for (integer w = 0; w < d->n_wheels; ++w) {
-    foresee(d, w, &wheels[w], &updates[w]);
-    for (integer i = 0; i < nx; ++i) {
-      double change = updates[w].gain[i];
-      for (integer j = 0; j < d->col_count[w]; ++j) change += share_of_end * updates[w].by_col[i][j] * d->du[d->cols[w * d->n_cols + j]];
-      d->contact_states[w * nx + i] += change;
-    }
+}
+
+static void end_motors(const Drive *d, const Step *s) {
+  for (integer w = 0; w < d->n_wheels; ++w)
     for (integer i = 0; i < d->n_motor_states; ++i)
-      d->motor_states[w * d->n_motor_states + i] += motor_steps[w][i][0] + 0.5 * motor_steps[w][i][1] * d->du[d->wheel_dof[w]];
-  }
+      d->motor_states[w * d->n_motor_states + i] += s->motor_steps[w][i][0] + 0.5 * s->motor_steps[w][i][1] * d->du[d->wheel_dof[w]];
+}
+
+static int add_speeds(const Drive *d) {
   double total = 0.0;
-  for (integer i = 0; i < nv; ++i) {
+  for (integer i = 0; i < d->nv; ++i) {
     d->v[i] += d->du[i];
     total += d->v[i];
   }
-  if (!isfinite(total)) return NOT_FINITE;
+  return isfinite(total) ? OK : NOT_FINITE;
+}
+
+/* Half a step of the configuration, the speeds by the forces there, the other half. */
+int rover_pin_step(Drive *d) {
+  Step *s = d->step;
+  const double bus = bus_current(d);
+  drift(d);
+  move_body(d);
+  set_inertia(d, s->system.A);
+  memset(s->system.force, 0, sizeof(System) - offsetof(System, force));
+  add_soil(d, s);
+  add_motors(d, bus, s);
+  add_springs(d, &s->system);
+  if (d->n_body) push_body(d, &s->push);
+  complete_system(d, &s->system, &s->push);
+  int status = solve_speeds(d, &s->system);
+  if (status != OK) return status;
+  for (integer w = 0; w < d->n_wheels; ++w) end_wheel(d, w, s->wheels + w, s->loads + w);
+  account(d, s);
+  *d->differential = differential_torque(d, &s->system, &s->push);
+  end_motors(d, s);
+  status = add_speeds(d);
+  if (status != OK) return status;
   if (d->symmetric) mirror_speeds(d);
   drift(d);
   return OK;

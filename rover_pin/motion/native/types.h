@@ -1,8 +1,8 @@
 /* A drive as the native step sees it, in C: what shared.py writes follows. */
-#include <math.h>
 #include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
 typedef int64_t integer;
 typedef int (*casadi_function)(const double **, double **, integer *, double *, int);
+typedef void (*lanes_function)(const double *, const double *, const double *, double *); /* varying, states, constants */
+typedef double Row __attribute__((vector_size(64), may_alias));

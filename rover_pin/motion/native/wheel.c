@@ -1,37 +1,51 @@
 /* A wheel's place, axes and motion. */
 
 /* Column of the Jacobian of point p by the k-th degree of freedom: base along, base about, then the joints. */
-static void jacobian_column(const Drive *d, integer k, const double *p, double *lin, double *ang) {
+static void set_column(const Drive *d, integer k, const double *p, integer column, Wheel *wheel) {
   const double *axis = k < 6 ? d->rotation + 3 * (k % 3) : d->axes + 3 * (k - 6);
   const double *from = k < 6 ? d->q : d->points + 3 * (k - 6);
-  if (k < 3) {
-    memcpy(lin, axis, 3 * sizeof(double));
-    memset(ang, 0, 3 * sizeof(double));
-    return;
-  }
   const double arm[3] = {p[0] - from[0], p[1] - from[1], p[2] - from[2]};
-  cross(axis, arm, lin);
-  memcpy(ang, axis, 3 * sizeof(double));
+  double way[3];
+  cross(axis, arm, way);
+  for (int c = 0; c < 3; ++c) {
+    wheel->lin[c][column] = k < 3 ? axis[c] : way[c];
+    wheel->ang[c][column] = k < 3 ? 0.0 : axis[c];
+  }
+}
+
+/* Sum of a row of the Jacobian over speeds, of which there is one a column. */
+static double along(const double *row, const double *speeds, integer rows) {
+  const Row *a = (const Row *)row, *b = (const Row *)speeds;
+  Row sum = a[0] * b[0];
+  for (integer k = 1; k < rows; ++k) sum += a[k] * b[k];
+  return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
+}
+
+/* A wheel's columns of a vector of speeds; zero beyond. */
+static void take_columns(const Wheel *wheel, const double *speeds, double *taken) {
+  for (integer j = 0; j < 8 * wheel->rows; ++j) taken[j] = 0.0;
+  for (integer j = 0; j < wheel->n; ++j) taken[j] = speeds[wheel->cols[j]];
 }
 
 static void look_at_wheel(const Drive *d, integer w, Wheel *wheel) {
-  const double *p = d->points + 3 * (d->wheel_dof[w] - 6);
+  const double *p = d->points + 3 * (d->wheel_dof[w] - 6), vertical[3] = {0.0, 0.0, 1.0};
+  _Alignas(64) double speeds[MAX_COLS];
   memcpy(wheel->centre, p, sizeof wheel->centre);
   memcpy(wheel->axle, d->axes + 3 * (d->wheel_dof[w] - 6), sizeof wheel->axle);
-  const double vertical[3] = {0.0, 0.0, 1.0};
   for (int i = 0; i < 3; ++i) wheel->up[i] = vertical[i] - wheel->axle[2] * wheel->axle[i];
   unit(wheel->up);
   cross(wheel->axle, wheel->up, wheel->forward);
   wheel->cols = d->cols + w * d->n_cols;
   wheel->n = d->col_count[w];
-  double rate[3] = {0.0, 0.0, 0.0};
-  memset(wheel->velocity, 0, sizeof wheel->velocity);
-  for (integer i = 0; i < wheel->n; ++i) {
-    jacobian_column(d, wheel->cols[i], p, wheel->lin[i], wheel->ang[i]);
-    for (int c = 0; c < 3; ++c) {
-      wheel->velocity[c] += wheel->lin[i][c] * d->v[wheel->cols[i]];
-      rate[c] += wheel->ang[i][c] * d->v[wheel->cols[i]];
-    }
+  wheel->rows = (wheel->n + 7) / 8;
+  for (integer i = 0; i < wheel->n; ++i) set_column(d, wheel->cols[i], p, i, wheel);
+  take_columns(wheel, d->v, speeds);
+  for (int c = 0; c < 3; ++c) {
+    wheel->velocity[c] = along(wheel->lin[c], speeds, wheel->rows);
+    wheel->rate[c] = along(wheel->ang[c], speeds, wheel->rows);
   }
-  wheel->spin = dot(rate, wheel->axle);
+  wheel->spin = dot(wheel->rate, wheel->axle);
+  const double *axle = wheel->axle;
+  for (integer i = 0; i < wheel->n; ++i)
+    wheel->rim[i] = wheel->ang[0][i] * axle[0] + wheel->ang[1][i] * axle[1] + wheel->ang[2][i] * axle[2];
 }

@@ -1,0 +1,50 @@
+"""The compiled step as a library."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.motion.native import source
+from rover_pin.motion.native.shared import DriveStruct
+from rover_pin.motion.toolchain import shared_library
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL:
+    """Return the compiled kernel."""
+    made = shared_library(source(), "kernel")
+    made.rover_pin_step.argtypes = [ctypes.c_void_p]
+    made.rover_pin_energies.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+    made.rover_pin_energies.restype = None
+    made.rover_pin_hold.argtypes = [ctypes.c_void_p]
+    made.rover_pin_hold.restype = None
+    made.rover_pin_sizes.argtypes = [ctypes.c_void_p]
+    made.rover_pin_sizes.restype = None
+    assert sizes(made).drive == ctypes.sizeof(DriveStruct), "this compiler lays the struct Drive out otherwise"
+    return made
+
+
+class Sizes(NamedTuple):
+    """What the compiled step says of itself: bytes of its structs, most questions to the laws at once, lanes."""
+
+    drive: int
+    step: int
+    questions: int
+    lanes: int
+
+
+def sizes(handle: ctypes.CDLL) -> Sizes:
+    """Return the sizes of a compiled step."""
+    found = np.zeros(4, dtype=np.int64)
+    handle.rover_pin_sizes(found.ctypes.data)
+    return Sizes(*found.tolist())
+
+
+def aligned(count: int) -> np.ndarray:
+    """Return so many zeros that begin where a row of lanes may begin."""
+    room = np.zeros(count + 8)
+    return room[(-room.ctypes.data // 8) % 8 :][:count]
