@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rover_pin.control.constant import ConstantDuty
     from rover_pin.control.slip_control import SlipControl
     from rover_pin.errors import RoverPinError
-    from rover_pin.evidence.loop import close_the_loop
+    from rover_pin.loop.close import close_the_loop
     from rover_pin.motion.model import Model
     from rover_pin.motion.motor import Motor
     from rover_pin.motion.simulate import convergence, plain_simulate, simulate
@@ -57,7 +57,7 @@ _HOMES = {
     "control.constant": ("ConstantDuty",),
     "control.slip_control": ("SlipControl",),
     "errors": ("RoverPinError",),
-    "evidence.loop": ("close_the_loop",),
+    "loop.close": ("close_the_loop",),
     "motion.model": ("Model",),
     "motion.motor": ("Motor",),
     "motion.simulate": ("convergence", "plain_simulate", "simulate"),

@@ -194,8 +194,8 @@ def identify(
     as_json: AsJson = False,
 ) -> None:
     """Fit soil parameters to measured data, and say which of them the data tell."""
-    from rover_pin.evidence.fit import identify as fit
-    from rover_pin.evidence.reading import read_evidence
+    from rover_pin.identification.identify import identify as fit
+    from rover_pin.measurements.reading import read_evidence
     from rover_pin.parameters import soil_named
     from rover_pin.settings import Settings
 
@@ -219,7 +219,7 @@ def close_loop(
     as_json: AsJson = False,
 ) -> None:
     """Find the effect that the model lacks, add it, and report the error before and after; killed, it resumes."""
-    from rover_pin.evidence.loop import close_the_loop, read_data, read_start
+    from rover_pin.loop.close import close_the_loop, read_data, read_start
 
     start = None if model is None else read_start(model, data, Trust.of(effects, trust))
     say = (lambda said: None) if as_json else log.info

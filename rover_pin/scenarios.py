@@ -18,7 +18,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.evidence.model_file import read_model as read_rig_model
+from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
 from rover_pin.motion.command import Controller
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.effect_words import having, words_of

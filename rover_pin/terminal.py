@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 def priors(words: Iterable[str]) -> dict[str, Any]:
     """Return NAME=MEAN:SD words as priors by name."""
-    from rover_pin.evidence.problem import Prior
+    from rover_pin.estimation.problem import Prior
 
     found = {}
     for word in words:

@@ -43,16 +43,17 @@ import numpy as np
 from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 
-from rover_pin.evidence.calibrate import Setting, calibrate, nuisances, remains
-from rover_pin.evidence.candidates import added, rig_kinds
-from rover_pin.evidence.compare import Candidate, Comparison, compare_pairs, compare_singles
-from rover_pin.evidence.heldout import loss
-from rover_pin.evidence.loop import close_the_loop
-from rover_pin.evidence.rig_fit import RigFit
-from rover_pin.evidence.rig_model import RigModel
-from rover_pin.evidence.rig_set import read_rig_set
-from rover_pin.evidence.screen import Screened, entry_fee
-from rover_pin.evidence.verdict import Verdict
+from rover_pin.discrepancy.screen import entry_fee
+from rover_pin.experiments.wheel_rig.calibrate import Setting, calibrate, nuisances, remains
+from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
+from rover_pin.experiments.wheel_rig.compare import Candidate, Comparison, compare_pairs, compare_singles
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.fit import RigFit
+from rover_pin.experiments.wheel_rig.held_out import loss
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.screen import Screened
+from rover_pin.experiments.wheel_rig.verdict import Verdict
+from rover_pin.loop.close import close_the_loop
 
 GENERATOR = Path(__file__).parents[1] / "tests" / "oracle" / "rig_generator.py"
 

@@ -33,8 +33,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rover_pin.evidence.profile import NORMAL_95
-from rover_pin.evidence.verdict import Answer
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.plot import save
 
 

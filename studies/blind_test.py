@@ -49,16 +49,19 @@ from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 
 from rover_pin.columns import replace_file
-from rover_pin.evidence.drive_compare import Refit, refit
-from rover_pin.evidence.drive_fit import DriveFit
-from rover_pin.evidence.drive_left_out import left_out
-from rover_pin.evidence.drive_loop import answer_of
-from rover_pin.evidence.drive_model import base_model, with_spread
-from rover_pin.evidence.drive_remainder import Remainder, describe
-from rover_pin.evidence.drive_screen import fee_of, score
-from rover_pin.evidence.drive_search import Search, calibrated, search
-from rover_pin.evidence.drive_verdict import numbers
-from rover_pin.evidence.verdict import Answer
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.compare import Refit, refit
+from rover_pin.discrepancy.cross_validation import left_out
+from rover_pin.discrepancy.screen import fee_of, score
+from rover_pin.discrepancy.search import Search, search
+from rover_pin.estimation.fit import DriveFit
+from rover_pin.experiments.drive_log.calibrate import calibrated_on
+from rover_pin.experiments.drive_log.candidates import candidates
+from rover_pin.experiments.drive_log.experiment import logged
+from rover_pin.experiments.drive_log.model import base_model, with_spread
+from rover_pin.experiments.drive_log.verdict import numbers
+from rover_pin.experiments.unlisted.remainder import Remainder, describe
+from rover_pin.loop.drive import answer_of
 from rover_pin.motion.drive_log import read_drive_log
 
 MAKE = Path(__file__).parents[1] / "tests" / "oracle" / "blind" / "make.py"
@@ -101,7 +104,9 @@ def answered(folder: Path) -> None:
     if kept.exists():
         return
     log = read_drive_log(folder)
-    found = search(calibrated(log, with_spread(base_model(log)), 1, lambda said: None), None, lambda said: None)
+    base = calibrated_on(log, with_spread(base_model(log)), 1, lambda said: None)
+    tried = candidates(base.model, logged(base), base.parameters, None)
+    found = search(base, tried, lambda said: None)
     left = describe(found.last)
     replace_file(kept, pickle.dumps((answer_of(found, left), found, left)))
     print(f"{folder.name}: {answer_of(found, left).value} {[one.name for one in found.found]}", flush=True)

@@ -51,13 +51,13 @@ import pandas as pd
 from scipy.optimize import minimize_scalar
 
 from rover_pin.contact import Soil
-from rover_pin.evidence.heldout import without_level
-from rover_pin.evidence.loop import close_the_loop
-from rover_pin.evidence.pressed import press
-from rover_pin.evidence.rig_fit import RigFit
-from rover_pin.evidence.rig_set import RigSet, read_rig_set
-from rover_pin.evidence.verdict import Verdict
-from rover_pin.evidence.wording import Outcome
+from rover_pin.estimation.wording import Outcome
+from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
+from rover_pin.experiments.wheel_rig.fit import RigFit
+from rover_pin.experiments.wheel_rig.held_out import without_level
+from rover_pin.experiments.wheel_rig.verdict import Verdict
+from rover_pin.loop.close import close_the_loop
+from rover_pin.measurements.pressed import press
 
 DATA = Path(__file__).parent / "data"
 AUTHORS_N = 1.46

@@ -40,11 +40,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from rover_pin.contact import Soil
-from rover_pin.evidence.channel import DrawbarPull, RigChannel
-from rover_pin.evidence.fit import Search, identify
-from rover_pin.evidence.identification import Identification
-from rover_pin.evidence.measurement import WheelRig, read_wheel_rig
-from rover_pin.evidence.problem import Prior
+from rover_pin.estimation.problem import Prior
+from rover_pin.identification.identify import Search, identify
+from rover_pin.identification.result import Identification
+from rover_pin.measurements.channel import DrawbarPull, RigChannel
+from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
 
 DATA = Path(__file__).parent / "data"
 PRESSED_N = 1.46

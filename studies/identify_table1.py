@@ -37,9 +37,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from rover_pin.contact import Soil
-from rover_pin.evidence.fit import Search, build, identify, profile
-from rover_pin.evidence.identification import Identification
-from rover_pin.evidence.traction_points import TractionPoints
+from rover_pin.identification.identify import Search, build, identify, profile
+from rover_pin.identification.result import Identification
+from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.parameters import NEXUS6_WHEEL, TABLE_1
 from rover_pin.soil.traction import NetTraction, TorqueTraction, TractionForm, load_traction_factor
 

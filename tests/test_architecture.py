@@ -14,7 +14,8 @@ LONGEST = 300
 
 GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "settings", "paths", "results_folder",
           "workers", "trust", "bounded", "parquet", "console", "private_folders", "remembered")  # fmt: skip
-ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control", "evidence",
+ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control",
+         "estimation", "measurements", "identification", "discrepancy", "experiments", "report", "loop",
          "controls", "scenes", "scenarios", "catalogue", "plot", "sweep", "tuning",
          "terminal", "commands", "cli")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.
@@ -22,6 +23,8 @@ ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "moti
 `scenarios`, `plot`, `sweep` have this order among themselves: figures and sweeps are made of ready-made drives.
 `tuning` (control/tuning*.py) stands above its folder's other files: it drives scenarios and sweeps, they do not.
 """
+NO_ROVER = ("estimation", "discrepancy")
+"""Rooms that know nothing of rovers, soils or files: what they work on is an abstract experiment."""
 FOREIGN = {"parameters": "pinocchio", "soil": "pinocchio", "effects": "pinocchio", "description": "casadi",
            "body": "casadi"}  # fmt: skip
 """What a room never imports itself. (casadi comes to body through quantity, which must know an expression.)"""
@@ -65,6 +68,12 @@ def test_rooms_import_downwards(name):
     allowed = ROOMS[: ROOMS.index(room(name)) + 1]
     upwards = {other for other in OWN[name] - {"rover_pin"} if room(other) not in allowed}
     assert not upwards, f"{name} ({room(name)}) imports from above: {sorted(upwards)}"
+
+
+@pytest.mark.parametrize("name", [name for name in OWN if room(name) in NO_ROVER])
+def test_the_loop_itself_knows_no_rover(name):
+    own = {other for other in OWN[name] if room(other) not in NO_ROVER}
+    assert own <= {"rover_pin.errors", "rover_pin.quantity"}, f"{name} imports {sorted(own)}"
 
 
 def test_nothing_inside_imports_the_front_door():

@@ -16,8 +16,8 @@ from rover_pin.bounded import MIB, arrays
 from rover_pin.cli import app
 from rover_pin.description.layout import rover_folder
 from rover_pin.errors import DataError, RoverPinError, UrdfError
-from rover_pin.evidence.loop import close_the_loop, read_data
-from rover_pin.evidence.reading import read_evidence
+from rover_pin.loop.close import close_the_loop, read_data
+from rover_pin.measurements.reading import read_evidence
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.model_toml import read_model, write_model
 from rover_pin.scenarios import scenario

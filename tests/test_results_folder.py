@@ -11,7 +11,7 @@ import pytest
 from rover_pin.control.tuning import tune_gains
 from rover_pin.control.tuning_study import DriveCase, TuningStudy
 from rover_pin.errors import DataError
-from rover_pin.evidence.loop import close_the_loop
+from rover_pin.loop.close import close_the_loop
 from rover_pin.results_folder import LOCK, alone_in, replacing
 from rover_pin.sweep import Grid, Study, Values, sweep
 

@@ -7,7 +7,7 @@ import pytest
 
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.errors import DataError, ParameterError
-from rover_pin.evidence.drive_model import base_model
+from rover_pin.experiments.drive_log.model import base_model
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.scenarios import scenario
 from rover_pin.scenes import SCENES

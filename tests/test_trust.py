@@ -17,10 +17,10 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.control.tuning_drives import built
 from rover_pin.control.tuning_study import DriveCase, TuningStudy, read_tuning
 from rover_pin.errors import DataError, ParameterError
-from rover_pin.evidence.loop import read_start
-from rover_pin.evidence.model_file import read_model as read_rig_model
-from rover_pin.evidence.model_file import write_model as write_rig_model
-from rover_pin.evidence.rig_model import RigModel
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
+from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
+from rover_pin.loop.close import read_start
 from rover_pin.motion.effect_files import run_file, user_effects
 from rover_pin.motion.model_toml import read_model, write_model
 from rover_pin.scenarios import scenario

@@ -16,10 +16,10 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.evidence.channel import DrawbarPull, Predictor, Sinkage, Torque
-from rover_pin.evidence.fit import Search, build, identify
-from rover_pin.evidence.measurement import WheelRig, read_wheel_rig
-from rover_pin.evidence.problem import Problem
+from rover_pin.estimation.problem import Problem
+from rover_pin.identification.identify import Search, build, identify
+from rover_pin.measurements.channel import DrawbarPull, Predictor, Sinkage, Torque
+from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
 from rover_pin.soil.sinkage import entry_angle, sinkage
 from rover_pin.soil.traction import wheel_forces
 

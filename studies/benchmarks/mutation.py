@@ -36,8 +36,10 @@ PATIENCE, LEAST = 5.0, 60.0
 QUICK = 4
 
 DECIDING = (
-    "calibrate cautions compare drive_compare drive_fit drive_heldout drive_left_out drive_loop drive_noise "
-    "drive_screen drive_search heldout problem reselect residual rig_checks rig_loop screen wording"
+    "discrepancy/compare discrepancy/cross_validation discrepancy/held_out discrepancy/screen discrepancy/search "
+    "estimation/fit estimation/noise estimation/problem estimation/residual estimation/wording loop/drive loop/rig "
+    "report/rig_cautions experiments/wheel_rig/calibrate experiments/wheel_rig/compare experiments/wheel_rig/held_out "
+    "experiments/wheel_rig/reselect experiments/wheel_rig/checks experiments/wheel_rig/screen"
 ).split()
 DECISIONS = "drive_decisions drive_noise rig_decisions rig_thresholds wording residual_sign evidence_profile"
 
@@ -62,7 +64,7 @@ ROOMS = {
         _named("motion", "{stem} kernel_twin simulate [!kst]* t*"),
     ),
     "evidence": Room(
-        tuple(f"rover_pin/evidence/{name}.py" for name in DECIDING),
+        tuple(f"rover_pin/{name}.py" for name in DECIDING),
         _named("evidence", DECISIONS),
     ),
 }

@@ -9,7 +9,7 @@ from rover_pin.body.profile import Profile
 from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Lanes
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.evidence.drive_model import DRIVEN_SAND
+from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import Model, base_effects

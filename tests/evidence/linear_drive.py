@@ -1,6 +1,6 @@
 """A drive log whose features are exactly linear in a model's numbers: fits answer in milliseconds, in closed form.
 
-The rover, its effects and the candidates are the package's own; only the bench that would replay runs is a stub.
+The rover, its effects and the candidates are the package's own; only the experiment that would replay runs is a stub.
 """
 
 from dataclasses import dataclass, field
@@ -12,11 +12,11 @@ from rover_pin.body.rover import load_rover
 from rover_pin.body.shapes import flat
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.evidence.drive_fit import DriveFit, Task, fit
-from rover_pin.evidence.drive_model import DRIVEN_SAND
-from rover_pin.evidence.drive_noise import Noise
-from rover_pin.evidence.drive_parameters import owner_name, owners, parameter
-from rover_pin.evidence.resume import Memory
+from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.fit import Fit, Task, fit
+from rover_pin.estimation.noise import Noise
+from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.experiments.drive_log.parameters import owner_name, owners, parameter, with_record
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
 from rover_pin.soil.angles import FixedAngles
@@ -28,22 +28,30 @@ PERIOD, ROWS_A_BLOCK = 0.05, 10
 
 
 @dataclass(frozen=True)
-class LinearBench:
+class LinearExperiment(Experiment):
     """features = sum over numbers (value - zero) slope; a number of an effect that the model lacks counts nothing."""
 
-    seen: np.ndarray
+    observed: np.ndarray
     slopes: dict[str, tuple[float, np.ndarray]]
     "zero and slope (runs, channels, blocks) by name of the number"
     runs: tuple = ()
     channels: tuple[str, ...] = CHANNELS
+    folds: tuple[str, ...] = tuple(f"run-{run}" for run in range(RUNS))
     length: int = BLOCKS
     asked: list = field(default_factory=list)
-    identity: str = "linear"
-    memory: Memory = Memory()
 
     def predict(self, models):
         self.asked.append(len(models))
         return np.array([self._features(owners(model)) for model in models])
+
+    def records(self, model):
+        return owners(model)
+
+    def replaced(self, model, owner, record):
+        return with_record(model, owner, record)
+
+    def unit(self, channel):
+        return "m" if channel == "path" else "A"
 
     @property
     def free(self):
@@ -59,7 +67,7 @@ class LinearBench:
         return self._features(owners(replays[0].model) | {owner_name(one): one for one in sensors})
 
     def _features(self, records):
-        total = np.zeros(self.seen.shape)
+        total = np.zeros(self.observed.shape)
         for name, (zero, slope) in self.slopes.items():
             owner, _, quantity = name.rpartition(".")
             if owner in records:
@@ -104,11 +112,11 @@ def slopes(random, names, shape=SHAPE, size=1.0):
     return {one.name: (one.origin, size * random.normal(size=shape) / one.scale) for one in names}
 
 
-def fitted(seen, columns, free=None, model=MODEL, noise=None) -> DriveFit:
-    """The package's own fit of the free numbers to what was seen, on the linear bench."""
+def fitted(seen, columns, free=None, model=MODEL, noise=None) -> Fit:
+    """The package's own fit of the free numbers to what was seen, on the linear experiment."""
     free = nuisances() if free is None else free
-    bench = LinearBench(seen, columns, runs_of(seen.shape))
-    return fit(Task(bench, noise or white(seen.shape)), model, free)
+    experiment = LinearExperiment(seen, columns, runs_of(seen.shape))
+    return fit(Task(experiment, noise or white(seen.shape)), model, free)
 
 
 # --- the closed form -------------------------------------------------------------------------------------------------
@@ -150,20 +158,22 @@ class Gaussian:
 
 
 def gaussian(fitted_, free=(), anchors=None):
-    """The closed form of a linear fit: X from the bench's own slopes; `free` numbers have no prior.
+    """The closed form of a linear fit: X from the experiment's own slopes; `free` numbers have no prior.
 
     `anchors` are name -> (mean, sd) of u for numbers that are held near somewhere else than their prior.
     """
-    bench, anchors = fitted_.task.bench, anchors or {}
+    experiment, anchors = fitted_.task.experiment, anchors or {}
     columns, mean, sd = [], [], []
     for one in fitted_.parameters:
         assert not one.log
-        columns.append((one.scale * bench.slopes[one.name][1]).ravel())
+        columns.append((one.scale * experiment.slopes[one.name][1]).ravel())
         m, s = anchors.get(one.name, (0.0, 1.0 if one.prior and one.name not in free else np.inf))
         mean.append(m)
         sd.append(s)
-    zero = sum((one.origin - bench.slopes[one.name][0]) * bench.slopes[one.name][1] for one in fitted_.parameters)
-    return Gaussian(np.array(columns).T, (bench.seen - zero).ravel(), np.array(mean), np.array(sd))
+    zero = sum(
+        (one.origin - experiment.slopes[one.name][0]) * experiment.slopes[one.name][1] for one in fitted_.parameters
+    )
+    return Gaussian(np.array(columns).T, (experiment.observed - zero).ravel(), np.array(mean), np.array(sd))
 
 
 def owner_of_rows(shape=SHAPE):

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.evidence.calibrate import Setting
-from rover_pin.evidence.channel import DrawbarPull, Sinkage
-from rover_pin.evidence.measurement import WheelRig
-from rover_pin.evidence.problem import Prior
-from rover_pin.evidence.rig_fit import rig_space
-from rover_pin.evidence.rig_model import RigModel
-from rover_pin.evidence.rig_set import as_rig_set
+from rover_pin.estimation.problem import Prior
+from rover_pin.experiments.wheel_rig.calibrate import Setting
+from rover_pin.experiments.wheel_rig.data import as_rig_set
+from rover_pin.experiments.wheel_rig.fit import rig_space
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.measurements.channel import DrawbarPull, Sinkage
+from rover_pin.measurements.wheel_rig import WheelRig
 
 LEVELS, REPEATS = 8, 3
 RUNS = LEVELS * REPEATS

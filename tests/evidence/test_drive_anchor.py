@@ -1,4 +1,4 @@
-"""Refits from the declared numbers where the base fit bent them: on a bench whose effect acts only near there."""
+"""Refits from the declared numbers where the base fit bent them: on a experiment whose effect acts only near there."""
 
 import importlib.util
 import sys
@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rover_pin.discrepancy.anchor import BENT, anchor, as_declared, is_bent
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.compare import refit
+from rover_pin.discrepancy.screen import score, signatures
 from rover_pin.effects.exit_angle import ExitAngle
-from rover_pin.evidence.drive_anchor import BENT, anchor, as_declared, is_bent
-from rover_pin.evidence.drive_candidates import Candidate
-from rover_pin.evidence.drive_compare import refit
-from rover_pin.evidence.drive_fit import Task, fit
-from rover_pin.evidence.drive_screen import score, signatures
+from rover_pin.estimation.fit import Task, fit
 from rover_pin.motion.model import Model
 
 _spec = importlib.util.spec_from_file_location("linear_drive", Path(__file__).parent / "linear_drive.py")
@@ -27,7 +27,7 @@ EXIT = Candidate("ExitAngle", ExitAngle(), ("ExitAngle.e_1",))
 
 
 @dataclass(frozen=True)
-class StuckBench(linear.LinearBench):
+class StuckExperiment(linear.LinearExperiment):
     """The effect stops the rover at the declared phi; where phi is far too low nothing moves and it changes nothing."""
 
     def _features(self, records):
@@ -49,14 +49,14 @@ def stuck(e_1):
         "ExitAngle.e_1": (0.0, (-150.0 * along + 15.0 * across) / 1.0),
     }
     seen = e_1 * columns["ExitAngle.e_1"][1] + random.normal(size=linear.SHAPE)
-    bench = StuckBench(seen, columns, linear.runs_of(linear.SHAPE))
-    return fit(Task(bench, linear.white()), model, (phi,))
+    experiment = StuckExperiment(seen, columns, linear.runs_of(linear.SHAPE))
+    return fit(Task(experiment, linear.white()), model, (phi,))
 
 
 def chi2_of_truth(base):
     """What the true numbers leave."""
     true = linear.MODEL.having(ExitAngle(e_1=TRUE))
-    return float(np.sum(base.task.rows(base.task.bench.predict([true])[0]) ** 2))
+    return float(np.sum(base.task.rows(base.task.experiment.predict([true])[0]) ** 2))
 
 
 def fee(candidate):
@@ -95,9 +95,9 @@ def test_numbers_within_what_is_declared_are_not_bent():
 def test_the_start_has_what_has_a_prior_as_declared_and_keeps_the_sizes_of_effects():
     base = stuck(TRUE)
     model: Model = EXIT.on(base.model)
-    parameters = (*base.parameters, *EXIT.parameters(model))
+    parameters = (*base.parameters, *EXIT.parameters)
     whole = fit(base.task, model, parameters, np.array([-1.0, 0.4]))
     start = as_declared(whole)
     assert start.u.tolist() == [0.0, whole.u[1]]
     assert start.value("soil.phi") == base.parameters[0].origin
-    np.testing.assert_array_equal(start.predicted, base.task.bench.predict([start.model])[0])
+    np.testing.assert_array_equal(start.predicted, base.task.experiment.predict([start.model])[0])

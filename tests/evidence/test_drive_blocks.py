@@ -8,16 +8,18 @@ import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.effects.point_mass import PointMass
+from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.errors import DataError, ParameterError
-from rover_pin.evidence.drive_bench import bench_of
-from rover_pin.evidence.drive_candidates import size_of
-from rover_pin.evidence.drive_model import with_spread
-from rover_pin.evidence.drive_noise import Noise, huber, noise_of, spread
-from rover_pin.evidence.drive_parameters import owner_name, parameter, value_of, with_values
-from rover_pin.evidence.drive_run import LEAK, blocks, leaky, logged_run
+from rover_pin.estimation.noise import Noise, huber, noise_of, spread
+from rover_pin.experiments.drive_log import experiment as experiments
+from rover_pin.experiments.drive_log.candidates import candidate_of
+from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
+from rover_pin.experiments.drive_log.features import LEAK, blocks, leaky, logged_run
+from rover_pin.experiments.drive_log.model import with_spread
+from rover_pin.experiments.drive_log.parameters import owner_name, parameter
 from rover_pin.motion.place import Start
 from rover_pin.motion.replay import Nudge, commands, replay
 from rover_pin.motion.sensors import Sensors, measured
@@ -27,6 +29,7 @@ from rover_pin.scenarios import scenario
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 STEERED = ("fl", "fr", "rl", "rr")
+ANY = DriveExperiment((), ())
 LOGGED = ("t_s", "duty", "wheel_rate", "body", "rocker", "bogie")
 
 
@@ -75,12 +78,23 @@ def test_a_replay_stays_where_the_log_was_and_tells_its_own_way(model, driven):
 
 def test_a_body_that_cannot_be_is_turned_down_not_crashed_on(model, driven):
     """A fit may try to take off a mass that leaves the base no inertia."""
-    bench = bench_of([logged_run(as_logged(driven), model.rover)], model)
-    impossible, right = bench.predict([model.having(PointMass(m=-2.0)), model])
-    path = bench.channels.index("path")
+    experiment = experiment_of([logged_run(as_logged(driven), model.rover)], model)
+    impossible, right = experiment.predict([model.having(PointMass(m=-2.0)), model])
+    path = experiment.channels.index("path")
     assert np.isfinite(impossible).all()
-    far, near = (np.nanmedian(np.abs(bench.seen - one)[0, path]) for one in (impossible, right))
+    far, near = (np.nanmedian(np.abs(experiment.observed - one)[0, path]) for one in (impossible, right))
     assert far > 10 * near
+
+
+def test_models_that_differ_in_their_sensors_only_are_replayed_once(model, driven, monkeypatch):
+    experiment, replayed = experiment_of([logged_run(as_logged(driven), model.rover)], model), []
+    monkeypatch.setattr(experiments, "replay", lambda one, *rest: replayed.append(one) or replay(one, *rest))
+    biased, weak = model.having(SensorBias(channel="body_pitch", bias=0.01)), model.having(SupplySag())
+    plain, shifted, other = experiment.predict([model, biased, weak])
+    assert len(replayed) == 2
+    pitch, usable = experiment.channels.index("body_pitch"), np.isfinite(experiment.observed[0, 0])
+    np.testing.assert_allclose((shifted - plain)[0, pitch, usable], 0.01, atol=1e-9)
+    assert not np.allclose(other, plain)
 
 
 @pytest.mark.parametrize("nudge", ["torque", "force", "grip"])
@@ -177,13 +191,13 @@ def test_the_spread_and_the_loss_are_not_bent_by_strays():
 
 def test_numbers_are_set_by_name(model):
     spread_ = with_spread(model)
-    changed = with_values(
+    changed = ANY.with_values(
         spread_, {"soil.phi": 0.5, "motor.gear": 250.0, "WeakMotor[3].g": 0.1, "TachoScale[ml].e": 0.02}
     )
     assert changed.soils[0].phi == 0.5
     assert changed.motor.gear == 250.0
-    assert value_of(changed, "WeakMotor[3].g") == 0.1
-    assert value_of(changed, "WeakMotor[2].g") == 0.0
+    assert ANY.value(changed, "WeakMotor[3].g") == 0.1
+    assert ANY.value(changed, "WeakMotor[2].g") == 0.0
     assert owner_name(TachoScale(wheel="ml")) == "TachoScale[ml]"
 
 
@@ -193,22 +207,22 @@ def test_numbers_are_set_by_name(model):
 )
 def test_an_unknown_number_is_refused(model, name, said):
     with pytest.raises(ParameterError, match=said):
-        value_of(model, name)
+        ANY.value(model, name)
 
 
 @pytest.mark.parametrize(("name", "log"), [("soil.phi", False), ("soil.k", True), ("motor.resistance", True)])
 def test_a_number_and_its_coordinate_go_back_and_forth(model, name, log):
     one = parameter(model, name, 0.1, log)
-    assert one.value(0.0) == pytest.approx(value_of(model, name))
+    assert one.value(0.0) == pytest.approx(ANY.value(model, name))
     assert one.u(one.value(1.3)) == pytest.approx(1.3)
     assert one.slope(0.7) == pytest.approx((one.value(0.7 + 1e-6) - one.value(0.7 - 1e-6)) / 2e-6, rel=1e-6)
 
 
 def test_a_size_runs_from_neutral_to_the_default(model):
-    size = size_of(model.having(SupplySag()), "SupplySag.R_b")
+    size = candidate_of(SupplySag()).size("SupplySag.R_b")
     assert (size.value(0.0), size.value(1.0), size.prior) == (0.0, 2.0, False)
     assert size.bounds == (0.0, 10.0)
-    far = size_of(model.having(TorqueSaturation()), "TorqueSaturation.i_max")
+    far = candidate_of(TorqueSaturation()).size("TorqueSaturation.i_max")
     assert far.log
     assert far.value(0.0) == pytest.approx(0.03)
 

@@ -13,7 +13,7 @@ from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.errors import ParameterError
-from rover_pin.evidence.drive_candidates import candidates
+from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
 

@@ -11,9 +11,9 @@ import pytest
 from rover_pin.body.rover import load_rover
 from rover_pin.control.steering import wheel_places
 from rover_pin.errors import DataError
-from rover_pin.evidence.drive_checks import check, driven, faults, findings, refuse_unfit, too_poor
-from rover_pin.evidence.drive_excitation import levels
-from rover_pin.evidence.driven import Driven
+from rover_pin.experiments.drive_log.checks.driven import Driven
+from rover_pin.experiments.drive_log.checks.excitation import levels
+from rover_pin.experiments.drive_log.checks.log import check, driven, faults, findings, refuse_unfit, too_poor
 from rover_pin.motion.drive_log import read_drive_log, write_drive_log
 from rover_pin.motion.trace import Trace
 

@@ -11,24 +11,12 @@ import pytest
 from scipy.optimize import lsq_linear, minimize_scalar
 from scipy.stats import binom
 
-from rover_pin.effects.dead_band import DeadBand
-from rover_pin.effects.exit_angle import ExitAngle
-from rover_pin.effects.gear_friction import GearFriction
-from rover_pin.effects.hard_patch import HardPatch
-from rover_pin.effects.sensor_bias import SensorBias
-from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.effects.tether_drag import TetherDrag
-from rover_pin.effects.torque_saturation import TorqueSaturation
-from rover_pin.effects.viscous_friction import ViscousFriction
-from rover_pin.evidence.drive_candidates import Candidate, size_of
-from rover_pin.evidence.drive_compare import Refit, alike, joined, refit
-from rover_pin.evidence.drive_fit import Task, at, fit
-from rover_pin.evidence.drive_heldout import held_out, together
-from rover_pin.evidence.drive_left_out import left_out, loss_of, refitted_left_out
-from rover_pin.evidence.drive_loop import answer_of, explained, is_unknown, verdict_on
-from rover_pin.evidence.drive_noise import huber
-from rover_pin.evidence.drive_report import sides_of
-from rover_pin.evidence.drive_screen import (
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.compare import Refit, alike, joined, refit
+from rover_pin.discrepancy.cross_validation import left_out, loss_of, refitted_left_out
+from rover_pin.discrepancy.held_out import held_out, together
+from rover_pin.discrepancy.screen import (
     Signature,
     fee_of,
     saturated,
@@ -37,10 +25,22 @@ from rover_pin.evidence.drive_screen import (
     started,
     trials,
 )
-from rover_pin.evidence.drive_search import Round, Search, fee_after, search
-from rover_pin.evidence.drive_verdict import numbers
-from rover_pin.evidence.profile import NORMAL_95
-from rover_pin.evidence.verdict import Answer
+from rover_pin.discrepancy.search import Round, Search, fee_after, search
+from rover_pin.effects.dead_band import DeadBand
+from rover_pin.effects.exit_angle import ExitAngle
+from rover_pin.effects.gear_friction import GearFriction
+from rover_pin.effects.hard_patch import HardPatch
+from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.effects.tether_drag import TetherDrag
+from rover_pin.effects.torque_saturation import TorqueSaturation
+from rover_pin.effects.viscous_friction import ViscousFriction
+from rover_pin.estimation.fit import at, fit
+from rover_pin.estimation.noise import huber
+from rover_pin.estimation.profile import NORMAL_95
+from rover_pin.experiments.drive_log.candidates import candidates
+from rover_pin.experiments.drive_log.verdict import numbers
+from rover_pin.loop.drive import answer_of, explained, is_unknown, verdict_on
+from rover_pin.report.drive import sides_of
 
 
 def module(name):
@@ -61,13 +61,13 @@ COLOURED, SOUGHT, ROUGH, STILL, MULTIPLES = 2.25, 3.0, 0.01, 0.3, (0.8, 1.2, 1.8
 
 
 def candidate(effect, place=""):
-    own = type(effect).__name__ + place
-    sizes = tuple(f"{own.partition('@')[0]}.{name}" for name in effect.neutral)
-    return Candidate(own, effect, sizes)
+    own = type(effect).__name__
+    sizes = tuple(f"{own}.{name}" for name in effect.neutral)
+    return Candidate(own, effect, sizes, place=place, sought=bool(place))
 
 
 EXIT, VISCOUS, BAND = (candidate(effect) for effect in (ExitAngle(), ViscousFriction(), DeadBand()))
-FREED = Candidate("WeakMotor[0]", None, ("WeakMotor[0].g",))
+FREED = Candidate("WeakMotor", None, ("WeakMotor[0].g",), place="0")
 
 
 def law(random, one, size=1.0, shape=linear.SHAPE):
@@ -103,7 +103,7 @@ def closed(fitted, freed=(), added=(), anchors=None):
     model = fitted.model
     for one in added:
         model = one.on(model)
-    sizes = [size_of(model, name) for one in added for name in one.sizes]
+    sizes = [one.size(name) for one in added for name in one.sizes]
     whole = dataclasses.replace(fitted, parameters=(*fitted.parameters, *sizes))
     return linear.gaussian(whole, freed, anchors)
 
@@ -209,15 +209,15 @@ def test_the_score_of_a_candidate_is_the_exact_fall_of_chi2(made):
         assert rows[name].gain == pytest.approx(fitted.chi2 - chi2, rel=1e-6, abs=1e-8)
     u, _ = closed(fitted, (), (EXIT,)).solved()
     assert rows["ExitAngle"].share == pytest.approx(u[-1], rel=1e-6)
-    assert started(rows["ExitAngle"], fitted.model) == {"ExitAngle.e_1": pytest.approx(0.3 * u[-1])}
-    assert started(rows["WeakMotor[0]"], fitted.model) == {"WeakMotor[0].g": fitted.value("WeakMotor[0].g")}
+    assert started(rows["ExitAngle"], fitted) == {"ExitAngle.e_1": pytest.approx(0.3 * u[-1])}
+    assert started(rows["WeakMotor[0]"], fitted) == {"WeakMotor[0].g": fitted.value("WeakMotor[0].g")}
 
 
 def test_the_score_counts_from_where_the_numbers_would_be(made):
     """Of a base that is not at its optimum, with priors that pull: the fall from its optimum, not from where it is."""
     fitted, _ = made
     off = fitted.u + np.array([0.4, -0.3])
-    (predicted,) = fitted.task.bench.predict([at(fitted.model, fitted.parameters, off)])
+    (predicted,) = fitted.task.experiment.predict([at(fitted.task, fitted.model, fitted.parameters, off)])
     moved = dataclasses.replace(fitted, u=off, predicted=predicted)
     (row,) = score(moved, signatures(fitted, [EXIT]))
     _, chi2 = closed(fitted, (), (EXIT,)).solved()
@@ -266,12 +266,12 @@ def test_a_size_that_may_not_be_negative_gains_nothing_where_the_log_asks_for_le
 
 def test_a_candidate_is_tried_at_each_of_its_sizes_alone_a_threshold_at_several():
     tether, threshold = candidate(TetherDrag()), candidate(TorqueSaturation())
-    assert trials(tether, linear.MODEL) == [
+    assert trials(tether) == [
         {"TetherDrag.f_0": 0.5, "TetherDrag.f_1": 0.0}, {"TetherDrag.f_0": 0.0, "TetherDrag.f_1": pytest.approx(0.2)},
     ]  # fmt: skip
-    assert trials(threshold, linear.MODEL) == [{"TorqueSaturation.i_max": pytest.approx(0.03 * m)} for m in MULTIPLES]
-    patch = candidate(HardPatch(), "@0.500")
-    (whole,) = trials(patch, linear.MODEL)
+    assert trials(threshold) == [{"TorqueSaturation.i_max": pytest.approx(0.03 * m)} for m in MULTIPLES]
+    patch = candidate(HardPatch(), "0.500")
+    (whole,) = trials(patch)
     assert whole == {name: pytest.approx(float(getattr(HardPatch(), name.rpartition(".")[2]))) for name in patch.sizes}
 
 
@@ -290,18 +290,6 @@ def test_the_most_promising_stands_first(made):
     gains = [row.gain for row in score(fitted, signatures(fitted, [VISCOUS, BAND, FREED, EXIT]))]
     assert gains == sorted(gains, reverse=True)
     assert gains[0] > gains[1]
-
-
-def test_a_sensors_signature_needs_no_replay(made):
-    fitted, columns = made
-    bias = Candidate("SensorBias[current_fl_A]", SensorBias(channel="current_fl_A"), ("SensorBias[current_fl_A].bias",))
-    slope = np.ones(linear.SHAPE) / 0.017
-    bench = dataclasses.replace(fitted.task.bench, slopes=columns | {bias.sizes[0]: (0.0, slope)}, asked=[])
-    fitted = dataclasses.replace(fitted, task=Task(bench, fitted.task.noise))
-    rows = signatures(fitted, [bias, EXIT])
-    assert bench.asked == [1]
-    np.testing.assert_allclose(rows[0].moved, 1.0)
-    np.testing.assert_allclose(rows[1].moved, 0.3 * columns["ExitAngle.e_1"][1])
 
 
 def test_noise_is_told_from_what_no_candidate_explains(made):
@@ -324,7 +312,7 @@ def chance(count):
 
 def test_the_fee_is_what_chance_gains_the_best_of_so_many():
     assert fee_of(EXIT, 100) == pytest.approx(COLOURED * chance(100))
-    tether, patch = candidate(TetherDrag()), candidate(HardPatch(), "@0.500")
+    tether, patch = candidate(TetherDrag()), candidate(HardPatch(), "0.500")
     assert fee_of(tether, 100) == pytest.approx(COLOURED * (chance(100) + chance(1)))
     assert fee_of(patch, 100) == pytest.approx(COLOURED * (SOUGHT * chance(100) + 2 * chance(1)))
     assert fee_of(EXIT, 100, taken=400.0) == pytest.approx(COLOURED * chance(100) + ROUGH * 400.0)
@@ -525,8 +513,17 @@ def test_one_that_promised_more_than_any_reached_is_fitted_again():
 # --- accepted, and told apart ----------------------------------------------------------------------------------------
 
 
+def kind_and_place(name):
+    """The fields of a candidate of this name, of an effect without sizes."""
+    for mark in "@[":
+        if mark in name:
+            kind, _, place = name.partition(mark)
+            return kind, object(), (), (), place.rstrip("]"), mark == "@"
+    return name, object(), ()
+
+
 def made_refit(name, net, held=1.0, fee=10.0):
-    return Refit(Candidate(name, object(), ()), None, net + fee, fee, held)
+    return Refit(Candidate(*kind_and_place(name)), None, net + fee, fee, held)
 
 
 @pytest.mark.parametrize(("net", "held", "accepted"), [(1, 1, True), (-1, 1, False), (1, -1, False), (0, 1, False)])
@@ -565,7 +562,7 @@ def searched(sizes, laws, seed=9, noise=1.0):
     columns = linear.slopes(random, linear.nuisances()) | laws(random)
     rows = noise * random.normal(size=linear.SHAPE)
     base = linear.fitted(shown(columns, sizes) + rows, columns)
-    return search(base, None, SILENT)
+    return search(base, candidates(base.model, base.task.experiment, base.parameters, None), SILENT)
 
 
 def three(random):
@@ -738,7 +735,7 @@ def test_runs_are_proposed_that_tell_the_best_from_its_first_two_rivals(log, mon
         reach = {each.sizes[0]: float(next(iter(each.effect.values().values()))) for each in others}
         return {"ExitAngle.e_1": (0.0, one)} | {name: (0.0, 0.3 / size * one) for name, size in reach.items()}
 
-    monkeypatch.setattr("rover_pin.evidence.drive_loop.separating_drive", asked)
+    monkeypatch.setattr("rover_pin.loop.drive.separating_drive", asked)
     found = searched({"ExitAngle.e_1": 0.5}, alike_laws)
     verdict = verdict_on(log, found, QUIET, 0, SILENT)
     assert verdict.answer is Answer.SET

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rover_pin.errors import DataError
-from rover_pin.evidence.drive_checks import check, faults, findings, refuse_unfit
-from rover_pin.evidence.drive_model import base_model, nuisances
+from rover_pin.experiments.drive_log.checks.log import check, faults, findings, refuse_unfit
+from rover_pin.experiments.drive_log.model import base_model, nuisances
 from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
 
 _spec = importlib.util.spec_from_file_location("drive_channels", Path(__file__).parent / "drive_channels.py")

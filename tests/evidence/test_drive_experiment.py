@@ -17,15 +17,15 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.evidence.drive_bench import bench_of
-from rover_pin.evidence.drive_candidates import size_of
-from rover_pin.evidence.drive_contrast import contrast, logged_instruments, with_currents
-from rover_pin.evidence.drive_experiment import DriveExperiment, _choice, separating_drive, unseparated
-from rover_pin.evidence.drive_fit import Task, fit
-from rover_pin.evidence.drive_menu import menu
-from rover_pin.evidence.drive_noise import first_noise, noise_of
-from rover_pin.evidence.drive_parameters import parameter
-from rover_pin.evidence.drive_run import logged_run
+from rover_pin.estimation.fit import Task, fit
+from rover_pin.estimation.noise import first_noise, noise_of
+from rover_pin.experiments.drive_log.candidates import candidate_of
+from rover_pin.experiments.drive_log.contrast import contrast, logged_instruments, with_currents
+from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.menu import menu
+from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, _choice, separating_drive, unseparated
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
 from rover_pin.motion.place import Start, settled
@@ -65,10 +65,10 @@ def forward(model, seed, seconds=12.0):
 
 def logged(truth, base):
     """Return two runs of a hidden truth as the task of fitting them, their noise known."""
-    bench = bench_of([driven(truth, forward(truth, seed), seed) for seed in (1, 2)], base)
-    left = bench.seen - bench.predict([truth])[0]
-    least = np.full(len(bench.channels), 1e-6)
-    return Task(bench, noise_of(left, first_noise(left, least).good, least))
+    experiment = experiment_of([driven(truth, forward(truth, seed), seed) for seed in (1, 2)], base)
+    left = experiment.observed - experiment.predict([truth])[0]
+    least = np.full(len(experiment.channels), 1e-6)
+    return Task(experiment, noise_of(left, first_noise(left, least).good, least))
 
 
 def fitted(task, model, effect=None, name=None, also=()):
@@ -76,7 +76,7 @@ def fitted(task, model, effect=None, name=None, also=()):
     having = model if effect is None else model.having(effect)
     free = [parameter(having, "soil.phi", math.radians(2.0)), parameter(having, "motor.gear", 0.04, log=True)]
     free += [parameter(having, "motor.resistance", 0.04, log=True), *also]
-    return fit(task, having, [*free, *([size_of(having, name)] if name else [])])
+    return fit(task, having, [*free, *([candidate_of(effect).size(name)] if name else [])])
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,7 @@ def dense(rows, doubt):
 
 def test_expected_information_is_that_of_whole_matrices(back):
     one, instruments = back
-    rows = [one.bench.channels.index(name) for name in instruments.names]
+    rows = [one.experiment.channels.index(name) for name in instruments.names]
     noise = instruments.noise(one.moving[0])
     assert np.array_equal(*one.moving)
     expected = dense(noise.white(one.apart[:, rows]), noise.white(one.doubts[:, :, rows]).T)
@@ -122,11 +122,11 @@ def test_a_tilt_is_told_from_a_tether_by_the_other_heading(tilted, back):
 def gain(one, instruments, truth, seed):
     """Return how much more chi2 the wrong model has than the true one when the drive is made, both free to move."""
     run = driven(one.models[truth], one.run.commands(one.models[truth].rover), seed)
-    bench = bench_of([run], one.models[0])
-    assert bench.channels == instruments.names
+    experiment = experiment_of([run], one.models[0])
+    assert experiment.channels == instruments.names
     noise, count = instruments.noise(run.usable), len(one.fits[0].u)
     doubts = [noise.white(part).T for part in (one.doubts[:count], one.doubts[count:])]
-    left = [noise.white(bench.seen - features) for features in bench.predict(one.models)]
+    left = [noise.white(experiment.observed - features) for features in experiment.predict(one.models)]
     chi2 = [dense(rows, doubt) for rows, doubt in zip(left, doubts, strict=True)]
     return chi2[1 - truth] - chi2[truth]
 
@@ -186,7 +186,7 @@ def test_an_effect_at_a_place_is_sought_on_the_logged_ground(tilted):
 
 
 def test_the_sentences():
-    found = DriveExperiment("A", "B", "on the flat at a constant duty of 0.50", "wheel_rate_fl", 26.6)
+    found = SeparatingDrive("A", "B", "on the flat at a constant duty of 0.50", "wheel_rate_fl", 26.6)
     assert found.said == (
         "to tell A from B: 20 s on the flat at a constant duty of 0.50; "
         "wheel_rate_fl shows it most (expected chi2 26.6)"

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.evidence.drive_bench import bench_of
-from rover_pin.evidence.drive_fit import Task, fit
-from rover_pin.evidence.drive_left_out import left_out, loss_of, refitted_left_out
-from rover_pin.evidence.drive_model import base_model, nuisances, with_spread
-from rover_pin.evidence.drive_noise import first_noise
-from rover_pin.evidence.drive_profile import drive_profiles
-from rover_pin.evidence.drive_run import logged_runs
-from rover_pin.evidence.profile import NORMAL_95
+from rover_pin.discrepancy.cross_validation import left_out, loss_of, refitted_left_out
+from rover_pin.discrepancy.profiles import profiles
+from rover_pin.estimation.fit import Task, fit
+from rover_pin.estimation.noise import first_noise
+from rover_pin.estimation.profile import NORMAL_95
+from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.features import logged_runs
+from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread
 from rover_pin.motion.drive_log import read_drive_log
 
 _spec = importlib.util.spec_from_file_location("drive_sets", Path(__file__).parent / "drive_sets.py")
@@ -26,19 +26,19 @@ _spec.loader.exec_module(drive_sets)
 def fitted(tmp_path_factory):
     log = read_drive_log(drive_sets.write(tmp_path_factory.mktemp("short"), runs=3, duration=6.0))
     model = with_spread(base_model(log))
-    bench = bench_of(logged_runs(log, model.rover), model)
+    experiment = experiment_of(logged_runs(log, model.rover), model)
     free = [one for one in nuisances(log, model) if one.name in ("soil.phi", "soil.k", "motor.gear")]
-    noise = first_noise(bench.seen - bench.predict([model])[0], np.full(len(bench.channels), 1e-6))
-    return fit(Task(bench, noise), model, free)
+    noise = first_noise(experiment.observed - experiment.predict([model])[0], np.full(len(experiment.channels), 1e-6))
+    return fit(Task(experiment, noise), model, free)
 
 
 def test_a_run_that_is_left_out_does_not_shape_its_own_prediction(fitted):
     """Whatever its log says, the fit to the others predicts the same of it."""
-    bench, honest = fitted.task.bench, refitted_left_out(fitted)
-    assert bench.runs[1].channels == bench.channels
-    wrong = bench.runs[1].seen + 3.0 * fitted.task.noise.sd[:, None]
-    runs = (bench.runs[0], dataclasses.replace(bench.runs[1], seen=wrong), bench.runs[2])
-    other = dataclasses.replace(fitted, task=Task(dataclasses.replace(bench, runs=runs), fitted.task.noise))
+    experiment, honest = fitted.task.experiment, refitted_left_out(fitted)
+    assert experiment.runs[1].channels == experiment.channels
+    wrong = experiment.runs[1].seen + 3.0 * fitted.task.noise.sd[:, None]
+    runs = (experiment.runs[0], dataclasses.replace(experiment.runs[1], seen=wrong), experiment.runs[2])
+    other = dataclasses.replace(fitted, task=Task(dataclasses.replace(experiment, runs=runs), fitted.task.noise))
     spoiled = refitted_left_out(other)
     moved = spoiled[1] - honest[1]
     known = np.isfinite(moved)
@@ -52,7 +52,7 @@ def test_a_whole_refit_and_a_single_step_agree_on_runs_left_out(fitted):
 
 
 def test_chi2_rises_by_a_normal_law_along_a_number_that_acts_linearly(fitted):
-    (profile,) = drive_profiles(fitted, ("motor.gear",))
+    (profile,) = profiles(fitted, ("motor.gear",))
     values, rises = np.array(profile.values), np.array(profile.rises)
     assert len(values) == 7
     assert np.all(np.diff(values) > 0)

@@ -11,11 +11,11 @@ import pytest
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.description.layout import rover_folder
+from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.errors import DataError
-from rover_pin.evidence.loop import close_the_loop, read_start
-from rover_pin.evidence.rig_model import RigModel
-from rover_pin.evidence.verdict import Answer
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.loop.close import close_the_loop, read_start
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.model_toml import read_model
 from rover_pin.motion.simulate import simulate

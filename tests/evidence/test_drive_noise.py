@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rover_pin.evidence.drive_noise import (
+from rover_pin.estimation.noise import (
     Noise,
     first_noise,
     huber,

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.evidence.drive_checks import check, faults
-from rover_pin.evidence.drive_odometry import odometry_faults, odometry_findings
-from rover_pin.evidence.driven import Driven
+from rover_pin.experiments.drive_log.checks.driven import Driven
+from rover_pin.experiments.drive_log.checks.log import check, faults
+from rover_pin.experiments.drive_log.checks.odometry import odometry_faults, odometry_findings
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.motor import Motor
 

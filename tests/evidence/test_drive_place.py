@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin.discrepancy.place import placed
+from rover_pin.discrepancy.screen import score, signatures
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
-from rover_pin.evidence.drive_candidates import candidates
-from rover_pin.evidence.drive_model import base_model, with_spread
-from rover_pin.evidence.drive_place import placed
-from rover_pin.evidence.drive_screen import score, signatures
-from rover_pin.evidence.drive_search import calibrated
+from rover_pin.experiments.drive_log.calibrate import calibrated_on
+from rover_pin.experiments.drive_log.candidates import candidates
+from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.motion.drive_log import read_drive_log
 
 _spec = importlib.util.spec_from_file_location("drive_sets", Path(__file__).parent / "drive_sets.py")
@@ -24,8 +24,8 @@ _spec.loader.exec_module(drive_sets)
 def test_the_edges_of_a_patch_are_found(tmp_path):
     hidden = HardPatch(g=1.5, g_k=1.0, dphi=math.radians(4), x_from=0.12, length=0.2)
     log = read_drive_log(drive_sets.write(tmp_path, [hidden]))
-    base = calibrated(log, with_spread(base_model(log)), 1, lambda said: None)
-    known = candidates(base.model, base.task.bench, base.parameters, None)
+    base = calibrated_on(log, with_spread(base_model(log)), 1, lambda said: None)
+    known = candidates(base.model, base.task.experiment, base.parameters, None)
     rows = score(base, signatures(base, [one for one in known if one.kind == "HardPatch"]))
     found = placed(base, rows[0])
     effect = found.candidate.effect

@@ -16,11 +16,11 @@ import pytest
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
-from rover_pin.evidence.drive_points import Sampling, classed, drive_points, read_drive_points
-from rover_pin.evidence.fit import Search, identify
-from rover_pin.evidence.identification import Verdict
-from rover_pin.evidence.reading import read_evidence
-from rover_pin.evidence.steady_windows import Window, line
+from rover_pin.identification.identify import Search, identify
+from rover_pin.identification.result import Verdict
+from rover_pin.measurements.drive_points import Sampling, classed, drive_points, read_drive_points
+from rover_pin.measurements.reading import read_evidence
+from rover_pin.measurements.steady_windows import Window, line
 from rover_pin.motion.drive_log import read_drive_log, write_drive_log
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.sensors import Sensors, measured

@@ -10,21 +10,21 @@ import pytest
 from rover_pin.body import shapes
 from rover_pin.body.rover import load_rover
 from rover_pin.contact import Contact, Soil, Wheel
+from rover_pin.discrepancy.screen import score, signatures, with_noise
 from rover_pin.effects.effect import Body, Drive
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError
-from rover_pin.evidence.drive_bench import bench_of
-from rover_pin.evidence.drive_candidates import candidates
-from rover_pin.evidence.drive_carrier import Carrier
-from rover_pin.evidence.drive_carrier_acts import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act, wheels_ahead
-from rover_pin.evidence.drive_carrier_arguments import Argument, Hats, Polynomial, Wave
-from rover_pin.evidence.drive_carrier_draft import draft
-from rover_pin.evidence.drive_fit import Task, fit
-from rover_pin.evidence.drive_model import nuisances, with_spread
-from rover_pin.evidence.drive_noise import first_noise
-from rover_pin.evidence.drive_remainder import Remainder, describe, draft_effect, replicates
-from rover_pin.evidence.drive_run import logged_run
-from rover_pin.evidence.drive_screen import score, signatures, with_noise
+from rover_pin.estimation.fit import Task, fit
+from rover_pin.estimation.noise import first_noise
+from rover_pin.experiments.drive_log.candidates import candidates
+from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.model import nuisances, with_spread
+from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act, wheels_ahead
+from rover_pin.experiments.unlisted.draft import draft
+from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
+from rover_pin.experiments.unlisted.remainder import Remainder, describe, draft_effect, replicates
+from rover_pin.experiments.unlisted.term import Carrier
 from rover_pin.motion.drive_log import About
 from rover_pin.motion.effect_files import user_effects
 from rover_pin.motion.model import Model, base_effects
@@ -193,14 +193,14 @@ def test_replicates_show_the_noise_without_any_model():
     good = np.ones((3, 2, 4000), dtype=bool)
     same = 3.0 * rng.normal(size=(2, 4000))
     rows = np.array([same + rng.normal(size=same.shape), same + rng.normal(size=same.shape), same])
-    bench = SimpleNamespace(runs=runs, channels=("speed", "path"))
+    experiment = SimpleNamespace(runs=runs, channels=("speed", "path"))
     fitted = SimpleNamespace(rows=rows.ravel(), task=SimpleNamespace(noise=SimpleNamespace(good=good)))
-    found = replicates(bench, fitted)
+    found = replicates(experiment, fitted)
     assert found.pairs == (("a", "b"),)
     assert found.floor["speed"] == pytest.approx(1.0, abs=0.05)
-    bench.runs = runs[1:]
+    experiment.runs = runs[1:]
     fitted.rows, fitted.task.noise.good = rows[1:].ravel(), good[1:]
-    assert replicates(bench, fitted) is None
+    assert replicates(experiment, fitted) is None
 
 
 def drives(hidden, count=3, duration=15.0):
@@ -231,9 +231,9 @@ def test_an_unlisted_eccentric_wheel_is_described_and_its_draft_fits(tmp_path):
     model = with_spread(model)
     free = nuisances(SimpleNamespace(about=About("test"), folder="test"), model)
     free = tuple(one for one in free if one.name.split(".")[0] in ("soil", "motor", "MotionResistance"))
-    bench = bench_of([logged_run(log, model.rover) for log in logs], model)
-    least = np.full(len(bench.channels), 1e-6)
-    base = fit(Task(bench, first_noise(bench.seen - bench.predict([model])[0], least)), model, free)
+    experiment = experiment_of([logged_run(log, model.rover) for log in logs], model)
+    least = np.full(len(experiment.channels), 1e-6)
+    base = fit(Task(experiment, first_noise(experiment.observed - experiment.predict([model])[0], least)), model, free)
     base = with_noise(base, base.residual, least)
     remainder = describe(base)
     assert not remainder.is_noise
@@ -246,9 +246,9 @@ def test_an_unlisted_eccentric_wheel_is_described_and_its_draft_fits(tmp_path):
     gains = {}
     for own in (file, drafted):
         listed = [
-            one for one in candidates(base.model, bench, base.parameters, own) if one.name.startswith("Eccentric")
+            one for one in candidates(base.model, experiment, base.parameters, own) if one.name.startswith("Eccentric")
         ]
         (found,) = score(base, signatures(base, listed))
         gains[own] = found.gain
     assert gains[drafted] > 0.9 * gains[file] > 100.0
-    assert {channel.name for channel in remainder.channels} == set(bench.channels)
+    assert {channel.name for channel in remainder.channels} == set(experiment.channels)

@@ -10,38 +10,33 @@ import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.body.shapes import flat
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.compare import Refit
+from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out
+from rover_pin.discrepancy.held_out import held_out, together
+from rover_pin.discrepancy.screen import Scored, Signature, fee_of
+from rover_pin.discrepancy.search import Round, Search
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.effects.winding_heating import WindingHeating
-from rover_pin.evidence.drive_bench import bench_of
-from rover_pin.evidence.drive_candidates import Candidate, size_of
-from rover_pin.evidence.drive_carrier import Carrier
-from rover_pin.evidence.drive_carrier_acts import FORCE, Act
-from rover_pin.evidence.drive_carrier_arguments import Argument, Hats, Polynomial
-from rover_pin.evidence.drive_cautions import cautions
-from rover_pin.evidence.drive_compare import Refit
-from rover_pin.evidence.drive_fit import DriveFit, Task, slopes_at
-from rover_pin.evidence.drive_heldout import free_runs, held_out, together
-from rover_pin.evidence.drive_left_out import loss_of, refitted_left_out
-from rover_pin.evidence.drive_model import DRIVEN_SAND
-from rover_pin.evidence.drive_noise import first_noise, noise_of
-from rover_pin.evidence.drive_parameters import parameter
-from rover_pin.evidence.drive_remainder import ChannelRemainder, Remainder
-from rover_pin.evidence.drive_report import figures, html, sides_of, write_drive_report
-from rover_pin.evidence.drive_report_rows import number_rows, refit_rows, summary_rows
-from rover_pin.evidence.drive_report_runs import Sides, strayed, telling_channels, worst_runs
-from rover_pin.evidence.drive_run import logged_run
-from rover_pin.evidence.drive_screen import Scored, Signature, fee_of
-from rover_pin.evidence.drive_search import Round, Search
-from rover_pin.evidence.drive_sensitivity import sensitivities
-from rover_pin.evidence.drive_verdict import DriveVerdict, numbers
-from rover_pin.evidence.finding import Finding
-from rover_pin.evidence.profile_curve import Profile
-from rover_pin.evidence.report_page import HEADLINES
-from rover_pin.evidence.verdict import Answer
+from rover_pin.estimation.fit import Fit, Task, slopes_at
+from rover_pin.estimation.noise import first_noise, noise_of
+from rover_pin.estimation.profile import Profile
+from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.free_runs import free_runs
+from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.experiments.drive_log.verdict import DriveVerdict, numbers
+from rover_pin.experiments.unlisted.actions import FORCE, Act
+from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
+from rover_pin.experiments.unlisted.remainder import ChannelRemainder, Remainder
+from rover_pin.experiments.unlisted.term import Carrier
+from rover_pin.measurements.finding import Finding
 from rover_pin.motion.drive_log import About, DriveLog
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
@@ -49,6 +44,12 @@ from rover_pin.motion.place import Start
 from rover_pin.motion.replay import PERIOD, Commands, replay
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.motion.trace import Trace
+from rover_pin.report.drive import figures, html, sides_of, write_drive_report
+from rover_pin.report.drive_cautions import cautions
+from rover_pin.report.drive_rows import number_rows, refit_rows, summary_rows
+from rover_pin.report.drive_runs import Sides, strayed, telling_channels, worst_runs
+from rover_pin.report.drive_sensitivity import sensitivities
+from rover_pin.report.page import HEADLINES
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 
@@ -75,8 +76,8 @@ def log_of(truth, seed):
 def fitted(task, model, parameters):
     """A fit that is where it starts."""
     u = np.array([one.u(SupplySag().R_b) if one.name == "SupplySag.R_b" else 0.0 for one in parameters])
-    predicted = task.bench.predict([model])[0]
-    return DriveFit(task, model, tuple(parameters), u, predicted, slopes_at(task, model, parameters, u))
+    predicted = task.experiment.predict([model])[0]
+    return Fit(task, model, tuple(parameters), u, predicted, slopes_at(task, model, parameters, u))
 
 
 @pytest.fixture(scope="module")
@@ -84,13 +85,13 @@ def made():
     """Two logged runs of a sagging supply, with the fits before and after it is added."""
     model, truth = base(), base().having(SupplySag())
     traces = tuple(log_of(truth, seed) for seed in (1, 2))
-    bench = bench_of([logged_run(trace, model.rover) for trace in traces], model)
-    left = bench.seen - bench.predict([truth])[0]
-    least = np.full(len(bench.channels), 1e-4)
-    task = Task(bench, noise_of(left, first_noise(left, least).good, least))
+    experiment = experiment_of([logged_run(trace, model.rover) for trace in traces], model)
+    left = experiment.observed - experiment.predict([truth])[0]
+    least = np.full(len(experiment.channels), 1e-4)
+    task = Task(experiment, noise_of(left, first_noise(left, least).good, least))
     free = [parameter(model, "soil.phi", math.radians(2.0)), parameter(model, "WeakMotor[0].g", 0.02)]
     before = fitted(task, model, free)
-    after = fitted(task, truth, [*free, size_of(truth, "SupplySag.R_b")])
+    after = fitted(task, truth, [*free, SAG.size("SupplySag.R_b")])
     return DriveLog("nowhere", About("small", source="made here"), traces), before, after
 
 
@@ -108,7 +109,7 @@ def looked(before, after):
     friction = Candidate("GearFriction", GearFriction(), ("GearFriction.tau_c",))
     heating = Candidate("WindingHeating", WindingHeating(), ("WindingHeating.R_th",))
     saturation = Candidate("TorqueSaturation", TorqueSaturation(), ("TorqueSaturation.i_max",))
-    motor = Candidate("WeakMotor[0]", None, ("WeakMotor[0].g",))
+    motor = Candidate("WeakMotor", None, ("WeakMotor[0].g",), place="0")
     rows = (
         scored(SAG, before, {"SupplySag.R_b": 2.0}, 400.0, 2 * math.sqrt(fee_of(SAG, 5)), 0.3),
         scored(saturation, before, {"TorqueSaturation.i_max": 0.03}, 9.0, 50.0, 0.2),
@@ -155,7 +156,7 @@ def verdict(made):
         after=numbers(after),
         scores=held.channels,
         runs=held.runs,
-        free=free_runs(before.task.bench, before.model, after.model),
+        free=free_runs(before.task.experiment, before.model, after.model),
         remainder=left(),
         findings=(Finding("no low duty", "small", "add one"),),
         experiments=(),
@@ -252,9 +253,9 @@ def test_a_remainder_that_is_noise_has_no_curves(made, verdict):
 def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
     log, before, _ = made
     odd = "a_$x^$ <i>b</i>"
-    bench = before.task.bench
-    named = dataclasses.replace(bench, runs=tuple(dataclasses.replace(run, name=odd) for run in bench.runs))
-    task = dataclasses.replace(before.task, bench=named)
+    experiment = before.task.experiment
+    named = dataclasses.replace(experiment, runs=tuple(dataclasses.replace(run, name=odd) for run in experiment.runs))
+    task = dataclasses.replace(before.task, experiment=named)
     search = verdict.search
     base_fit = dataclasses.replace(before, task=task)
     one = dataclasses.replace(
@@ -290,7 +291,7 @@ def test_profiles_are_drawn_where_there_are_any(made, verdict):
 def test_every_run_left_out_has_its_line(made, verdict):
     """The misfit of all runs is that of their blocks, and falls with the effect; the interval holds the change."""
     _, before, after = made
-    assert [one.run for one in verdict.runs] == [run.name for run in before.task.bench.runs]
+    assert [one.run for one in verdict.runs] == [run.name for run in before.task.experiment.runs]
     was, now = together(verdict.runs)
     count = sum(one.blocks for one in verdict.runs)
     assert count == before.task.noise.count
@@ -369,7 +370,7 @@ def test_the_run_that_is_missed_most_comes_first(made):
 
 def test_the_channels_that_changed_most_are_of_different_kinds(made):
     _, before, after = made
-    names = [before.task.bench.channels[row] for row in telling_channels(Sides(before, after))]
+    names = [before.task.experiment.channels[row] for row in telling_channels(Sides(before, after))]
     assert "battery_V" in names
     assert sum(name.startswith("wheel_rate_") for name in names) <= 2
     assert len(names) == 5
@@ -378,6 +379,6 @@ def test_the_channels_that_changed_most_are_of_different_kinds(made):
 def test_free_runs_are_as_far_off_as_the_table_says(made, verdict):
     """But for the tracker's noise, which half-second means leave out."""
     _, before, _ = made
-    for one, off in zip(verdict.free, strayed(before.task.bench, before.model), strict=True):
+    for one, off in zip(verdict.free, strayed(before.task.experiment, before.model), strict=True):
         rms = float(np.sqrt(np.nanmean(off**2)))
         assert 0.5 * one.before < rms < one.before

@@ -11,13 +11,13 @@ from scipy.optimize import least_squares
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError, OptimisationError, ParameterError
-from rover_pin.evidence.channel import FIELDS, DrawbarPull, Sinkage, Torque
-from rover_pin.evidence.fit import Search, build, identify, profile
-from rover_pin.evidence.identification import Verdict
-from rover_pin.evidence.levenberg import descend
-from rover_pin.evidence.measurement import WheelRig, read_wheel_rig
-from rover_pin.evidence.problem import Prior
-from rover_pin.evidence.traction_points import TractionPoints
+from rover_pin.estimation.descent import descend
+from rover_pin.estimation.problem import Prior
+from rover_pin.identification.identify import Search, build, identify, profile
+from rover_pin.identification.result import Verdict
+from rover_pin.measurements.channel import FIELDS, DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.traction_points import TractionPoints
+from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
 from rover_pin.quantity import quantities
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.sinkage import entry_angle, sinkage

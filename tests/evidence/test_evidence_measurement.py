@@ -9,9 +9,9 @@ import pytest
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
-from rover_pin.evidence.channel import DrawbarPull, Sinkage, Torque
-from rover_pin.evidence.measurement import WheelRig, read_wheel_rig
-from rover_pin.evidence.traction_points import TractionPoints, read_traction_points
+from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
+from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
 from rover_pin.parameters.bekker import bekker
 
 DATA = Path(__file__).parents[2] / "studies" / "data"

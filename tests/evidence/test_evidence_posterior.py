@@ -9,9 +9,9 @@ import pytest
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import MissingExtraError, OptimisationError, ParameterError
-from rover_pin.evidence.fit import build, identify
-from rover_pin.evidence.posterior import Chain, log_density, posterior
-from rover_pin.evidence.traction_points import TractionPoints
+from rover_pin.identification.identify import build, identify
+from rover_pin.identification.posterior import Chain, log_density, posterior
+from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.soil.traction import load_traction_factor
 
 SLIPS = np.linspace(0, 1, 11)

@@ -8,11 +8,13 @@ import pytest
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import OptimisationError
-from rover_pin.evidence import fit, levenberg, profile
-from rover_pin.evidence.fit import build
-from rover_pin.evidence.levenberg import descend
-from rover_pin.evidence.profile import NORMAL_95, Best, LowerMinimum, interval
-from rover_pin.evidence.traction_points import TractionPoints
+from rover_pin.estimation import descent as levenberg
+from rover_pin.estimation import profile
+from rover_pin.estimation.descent import descend
+from rover_pin.estimation.profile import NORMAL_95, Best, LowerMinimum, interval
+from rover_pin.identification import identify as fit
+from rover_pin.identification.identify import build
+from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.soil.traction import load_traction_factor
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Soil
-from rover_pin.evidence.drive_model import base_model
-from rover_pin.evidence.drive_points import read_drive_points
-from rover_pin.evidence.fit import identify
+from rover_pin.experiments.drive_log.model import base_model
+from rover_pin.identification.identify import identify
+from rover_pin.measurements.drive_points import read_drive_points
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import simulate

@@ -6,14 +6,14 @@ import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.body.shapes import flat
+from rover_pin.discrepancy.answer import score_line
+from rover_pin.discrepancy.held_out import ChannelScore, LevelError
 from rover_pin.errors import DataError
-from rover_pin.evidence.drive_loop import spoken
-from rover_pin.evidence.drive_model import DRIVEN_SAND
-from rover_pin.evidence.heldout import ChannelScore, LevelError
-from rover_pin.evidence.loop import close_the_loop, read_start
-from rover_pin.evidence.rig_checks import findings
-from rover_pin.evidence.rig_set import read_rig_set
-from rover_pin.evidence.verdict import score_line
+from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.experiments.wheel_rig.checks import findings
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.loop.close import close_the_loop, read_start
+from rover_pin.loop.drive import spoken
 from rover_pin.motion.drive_log import About, DriveLog
 from rover_pin.motion.model import Model
 from rover_pin.motion.motors import nexus6_motor

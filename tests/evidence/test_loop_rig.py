@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Soil, Wheel
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.screen import entry_fee
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.errors import DataError, ParameterError
-from rover_pin.evidence.candidates import added, effect_kinds, rig_kinds
-from rover_pin.evidence.channel import DrawbarPull, Sinkage, Torque
-from rover_pin.evidence.loop import close_the_loop
-from rover_pin.evidence.measurement import WheelRig, read_wheel_rig
-from rover_pin.evidence.model_file import read_model, write_model
-from rover_pin.evidence.rig_checks import findings
-from rover_pin.evidence.rig_fit import RigEvidence
-from rover_pin.evidence.rig_model import RigModel, conditions, predictor
-from rover_pin.evidence.rig_set import read_rig_set
-from rover_pin.evidence.screen import entry_fee
-from rover_pin.evidence.verdict import Answer
+from rover_pin.experiments.wheel_rig.candidates import added, effect_kinds, rig_kinds
+from rover_pin.experiments.wheel_rig.checks import findings
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.fit import RigEvidence
+from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
+from rover_pin.experiments.wheel_rig.model_file import read_model, write_model
+from rover_pin.loop.close import close_the_loop
+from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
 from rover_pin.trust import Trust
 
 _file = Path(__file__).parents[1] / "oracle" / "rig_generator.py"

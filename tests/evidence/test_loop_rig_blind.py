@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.evidence.loop import close_the_loop
-from rover_pin.evidence.verdict import Answer
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.loop.close import close_the_loop
 
 _file = Path(__file__).parents[1] / "oracle" / "rig_generator.py"
 _spec = importlib.util.spec_from_file_location("rig_generator_blind", _file)

@@ -11,15 +11,22 @@ import pytest
 from scipy.stats import kstest
 
 from rover_pin.contact import Wheel
-from rover_pin.evidence.cautions import of_residuals
-from rover_pin.evidence.channel import DrawbarPull, Sinkage
-from rover_pin.evidence.heldout import ChannelScore
-from rover_pin.evidence.loop import close_the_loop
-from rover_pin.evidence.measurement import WheelRig
-from rover_pin.evidence.residual_tests import NEIGHBOURS, NEXT_RUN, ORDER, SLIP_SQUARED, ResidualTest, residual_tests
-from rover_pin.evidence.rig_set import as_rig_set
-from rover_pin.evidence.verdict import Answer
-from rover_pin.evidence.wording import got_worse
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.estimation.wording import got_worse
+from rover_pin.experiments.wheel_rig.data import as_rig_set
+from rover_pin.experiments.wheel_rig.residual_tests import (
+    NEIGHBOURS,
+    NEXT_RUN,
+    ORDER,
+    SLIP_SQUARED,
+    ResidualTest,
+    residual_tests,
+)
+from rover_pin.loop.close import close_the_loop
+from rover_pin.measurements.channel import DrawbarPull, Sinkage
+from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.report.rig_cautions import of_residuals
 
 STUDIES = Path(__file__).parents[2] / "studies"
 DATA = STUDIES / "data"

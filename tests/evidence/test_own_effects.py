@@ -3,9 +3,9 @@
 import pytest
 
 from rover_pin.errors import DataError
-from rover_pin.evidence.loop import close_the_loop
-from rover_pin.evidence.own_effects import refuse_unfit_effects
-from rover_pin.evidence.rig_set import RIG_FILE
+from rover_pin.experiments.wheel_rig.data import RIG_FILE
+from rover_pin.loop.close import close_the_loop
+from rover_pin.loop.own_effects import refuse_unfit_effects
 
 GOOD = '''
 from dataclasses import dataclass

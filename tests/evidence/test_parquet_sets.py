@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from rover_pin.errors import DataError
-from rover_pin.evidence.rig_set import read_rig_set
-from rover_pin.evidence.traction_points import read_traction_points
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.measurements.traction_points import read_traction_points
 from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
 from rover_pin.motion.trace import Trace
 from rover_pin.motion.trace_files import write_parquet

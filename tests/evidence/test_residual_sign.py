@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Soil, Wheel
-from rover_pin.evidence.calibrate import calibrate
-from rover_pin.evidence.drive_remainder import Remainder, channel_remainders
-from rover_pin.evidence.drive_report_rows import left_rows
-from rover_pin.evidence.drive_report_runs import Sides, residuals_figure, scale_of
-from rover_pin.evidence.heldout import held_out
-from rover_pin.evidence.remainder import draft_effect
-from rover_pin.evidence.report import correlation_rows
-from rover_pin.evidence.report_figures import residuals_figure as rig_residuals_figure
-from rover_pin.evidence.residual import residual
-from rover_pin.evidence.rig_loop import decide
+from rover_pin.estimation.residual import residual
+from rover_pin.experiments.unlisted.remainder import Remainder, channel_remainders
+from rover_pin.experiments.wheel_rig.calibrate import calibrate
+from rover_pin.experiments.wheel_rig.held_out import held_out
+from rover_pin.experiments.wheel_rig.remainder import draft_effect
+from rover_pin.loop.rig import decide
 from rover_pin.motion.effect_files import user_effects
+from rover_pin.report.drive_rows import left_rows
+from rover_pin.report.drive_runs import Sides, residuals_figure, scale_of
+from rover_pin.report.rig import correlation_rows
+from rover_pin.report.rig_figures import residuals_figure as rig_residuals_figure
 
 
 def loaded(name):
@@ -109,7 +109,7 @@ def test_the_table_of_a_drive_has_the_sign(faster):
     fitted, _ = faster
     scene = SimpleNamespace(
         fit=fitted,
-        bench=fitted.task.bench,
+        experiment=fitted.task.experiment,
         wheels=("fl",),
         replayed=lambda run, name: np.zeros(drive.BLOCKS * drive.ROWS_A_BLOCK),
         logged=lambda run, name: np.zeros(drive.BLOCKS * drive.ROWS_A_BLOCK),
@@ -128,6 +128,6 @@ def test_the_figure_of_a_drive_has_the_sign(faster):
     titles = [axis.get_title() for axis in figure.axes[:2]]
     axis = next(one for one in figure.axes if one.get_ylabel().startswith("current"))
     drawn = axis.lines[-1].get_ydata() / scale_of("current_fl_A")[0]
-    run = [one.name for one in fitted.task.bench.runs].index(titles[0])
+    run = [one.name for one in fitted.task.experiment.runs].index(titles[0])
     assert np.corrcoef(drawn, duty[run])[0, 1] > 0.99
     assert figure.legends[0].get_title().get_text() == "measured - model"

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from rover_pin.body.rover import load_rover
+from rover_pin.discrepancy.screen import signatures
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.evidence.drive_bench import Bench
-from rover_pin.evidence.drive_candidates import candidates
-from rover_pin.evidence.drive_model import base_model, with_spread
-from rover_pin.evidence.drive_screen import signatures
-from rover_pin.evidence.drive_search import calibrated
-from rover_pin.evidence.resume import FOLDER, Memory, digest, key_of_code
+from rover_pin.experiments.drive_log.calibrate import calibrated_on
+from rover_pin.experiments.drive_log.candidates import candidates
+from rover_pin.experiments.drive_log.experiment import DriveExperiment
+from rover_pin.experiments.drive_log.model import base_model, with_spread
+from rover_pin.experiments.drive_log.resume import FOLDER, Memory, digest, key_of_code
 from rover_pin.motion.drive_log import read_drive_log
 
 _spec = importlib.util.spec_from_file_location("drive_sets", Path(__file__).parent / "drive_sets.py")
@@ -141,15 +141,15 @@ def test_a_calibration_and_its_signatures_are_taken_up_without_a_replay(tmp_path
     start = with_spread(base_model(log))
 
     def through(memory):
-        base = calibrated(log, start, 1, nothing, memory)
-        tried = candidates(base.model, base.task.bench, base.parameters, None)[:6]
+        base = calibrated_on(log, start, 1, nothing, memory)
+        tried = candidates(base.model, base.task.experiment, base.parameters, None)[:6]
         return base, signatures(base, tried)
 
     whole, moved = through(Memory())
     first, _ = through(Memory(tmp_path, "key"))
     driven = []
-    spread = Bench._spread
-    monkeypatch.setattr(Bench, "_spread", lambda self, tasks: driven.extend(tasks) or spread(self, tasks))
+    spread = DriveExperiment._spread
+    monkeypatch.setattr(DriveExperiment, "_spread", lambda self, tasks: driven.extend(tasks) or spread(self, tasks))
     base, again = through(Memory(tmp_path, "key"))
     assert len(driven) == 2  # the start, on both runs: of it comes the first noise
     for one in (whole, first):

@@ -11,22 +11,23 @@ import pytest
 from scipy.stats import binom, norm
 from scipy.stats import chi2 as chi2_law
 
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.screen import entry_fee
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.load_exponent import LoadExponent
 from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.errors import OptimisationError
-from rover_pin.evidence.calibrate import Fitted, calibrate, parameters, remains, settled
-from rover_pin.evidence.candidates import rig_kinds
-from rover_pin.evidence.cautions import of_choice
-from rover_pin.evidence.compare import Candidate, Comparison, compare_pairs, compare_singles
-from rover_pin.evidence.heldout import held_out, loss, scores
-from rover_pin.evidence.reselect import NOTHING, Fold, Reselected, reselect
-from rover_pin.evidence.rig_loop import answer_of, decide, share_taken
-from rover_pin.evidence.screen import entry_fee, screen
-from rover_pin.evidence.verdict import Answer
-from rover_pin.evidence.wording import Outcome
+from rover_pin.estimation.wording import Outcome
+from rover_pin.experiments.wheel_rig.calibrate import Fitted, calibrate, parameters, remains, settled
+from rover_pin.experiments.wheel_rig.candidates import rig_kinds
+from rover_pin.experiments.wheel_rig.compare import Candidate, Comparison, compare_pairs, compare_singles
+from rover_pin.experiments.wheel_rig.held_out import held_out, loss, scores
+from rover_pin.experiments.wheel_rig.reselect import NOTHING, Fold, Reselected, reselect
+from rover_pin.experiments.wheel_rig.screen import screen
+from rover_pin.loop.rig import answer_of, decide, share_taken
+from rover_pin.report.rig_cautions import of_choice
 
 _spec = importlib.util.spec_from_file_location("linear_rig", Path(__file__).parent / "linear_rig.py")
 linear = importlib.util.module_from_spec(_spec)
@@ -150,7 +151,7 @@ def fails(*asked):
 def test_where_no_profile_ends_the_interval_is_that_of_the_covariance(made, monkeypatch):
     _, base, *_ = made
     _, profiled = parameters(base)
-    monkeypatch.setattr("rover_pin.evidence.calibrate.interval", fails)
+    monkeypatch.setattr("rover_pin.experiments.wheel_rig.calibrate.interval", fails)
     _, local = parameters(base)
     for one, other in zip(local, profiled, strict=True):
         assert (one.low, one.high) == pytest.approx((other.low, other.high), rel=1e-3)
@@ -166,7 +167,7 @@ def test_an_interval_that_a_bound_cuts_is_not_closed(size, monkeypatch):
     laws = {"phi": linear.law_of("phi", size * random.normal(size=ROWS))}
     fit = calibrate(linear.setting(0.1 * clipped(random), laws, ("phi",), {}), linear.MODEL)
     (profiled,) = parameters(fit)[1]
-    monkeypatch.setattr("rover_pin.evidence.calibrate.interval", fails)
+    monkeypatch.setattr("rover_pin.experiments.wheel_rig.calibrate.interval", fails)
     (local,) = parameters(fit)[1]
     for one in (profiled, local):
         assert not one.closed

@@ -10,12 +10,12 @@ import pytest
 
 from rover_pin.contact import Wheel
 from rover_pin.errors import DataError, ParameterError
-from rover_pin.evidence.channel import DrawbarPull, Sinkage, Torque
-from rover_pin.evidence.measurement import WheelRig
-from rover_pin.evidence.reading import read_evidence
-from rover_pin.evidence.rig_checks import findings, refuse_unfit
-from rover_pin.evidence.rig_physics import refuse_impossible, suspicions
-from rover_pin.evidence.rig_set import read_rig_set
+from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.reading import read_evidence
+from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
+from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.parameters import SOILS
 from rover_pin.soil.sinkage import entry_angle, sinkage
 from rover_pin.soil.traction import wheel_forces

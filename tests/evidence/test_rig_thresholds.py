@@ -7,10 +7,10 @@ import pytest
 
 from rover_pin.contact import Wheel
 from rover_pin.errors import DataError
-from rover_pin.evidence.channel import DrawbarPull, Sinkage, Torque
-from rover_pin.evidence.measurement import WheelRig
-from rover_pin.evidence.rig_checks import findings, refuse_unfit, repeat_sd, too_poor
-from rover_pin.evidence.rig_set import as_rig_set
+from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, repeat_sd, too_poor
+from rover_pin.experiments.wheel_rig.data import as_rig_set
+from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.wheel_rig import WheelRig
 
 LEVELS, SD = 6, 0.1
 

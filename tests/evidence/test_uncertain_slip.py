@@ -7,9 +7,9 @@ import pytest
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
-from rover_pin.evidence.channel import FIELDS
-from rover_pin.evidence.fit import Search, identify
-from rover_pin.evidence.traction_points import TractionPoints, read_traction_points
+from rover_pin.identification.identify import Search, identify
+from rover_pin.measurements.channel import FIELDS
+from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
 from rover_pin.soil.traction import NetTraction, load_traction_factor
 
 SLIPS = np.linspace(0.02, 0.9, 12)

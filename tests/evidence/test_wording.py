@@ -9,21 +9,22 @@ import pandas as pd
 import pytest
 from matplotlib.collections import LineCollection
 
-from rover_pin.evidence.calibrate import Flag, calibrate
-from rover_pin.evidence.cautions import of_parameters
-from rover_pin.evidence.drive_fit import covariance
-from rover_pin.evidence.drive_heldout import FreeRun, RunScore
-from rover_pin.evidence.drive_parameters import Parameter
-from rover_pin.evidence.drive_report_figures import heldout_figure
-from rover_pin.evidence.drive_report_rows import run_rows, score_rows
-from rover_pin.evidence.drive_verdict import free_lines
-from rover_pin.evidence.heldout import ChannelScore
-from rover_pin.evidence.report import html
-from rover_pin.evidence.reselect import Fold
-from rover_pin.evidence.rig_loop import decide
-from rover_pin.evidence.rig_set import Independent, read_rig_set
-from rover_pin.evidence.verdict import Answer, flag_line
-from rover_pin.evidence.wording import Against, Change, Outcome, against, got_worse, interval, share, spread
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.held_out import ChannelScore, RunScore
+from rover_pin.estimation.fit import covariance
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.wording import Against, Change, Outcome, against, got_worse, interval, share, spread
+from rover_pin.experiments.drive_log.free_runs import FreeRun
+from rover_pin.experiments.drive_log.verdict import free_lines
+from rover_pin.experiments.wheel_rig.calibrate import Flag, calibrate
+from rover_pin.experiments.wheel_rig.data import Independent, read_rig_set
+from rover_pin.experiments.wheel_rig.reselect import Fold
+from rover_pin.experiments.wheel_rig.verdict import flag_line
+from rover_pin.loop.rig import decide
+from rover_pin.report.drive_figures import heldout_figure
+from rover_pin.report.drive_rows import run_rows, score_rows
+from rover_pin.report.rig import html
+from rover_pin.report.rig_cautions import of_parameters
 
 
 def module(name, file):

@@ -20,12 +20,13 @@ from rover_pin.control.gains_file import load_gains
 from rover_pin.control.tuning_study import read_tuning
 from rover_pin.description.layout import rover_folder
 from rover_pin.errors import DataError
-from rover_pin.evidence import drive_checks, rig_checks
-from rover_pin.evidence.drive_model import base_model, nuisances, with_spread
-from rover_pin.evidence.drive_points import read_drive_points
-from rover_pin.evidence.model_file import read_model as read_rig_model
-from rover_pin.evidence.rig_set import read_rig_set
-from rover_pin.evidence.traction_points import read_traction_points
+from rover_pin.experiments.drive_log.checks import log as drive_checks
+from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread
+from rover_pin.experiments.wheel_rig import checks as rig_checks
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
+from rover_pin.measurements.drive_points import read_drive_points
+from rover_pin.measurements.traction_points import read_traction_points
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.model_toml import read_model
 from rover_pin.motion.trace import Trace

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.evidence.loop import close_the_loop
+from rover_pin.loop.close import close_the_loop
 
 TESTS = Path(__file__).parents[1]
 FROZEN = Path(__file__).with_name("answers.json")

@@ -16,8 +16,8 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.errors import DataError, ParameterError, UrdfError
-from rover_pin.evidence.model_file import write_model as write_rig_model
-from rover_pin.evidence.rig_model import PAPER, RigModel
+from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
+from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
 from rover_pin.motion.effect_files import package_effects, user_effects
 from rover_pin.motion.model_toml import model_files, read_model, write_model
 from rover_pin.motion.simulate import simulate

@@ -21,27 +21,27 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "braking = ca.if_else(faster < 1.0, S + (q - 1.0) * (1.0 + S), 1.0 - 1.0 / ca.fmax(faster, 1.0)): < -> <=",
     ): "both branches are 0 where the lugs run as fast as the travel",
     (
-        "rover_pin/evidence/drive_noise.py",
+        "rover_pin/estimation/noise.py",
         "steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho): 0.0 -> 0.1",
     ): "what is not compared is read by no row: a block after a gap begins anew",
     (
-        "rover_pin/evidence/drive_screen.py",
+        "rover_pin/discrepancy/screen.py",
         'if candidate.effect is not None and candidate.effect.places and len(parameters) > 1 and "@" in '
         "candidate.name:: > -> >=",
     ): "one size alone is tried at its default either way",
     (
-        "rover_pin/evidence/drive_screen.py",
+        "rover_pin/discrepancy/screen.py",
         "return sorted(best.values(), key=lambda row: -row.gain if row.told else 0.0): 0.0 -> 0.1",
     ): "moves what cannot be told behind what gains nothing: neither is refitted",
     (
-        "rover_pin/evidence/drive_screen.py",
+        "rover_pin/discrepancy/screen.py",
         "return np.array(rows) if rows else np.zeros((0, *base.predicted.shape)): "
         "np.zeros((0, *base.predicted.shape)) -> (np.array(rows))",
     ): "nothing is read of an empty array, whatever its shape",
     (
-        "rover_pin/evidence/rig_loop.py",
+        "rover_pin/loop/rig.py",
         "added = () if best is None else after.model.effects[len(base.model.effects) :]: "
         "() -> (after.model.effects[len(base.model.effects) :])",
     ): "where nothing was added the model after is the base model",
-    ("rover_pin/evidence/calibrate.py", "seed: int = 0: 0 -> 1"): "any seed will do",
+    ("rover_pin/experiments/wheel_rig/calibrate.py", "seed: int = 0: 0 -> 1"): "any seed will do",
 }

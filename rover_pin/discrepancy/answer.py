@@ -1,0 +1,40 @@
+"""What may be said of a model, and how a verdict is put into plain values and lines."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import Any
+
+from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.estimation.wording import shown
+
+
+class Answer(Enum):
+    """What may be said of the model."""
+
+    NAMED = "an effect is missing"
+    SET = "one of a set of effects is missing"
+    NONE_NEEDED = "no effect needed"
+    NONE_FITS = "none of these"
+    CANNOT_TELL = "cannot tell"
+
+
+def plain(value: Any) -> Any:
+    """Return nested values with NaN and infinities as None."""
+    if isinstance(value, dict):
+        return {str(key): plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def score_line(score: ChannelScore) -> str:
+    """Return one channel's held-out error, before and after where that is not the same."""
+    change, noise = score.worded, f"noise {shown(score.floor, score.unit)}"
+    if change.none:
+        return f"held-out {score.name}: RMSE {shown(score.before, score.unit)}, {noise}"
+    errors = f"RMSE {shown(score.before, score.unit)} -> {shown(score.after, score.unit)}"
+    return f"held-out {score.name}: {errors} ({change.text}, {noise}): {score.said}"

@@ -1,0 +1,87 @@
+"""One thing that a model may lack: an effect of any kind, or numbers of the model that its priors may hold wrongly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.quantity import quantities
+
+SHAPE_SD, SHAPE_SHARE = 0.5, 0.3
+"""Prior SD of an effect's shape: of its logarithm, or as a share of its size where it may be negative."""
+SPACING = 0.15
+"""Distance between the places at which an effect with a place is tried, and prior SD of its place [m]."""
+FAR_FROM = 50.0
+"""Ratio of neutral to default value from which an effect's size is sought on a logarithm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An effect at its default size at some place, or, without an effect, numbers of the model freed from their priors.
+
+    An effect is a record of quantities that names the `neutral` values of its sizes, at which it vanishes, and its
+    `places`; `sizes` and `shapes` are names of parameters, `owner.quantity`.
+    """
+
+    kind: str
+    "what it is: the name of the effect"
+    effect: Any
+    sizes: tuple[str, ...]
+    shapes: tuple[str, ...] = ()
+    place: str = ""
+    "where it is: a wheel, a joint, a channel, or the begin of a stretch of the way [m]"
+    sought: bool = False
+    "whether that place was sought along the way, so that chance had more to choose from"
+
+    @property
+    def name(self) -> str:
+        """Kind and place."""
+        if not self.place:
+            return self.kind
+        return f"{self.kind}@{self.place}" if self.sought else f"{self.kind}[{self.place}]"
+
+    @property
+    def owner(self) -> str:
+        """The name under which a model holds the effect; a place on the way does not belong to it."""
+        return self.kind if self.sought or not self.place else self.name
+
+    def on(self, model: Any) -> Any:
+        """Return the model with the effect at its default size."""
+        return model if self.effect is None else model.having(self.effect)
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """The values of the sizes at which the effect vanishes."""
+        return {name: self.effect.neutral[name.rpartition(".")[2]] for name in self.sizes}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The free numbers of the effect: sizes without a prior, shapes with one."""
+        return (*map(self.size, self.sizes), *map(self.shape, self.shapes))
+
+    def size(self, name: str) -> Parameter:
+        """Return the parameter of a size: u = 0 is neutral, u = 1 the default; a logarithm where neutral is far off."""
+        quantity = name.rpartition(".")[2]
+        about, neutral = quantities(self.effect)[quantity], self.effect.neutral[quantity]
+        default = float(type(self.effect).__dataclass_fields__[quantity].default)
+        low, high = float(about.low), float(about.high)
+        if abs(neutral) > FAR_FROM * abs(default):
+            return Parameter(name, default, 1.0, low, high, log=True, prior=False, fd=0.1)
+        return Parameter(name, neutral, default - neutral or _reach(about.unit), low, high, prior=False, fd=0.2)
+
+    def shape(self, name: str) -> Parameter:
+        """Return the parameter of a shape, with a prior around its present value."""
+        quantity = name.rpartition(".")[2]
+        about, value = quantities(self.effect)[quantity], float(getattr(self.effect, quantity))
+        low, high = float(about.low), float(about.high)
+        if quantity.startswith("x_"):
+            return Parameter(name, value, SPACING, low, high, fd=0.1)
+        if about.low >= 0 and value > 0:
+            return Parameter(name, value, SHAPE_SD, low, high, log=True)
+        return Parameter(name, value, SHAPE_SHARE * (abs(value) or 1.0), low, high)
+
+
+def _reach(unit: str) -> float:
+    """Return a size of one unit for an effect whose default for it is none: a hundredth [m, rad, ...]."""
+    return {"m": 0.01, "rad": 0.01}.get(unit, 0.05)

@@ -1,0 +1,190 @@
+"""Candidates refitted with every uncertain number free, and compared: penalised gain, and runs left out."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rover_pin.discrepancy.anchor import Anchor
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.cross_validation import left_out, loss_of, refitted_left_out
+from rover_pin.discrepancy.place import placed
+from rover_pin.discrepancy.screen import Scored, started
+from rover_pin.estimation.fit import Fit, fit
+from rover_pin.estimation.parameter import Parameter
+
+REFITTED, PROMISING = 5, 0.4
+"""Candidates that are refitted, at most, and the share of its fee that one must promise to pay."""
+FAR_BEHIND = 0.02
+"""Share of the best score below which a candidate is not refitted."""
+FROM_DECLARED = 3
+"""Candidates that are refitted from the declared numbers, at most."""
+NEAR = 0.1
+"""Share of the best's net gain within which one that has gained, or had promised, so much is fitted to the end."""
+POLISHED = 3
+"""Leaders that are fitted to the end, every slope computed again."""
+SMALL = 0.1
+"""Share of its first size from which a candidate is fitted again, where it did not do better than none."""
+ODDS = 20.0
+"""Candidates within this of the best are not told apart: odds of 1 in 100, chance gaining as much more as it does."""
+
+Progress = Callable[[str], None]
+Fee = Callable[[Candidate], float]
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A model with one more candidate, fitted."""
+
+    candidate: Candidate
+    fit: Fit = field(repr=False)
+    gain: float
+    "fall of chi2 from the model without"
+    fee: float
+    "what chance alone would gain"
+    held_out: float
+    "fall of the held-out chi2, each run predicted from the others"
+
+    @property
+    def name(self) -> str:
+        """Name of the candidate."""
+        return self.candidate.name
+
+    @property
+    def net(self) -> float:
+        """Gain minus fee."""
+        return self.gain - self.fee
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it gains more than chance and predicts runs that it has not seen better."""
+        return self.net > 0 and self.held_out > 0
+
+
+def refit(
+    base: Fit, scored: Sequence[Scored], fee: Fee, progress: Progress, declared: Anchor | None = None
+) -> tuple[Refit, ...]:
+    """Return the plausible candidates refitted, the best first; `fee` says what one must gain.
+
+    Each starts where the base ended; the best of `declared`, which a bent base gives, from the declared numbers too:
+    from a base that has absorbed a strong effect there may be no way down to the model that has it.
+    """
+    without = left_out(base)
+    chosen = _chosen(base, scored, fee)
+    found = {}
+    for row in chosen:
+        progress(f"refitting with {row.candidate.name}")
+        found[row.candidate.name] = _refit(base, base, row, fee, without)
+    for row in _chosen(declared.start, declared.scored, fee)[:FROM_DECLARED] if declared else ():
+        progress(f"refitting with {row.candidate.name} from the declared numbers")
+        _keep(found, _refit(base, declared.start, row, fee, without))  # type: ignore[union-attr]
+    promised = {row.candidate.name: row.gain - fee(row.candidate) for row in chosen}
+    reached = max((one.net for one in found.values()), default=0.0)
+    for row in chosen:
+        if promised[row.candidate.name] > max(reached, 0.0):
+            progress(f"refitting with {row.candidate.name}, which gained less than promised")
+            _keep(found, _refit(base, base, row, fee, without, reuse=False))
+    ranked = sorted(found.values(), key=lambda one: -one.net)
+    reach = ranked[0].net - 2 * ODDS - NEAR * abs(ranked[0].net) if ranked else 0.0
+    near = [one for one in ranked if one.net > 0 and max(one.net, promised.get(one.name, 0.0)) > reach][:POLISHED]
+    for one in near:
+        progress(f"refitting with {one.name}, every slope anew")
+        ranked[ranked.index(one)] = _confirmed(base, _polished(base, one, without))
+    return tuple(sorted(ranked, key=lambda one: -one.net))
+
+
+def _chosen(start: Fit, scored: Sequence[Scored], fee: Fee) -> list[Scored]:
+    """Return the candidates that promise enough, each once, at their best places."""
+    best = max((row.gain for row in scored if row.told), default=0.0)
+    paying = [row for row in scored if row.told and _promises(row, fee, best)]
+    return list(
+        {row.candidate.name: row for row in (placed(start, one) for one in _distinct(paying)[:REFITTED])}.values()
+    )
+
+
+def _keep(found: dict[str, Refit], one: Refit) -> None:
+    """Keep a candidate's refit where it is its best so far."""
+    found[one.name] = max(found.get(one.name, one), one, key=lambda each: each.net)
+
+
+def _promises(row: Scored, fee: Fee, best: float) -> bool:
+    return row.gain > max(PROMISING * fee(row.candidate), FAR_BEHIND * best)
+
+
+def _distinct(rows: Sequence[Scored]) -> list[Scored]:
+    """Return the rows with only the two best places of each effect that is sought all over the ground."""
+    seen: dict[str, int] = {}
+    kept = []
+    for row in rows:
+        kind = row.candidate.kind if row.candidate.sought else row.candidate.name
+        seen[kind] = seen.get(kind, 0) + 1
+        if seen[kind] <= 2:
+            kept.append(row)
+    return kept
+
+
+def _refit(base: Fit, start: Fit, row: Scored, fee: Fee, without: np.ndarray, reuse: bool = True) -> Refit:
+    """Return a candidate refitted from the numbers of `start`, judged against the base."""
+    candidate = row.candidate
+    model = base.task.experiment.with_values(candidate.on(start.model), started(row, start))
+    numbers, here = joined(start, candidate, model)
+    slopes = start.slopes if reuse else None
+    refitted = fit(base.task, model, numbers, here, slopes, reuse)
+    if refitted.chi2 > start.chi2 and candidate.effect is not None:
+        other = fit(base.task, model, numbers, _small(numbers, here, len(start.u)), slopes, reuse)
+        refitted = min(refitted, other, key=lambda one: one.chi2)
+    return _judged(base, candidate, refitted, fee(candidate), without)
+
+
+def _small(numbers: Sequence[Parameter], start: np.ndarray, own: int) -> np.ndarray:
+    """Return the start with the candidate's sizes near neutral: u = 0, but for what lies on a logarithm."""
+    shares = [SMALL if at >= own and not one.prior and not one.log else 1.0 for at, one in enumerate(numbers)]
+    return start * np.array(shares)
+
+
+def joined(base: Fit, candidate: Candidate, model: Any) -> tuple[tuple[Parameter, ...], np.ndarray]:
+    """Return the base's numbers and the candidate's, and where the fit starts; freed numbers lose their prior."""
+    freed = [] if candidate.effect is not None else list(candidate.sizes)
+    old = [dataclasses.replace(one, prior=False) if one.name in freed else one for one in base.parameters]
+    own = () if candidate.effect is None else candidate.parameters
+    start = [one.u(base.task.experiment.value(model, one.name)) for one in own]
+    return (*old, *own), np.concatenate([base.u, start])
+
+
+def _polished(base: Fit, one: Refit, without: np.ndarray) -> Refit:
+    refitted = fit(base.task, one.fit.model, one.fit.parameters, one.fit.u, one.fit.slopes, stale=True)
+    return _judged(base, one.candidate, refitted, one.fee, without)
+
+
+def _confirmed(base: Fit, one: Refit) -> Refit:
+    """Return the candidate with what it does on runs left out found by refits, where to first order it does harm."""
+    if one.held_out > 0 or one.net <= 0:
+        return one
+    losses = [loss_of(base, refitted_left_out(each)) for each in (base, one.fit)]
+    return dataclasses.replace(one, held_out=losses[0] - losses[1])
+
+
+def _judged(base: Fit, candidate: Candidate, refitted: Fit, fee: float, without: np.ndarray) -> Refit:
+    gain = base.chi2 - refitted.chi2
+    return Refit(candidate, refitted, gain, fee, float(np.sum(without - left_out(refitted))))
+
+
+def alike(found: Sequence[Refit]) -> tuple[Refit, ...]:
+    """Return the candidates that the data cannot tell from the best, the best first; empty where none is accepted."""
+    accepted = [one for one in found if one.accepted]
+    if not accepted:
+        return ()
+    best = accepted[0]
+    near = [one for one in found if one is not best and one.net > max(0.0, best.net - ODDS)]
+    kinds = {best.candidate.kind + str(best.candidate.sought)}
+    kept = []
+    for one in near:
+        key = one.candidate.kind if one.candidate.sought else one.name
+        if key not in kinds and not (one.candidate.sought and one.candidate.kind == best.candidate.kind):
+            kept.append(one)
+            kinds.add(key)
+    return (best, *kept)

@@ -1,0 +1,136 @@
+"""Errors on data that were not fitted: every fold predicted from the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.discrepancy.cross_validation import refitted_left_out
+from rover_pin.estimation.fit import STRETCH, Fit
+from rover_pin.estimation.noise import huber_losses
+from rover_pin.estimation.wording import Change
+
+DRAWS = 2000
+"""Resamplings of the bootstrap."""
+
+
+class LevelError(NamedTuple):
+    """The RMS error of one channel on one held-out level, in the channel's unit."""
+
+    level: str
+    before: float
+    after: float
+
+
+class ChannelScore(NamedTuple):
+    """The held-out error of one channel before and after, in the channel's unit."""
+
+    name: str
+    unit: str
+    floor: float
+    "RMS of the noise: what no model can beat"
+    before: float
+    after: float
+    change: float
+    "after / before - 1"
+    low: float
+    high: float
+    "ends of the 95 % interval of the change, levels or stretches of runs resampled"
+    levels: tuple[LevelError, ...] = ()
+    "of a wheel rig; empty where runs of a drive log were held out"
+
+    @property
+    def worded(self) -> Change:
+        """The change in words."""
+        of = "levels" if self.levels else "runs"
+        return Change(self.before, self.after, self.low, self.high, self.floor, of)
+
+    @property
+    def said(self) -> str:
+        """What may be claimed."""
+        return self.worded.said
+
+
+class RunScore(NamedTuple):
+    """One run as the fits to the others predict it: robust chi2 a compared block, where 1 is the noise."""
+
+    run: str
+    blocks: int
+    before: float
+    after: float
+    low: float
+    high: float
+    "ends of the 95 % interval of after / before - 1, stretches of the run resampled"
+
+    @property
+    def worded(self) -> Change:
+        """The change in words."""
+        return Change(self.before, self.after, self.low, self.high, 1.0, "stretches")
+
+
+class HeldOut(NamedTuple):
+    """Errors on runs that were not fitted, before and after: by channel and by run."""
+
+    channels: tuple[ChannelScore, ...]
+    runs: tuple[RunScore, ...]
+
+
+def held_out(before: Fit, after: Fit, seed: int) -> HeldOut:
+    """Return the errors of every run as a fit to the others predicts it, with block bootstraps of the paired change."""
+    first = refitted_left_out(before)
+    pair = (first, first if after is before else refitted_left_out(after))
+    random = np.random.default_rng(seed)
+    return HeldOut(_by_channel(after, pair, random), _by_run(after, pair, random))
+
+
+def together(runs: Sequence[RunScore]) -> tuple[float, float]:
+    """Return chi2 a compared block of all runs, before and after."""
+    blocks = np.array([one.blocks for one in runs])
+    before, after = (float(blocks @ [one[at] for one in runs]) / max(int(blocks.sum()), 1) for at in (2, 3))
+    return before, after
+
+
+Pair = tuple[np.ndarray, np.ndarray]
+
+
+def _by_channel(fitted: Fit, pair: Pair, random: np.random.Generator) -> tuple[ChannelScore, ...]:
+    good, noise = fitted.task.noise.good, fitted.task.noise
+    found = []
+    for row, name in enumerate(fitted.task.experiment.channels):
+        squares = [np.where(good, one, 0.0)[:, row] ** 2 for one in pair]
+        low, high = _change(np.array([_summed(each).ravel() for each in squares]), 0.5, random)
+        was, now = (float(np.sqrt(each.sum() / max(int(good[:, row].sum()), 1))) for each in squares)
+        unit, change = fitted.task.experiment.unit(name), now / max(was, 1e-300) - 1
+        found.append(ChannelScore(name, unit, float(noise.sd[row]), was, now, change, low, high))
+    return tuple(found)
+
+
+def _by_run(fitted: Fit, pair: Pair, random: np.random.Generator) -> tuple[RunScore, ...]:
+    noise = fitted.task.noise
+    losses = np.zeros((2, *noise.good.shape))
+    for side, residual in enumerate(pair):
+        losses[side][noise.good] = huber_losses(noise.white(residual))
+    found = []
+    for at, run in enumerate(fitted.task.experiment.folds):
+        count = max(int(noise.good[at].sum()), 1)
+        sums = losses[:, at].sum(axis=1)
+        low, high = _change(_summed(sums), 1.0, random)
+        was, now = (float(each) / count for each in sums.sum(axis=1))
+        found.append(RunScore(run, count, was, now, low, high))
+    return tuple(found)
+
+
+def _change(sums: np.ndarray, power: float, random: np.random.Generator) -> tuple[float, float]:
+    """Return the 95 % interval of (after / before)^power - 1 of sums over stretches (2, stretches)."""
+    draws = random.integers(0, sums.shape[1], (DRAWS, sums.shape[1]))
+    before, after = sums[:, draws].sum(axis=2)
+    low, high = np.quantile((after / np.maximum(before, 1e-300)) ** power - 1, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _summed(values: np.ndarray) -> np.ndarray:
+    """Return sums over stretches of the last axis."""
+    starts = range(0, values.shape[-1], STRETCH)
+    return np.stack([values[..., start : start + STRETCH].sum(axis=-1) for start in starts], axis=-1)

@@ -1,0 +1,106 @@
+"""The door of fits and of the loop: what an experiment must offer to be fitted, and for what its model lacks."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rover_pin.errors import ParameterError, closest
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.quantity import Quantity, quantities
+
+Arrays = dict[str, np.ndarray]
+
+
+class Experiment(ABC):
+    """Measurements of something, and a way to predict them from a model; arrays are (folds, channels, samples).
+
+    `channels` and `folds` are names, `observed` is what was measured, NaN where nothing is compared. A fold is what is
+    left out together in cross-validation: a run, a level of slip, a step of the load. A model is
+    anything with `having(effect)`; its numbers are called `owner.quantity`, after the records that `records` returns.
+    """
+
+    name: str = "experiment"
+
+    if TYPE_CHECKING:  # fields or properties of an implementation, as it likes: a property here would be their default
+
+        @property
+        def channels(self) -> tuple[str, ...]:
+            """Names of the measured channels."""
+
+        @property
+        def folds(self) -> tuple[str, ...]:
+            """Names of what is left out together."""
+
+        @property
+        def observed(self) -> np.ndarray:
+            """What was measured; NaN is not compared."""
+
+    @abstractmethod
+    def predict(self, models: Sequence[Any]) -> np.ndarray:
+        """Return what each model predicts (models, folds, channels, samples); finite everywhere."""
+
+    @abstractmethod
+    def records(self, model: Any) -> Mapping[str, Any]:
+        """Return the records of a model whose numbers can be fitted, effects included, by name of the owner."""
+
+    @abstractmethod
+    def replaced(self, model: Any, owner: str, record: Any) -> Any:
+        """Return the model with another record of this owner."""
+
+    def unit(self, channel: str) -> str:
+        """Return the unit of a channel."""
+        return ""
+
+    def quantity(self, model: Any, name: str) -> Quantity:
+        """Return what is known of a parameter: its unit, bounds and source."""
+        return find(self.records(model), name)[2]
+
+    def value(self, model: Any, name: str) -> float:
+        """Return the value of a parameter."""
+        record, quantity, _ = find(self.records(model), name)
+        return float(getattr(record, quantity))
+
+    def with_values(self, model: Any, values: dict[str, float]) -> Any:
+        """Return the model with these values of parameters."""
+        for name, value in values.items():
+            record, quantity, _ = find(self.records(model), name)
+            model = self.replaced(model, name.rpartition(".")[0], record.replace(**{quantity: value}))
+        return model
+
+    def parameter(self, model: Any, name: str, sd: float, log: bool = False) -> Parameter:
+        """Return an uncertain number around its present value; `sd` is relative where `log`."""
+        about = self.quantity(model, name)
+        return Parameter(name, self.value(model, name), sd, float(about.low), float(about.high), log)
+
+    def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Mapping | None:
+        """Return d predicted / d u by name where it is known exactly; else differences of predictions are taken."""
+        return None
+
+    def neighbours(self, candidate: Any, step: float) -> Sequence[Any]:
+        """Return a candidate whose place was sought with its edges moved by `step`; none where there is no place."""
+        return ()
+
+    def kept(self, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
+        """Return what `make` makes, or what was kept of it when the same was asked before."""
+        return make()
+
+
+def find(records: Mapping[str, Any], name: str) -> tuple[Any, str, Quantity]:
+    """Return the record, the quantity's name and what is known of a parameter called `owner.quantity`.
+
+    Raises
+    ------
+    ParameterError
+        The model has no such owner, or it no such number; the message lists the close ones.
+    """
+    owner, _, quantity = name.rpartition(".")
+    if owner not in records:
+        raise ParameterError(f"The model has no '{owner}' to fit: {closest(owner, records)}")
+    known = quantities(records[owner])
+    if quantity not in known:
+        raise ParameterError(f"'{owner}' has no number '{quantity}': {closest(quantity, known)}")
+    return records[owner], quantity, known[quantity]

@@ -1,0 +1,46 @@
+"""A free number with its coordinate, its bounds and what is known of it beforehand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+MOST_EXPONENT = 700.0
+"""Greatest exponent of which a float holds the exponential; beyond every bound."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One free number: x = origin + scale u, or x = origin exp(scale u) where `log`.
+
+    With a prior u is standard normal: `origin` is what was declared and `scale` its standard deviation. `fd` is the
+    step of u for a derivative.
+    """
+
+    name: str
+    origin: float
+    scale: float
+    low: float
+    high: float
+    log: bool = False
+    prior: bool = True
+    fd: float = 0.3
+
+    def value(self, u: float) -> float:
+        """Return x at u."""
+        x = self.origin * math.exp(min(self.scale * u, MOST_EXPONENT)) if self.log else self.origin + self.scale * u
+        return min(max(x, self.low), self.high)
+
+    def u(self, x: float) -> float:
+        """Return u of x."""
+        return math.log(x / self.origin) / self.scale if self.log else (x - self.origin) / self.scale
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """The bounds of u."""
+        low = -math.inf if self.log and self.low <= 0 else self.u(self.low)
+        return min(low, self.u(self.high)), max(low, self.u(self.high))
+
+    def slope(self, u: float) -> float:
+        """Return dx / du."""
+        return self.scale * (self.value(u) if self.log else 1.0)

@@ -1,0 +1,110 @@
+"""The weighted least-squares problem of a fit: residuals in standard deviations, priors as further rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.estimation.coordinates import Space
+from rover_pin.estimation.residual import residual
+
+Predictor = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Values of all known parameters -> predictions [m] and their Jacobian with respect to the free ones [m, p]."""
+
+
+class Measured(Protocol):
+    """Data that can be fitted: channels with `measured` values and their `sd`, and a model of them."""
+
+    @property
+    def channels(self) -> Sequence[Any]:
+        """The measured channels."""
+
+    def predictor(self, free: tuple[str, ...]) -> Predictor:
+        """Return the model of these data, with derivatives with respect to the free parameters."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a parameter without these data: a normal distribution, in the parameter's unit."""
+
+    mean: float
+    sd: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mean) and np.isfinite(self.sd) and self.sd > 0):
+            raise ParameterError(
+                f"Prior({self.mean:g}, {self.sd:g}) needs a finite mean and a positive sd; to hold a parameter "
+                f"exactly, leave it out of `free` and give its value in the soil."
+            )
+
+
+class Problem:
+    """Residuals over their SD in the coordinates u of a `Space`, then the priors' rows, and their Jacobian.
+
+    Parameters
+    ----------
+    widen : float
+        Factor on the stated standard deviations of the data, not of the priors.
+
+    Raises
+    ------
+    DataError
+        Fewer measured values than free parameters without a prior.
+    ParameterError
+        A prior of a parameter that is not free.
+    """
+
+    def __init__(self, data: Sequence[Measured], space: Space, priors: Mapping[str, Prior], widen: float = 1.0):
+        for name in priors:
+            if name not in space.names:
+                raise ParameterError(f"the prior of '{name}' has no free parameter: {closest(name, space.names)}")
+        self.data, self.space, self.priors = tuple(data), space, dict(priors)
+        self.measured = np.concatenate([channel.measured for one in data for channel in one.channels])
+        self.sd = widen * np.concatenate([channel.sd for one in data for channel in one.channels])
+        self._predictors = [one.predictor(space.names) for one in data]
+        self._prior_at = [space.names.index(name) for name in priors]
+        self._prior_mean = np.array([prior.mean for prior in priors.values()])
+        self._prior_sd = np.array([prior.sd for prior in priors.values()])
+        without = len(space.names) - len(priors)
+        if without > self.measured.size:
+            raise DataError(
+                f"{without} free parameters without a prior and {self.measured.size} measured values: more parameters "
+                f"than data; free fewer, state priors or measure more points."
+            )
+
+    def widened(self, factor: float) -> Problem:
+        """Return the same problem with the data's standard deviations multiplied by `factor`."""
+        return Problem(self.data, self.space, self.priors, factor)
+
+    @property
+    def freedom(self) -> int:
+        """Rows minus parameters."""
+        return self.measured.size + len(self.priors) - len(self.space.names)
+
+    def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return residuals [rows] and their Jacobian [rows, p] at u."""
+        fields, slopes = self.space.fields(u), self.space.slopes(u)
+        parts = [predict(fields) for predict in self._predictors]
+        left = residual(self.measured, np.concatenate([values for values, _ in parts])) / self.sd
+        jacobian = -np.concatenate([slope for _, slope in parts]) * slopes / self.sd[:, None]
+        if not self.priors:
+            return left, jacobian
+        at = self._prior_at
+        stated = residual(self._prior_mean, self.space.values(u)[at]) / self._prior_sd
+        rows = np.zeros((len(at), len(slopes)))
+        rows[range(len(at)), at] = -slopes[at] / self._prior_sd
+        return np.concatenate([left, stated]), np.concatenate([jacobian, rows])
+
+    def chi2(self, u: np.ndarray) -> float:
+        """Return the sum of squared residuals at u, infinite where the model has no value."""
+        rows, _ = self.evaluate(u)
+        total = float(rows @ rows)
+        return total if np.isfinite(total) else np.inf
+
+    def data_jacobian(self, u: np.ndarray) -> np.ndarray:
+        """Return the weighted Jacobian of the data alone, without the priors' rows."""
+        return self.evaluate(u)[1][: self.measured.size]

@@ -1,0 +1,101 @@
+"""What a drive model may lack: every known effect at every wheel, channel or place, and priors that may be wrong."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rover_pin.discrepancy.candidate import SPACING, Candidate
+from rover_pin.effects.sensor_bias import SensorBias
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.drive_log.experiment import DriveExperiment
+from rover_pin.experiments.drive_log.parameters import owner_name
+from rover_pin.motion.effect_files import AnyEffect, package_effects, reading_traction, user_effects
+from rover_pin.motion.model import Model
+from rover_pin.quantity import quantities
+
+BIASED = ("body_roll", "body_pitch", "rocker_", "bogie_", "current_")
+"""Channels whose zero may be wrong; those of rates are the tachogenerators' gains."""
+SMOOTHING = (".x_0", ".y_0", ".v_0", ".w_s", ".theta_c", ".relaxation")
+"""Quantities that round a law off at standstill, or say where a run began: no data tell them, so they stay."""
+
+
+def candidates(
+    model: Model, experiment: DriveExperiment, free: Sequence[Parameter], own: str | Path | None
+) -> tuple[Candidate, ...]:
+    """Return everything that the model may lack and its rover can have, for the channels and places of these runs.
+
+    Parameters
+    ----------
+    free : sequence of Parameter
+        The uncertain numbers; those that belong to an effect are candidates too, freed from their priors.
+    own : path or None
+        A user's effect file or folder.
+    """
+    loosened = [freed(each) for each in free if each.prior and each.name.split(".")[0] not in ("soil", "motor")]
+    present = {owner_name(effect) for effect in model.all_effects}
+    kinds = {kind.__name__: kind for kind in package_effects() if kind.neutral}
+    kinds |= {kind.__name__: kind for kind in (user_effects(own) if own else ()) if kind.neutral}
+    held = {type(effect).__name__ for effect in model.contact_effects}
+    added = [
+        candidate_of(effect)
+        for name, kind in kinds.items()
+        if name not in held
+        for effect in variants(kind, model, experiment)
+        if owner_name(effect) not in present and not model.refusal(effect)
+    ]
+    return (*loosened, *added)
+
+
+def candidate_of(effect: AnyEffect) -> Candidate:
+    """Return an effect as a candidate: its class, and its wheel, joint or channel, or where on the way it begins."""
+    own = owner_name(effect)
+    shapes = tuple(f"{own}.{name}" for name in quantities(effect) if name not in effect.neutral)
+    shapes = tuple(name for name in shapes if not name.endswith(SMOOTHING))
+    sizes = tuple(f"{own}.{name}" for name in effect.neutral)
+    if "x_from" in effect.places:
+        return Candidate(own, effect, sizes, shapes, f"{float(effect.values()['x_from']):.3f}", sought=True)
+    kind, _, place = own.partition("[")
+    return Candidate(kind, effect, sizes, shapes, place.rstrip("]"))
+
+
+def freed(parameter: Parameter) -> Candidate:
+    """Return a number of an effect that the model has as a candidate, freed from its prior."""
+    kind, _, place = parameter.name.rpartition(".")[0].partition("[")
+    return Candidate(kind, None, (parameter.name,), (), place.rstrip("]"))
+
+
+def variants(kind: type[AnyEffect], model: Model, experiment: DriveExperiment) -> Iterable[AnyEffect]:
+    """Return the effect at its default size, once for every wheel, channel or place where it may be."""
+    effect: Any = reading_traction(kind(), model.effects)
+    fields = {each.name: each for each in dataclasses.fields(effect)}
+    if isinstance(effect, SensorBias):
+        names = [name for name in experiment.channels if name.startswith(BIASED)]
+        return [effect.replace(channel=name) for name in names]
+    if "wheel" in fields:
+        names = _wheel_numbers(model) if isinstance(effect.wheel, int) else _wheel_names(model)
+        return [effect.replace(wheel=name) for name in names]
+    if "x_from" in effect.places:
+        return [effect.replace(x_from=x) for x in _places(experiment, float(effect.length))]
+    return [effect]
+
+
+def _wheel_numbers(model: Model) -> list[Any]:
+    return list(range(len(model.rover.wheels)))
+
+
+def _wheel_names(model: Model) -> list[Any]:
+    return ["", *(wheel.name for wheel in model.rover.wheels)]
+
+
+def _places(experiment: DriveExperiment, length: float) -> list[float]:
+    """Return where a patch may begin: all along the ground that the runs have driven."""
+    xs = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
+    low, high = float(np.nanmin(xs)) - 0.1, float(np.nanmax(xs)) + 0.1
+    count = max(1, math.ceil((high - low) / SPACING))
+    return [low + SPACING * at - length / 4 for at in range(count)]

@@ -1,0 +1,157 @@
+"""Which channels a drive log has, which it lacks, and where they have gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rover_pin.errors import closest
+from rover_pin.measurements.finding import Finding
+from rover_pin.motion.channels import BY_START, PER_WHEEL, WHOLE
+from rover_pin.motion.drive_log import DriveLog
+from rover_pin.motion.trace import Trace
+
+POSE = ("body_x", "body_y", "body_yaw")
+"""What of the pose a comparison cannot do without."""
+
+MOST_MISSING = 0.5
+"""A needed channel with a greater share of gaps is refused."""
+
+ABSURD = 1e12
+"""No channel holds a number beyond this; codes for "no value" do."""
+
+NOTABLE_SHARE, NOTABLE_RUN = 0.01, 5
+"""Gaps are named from this share of a run, or from this many samples in a row."""
+
+MOST_NAMES = 4
+"""Channels with the same gap that one line lists."""
+
+UNEVEN = 1.5
+"""A time between samples of this many usual ones is a gap in the clock."""
+
+OPTIONAL = {
+    "body_z": ("effects that only the sinkage shows stay hidden", ("body_z",)),
+    "body_pitch": ("the slope and the loads follow from the declared terrain alone", ("body_pitch",)),
+    "body_roll": ("loads that differ between left and right cannot be told", ("body_roll",)),
+    "rocker and bogie angles": (
+        "friction of the pivots, backlash of the differential and a wrong terrain cannot be told apart",
+        ("rocker_l", "rocker_r", "bogie_l", "bogie_r"),
+    ),
+}
+"""Channels that a comparison can do without: name -> (what is then not told, the columns)."""
+
+
+def needed(wheels: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the channels that a comparison with a simulated drive needs."""
+    return (*(f"{kind}_{wheel}" for kind in ("duty", "wheel_rate") for wheel in wheels), *POSE)
+
+
+def column_faults(log: DriveLog) -> Iterator[Finding]:
+    """Yield needed channels that a run lacks, wholly or mostly."""
+    for run in log.runs:
+        where = str(run.attrs["file"])
+        for name in needed(log.about.wheels):
+            if name not in run:
+                yield Finding(f"there is no column '{name}'", where, _instead(name, run))
+            elif not np.isfinite(run[name]).any():
+                yield Finding(f"{name} has no value", where, "record it, or leave the run out")
+            elif np.mean(~np.isfinite(run[name])) > MOST_MISSING:
+                share = 100.0 * float(np.mean(~np.isfinite(run[name])))
+                todo = (
+                    f"a run needs {100 * (1 - MOST_MISSING):.0f} % of it at least: mend the log, or leave the run out"
+                )
+                yield Finding(f"{name} is missing in {share:.0f} % of the run", where, todo)
+
+
+def absurd_faults(log: DriveLog) -> Iterator[Finding]:
+    """Yield numbers that no sensor gives, infinite ones among them."""
+    for run in log.runs:
+        for name, values in run.channels.items():
+            wrong = np.flatnonzero(np.abs(values) > ABSURD)
+            if wrong.size:
+                what = f"{name} is {values[wrong[0]]:g} at t = {run.t[wrong[0]]:.4g} s (row {wrong[0] + 1})"
+                yield Finding(what, str(run.attrs["file"]), "leave cells without a measurement empty")
+
+
+def _instead(name: str, run: Trace) -> str:
+    near = closest(name, [other for other in run.channels if not known(other, ())])
+    said = near.partition("?")[0] + "? rename it, or" if near.startswith("did you mean") else ""
+    return f"{said} record it: duties, wheel rates and {', '.join(POSE)} are needed".strip()
+
+
+def column_findings(log: DriveLog) -> Iterator[Finding]:
+    """Yield what is not recorded and what then cannot be told, and columns that nobody reads."""
+    suspended = log.load_rover().differential is not None
+    for name, (lost, columns) in OPTIONAL.items():
+        for run in log.runs if suspended or "rocker_l" not in columns else ():
+            if not any(_recorded(run, column) for column in columns):
+                yield Finding(f"{name} not recorded", str(run.attrs["file"]), lost)
+    for run in log.runs:
+        for name in run.channels:
+            if not known(name, log.about.wheels):
+                names = (*WHOLE, *needed(log.about.wheels), *(f"current_{wheel}_A" for wheel in log.about.wheels))
+                near = closest(name, names)
+                meant = f"did you mean {near.split(chr(39))[1]}" if near.startswith("did you mean") else "leave it out"
+                yield Finding(f"column '{name}' is not read", str(run.attrs["file"]), f"{meant}, if it matters")
+
+
+def _recorded(run: Trace, name: str) -> bool:
+    return name in run and bool(np.isfinite(run[name]).any())
+
+
+def known(name: str, wheels: tuple[str, ...]) -> bool:
+    """Return whether a column is one of a drive log's, of these wheels where any are given."""
+    if name in WHOLE or name.startswith(tuple(BY_START)):
+        return True
+    if name.startswith("current_") and name.endswith("_A"):
+        return True
+    ends = [name[len(kind) + 1 :] for kind in PER_WHEEL if name.startswith(f"{kind}_")]
+    return any(end in wheels for end in ends) if wheels else bool(ends)
+
+
+def gap_findings(run: Trace) -> Iterator[Finding]:
+    """Yield stretches that are missing from a channel, and samples that are missing from the log."""
+    where, t = str(run.attrs["file"]), run.t
+    alike: dict[tuple[int, int, int], list[str]] = {}
+    for name, values in run.channels.items():
+        missing = ~np.isfinite(values)
+        first, longest = longest_run(missing)
+        share = float(np.mean(missing)) if missing.size else 0.0
+        if not missing.all() and (longest >= NOTABLE_RUN or share >= NOTABLE_SHARE):
+            alike.setdefault((first, longest, int(np.sum(missing))), []).append(name)
+    for (first, longest, count), names in alike.items():
+        lasting = float(t[min(first + longest, len(t) - 1)] - t[first])
+        what = f"{_missing(names)} missing for {lasting:.3g} s from t = {t[first]:.4g} s on (row {first + 1})"
+        duty = "; the last duty before is taken to hold" if any(name.startswith("duty_") for name in names) else ""
+        yield Finding(what, where, f"the {100 * count / len(t):.0f} % of the run without are passed over{duty}")
+    yield from _clock_gaps(run)
+
+
+def _missing(names: list[str]) -> str:
+    more = len(names) - MOST_NAMES
+    listed = ", ".join(names[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+    return f"{listed} {'is' if len(names) == 1 else 'are'}"
+
+
+def _clock_gaps(run: Trace) -> Iterator[Finding]:
+    steps = np.diff(run.t)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    late = np.flatnonzero(steps > UNEVEN * usual)
+    if late.size:
+        worst = int(late[np.argmax(steps[late])])
+        what = (
+            f"{late.size} of {steps.size} samples come late, the latest {steps[worst]:.3g} s after t = "
+            f"{run.t[worst]:.4g} s (row {worst + 1}), where {usual:.3g} s are usual"
+        )
+        yield Finding(what, str(run.attrs["file"]), "look for dropped frames; nothing is told of what is between")
+
+
+def longest_run(flags: np.ndarray) -> tuple[int, int]:
+    """Return where the longest stretch of true flags begins, and its length."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    if not edges.size:
+        return 0, 0
+    begins, ends = edges[::2], edges[1::2]
+    at = int(np.argmax(ends - begins))
+    return int(begins[at]), int(ends[at] - begins[at])

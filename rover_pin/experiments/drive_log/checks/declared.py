@@ -1,0 +1,132 @@
+"""What a drive log declares against what its runs show: soil and motor left out, the start, the ground's ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from rover_pin.body.terrain import Terrain
+from rover_pin.body.terrain_files import LARGEST
+from rover_pin.contact import Wheel
+from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
+from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.measurements.finding import Finding
+from rover_pin.motion.drive_log import FILE, DriveLog
+from rover_pin.motion.motor import Motor
+from rover_pin.quantity import Record, quantities, record_from
+
+SOIL = ("phi", "k", "k_1")
+MOTOR = ("supply", "resistance", "k_t", "gear")
+"""What a loop needs most of a soil and of a motor."""
+
+FIRST = 0.3
+"""Time at the beginning of a run [s] whose mean place is held against its declared start."""
+
+NEAR, NEARLY = 0.03, math.radians(6.0)
+"""Distance [m] and angle [rad] from which the start is named."""
+
+FAR, FARTHER = 0.25, math.radians(30.0)
+"""Distance [m] and angle [rad] from which start and tracker are not in the same axes."""
+
+
+FAR_OFF = 10.0 * LARGEST
+"""Coordinate [m] that is on no declared ground."""
+
+OTHER_WHEEL = 0.02
+"""Relative difference of a declared wheel's radius or width from the rover's that is no rounding."""
+
+
+def rover_faults(log: DriveLog) -> Iterator[Finding]:
+    """Yield wheels that the log has and the rover has not, or the other way, and wheels of another size."""
+    rover = log.load_rover()
+    own = tuple(wheel.name for wheel in rover.wheels)
+    if set(own) != set(log.about.wheels):
+        what = f"wheels are {', '.join(log.about.wheels)}, but those of the rover '{rover.name}' {', '.join(own)}"
+        yield Finding(what, FILE, "give the rover that was driven, and name wheels and columns as it does")
+    for name in ("r", "b"):
+        if name in log.about.wheel:
+            said = float(getattr(record_from(Wheel, {name: log.about.wheel[name]}, f"{log.folder}: [wheel]"), name))
+            known = float(getattr(rover.wheel, name))
+            if abs(said - known) > OTHER_WHEEL * known:
+                what = f"[wheel] has {name} = {1e3 * said:.4g} mm, but the rover '{rover.name}' {1e3 * known:.4g} mm"
+                yield Finding(what, FILE, "the rover's is driven: mend the one that is wrong")
+
+
+def declared_findings(log: DriveLog) -> Iterator[Finding]:
+    """Yield soil and motor constants that the log leaves to the package's assumptions."""
+    for title, table, names, record in (
+        ("soil", log.about.soil, SOIL, DRIVEN_SAND),
+        ("motor", log.about.motor, MOTOR, Motor()),
+    ):
+        left = [name for name in names if name not in table]
+        if left:
+            what = f"[{title}] does not declare {', '.join(left)}, so {_values(record, left)} are assumed"
+            yield Finding(what, FILE, f"a wrong {title} may pass for a missing effect: declare what you know of it")
+    if log.about.noise:
+        yield Finding("[noise] is not read", FILE, "the loop takes the noise from what its model leaves")
+
+
+def _values(record: Record, names: list[str]) -> str:
+    about = quantities(record)
+    return ", ".join(f"{float(getattr(record, name)):.4g} {about[name].unit}".strip() for name in names)
+
+
+def start_faults(run: Driven) -> Iterator[Finding]:
+    """Yield a declared start that is elsewhere than where the tracker first sees the rover."""
+    off, turn = _off_start(run)
+    if off > FAR or turn > FARTHER:
+        todo = "give start in the axes and units of body_x, body_y and body_yaw, or leave it out"
+        yield Finding(_said(off, turn), run.name, todo)
+
+
+def start_findings(run: Driven) -> Iterator[Finding]:
+    """Yield a declared start that is a little off from where the tracker first sees the rover."""
+    off, turn = _off_start(run)
+    if off > NEAR or turn > NEARLY:
+        yield Finding(_said(off, turn), run.name, "the first seconds suffer: mend start, or leave it out")
+
+
+def _said(off: float, turn: float) -> str:
+    return f"the declared start is {1e3 * off:.3g} mm and {degrees(turn)} off from the first tracked pose"
+
+
+def _off_start(run: Driven) -> tuple[float, float]:
+    """Return the distance [m] and the angle [rad] from the declared start to the first tracked poses; 0 without."""
+    start, trace = run.trace.attrs.get("start"), run.trace
+    if not start:
+        return 0.0, 0.0
+    first = trace.t <= trace.t[0] + FIRST
+    x, y, yaw = (trace[f"body_{name}"][first] for name in ("x", "y", "yaw"))
+    place = (x - start.get("x", 0.0)) + 1j * (y - start.get("y", 0.0))
+    heading = np.exp(1j * (yaw - start.get("yaw", 0.0)))
+    place, heading = place[np.isfinite(place)], heading[np.isfinite(heading)]
+    off = float(np.abs(place.mean())) if place.size else 0.0
+    return off, abs(float(np.angle(heading.mean()))) if heading.size else 0.0
+
+
+def far_faults(run: Driven) -> Iterator[Finding]:
+    """Yield a place far from where any ground is described, as of a map's grid."""
+    for axis in "xyz":
+        values = run.trace[f"body_{axis}"] if f"body_{axis}" in run.trace else np.zeros(1)
+        middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
+        if abs(middle) > FAR_OFF:
+            what = f"body_{axis} is {middle:.3g} m in the median"
+            todo = f"give metres from an origin on the declared ground, which lies within {LARGEST:g} m of 0"
+            yield Finding(what, run.name, todo)
+
+
+def ground_findings(run: Driven, terrain: Terrain) -> Iterator[Finding]:
+    """Yield how far the rover goes beyond what is declared of the ground."""
+    for axis, low, high in zip("xy", *_box(terrain), strict=True):
+        values = run.trace[f"body_{axis}"]
+        beyond = float(np.nanmax(np.maximum(low - values, values - high), initial=0.0))
+        if beyond > 0.0:
+            what = f"body_{axis} goes {beyond:.3g} m beyond the declared ground, which spans {low:.4g} to {high:.4g} m"
+            yield Finding(what, run.name, "what lies there is guessed: extend the terrain's file")
+
+
+def _box(terrain: Terrain) -> tuple[tuple[float, float], tuple[float, float]]:
+    box = terrain.extent
+    return (box.x_low, box.y_low), (box.x_high, box.y_high)

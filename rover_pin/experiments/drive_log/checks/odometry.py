@@ -1,0 +1,95 @@
+"""A pose that was computed from the wheels: it moves as they turn, and tells nothing of slip."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from rover_pin.experiments.drive_log.checks.driven import Driven
+from rover_pin.measurements.finding import Finding
+
+FEW = 50
+"""Samples that a judgement needs."""
+LEAST_WAY = 0.3
+"""Way of the rims [m] that a judgement needs."""
+WITHIN = 2.0
+"""Times its own noise that such a pose may be away from the wheels' way."""
+ROUND_OFF = 1e-6
+"""The same as a share of the way, where a pose has no noise at all."""
+RESOLVED = 0.001
+"""Noise over way up to which a slip that varies by a percent would show."""
+SAME, ALIKE = 0.005, 0.05
+"""Mean slip up to which the pose is that of the wheels; up to which it may be, with another radius."""
+SHARED = 0.3
+"""Correlation of noises from which they are one: wheels on a flat may slip as evenly, but their noise is their own."""
+
+
+class Followed(NamedTuple):
+    """How closely a pose follows the way of the rims."""
+
+    slip: float
+    "mean slip of the pose against the rims"
+    apart: float
+    "SD of the distance between pose and rims after that slip [m]"
+    noise: float
+    "white noise of the pose, by its increments [m]"
+    way: float
+    "of the rims [m]"
+    shared: float
+    "rank correlation of the changes of both from sample to sample: their noise, which a tracker does not share"
+
+    @property
+    def equal(self) -> bool:
+        """Whether the pose's increments are those of the rims within its noise, which would show slip."""
+        within = self.apart < max(WITHIN * self.noise, ROUND_OFF * self.way)
+        return self.way > LEAST_WAY and within and self.noise < RESOLVED * self.way
+
+
+def odometry_faults(run: Driven) -> Iterator[Finding]:
+    """Yield a pose whose increments are those of the wheels: the loop would find a rover that never slips."""
+    if any(each.equal and abs(each.slip) < SAME and each.shared > SHARED for each in _followed(run)):
+        what = "body_x and body_y move as the wheels turn, within their noise: they are the wheels' odometry"
+        yield Finding(what, run.name, "give a pose that was measured otherwise, as by a camera, GNSS or total station")
+
+
+def odometry_findings(run: Driven) -> Iterator[Finding]:
+    """Yield a pose that may be the wheels' with another radius, or that of wheels that slip evenly all along."""
+    close = [each for each in _followed(run) if each.equal and abs(each.slip) < ALIKE]
+    if close:
+        what = f"body_x and body_y follow the wheels at an even slip of {100 * close[0].slip:.2g} %"
+        yield Finding(what, run.name, "if they are odometry, give a measured pose; else add slopes, where slip varies")
+
+
+def _followed(run: Driven) -> Iterator[Followed]:
+    """Yield how the pose follows the mean of all rims, and of each axle's, whose rates may hold before or after."""
+    trace, t = run.trace, run.trace.t
+    yaw = trace["body_yaw"]
+    half = np.exp(-0.5j * (yaw[1:] + yaw[:-1]))
+    step = np.real((np.diff(trace["body_x"]) + 1j * np.diff(trace["body_y"])) * half)
+    for wheels in (run.wheels, *_axles(run)):
+        rim = run.radius * np.mean([trace[f"wheel_rate_{wheel}"] for wheel in wheels], axis=0)
+        for rate in (rim[:-1], rim[1:], 0.5 * (rim[:-1] + rim[1:])):
+            rolled = rate * np.diff(t)
+            use = np.isfinite(step + rolled)
+            if np.sum(use) >= FEW:
+                yield _compared(step[use], rolled[use])
+
+
+def _axles(run: Driven) -> list[tuple[str, ...]]:
+    axles = [tuple(wheels) for _, wheels in groupby(run.wheels, key=lambda wheel: wheel[:1])]
+    return axles if len(axles) < len(run.wheels) else []
+
+
+def _compared(step: np.ndarray, rolled: np.ndarray) -> Followed:
+    ahead, rims = np.cumsum(step), np.cumsum(rolled)
+    spread = rims - rims.mean()
+    square = float(spread @ spread)
+    share = float(spread @ (ahead - ahead.mean())) / square if square > 0.0 else 0.0
+    left = ahead - share * rims
+    noise = float(np.std(np.diff(left))) / np.sqrt(2.0)
+    shared = float(spearmanr(np.diff(step), np.diff(rolled)).statistic) if np.ptp(np.diff(rolled)) > 0.0 else 0.0
+    return Followed(1.0 - share, float(np.std(left)), float(noise), float(np.sum(np.abs(rolled))), shared)

@@ -1,0 +1,183 @@
+"""Sensors of a drive log that are stuck, clipped, or show what cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rover_pin.experiments.drive_log.checks.columns import longest_run
+from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
+from rover_pin.experiments.drive_log.checks.units import AT_LEAST
+from rover_pin.measurements.finding import Finding
+from rover_pin.motion.channels import unit_of
+from rover_pin.motion.motor import Motor
+
+STUCK = 3.0
+"""A channel that keeps one value so long [s] while others move is frozen or clipped."""
+
+USUALLY = 10.0
+"""A coarse converter repeats values as well: a stuck stretch is this many times its usual one."""
+
+ROLLED = 0.1
+"""Way of the rims [m] in which a tracker must show something."""
+
+LEAP, TURN = 0.005, 0.05
+"""Smallest steps of a position [m] and an angle [rad] from one sample to the next that count as jumps."""
+
+NOISY = 12.0
+"""Steps beyond this many times the usual one are jumps, after what the greatest speed allows."""
+
+QUICKEST_TURN = 2.0
+"""Rate [rad/s] at which a body may turn or pitch."""
+
+SPIKE = 4.0
+"""A wheel rate this many times its own 99th percentile is a spike."""
+
+AGAINST = 0.05
+"""Share of driven time in which rim and travel may run against each other."""
+
+OFF_SUPPLY = 0.3
+"""Relative distance of the battery's median from the declared supply."""
+
+MOST_CURRENT = 1.5
+"""Times the declared stall current that a motor may draw."""
+
+
+def frozen_faults(run: Driven) -> Iterator[Finding]:
+    """Yield needed channels that keep one value through the whole of a driven run."""
+    rolled = float(np.nansum(np.abs(run.rim[run.moving]))) * run.length if run.moving.any() else 0.0
+    alive = np.array([_varies(column) for column in run.trace.stack("wheel_rate").T])
+    todo = "the sensor is stuck or unplugged: mend it, or leave the run out"
+    for wheel, lives in zip(run.wheels, alive, strict=True):
+        if not lives and (alive.any() or _travelled(run) > ROLLED):
+            value = _first(run.trace[f"wheel_rate_{wheel}"])
+            yield Finding(f"wheel_rate_{wheel} is {value:g} rad/s all along while the rover drives", run.name, todo)
+    if rolled > ROLLED and not _varies(run.trace["body_x"]) and not _varies(run.trace["body_y"]):
+        yield Finding(f"body_x and body_y stand still while the rims roll {rolled:.2g} m", run.name, todo)
+
+
+def _varies(values: np.ndarray) -> bool:
+    known = values[np.isfinite(values)]
+    return known.size < 2 or float(np.ptp(known)) > 0.0
+
+
+def _first(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known[0]) if known.size else float("nan")
+
+
+def _travelled(run: Driven) -> float:
+    speed = np.abs(run.velocity)
+    return float(np.sum(speed[np.isfinite(speed)])) * run.length
+
+
+def stuck_findings(run: Driven) -> Iterator[Finding]:
+    """Yield measured channels that keep one value for a while, or at their end of range, while others move."""
+    rates = run.trace.stack("wheel_rate")
+    for name, values in run.trace.channels.items():
+        if not name.startswith(("wheel_rate_", "current_", "body_", "rocker_", "bogie_")):
+            continue
+        same = np.concatenate([[False], np.diff(values) == 0.0])
+        others = [i for i, wheel in enumerate(run.wheels) if name != f"wheel_rate_{wheel}"]
+        moves = np.concatenate([[False], np.any(np.diff(rates[:, others], axis=0) != 0.0, axis=1)])
+        if name != "body_x" and name.startswith(("rocker_", "bogie_", "body_")):
+            if same[1:].all() and len(same) > 1 and moves.any():
+                todo = "see whether it is measured: else leave the column out"
+                yield Finding(f"{name} is {values[0]:g} {unit_of(name)} all along", run.name, todo)
+            continue
+        yield from _stuck(run, name, same & (moves | ~moves.any()) & run.moving[run.block])
+
+
+def _stuck(run: Driven, name: str, same: np.ndarray) -> Iterator[Finding]:
+    begin, count = longest_run(same)
+    values, lasting = run.trace[name], count * run.period
+    value, known = values[begin], values[np.isfinite(values)]
+    if lasting < STUCK or count < USUALLY * _usual_run(same & (values != value)):
+        return
+    at_end = value != 0.0 and value in (known.min(), known.max()) and known.min() < known.max()
+    place = f"from t = {run.trace.t[begin]:.4g} s on (row {begin + 1})"
+    if at_end:
+        what = f"{name} stays at its extreme, {value:.4g}, for {lasting:.3g} s {place}"
+        yield Finding(what, run.name, "it looks clipped: widen its range, or empty these cells")
+    else:
+        what = f"{name} stays at {value:.4g} for {lasting:.3g} s {place} while others move"
+        yield Finding(what, run.name, "it looks frozen: empty these cells, or leave the run out")
+
+
+def _usual_run(same: np.ndarray) -> float:
+    """Return the median number of repeats in a row."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
+    return float(np.median(edges[1::2] - edges[::2])) if len(edges) > 2 else 1.0
+
+
+def jump_findings(run: Driven) -> Iterator[Finding]:
+    """Yield steps of the tracked pose that no rover makes, and spikes of wheel rates."""
+    rates = np.abs(run.trace.stack("wheel_rate"))
+    fastest = run.radius * float(np.nanpercentile(rates, 99)) if np.isfinite(rates).any() else 0.0
+    for name in ("body_x", "body_y", "body_z"):
+        yield from _jumps(run, name, LEAP, fastest)
+    for name in ("body_roll", "body_pitch", "body_yaw"):
+        yield from _jumps(run, name, TURN, QUICKEST_TURN)
+    for wheel in run.wheels:
+        yield from _spikes(run, f"wheel_rate_{wheel}")
+
+
+def _jumps(run: Driven, name: str, least: float, fastest: float) -> Iterator[Finding]:
+    if name not in run.trace:
+        return
+    seen = np.flatnonzero(np.isfinite(run.trace[name]))
+    t, steps = run.trace.t[seen], np.diff(run.trace[name][seen])
+    if name in ("body_yaw", "body_roll"):
+        steps = (steps + np.pi) % (2.0 * np.pi) - np.pi
+    if not steps.size:
+        return
+    beyond = np.abs(steps) - 3.0 * fastest * np.diff(t) - NOISY * float(np.median(np.abs(steps)))
+    far = np.flatnonzero(beyond > least)
+    if far.size:
+        worst = int(far[np.argmax(np.abs(steps[far]))])
+        size = f"{1e3 * abs(steps[worst]):.3g} mm" if least == LEAP else degrees(abs(float(steps[worst])))
+        what = f"{name} jumps by {size} at t = {t[worst + 1]:.4g} s (row {seen[worst + 1] + 1}), {far.size} in all"
+        yield Finding(what, run.name, "the tracker lost the rover: empty the cells that are off")
+
+
+def _spikes(run: Driven, name: str) -> Iterator[Finding]:
+    rate = np.abs(run.trace[name])
+    known = rate[np.isfinite(rate)]
+    usual = float(np.percentile(known, 99)) if known.size else 0.0
+    high = np.flatnonzero(rate > SPIKE * usual) if usual > 0.0 else np.zeros(0, dtype=int)
+    if high.size:
+        what = f"{name} spikes to {rate[high[0]]:.3g} rad/s at t = {run.trace.t[high[0]]:.4g} s (row {high[0] + 1})"
+        yield Finding(what, run.name, f"usual is up to {usual:.3g}: empty these {high.size} cells")
+
+
+def range_findings(run: Driven, motor: Motor | None) -> Iterator[Finding]:
+    """Yield slips, battery voltages and currents that are out of what they should be."""
+    rim, speed = run.rim[run.steady], run.speed[run.steady]
+    slower = np.minimum(np.abs(rim), np.abs(speed))
+    against = np.isfinite(slower) & (slower > 0.2 * np.nanmax(np.abs(run.rim), initial=0.0)) & (rim * speed < 0.0)
+    share = float(np.sum(against)) / max(rim.size, 1)
+    if rim.size >= AT_LEAST and share > AGAINST:
+        what = f"the rover travels against its wheels in {100 * share:.0f} % of the driven time"
+        yield Finding(what, run.name, "it slides, or a clock is shifted: compare the times of tracker and wheels")
+    slip = run.slip
+    if slip.size >= AT_LEAST and float(np.median(slip)) < -0.15:
+        what = f"the rover outruns its rims (slip {np.median(slip):.2f} in the median)"
+        yield Finding(what, run.name, "check the wheel's radius and the tracker's scale, unless it drives downhill")
+    if motor is not None:
+        yield from _electric(run, motor)
+
+
+def _electric(run: Driven, motor: Motor) -> Iterator[Finding]:
+    supply, stall = float(motor.supply), float(motor.supply / motor.resistance)
+    battery = run.trace["battery_V"] if "battery_V" in run.trace else np.array([np.nan])
+    if np.isfinite(battery).any() and abs(float(np.nanmedian(battery)) - supply) > OFF_SUPPLY * supply:
+        what = f"battery_V is {np.nanmedian(battery):.3g} V in the median, the motor's supply {supply:.3g} V"
+        yield Finding(what, run.name, "mend [motor] supply, or the voltage's scale")
+    for wheel in run.wheels:
+        name = f"current_{wheel}_A"
+        current = np.abs(run.trace[name]) if name in run.trace else np.array([np.nan])
+        high = float(np.nanmax(current)) if np.isfinite(current).any() else 0.0
+        if high > MOST_CURRENT * stall:
+            what = f"{name} reaches {high:.3g} A, {high / stall:.2g} times the declared motor's stall current"
+            yield Finding(what, run.name, "mend [motor] resistance and supply, or the current's scale")

@@ -1,0 +1,178 @@
+"""Signs of a drive log: duty against wheel, wheel against travel, heading against course, pitch against climb."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from rover_pin.body.terrain import Terrain
+from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
+from rover_pin.experiments.drive_log.checks.units import AT_LEAST
+from rover_pin.measurements.finding import Finding
+
+OPPOSITE = -0.5
+"""Correlation about zero from which two channels run against each other."""
+
+CREEP = 0.1
+"""Share of the rim speed below which the travel tells no direction."""
+
+ASTRAY = math.radians(75.0)
+"""Angle between heading and course that is no crabbing any more."""
+
+ALIGNED = 0.9
+"""Length of the mean of unit vectors from which they all point one way."""
+
+FOLLOWS = 0.25
+"""RMS angle [rad] between course and heading of a rover that goes where it points."""
+
+SLOPE = 0.3
+"""Relative error of the course's turn over that of the yaw."""
+
+ENOUGH_CLIMB = math.radians(1.5)
+"""SD of the climb from which the pitch can be held against it."""
+
+SURE = 4.0
+"""Student's t of a correlation from which it is not taken for chance."""
+
+STEEPER = 5.0
+"""Change of pitch over change of climb from which the pitch is in another unit."""
+
+UNLEVEL = 0.02
+"""Mean of rocker_l + rocker_r [rad] from which it is named: 1.1 deg, beyond a potentiometer's noise."""
+
+
+def sign_faults(run: Driven, terrain: Terrain | None, length: float) -> Iterator[Finding]:
+    """Yield channels of a run that are upside down or turned round; `length` is between the outer axles [m]."""
+    yield from _heading(run)
+    yield from _pitch(run, terrain, length)
+
+
+def wheel_sign_faults(run: Driven) -> Iterator[Finding]:
+    """Yield duties, wheel rates and currents that run against each other."""
+    for i, wheel in enumerate(run.wheels):
+        current = f"current_{wheel}_A"
+        if _correlation(run.duty[:, i], run.rate[:, i]) < OPPOSITE:
+            against = _correlation(run.rate[:, i], run.speed) < OPPOSITE
+            turned, other = ("wheel_rate", "duty") if against else ("duty", "wheel_rate")
+            what = f"{turned}_{wheel} runs against {other}_{wheel}"
+            yield Finding(what, run.name, f"multiply {turned}_{wheel} by -1: positive is forward")
+        elif current in run.trace and _correlation(run.duty[:, i], run.mean(run.trace[current])) < OPPOSITE:
+            yield Finding(
+                f"{current} runs against duty_{wheel}", run.name, "multiply it by -1: positive drives forward"
+            )
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the correlation about zero of what both know; 0 where that is too little."""
+    use = np.isfinite(a) & np.isfinite(b)
+    size = math.sqrt(float(np.sum(a[use] ** 2)) * float(np.sum(b[use] ** 2)))
+    return float(np.sum(a[use] * b[use])) / size if np.sum(use) >= AT_LEAST and size > 0.0 else 0.0
+
+
+def _heading(run: Driven) -> Iterator[Finding]:
+    """Yield a yaw in degrees, or one that is off from the course by more than crabbing explains."""
+    use = run.steady & np.isfinite(run.velocity) & (np.abs(run.velocity) > CREEP * np.abs(run.rim))
+    use &= np.abs(run.rim) > 0.0
+    if np.sum(use) < AT_LEAST:
+        return
+    course = run.velocity[use] / np.abs(run.velocity[use]) * np.sign(run.rim[use])
+    off = complex(np.mean(course * np.conj(run.heading[use])))
+    aligned = abs(off) > ALIGNED
+    if _in_degrees(run, course, use):
+        yield Finding("body_yaw looks like degrees", run.name, "give radians: multiply it by pi / 180")
+    elif aligned and abs(np.angle(off)) > ASTRAY:
+        yield _turned(run, float(np.angle(off)))
+
+
+def _in_degrees(run: Driven, course: np.ndarray, use: np.ndarray) -> bool:
+    """Whether the heading follows the course if taken in degrees, does not as it is, and chance is no explanation.
+
+    Noise about a straight course follows in degrees as well: numbers must be beyond one turn in radians, or the course
+    must turn with them at pi / 180.
+    """
+    yaw = run.trace["body_yaw"]
+    off, off_degrees = (np.angle(course * np.conj(run.direction(each)[use])) for each in (yaw, np.radians(yaw)))
+    follows = _rms(off_degrees) < FOLLOWS and _rms(off) > _rms(off_degrees) + FOLLOWS
+    beyond = float(np.nanmax(np.abs(yaw))) > 2.0 * math.pi
+    return bool(follows and (beyond or _turns_in_degrees(course, run.mean(yaw)[use])))
+
+
+def _turns_in_degrees(course: np.ndarray, yaw: np.ndarray) -> bool:
+    """Whether the course turns with the yaw, by pi / 180 of its numbers, beyond chance."""
+    turned = np.unwrap(np.angle(course))
+    if len(yaw) < AT_LEAST or min(np.std(yaw), np.std(turned)) == 0.0:
+        return False
+    alike = float(np.corrcoef(turned, yaw)[0, 1])
+    slope = alike * float(np.std(turned) / np.std(yaw))
+    sure = alike * math.sqrt(len(yaw) - 2) > SURE * math.sqrt(max(1.0 - alike**2, 0.0))
+    return sure and abs(slope / math.radians(1.0) - 1.0) < SLOPE
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _turned(run: Driven, off: float) -> Finding:
+    what = f"the rover travels {degrees(abs(off))} off its heading, body_yaw"
+    if abs(abs(off) - math.pi) < 0.3:
+        return Finding(what, run.name, "add pi to body_yaw, or turn the signs of duties and wheel rates")
+    todo = "check the axes of body_x and body_y, which axis body_yaw is taken from, and that it is in radians"
+    return Finding(what, run.name, todo)
+
+
+def _pitch(run: Driven, terrain: Terrain | None, length: float) -> Iterator[Finding]:
+    """Yield a pitch that falls where the rover climbs, or rises too fast; nose down is positive.
+
+    A rover as long as half a wave pitches down where its middle rises: what tracker and terrain tell must agree.
+    """
+    if "body_pitch" not in run.trace:
+        return
+    along = np.real(run.velocity * np.conj(run.heading))
+    pitch = run.mean(run.trace["body_pitch"])
+    use = run.steady & np.isfinite(along * pitch) & (np.abs(along) > 0.5 * CREEP * np.abs(run.rim))
+    gains = [_gain(climb[use], pitch[use]) for climb in _climbs(run, terrain, along, length)]
+    if gains and max(gains) < -0.5:
+        yield Finding("body_pitch rises where the rover climbs", run.name, "multiply it by -1: nose down is positive")
+    elif gains and min(gains) > STEEPER:
+        what = f"body_pitch changes {min(gains):.0f} times as much as the climb"
+        yield Finding(what, run.name, "if it is in degrees multiply it by pi / 180")
+
+
+def _gain(climb: np.ndarray, pitch: np.ndarray) -> float:
+    """Return by how much the pitch falls with the climb; 0 where that is not sure."""
+    use = np.isfinite(climb)
+    if np.sum(use) < AT_LEAST or np.std(climb[use]) < ENOUGH_CLIMB:
+        return 0.0
+    climb, pitch = climb[use], pitch[use]
+    together, size = float(np.cov(climb, pitch)[0, 1]), float(np.std(climb, ddof=1) * np.std(pitch, ddof=1))
+    alike = abs(together) / size if size > 0.0 else 0.0
+    sure = alike * math.sqrt(len(climb) - 2) > SURE * math.sqrt(max(1.0 - alike**2, 0.0))
+    return -together / float(np.var(climb, ddof=1)) if sure else 0.0
+
+
+def _climbs(run: Driven, terrain: Terrain | None, along: np.ndarray, length: float) -> Iterator[np.ndarray]:
+    """Yield the climb [rad] (B,) as tracked, and as the declared ground rises from the rear axle to the front one."""
+    if "body_z" in run.trace and np.isfinite(run.trace["body_z"]).any():
+        yield np.arctan(run.slope(run.trace["body_z"]) / np.where(along == 0.0, np.nan, along))
+    if terrain is None:
+        return
+    x, y, yaw = (run.trace[f"body_{name}"] for name in ("x", "y", "yaw"))
+    known = np.isfinite(x + y + yaw)
+    ahead = 0.5 * length * np.exp(1j * yaw[known])
+    rise = np.full(len(x), np.nan)
+    rise[known] = terrain.height(x[known] + ahead.real, y[known] + ahead.imag)
+    rise[known] -= terrain.height(x[known] - ahead.real, y[known] - ahead.imag)
+    yield run.mean(np.arctan(rise / length))
+
+
+def differential_findings(run: Driven) -> Iterator[Finding]:
+    """Yield rocker angles that do not add up to 0, as a differential makes them."""
+    if "rocker_l" not in run.trace or "rocker_r" not in run.trace:
+        return
+    total = run.trace["rocker_l"] + run.trace["rocker_r"]
+    total = total[np.isfinite(total)]
+    if total.size and abs(float(np.mean(total))) > UNLEVEL:
+        what = f"rocker_l + rocker_r is {np.mean(total):.3f} rad in the mean (SD {np.std(total):.3f}), not 0"
+        yield Finding(what, run.name, "take the potentiometers' zero on level ground, or expect a sensor bias")

@@ -1,0 +1,94 @@
+"""Speeds of a drive log against each other: velocity and height against place, wheel rate against duty."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from rover_pin.experiments.drive_log.checks.driven import Driven
+from rover_pin.experiments.drive_log.checks.units import AT_LEAST
+from rover_pin.measurements.finding import Finding
+from rover_pin.motion.motor import Motor
+
+TIMES = 2.0
+"""A velocity this many times that of the tracked place, or its inverse, is in another unit."""
+
+TURNED = math.radians(60.0)
+"""Angle between a velocity and that of the tracked place that no noise makes."""
+
+VELOCITY_UNITS = {3.6: "km/h", 100.0: "cm/s", 1000.0: "mm/s"}
+"""Numbers of the unit that make 1 m/s."""
+
+NEAR = 1.4
+"""A ratio this many times a unit's, either way, is taken for it."""
+
+SLOWEST = 0.01
+"""Speed [m/s] from which the tracked place tells a velocity beyond its noise."""
+
+STEEPEST = 3.0
+"""Change of height over way driven that no rover climbs: 72 deg."""
+
+RACING = 3.0
+"""A wheel this many times as fast as its motor without load at that duty: duty or motor are wrong."""
+
+LOW = 0.002
+"""Duty below which nothing is judged."""
+
+
+def speed_faults(run: Driven, motor: Motor | None) -> Iterator[Finding]:
+    """Yield channels of a run whose speeds contradict each other."""
+    yield from _velocity(run)
+    yield from _height(run)
+    if motor is not None:
+        yield from _racing(run, motor)
+
+
+def _velocity(run: Driven) -> Iterator[Finding]:
+    """Yield a velocity that is not that of the tracked place, as a complex gain of the one on the other."""
+    if "body_vx" not in run.trace or "body_vy" not in run.trace:
+        return
+    said = run.mean(run.trace["body_vx"]) + 1j * run.mean(run.trace["body_vy"])
+    use = run.steady & np.isfinite(said) & np.isfinite(run.velocity)
+    power = float(np.sum(np.abs(run.velocity[use]) ** 2))
+    if np.sum(use) < AT_LEAST or power == 0.0 or math.sqrt(power / np.sum(use)) < SLOWEST:
+        return
+    gain = complex(np.sum(said[use] * np.conj(run.velocity[use])) / power)
+    if 1.0 / TIMES < abs(gain) < TIMES and abs(np.angle(gain)) < TURNED:
+        return
+    ratio = min(VELOCITY_UNITS, key=lambda each: abs(math.log(max(abs(gain), 1e-9) / each)))
+    what = f"body_vx and body_vy are {abs(gain):.3g} times the speed of body_x and body_y"
+    if 1.0 / TIMES < abs(gain) < TIMES:
+        what = "body_vx and body_vy point elsewhere than body_x and body_y move"
+        yield Finding(
+            what, run.name, "give them in the axes of body_x and body_y, not in the rover's, or leave them out"
+        )
+    elif ratio / NEAR < abs(gain) < ratio * NEAR:
+        yield Finding(
+            f"{what}: they look like {VELOCITY_UNITS[ratio]}", run.name, f"give m/s: divide them by {ratio:g}"
+        )
+    else:
+        yield Finding(what, run.name, "give m/s, or leave them out")
+
+
+def _height(run: Driven) -> Iterator[Finding]:
+    if "body_z" not in run.trace:
+        return
+    rising = np.abs(run.slope(run.trace["body_z"]))
+    use = run.steady & np.isfinite(rising) & np.isfinite(run.velocity)
+    way = float(np.sum(np.abs(run.velocity[use])))
+    if np.sum(use) >= AT_LEAST and float(np.sum(rising[use])) > STEEPEST * way > 0.0:
+        what = f"body_z changes {np.sum(rising[use]) / way:.3g} times as fast as the rover travels"
+        yield Finding(what, run.name, "give metres: if it is in mm divide it by 1000")
+
+
+def _racing(run: Driven, motor: Motor) -> Iterator[Finding]:
+    duty, rate = np.abs(run.duty[run.steady]), np.abs(run.rate[run.steady])
+    use = np.isfinite(duty * rate) & (duty > LOW)
+    if np.sum(use) < AT_LEAST:
+        return
+    times = float(np.median(rate[use] / (duty[use] * float(motor.no_load_rate))))
+    if times > RACING:
+        what = f"the wheels turn {times:.3g} times as fast as [motor] would at their duty without load"
+        yield Finding(what, run.name, "give duties from -1 to 1, and mend [motor]")

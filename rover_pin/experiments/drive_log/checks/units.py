@@ -1,0 +1,97 @@
+"""Units of a drive log, read from the numbers: what turns and what moves must agree up to slip."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from rover_pin.experiments.drive_log.checks.driven import Driven
+from rover_pin.measurements.finding import Finding
+from rover_pin.motion.motor import Motor
+
+SLOWEST_SAMPLING = 1.0
+"""Samples further apart [s] tell nothing of a drive, and milliseconds taken for seconds are."""
+
+AT_LEAST = 5
+"""Blocks that a judgement needs."""
+
+FACTORS = {
+    60.0 / (2.0 * math.pi): ("the wheel rates look like rpm", "give rad/s: multiply them by 2 pi / 60"),
+    180.0 / math.pi: ("the wheel rates look like deg/s", "give rad/s: multiply them by pi / 180"),
+    1.0 / (2.0 * math.pi): ("the wheel rates look like turns per second", "give rad/s: multiply them by 2 pi"),
+    1e-3: ("body_x and body_y look like millimetres", "give metres: divide them by 1000"),
+    1e-2: ("body_x and body_y look like centimetres", "give metres: divide them by 100"),
+}
+"""Rim speed over travel speed without slip -> what is wrong, and what to do."""
+
+NEAR = 1.5
+"""A ratio this many times a factor, either way, is taken for it: slip and radius may be off as well."""
+
+ALIKE = 2.0
+"""A wrong unit gives the same ratio throughout; slip does not. Greatest median over tenth percentile."""
+
+LARGEST = {"body_pitch": 0.5 * math.pi, "body_roll": math.pi, "rocker_": 2.0, "bogie_": 2.0, "steer_": 2.0 * math.pi}
+"""Greatest angle [rad] that a channel can show; beyond it stand degrees."""
+
+MILLI = {"battery_V": (1000.0, "mV"), "current_": (100.0, "mA")}
+"""Beyond this a rover's battery or motor current is in thousandths."""
+
+
+def unit_faults(run: Driven, motor: Motor | None) -> Iterator[Finding]:
+    """Yield channels of a run whose numbers are in another unit than theirs."""
+    if run.period > SLOWEST_SAMPLING:
+        what = f"samples lie {run.period:.3g} s apart"
+        yield Finding(what, run.name, "if t_s is in milliseconds divide it by 1000, else log twice a second or more")
+        return
+    yield from _rates_or_positions(run)
+    yield from _angles(run)
+    yield from _thousandths(run, motor)
+
+
+def _rates_or_positions(run: Driven) -> Iterator[Finding]:
+    """Yield the unit that rim speed over travel speed tells; the tenth percentile, where grip is best."""
+    rim, speed = np.abs(run.rim), np.abs(run.velocity)
+    turning = run.steady & np.isfinite(rim * speed) & (rim > STILL_RIM * run.radius)
+    use = turning & (speed > 0.004 * rim)
+    if np.sum(use) < max(AT_LEAST, 0.5 * np.sum(turning)):
+        return
+    best, usual = np.percentile(rim[use] / speed[use], [10, 50])
+    if 0.5 < best < 5.0 or usual > ALIKE * best:
+        return
+    factor = min(FACTORS, key=lambda each: abs(math.log(best / each)))
+    times = f"the rim runs {usual:.3g} times as fast as the rover all along"
+    if abs(math.log(best / factor)) > math.log(NEAR):
+        yield Finding(times, run.name, "check the units of wheel_rate_*, body_x and body_y, and the wheel's radius")
+        return
+    what, todo = FACTORS[factor]
+    yield Finding(f"{times}: {what}", run.name, todo)
+
+
+STILL_RIM = 0.02
+"""Wheel rate [rad/s] from which rim and travel are compared, whatever their unit."""
+
+
+def _angles(run: Driven) -> Iterator[Finding]:
+    for name, values in run.trace.channels.items():
+        limit = next((most for start, most in LARGEST.items() if name.startswith(start)), math.inf)
+        greatest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+        if greatest > limit:
+            row = int(np.nanargmax(np.abs(values)))
+            what = f"{name} reaches {greatest:.3g} rad at t = {run.trace.t[row]:.4g} s (row {row + 1})"
+            yield Finding(what, run.name, "if it is in degrees multiply it by pi / 180")
+
+
+def _thousandths(run: Driven, motor: Motor | None) -> Iterator[Finding]:
+    stall = math.inf if motor is None else float(motor.supply / motor.resistance)
+    for name, values in run.trace.channels.items():
+        start = next((start for start in MILLI if name.startswith(start)), "")
+        if not start or not np.isfinite(values).any():
+            continue
+        limit, unit = MILLI[start]
+        limit = min(limit, 20.0 * stall) if start == "current_" else limit
+        middle = float(np.nanmedian(np.abs(values[np.nonzero(values)]))) if np.nanmax(np.abs(values)) > 0.0 else 0.0
+        if middle > limit:
+            what = f"{name} is {middle:.3g} {unit[1:]} in the middle"
+            yield Finding(what, run.name, f"if it is in {unit} divide it by 1000")

@@ -1,0 +1,174 @@
+"""Many models on the runs of a log: replays on all cores, and what the log's channels would have been."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.effects.effect import SensorEffect
+from rover_pin.errors import ParameterError, SimulationError
+from rover_pin.estimation.experiment import Arrays, Experiment
+from rover_pin.estimation.fit import Fit
+from rover_pin.experiments.drive_log.features import LoggedRun
+from rover_pin.experiments.drive_log.parameters import owners, with_record
+from rover_pin.experiments.drive_log.places import neighbours
+from rover_pin.experiments.drive_log.resume import Memory, digest
+from rover_pin.motion.channels import unit_of
+from rover_pin.motion.model import Model
+from rover_pin.motion.place import settled
+from rover_pin.motion.replay import Commands, Nudge, Replay, replay
+from rover_pin.motion.state import DriveState
+
+MADE = {"path": "m", "drift": "m", "heading": "rad", "speed": "m/s"}
+"""Units of the features that are made of several channels."""
+LOST = 1e3
+"""What a prediction that is not a number counts as [channel's unit]: far, but finite."""
+
+
+@dataclass(frozen=True, eq=False)
+class DriveExperiment(Experiment):
+    """The runs of a log, where the rover stood at the start of each, how many processes replay them, what is kept."""
+
+    runs: tuple[LoggedRun, ...]
+    rests: tuple[DriveState | None, ...] = field(repr=False)
+    jobs: int = 1
+    memory: Memory = field(default=Memory(), repr=False)
+
+    @cached_property
+    def identity(self) -> str:
+        """A digest of the runs and of where they start."""
+        return digest(self.runs, self.rests)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The features that all runs have."""
+        return tuple(name for name in self.runs[0].channels if all(name in run.channels for run in self.runs))
+
+    @cached_property
+    def length(self) -> int:
+        """Blocks of the longest run."""
+        return max(run.seen.shape[1] for run in self.runs)
+
+    @cached_property
+    def observed(self) -> np.ndarray:
+        """Measured features (runs, channels, blocks); not a number where nothing is compared."""
+        return self._padded([run.seen for run in self.runs])
+
+    @property
+    def folds(self) -> tuple[str, ...]:
+        """Names of the runs."""
+        return tuple(run.name for run in self.runs)
+
+    @property
+    def free(self) -> DriveExperiment:
+        """The experiment on which nothing draws the rover to the logged places: it drives freely from its start."""
+        return dataclasses.replace(self, runs=tuple(_free(run) for run in self.runs))
+
+    def predict(self, models: Sequence[Model]) -> np.ndarray:
+        """Return the features of each model (models, runs, channels, blocks).
+
+        Models that differ in their sensors only are replayed once.
+        """
+        groups: dict[tuple[int, ...], list[int]] = {}
+        for at, model in enumerate(models):
+            groups.setdefault(_drives(model), []).append(at)
+        pairs = list(zip(self.runs, self.rests, strict=True))
+        asked = [([models[at] for at in group], *pair) for group in groups.values() for pair in pairs]
+        tables = iter(self._spread([delayed(_features)(*each) for each in asked]))
+        found: dict[int, list[np.ndarray]] = {at: [] for at in range(len(models))}
+        for group in groups.values():
+            for _ in pairs:
+                for at, table in zip(group, next(tables), strict=True):
+                    found[at].append(table)
+        return np.array([self._padded(found[at]) for at in range(len(models))])
+
+    def records(self, model: Model) -> dict[str, Any]:
+        """Return the soil, the motor and the effects of a model, by name."""
+        return owners(model)
+
+    def replaced(self, model: Model, owner: str, record: Any) -> Model:
+        """Return the model with another soil, motor or effect."""
+        return with_record(model, owner, record)
+
+    def unit(self, channel: str) -> str:
+        """Return the unit of a feature."""
+        return MADE.get(channel) or unit_of(channel)
+
+    def neighbours(self, candidate: Candidate, step: float) -> list[Candidate]:
+        """Return a candidate on a stretch of the way with its edges moved."""
+        return neighbours(candidate, step)
+
+    def kept(self, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
+        """Return what was made of these runs before, or make and keep it."""
+        return self.memory.kept((self.identity, *asked), make)
+
+    def replays(self, model: Model, nudges: Sequence[Nudge] | None = None) -> tuple[Replay, ...]:
+        """Return the replays of one model, perhaps nudged, one nudge a run."""
+        asked = zip(self.runs, nudges or [Nudge()] * len(self.runs), self.rests, strict=True)
+        return tuple(self._spread([delayed(_replayed)(model, run.commands, one, rest) for run, one, rest in asked]))
+
+    def read(self, replays: Sequence[Replay], sensors: Sequence[SensorEffect]) -> np.ndarray:
+        """Return the features (runs, channels, blocks) of replays as these sensors report them."""
+        pairs = zip(self.runs, replays, strict=True)
+        return self._padded([run.features(replay.channels, sensors) for run, replay in pairs])
+
+    def _spread(self, tasks: list) -> list:
+        return list(Parallel(n_jobs=self.jobs)(tasks))
+
+    def _padded(self, tables: Sequence[np.ndarray]) -> np.ndarray:
+        """Return tables (channels, blocks) of the runs as one array, the common channels, gaps at the ends."""
+        whole = np.full((len(self.runs), len(self.channels), self.length), np.nan)
+        for at, (run, table) in enumerate(zip(self.runs, tables, strict=True)):
+            rows = [run.channels.index(name) for name in self.channels]
+            whole[at, :, : table.shape[1]] = table[rows]
+        return whole
+
+
+def experiment_of(runs: Sequence[LoggedRun], model: Model, jobs: int = 1, memory: Memory = Memory()) -> DriveExperiment:
+    """Return the experiment on which every model starts where this one comes to rest."""
+    rests = Parallel(n_jobs=jobs)(delayed(_rest)(model, run.commands) for run in runs)
+    return DriveExperiment(tuple(runs), tuple(rests), jobs, memory)
+
+
+def logged(fit: Fit) -> DriveExperiment:
+    """Return the experiment of a fit to a drive log."""
+    return cast(DriveExperiment, fit.task.experiment)
+
+
+def _free(run: LoggedRun) -> LoggedRun:
+    nowhere = np.full_like(run.commands.place, np.nan)
+    return dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=nowhere))
+
+
+def _rest(model: Model, run: Commands) -> DriveState | None:
+    try:
+        return settled(model, run.start)
+    except SimulationError:
+        return None
+
+
+def _replayed(model: Model, run: Commands, nudge: Nudge, rest: DriveState | None) -> Replay:
+    """Return the replay; where the rover does not even settle or can have no such body, one in which nothing moves."""
+    try:
+        return replay(model, run, nudge, rest)
+    except (ParameterError, SimulationError) as error:
+        return Replay({"t_s": run.t}, str(error))
+
+
+def _drives(model: Model) -> tuple[int, ...]:
+    """Return what a replay depends on: all parts of a model but its sensors, by identity."""
+    return tuple(id(getattr(model, each.name)) for each in dataclasses.fields(model) if each.name != "sensor_effects")
+
+
+def _features(models: Sequence[Model], run: LoggedRun, rest: DriveState | None) -> list[np.ndarray]:
+    """Return the features of models that drive alike: one replay, read by the sensors of each."""
+    channels = _replayed(models[0], run.commands, Nudge(), rest).channels
+    tables = [run.features(channels, model.sensor_effects) for model in models]
+    return [np.nan_to_num(table, nan=LOST, posinf=LOST, neginf=-LOST) for table in tables]

@@ -1,0 +1,107 @@
+"""The model that a drive log starts from, and which of its numbers are uncertain, by how much."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from rover_pin.contact import Soil
+from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.errors import DataError
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.motion.drive_log import DriveLog
+from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.motor import Motor
+from rover_pin.parameters.hard import HARD_GROUND
+from rover_pin.quantity import record_from, to_si
+from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.traction import TorqueTraction
+
+DRIVEN_SAND = Soil().replace(k=0.005)
+"""What stands for constants that a log does not declare: Table 1, with the k at which its rover can drive at all."""
+MOTOR_TO_MOTOR, TACHO_TO_TACHO = 0.02, 0.015
+"""SD of one motor's torque and of one tachogenerator's gain against the others' (assumed: small series motors)."""
+SOIL_SD = {"phi": math.radians(2.0), "k": 0.35, "k_1": 0.35, "theta_1": math.radians(2.0)}
+"""SD of a soil constant that is declared without one; relative for k and k_1 (assumed: bench tests)."""
+UNDECLARED = 2.0
+"""How much wider the prior of a constant is that the log does not declare at all."""
+MOTOR_SD = {"gear": 0.04, "resistance": 0.04}
+"""Relative SD of a motor constant that is declared without one (assumed: data sheets)."""
+RESISTANCE_SD = 0.25
+"""Relative SD of a motion resistance that is declared without one, or not at all (assumed)."""
+
+
+def base_model(log: DriveLog) -> Model:
+    """Return the model as the log declares it: rover, terrain, soil, motor, resistance, gravity, the paper's traction.
+
+    Where no resistance is declared, R is that with which the declared soil's flat is cruised at S = 0.05.
+
+    Raises
+    ------
+    DataError
+        A terrain, soil or motor that cannot be read.
+    """
+    rover = log.load_rover()
+    soil = record_from(Soil, {**DRIVEN_SAND.values(), **log.about.soil}, f"{log.folder}: [soil]")
+    motor = record_from(Motor, log.about.motor, f"{log.folder}: [motor]")
+    traction = SoilTraction(TorqueTraction(), FixedAngles())
+    effects, terrain = base_effects(soil, rover, traction), log.terrain()
+    if log.about.resistance:
+        resistance = record_from(MotionResistance, log.about.resistance, f"{log.folder}: [resistance]")
+        effects = tuple(resistance if isinstance(each, MotionResistance) else each for each in effects)
+    most = max(terrain.ground_indices)
+    if most > 1:
+        raise DataError(f"{log.folder}: [terrain] has ground {most}: a log knows 0, the [soil], and 1, hard ground.")
+    return Model(rover, terrain, (soil, HARD_GROUND), motor, effects=effects, gravity=log.about.gravity)
+
+
+def with_spread(model: Model) -> Model:
+    """Return the model with a gain for each motor and each tachogenerator, all exact, unless it has them."""
+    for number, wheel in enumerate(model.rover.wheels):
+        for gain in (WeakMotor(g=0.0, wheel=number), TachoScale(e=0.0, wheel=wheel.name)):
+            present = [one for one in model.all_effects if type(one) is type(gain)]
+            model = model if any(one.wheel == gain.wheel for one in present) else model.having(gain)
+    return model
+
+
+def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
+    """Return the numbers that are uncertain without anything being missing, with their priors.
+
+    The soil's phi, k, k_1 and, where the contact angles are fixed, theta_1; the motor's gear and resistance; the motion
+    resistance; a gain for each motor and tachogenerator. SDs are the log's where it states them.
+    """
+    declared = log.about.soil
+    found = [parameter(model, "soil.phi", _sd(log.folder, declared, "phi", "rad", SOIL_SD["phi"]))]
+    fixed = any(isinstance(one, SoilTraction) and isinstance(one.angles, FixedAngles) for one in model.effects)
+    found += [parameter(model, "soil.theta_1", SOIL_SD["theta_1"])] if fixed else []
+    for name in ("k", "k_1"):
+        value = abs(float(getattr(model.soils[0], name)))
+        unit = {"k": "m", "k_1": "Pa"}[name]
+        sd = _sd(log.folder, declared, name, unit, SOIL_SD[name] * value) / value
+        found.append(parameter(model, f"soil.{name}", sd, log=True))
+    for name, sd in MOTOR_SD.items():
+        value, unit = float(getattr(model.motor, name)), {"gear": "", "resistance": "ohm"}[name]
+        relative = _sd(log.folder, log.about.motor, name, unit, sd * value, widen=False) / value
+        found.append(parameter(model, f"motor.{name}", max(relative, 0.01), log=True))
+    for R in (float(one.R) for one in model.effects if isinstance(one, MotionResistance) and one.R):
+        sd = _sd(log.folder, log.about.resistance, "R", "", RESISTANCE_SD * R, widen=False)
+        found.append(parameter(model, "MotionResistance.R", sd / R, log=True))
+    for number, _ in enumerate(model.rover.wheels):
+        found.append(parameter(model, f"WeakMotor[{number}].g", MOTOR_TO_MOTOR))
+    return (*found, *(parameter(model, f"TachoScale[{one.name}].e", TACHO_TO_TACHO) for one in model.rover.wheels))
+
+
+def _sd(folder: Any, table: Mapping[str, Any], name: str, unit: str, default: float, widen: bool = True) -> float:
+    """Return the SD that a table of the log declares of a constant, or the default; wider where it is not declared."""
+    entry = table.get(name)
+    if isinstance(entry, Mapping) and "sd" in entry:
+        where, sd = f"{folder}: the sd of '{name}'", entry["sd"]
+        if isinstance(sd, bool) or not isinstance(sd, (int, float)) or not 0.0 < sd < math.inf:
+            raise DataError(f"{where} is {sd!r}: give a positive number in the unit of its value, or leave it out.")
+        return to_si(sd, str(entry.get("unit", unit)), unit, where)
+    return default * (UNDECLARED if widen and entry is None else 1.0)

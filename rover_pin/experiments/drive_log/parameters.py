@@ -1,0 +1,40 @@
+"""Numbers of a drive model by name, free to be fitted: soil, motor, effects, one coordinate u each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rover_pin.estimation.experiment import find
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.motion.model import OWNERS, Model
+
+GROUND = 0
+"""Index of the soil that is fitted."""
+
+
+def owner_name(effect: Any) -> str:
+    """Return the name of an effect of a model: its class, and whose it is where a model may have several."""
+    place = next((getattr(effect, owner) for owner in OWNERS if hasattr(effect, owner)), None)
+    return type(effect).__name__ + ("" if place in (None, "") else f"[{place}]")
+
+
+def owners(model: Model) -> dict[str, Any]:
+    """Return the records of a model whose numbers can be fitted, by name."""
+    return {
+        "soil": model.soils[GROUND],
+        "motor": model.motor,
+        **{owner_name(effect): effect for effect in model.all_effects},
+    }
+
+
+def with_record(model: Model, owner: str, record: Any) -> Model:
+    """Return the model with another record of this owner."""
+    if owner == "soil":
+        return model.replace(soils=(record, *model.soils[1:]))
+    return model.replace(motor=record) if owner == "motor" else model.having(record)
+
+
+def parameter(model: Model, name: str, sd: float, log: bool = False, prior: bool = True) -> Parameter:
+    """Return the parameter of a model around its present value; `sd` is relative where `log`."""
+    record, quantity, about = find(owners(model), name)
+    return Parameter(name, float(getattr(record, quantity)), sd, float(about.low), float(about.high), log, prior)

@@ -1,0 +1,22 @@
+"""Where on the way an effect begins and ends: the places next to those at which it was tried."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from rover_pin.discrepancy.candidate import Candidate
+
+NARROWEST = 0.05
+"""Least length of a stretch of ground [m]."""
+
+
+def neighbours(candidate: Candidate, step: float) -> list[Candidate]:
+    """Return a candidate with a place on the way with each of its edges moved either way."""
+    effect: Any = candidate.effect
+    if effect is None or "x_from" not in effect.places:
+        return []
+    begin, end = float(effect.x_from), float(effect.x_from + effect.length)
+    moved = [(begin - step, end), (begin + step, end), (begin, end - step), (begin, end + step)]
+    there = [effect.replace(x_from=one, length=other - one) for one, other in moved if other - one > NARROWEST]
+    return [dataclasses.replace(candidate, effect=one, place=f"{float(one.x_from):.3f}") for one in there]

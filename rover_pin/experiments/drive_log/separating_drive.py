@@ -1,0 +1,110 @@
+"""The drive that would tell two candidates apart: of a menu of runs, the one with the greatest expected information."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.estimation.fit import Fit
+from rover_pin.experiments.drive_log.contrast import Contrast, Instruments, contrast, logged_instruments, with_currents
+from rover_pin.experiments.drive_log.experiment import logged
+from rover_pin.experiments.drive_log.menu import DURATION, MenuRun, menu, on_own_ground
+from rover_pin.motion.model import CRUISE_DUTY
+
+TELLS, ENOUGH = 9.0, 25.0
+"""Expected chi2 from which a run tells two models apart, and above which no further sensor is asked for."""
+CLOSER = 4
+"""How many runs, of those whose predictions differ most, are judged with the doubt of both fits."""
+MOVING = 0.1
+"""Duty above which a rover is driving."""
+
+Progress = Callable[[str], None]
+Named = tuple[str, Fit]
+
+
+class SeparatingDrive(NamedTuple):
+    """One more drive, and by how much of chi2 it is expected to tell two candidates apart."""
+
+    first: str
+    second: str
+    run: str
+    "what to drive, in words"
+    channel: str
+    "the channel that shows the difference most"
+    expected: float
+    runner_up: str = ""
+    runner_up_expected: float = 0.0
+
+    @property
+    def said(self) -> str:
+        """One sentence for a reader."""
+        return (
+            f"to tell {self.first} from {self.second}: {DURATION:g} s {self.run}; "
+            f"{self.channel} shows it most (expected chi2 {self.expected:.3g})"
+        )
+
+
+def unseparated(first: str, second: str) -> str:
+    """Return the sentence for a pair that no run of the menu separates."""
+    return (
+        f"no run of the menu tells {first} from {second}: each is expected to add less than {TELLS:g} to chi2; "
+        "measure one of them by itself, on a bench"
+    )
+
+
+class _Judged(NamedTuple):
+    """One run of the menu, judged."""
+
+    expected: float
+    said: str
+    channel: str
+
+
+def separating_drive(first: Named, second: Named, progress: Progress = lambda said: None) -> SeparatingDrive | None:
+    """Return the run of the menu with the greatest expected information, or None where none tells the two apart.
+
+    d^T (I + J_1 C_1 J_1^T + J_2 C_2 J_2^T)^-1 d, with d the difference of the two predictions in units of the noise
+    and C the covariance of each fit. Runs are judged by the log's own channels; by motor currents too where they are
+    not logged and the log's channels do not suffice.
+    """
+    fits = (first[1], second[1])
+    logged = logged_instruments(fits[0])
+    richer = with_currents(logged, [wheel.name for wheel in fits[0].model.rover.wheels])
+    contrasts = []
+    for run in _choice(first, second):
+        progress(f"predicting a run {run.said}")
+        contrasts.append(contrast(run, fits, richer.names))
+    driven = [each for each in contrasts if each is not None]
+    found = _judged(driven, logged, "", progress)
+    if len(richer.names) > len(logged.names) and (not found or found[0].expected < ENOUGH):
+        found = sorted(found + _judged(driven, richer, ", with the motor currents logged", progress), reverse=True)
+    if not found or found[0].expected < TELLS:
+        return None
+    best, other = found[0], found[1] if len(found) > 1 else _Judged(0.0, "", "")
+    return SeparatingDrive(first[0], second[0], best.said, best.channel, best.expected, other.said, other.expected)
+
+
+def _judged(driven: Sequence[Contrast], instruments: Instruments, more: str, progress: Progress) -> list[_Judged]:
+    """Return the runs that differ most, judged with the doubt of both fits, the best first."""
+    found = []
+    for each in sorted(driven, key=lambda one: -one.plain(instruments))[:CLOSER]:
+        progress(f"weighing the doubt on a run {each.run.said}{more}")
+        expected, channel = each.judged(instruments)
+        found.append(_Judged(expected, each.run.said + more, channel))
+    return sorted(found, reverse=True)
+
+
+def _choice(first: Named, second: Named) -> tuple[MenuRun, ...]:
+    """Return the menu; where an effect is tied to a place of the log, only what crosses the log's own ground."""
+    experiment, rover = logged(first[1]), first[1].model.rover
+    duty = np.concatenate([np.abs(run.commands.duty).mean(axis=1) for run in experiment.runs])
+    moving = duty[duty > MOVING]
+    cruise = round(float(np.median(moving)), 2) if moving.size else CRUISE_DUTY
+    own = experiment.runs[0].commands.start
+    if any("x_from" in effect.places for _, fit in (first, second) for effect in fit.model.all_effects):
+        return on_own_ground(rover, cruise, own)
+    marks = [name.partition("[")[2].rstrip("]") for name, _ in (first, second)]
+    alone = [at for at, wheel in enumerate(rover.wheels) if wheel.name in marks or str(at) in marks]
+    return menu(rover, cruise, own, alone or [0])

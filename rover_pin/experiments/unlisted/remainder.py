@@ -1,0 +1,235 @@
+"""What a fitted drive model leaves: how large, where, and as what an effect that nobody has listed would act."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import spread
+from rover_pin.experiments.drive_log.experiment import DriveExperiment
+from rover_pin.experiments.drive_log.features import blocks, filled
+from rover_pin.experiments.unlisted.actions import Scene
+from rover_pin.experiments.unlisted.draft import can_draft, draft
+from rover_pin.experiments.unlisted.term import Carrier
+from rover_pin.experiments.unlisted.terms import carriers
+
+NOISE_LIKE = 1.3
+"""RMS in SDs of its noise below which a channel's residual is called noise."""
+UNLISTED = 20.0
+"""Net gain of a carrier from which the residual is not noise: complete models of five sets showed 6 at most."""
+ALIKE = 0.999
+"""Correlation of the duties from which two runs count as replicates."""
+SAME_PLACE, SAME_HEADING = 0.02, 0.05
+"""How far apart the starts of replicates may be [m, rad]."""
+LAGS = 10
+"""Lags of the test for whiteness."""
+
+
+class ChannelRemainder(NamedTuple):
+    """What one channel leaves, in whitened units, where 1 is the noise."""
+
+    name: str
+    rms: float
+    memory: float
+    "correlation of successive blocks"
+    whiteness: float
+    "Ljung-Box's Q over its mean for white rows; information, no gate"
+    correlations: dict[str, float]
+    "with duty, slip, pitch, place and time"
+    worst_run: str
+    worst_time: float
+    "middle of the worst two seconds of that run [s]"
+    worst_place: float
+    "x of the base there [m]"
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether nothing is left to describe."""
+        return self.rms < NOISE_LIKE
+
+    @property
+    def said(self) -> str:
+        """One sentence for a reader."""
+        if self.is_noise:
+            return f"{self.name}: {self.rms:.2f} times the noise"
+        name, value = max(self.correlations.items(), key=lambda pair: abs(pair[1]))
+        return (
+            f"{self.name}: {self.rms:.2f} times the noise, most in {self.worst_run} at t = {self.worst_time:.1f} s, "
+            f"x = {self.worst_place:.2f} m; goes most with {name} (correlation {value:+.2f})"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Remainder:
+    """What a fitted model leaves; `carriers` are sorted, the one that describes it best first."""
+
+    carriers: tuple[Carrier, ...] = field(repr=False)
+    channels: tuple[ChannelRemainder, ...]
+    runs: tuple[str, ...]
+    wheels: tuple[str, ...]
+
+    @property
+    def best(self) -> Carrier:
+        """The carrier that describes it best."""
+        return self.carriers[0]
+
+    @property
+    def second(self) -> Carrier:
+        """The best carrier that acts otherwise or depends on something else: what it may be instead."""
+        return self.carriers[1]
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether no carrier takes more than those of a complete model do."""
+        return self.best.strength < UNLISTED
+
+    @property
+    def said(self) -> str:
+        """What is left, in a few sentences."""
+        if self.is_noise:
+            return f"Nothing is left that any carrier describes (net gain {self.best.strength:.0f})."
+        return (
+            f"What is left {self.best.said} (net gain {self.best.strength:.0f}). The next best: "
+            f"it {self.second.said} (net gain {self.second.strength:.0f})."
+        )
+
+
+def describe(fit: Fit, progress: Callable[[str], None] = lambda line: None) -> Remainder:
+    """Return what a fitted model leaves, by channel and as carriers.
+
+    A few nudged replays show how a unit of torque, force and grip moves the features; each times a function of measured
+    signals is a carrier, and the one that takes most chi2 beyond its number of columns describes the remainder.
+    """
+    scene = Scene(fit)
+    progress("Nudging the replays")
+    ranked = carriers(scene)
+    runs = tuple(run.name for run in scene.experiment.runs)
+    return Remainder(ranked, channel_remainders(scene), runs, scene.wheels)
+
+
+def draft_effect(remainder: Remainder, name: str) -> str:
+    """Return the text of an effect file with the effect `name`: the best carrier that an effect can imitate.
+
+    Raises
+    ------
+    ParameterError
+        No carrier can be drafted.
+    """
+    able = (one for one in remainder.carriers if can_draft(one, remainder.wheels))
+    return draft(next(able, remainder.best), name, remainder.wheels)
+
+
+def channel_remainders(scene: Scene) -> tuple[ChannelRemainder, ...]:
+    """Return what each channel leaves."""
+    noise = scene.fit.task.noise
+    rows = np.full(noise.good.shape, np.nan)
+    rows[noise.good] = scene.fit.rows
+    signals = _signals(scene)
+    return tuple(_channel(scene, name, rows[:, at], signals) for at, name in enumerate(scene.experiment.channels))
+
+
+def _signals(scene: Scene) -> dict[str, np.ndarray]:
+    """Return the block means (runs, blocks) of what a residual may go with."""
+    made: dict[str, Callable[[int], np.ndarray]] = {
+        "duty": lambda run: scene.experiment.runs[run].commands.duty.mean(axis=1),
+        "slip": lambda run: np.mean([scene.replayed(run, f"slip_{wheel}") for wheel in scene.wheels], axis=0),
+        "pitch": lambda run: scene.logged(run, "body_pitch"),
+        "place": lambda run: filled(scene.experiment.runs[run].commands.place[:, 0]),
+        "time": lambda run: scene.experiment.runs[run].commands.t,
+    }
+    found = {name: np.full((len(scene.experiment.runs), scene.experiment.length), np.nan) for name in made}
+    for name, of in made.items():
+        for run, one in enumerate(scene.experiment.runs):
+            block = blocks(of(run), one.commands.period)
+            found[name][run, : len(block)] = block
+    return found
+
+
+def _channel(scene: Scene, name: str, rows: np.ndarray, signals: dict[str, np.ndarray]) -> ChannelRemainder:
+    known = np.isfinite(rows)
+    values = rows[known]
+    worst = _worst(rows)
+    run, block = worst
+    return ChannelRemainder(
+        name,
+        float(np.sqrt(np.mean(values**2))) if values.size else 0.0,
+        _lagged(rows, 1),
+        _whiteness(rows),
+        {signal: _correlation(values, table[known]) for signal, table in signals.items()},
+        scene.experiment.runs[run].name,
+        float(signals["time"][run, block]),
+        float(signals["place"][run, block]),
+    )
+
+
+def _worst(rows: np.ndarray, width: int = 4) -> tuple[int, int]:
+    """Return run and block in the middle of the blocks with the greatest sum of squares."""
+    power = np.nan_to_num(rows) ** 2
+    sums = np.array([np.convolve(row, np.ones(width), "same") for row in power])
+    run, block = np.unravel_index(int(np.argmax(np.where(np.isfinite(rows), sums, -1.0))), sums.shape)
+    return int(run), int(block)
+
+
+def _lagged(rows: np.ndarray, lag: int) -> float:
+    return _correlation(rows[:, lag:].ravel(), rows[:, :-lag].ravel())
+
+
+def _correlation(one: np.ndarray, other: np.ndarray) -> float:
+    both = np.isfinite(one) & np.isfinite(other)
+    a, b = one[both], other[both]
+    if len(a) < 3 or np.std(a) < 1e-12 or np.std(b) < 1e-12:
+        return 0.0
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def _whiteness(rows: np.ndarray) -> float:
+    """Return Ljung-Box's Q = n (n + 2) sum r_k^2 / (n - k) over LAGS lags, over its mean for white rows, LAGS."""
+    n = int(np.isfinite(rows).sum())
+    lags = range(1, min(LAGS, rows.shape[1] - 2) + 1)
+    terms = [_lagged(rows, lag) ** 2 / max(n - lag, 1) for lag in lags]
+    return n * (n + 2) * math.fsum(terms) / max(len(terms), 1)
+
+
+class Replicates(NamedTuple):
+    """Pairs of runs with the same commands from the same start, and what differs between them."""
+
+    pairs: tuple[tuple[str, str], ...]
+    floor: dict[str, float]
+    "SD of the residual's difference / sqrt 2, in the noise's SDs, by channel"
+
+
+def replicates(experiment: DriveExperiment, fit: Fit) -> Replicates | None:
+    """Return the noise floor that repeated runs show, which no model decides; None where no run was repeated."""
+    pairs = [
+        (i, j)
+        for i in range(len(experiment.runs))
+        for j in range(i + 1, len(experiment.runs))
+        if _repeats(experiment, i, j)
+    ]
+    if not pairs:
+        return None
+    noise = fit.task.noise
+    rows = np.full(noise.good.shape, np.nan)
+    rows[noise.good] = fit.rows
+    apart = np.array([rows[i] - rows[j] for i, j in pairs]) / math.sqrt(2.0)
+    floor = {}
+    for at, name in enumerate(experiment.channels):
+        values = apart[:, at][np.isfinite(apart[:, at])]
+        floor[name] = spread(values)
+    return Replicates(tuple((experiment.runs[i].name, experiment.runs[j].name) for i, j in pairs), floor)
+
+
+def _repeats(experiment: DriveExperiment, i: int, j: int) -> bool:
+    one, other = experiment.runs[i].commands, experiment.runs[j].commands
+    length = min(len(one.t), len(other.t))
+    if length < 0.9 * max(len(one.t), len(other.t)):
+        return False
+    near = math.hypot(one.start.x - other.start.x, one.start.y - other.start.y) < SAME_PLACE
+    near &= abs(math.remainder(one.start.yaw - other.start.yaw, 2 * math.pi)) < SAME_HEADING
+    a, b = one.duty[:length].ravel(), other.duty[:length].ravel()
+    return near and (bool(np.allclose(a, b, atol=1e-3)) or _correlation(a, b) > ALIKE)

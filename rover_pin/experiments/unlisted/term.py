@@ -1,0 +1,193 @@
+"""A carrier: what acts times what it depends on, fitted; its gain, its curve, and one sentence about it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.estimation.wording import spread
+from rover_pin.experiments.unlisted.actions import READING, VOLTAGE, Act
+from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
+
+CLEAR = 3.0
+"""SDs from which a value of a piecewise linear function is pointed at."""
+
+
+class Curve(NamedTuple):
+    """The estimated function on a grid, with SDs; (G,) or, where every run has its own, (runs, G)."""
+
+    at: np.ndarray
+    value: np.ndarray
+    sd: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Carrier:
+    """One carrier fitted to the rows: `size` are the numbers of its columns, by run where each has its own."""
+
+    act: Act = field(repr=False)
+    argument: Argument = field(repr=False)
+    runs: tuple[str, ...]
+    size: np.ndarray
+    covariance: np.ndarray = field(repr=False)
+    gain: float
+    "fall of the robust chi2"
+    columns: int
+    "how many directions the data tell"
+    fee: float
+    "what chance gives the best of all carriers with so many columns"
+    held_out: float | None
+    "fall of chi2 of runs on which its numbers were not fitted; None where every run has its own"
+
+    @property
+    def acts(self) -> str:
+        """What it acts as."""
+        return self.act.said
+
+    @property
+    def net(self) -> float:
+        """Gain beyond what chance gives."""
+        return self.gain - self.fee
+
+    @property
+    def curve(self) -> Curve:
+        """The estimated function, in the act's unit."""
+        grid = self.argument.basis.grid
+        basis = self.argument.basis.of(grid)
+        k = len(basis)
+        runs = len(self.size) // k
+        values = np.array([self.size[k * run : k * run + k] @ basis for run in range(runs)])
+        spans = [slice(k * run, k * run + k) for run in range(runs)]
+        sds = np.array(
+            [np.sqrt(np.maximum(np.einsum("ig,ij,jg->g", basis, self.covariance[s, s], basis), 0)) for s in spans]
+        )
+        return Curve(grid, values if self.argument.own else values[0], sds if self.argument.own else sds[0])
+
+    @property
+    def strength(self) -> float:
+        """Net gain, no more than it holds in runs on which it was not fitted."""
+        return self.net if self.held_out is None else min(self.net, self.held_out)
+
+    @property
+    def said(self) -> str:
+        """What it acts as, what it depends on, its size and where, in one sentence."""
+        return said(self, self.runs)
+
+
+def said(carrier: Carrier, runs: tuple[str, ...]) -> str:
+    """Return what a carrier acts as, what it depends on, its size and where; `runs` are the runs' names."""
+    name, basis = carrier.argument.name, carrier.argument.basis
+    curve = carrier.curve
+    head = f"acts as {carrier.acts}"
+    if name == "nothing":
+        return f"{head}: {_size(carrier, curve.value[0], curve.sd[0])} all the time"
+    if name == "run":
+        return f"{head} that differs from run to run: {_by_run(carrier, curve, runs)}"
+    if isinstance(basis, Wave):
+        return f"{head} {_wave(carrier, basis, curve)}"
+    if isinstance(basis, Hats):
+        return f"{head} {_places(carrier, curve, runs)}"
+    assert isinstance(basis, Polynomial)
+    return f"{head} that depends on {_of(name)}: {_ends(carrier, curve)}"
+
+
+def _of(name: str) -> str:
+    return {
+        "rate": "the wheel's rate",
+        "duty": "the duty",
+        "slip": "the slip",
+        "current": "the motor's current",
+        "pitch": "the pitch",
+        "roll": "the roll",
+        "time": "the time since the run began",
+        "place": "the place along x",
+        "heading": "the heading (its cosine)",
+    }.get(name, name)
+
+
+def _size(carrier: Carrier, value: float, sd: float | None = None) -> str:
+    """Return a value with its unit; shares in percent."""
+    unit, scale = carrier.act.unit, 1.0
+    if not unit:
+        unit, scale = (
+            ("%" if carrier.act.kind != VOLTAGE else "of full duty"),
+            (100.0 if carrier.act.kind != VOLTAGE else 1.0),
+        )
+    about = "" if sd is None else spread(scale * sd)
+    return f"{scale * value:+.3g}{about} {unit}"
+
+
+def _by_run(carrier: Carrier, curve: Curve, runs: tuple[str, ...]) -> str:
+    return ", ".join(f"{_size(carrier, row[0])} in {run}" for run, row in zip(runs, curve.value, strict=True))
+
+
+def sine(carrier: Carrier) -> tuple[np.ndarray, np.ndarray]:
+    """Return amplitudes and phases [rad] of a wave, one for each run or one for all: A sin(2 pi x / L + phase)."""
+    pairs = carrier.size.reshape(-1, 2)
+    return np.hypot(*pairs.T), np.arctan2(pairs[:, 1], pairs[:, 0])
+
+
+def _wave(carrier: Carrier, basis: Wave, curve: Curve) -> str:
+    amplitude, phase = sine(carrier)
+    size = _size(carrier, float(np.mean(amplitude)), float(np.max(curve.sd))).lstrip("+")
+    if carrier.argument.name == "periodic place":
+        return f"that varies with the place, wavelength {basis.length:.2f} m: amplitude {size}"
+    twice = "twice " if basis.length < 2 * math.pi - 1e-9 else ""
+    first = f"that depends on {twice}the angle of the wheel"
+    if carrier.argument.own:
+        return f"{first}: amplitude {size}, its phase differs from run to run"
+    return f"{first} since the start of the run: amplitude {size}, phase {math.degrees(phase[0]):.0f} deg"
+
+
+class Stretch(NamedTuple):
+    """Where a piecewise linear function stands out from its median: from, to, the extreme, its SD."""
+
+    low: float
+    high: float
+    top: float
+    sd: float
+
+
+def stretches(curve: Curve, row: int | None) -> list[Stretch]:
+    """Return where a piecewise linear function is clear of its median, the clearest first.
+
+    Its level is left out: a resistance or a motor's gain takes that.
+    """
+    value, sd = (curve.value, curve.sd) if row is None else (curve.value[row], curve.sd[row])
+    known = sd > 0
+    value = value - (np.median(value[known]) if known.any() else 0.0)
+    clear = known & (np.abs(value) > CLEAR * sd)
+    found, half = [], (curve.at[1] - curve.at[0]) / 2
+    for sign in (1, -1):
+        at = np.flatnonzero(clear & (np.sign(value) == sign))
+        for group in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if at.size else []:
+            top = group[np.argmax(np.abs(value[group]) / sd[group])]
+            low, high = max(curve.at[group[0]] - half, curve.at[0]), min(curve.at[group[-1]] + half, curve.at[-1])
+            found.append(Stretch(low, high, float(value[top]), float(sd[top])))
+    return sorted(found, key=lambda one: -abs(one.top / one.sd))
+
+
+def _places(carrier: Carrier, curve: Curve, runs: tuple[str, ...]) -> str:
+    letter, unit = ("x", "m") if carrier.argument.unit == "m" else ("t", "s")
+    rows: list[int | None] = list(range(len(curve.value))) if carrier.argument.own else [None]
+    found = [(row, one) for row in rows for one in stretches(curve, row)]
+    found.sort(key=lambda pair: -abs(pair[1].top / pair[1].sd))
+    kind = "the place along x" if letter == "x" else "the moment"
+    listed = [
+        f"{_size(carrier, top, sd)} at {letter} = {low:.2f}..{high:.2f} {unit}"
+        + ("" if row is None else f" in {runs[row]}")
+        for row, (low, high, top, sd) in found[:3]
+    ]
+    return f"that depends on {kind}: {'; '.join(listed) or 'nowhere clear of 0'}"
+
+
+def _ends(carrier: Carrier, curve: Curve) -> str:
+    unit = f" {carrier.argument.unit}" if carrier.argument.unit else ""
+    if carrier.act.kind == READING and carrier.argument.name == "its own value":
+        zero, gain = carrier.size
+        return f"{_size(carrier, zero)} and {100 * gain:+.2g} % of the reading"
+    at = [0, len(curve.at) // 2, len(curve.at) - 1]
+    return ", ".join(f"{_size(carrier, curve.value[i], curve.sd[i])} at {curve.at[i]:.3g}{unit}" for i in at)

@@ -1,0 +1,125 @@
+"""Whether a rig set can answer at all: refusals, and findings that a reader should know of."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rover_pin.errors import DataError
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.fit import ROWS
+from rover_pin.identification.identifiability import SAME_LOAD
+from rover_pin.measurements.channel import RigChannel
+from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
+
+FEWEST_LEVELS = 3
+"""Levels with which an effect that depends on slip can be held out and told from a constant."""
+
+LEAST_RANGE = 0.15
+"""Slips that span less than this tell no dependence on slip."""
+
+OUTLYING = 5.0
+"""A run this many SDs from the median of its repeats is named."""
+
+
+def refuse_unfit(data: RigSet) -> None:
+    """Refuse a set that cannot answer whatever the model.
+
+    Raises
+    ------
+    DataError
+        One level, constant slip, a channel that never moves, or what `refuse_impossible` refuses.
+    """
+    rig, where = data.rig, data.rig.name
+    span = float(np.ptp(rig.slip))
+    if span < SAME:
+        raise DataError(
+            f"{where}: slip is {rig.slip[0]:g} in every run, so nothing can be told from a constant; add runs at other "
+            "slips, best from 0 to 0.8."
+        )
+    if len(data.level_names) < 2:
+        raise DataError(
+            f"{where}: all runs are one level ({data.level_names[0]}), so none can be held out; give the runs at "
+            "different slips different levels, or leave the column out."
+        )
+    for channel in rig.channels:
+        _refuse_frozen(channel, where)
+    refuse_impossible(rig)
+
+
+SAME = 1e-6
+"""Slips that differ by less are one."""
+
+
+def _refuse_frozen(channel: RigChannel, where: str) -> None:
+    if channel.measured.size > 2 and np.ptp(channel.measured) == 0.0:
+        raise DataError(
+            f"{where}: {channel.column} is {channel.measured[0]:g} in all {channel.measured.size} runs, as of a sensor "
+            "that is stuck or unplugged; remove the column or mend it."
+        )
+
+
+def too_poor(data: RigSet, nuisances: int) -> str:
+    """Return why the set cannot tell an effect from its nuisance parameters and what would, or an empty string."""
+    values = sum(channel.measured.size for channel in data.rig.channels)
+    if len(data.level_names) < FEWEST_LEVELS:
+        return (
+            f"{len(data.level_names)} levels of slip: with one held out nothing that depends on slip is left to fit; "
+            f"measure at {FEWEST_LEVELS} or more."
+        )
+    if np.ptp(data.rig.slip) < LEAST_RANGE:
+        return f"slips span {np.ptp(data.rig.slip):.2f} only; measure from about 0 to 0.6 or more."
+    if values < nuisances + FEWEST_LEVELS:
+        return (
+            f"{values} measured values for {nuisances} uncertain soil constants leave too little to tell an effect "
+            "from them; measure more levels, or sinkage and torque as well."
+        )
+    return ""
+
+
+def findings(data: RigSet) -> list[Finding]:
+    """Return what a reader should know of the set before any result."""
+    rig = data.rig
+    found = [*data.misspelt, *suspicions(rig)]
+    missing = [kind for kind in ROWS if kind not in [type(channel) for channel in rig.channels]]
+    for kind in missing:
+        found.append(Finding(f"{kind.name} was not measured", kind.column, "effects that it alone shows stay hidden"))
+    if np.max(rig.load) < SAME_LOAD * np.min(rig.load):
+        what = f"all loads are alike ({np.min(rig.load):.3g} to {np.max(rig.load):.3g} N)"
+        found.append(Finding(what, "load_N", "n, c and effects of the load cannot be told; vary the load 1.5 times"))
+    if np.bincount(data.level).max() < 2:
+        found.append(
+            Finding("no level is repeated", "level", "the noise is as stated, not measured; repeat each level")
+        )
+    if data.speeds is None:
+        found.append(Finding("no speeds", "rim_speed_mps", "effects of speed are left out; record both speeds"))
+    for channel in rig.channels:
+        found += _of_repeats(data, channel)
+    return found
+
+
+def repeat_sd(data: RigSet, channel: RigChannel) -> float:
+    """Return the pooled SD of repeats in stated SDs, NaN where no level is repeated."""
+    scaled = channel.measured / channel.sd
+    count = np.bincount(data.level)
+    mean = np.bincount(data.level, scaled) / count
+    freedom = scaled.size - count.size
+    return float(np.sqrt(np.sum((scaled - mean[data.level]) ** 2) / freedom)) if freedom > 0 else float("nan")
+
+
+def _of_repeats(data: RigSet, channel: RigChannel) -> list[Finding]:
+    found: list[Finding] = []
+    repeats = repeat_sd(data, channel)
+    loads_differ = np.ptp(data.rig.load) > 0.5 * np.mean(data.rig.load)
+    if loads_differ:
+        return found
+    if repeats > 1.6:
+        what = f"repeats scatter {repeats:.1f} times as much as the stated noise"
+        found.append(Finding(what, channel.column, "state the larger noise"))
+    for i in range(len(data.level_names)):
+        at = np.flatnonzero(data.level == i)
+        off = np.abs(channel.measured[at] - np.median(channel.measured[at])) / channel.sd[at]
+        if at.size > 2 and off.max() > OUTLYING:
+            what = f"{data.runs[at[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
+            found.append(Finding(what, channel.column, "look at that run; it counts less in the fits"))
+    return found

@@ -1,0 +1,212 @@
+"""A wheel-rig set as the loop needs it: runs with levels and speeds, and what was measured elsewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from rover_pin.contact import Soil
+from rover_pin.errors import DataError
+from rover_pin.measurements.checks import column
+from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.pressed import Trial, exponent, press, read_trials
+from rover_pin.measurements.tables import read_table
+from rover_pin.measurements.wheel_rig import CHANNELS, WheelRig, read_wheel_rig
+from rover_pin.quantity import quantities
+from rover_pin.toml_file import read_toml, table_in, text_in
+from rover_pin.trust import Trust
+
+SAME_LEVEL = 0.02
+"""Slips within this of their neighbour are one level where the data name none."""
+
+SPEEDS = ("travel_speed_mps", "rim_speed_mps")
+
+RIG_FILE = "rig.toml"
+
+ANGLE = "slip_angle_rad"
+STRAIGHT = 0.01
+"""Slip angle [rad] up to which a wheel runs straight."""
+
+OTHERS = ("slip", "load_N", "run", "level", ANGLE, *SPEEDS)
+"""Columns of the points that are read besides the channels and their SDs."""
+
+ALIKE = 0.7
+"""Share of letters in common from which a column may be meant to be another, misspelt."""
+
+
+class Independent(NamedTuple):
+    """A soil constant known from another measurement: its range [SI] at a given exponent."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class RigSet:
+    """Runs of a wheel rig; `level` [runs] numbers the levels whose `level_names` are kept."""
+
+    rig: WheelRig
+    level: np.ndarray = field(repr=False)
+    level_names: tuple[str, ...]
+    runs: tuple[str, ...] = field(repr=False)
+    speeds: np.ndarray | None = field(default=None, repr=False)
+    trials: tuple[Trial, ...] = field(default=(), repr=False)
+    soil_stated: tuple[str, ...] = ()
+    "which soil constants came with the data"
+    source: str = ""
+    misspelt: tuple[Finding, ...] = ()
+    "columns that are not read, but look like one that is missing"
+
+    def rows(self, keep: Any) -> RigSet:
+        """Return the set with these runs only."""
+        level_names = np.array(self.level_names)[self.level[keep]]
+        names, level = np.unique(level_names, return_inverse=True)
+        order = np.argsort([np.mean(self.rig.slip[keep][level_names == name]) for name in names])
+        place = np.argsort(order)
+        return RigSet(
+            self.rig.rows(keep),
+            place[level],
+            tuple(map(str, names[order])),
+            tuple(np.array(self.runs)[keep]),
+            None if self.speeds is None else self.speeds[keep],
+            self.trials,
+            self.soil_stated,
+            self.source,
+            self.misspelt,
+        )
+
+    def soil(self) -> Soil:
+        """Return the soil as declared: what the data state, n from pressing the wheel in, the rest as Table 1 has it.
+
+        One width tells k_1 + k_2 b only, so all of it is put into k_1.
+        """
+        soil = self.rig.declared_soil(Soil())
+        b = float(self.rig.wheel.b)
+        soil = soil.replace(k_1=soil.k_1 + soil.k_2 * b, k_2=0.0)
+        if not self.trials:
+            return soil
+        n = soil.n if "n" in self.soil_stated else exponent(self.trials, self.rig.wheel)
+        return soil.replace(n=n, k_1=press(self.trials, self.rig.wheel, n).mean * b**n)
+
+    def independent(self, n: float) -> tuple[Independent, ...]:
+        """Return what other measurements say of the soil, at the exponent n."""
+        known = [
+            Independent(name, quantities(Soil)[name].unit, value, value, "stated with the data")
+            for name, value in self.rig.declared.items()
+            if name in quantities(Soil) and name not in ("n", "k_1", "k_2")
+        ]
+        if self.trials:
+            moduli = press(self.trials, self.rig.wheel, n).moduli
+            said = f"the same wheel pressed in without turning, {len(moduli)} trials"
+            known.append(Independent("K_eff", "Pa/m^n", float(moduli.min()), float(moduli.max()), said))
+        return tuple(known)
+
+
+def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
+    """Return the set of a folder with `rig.toml`, with levels, speeds and pressing trials where it has them.
+
+    Raises
+    ------
+    DataError
+        What `read_wheel_rig` refuses; speeds that contradict the slip; a pressing file that cannot be read.
+    """
+    folder = Path(folder)
+    rig, about = read_wheel_rig(folder, trust), read_toml(folder / RIG_FILE)
+    where = f"{folder.name}/{RIG_FILE}"
+    files = table_in(about, "files", where)
+    points = trust.within(folder, text_in(files, "points", where, "points.csv"), where)
+    table = read_table(points, ("slip", "load_N"))
+    here = f"{folder.name}/{points.name}"
+    angle = slip_angles(table, here)
+    speeds = _speeds(table, rig.slip, angle, here)
+    trials: tuple[Trial, ...] = ()
+    if "penetration" in files:
+        surface = text_in(table_in(about, "wheel", where), "surface", where)
+        trials = read_trials(trust.within(folder, text_in(files, "penetration", where), where), surface)
+    names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
+    stated = tuple(rig.declared)
+    data = as_rig_set(rig, names, speeds, trials, stated, str(about.get("source", "")))
+    return replace(data, misspelt=(*_misspelt(table, here), *_askew(angle, here)))
+
+
+def _misspelt(table: pd.DataFrame, where: str) -> Iterator[Finding]:
+    """Yield columns that are not read and are spelt nearly as one that is not there."""
+    present = [str(name) for name in table.columns]
+    channels = [kind.column for kind in CHANNELS]
+    missing = [name for name in (*OTHERS, *channels) if name not in present]
+    noises = ["_sd_".join(name.rsplit("_", 1)) for name in channels]
+    for name in (each for each in present if each not in (*OTHERS, *channels, *noises)):
+        alike = {known: SequenceMatcher(None, name.lower(), known.lower()).ratio() for known in missing}
+        near = max(alike, key=lambda known: alike[known], default="")
+        if near and alike[near] >= ALIKE:
+            todo = f"did you mean '{near}', in SI? rename it, else what it holds is not used"
+            yield Finding(f"column '{name}' is not read", where, todo)
+
+
+def as_rig_set(
+    rig: WheelRig,
+    runs: tuple[str, ...] = (),
+    speeds: np.ndarray | None = None,
+    trials: tuple[Trial, ...] = (),
+    soil_stated: tuple[str, ...] = (),
+    source: str = "",
+) -> RigSet:
+    """Return a `WheelRig` as a `RigSet`: its own levels, or classes of slip where it names none."""
+    slip = np.asarray(rig.slip)
+    labels = _classes(slip) if rig.levels is None else np.array([str(level) for level in rig.levels])
+    names, level = np.unique(labels, return_inverse=True)
+    order = np.argsort([slip[level == i].mean() for i in range(len(names))])
+    place = np.argsort(order)
+    runs = runs or tuple(f"run {i + 1}" for i in range(slip.size))
+    return RigSet(rig, place[level], tuple(map(str, names[order])), runs, speeds, trials, soil_stated, source)
+
+
+def _classes(slip: np.ndarray) -> np.ndarray:
+    order = np.argsort(slip)
+    jumps = np.concatenate([[0], np.cumsum(np.diff(slip[order]) > SAME_LEVEL)])
+    index = np.empty(slip.size, dtype=int)
+    index[order] = jumps
+    return np.array([f"S = {slip[index == i].mean():.2f}" for i in index])
+
+
+def slip_angles(table: pd.DataFrame, where: str) -> np.ndarray:
+    """Return the angle between the wheel's plane and its travel [rad] of each run, 0 where none is given."""
+    return column(table[ANGLE], ANGLE, where) if ANGLE in table else np.zeros(len(table))
+
+
+def _askew(angle: np.ndarray, where: str) -> Iterator[Finding]:
+    askew = np.abs(angle) > STRAIGHT
+    if askew.any():
+        most = math.degrees(float(np.abs(angle).max()))
+        what = f"{int(askew.sum())} of {askew.size} runs have a slip angle, of {most:.3g} deg at most"
+        yield Finding(what, where, "the wheel is modelled as running straight: fit the straight runs by themselves")
+
+
+def _speeds(table: pd.DataFrame, slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray | None:
+    """Return the speeds of travel along the wheel's plane and of the rim [runs, 2], or None.
+
+    Refuses speeds that contradict the slip.
+    """
+    if not set(SPEEDS) <= set(table.columns):
+        return None
+    travel, rim = (column(table[name], name, where) for name in SPEEDS)
+    travel = travel * np.cos(angle)
+    own = (rim - travel) / np.maximum(np.maximum(np.abs(rim), np.abs(travel)), 1e-12)
+    off = np.abs(own - slip)
+    if off.max() > 0.05:
+        row = int(off.argmax())
+        raise DataError(
+            f"{where}: row {row + 1} has slip {slip[row]:.3g}, but its speeds give {own[row]:.3g} by Eq (1); check the "
+            "units and signs of slip, rim_speed_mps and travel_speed_mps."
+        )
+    return np.column_stack([travel, rim])

@@ -1,0 +1,222 @@
+"""A wheel on a rig as a model: wheel, soil and a tuple of effects that carry a given load at a given slip."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from rover_pin.contact import Contact, Load, Soil, Wheel
+from rover_pin.effects.effect import Effect
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.errors import DataError, ParameterError
+from rover_pin.measurements.channel import FIELDS
+from rover_pin.quantity import quantities
+from rover_pin.soil.angles import SinkageAngles
+from rover_pin.soil.sinkage import power_law_guess
+from rover_pin.soil.traction import NetTraction
+
+PAPER: tuple[Effect, ...] = (SoilTraction(NetTraction(), SinkageAngles()),)
+"""Eqs (2)-(7), the arc from the sinkage: what a rig measures before anything is added."""
+
+STEPS = 6
+"""Newton steps on ln h; the base model needs 3, an effect that changes the exponent up to 6."""
+
+LEAP = 1.5
+"""Longest Newton step in ln h."""
+
+DEEPEST = 0.98
+"""Greatest sinkage over radius that Newton's method tries."""
+
+UNBALANCED = 1e-6
+"""Relative error of the carried load from which a prediction is refused."""
+
+CONDITIONS = 4
+"""Inputs of a steady run: load [N], slip [-], travel speed and rim speed [m/s]."""
+
+
+class Steady(NamedTuple):
+    """What a rig shows at each run: arrays [runs]."""
+
+    drawbar_pull: np.ndarray
+    "f_t [N]"
+    torque: np.ndarray
+    "[N m]"
+    sinkage: np.ndarray
+    "[m]"
+
+
+@dataclass(frozen=True)
+class RigModel:
+    """A wheel, the soil under it and the effects that push on it; `effects` act in order, as in a drive.
+
+    Every effect that acts at a contact works here: sideways and approach speeds are 0, the wheel is the first that
+    passes, own states are at their steady values.
+    """
+
+    wheel: Wheel
+    soil: Soil
+    effects: tuple[Effect, ...] = PAPER
+
+    def __post_init__(self) -> None:
+        kinds = [type(effect).__name__ for effect in self.effects]
+        for kind in kinds:
+            if kinds.count(kind) > 1:
+                raise ParameterError(f"the effect {kind} stands in the model twice; a rig model holds each kind once.")
+
+    def having(self, effect: Effect) -> RigModel:
+        """Return the model with one more effect."""
+        return dataclasses.replace(self, effects=(*self.effects, effect))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters: those of wheel and soil, then `Effect.parameter`."""
+        own = [f"{type(effect).__name__}.{name}" for effect in self.effects for name in quantities(effect)]
+        return (*FIELDS, *own)
+
+    def vector(self) -> np.ndarray:
+        """Return the values of all parameters, in the order of `names`."""
+        records = (self.wheel, self.soil, *self.effects)
+        return np.array([float(value) for record in records for value in record.values().values()])
+
+    def at(self, vector: np.ndarray) -> RigModel:
+        """Return the model with these values of all parameters."""
+        values = iter(np.asarray(vector, dtype=float).tolist())
+        wheel = self.wheel.replace(**{name: next(values) for name in quantities(Wheel)})
+        soil = self.soil.replace(**{name: next(values) for name in quantities(Soil)})
+        own = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in self.effects]
+        return RigModel(wheel, soil, tuple(own))
+
+    def predict(self, load: Any, slip: Any, speeds: Any = None) -> Steady:
+        """Return drawbar pull, torque and sinkage at loads [N] and slips [-], travel and rim `speeds` [runs, 2] [m/s].
+
+        f_n of the chained effects is balanced with the load by Newton's method on ln h; without `speeds` the faster of
+        the two is 0.05 m/s.
+
+        Raises
+        ------
+        DataError
+            A run whose load no sinkage down to the axle carries.
+        """
+        load, slip = np.broadcast_arrays(np.atleast_1d(np.asarray(load, float)), np.asarray(slip, float))
+        values, _, error = predictor(self, (), conditions(load, slip, speeds))(self.vector())
+        if not (np.abs(error) < UNBALANCED).all():
+            run = int(np.argmax(~(np.abs(error) < UNBALANCED)))
+            raise DataError(
+                f"no sinkage down to the axle carries load = {load[run]:g} N at slip = {slip[run]:g} with this model; "
+                "lighten the wheel or choose a firmer soil."
+            )
+        return Steady(*values)
+
+
+NOMINAL = 0.05
+"""The faster of rim and travel speed where none is stated [m/s]."""
+
+
+def conditions(load: np.ndarray, slip: np.ndarray, speeds: np.ndarray | None = None) -> np.ndarray:
+    """Return the inputs of steady runs [runs, 4]; speeds follow from Eq (1) where they are not given."""
+    if speeds is None:
+        speeds = NOMINAL * np.column_stack([1 - np.maximum(slip, 0.0), 1 + np.minimum(slip, 0.0)])
+    return np.column_stack([load, slip, speeds])
+
+
+class Predicted(NamedTuple):
+    """Channels [3, runs], their derivatives [3, runs, free], and the relative error of the carried load [runs]."""
+
+    values: np.ndarray
+    jacobian: np.ndarray
+    error: np.ndarray
+
+
+class RigPredictor:
+    """The channels of a model structure at given runs, as a function of all its parameters."""
+
+    def __init__(self, function: ca.Function, runs: np.ndarray, repeats: np.ndarray, free: int):
+        self._function, self._runs, self._free = function, ca.DM(runs.T), free
+        self._repeats = repeats
+
+    def __call__(self, vector: np.ndarray) -> Predicted:
+        """Return the prediction at these values of all parameters."""
+        out = self._function(self._runs, ca.DM(vector)).full()[:, self._repeats]
+        jacobian = out[4:].reshape(self._free, 3, self._repeats.size).transpose(1, 2, 0)
+        return Predicted(out[:3], jacobian, out[3])
+
+
+def predictor(model: RigModel, free: Sequence[str], runs: np.ndarray) -> RigPredictor:
+    """Return the predictor of a model's structure at `runs` [runs, 4], with derivatives by the `free` parameters."""
+    shape = tuple(_skeleton(effect) for effect in model.effects)
+    different, repeats = np.unique(runs, axis=0, return_inverse=True)
+    return RigPredictor(_mapped(shape, tuple(free), len(different)), different, repeats.ravel(), len(free))
+
+
+def _skeleton(effect: Effect) -> Effect:
+    """Return the effect with default numbers: what its compiled law depends on."""
+    fields = {field.name: field.default for field in dataclasses.fields(effect)}
+    return effect.replace(**{name: fields[name] for name in quantities(effect)})
+
+
+@lru_cache(maxsize=256)
+def _mapped(effects: tuple[Effect, ...], free: tuple[str, ...], runs: int) -> ca.Function:
+    return _run(effects, free).map("runs", "serial", runs, [1], [])
+
+
+@lru_cache(maxsize=256)
+def _run(effects: tuple[Effect, ...], free: tuple[str, ...]) -> ca.Function:
+    """Return (conditions, parameters) -> one column: three channels, the load's error, derivatives column by column.
+
+    z = (ln h, states) solves F = (ln f_n - ln W, rates) = 0; its derivative dz/dp = -(dF/dz)^-1 dF/dp is exact there.
+    """
+    names = RigModel(Wheel(), Soil(), effects).names
+    condition, p = ca.SX.sym("condition", CONDITIONS), ca.SX.sym("p", len(names))
+    z = ca.SX.sym("z", 1 + sum(len(effect.states) for effect in effects))
+    load, balance, start = _chained(effects, condition, p, z)
+    values = ca.vertcat(load.f_t, load.torque, ca.exp(z[0]))
+    wanted = ca.vertcat(*(p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
+    slope = ca.jacobian(balance, z)
+    step = -_solve(slope, balance)
+    newton = ca.Function("newton", [z, condition, p], [_limited(z, step, p[FIELDS.index("r")])])
+    total = ca.jacobian(values, wanted) - ca.mtimes(ca.jacobian(values, z), _solve(slope, ca.jacobian(balance, wanted)))
+    column = ca.densify(ca.vertcat(values, balance[0], ca.vec(ca.densify(total))))
+    point = ca.Function("point", [z, condition, p], [column])
+    first = ca.Function("first", [condition, p], [start])
+    at_condition, at_p = ca.MX.sym("condition", CONDITIONS), ca.MX.sym("p", len(names))
+    at = first(at_condition, at_p)
+    for _ in range(STEPS):
+        at = newton(at, at_condition, at_p)
+    return ca.Function("run", [at_condition, at_p], [point(at, at_condition, at_p)])
+
+
+def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) -> tuple[Load, ca.SX, ca.SX]:
+    """Return the load of all effects in turn, what must vanish at the balance, and where Newton's method starts."""
+    values = iter(ca.vertsplit(p))
+    wheel = Wheel().replace(**{name: next(values) for name in quantities(Wheel)})
+    soil = Soil().replace(**{name: next(values) for name in quantities(Soil)})
+    own = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in effects]
+    states = iter(ca.vertsplit(z)[1:])
+    x = [tuple(next(states) for _ in effect.states) for effect in effects]
+    load, S, v_x, rim = ca.vertsplit(condition)
+    contact = Contact(S, 0.0, ca.exp(z[0]), v_x, 0.0, 0.0, rim, 0.0, 0.0, wheel, soil)
+    for effect, own_states in zip(own, x, strict=True):
+        contact = effect.amend(contact, own_states)
+    push = Load()
+    for effect, own_states in zip(own, x, strict=True):
+        push = push.plus(effect.load(contact, push, own_states))
+    rates = [rate for effect, own_states in zip(own, x, strict=True) for rate in effect.rate(contact, push, own_states)]
+    shallow = 2 * wheel.r * ca.sin(ca.exp(power_law_guess(ca.log(load), wheel, soil)) / 2) ** 2
+    start = ca.vertcat(ca.log(shallow), *[0.0] * (z.numel() - 1))
+    return push, ca.vertcat(ca.log(push.f_n / load), *rates), start
+
+
+def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
+    return right / matrix if matrix.numel() == 1 else ca.solve(matrix, right)
+
+
+def _limited(z: ca.SX, step: ca.SX, r: ca.SX) -> ca.SX:
+    """Return z after the step, ln h within a leap and above the axle."""
+    ln_h = ca.fmin(z[0] + ca.fmax(ca.fmin(step[0], LEAP), -LEAP), ca.log(DEEPEST * r))
+    return ca.vertcat(ln_h, *(z[i] + step[i] for i in range(1, z.numel())))

@@ -1,0 +1,58 @@
+"""A rig model as a TOML file: written with units, read back to the same numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rover_pin.columns import replace_file
+from rover_pin.contact import Soil, Wheel
+from rover_pin.effects.effect import Effect
+from rover_pin.errors import DataError
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.motion.effect_files import effect_entry, effect_from
+from rover_pin.motion.model_toml import RIG_KIND
+from rover_pin.quantity import declared, record_from
+from rover_pin.toml_file import read_toml, tables_in, toml_text
+from rover_pin.trust import Trust
+
+
+def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:
+    """Write the model; an effect from outside the package keeps the path of its file."""
+    table = {
+        "kind": RIG_KIND,
+        "note": note,
+        "wheel": declared(model.wheel),
+        "soil": declared(model.soil),
+        "effect": [effect_entry(effect) for effect in model.effects],
+    }
+    return replace_file(path, toml_text(table))
+
+
+def read_model(path: str | Path, trust: Trust = Trust()) -> RigModel:
+    """Return the model of a file; the code of a user's effect runs only if `trust` allows it.
+
+    Raises
+    ------
+    DataError
+        Not a model file, an effect that is not known, or the file of one that is not trusted or cannot be run.
+    ParameterError
+        An unknown field, unit or value.
+    """
+    path = Path(path)
+    table = read_toml(path)
+    effects = tables_in(table, "effect", path)
+    if table.get("kind") != RIG_KIND:
+        raise DataError(f"{path}: kind = {table.get('kind')!r} is not a rig model; write kind = '{RIG_KIND}'.")
+    return RigModel(
+        record_from(Wheel, table.get("wheel", {}), f"{path} [wheel]"),
+        record_from(Soil, table.get("soil", {}), f"{path} [soil]"),
+        tuple(_effect(entry, path, trust) for entry in effects),
+    )
+
+
+def _effect(entry: dict[str, Any], path: Path, trust: Trust) -> Effect:
+    effect = effect_from(entry, f"{path} [[effect]]", path.parent, trust)
+    if not isinstance(effect, Effect):
+        raise DataError(f"{path}: {entry['name']} does not act at the wheel's contact: a rig has no place for it.")
+    return effect

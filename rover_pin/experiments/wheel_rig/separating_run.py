@@ -1,0 +1,88 @@
+"""The run that would tell two candidates apart: the load and slip at which they differ most beyond their own doubt."""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.experiments.wheel_rig.compare import Candidate
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.fit import RigFit
+from rover_pin.experiments.wheel_rig.model import UNBALANCED, conditions, predictor
+
+SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+LOADS = (0.5, 1.0, 2.0)
+"""Loads of the menu, as multiples of the mean load."""
+
+
+class SeparatingRun(NamedTuple):
+    """One more run, and by how much of chi2 it is expected to tell two candidates apart."""
+
+    first: str
+    second: str
+    load: float
+    slip: float
+    channel: str
+    expected: float
+
+    @property
+    def said(self) -> str:
+        """One sentence for a reader."""
+        return (
+            f"to tell {self.first} from {self.second}: one run at S = {self.slip:g} under {self.load:.3g} N; "
+            f"{self.channel} shows it most (expected chi2 {self.expected:.3g})"
+        )
+
+
+def separating_run(data: RigSet, first: Candidate, second: Candidate) -> SeparatingRun | None:
+    """Return the run of the menu with the greatest expected information, or None where none can be predicted.
+
+    d^T (Sigma + J_1 C_1 J_1^T + J_2 C_2 J_2^T)^-1 d, with d the difference of the two predictions, Sigma the noise and
+    C the covariance of each fit.
+    """
+    mean = float(np.mean(data.rig.load))
+    menu = np.array([(share * mean, slip) for share, slip in itertools.product(LOADS, SLIPS)])
+    sides = [_predicted(data, one.fit, menu) for one in (first, second)]
+    noise = [float(np.sqrt(np.mean(channel.sd**2))) for channel in data.rig.channels]
+    best: SeparatingRun | None = None
+    for at, (load, slip) in enumerate(menu):
+        difference = (sides[0][0][:, at] - sides[1][0][:, at]) / noise
+        if not np.isfinite(difference).all():
+            continue
+        doubt = sum((cov[at] for _, cov in sides), np.eye(len(noise)))
+        expected = float(difference @ np.linalg.solve(doubt, difference))
+        if best is None or expected > best.expected:
+            shows = np.abs(difference) / np.sqrt(np.diag(doubt))
+            channel = data.rig.channels[int(shows.argmax())].name
+            best = SeparatingRun(first.name, second.name, float(load), float(slip), channel, expected)
+    return best
+
+
+def _predicted(data: RigSet, fit: RigFit, menu: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return predictions [channels, runs] and their covariance [runs, channels, channels] in units of the noise."""
+    space = fit.problem.space
+    runs = conditions(menu[:, 0], menu[:, 1], _speeds(data, menu[:, 1]))
+    values, jacobian, error = predictor(fit.model, space.names, runs)(fit.model.vector())
+    rows = fit.problem.data[0].rows
+    values = np.where(np.abs(error) < UNBALANCED, values, np.nan)[rows]
+    noise = np.array([float(np.sqrt(np.mean(channel.sd**2))) for channel in data.rig.channels])
+    slopes = jacobian[rows].transpose(1, 0, 2) * space.slopes(fit.u) / noise[:, None]
+    return values, slopes @ _doubt(fit) @ slopes.transpose(0, 2, 1)
+
+
+def _doubt(fit: RigFit) -> np.ndarray:
+    """Return the covariance of u, no wider than the starts of a fit where the data tell nothing."""
+    jacobian = fit.problem.evaluate(fit.u)[1]
+    spread = np.array([axis.coordinate.spread for axis in fit.problem.space.axes])
+    return np.asarray(np.linalg.inv(jacobian.T @ jacobian / max(1.0, fit.misfit) + np.diag(spread**-2.0)))
+
+
+def _speeds(data: RigSet, slip: np.ndarray) -> np.ndarray | None:
+    """Return speeds at the menu's slips, the rig's travel speed kept while driving; None where it states none."""
+    if data.speeds is None:
+        return None
+    travel = float(np.median(data.speeds[:, 0]))
+    rim = np.where(slip >= 0, travel / np.maximum(1 - slip, 1e-3), travel * (1 + slip))
+    return np.column_stack([np.full(slip.size, travel), rim])

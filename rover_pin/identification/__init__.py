@@ -1,0 +1,4 @@
+"""Soil constants from measured points: `identify`, its intervals and verdicts, the posterior.
+
+Start at `identify`.
+"""

@@ -1,0 +1,266 @@
+"""Identification of soil parameters: weighted nonlinear least squares from several starts, and a judgement of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import OptimizeResult, least_squares
+from scipy.stats import chi2 as chi2_law
+
+from rover_pin.contact import Soil
+from rover_pin.errors import DataError, OptimisationError, ParameterError
+from rover_pin.estimation.covariance import correlation, covariance, singular_values
+from rover_pin.estimation.descent import descend
+from rover_pin.estimation.problem import Prior, Problem
+from rover_pin.estimation.profile import Best, Interval, LowerMinimum, interval, rise
+from rover_pin.identification.identifiability import refuse_untold
+from rover_pin.identification.judge import judge
+from rover_pin.identification.result import ChannelFit, Estimate, Identification, Starts
+from rover_pin.identification.soil_space import space
+from rover_pin.measurements.channel import FIELDS, Evidence
+from rover_pin.quantity import quantities
+
+SAME_CHI2 = 0.01
+"""Starts within this of the lowest chi2 ended at the same fit."""
+
+SURPRISE = 1e-3
+"""A chi2 less probable than this means that the model, not the noise, misses the data."""
+
+POLISHES = 5
+
+
+@dataclass(frozen=True)
+class Search:
+    """How widely a fit looks: the soil as given, then `starts` - 1 points scattered around it by `seed`."""
+
+    starts: int = 5
+    seed: int = 0
+    evaluations: int = 200
+    "most model evaluations of one start"
+
+
+class Ended(NamedTuple):
+    """Where one start ended; `u` is None where the solver failed."""
+
+    u: np.ndarray | None
+    chi2: float
+    status: str
+
+
+SEARCH = Search()
+
+
+def identify(
+    data: Evidence | Sequence[Evidence],
+    soil: Soil,
+    free: Sequence[str] = ("k", "phi"),
+    priors: Mapping[str, Prior] | None = None,
+    search: Search = SEARCH,
+) -> Identification:
+    """Fit parameters to measured data and say which of them the data tell.
+
+    Minimises chi2 = sum ((measured - predicted) / sd)^2, plus the priors, inside the parameters' bounds. Intervals are
+    profile likelihoods: chi2 may rise by 1.96^2 with all other parameters refitted.
+
+    Parameters
+    ----------
+    data : Evidence or sequence of Evidence
+        `TractionPoints`, `WheelRig`, ..., fitted together.
+    soil : Soil
+        Where to start, and the values of all that is not free.
+    free : sequence of str
+        Fields of `Soil`, or r and b of the wheel.
+    priors : mapping of str to Prior
+        What is known of free parameters from elsewhere.
+
+    Returns
+    -------
+    Identification
+        Estimates with intervals and verdicts. A parameter that the data do not close is not reported as found.
+
+    Raises
+    ------
+    ParameterError
+        An unknown parameter, or one that these channels cannot tell whatever their noise, with what would tell it.
+    DataError
+        No data, or fewer than free parameters.
+    OptimisationError
+        No start converged; `status` holds the solver's messages.
+
+    Source: section 4.1, "a theoretical curve that makes a best fit". Differs from the paper: it prints no uncertainty.
+    """
+    problem = build(data, soil, free, priors or {})
+    starts = scatter(problem, search)
+    refuse_untold(problem, starts)
+    ended = [_solve(problem, u, search.evaluations) for u in starts]
+    best = _lowest(problem, ended)
+    widen = misfit(best.chi2, problem.freedom)
+    judged = problem.widened(widen)
+    best, intervals = _intervals(judged, _settled(judged, best.u))
+    estimates = tuple(judge(judged, best, index, one, widen) for index, one in enumerate(intervals))
+    return _identification(problem, best, estimates, ended, soil)
+
+
+def profile(
+    data: Evidence | Sequence[Evidence],
+    soil: Soil,
+    free: Sequence[str],
+    name: str,
+    values: np.ndarray,
+    priors: Mapping[str, Prior] | None = None,
+) -> np.ndarray:
+    """Return chi2 with the parameter `name` held at each of `values` [SI] and the other `free` ones refitted.
+
+    Raises
+    ------
+    ParameterError, DataError, OptimisationError
+        As `identify`; a value outside the bounds is a ParameterError.
+    """
+    problem = build(data, soil, free, priors or {})
+    index = problem.space.names.index(name) if name in problem.space.names else -1
+    if index < 0:
+        raise ParameterError(f"the profile of '{name}' needs it among the free parameters {', '.join(free)}.")
+    axis = problem.space.axes[index]
+    if not all(axis.about.low <= value <= axis.about.high for value in values):
+        raise ParameterError(
+            f"the profile of {name} leaves [{axis.about.low:g}, {axis.about.high:g}] {axis.about.unit}."
+        )
+    best = _lowest(problem, [_solve(problem, u, SEARCH.evaluations) for u in scatter(problem, SEARCH)])
+    wanted = np.clip([axis.coordinate.u(float(value)) for value in values], axis.low, axis.high)
+    chi2 = np.empty(len(wanted))
+    for side in (wanted >= best.u[index], wanted < best.u[index]):
+        guess = best.u
+        for at in sorted(np.flatnonzero(side), key=lambda i: abs(wanted[i] - best.u[index])):
+            root, guess = rise(problem, best, index, wanted[at], guess)
+            chi2[at] = best.chi2 + root**2
+    return chi2
+
+
+def build(data: Evidence | Sequence[Evidence], soil: Soil, free: Sequence[str], priors: Mapping[str, Prior]) -> Problem:
+    """Return the least-squares problem of a fit; raises as `identify`."""
+    sets: tuple[Evidence, ...] = tuple(data) if isinstance(data, Sequence) else (data,)
+    if not sets:
+        raise DataError("there are no data to identify from; give one data set or more.")
+    widths = {(float(one.wheel.r), float(one.wheel.b)) for one in sets}
+    if len(widths) > 1 and {"r", "b"} & set(free):
+        raise ParameterError("r and b cannot be free for data of different wheels; hold them at each wheel's own.")
+    narrowest = min((one.wheel for one in sets), key=lambda wheel: float(wheel.b))
+    return Problem(sets, space(tuple(free), narrowest, soil), priors)
+
+
+def scatter(problem: Problem, search: Search) -> list[np.ndarray]:
+    """Return the starts in u: the given soil, then points drawn around it inside the bounds."""
+    if search.starts < 1:
+        raise ParameterError(f"starts = {search.starts} is not allowed: a fit needs one start or more.")
+    low, high, centre = problem.space.low, problem.space.high, problem.space.start()
+    spread = np.array([axis.coordinate.spread for axis in problem.space.axes])
+    draws = np.random.default_rng(search.seed).uniform(-1, 1, (search.starts - 1, len(centre)))
+    return [centre, *np.clip(centre + draws * spread, low, high)]
+
+
+def misfit(chi2: float, freedom: int) -> float:
+    """Return sqrt(chi2 / freedom) where chi2 is improbably large for the stated noise, else 1."""
+    if freedom < 1 or chi2 <= chi2_law.isf(SURPRISE, freedom):
+        return 1.0
+    return float(np.sqrt(chi2 / freedom))
+
+
+def _solve(problem: Problem, start: np.ndarray, evaluations: int) -> Ended:
+    low, high = problem.space.low, problem.space.high
+    margin = 1e-6 * np.minimum(high - low, 1.0)
+    last: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def evaluated(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if u.tobytes() not in last:
+            last.clear()
+            last[u.tobytes()] = problem.evaluate(u)
+        return last[u.tobytes()]
+
+    try:
+        result: OptimizeResult = least_squares(
+            lambda u: evaluated(u)[0],
+            np.clip(start, low + margin, high - margin),
+            lambda u: evaluated(u)[1],
+            bounds=(low, high),
+            x_scale="jac",
+            max_nfev=evaluations,
+        )
+        if result.status < 1:
+            return Ended(None, np.inf, result.message)
+        return Ended(*descend(problem, np.asarray(result.x)), status=result.message)
+    except (ValueError, np.linalg.LinAlgError, OptimisationError) as error:
+        return Ended(None, np.inf, str(error))
+
+
+def _lowest(problem: Problem, ended: Sequence[Ended]) -> Best:
+    lowest = min(ended, key=lambda end: end.chi2)
+    if lowest.u is None:
+        told = "; ".join(dict.fromkeys(end.status for end in ended))
+        raise OptimisationError(
+            f"none of {len(ended)} starts converged ({told}); start from a soil nearer to the data, free fewer "
+            "parameters or allow more evaluations.",
+            status=[end.status for end in ended],
+        )
+    return Best(lowest.u, lowest.chi2, covariance(problem, lowest.u))
+
+
+def _settled(problem: Problem, u: np.ndarray) -> Best:
+    u, chi2 = descend(problem, u)
+    return Best(u, chi2, covariance(problem, u))
+
+
+def _intervals(problem: Problem, best: Best) -> tuple[Best, list[Interval]]:
+    """Return the intervals of all parameters; a lower minimum found on the way becomes the fit."""
+    for _ in range(POLISHES):
+        try:
+            return best, [interval(problem, best, index) for index in range(len(best.u))]
+        except LowerMinimum as lower:
+            best = _settled(problem, lower.u)
+    raise OptimisationError(
+        f"chi2 still falls after {POLISHES} profiles; give more starts or free fewer parameters.", status=best.chi2
+    )
+
+
+def _agreement(problem: Problem, ended: Sequence[Ended]) -> Starts:
+    converged = [(end.u, end.chi2) for end in ended if end.u is not None]
+    lowest = min(chi2 for _, chi2 in converged)
+    others: dict[float, dict[str, float]] = {}
+    for u, chi2 in converged:
+        if chi2 > lowest + SAME_CHI2 and all(abs(chi2 - seen) > SAME_CHI2 for seen in others):
+            others[chi2] = dict(zip(problem.space.names, problem.space.values(u).tolist(), strict=True))
+    agreed = sum(chi2 <= lowest + SAME_CHI2 for _, chi2 in converged)
+    return Starts(len(ended), len(converged), agreed, tuple(sorted(others.items())))
+
+
+def _identification(
+    problem: Problem, best: Best, estimates: tuple[Estimate, ...], ended: Sequence[Ended], soil: Soil
+) -> Identification:
+    """Return the result, with chi2 and singular values by the noise as stated."""
+    chi2 = problem.chi2(best.u)
+    values, directions = singular_values(problem, best.u)
+    fitted = dict(zip(FIELDS, problem.space.fields(best.u).tolist(), strict=True))
+    return Identification(
+        estimates=estimates,
+        correlation=correlation(best.covariance),
+        singular_values=values,
+        directions=directions,
+        channels=_channel_fits(problem, best.u),
+        chi2=chi2,
+        freedom=problem.freedom,
+        misfit=misfit(chi2, problem.freedom),
+        starts=_agreement(problem, ended),
+        soil=soil.replace(**{name: fitted[name] for name in problem.space.names if name in quantities(soil)}),
+    )
+
+
+def _channel_fits(problem: Problem, u: np.ndarray) -> tuple[ChannelFit, ...]:
+    residual, at, fits = problem.evaluate(u)[0], 0, []
+    for channel in (channel for one in problem.data for channel in one.channels):
+        part = residual[at : at + channel.measured.size]
+        at += channel.measured.size
+        rmse = float(np.sqrt(np.mean((part * channel.sd) ** 2)))
+        fits.append(ChannelFit(channel.name, channel.unit, part.size, rmse, float(part @ part)))
+    return tuple(fits)

@@ -1,0 +1,162 @@
+"""What a fit found, and what it could not tell."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rover_pin.contact import Soil
+from rover_pin.errors import ParameterError, closest
+from rover_pin.estimation.wording import spread
+
+
+class Verdict(Enum):
+    """What may be said of a free parameter."""
+
+    FOUND = "found"
+    HELD_AT_PRIOR = "held at prior"
+    NOT_IDENTIFIABLE = "not identifiable"
+
+
+class Estimate(NamedTuple):
+    """One free parameter, in SI."""
+
+    name: str
+    unit: str
+    value: float
+    "best value; NaN where the data do not tell it"
+    sd: float
+    "standard deviation from the local covariance, priors included"
+    low: float
+    "lower end of the 95 % profile interval, or the parameter's bound where the data do not close it"
+    high: float
+    "upper end"
+    verdict: Verdict
+    reason: str
+    "a sentence"
+
+
+class ChannelFit(NamedTuple):
+    """How well one channel of one data set is met."""
+
+    name: str
+    unit: str
+    points: int
+    rmse: float
+    "root of the mean squared residual, in the channel's unit"
+    chi2: float
+    "sum of squared residuals in standard deviations"
+
+
+class Starts(NamedTuple):
+    """How the starts of a fit ended."""
+
+    tried: int
+    converged: int
+    agreed: int
+    "ended at the lowest chi2, within 0.01"
+    others: tuple[tuple[float, dict[str, float]], ...]
+    "chi2 and values of the other minima"
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """The result of `identify`.
+
+    `soil` is the best fit, with held parameters as given: it reproduces the data, and says nothing about a parameter
+    whose verdict is not found. `singular_values` are of the data's Jacobian (no priors) in SDs of the data per spread
+    of the starts: 1 / s is the SD along the direction in the same row of `directions`.
+    """
+
+    estimates: tuple[Estimate, ...]
+    correlation: np.ndarray = field(repr=False)
+    singular_values: np.ndarray = field(repr=False)
+    directions: np.ndarray = field(repr=False)
+    channels: tuple[ChannelFit, ...]
+    chi2: float
+    "of the data and the priors"
+    freedom: int
+    misfit: float
+    "factor by which SDs and intervals are widened, 1 where the model meets the data within their noise"
+    starts: Starts
+    soil: Soil
+
+    def __getitem__(self, name: str) -> Estimate:
+        """Return the estimate of a free parameter."""
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise ParameterError(f"'{name}' was not free: {closest(name, [estimate.name for estimate in self.estimates])}")
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """Names of the parameters that the data tell."""
+        return tuple(estimate.name for estimate in self.estimates if estimate.verdict is Verdict.FOUND)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as plain values, for JSON; SI units."""
+        rows = {
+            estimate.name: {
+                "value": estimate.value,
+                "sd": estimate.sd,
+                "low": estimate.low,
+                "high": estimate.high,
+                "unit": estimate.unit,
+                "verdict": estimate.verdict.value,
+                "reason": estimate.reason,
+            }
+            for estimate in self.estimates
+        }
+        return {
+            "parameters": rows,
+            "correlation": self.correlation.tolist(),
+            "singular_values": self.singular_values.tolist(),
+            "chi2": self.chi2,
+            "freedom": self.freedom,
+            "misfit": self.misfit,
+            "channels": [channel._asdict() for channel in self.channels],
+        }
+
+    def report(self) -> str:
+        """Return the whole result as text; angles in degrees."""
+        lines = [_line(estimate) for estimate in self.estimates]
+        lines += [f"chi2 = {self.chi2:.4g} at {self.freedom} degrees of freedom"]
+        if self.misfit > 1:
+            lines += [
+                f"the model misses the data by more than their noise: SDs and intervals are widened {self.misfit:.3g} "
+                "times, and hold only if the missing effect does not move the parameters"
+            ]
+        lines += [
+            f"  {c.name}: RMSE {c.rmse:.3g} {c.unit} over {c.points} points, chi2 {c.chi2:.4g}" for c in self.channels
+        ]
+        lines += [f"weakest combination: {self._weakest()}", *self._strong_correlations(), self._starts()]
+        return "\n".join(lines)
+
+    def _weakest(self) -> str:
+        names = [estimate.name for estimate in self.estimates]
+        parts = [f"{share:+.2f} {name}" for share, name in zip(self.directions[-1], names, strict=True)]
+        return f"{' '.join(parts)}, singular value {self.singular_values[-1]:.3g}"
+
+    def _strong_correlations(self) -> list[str]:
+        names = [estimate.name for estimate in self.estimates]
+        pairs = [(i, j) for i in range(len(names)) for j in range(i) if abs(self.correlation[i, j]) > 0.95]
+        return [f"correlation of {names[j]} and {names[i]}: {self.correlation[i, j]:.4f}" for i, j in pairs]
+
+    def _starts(self) -> str:
+        said = f"{self.starts.agreed} of {self.starts.tried} starts agree"
+        for chi2, values in self.starts.others:
+            said += f"; another minimum at chi2 = {chi2:.4g}: " + ", ".join(f"{n} = {v:.4g}" for n, v in values.items())
+        return said
+
+
+def _line(estimate: Estimate) -> str:
+    factor, unit = (180 / math.pi, "deg") if estimate.unit == "rad" else (1.0, estimate.unit)
+    value, sd, low, high = (factor * x for x in (estimate.value, estimate.sd, estimate.low, estimate.high))
+    interval = f"95 % in [{low:.4g}, {high:.4g}]"
+    if estimate.verdict is Verdict.NOT_IDENTIFIABLE:
+        return f"{estimate.name}: {interval} {unit}: {estimate.reason}"
+    return f"{estimate.name} = {value:.4g}{spread(sd, value)} {unit}, {interval}: {estimate.reason}"

@@ -1,0 +1,124 @@
+"""The loop: measured data against a model, the effect that it lacks, the model with it, before and after."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from rover_pin.body.rover import Rover
+from rover_pin.contact import Soil
+from rover_pin.errors import DataError
+from rover_pin.experiments.drive_log.verdict import DriveVerdict
+from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
+from rover_pin.experiments.wheel_rig.verdict import Verdict
+from rover_pin.loop.drive import close_drive_loop
+from rover_pin.loop.own_effects import refuse_unfit_effects
+from rover_pin.loop.rig import close_rig_loop
+from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
+from rover_pin.motion.model import Model
+from rover_pin.motion.model_toml import read_model
+from rover_pin.paths import is_file, is_folder
+from rover_pin.results_folder import alone_in
+from rover_pin.trust import Trust
+from rover_pin.workers import ending_workers
+
+Progress = Callable[[str], None]
+
+
+def close_the_loop(
+    data: str | Path | WheelRig | RigSet | DriveLog,
+    model: RigModel | Soil | Model | None = None,
+    effects: str | Path | None = None,
+    out: str | Path | None = None,
+    progress: Progress = lambda said: None,
+    seed: int = 0,
+    jobs: int = 0,
+) -> Verdict | DriveVerdict:
+    """Find the effect that a model lacks against measured data, add it, and report the error before and after.
+
+    Parameters
+    ----------
+    data : path, WheelRig, RigSet or DriveLog
+        A folder with rig.toml or drive.toml, or the data in memory, as `read_data` gives them.
+    model : RigModel, Soil, Model or None
+        Where to start: for a rig a RigModel or a soil, for a drive log a Model; else what the data declare.
+    effects : path or None
+        A user's effect file or folder, beside the package's own.
+    out : path or None
+        Folder for report.html, verdict.json, model.toml and figures; a drive log's loop that was stopped goes on from
+        what it finds there. Nothing is written without.
+    progress : callable
+        Called with one line before each step.
+    seed : int
+        Of the starts of fits and of the bootstrap.
+    jobs : int
+        Processes that replay the runs of a drive log; 0 for all cores.
+
+    Returns
+    -------
+    Verdict or DriveVerdict
+        With `answer`, `summary()`, `model` (the base model with what was added, if anything) and `as_dict()`.
+
+    Raises
+    ------
+    DataError
+        Data or effect files that cannot be read or used, results that cannot be written, or a folder for them in which
+        another process is at work: one sentence each.
+    OptimisationError
+        The base model of a rig cannot be fitted at all.
+    """
+    log = _drive_log(data)
+    if effects is not None:
+        refuse_unfit_effects(effects)
+    if log is not None:
+        if not isinstance(model, (Model, type(None))):
+            raise DataError(
+                f"{log.folder}: a drive log starts from a rover's model, not from a {type(model).__name__}."
+            )
+        if model is not None:
+            _refuse_other_rover(log, model)
+        with alone_in(out), ending_workers():
+            return close_drive_loop(log, model, effects, out, progress, seed, jobs or os.cpu_count() or 1)
+    if isinstance(model, Model):
+        raise DataError(f"{data}: a wheel-rig set starts from a wheel's model, not from a rover's.")
+    assert not isinstance(data, DriveLog)
+    with alone_in(out):
+        return close_rig_loop(data, model, effects, out, progress, seed)
+
+
+def _refuse_other_rover(log: DriveLog, model: Model) -> None:
+    own, other = _wheels(log.load_rover()), _wheels(model.rover)
+    if own != other:
+        raise DataError(f"{log.folder}: the model's rover has the wheels {other}, the log's {own}; give its model.")
+
+
+def _wheels(rover: Rover) -> str:
+    return ", ".join(wheel.name for wheel in rover.wheels)
+
+
+def _drive_log(data: object, trust: Trust = Trust()) -> DriveLog | None:
+    if isinstance(data, DriveLog):
+        return data
+    if not isinstance(data, (str, Path)):
+        return None
+    if is_file(Path(data) / FILE):
+        return read_drive_log(data, trust)
+    if not is_file(Path(data) / RIG_FILE):
+        wrong = f"there is neither {RIG_FILE} nor {FILE} in it" if is_folder(Path(data)) else "there is no such folder"
+        raise DataError(f"{data}: {wrong}; give that of a wheel-rig set ({RIG_FILE}) or of a drive log ({FILE}).")
+    return None
+
+
+def read_data(data: str | Path, trust: Trust = Trust()) -> RigSet | DriveLog:
+    """Return the data in a folder; files that they name lie there, unless `trust` allows more."""
+    return _drive_log(data, trust) or read_rig_set(data, trust)
+
+
+def read_start(model: str | Path, data: str | Path, trust: Trust = Trust()) -> RigModel | Model:
+    """Return the model of a file that a loop on these data can start from: a wheel's, or a rover's on their terrain."""
+    log = _drive_log(data, trust)
+    return read_rig_model(model, trust) if log is None else read_model(model, log.terrain(), trust)

@@ -1,0 +1,32 @@
+"""A drive verdict on disk: the model, the report, a draft of what is unknown, and verdict.json."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+
+from rover_pin.columns import replace_file
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.experiments.drive_log.verdict import DriveVerdict
+from rover_pin.experiments.unlisted.remainder import draft_effect
+from rover_pin.motion.drive_log import DriveLog
+from rover_pin.motion.model_toml import write_model
+from rover_pin.report.drive import write_drive_report
+
+DRAFT = Path("draft_effect") / "measured_remainder.py"
+
+
+def written(verdict: DriveVerdict, log: DriveLog, out: Path) -> DriveVerdict:
+    """Write model.toml, report.html with its figures and verdict.json; return the verdict with their paths."""
+    named = Path(log.rover)
+    rover = "" if named.suffix == "" else os.path.relpath(named.resolve(), out.resolve())
+    files = [write_model(verdict.model, out / "model.toml", verdict.sentence, rover)]
+    if verdict.answer is Answer.NONE_FITS and verdict.remainder is not None:
+        files.append(replace_file(out / DRAFT, draft_effect(verdict.remainder, verdict.name)))
+    files += write_drive_report(verdict, log, out)
+    files.append(out / "verdict.json")
+    verdict = dataclasses.replace(verdict, files=tuple(files))
+    replace_file(out / "verdict.json", json.dumps(verdict.as_dict(), indent=1, default=str) + "\n")
+    return verdict

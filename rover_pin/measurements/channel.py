@@ -1,0 +1,128 @@
+"""What every kind of evidence offers a fit: measured channels with their noise, and a prediction with its Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from rover_pin.contact import Scalar, Soil, Wheel
+from rover_pin.measurements.checks import column, positive, same_length
+from rover_pin.quantity import quantities
+from rover_pin.soil.sinkage import sinkage
+from rover_pin.soil.traction import WheelForces
+
+FIELDS: tuple[str, ...] = (*quantities(Wheel), *quantities(Soil))
+"""Every parameter that can be free, in the order in which a predictor takes them."""
+
+Predictor = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Values of `FIELDS` -> predictions [m] and their Jacobian with respect to the free ones [m, p], channel by channel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Measured values and the standard deviation of each; a single `sd` holds for all."""
+
+    measured: Any = field(repr=False)
+    sd: Any = field(repr=False)
+
+    name: ClassVar[str] = ""
+    unit: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        where = type(self).__name__
+        measured = column(self.measured, self.name, where)
+        sd = column(np.atleast_1d(self.sd), "sd", where)
+        if sd.size == 1:
+            sd = np.full(measured.size, sd[0])
+        same_length(where, measured=measured, sd=sd)
+        positive(sd, "sd", self.unit, where)
+        object.__setattr__(self, "measured", measured)
+        object.__setattr__(self, "sd", sd)
+
+
+@dataclass(frozen=True, eq=False)
+class TractionFactor(Channel):
+    """The load-traction factor [-]."""
+
+    name: ClassVar[str] = "traction factor"
+
+
+@dataclass(frozen=True, eq=False)
+class RigChannel(Channel):
+    """A channel of a wheel rig, computed from the wheel forces at the entry angle that carries the load."""
+
+    column: ClassVar[str] = ""
+
+    @staticmethod
+    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
+        """Return the model's value of this channel."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class DrawbarPull(RigChannel):
+    """f_t of Eq (7) [N]."""
+
+    name: ClassVar[str] = "drawbar pull"
+    unit: ClassVar[str] = "N"
+    column: ClassVar[str] = "drawbar_pull_N"
+
+    @staticmethod
+    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
+        """Return f_t [N]."""
+        return forces.f_t
+
+
+@dataclass(frozen=True, eq=False)
+class Torque(RigChannel):
+    """The wheel's torque [N m]."""
+
+    name: ClassVar[str] = "torque"
+    unit: ClassVar[str] = "N m"
+    column: ClassVar[str] = "torque_Nm"
+
+    @staticmethod
+    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
+        """Return the torque [N m]."""
+        return forces.torque
+
+
+@dataclass(frozen=True, eq=False)
+class Sinkage(RigChannel):
+    """h of Eq (5) [m]."""
+
+    name: ClassVar[str] = "sinkage"
+    unit: ClassVar[str] = "m"
+    column: ClassVar[str] = "sinkage_m"
+
+    @staticmethod
+    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
+        """Return h [m]."""
+        return sinkage(theta_1, wheel)
+
+
+class Evidence(Protocol):
+    """One measured data set. A fit takes any number of them."""
+
+    tells: ClassVar[frozenset[str]]
+    "the parameters that this kind of data can tell at all"
+    told_by: ClassVar[str]
+    "what was measured, in words"
+
+    @property
+    def wheel(self) -> Wheel:
+        """The wheel that was used."""
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """The measured channels."""
+
+    @property
+    def loads(self) -> np.ndarray:
+        """Vertical loads [N]; empty where the data do not depend on the load."""
+
+    def predictor(self, free: tuple[str, ...]) -> Predictor:
+        """Return the model of these data, with derivatives with respect to the `free` ones of `FIELDS`."""

@@ -1,0 +1,175 @@
+"""Traction factors from a drive log, as section 4 of the paper takes them: motor torque over static load, by slip."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rover_pin.effects.slip import RelaxedSlip
+from rover_pin.errors import DataError
+from rover_pin.measurements.steady_windows import Steady, Window, steady_windows
+from rover_pin.measurements.traction_points import TractionPoints
+from rover_pin.motion.drive_log import DriveLog, read_drive_log
+from rover_pin.motion.motor import Motor
+from rover_pin.quantity import record_from
+from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.traction import TorqueTraction
+from rover_pin.trust import Trust
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How windows are gathered, and what does not average out over them (all assumed).
+
+    The shortest of `lengths` [s] is taken whose slips scatter by less than half a class of 1 / `levels`; a class has
+    `least` windows. `load_error` is the relative error of all loads and torques together: where the ground bends within
+    a wheelbase the static balance misses by 1 %, motor constants are known to 1 or 2 %. `wheel_error` is the relative
+    error of one wheel's rate and radius.
+    """
+
+    lengths: tuple[float, ...] = (2.0, 4.0, 8.0)
+    levels: int = 20
+    least: int = 3
+    load_error: float = 0.02
+    wheel_error: float = 0.01
+    steady: Steady = Steady()
+
+
+SAMPLING = Sampling()
+
+
+def read_drive_points(folder: str | Path, sampling: Sampling = SAMPLING, trust: Trust = Trust()) -> TractionPoints:
+    """Return the traction points of the drive log in `folder`, which must declare its [motor]."""
+    log = read_drive_log(folder, trust)
+    if not log.about.motor:
+        raise DataError(
+            f"{folder}: drive.toml declares no [motor], and the torque is evaluated from its characteristics: "
+            "add supply, resistance, k_t and gear."
+        )
+    return drive_points(log, record_from(Motor, log.about.motor, f"{folder}: [motor]"), sampling)
+
+
+def drive_points(log: DriveLog, motor: Motor, sampling: Sampling = SAMPLING) -> TractionPoints:
+    """Return mean torque factors T / (r W) by class of slip, with the SDs of both means.
+
+    Single samples of slip are too noisy to be classed: a class would gather what the noise brought there, and the curve
+    would come out too flat (regression dilution). So samples are averaged over steady windows first, a window is put in
+    its class by the slip of the windows before and after it, whose noise is not its own (an instrumental variable), and
+    each class has an error in both axes, which `TractionPoints` weighs. All wheels are gathered.
+
+    Raises
+    ------
+    DataError
+        A missing channel, slips that scatter by more than a class, or no class with enough windows.
+
+    Source: section 4, "the traction force is evaluated from the angular velocity of the wheel using the characteristics
+    of the corresponding motor. The normal load on each tire is evaluated ... considering static balance"; grouping by
+    an instrument: Wald, Annals of Mathematical Statistics 11 (1940) 284, Durbin, Review of the ISI 22 (1954) 23.
+    Differs from the paper: it classes single measurements and plots their scatter, without an error of the slip. A
+    measured current tells the torque where there is one; driving torques are in the balance (`driven_loads`). The
+    rotor's and the body's acceleration are neglected, hence the steady windows.
+    """
+    rover = log.load_rover().under(log.about.gravity)
+    for trace in log.runs:
+        if len(trace.t) < 2:
+            raise DataError(f"{log.folder}: run {trace.attrs['file']} has {len(trace.t)} row: leave it out.")
+    for length in sampling.lengths:
+        runs = [steady_windows(trace, rover, motor, length, sampling.steady) for trace in log.runs]
+        scatter = rms([window.slip_sd for windows in runs for window in windows])
+        if scatter < 0.5 / sampling.levels:
+            break
+    if scatter > 1.0 / sampling.levels:
+        raise DataError(
+            f"{log.folder}: the slip of a window of {length:g} s scatters by {scatter:.2g}, more than a class of "
+            f"{1.0 / sampling.levels:g}: drive longer at constant duty, or track the rover more finely."
+        )
+    classes = classed([pair for windows in runs for pair in instrumented(windows, length, RelaxedSlip())], sampling)
+    if not classes:
+        raise DataError(
+            f"{log.folder}: no class of slip has {sampling.least} steady windows of {length:g} s: drive longer at "
+            "constant duty, over slopes that change the slip."
+        )
+    slip, factor, sd, *others = points_of(classes, sampling, constant_doubt(log.about.motor)).T
+    return TractionPoints(slip, factor, sd, rover.wheel, TorqueTraction(), FixedAngles(), *others)
+
+
+def instrumented(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> list[tuple[float, Window]]:
+    """Return windows with the slip that the soil feels, each beside the mean slip of the windows next to it.
+
+    Shear builds up over a length L of travel, so that on a slope that steepens the soil lags behind Eq (1):
+    S_felt = S - (L / (r omega) - T) dS/dt to first order, with dS/dt between the windows before and after on the same
+    wheel. A window without any is left out.
+    """
+    at = {(window.wheel, round(window.start / length)): window for window in windows}
+    found = []
+    for (wheel, number), window in at.items():
+        beside = [at[wheel, each] for each in (number - 1, number + 1) if (wheel, each) in at]
+        if not beside:
+            continue
+        first, last = min((window, *beside), key=_start), max((window, *beside), key=_start)
+        rate = (last.slip - first.slip) / (last.start - first.start)
+        felt = window.slip - (float(lag.length) / window.rim - float(lag.damping)) * rate
+        found.append((float(np.mean([each.slip for each in beside])), window._replace(slip=felt)))
+    return found
+
+
+def _start(window: Window) -> float:
+    return window.start
+
+
+def classed(pairs: Sequence[tuple[float, Window]], sampling: Sampling) -> list[list[Window]]:
+    """Return the classes of windows that are full enough, by what stands beside them."""
+    classes: dict[int, list[Window]] = {}
+    for beside, window in pairs:
+        classes.setdefault(math.floor(beside * sampling.levels), []).append(window)
+    return [windows for _, windows in sorted(classes.items()) if len(windows) >= sampling.least]
+
+
+def points_of(classes: Sequence[Sequence[Window]], sampling: Sampling, constant: float) -> np.ndarray:
+    """Return mean slip and factor, SDs of factor and slip, and the SDs that all classes share of both [classes, 6].
+
+    The scatter of windows is pooled over the classes, as is that between wheels, which wins where wheels differ among
+    themselves. What all classes share does not average over them: the loads' error, the torque `constant`'s relative
+    SD, and the mean error of the wheels' rates and radii.
+    """
+    windows_sd, wheels_sd = pooled(classes, by_wheel=False), pooled(classes, by_wheel=True)
+    rows = []
+    for windows in classes:
+        count, wheels = len(windows), len({window.wheel for window in windows})
+        slip, factor, lean = (float(np.mean([window[i] for window in windows])) for i in (2, 4, 6))
+        own = max(windows_sd / math.sqrt(count), wheels_sd / math.sqrt(wheels))
+        noise = rms([window.factor_sd for window in windows]) / math.sqrt(count)
+        wheel_error = sampling.wheel_error / math.sqrt(wheels)
+        shared = math.hypot(sampling.load_error * factor, constant * (factor + lean), lean * wheel_error)
+        slip_sd = rms([window.slip_sd for window in windows]) / math.sqrt(count)
+        rows.append((slip, factor, math.hypot(own, noise), slip_sd, shared, (1.0 - slip) * wheel_error))
+    return np.array(rows)
+
+
+def pooled(classes: Sequence[Sequence[Window]], by_wheel: bool) -> float:
+    """Return the SD of the factor within classes: of windows, or of wheels' means; 0 where nothing repeats."""
+    squares, freedom = 0.0, 0
+    for windows in classes:
+        values = np.array([window.factor for window in windows])
+        if by_wheel:
+            wheel = np.array([window.wheel for window in windows])
+            values = np.array([np.mean(values[wheel == each]) for each in np.unique(wheel)])
+        squares += float(np.sum((values - np.mean(values)) ** 2))
+        freedom += len(values) - 1
+    return math.sqrt(squares / freedom) if freedom else 0.0
+
+
+def constant_doubt(motor: Mapping[str, Any]) -> float:
+    """Return the relative SD that the log declares for its motor's torque constant, gear k_t."""
+    declared = [motor[name] for name in ("gear", "k_t") if isinstance(motor.get(name), Mapping)]
+    return math.hypot(*(float(entry.get("sd", 0.0)) / abs(float(entry["value"])) for entry in declared))
+
+
+def rms(values: Sequence[float]) -> float:
+    """Return the root of the mean square; 0 of nothing."""
+    return math.sqrt(float(np.mean(np.square(values)))) if len(values) else 0.0

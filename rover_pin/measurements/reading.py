@@ -1,0 +1,37 @@
+"""Measured data of any kind from one path: a wheel-rig set, a drive log, or a table of traction factors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rover_pin.errors import DataError
+from rover_pin.measurements.channel import Evidence
+from rover_pin.measurements.drive_points import read_drive_points
+from rover_pin.measurements.rig_physics import refuse_impossible
+from rover_pin.measurements.traction_points import read_traction_points
+from rover_pin.measurements.wheel_rig import read_wheel_rig
+from rover_pin.paths import is_file
+from rover_pin.trust import Trust
+
+
+def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:
+    """Return a `WheelRig` (folder with rig.toml), or `TractionPoints` (folder with drive.toml, or a CSV file).
+
+    Raises
+    ------
+    DataError
+        None of these, or what its reader refuses.
+    """
+    path = Path(path)
+    if is_file(path / "rig.toml"):
+        rig = read_wheel_rig(path, trust)
+        refuse_impossible(rig)
+        return rig
+    if is_file(path / "drive.toml"):
+        return read_drive_points(path, trust=trust)
+    if is_file(path):
+        return read_traction_points(path)
+    raise DataError(
+        f"{path}: give a folder with rig.toml (wheel rig) or drive.toml (drive log), or a CSV file with the columns "
+        "slip, traction_factor, sd."
+    )

@@ -1,0 +1,240 @@
+"""Wheel-rig sets: what a single wheel pulled, asked for and sank at given slips and loads, and their folders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, ClassVar, Self
+
+import casadi as ca
+import numpy as np
+import pandas as pd
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.measurements.channel import FIELDS, DrawbarPull, Predictor, RigChannel, Sinkage, Torque
+from rover_pin.measurements.checks import column, depths, positive, same_length, slips
+from rover_pin.measurements.prediction import CompiledPrediction
+from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
+from rover_pin.measurements.tables import read_table
+from rover_pin.parameters.bekker import bekker
+from rover_pin.quantity import quantities, record_from, refuse_strange, to_si
+from rover_pin.soil.sinkage import entry_angle
+from rover_pin.soil.traction import wheel_forces
+from rover_pin.toml_file import read_toml, table_in, text_in
+from rover_pin.trust import Trust
+
+CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage)
+"""The channels of a rig, in the order in which they are read."""
+
+
+@dataclass(frozen=True)
+class RigLaw:
+    """Channels of a wheel that carries a load: theta_1 balances f_n against it, theta_2 = -exit_ratio theta_1."""
+
+    kinds: tuple[type[RigChannel], ...]
+
+    def build(self, condition: Any, wheel: Wheel, soil: Soil, free: Any) -> tuple[Any, Any]:
+        """Return the channels at (load, slip ratio) and their Jacobian.
+
+        The derivative of theta_1 comes from the balance it solves, d theta_1 = -(d ln f_n / d free) / (d ln f_n / d
+        theta_1), which is exact at the solution and a fifth of the work of differentiating the iteration.
+        """
+        load, S = condition[0], condition[1]
+        theta_1 = ca.SX.sym("theta_1")
+        forces = wheel_forces(S, theta_1, -soil.exit_ratio * theta_1, wheel, soil)
+        values = ca.vertcat(*(kind.predicted(forces, theta_1, wheel) for kind in self.kinds))
+        balance = ca.log(forces.f_n)
+        turning = -ca.jacobian(balance, free) / ca.jacobian(balance, theta_1)
+        jacobian = ca.jacobian(values, free) + ca.mtimes(ca.jacobian(values, theta_1), turning)
+        solved = entry_angle(load, S, wheel, soil)
+        values, jacobian = ca.substitute([values, jacobian], [theta_1], [solved])
+        return values, jacobian
+
+
+@dataclass(frozen=True, eq=False)
+class WheelRig:
+    """Steady runs of one wheel at given slip ratios and loads.
+
+    Parameters
+    ----------
+    slip : array [points]
+        Slip ratio, Eq (1) [-].
+    load : float or array [points]
+        Vertical load [N].
+    channels : tuple of RigChannel
+        What was measured: `DrawbarPull`, `Torque`, `Sinkage`, each with the standard deviation of one run.
+    wheel_range : mapping
+        name -> (low, high) of wheel parameters that are known only so well.
+    declared : mapping
+        name -> value (SI) of soil constants that come with the data from another measurement.
+    levels : array [points]
+        Label of repeats, or None.
+
+    Raises
+    ------
+    DataError
+        Columns that are empty, of different lengths, not finite or out of range; a load that is not positive.
+    """
+
+    wheel: Wheel
+    slip: Any = field(repr=False)
+    load: Any = field(repr=False)
+    channels: tuple[RigChannel, ...] = field(repr=False)
+    name: str = "wheel rig"
+    wheel_range: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    declared: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    levels: np.ndarray | None = field(default=None, repr=False)
+
+    tells: ClassVar[frozenset[str]] = frozenset(FIELDS) - {"theta_1", "theta_2"}
+    told_by: ClassVar[str] = "a wheel rig, whose arc follows from the load"
+
+    def __post_init__(self) -> None:
+        slip = column(self.slip, "slip", self.name)
+        load = column(np.atleast_1d(self.load), "load", self.name)
+        load = np.full(slip.size, load[0]) if load.size == 1 else load
+        if not self.channels:
+            raise DataError(
+                f"{self.name}: no channel was measured; give one of {', '.join(c.column for c in CHANNELS)}."
+            )
+        same_length(self.name, slip=slip, load=load, **{c.column: c.measured for c in self.channels})
+        slips(slip, "slip", self.name)
+        positive(load, "load", "N", self.name)
+        for channel in self.channels:
+            if isinstance(channel, Sinkage):
+                depths(channel.measured, self.wheel.r, channel.column, self.name)
+        object.__setattr__(self, "slip", slip)
+        object.__setattr__(self, "load", load)
+
+    @property
+    def loads(self) -> np.ndarray:
+        """Vertical loads [N]."""
+        return np.asarray(self.load)
+
+    def predictor(self, free: tuple[str, ...]) -> Predictor:
+        """Return the channels and their Jacobian at the measured slips and loads."""
+        law = RigLaw(tuple(type(channel) for channel in self.channels))
+        return CompiledPrediction(law, np.column_stack([self.load, self.slip]), self.wheel, free)
+
+    def only(self, *kinds: type[RigChannel]) -> Self:
+        """Return the set with these channels only."""
+        return replace(self, channels=tuple(channel for channel in self.channels if isinstance(channel, kinds)))
+
+    def rows(self, keep: Any) -> Self:
+        """Return the set with these points only, chosen as NumPy chooses: a mask, indices or a slice."""
+        channels = tuple(type(channel)(channel.measured[keep], channel.sd[keep]) for channel in self.channels)
+        levels = None if self.levels is None else self.levels[keep]
+        return replace(self, slip=self.slip[keep], load=self.load[keep], channels=channels, levels=levels)
+
+    def declared_soil(self, soil: Soil) -> Soil:
+        """Return `soil` with what the data declare of it, Bekker's constants converted for this wheel's width."""
+        known = {name: value for name, value in self.declared.items() if name in quantities(Soil)}
+        soil = soil.replace(**known)
+        if not BEKKER_UNITS.keys() <= self.declared.keys():
+            return soil
+        k_1, k_2 = bekker(self.declared["k_c"], self.declared["k_phi"], soil.n, self.wheel.b)
+        return soil.replace(k_1=k_1, k_2=k_2)
+
+
+def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
+    """Return the wheel-rig set of a folder: `rig.toml` and the `points.csv` it names, there unless `trust` allows more.
+
+    The noise of a channel is `[noise]` of `rig.toml` (`<channel>` in a unit, or `<channel>_over_load`), else the column
+    `<channel>_sd_<unit>`.
+
+    Raises
+    ------
+    DataError
+        A missing file, column or noise; an unknown unit; values that are not finite, out of range, or look like percent
+        or millimetres.
+    """
+    folder = Path(folder)
+    about = read_toml(folder / "rig.toml")
+    where = f"{folder.name}/rig.toml"
+    if about.get("kind") != "wheel-rig":
+        raise DataError(f"{where}: kind = {about.get('kind')!r} is not a wheel rig; write kind = 'wheel-rig'.")
+    refuse_unknown_keys(about, where)
+    points = trust.within(folder, text_in(table_in(about, "files", where), "points", where, "points.csv"), where)
+    table = read_table(points, ("slip", "load_N"))
+    _refuse_other_units(table, f"{folder.name}/{points.name}")
+    try:
+        wheel_table = {
+            name: entry for name, entry in table_in(about, "wheel", where).items() if name in quantities(Wheel)
+        }
+        wheel = record_from(Wheel, wheel_table, where)
+        _refuse_undersized(wheel_table, where)
+        return WheelRig(
+            wheel=wheel,
+            slip=table["slip"],
+            load=table["load_N"],
+            channels=_channels(table, table_in(about, "noise", where), where),
+            name=str(about.get("name", folder.name)),
+            wheel_range=_ranges(wheel_table, where),
+            declared=_declared(table_in(about, "soil", where), where),
+            levels=table["level"].to_numpy() if "level" in table else None,
+        )
+    except ParameterError as error:
+        raise DataError(str(error)) from error
+
+
+def _channels(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> tuple[RigChannel, ...]:
+    present = [kind for kind in CHANNELS if kind.column in table]
+    return tuple(
+        kind(column(table[kind.column], kind.column, where), _sd(kind, table, noise, where)) for kind in present
+    )
+
+
+def _sd(kind: type[RigChannel], table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> Any:
+    stem, _, suffix = kind.column.rpartition("_")
+    if stem in noise:
+        return _si(noise[stem], kind.unit, f"{where}: noise of {stem}")
+    if f"{stem}_over_load" in noise:
+        share = _si(noise[f"{stem}_over_load"], "", f"{where}: {stem}_over_load")
+        return share * column(table["load_N"], "load_N", where)
+    if f"{stem}_sd_{suffix}" in table:
+        return table[f"{stem}_sd_{suffix}"]
+    raise DataError(
+        f"{where}: the noise of {stem} is not stated; write [noise] {stem} = {{ value, unit = '{kind.unit}' }}."
+    )
+
+
+def _si(entry: Any, expected: str, where: str) -> float:
+    if isinstance(entry, Mapping):
+        refuse_strange(entry, where)
+    value, unit = (entry.get("value"), entry.get("unit", expected)) if isinstance(entry, Mapping) else (entry, expected)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise DataError(f"{where} has no number; write {{ value = 1.0, unit = '{expected}' }}.")
+    return to_si(value, unit, expected, where)
+
+
+def _refuse_undersized(table: Mapping[str, Any], where: str) -> None:
+    for name in quantities(Wheel):
+        if name not in table:
+            raise DataError(f"{where}: [wheel] has no {name}; write {name} = {{ value, unit = 'm' }}.")
+
+
+def _ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, float]]:
+    ranges = {}
+    for name, entry in table.items():
+        if isinstance(entry, Mapping) and {"low", "high"} <= entry.keys():
+            unit, place = entry.get("unit", "m"), f"{where}: {name}"
+            ranges[name] = (to_si(entry["low"], unit, "m", place), to_si(entry["high"], unit, "m", place))
+    return ranges
+
+
+def _declared(table: Mapping[str, Any], where: str) -> dict[str, float]:
+    units = {name: about.unit for name, about in quantities(Soil).items()} | BEKKER_UNITS
+    return {name: _si(entry, units[name], f"{where}: {name}") for name, entry in table.items() if name in units}
+
+
+def _refuse_other_units(table: pd.DataFrame, where: str) -> None:
+    """Refuse a column such as `sinkage_mm`, or `sinkage` alone: it would be read as not measured."""
+    columns = ("slip", "load_N", *(kind.column for kind in CHANNELS))
+    stems = {name.rpartition("_")[0] or name: name for name in columns}
+    for name in map(str, table.columns):
+        stem = name if name in stems else name.rpartition("_")[0]
+        if name not in columns and stem in stems:
+            expected = stems[stem]
+            raise DataError(f"{where}: column '{name}' is not read: {closest(name, [expected])} Convert it to SI.")

@@ -1,0 +1,208 @@
+"""Pictures of a drive report along time: what was measured and modelled, what is left of it, and free runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rover_pin.discrepancy.cross_validation import run_of_rows
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import huber
+from rover_pin.estimation.wording import in_words
+from rover_pin.experiments.drive_log.experiment import MADE, DriveExperiment, logged
+from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED, blocks
+from rover_pin.motion.channels import unit_of, wheel_of
+from rover_pin.motion.model import Model
+from rover_pin.motion.replay import Commands
+from rover_pin.report.page import AFTER, BEFORE, GREY
+
+CHANNELS, OF_A_KIND, RUNS, ACROSS = 5, 2, 2, 3
+"""Channels that are drawn, and of one kind; runs that are drawn, and free runs side by side."""
+MADE_WORDS = {
+    PATH: f"way ahead, last {LEAK:g} s",
+    DRIFT: f"way aside, last {LEAK:g} s",
+    HEADING: f"turn, last {LEAK:g} s",
+    SPEED: "speed ahead",
+}
+"""What the features made of several channels are, for a reader."""
+
+
+class Sides(NamedTuple):
+    """The base model and the model with what was added, on the same runs; the same fit where nothing was added."""
+
+    before: Fit
+    after: Fit
+
+    @property
+    def added(self) -> bool:
+        """Whether anything was added."""
+        return self.after is not self.before
+
+    @property
+    def experiment(self) -> DriveExperiment:
+        """The runs."""
+        return logged(self.before)
+
+
+def words_of(channel: str) -> str:
+    """Return a channel's name for a reader."""
+    return MADE_WORDS.get(channel, channel)
+
+
+def as_text(name: str) -> str:
+    """Return a name as matplotlib shows it letter by letter: a dollar sign starts no formula."""
+    return name.replace("$", r"\$")
+
+
+def scale_of(channel: str) -> tuple[float, str]:
+    """Return the factor to, and the name of, the unit in which a reader wants a channel."""
+    return in_words(MADE.get(channel) or unit_of(channel))
+
+
+def worst_runs(fit: Fit) -> list[int]:
+    """Return the runs that the model misses most, by chi2 a block, the worst first."""
+    rows, owner = fit.rows, run_of_rows(fit)
+    misfit = [
+        huber(rows[owner == run]) / max(int((owner == run).sum()), 1) for run, _ in enumerate(fit.task.experiment.folds)
+    ]
+    return [int(run) for run in np.argsort(misfit)[::-1][:RUNS]]
+
+
+def telling_channels(sides: Sides) -> list[int]:
+    """Return the channels whose residual changed most, in SDs of its noise; the largest where nothing was added."""
+    rms = [_rms(side) for side in sides]
+    size = np.abs(rms[0] - rms[1]) if sides.added else rms[0]
+    found: list[int] = []
+    for row in np.argsort(size)[::-1]:
+        kinds = [_kind(sides.experiment.channels[each]) for each in found]
+        found += [int(row)] if kinds.count(_kind(sides.experiment.channels[row])) < OF_A_KIND else []
+    return found[:CHANNELS]
+
+
+def _kind(channel: str) -> str:
+    wheel = wheel_of(channel)
+    return channel.replace(f"_{wheel}", "") if wheel else channel.partition("_")[0]
+
+
+def _rms(fit: Fit) -> np.ndarray:
+    noise = fit.task.noise
+    squares = np.where(noise.good, fit.residual, 0.0) ** 2
+    count = np.maximum(noise.good.sum(axis=(0, 2)), 1)
+    return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / count) / noise.sd)
+
+
+def residuals_figure(sides: Sides) -> Figure:
+    """Return measured - model of the telling channels against time for the worst runs, before and after."""
+    figure, panels = _grid(sides)
+    for axis, run, row, factor in panels:
+        noise = factor * float(sides.before.task.noise.sd[row])
+        axis.axhspan(-noise, noise, color="#d9c9a5", alpha=0.5, lw=0, label="+-1 SD of the noise")
+        axis.axhline(0, color="k", lw=0.7)
+        for fit, look in _looks(sides):
+            _line(axis, sides.experiment, run, factor * fit.residual[run, row], look)
+    return _finished(figure, "measured - model")
+
+
+def measured_figure(sides: Sides) -> Figure:
+    """Return the telling channels as measured and as modelled, before and after, for the worst runs."""
+    figure, panels = _grid(sides)
+    for axis, run, row, factor in panels:
+        black = {"color": "k", "marker": "o", "ms": 2.2, "ls": "", "label": "measured"}
+        _line(axis, sides.experiment, run, factor * sides.experiment.observed[run, row], black)
+        for fit, look in _looks(sides):
+            _line(axis, sides.experiment, run, factor * fit.predicted[run, row], look)
+    return _finished(figure, "")
+
+
+def _looks(sides: Sides) -> list[tuple[Fit, dict[str, Any]]]:
+    before: dict[str, Any] = {"color": BEFORE, "ls": "--", "lw": 1.3, "label": "base model"}
+    after: dict[str, Any] = {"color": AFTER, "ls": "-", "lw": 1.3, "label": "with what was added"}
+    return [(sides.before, before), *([(sides.after, after)] if sides.added else [])]
+
+
+Panel = tuple[Axes, int, int, float]
+
+
+def _grid(sides: Sides) -> tuple[Figure, list[Panel]]:
+    """Return a figure of the telling channels by the worst runs, what is not compared shaded."""
+    runs, rows = worst_runs(sides.before), telling_channels(sides)
+    figure = Figure(figsize=(4.9 * len(runs) + 0.6, 1.55 * len(rows) + 0.8), layout="constrained")
+    axes = figure.subplots(len(rows), len(runs), sharex="col", sharey="row", squeeze=False)
+    panels = []
+    for line, row in enumerate(rows):
+        name = sides.experiment.channels[row]
+        factor, unit = scale_of(name)
+        axes[line, 0].set_ylabel(f"{as_text(words_of(name))}\n[{unit or '-'}]", fontsize=8.5)
+        for column, run in enumerate(runs):
+            _shaded(axes[line, column], sides.experiment, run, row)
+            panels.append((axes[line, column], run, row, factor))
+    for column, run in enumerate(runs):
+        axes[0, column].set_title(as_text(sides.experiment.runs[run].name), fontsize=10)
+        axes[-1, column].set_xlabel("time [s]")
+    return figure, panels
+
+
+def _shaded(axis: Axes, experiment: DriveExperiment, run: int, row: int) -> None:
+    """Shade the stretches of a run in which a channel is not compared."""
+    times = experiment.runs[run].times
+    out = ~np.isfinite(experiment.observed[run, row, : len(times)])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], out, [False]]).astype(int)))
+    for number, (start, end) in enumerate(edges.reshape(-1, 2)):
+        ends = times[start] - BLOCK / 2, times[end - 1] + BLOCK / 2
+        axis.axvspan(*ends, color=GREY, alpha=0.25, lw=0, label=None if number else "not compared")
+    axis.set_xlim(times[0] - BLOCK / 2, times[-1] + BLOCK / 2)
+    axis.tick_params(labelsize=8)
+    axis.grid(alpha=0.25)
+
+
+def _line(axis: Axes, experiment: DriveExperiment, run: int, values: np.ndarray, look: dict[str, Any]) -> None:
+    times = experiment.runs[run].times
+    axis.plot(times, values[: len(times)], **look)
+
+
+def _finished(figure: Figure, title: str) -> Figure:
+    handles = {
+        label: handle for axis in figure.axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        list(handles.values()), list(handles), loc="outside upper center", ncols=4, frameon=False, title=title or None
+    )
+    return figure
+
+
+def strayed(experiment: DriveExperiment, model: Model) -> list[np.ndarray]:
+    """Return the distance of each run's free simulation from the logged place [m], by means over half a second."""
+    replays = experiment.free.replays(model)
+    return [_off(run.commands, replay.channels) for run, replay in zip(experiment.runs, replays, strict=True)]
+
+
+def _off(run: Commands, channels: dict[str, np.ndarray]) -> np.ndarray:
+    if "body_x" not in channels:
+        return blocks(np.full(len(run.t), np.nan), run.period)
+    x, y = (blocks(channels[f"body_{axis}"] - run.place[:, at], run.period) for at, axis in enumerate("xy"))
+    return np.asarray(np.hypot(x, y))
+
+
+def free_figure(experiment: DriveExperiment, models: Sequence[Model]) -> Figure:
+    """Return how far free simulations stray from the log over time: the base model, perhaps the one after."""
+    count = len(experiment.runs)
+    lines, across = -(-count // ACROSS), min(count, ACROSS)
+    figure = Figure(figsize=(3.6 * across + 0.4, 2.5 * lines + 0.5), layout="constrained")
+    axes = figure.subplots(lines, across, sharey=True, squeeze=False)
+    looks = ((BEFORE, "--", "base model"), (AFTER, "-", "with what was added"))
+    for model, (colour, style, label) in zip(models, looks, strict=False):
+        for axis, run, off in zip(axes.ravel(), experiment.runs, strayed(experiment, model), strict=False):
+            axis.plot(run.times, 1e3 * off, color=colour, ls=style, lw=1.4, label=label)
+            axis.set_title(as_text(run.name), fontsize=10)
+            axis.set_xlabel("time [s]")
+            axis.grid(alpha=0.25)
+    for axis in axes.ravel()[count:]:
+        axis.set_axis_off()
+    for axis in axes[:, 0]:
+        axis.set_ylabel("distance from the\nlogged place [mm]")
+        axis.set_ylim(bottom=0)
+    return _finished(figure, "")

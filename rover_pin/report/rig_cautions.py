@@ -1,0 +1,57 @@
+"""What a reader of a verdict should be wary of, one sentence each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rover_pin.estimation.wording import Against
+from rover_pin.experiments.wheel_rig.calibrate import Fitted, Flag
+from rover_pin.experiments.wheel_rig.compare import Comparison
+from rover_pin.experiments.wheel_rig.remainder import Remainder
+from rover_pin.experiments.wheel_rig.reselect import NOTHING, Reselected
+from rover_pin.experiments.wheel_rig.residual_tests import BEYOND_CHANCE, ResidualTest
+
+STABLE = 0.8
+"""Least share of folds that choose the same effect without a word of caution."""
+
+FEW_LEVELS = 6
+"""Levels below which a bootstrap over levels is coarse."""
+
+
+def of_parameters(fitted: Sequence[Fitted], flags: Sequence[Flag]) -> list[str]:
+    """Return the cautions of fitted values: at a bound, open, away from what is known elsewhere."""
+    said = [f"{one.name} lies at its bound: the form of the model is strained" for one in fitted if one.at_bound]
+    said += [f"{one.name} is not closed by the data" for one in fitted if not one.closed and not one.at_bound]
+    away = "sits away from its independent value"
+    nothing = "is not told: its interval covers what is allowed of it, and says nothing of its independent value"
+    said += [f"{flag.name} {away}" for flag in flags if flag.says is Against.AWAY]
+    said += [f"{flag.name} {nothing}" for flag in flags if flag.says is Against.NOTHING]
+    return said
+
+
+def of_residuals(left: Sequence[Remainder], tests: Sequence[ResidualTest]) -> list[str]:
+    """Return the cautions of what is left: more than noise, or hanging together with something."""
+    said = [f"{one.name} is left with {one.rms:.1f} times its noise" for one in left if not one.is_noise]
+    said += [
+        f"the residual of {test.channel} hangs together with {test.against} (r = {test.correlation:+.2f}, "
+        f"p = {test.p:.2g} < {BEYOND_CHANCE:g})"
+        for test in tests
+        if test.beyond_chance
+    ]
+    return said
+
+
+def of_choice(chosen: str, again: Reselected, singles: Comparison) -> list[str]:
+    """Return the cautions of the choice: what no held-out level confirms, folds that choose otherwise, few levels."""
+    said = [
+        f"{one.name} gains more than chance but predicts held-out levels no better: it may show in one level only"
+        for one in singles.ranked
+        if chosen == NOTHING and one.net > 0 and not one.accepted
+    ]
+    times, levels = again.times(chosen), len(again.folds)
+    if times < STABLE * levels:
+        others = sorted({fold.chosen for fold in again.folds} - {chosen})
+        said.append(f"only {times} of {levels} folds choose {chosen}; the others {', '.join(others)}")
+    if levels < FEW_LEVELS:
+        said.append(f"{levels} levels are few: the intervals of held-out errors resample {levels} numbers")
+    return said
