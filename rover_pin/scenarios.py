@@ -10,40 +10,33 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.body import shapes
-from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.controls import controller_from
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
-from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
+from rover_pin.effects.slip import RelaxedSlip
+from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.command import Controller
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.effect_words import having, words_of
 from rover_pin.motion.log_terrain import write_terrain
-from rover_pin.motion.model import Model, base_effects, cruising
-from rover_pin.motion.model_toml import is_rig_model, read_model
-from rover_pin.motion.motor import Motor
-from rover_pin.motion.motors import MOTORS, motor_named
+from rover_pin.motion.model import Model, cruising
 from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import Progress, Timing, simulate
 from rover_pin.motion.trace import Trace
-from rover_pin.parameters import SOILS
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
-from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.quantity import declared, written
 from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, Settings
-from rover_pin.soil.angles import FixedAngles, SinkageAngles
-from rover_pin.soil.traction import FORMS
 from rover_pin.trust import Trust
+from rover_pin.vehicle.composed import Made, composed
+from rover_pin.vehicle.defaults import pace, scale
+from rover_pin.vehicle.scene import scaled
 
 ALGEBRAIC_DT = 0.0025
 """Step [s] with Eq (1) itself, which is stiffer than the relaxed slip: within 0.1 mm over 20 s of the ditch."""
 
-ROVERS, STEP = "rover-pin list rovers, or the path of your own TOML", "the step, refined where the ground asks for it"
+STEP = "the step, refined where the ground asks for it"
 
 
 @dataclass(frozen=True)
@@ -58,6 +51,8 @@ class Scenario:
     timing: Timing = field(default_factory=Timing)
     symmetric: bool = False
     settings: Mapping[str, Any] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
+    "what was assumed for the rover, where neither its TOML nor a setting says it"
 
     def drive(self, progress: Progress | None = None) -> Trace:
         """Return the trace of the drive."""
@@ -75,6 +70,7 @@ class Scenario:
             "control": type(self.controller).__name__,
             "settings": dict(self.settings),
             "start": dataclasses.asdict(self.start),
+            "assumed": list(self.assumed),
         }
         return dataclasses.replace(trace, attrs={**trace.attrs, **about})
 
@@ -86,7 +82,7 @@ class Scenario:
             About.of(trace, self.name),
             terrain=write_terrain(folder, model.terrain),
             soil=declared(model.soils[0]),
-            wheel=declared(model.rover.wheel),
+            wheel=declared(model.rover.wheels[0].wheel),
             motor=declared(model.motor),
             resistance=resistance[0] if resistance else {},
         )
@@ -135,16 +131,16 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
         raise ParameterError(f"There is no scenario '{name}': {closest(name, SCENES)}")
     scene = SCENES[name]
     asked = Settings({**scene.settings, **settings})
-    model = _model(scene, asked)
+    model, assumed = _model(scene, asked)
     controller = controller_from(asked, model)
     start = Start(**asked.arguments("start", Start))
     dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, "s", STEP)
-    duration = asked.number("duration", scene.duration, "s", "of the scenario")
+    duration = asked.number("duration", scene.duration * pace(model.rover, model.motor), "s", "of the scenario")
     asked.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
     symmetric = symmetric and "model" not in settings and mirrored(model)
     told = {name: words_of(value) if name == "add" else value for name, value in settings.items() if name != "trust"}
-    return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, told), asked
+    return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, told, assumed), asked
 
 
 def mirrored(model: Model) -> bool:
@@ -152,25 +148,24 @@ def mirrored(model: Model) -> bool:
     return not model.body_effects and not any(hasattr(effect, "wheel") for effect in model.motor_effects)
 
 
-def _terrain(scene: Scene, asked: Settings) -> Terrain:
-    given = asked.arguments("terrain", scene.terrain, scene.terrain_settings)
-    terrain = scene.terrain(**{**scene.terrain_settings, **given})
+def _terrain(scene: Scene, asked: Settings, size: float) -> Terrain:
+    usual = scaled(scene.terrain, scene.terrain_settings, size)
+    given = asked.arguments("terrain", scene.terrain, usual)
+    terrain = scene.terrain(**{**usual, **given})
     patch = asked.arguments("patch", shapes.with_ground, {"x_from": -math.inf, "x_to": math.inf}, ("x_from", "x_to"))
     if patch:
         terrain = shapes.with_ground(terrain, **{"x_from": -math.inf, "x_to": math.inf, **patch}, index=1)
     return terrain
 
 
-def _model(scene: Scene, asked: Settings) -> Model:
-    terrain, file, trust = (
-        _terrain(scene, asked),
-        asked.take("model", None, source="a model file, as close-loop writes it"),
-        _trust(asked),
-    )
-    if file is None:
-        model = _composed(asked, terrain, trust)
-    else:
-        model = (_of_rig if is_rig_model(str(file)) else _of_file)(str(file), asked, terrain, trust)
+def _model(scene: Scene, asked: Settings) -> Made:
+    of_file = asked.values.get("model") is not None
+    model, assumed = composed(asked, _trust(asked))
+    size = scale(model.rover)
+    terrain = _terrain(scene, asked, size)
+    if size != 1.0 and terrain != shapes.flat():
+        assumed = (*assumed, f"terrain: lengths that are not set are those for Nexus 6's wheels times {size:.3g}")
+    model = model.replace(terrain=terrain)
     ground = model.soils[0].replace(**asked.record("soil", model.soils[0]))
     motor = model.motor.replace(**asked.record("motor", model.motor))
     gravity = gravity_named(asked.take("gravity", model.gravity, GRAVITIES, "or a number in m/s^2"))
@@ -179,14 +174,14 @@ def _model(scene: Scene, asked: Settings) -> Model:
     friction = asked.number("gear_friction", 0.0, "N m", "adds GearFriction of this torque at the wheel")
     if friction:
         model = model.having(GearFriction(tau_c=friction))
-    model = _cruising(model, asked, None if file else scene.cruise_slip)
+    model = _cruising(model, asked, None if of_file else scene.cruise_slip)
     model = having(
         model, asked.take("add", (), source="effects to add, as DiggingMemory.c_d=0.1: rover-pin list effects")
     )
     for effect in model.all_effects:
         changes = asked.record(f"effect.{type(effect).__name__}", effect)
         model = model.having(effect.replace(**changes)) if changes else model
-    return model
+    return Made(model, assumed)
 
 
 def _cruising(model: Model, asked: Settings, usual: float | None) -> Model:
@@ -208,48 +203,3 @@ def _trust(asked: Settings) -> Trust:
     if not isinstance(trust, Trust):
         raise ParameterError(f"trust = {trust!r} is not yours to give in a file: say --effects FILE or --trust.")
     return trust
-
-
-def _of_file(file: str, asked: Settings, terrain: Terrain, trust: Trust) -> Model:
-    model = read_model(file, terrain, trust)
-    _refuse(("rover", "soil", "form", "angles", "slip", "motor"), asked, file)
-    return model
-
-
-def _of_rig(file: str, asked: Settings, terrain: Terrain, trust: Trust) -> Model:
-    """Return a rover on the soil, with the traction law and the effects, of a wheel's model; its wheels are its own."""
-    _refuse(("soil", "form", "angles"), asked, file)
-    rig, rover = read_rig_model(file, trust), load_rover(str(asked.take("rover", "nexus6", source=ROVERS)), trust)
-    tractions = [effect for effect in rig.effects if isinstance(effect, SoilTraction)]
-    if len(tractions) != 1:
-        raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
-    model = Model(rover, terrain, (rig.soil, HARD_GROUND), _motor(asked), _slip(asked))
-    for effect in (*base_effects(rig.soil, rover, *tractions), *rig.effects):
-        model = model.having(effect)
-    return model
-
-
-def _refuse(names: tuple[str, ...], asked: Settings, file: str) -> None:
-    for name in names:
-        if asked.take(name, None) is not None:
-            raise ParameterError(f"{name} stands in the model file {file}: change it there, or leave out one of both.")
-
-
-def _composed(asked: Settings, terrain: Terrain, trust: Trust) -> Model:
-    rover = load_rover(str(asked.take("rover", "nexus6", source=ROVERS)), trust)
-    soil = asked.choice("soil", "table-1", SOILS)
-    form = asked.choice("form", "torque", FORMS)
-    angles = asked.choice("angles", "fixed", {"fixed": FixedAngles(), "sinkage": SinkageAngles()})
-    effects = base_effects(soil, rover, SoilTraction(form, angles))
-    return Model(rover, terrain, (soil, HARD_GROUND), _motor(asked), _slip(asked), effects)
-
-
-def _motor(asked: Settings) -> Motor:
-    return motor_named(asked.take("motor", "speed-like", MOTORS))
-
-
-def _slip(asked: Settings) -> AlgebraicSlip | RelaxedSlip:
-    chosen: AlgebraicSlip | RelaxedSlip = asked.choice(
-        "slip", "relaxed", {"relaxed": RelaxedSlip(), "algebraic": AlgebraicSlip()}
-    )
-    return chosen

@@ -63,6 +63,16 @@ class Settings:
             raise ParameterError(f"{name} = {word!r} is not known: {closest(word, choices)}")
         return choices[word]
 
+    def word(self, name: str, usual: str, choices: Iterable[str]) -> str:
+        """Return one of several words, or an empty one where none is given; `usual` is what then holds, for lists."""
+        given = self.values.get(name)
+        word = self.take(name, usual, choices)
+        if given is None:
+            return ""
+        if not isinstance(word, str) or word not in choices:
+            raise ParameterError(f"{name} = {word!r} is not known: {closest(str(word), choices)}")
+        return word
+
     def record(self, prefix: str, record: Record | type[Record]) -> dict[str, float]:
         """Return the settings `prefix.FIELD` that are given for the quantities of a record."""
         own = record if isinstance(record, Record) else record()

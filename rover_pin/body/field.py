@@ -28,11 +28,13 @@ def paper_field(
     rate: AngleRate = 10.0 * DEG,
     steepest: Angle = 20.0 * DEG,
     rocks_length: Length = 1.5,
+    size: float = 1.0,
 ) -> Lanes:
     """Return rocks from 0.5 m on, then a ditch, then a slope that grows to `steepest` [rad] and goes on.
 
     `seed`, `count` and `rocks_length` [m] are those of `rocks`, which are of soil index 1; depth, width and wall angle
-    those of `ditch`; `rate` [rad/m] and `steepest` [rad] those of `growing_slope`. Level ground lies between the parts.
+    those of `ditch`; `size` multiplies what is no argument, the distances between the parts and the rocks' diameters.
+    `rate` [rad/m] and `steepest` [rad] those of `growing_slope`. Level ground lies between the parts.
 
     Source: paper, section 4: "The test filed includes a sharp ditch in the depth of 5 centimeters and smooth slopes up
     to the inclination of 20 degrees. In order to test obstacle negotiation, several rocks with the diameter of 5-10
@@ -44,19 +46,22 @@ def paper_field(
     ParameterError
         A part that cannot be made as asked.
     """
+    if not 1e-3 < size < 1000.0:
+        raise ParameterError(f"The field's size = {size:g} is not allowed: it must lie in (0.001, 1000).")
     if not 0.0 < rocks_length < 1000.0:
         raise ParameterError(
             f"The field's rocks_length = {rocks_length:g} m is not allowed: it must lie in (0, 1000) m."
         )
-    ditch_at = 0.5 + rocks_length + BETWEEN
-    slope_at = ditch_at + width + BETWEEN
+    between = size * BETWEEN
+    ditch_at = size * 0.5 + rocks_length + between
+    slope_at = ditch_at + width + between
     parts = (
-        shapes.rocks(seed, count, 0.5, rocks_length),
+        shapes.rocks(seed, count, size * 0.5, rocks_length, (size * 0.05, size * 0.10)),
         shapes.ditch(depth, width, wall_angle, ditch_at),
         shapes.growing_slope(rate, slope_at, steepest),
     )
     sides = zip(*(_both_sides(part) for part in parts), strict=True)
-    seams = (ditch_at - 0.5 * BETWEEN, slope_at - 0.5 * BETWEEN)
+    seams = (ditch_at - 0.5 * between, slope_at - 0.5 * between)
     return Lanes(tuple(_joined(side, seams) for side in sides), (0.0,))
 
 

@@ -48,8 +48,9 @@ class Rover:
     "joints of the suspension, or wheels, that follow others rigidly, the differential apart"
     springs: tuple[SpringDamper, ...] = ()
     "of its suspension, as its TOML states them"
-    motor_sheet: MotorSheet | None = None
-    soil_table: Mapping[str, Any] = field(default_factory=dict)
+    motor: MotorSheet | str | None = None
+    "of its wheels, as its TOML states it, or the name of one of `motion.motors`"
+    soil: Mapping[str, Any] = field(default_factory=dict)
     "[soil] of its TOML: the ground to drive on where nothing else is said"
 
     @property
@@ -218,8 +219,8 @@ def assemble(layout: Layout) -> Rover:
         urdf=layout.text,
         couplings=tuple(_couplings(model, layout)),
         springs=layout.springs,
-        motor_sheet=layout.motor,
-        soil_table=layout.soil,
+        motor=layout.motor,
+        soil=layout.soil,
     )
 
 

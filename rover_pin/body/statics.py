@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from rover_pin.body.acceleration import constraint_rows, wheel_jacobians
 from rover_pin.body.rover import Rover
+from rover_pin.effects.effect import called
 from rover_pin.errors import ParameterError
 
 STEEPEST = math.radians(80.0)
@@ -26,6 +27,8 @@ def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: fl
 
     Six wheels on two rockers, two bogies and a differential are determinate: 7 equations, 6 loads and lambda. Where
     wheels are too many (four on a rigid body) the loads are the solution of least norm, one of many that balance.
+    Springs of the rover's TOML push the joints that they act on: k_s (delta - q_0) at the small angles delta by which
+    the wheels, all on the ground, let them give way.
 
     Parameters
     ----------
@@ -57,15 +60,33 @@ def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: fl
     lifts = _vertical_pushes(rover, q, rotation[:, 2])
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     free = _free_dofs(rover)
-    unknown = np.column_stack([lifts, constraint_rows(rover).T])[free]
+    held = np.column_stack([lifts, constraint_rows(rover).T])[free]
+    springs, rest = (each[free] for each in _springs(rover))
+    unknown, asked = held, weight[free] - springs * rest
+    if np.any(springs):  # the joints give way by small angles, with all wheels on the ground
+        still = np.zeros((held.shape[1], held.shape[1]))
+        unknown = np.block([[held, -np.diag(springs)], [still, held.T]])
+        asked = np.concatenate([asked, np.zeros(len(still))])
     # Least squares mixes N and N m: lengths and loads are of order one, and a rover that stands leaves no residual.
-    found, *_ = np.linalg.lstsq(unknown, weight[free], rcond=1e-10)
-    if np.max(np.abs(unknown @ found - weight[free])) > UNBALANCED * rover.mass * gravity:
+    found, *_ = np.linalg.lstsq(unknown, asked, rcond=1e-10)
+    if np.max(np.abs(unknown @ found - asked)) > UNBALANCED * rover.mass * gravity:
         raise ParameterError(
             f"Rover '{rover.name}' cannot stand on its wheels: a pivot of its suspension stays out of balance; "
             "give it a differential or a fixed joint there."
         )
     return np.array(found[: len(rover.wheels)] * (rotation[:, 2] @ rover.up))
+
+
+def _springs(rover: Rover) -> tuple[np.ndarray, np.ndarray]:
+    """Return the stiffness [nv] (N m/rad) of the springs that the rover's TOML states, and where they are relaxed."""
+    stiffness, torque = np.zeros(rover.model.nv), np.zeros(rover.model.nv)
+    dofs = {joint.idx_q: joint.idx_v for joint in list(rover.model.joints)[2:]}
+    for spring in rover.springs:
+        for name in called(spring.joint, list(rover.angles)):
+            dof = dofs[rover.angles[name]]
+            stiffness[dof] += float(spring.k_s)
+            torque[dof] += float(spring.k_s) * float(spring.q_0)
+    return stiffness, np.divide(torque, stiffness, out=torque, where=stiffness > 0.0)
 
 
 def _vertical_pushes(rover: Rover, q: np.ndarray, normal: np.ndarray) -> np.ndarray:

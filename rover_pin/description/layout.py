@@ -12,7 +12,7 @@ from rover_pin.bounded import text
 from rover_pin.contact import Wheel
 from rover_pin.description.as_driven import as_driven
 from rover_pin.description.motor_sheet import MotorSheet
-from rover_pin.description.rover_toml import part_of, read_forms, read_motor, read_springs
+from rover_pin.description.rover_toml import part_of, read_forms, read_motor, read_soil, read_springs
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.errors import DataError, ParameterError, UrdfError, closest
 from rover_pin.paths import is_file
@@ -53,7 +53,7 @@ class Layout:
     coupled: tuple[str, ...] = ()
     "joints that the TOML lets follow others and that are in no table besides"
     springs: tuple[SpringDamper, ...] = ()
-    motor: MotorSheet | None = None
+    motor: MotorSheet | str | None = None
     soil: Mapping[str, Any] = field(default_factory=dict)
     "[soil] as it is written: the ground to drive on where nothing else is said"
     changes: tuple[str, ...] = ()
@@ -141,7 +141,7 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
         coupled=tuple(joint for joint in forms.pivots if joint not in named),
         springs=read_springs(table, where),
         motor=read_motor(table, where),
-        soil=part_of(table, "soil", where),
+        soil=read_soil(table, where),
         changes=driven.changes,
     )
 

@@ -77,8 +77,14 @@ def read_springs(table: Mapping[str, Any], where: str) -> tuple[SpringDamper, ..
     return tuple(made)
 
 
-def read_motor(table: Mapping[str, Any], where: str) -> MotorSheet | None:
-    """Return the motor of [motor], or None where the TOML has none.
+def read_soil(table: Mapping[str, Any], where: str) -> Mapping[str, Any]:
+    """Return the table [soil]; soil = "fjs-1" stands for one that only has a name."""
+    soil = table.get("soil", {})
+    return {"name": soil} if isinstance(soil, str) else part_of(table, "soil", where)
+
+
+def read_motor(table: Mapping[str, Any], where: str) -> MotorSheet | str | None:
+    """Return the motor of [motor], or the name in motor = "speed-like", or None where the TOML has none.
 
     Raises
     ------
@@ -87,11 +93,14 @@ def read_motor(table: Mapping[str, Any], where: str) -> MotorSheet | None:
     """
     if "motor" not in table:
         return None
+    if isinstance(table["motor"], str):
+        return table["motor"]
     part = part_of(table, "motor", where)
     for key in ("stall_torque", "no_load_speed"):
         if key not in part:
             raise UrdfError(f"{where}: [motor] needs '{key}', as data sheets have it; leave the table out if unknown.")
-    return _record(MotorSheet, part, f"{where}: motor")
+    sheet: MotorSheet = _record(MotorSheet, part, f"{where}: motor")
+    return sheet
 
 
 def _part(table: Mapping[str, Any], key: str, where: str) -> list[tuple[str, Any]]:

@@ -18,7 +18,7 @@ from rover_pin.motion.native.elimination import elimination
 from rover_pin.motion.native.library import aligned, library, sizes
 from rover_pin.motion.native.shared import ENERGY, MAX_COLS, MAX_DOF, RECORD, DriveStruct
 from rover_pin.motion.state import DriveState
-from rover_pin.motion.suspension import suspension_dofs
+from rover_pin.motion.suspension import joint_strength, suspension_dofs
 
 DIRECTION_SPEED = 0.005
 """Below this mean of rim and travel speed [m/s] the direction of travel is blended."""
@@ -194,12 +194,12 @@ class Kernel:
             servo_dof=np.array(servos or [0], dtype=np.int64),
             servo_q=np.array([q_of[i] for i in servos] or [0], dtype=np.int64),
             servo_target=self.servo_target,
-            servo_gain=np.array(SERVO_GAIN),
+            servo_gain=joint_strength(self.model.rover) * np.array(SERVO_GAIN),
             n_stops=len(stops),
             stop_dof=np.array(stops or [0], dtype=np.int64),
             stop_q=np.array([q_of[i] for i in stops] or [0], dtype=np.int64),
             stop_limits=np.array(limits or [(0.0, 0.0)]).ravel(),
-            stop_gain=np.array(STOP_GAIN),
+            stop_gain=joint_strength(self.model.rover) * np.array(STOP_GAIN),
         )
 
     def _bind_state(self, state: DriveState) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Self, TypeVar
 from rover_pin.body.rover import Rover
 from rover_pin.body.section import DEEPEST
 from rover_pin.body.terrain import Terrain
-from rover_pin.contact import Soil
+from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect, called
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.normal_damping import NormalDamping
@@ -22,7 +22,9 @@ from rover_pin.motion.motor import Motor
 from rover_pin.motion.suspension import joints_of, suspension_dofs
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.quantity import Record
-from rover_pin.soil.traction import load_traction_factor
+from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.sinkage import entry_angle
+from rover_pin.soil.traction import load_traction_factor, wheel_forces
 
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
 OneKind = TypeVar("OneKind", bound=AnyEffect)
@@ -211,7 +213,7 @@ def base_effects(soil: Soil, rover: Rover, traction: SoilTraction) -> tuple[Effe
     """
     if traction.form.name == "net":
         return (traction, NormalDamping(), SideShear())
-    R = max(_cruise_factor(CRUISE_SLIP, soil, rover, traction), 0.0)
+    R = max(_cruise_factor(CRUISE_SLIP, soil, rover, traction, EARTH), 0.0)
     return (traction, NormalDamping(), MotionResistance(R=R), SideShear())
 
 
@@ -230,7 +232,7 @@ def cruising(model: Model, S: float = CRUISE_SLIP) -> Model:
             f"cruise_slip = {S:g}: the net form holds its own compaction resistance, so its slip on the flat follows "
             "from the soil: leave it out, or take form=torque or gross."
         )
-    R = _cruise_factor(S, model.soils[0], model.rover, traction) if -1.0 < S <= 1.0 else -1.0
+    R = _cruise_factor(S, model.soils[0], model.rover, traction, model.gravity) if -1.0 < S <= 1.0 else -1.0
     if not 0.0 <= R <= 1.0:
         raise ParameterError(
             f"cruise_slip = {S:g}: no resistance R in [0, 1] makes the flat cruise there: give a slip in (-1, 1] at "
@@ -240,5 +242,17 @@ def cruising(model: Model, S: float = CRUISE_SLIP) -> Model:
     return model.having((present[0] if present else MotionResistance()).replace(R=R))
 
 
-def _cruise_factor(S: float, soil: Soil, rover: Rover, traction: SoilTraction) -> float:
-    return float(load_traction_factor(S, soil, rover.wheels[0].wheel, traction.form, traction.angles))
+def _cruise_factor(S: float, soil: Soil, rover: Rover, traction: SoilTraction, gravity: float) -> float:
+    """Return F(S), the mean of the wheels under equal shares of the weight; fixed angles do not know the load."""
+    wheels = dict.fromkeys(mount.wheel for mount in rover.wheels)
+    counts = [sum(mount.wheel == wheel for mount in rover.wheels) for wheel in wheels]
+    load = rover.mass * gravity / len(rover.wheels)
+    factors = [_factor_under(load, S, soil, wheel, traction) for wheel in wheels]
+    return sum(count / len(rover.wheels) * factor for count, factor in zip(counts, factors, strict=True))
+
+
+def _factor_under(load: float, S: float, soil: Soil, wheel: Wheel, traction: SoilTraction) -> float:
+    if isinstance(traction.angles, FixedAngles):
+        return float(load_traction_factor(S, soil, wheel, traction.form, traction.angles))
+    theta_1 = entry_angle(load, S, wheel, soil)
+    return float(traction.form.factor(wheel_forces(S, theta_1, -soil.exit_ratio * theta_1, wheel, soil), wheel))

@@ -28,7 +28,7 @@ from rover_pin.motion.model import Model
 from rover_pin.motion.native.shared import ENERGY, RECORD
 from rover_pin.motion.plain_law import LawValue, PlainLaw
 from rover_pin.motion.state import DriveState
-from rover_pin.motion.suspension import joints_of, suspension_dofs, suspension_places
+from rover_pin.motion.suspension import joint_strength, joints_of, suspension_dofs, suspension_places
 
 
 class Plain:
@@ -206,7 +206,10 @@ class Plain:
         force, slope = np.zeros(model.nv), np.zeros(model.nv)
         q_of = {model.joints[j].idx_v: model.joints[j].idx_q for j in range(2, model.njoints)}
 
-        def spring(dof: int, over: float, gains: tuple[float, float]) -> None:
+        strength = joint_strength(self.model.rover)
+
+        def spring(dof: int, over: float, usual: tuple[float, float]) -> None:
+            gains = strength * usual[0], strength * usual[1]
             force[dof] = -gains[0] * (over + 0.5 * self.dt * state.v[dof]) - gains[1] * state.v[dof]
             slope[dof] = -0.5 * gains[0] * self.dt - gains[1]
 

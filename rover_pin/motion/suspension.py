@@ -5,6 +5,17 @@ from __future__ import annotations
 from rover_pin.body.rover import Rover
 from rover_pin.motion.body_law import Joints
 
+NEXUS6_WEIGHT = 5.8 * 0.045
+"""Mass times wheel radius [kg m] of Nexus 6, for which the gains of servos and end stops are made."""
+
+
+def joint_strength(rover: Rover) -> float:
+    """Return how much stiffer a rover's servos and end stops are than Nexus 6's: as its mass times wheel radius.
+
+    To six digits, so that the round-off of a sum of masses decides nothing.
+    """
+    return float(f"{rover.mass * float(rover.radii.max()) / NEXUS6_WEIGHT:.6g}")
+
 
 def suspension_dofs(rover: Rover) -> list[int]:
     """Return the suspension's joints' places in v, in its order."""

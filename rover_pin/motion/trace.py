@@ -14,7 +14,7 @@ from rover_pin.motion.channels import unit_of, wheels_in
 
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
 """Energy channels beside what soil, stops, servos and further effects take; springs' share is within `energy_body`."""
-TOLD = ("stop", "happened", "warnings", "notes", "set_down", "traction_form", "motion_resistance_R")
+TOLD = ("stop", "happened", "warnings", "notes", "assumed", "set_down", "traction_form", "motion_resistance_R")
 """Attributes that a summary repeats."""
 
 

@@ -1,0 +1,104 @@
+"""The model of a ready-made drive from its settings: a rover on a soil, or what a model file says."""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+from rover_pin.body import shapes
+from rover_pin.body.rover import Rover, load_rover
+from rover_pin.contact import Soil
+from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.errors import DataError, ParameterError
+from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
+from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.model_toml import is_rig_model, read_model
+from rover_pin.motion.motors import MOTORS, motor_named
+from rover_pin.parameters import SOILS
+from rover_pin.parameters.hard import HARD_GROUND
+from rover_pin.settings import Settings
+from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.traction import FORMS
+from rover_pin.trust import Trust
+from rover_pin.vehicle.defaults import Chosen, own_motor, own_soil, scale, usual_angles
+
+ROVERS = "rover-pin list rovers, or the path of your own TOML"
+ANGLES: dict[str, FixedAngles | SinkageAngles] = {"fixed": FixedAngles(), "sinkage": SinkageAngles()}
+
+
+class Made(NamedTuple):
+    """A model, and what was assumed for its rover."""
+
+    model: Model
+    assumed: tuple[str, ...]
+
+
+def composed(asked: Settings, trust: Trust) -> Made:
+    """Return the model, on flat ground, of the settings `rover`, `soil`, `form`, `angles`, `slip`, `motor` or `model`.
+
+    Raises
+    ------
+    RoverPinError
+        A setting or a file that is not understood.
+    """
+    file = asked.take("model", None, source="a model file, as close-loop writes it")
+    if file is None:
+        return _of_settings(asked, trust)
+    return (_of_rig if is_rig_model(str(file)) else _of_file)(str(file), asked, trust)
+
+
+def _of_file(file: str, asked: Settings, trust: Trust) -> Made:
+    model = read_model(file, shapes.flat(), trust)
+    _refuse(("rover", "soil", "form", "angles", "slip", "motor"), asked, file)
+    return Made(model, ())
+
+
+def _of_rig(file: str, asked: Settings, trust: Trust) -> Made:
+    """Return a rover on the soil, with the traction law and the effects, of a wheel's model; its wheels are its own."""
+    _refuse(("soil", "form", "angles"), asked, file)
+    rig, rover = read_rig_model(file, trust), load_rover(str(asked.take("rover", "nexus6", source=ROVERS)), trust)
+    tractions = [effect for effect in rig.effects if isinstance(effect, SoilTraction)]
+    if len(tractions) != 1:
+        raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
+    made = _on_soil(asked, rover, rig.soil, tractions[0])
+    return made._replace(model=functools.reduce(Model.having, rig.effects, made.model))
+
+
+def _refuse(names: tuple[str, ...], asked: Settings, file: str) -> None:
+    for name in names:
+        if asked.take(name, None) is not None:
+            raise ParameterError(f"{name} stands in the model file {file}: change it there, or leave out one of both.")
+
+
+def _of_settings(asked: Settings, trust: Trust) -> Made:
+    rover = load_rover(str(asked.take("rover", "nexus6", source=ROVERS)), trust)
+    named = asked.word("soil", str(rover.soil.get("name", "of its weight")), SOILS)
+    soil = own_soil(rover, named)
+    form = asked.choice("form", "torque", FORMS)
+    usual = usual_angles(rover)
+    word = asked.word("angles", next(name for name, each in ANGLES.items() if each == usual), ANGLES)
+    angles = ANGLES.get(word, usual)
+    made = _on_soil(asked, rover, soil.value, SoilTraction(form, angles))
+    return made._replace(assumed=(*soil.assumed, *made.assumed))
+
+
+def _on_soil(asked: Settings, rover: Rover, soil: Soil, traction: SoilTraction) -> Made:
+    """Return the rover with its motors and springs on a soil, with what every ready-made drive has besides."""
+    word = asked.word("motor", rover.motor if isinstance(rover.motor, str) else "of its TOML or weight", MOTORS)
+    motor = Chosen(motor_named(word)) if word else own_motor(rover)
+    effects = base_effects(soil, rover, traction)
+    grounds = (soil, HARD_GROUND)
+    slip = _slip(asked, rover)
+    model = Model(rover, shapes.flat(), grounds, motor.value, slip, effects, body_effects=rover.springs)
+    return Made(model, motor.assumed)
+
+
+def _slip(asked: Settings, rover: Rover) -> AlgebraicSlip | RelaxedSlip:
+    size, relaxed = scale(rover), RelaxedSlip()
+    if size != 1.0:
+        relaxed = relaxed.replace(length=size * relaxed.length)
+    chosen: AlgebraicSlip | RelaxedSlip = asked.choice(
+        "slip", "relaxed", {"relaxed": relaxed, "algebraic": AlgebraicSlip()}
+    )
+    return chosen

@@ -1,0 +1,37 @@
+"""Terrains made for Nexus 6's wheels, for another rover's: what is a length grows with its wheels."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any, get_args, get_type_hints
+
+from rover_pin.body.terrain import Terrain
+
+POWERS = {"m": 1, "rad/m": -1}
+"""Power of a length in the units of a terrain's arguments."""
+
+
+def scaled(terrain: Callable[..., Terrain], usual: Mapping[str, Any], size: float) -> dict[str, Any]:
+    """Return the arguments of a terrain for wheels `size` times as large as those that it is made for.
+
+    An argument's unit says whether it is a length. What is no argument (`field` has distances of its own) grows by the
+    argument `size`, where there is one.
+    """
+    if size == 1.0:
+        return dict(usual)
+    hints = get_type_hints(terrain, include_extras=True)
+    parameters = inspect.signature(terrain).parameters
+    given = {name: each.default for name, each in parameters.items() if each.default is not inspect.Parameter.empty}
+    return {name: _scaled(value, _power(name, hints[name]), size) for name, value in {**given, **usual}.items()}
+
+
+def _power(name: str, hint: Any) -> int:
+    units = [each for each in get_args(hint) if each in POWERS]
+    return 1 if name == "size" else POWERS[units[0]] if units else 0
+
+
+def _scaled(value: Any, power: int, size: float) -> Any:
+    if isinstance(value, tuple):
+        return tuple(_scaled(each, power, size) for each in value)
+    return value if power == 0 else size**power * value
