@@ -337,7 +337,7 @@ def test_what_a_urdf_check_says_keeps_its_brackets(run):
     Path("nexus6.urdf").write_text((ROOT / "urdf" / "nexus6.urdf").read_text())
     code, out, _ = run("check-urdf", "own.toml")
     assert code == 1
-    assert "name it in [suspension] or make it fixed" in " ".join(out.split())
+    assert "name it in [suspension], or in [held]" in " ".join(out.split())
 
 
 def test_help_keeps_the_units(run):

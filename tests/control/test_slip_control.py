@@ -170,7 +170,7 @@ def test_the_torque_limit_is_the_saturation_torque_at_the_static_load():
 @pytest.mark.parametrize("slip", [0.2, 0.5])
 def test_a_wheel_held_at_the_slip_limit_s_torque_slips_by_that(rover, slip):
     """The limit and the drive agree on what slip is, for any rover: T_lim r^-1 / W = F(S) of the torque form."""
-    model = scenario("flat", rover=rover, gravity="moon").model
+    model = scenario("flat", rover=rover, gravity="moon", angles="fixed").model
     loads = wheel_loads(model.rover, math.radians(5.0), gravity=model.gravity)
     torque = TorqueLimit.at_slip(model, slip).torque(-math.radians(5.0))
     for load, mount, own in zip(loads, model.rover.wheels, torque, strict=True):
