@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, final
 
 import numpy as np
@@ -12,6 +13,9 @@ from rover_pin.errors import ParameterError
 
 FAR = 1000.0
 """How far the first and the last piece of a profile go on where end points are wanted [m]."""
+
+ROUND_OFF = 8.0 * float(np.finfo(float).eps)
+"""Points off a line by this share of the largest coordinate lie on it."""
 
 Number = Any
 """A float, or an array of them; arrays are broadcast against each other and give arrays."""
@@ -85,3 +89,16 @@ class Profile:
             np.concatenate([heights[:1], self.z, heights[1:]]),
             np.concatenate([self.ground[:1], self.ground, self.ground[-1:]]),
         )
+
+    @lru_cache(maxsize=64)  # noqa: B019 - few profiles, and small
+    def straightened(self) -> Profile:
+        """Return the same polyline without the points amid straight runs of one soil."""
+        x, z, ground = self.x, self.z, self.ground
+        near = ROUND_OFF * max(1.0, float(np.max(np.abs(x))), float(np.max(np.abs(z))))
+        kept = np.ones(len(x), dtype=bool)
+        chord = z[:-2] + (x[1:-1] - x[:-2]) * (z[2:] - z[:-2]) / (x[2:] - x[:-2])
+        kept[1:-1] = (np.abs(z[1:-1] - chord) > near) | (ground[1:] != ground[:-1])
+        bent = np.abs(z - np.interp(x, x[kept], z[kept])) > near
+        run = np.cumsum(kept)
+        kept |= np.isin(run, run[bent])  # a bow of many small turns is no straight run: it stays as it is
+        return Profile(x[kept], z[kept], ground[kept[:-1]])

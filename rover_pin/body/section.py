@@ -27,6 +27,10 @@ DEEPEST = 0.98
 """A wheel is reckoned sunk by this share of its radius at most; simulations stop long before."""
 
 
+ONE_PLANE = 1e-11
+"""Neighbours whose unit normals differ by at most this are one facet."""
+
+
 class WheelFrame(NamedTuple):
     """A wheel in space: centre, axle (unit, to the left), and the upright frame of its plane."""
 
@@ -141,8 +145,12 @@ def _carried(s: float) -> tuple[float, float]:
 
 
 def cut_lane(terrain: Lanes, frame: WheelFrame, r: float, lane: int) -> list[Facet]:
-    """Return the facets of one lane; the profile is extruded sideways, so its corners are level lines."""
-    profile = terrain.profiles[lane]
+    """Return the facets of one lane; the profile is extruded sideways, so its corners are level lines.
+
+    A straight run is one facet, however many points describe it: its parts would add up to it only where no corner's
+    bisector reaches beyond the part next to it, as it does under a wheel sunk deep at a steep lip.
+    """
+    profile = terrain.profiles[lane].straightened()
     x, z, ground = profile.extended()
     across = frame.axle[1] if abs(frame.axle[1]) >= 1e-3 else math.copysign(1e-3, frame.axle[1])
     dx, dz = x - frame.centre[0], z - frame.centre[2]
@@ -161,7 +169,7 @@ def cut_lane(terrain: Lanes, frame: WheelFrame, r: float, lane: int) -> list[Fac
 
 
 def cut_grid(terrain: HeightGrid, frame: WheelFrame, r: float) -> list[Facet]:
-    """Return eight facets between points of the height grid in the wheel's plane."""
+    """Return up to eight facets between points of the height grid in the wheel's plane; those of one plane are one."""
     points = []
     for s in 1.2 * r * np.linspace(-1.0, 1.0, 9):
         t = -r
@@ -171,7 +179,17 @@ def cut_grid(terrain: HeightGrid, frame: WheelFrame, r: float) -> list[Facet]:
             lean = frame.up[2] - slope_x * frame.up[0] - slope_y * frame.up[1]
             t += (terrain.height(x, y) - z) / lean
         points.append(np.array([s, t]))
-    return [_grid_facet(terrain, frame, a, b) for a, b in pairwise(points)]
+    made: list[Facet] = []
+    for facet in (_grid_facet(terrain, frame, a, b) for a, b in pairwise(points)):
+        if made and _one_plane(made[-1], facet):
+            made[-1] = made[-1]._replace(end=facet.end)
+        else:
+            made.append(facet)
+    return made
+
+
+def _one_plane(a: Facet, b: Facet) -> bool:
+    return a.ground == b.ground and float(np.max(np.abs(a.normal - b.normal))) <= ONE_PLANE
 
 
 def _grid_facet(terrain: HeightGrid, frame: WheelFrame, start: np.ndarray, end: np.ndarray) -> Facet:

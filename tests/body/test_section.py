@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rover_pin.body.profile import Profile
+from rover_pin.body.section import _patches_of, strips, wheel_frame
 from rover_pin.body.section import patches as patches_and_sinkage
-from rover_pin.body.section import wheel_frame
 from rover_pin.body.shapes import ditch, flat, incline, one_sided_bump
 from rover_pin.body.terrain import HeightGrid, Lanes
 
@@ -194,3 +194,27 @@ def test_a_wheel_beside_an_edge_does_not_know_of_it():
     for y in (-0.0251, 0.0251):
         (patch,) = patches(one_sided_bump(), upright(0.3, R - 0.006, y=y), R, B, [1.0])
         assert (patch.share, patch.side) == (1.0, 0.0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    at=st.floats(-0.1, 0.3),
+    depth=st.floats(0.001, 0.015),
+    yaw=st.floats(-3.0, 3.0),
+    slopes=st.lists(st.floats(-0.6, 0.6), min_size=2, max_size=5),
+    exponent=st.sampled_from([0.6, 1.0, 1.3]),
+)
+def test_parts_of_a_straight_run_add_up_to_it(at, depth, yaw, slopes, exponent):
+    """On slopes to 30 deg and to a third of the radius: each facet cut in three, against whole."""
+    x = 0.12 * np.arange(len(slopes) + 1) - 0.1
+    z = np.concatenate([[0.0], np.cumsum(0.12 * np.array(slopes))])
+    terrain = Lanes((Profile(x, z),))
+    frame = upright(at, terrain.height(at, 0.0) + R - depth, yaw)
+    (strip,) = strips(terrain, frame, R, B)
+    thirds = []
+    for facet in strip.facets:
+        ends = [facet.start + share * (facet.end - facet.start) for share in (0.0, 1 / 3, 2 / 3, 1.0)]
+        thirds += [facet._replace(start=a, end=b) for a, b in pairwise(ends)]
+    whole, parts = (_patches_of(strip._replace(facets=each), R, [exponent]) for each in (strip.facets, thirds))
+    pull = [sum(np.append(p.share * p.facet.normal, [p.tilt, p.turn]) for p in each) for each in (whole, parts)]
+    assert pull[0] == pytest.approx(pull[1], abs=1e-5 if exponent != 1.0 else 1e-12)

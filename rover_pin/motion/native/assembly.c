@@ -24,9 +24,9 @@ static void step_states(const Drive *d, Law *law, StateStep *step) {
 /* The wrench at the wheel's centre by a unit of f_t, f_y, f_n and torque: force (3), moment (3) across the axle. */
 static void find_wrenches(const Wheel *w, const Spot *spot, double r, double wrench[4][6]) {
   const Patch *patch = &spot->patch;
-  const double *N = spot->facet.normal, *t = spot->t, *l = spot->l, across[3] = {0.0, 1.0, 0.0};
+  const double *N = spot->patch.normal, *t = spot->t, *l = spot->l, across[3] = {0.0, 1.0, 0.0};
   double arm[3], by_n[3], by_y[3], by_side[3];
-  for (int c = 0; c < 3; ++c) arm[c] = -r * (spot->facet.n_s * w->forward[c] + spot->facet.n_t * w->up[c]);
+  for (int c = 0; c < 3; ++c) arm[c] = -r * (patch->n_s * w->forward[c] + patch->n_t * w->up[c]);
   cross(arm, N, by_n);
   cross(arm, l, by_y);
   cross(arm, across, by_side);
@@ -45,7 +45,7 @@ static void find_wrenches(const Wheel *w, const Spot *spot, double r, double wre
 
 /* Rows of slopes with the patch's speeds (v_x v_y v_n rim) as slopes with the wheel's velocity and spin. */
 static void by_motion(const Spot *spot, double r, const double *by_speed, double *out) {
-  const double *N = spot->facet.normal;
+  const double *N = spot->patch.normal;
   for (int c = 0; c < 3; ++c) out[c] = by_speed[0] * spot->t[c] + by_speed[1] * spot->l[c] - by_speed[2] * N[c];
   out[3] = by_speed[3] * r;
 }
@@ -64,7 +64,7 @@ static void record_patch(const Drive *d, const Spot *spot, const Law *law, doubl
 }
 
 static void add_patch(const Drive *d, const Wheel *w, const Spot *spot, Law *law, const double *stiffness, WheelLoad *sum) {
-  const double r = d->radius[spot->wheel], *N = spot->facet.normal, share = spot->patch.share;
+  const double r = d->radius[spot->wheel], *N = spot->patch.normal, share = spot->patch.share;
   const double felt[4] = {share, share, share, spot->patch.turn};
   double begun[4], wrench[4][6];
   StateStep step;

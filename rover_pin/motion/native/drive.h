@@ -14,10 +14,14 @@ typedef struct {
 } Facet;
 
 typedef struct {
-  double sinkage, depth, share, tilt, turn; /* sinkage of the facet's plane; greatest depth within the patch */
-  double side; /* push of a lane's edge along y, per normal force */
-  const Facet *facet;
+  double sinkage;           /* of the facet's plane */
+  double share, tilt, turn; /* of the plane's load, by the share of the width */
+  double side;              /* push of a lane's edge along y, per normal force */
+  double n_s, n_t, normal[3];
+  integer ground;
 } Patch;
+
+_Static_assert(sizeof(Facet) == 8 * N_FACET && sizeof(Patch) == 8 * N_PATCH, "shared.py sizes their arrays");
 
 typedef struct { /* Jacobian of the centre in columns: along (lin), about (ang), and about the axle (rim) */
   _Alignas(64) double lin[3][MAX_COLS], ang[3][MAX_COLS], rim[MAX_COLS];

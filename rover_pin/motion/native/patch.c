@@ -1,82 +1,125 @@
 /* The part of a wheel's contact arc that belongs to each facet. */
 
-/* Clip [*low, *high] to where a + r sin(theta - delta / 2) has the sign `side` (+1: at least 0, -1: at most 0). */
-static int clip_at_bisector(double a, double r, double delta, double side, double *low, double *high) {
-  if (side * a >= r) return 1;
-  if (side * a <= -r) return 0;
-  double edge = asin(-a / r), turn = side > 0 ? PI : -PI;
-  double from = fmin(edge, turn - edge) + 0.5 * delta, to = fmax(edge, turn - edge) + 0.5 * delta;
-  *low = fmax(*low, from);
-  *high = fmin(*high, to);
+typedef struct { /* between two facets */
+  double ahead;  /* how far the centre is ahead of the bisector */
+  double edge;   /* where the rim crosses it */
+  double half;   /* half the turn of the normals there */
+} Corner;
+
+static Corner corner_between(const Facet *behind, const Facet *ahead, double r) {
+  double m_s = behind->n_s + ahead->n_s, m_t = behind->n_t + ahead->n_t, scale = 1.0 / sqrt(m_s * m_s + m_t * m_t);
+  double f_s = m_t * scale, f_t = -m_s * scale; /* across the bisector, forwards */
+  Corner corner = {-(ahead->s * f_s + ahead->t * f_t), 0.0, 0.0};
+  if (fabs(corner.ahead) >= r) return corner;
+  corner.edge = asin(-corner.ahead / r);
+  corner.half = asin(fmin(1.0, fmax(-1.0, ahead->n_s * f_s + ahead->n_t * f_t)));
+  return corner;
+}
+
+/* Clip [*low, *high] to where the rim is ahead of the bisector (side +1) or behind it (side -1). */
+static int clip_at(const Corner *corner, double r, double side, double *low, double *high) {
+  if (side * corner->ahead >= r) return 1;
+  if (side * corner->ahead <= -r) return 0;
+  double turn = side > 0 ? PI : -PI, half = side * corner->half;
+  *low = fmax(*low, fmin(corner->edge, turn - corner->edge) + half);
+  *high = fmin(*high, fmax(corner->edge, turn - corner->edge) + half);
   return *low < *high;
 }
 
-#define N_GAUSS 10
-static const double GAUSS_NODE[N_GAUSS] = {
-    0.013046735741414128, 0.067468316655507732, 0.16029521585048778, 0.28330230293537639, 0.42556283050918442,
-    0.57443716949081558, 0.71669769706462361, 0.83970478414951222, 0.93253168334449232, 0.98695326425858587};
-static const double GAUSS_WEIGHT[N_GAUSS] = {
-    0.033335672154344069, 0.074725674575290293, 0.10954318125799102, 0.13463335965499817, 0.14776211235737644,
-    0.14776211235737644, 0.13463335965499817, 0.10954318125799102, 0.074725674575290293, 0.033335672154344069};
-
-/* int_theta^theta_0 (cos t - cos theta_0)^n {cos t, 1} dt, nodes graded by u^2 towards the singular end theta_0. */
-static void depth_integrals(double theta, double theta_0, double n, double out[2]) {
-  double length = theta_0 - theta, cosine = cos(theta_0), sine = sin(theta_0);
-  out[0] = out[1] = 0.0;
-  if (length <= 0.0) return;
-  for (int i = 0; i < N_GAUSS; ++i) {
-    double u = GAUSS_NODE[i], half = 0.5 * length * u * u, c = cos(half), s = sin(half);
-    double depth = 2.0 * (sine * c - cosine * s) * s; /* cos(theta_0 - 2 half) - cos(theta_0), without the loss */
-    double part = GAUSS_WEIGHT[i] * 2.0 * length * u * (n == 1.0 ? depth : pow(depth, n));
-    out[0] += part * (cosine + depth);
-    out[1] += part;
-  }
+/* What share of a facet's plane lies between the angles low and high. */
+static void share_out(double low, double high, double theta, double h, double radius, double n, Patch *patch) {
+  double own[2], whole[2], upper[2], lower[2];
+  const double cosine = cos(theta);
+  depth_integrals(0.0, theta, n, own);
+  memcpy(whole, own, sizeof whole);
+  if (patch->sinkage < h) depth_integrals(0.0, acos(1.0 - patch->sinkage / radius), n, whole);
+  integrals_from(low, theta, n, own, lower);
+  integrals_from(high, theta, n, own, upper);
+  patch->share = 0.5 * (lower[0] - upper[0]) / whole[0];
+  patch->turn = 0.5 * (lower[1] - upper[1]) / whole[1];
+  double from = fmax(cos(low) - cosine, 0.0), to = fmax(cos(high) - cosine, 0.0);
+  patch->tilt = 0.5 * (from * power(from, n) - to * power(to, n)) / ((n + 1.0) * whole[0]);
 }
 
-/* The same from any theta >= -theta_0, given the integrals from 0: the integrand is even. */
-static void integrals_from(double theta, double theta_0, double n, const double half[2], double out[2]) {
-  depth_integrals(fabs(theta), theta_0, n, out);
-  if (theta < 0.0) for (int i = 0; i < 2; ++i) out[i] = 2.0 * half[i] - out[i];
+/* How deep the rim would be under the line of a facet, with no end; not positive where it does not touch. */
+static double depth_under(const Facet *f, double radius) {
+  double reaches = fmax(f[1].s, f->s) >= -radius && fmin(f[1].s, f->s) <= radius;
+  return reaches ? fmin(radius + f->s * f->n_s + f->t * f->n_t, 1.999 * radius) : 0.0;
 }
 
-/* The part of facet k's contact arc that belongs to it: theta from its normal, between the bisectors to its neighbours.
-   Parts of one plane share the plane's sinkage, and their shares add up to 1. */
-static int find_patch(const Facet *facets, integer n, integer k, double radius, double n_soil, Patch *patch) {
-  const Facet *f = facets + k;
-  double distance = -(f->s * f->n_s + f->t * f->n_t);
-  double h = radius - distance;
-  if (h <= 0.0) return 0;
-  if (h > 1.999 * radius) h = 1.999 * radius;
+/* The part between the corners to a facet's neighbours, null at the ends. Parts of one plane share the plane's sinkage,
+   and their shares add up to 1. Returns the greatest depth within the part, below 0 where there is none. */
+static double find_patch(const Facet *f, const Corner *behind, const Corner *ahead, double h, double radius, double n, Patch *patch) {
   double theta = acos(1.0 - h / radius), low = -theta, high = theta;
-  if (fmax(f[1].s, f->s) < -radius || fmin(f[1].s, f->s) > radius) return 0;
-  for (int side = -1; side <= 1; side += 2) {
-    integer other = k - side; /* side +1: the lower bound, set by the facet behind */
-    if (other < 0 || other >= n) continue;
-    const Facet *g = facets + other, *corner = side > 0 ? f : f + 1;
-    double m_s = f->n_s + g->n_s, m_t = f->n_t + g->n_t, scale = 1.0 / sqrt(m_s * m_s + m_t * m_t);
-    double ahead_s = m_t * scale, ahead_t = -m_s * scale; /* across the bisector, forwards */
-    double a = -(corner->s * ahead_s + corner->t * ahead_t);
-    double tilt = asin(fmin(1.0, fmax(-1.0, f->n_s * ahead_s + f->n_t * ahead_t)));
-    if (!clip_at_bisector(a, radius, 2.0 * tilt, side, &low, &high)) return 0;
-  }
-  double cosine = cos(theta), deepest = cos(fmin(fmax(0.0, low), high)) - cosine;
-  patch->facet = f;
-  patch->sinkage = fmin(h, DEEPEST * radius);
-  patch->depth = radius * deepest;
-  patch->share = patch->turn = 1.0;
-  patch->tilt = patch->side = 0.0;
+  if (behind && !clip_at(behind, radius, 1.0, &low, &high)) return -1.0;
+  if (ahead && !clip_at(ahead, radius, -1.0, &low, &high)) return -1.0;
+  double deepest = cos(fmin(fmax(0.0, low), high)) - cos(theta);
+  *patch = (Patch){.sinkage = fmin(h, DEEPEST * radius), .share = 1.0, .turn = 1.0, .n_s = f->n_s, .n_t = f->n_t, .ground = f->ground};
+  memcpy(patch->normal, f->normal, sizeof patch->normal);
   if (low > -theta || high < theta) {
-    if (deepest <= 1e-12) return 0;
-    double own[2], whole[2], upper[2], lower[2];
-    depth_integrals(0.0, theta, n_soil, own);
-    memcpy(whole, own, sizeof whole);
-    if (patch->sinkage < h) depth_integrals(0.0, acos(1.0 - patch->sinkage / radius), n_soil, whole);
-    integrals_from(low, theta, n_soil, own, lower);
-    integrals_from(high, theta, n_soil, own, upper);
-    patch->share = 0.5 * (lower[0] - upper[0]) / whole[0];
-    patch->turn = 0.5 * (lower[1] - upper[1]) / whole[1];
-    double from = fmax(cos(low) - cosine, 0.0), to = fmax(cos(high) - cosine, 0.0);
-    patch->tilt = 0.5 * (pow(from, n_soil + 1.0) - pow(to, n_soil + 1.0)) / ((n_soil + 1.0) * whole[0]);
+    if (deepest <= 1e-12) return -1.0;
+    share_out(low, high, theta, h, radius, n, patch);
   }
-  return 1;
+  return radius * deepest;
+}
+
+static void face_up(Facet *facets, integer n) {
+  for (integer k = 0; k < n; ++k) {
+    double ds = facets[k + 1].s - facets[k].s, dt = facets[k + 1].t - facets[k].t;
+    double scale = 1.0 / sqrt(ds * ds + dt * dt);
+    facets[k].n_s = -dt * scale;
+    facets[k].n_t = ds * scale;
+  }
+}
+
+/* The patches of one strip of a wheel's width, which has this share of it; *sinkage grows by its greatest depth. */
+static integer strip_patches(const Drive *d, integer n, double radius, double share, double slope, Patch *out, double *sinkage) {
+  Facet *facets = (Facet *)d->facets;
+  double deepest = 0.0;
+  integer found = 0, known = 0; /* known: the corner ahead of the facet before, where that was wanted */
+  Corner behind, ahead;
+  face_up(facets, n);
+  for (integer k = 0; k < n; ++k) {
+    double h = depth_under(facets + k, radius);
+    if (h <= 0.0) { known = 0; continue; }
+    if (known) behind = ahead; else if (k > 0) behind = corner_between(facets + k - 1, facets + k, radius);
+    if (k < n - 1) ahead = corner_between(facets + k, facets + k + 1, radius);
+    known = 1;
+    double n_soil = d->soils[N_SOIL * facets[k].ground + SOIL_N];
+    Patch *patch = out + found;
+    double depth = find_patch(facets + k, k > 0 ? &behind : 0, k < n - 1 ? &ahead : 0, h, radius, n_soil, patch);
+    if (depth < 0.0) continue;
+    ++found;
+    deepest = fmax(deepest, depth);
+    patch->side = -slope * patch->share * patch->sinkage / (n_soil + 1.5);
+    patch->share *= share;
+    patch->tilt *= share;
+    patch->turn *= share;
+  }
+  *sinkage += share * deepest;
+  return found;
+}
+
+/* All patches of a wheel, into d->patches, and its sinkage: the greatest depth, its mean over the width. */
+static integer wheel_patches(const Drive *d, const Wheel *w, integer index, double *sinkage) {
+  const double radius = d->radius[index], width = d->kinds[N_WHEEL * d->kind[index] + WHEEL_B];
+  Facet *facets = (Facet *)d->facets;
+  Patch *out = (Patch *)d->patches;
+  integer found = 0;
+  *sinkage = 0.0;
+  if (!d->n_lanes) return strip_patches(d, cut_grid(d, w, radius, facets), radius, 1.0, 0.0, out, sinkage);
+  for (integer lane = 0; lane < d->n_lanes; ++lane) {
+    double slope, share = lane_share(d, w, lane, radius, width, &slope);
+    if (share > 0.0)
+      found += strip_patches(d, cut_lane(d, w, lane, radius, facets), radius, share, slope, out + found, sinkage);
+  }
+  return found;
+}
+
+/* For tests: the patches of a wheel in this frame (centre, axle, forward, up) go to d->patches. */
+integer rover_pin_patches(const Drive *d, integer index, const double *frame, double *sinkage) {
+  Wheel wheel;
+  double *parts[4] = {wheel.centre, wheel.axle, wheel.forward, wheel.up};
+  for (int i = 0; i < 4; ++i) memcpy(parts[i], frame + 3 * i, 3 * sizeof(double));
+  return wheel_patches(d, &wheel, index, sinkage);
 }

@@ -11,8 +11,10 @@ from rover_pin.motion.laws import GEOMETRY, MAX_STATES
 from rover_pin.quantity import Record, quantities
 
 MAX_DOF, MAX_COLS = 48, 24
-MOST = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "MOTOR_OUT": 128, "FACETS": 64, "SPOTS": 64}
+MOST = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "MOTOR_OUT": 128, "SPOTS": 64}
 """The most of each that the step holds; COLS in whole rows of 8, SPOTS: patches whose laws are worked out together."""
+N_FACET, N_PATCH = 8, 11
+"""Numbers in the C structs of one facet and of one patch."""
 
 RECORD = ("slip", "slip_y", "sinkage", "normal", "tangential", "lateral", "soil_torque", "travel", "patches", "torque",
           "current", "supply")  # fmt: skip
@@ -42,6 +44,9 @@ ARRAYS = {
     "held_lanes": "the same, as the lanes took it last",
     "duty": "",
     "lane_borders lane_x lane_z grid_z": "",
+    "lane_normal": "of each piece: x, z",
+    "bin_x0 bin_per_metre": "where a lane's first bin begins, bins per metre",
+    "facets patches": "room for those of one wheel",
     "foreseen": "4 a wheel: its load as the last step expected it",
     "record energy loads": "n_wheels x N_RECORD; N_ENERGY; n_wheels x 6",
     "impulse differential": "of the soil's forces; the differential's torque",
@@ -58,6 +63,7 @@ INDICES = {
     "body_dof body_q": "base (6), then the suspension's joints; body_q: those joints alone",
     "coupled_dof": "follower, leader of each coupling; a rigid differential is the last one, of ratio -1",
     "mirror_index lane_start lane_ground grid_ground work_i": "",
+    "bin bin_start": "the last point at or behind each bin's begin, and where a lane's bins begin",
 }
 """Arrays of integer, likewise."""
 FUNCTIONS = "contact_before body_law rigid_body".split()
@@ -84,6 +90,7 @@ def header() -> str:
     """Return the C declarations: sizes (N_SOIL), places (SOIL_N: where the exponent n stands), and the struct Drive."""
     tables = {"SOIL": _names(Soil), "WHEEL": _names(Wheel), "GEOMETRY": GEOMETRY, "RECORD": RECORD, "ENERGY": ENERGY}
     lines = [f"#define MAX_{name} {size}" for name, size in MOST.items()]
+    lines += [f"#define N_FACET {N_FACET}", f"#define N_PATCH {N_PATCH}"]
     lines += [_places(table, names) for table, names in tables.items()]
     return "\n".join([*lines, "typedef struct {", *_members(), "} Drive;", ""])
 

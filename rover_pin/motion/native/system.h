@@ -2,7 +2,6 @@
 
 typedef struct { /* a patch that touches, or stands below a wheel in the air: where, and how it moves */
   Patch patch;
-  Facet facet;
   double t[3], l[3];             /* forward and lateral in the patch's plane */
   double contact[N_GEOMETRY];
   double forwards, steep[2];     /* share of the forward law, and its slopes with v_x and rim */
