@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,8 @@ class Kernel:
         self._step = library().rover_pin_step
         self._address = ctypes.addressof(self.struct)
         self.resoil(self.soils)
+        self.moving = (state.q, state.v, state.contact, state.motor, self.record, self.loads, self.foreseen)
+        self.moving += (self.energy, self.impulse, self.differential)
 
     def step(self) -> int:
         """Advance the state by dt; return 0, or 1 (not finite) or 2 (singular)."""
@@ -64,6 +67,15 @@ class Kernel:
     def set_step(self, dt: float) -> None:
         """Let steps have this length [s] from now on."""
         self.struct.dt = dt
+
+    def saved(self) -> list[np.ndarray]:
+        """Return a copy of all that a step changes."""
+        return [each.copy() for each in self.moving]
+
+    def restore(self, saved: Sequence[np.ndarray]) -> None:
+        """Go back to where `saved` was taken."""
+        for array, value in zip(self.moving, saved, strict=True):
+            array[...] = value
 
     @property
     def misjudged(self) -> float:

@@ -23,10 +23,10 @@ class Motor(Record):
     """
 
     supply: Scalar = quantity(7.2, "V", "assumed: a six-cell battery", 0.1, 1e3, "V")
-    resistance: Scalar = quantity(24.12, "ohm", "assumed: stall torque 1 N m", 1e-3, 1e5, "R")
-    k_t: Scalar = quantity(0.0125, "N m/A", "assumed: a small DC motor", 1e-6, 1e3, "k_t")
-    gear: Scalar = quantity(268.0, "", "assumed, then calibrated", 0.1, 1e5, "N")
-    rotor_inertia: Scalar = quantity(1.4e-8, "kg m^2", "assumed: 1e-3 kg m^2 at the wheel", 0.0, 10.0, "J_r")
+    resistance: Scalar = quantity(24.12, "ohm", "assumed: stall torque 1 N m", 1e-3, 1e4, "R")
+    k_t: Scalar = quantity(0.0125, "N m/A", "assumed: a small DC motor", 1e-5, 10.0, "k_t")
+    gear: Scalar = quantity(268.0, "", "assumed, then calibrated", 0.1, 1e4, "N")
+    rotor_inertia: Scalar = quantity(1.4e-8, "kg m^2", "assumed: 1e-3 kg m^2 at the wheel", 0.0, 0.1, "J_r")
 
     @property
     def constant(self) -> Scalar:

@@ -1,17 +1,22 @@
-"""Steps as fine as the forces need: shorter where one step misjudged what its speeds would make of them."""
+"""Steps as fine as the forces need: taken again in parts where one misjudged what its speeds would make of them."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
 
 FINEST = 64
 """Parts into which a step may be divided."""
 ROUGH, CALM = 0.05, 0.002
 """Misjudged share of a wheel's normal force above which steps are quartered, and below which they are doubled."""
 
+Saved = Sequence[np.ndarray]
+
 
 class Steps(Protocol):
-    """A drive from one step to the next whose step can change."""
+    """A drive from one step to the next whose step can change, and be taken back."""
 
     @property
     def misjudged(self) -> float:
@@ -23,48 +28,72 @@ class Steps(Protocol):
     def step(self) -> int:
         """Advance by a step; 0 when all is well."""
 
+    def saved(self) -> Saved:
+        """Return a copy of all that a step changes."""
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to where `saved` was taken."""
+
+
+class Begun(NamedTuple):
+    """Where a step began, and how many of the finest parts it is long."""
+
+    saved: Saved
+    size: int
+
 
 class Pace:
     """Advances a drive by whole steps `dt` [s], in parts where the forces turn faster than that.
 
     Every step takes the forces as straight lines over the speeds. Where a wheel's f_t, f_y or torque over its f_n then
     comes out by more than ROUGH from what the line said (a slip that swept across a stiff shear, small k, from one step
-    to the next), the following steps are quartered, down to dt / FINEST, until less than CALM is left: the error of a
-    line falls with the square of the step. The step found too long is not taken back.
+    to the next), that step is taken again in quarters, down to dt / FINEST, and so are those after it until less than
+    CALM is left: the error of a line falls with the square of the step. A step is not taken again across a command to
+    the motors or a row of the trace. One that ends in numbers that are not finite is taken again too.
     """
 
     def __init__(self, stepper: Steps, dt: float):
         self.stepper, self.dt, self.unit, self.size = stepper, dt, dt / FINEST, FINEST
         self.missed = 0.0
-        "what was misjudged by more than ROUGH, times its step, summed [s]; times gravity it is a change of speed"
+        "what was misjudged and kept, times its step, summed [s]; times gravity it is a change of speed"
+        self.before: Begun | None = None
+        "where the last step began, if it can be taken again"
 
-    def advance(self) -> int:
-        """Advance by dt; return the first status that is not 0."""
-        if self.size < FINEST:
-            return self._in_parts()
-        status = self.stepper.step()
-        off = self.stepper.misjudged
-        if off > ROUGH:
-            self._quarter(off)
-        return status
-
-    def _in_parts(self) -> int:
+    def advance(self, commanded: bool = True) -> int:
+        """Advance by dt; return the first status that is not 0. `commanded`: the motors have a new command since."""
+        if commanded:
+            self.before = None
         left = FINEST
         while left:
+            here = Begun(self.stepper.saved(), self.size)
             status = self.stepper.step()
-            if status:
+            off = 0.0 if status else self.stepper.misjudged
+            long = here if status else self.before if off > ROUGH else None
+            if long and long.size > 1:
+                left += long.size if long is self.before else 0
+                self._take_again(long)
+            elif status:
                 return status
-            left -= self.size
-            off = self.stepper.misjudged
-            if off > ROUGH:
-                self._quarter(off)
-            elif off < CALM and left % (2 * self.size) == 0:
-                self._change(2 * self.size)
+            else:
+                left -= here.size
+                self._keep(off, left)
+                self.before = here
         return 0
 
-    def _quarter(self, off: float) -> None:
-        self.missed += off * self.size * self.unit
-        self._change(max(1, self.size // 4))
+    def _take_again(self, long: Begun) -> None:
+        """Go back to where a step began, to take it in quarters."""
+        self.stepper.restore(long.saved)
+        self.before = None
+        self._change(max(1, long.size // 4))
+
+    def _keep(self, off: float, left: int) -> None:
+        """Count what the step before misjudged, and choose the size of those that follow."""
+        if off > ROUGH:
+            self.missed += off * (self.before.size if self.before else self.size) * self.unit
+        if off > ROUGH:
+            self._change(max(1, self.size // 4))
+        elif off < CALM and self.size < FINEST and left % (2 * self.size) == 0:
+            self._change(2 * self.size)
 
     def _change(self, size: int) -> None:
         self.size = size

@@ -15,6 +15,8 @@ the default.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
@@ -48,6 +50,8 @@ class Plain:
         steered = {i: wheel.steer_dof for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None}
         self.servo_wheels, self.servo_dofs = list(steered), list(steered.values())
         self.servo_target = np.zeros(max(1, len(self.servo_wheels)))
+        self.moving = (state.q, state.v, state.contact, state.motor, self.record, self.loads, self.foreseen)
+        self.moving += (self.energy, self.impulse, self.differential)
         self.law = PlainLaw(model)
         self.motor = laws.as_numbers(laws.motor_law(model.motor, model.motor_effects))
         self.body = laws.as_numbers(body_law(model.body_effects, joints_of(self.rover)))
@@ -56,6 +60,15 @@ class Plain:
     def set_step(self, dt: float) -> None:
         """Let steps have this length [s] from now on."""
         self.dt = dt
+
+    def saved(self) -> list[np.ndarray]:
+        """Return a copy of all that a step changes."""
+        return [each.copy() for each in self.moving]
+
+    def restore(self, saved: Sequence[np.ndarray]) -> None:
+        """Go back to where `saved` was taken."""
+        for array, value in zip(self.moving, saved, strict=True):
+            array[...] = value
 
     def energies(self) -> tuple[float, float]:
         """Return kinetic and potential energy [J] at the present state."""

@@ -173,8 +173,8 @@ class _Rerun:
             self._lean(self.force[row])
         if self.grip is not None:
             self._grip(self.grip[row])
-        for _ in range(steps):
-            if self.pace.advance():
+        for step in range(steps):
+            if self.pace.advance(step == 0):
                 return "diverged"
         if row % CHECKED:
             return ""

@@ -162,7 +162,7 @@ def run(drive: Drive, pace: Pace, duration: float, progress: Progress | None) ->
     for k in range(steps):
         if k % per_control == 0:
             obey(drive, k, suspension)
-        status = pace.advance()
+        status = pace.advance(k % per_control == 0 or k % per_sample == 0)
         if status:
             return rows, f"diverged at {state.t:.2f} s: " + ("a velocity is not finite", "the system is singular")[
                 status - 1

@@ -19,15 +19,18 @@ from rover_pin.effects.dead_band import DeadBand
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.load_exponent import LoadExponent
+from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.multi_pass import MultiPass
+from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence
+from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.viscous_friction import ViscousFriction
-from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import simulate
@@ -50,6 +53,9 @@ STRUCTURES = (
 WIDE = 0.25
 """Share of numbers drawn from all of their declared range; the others lie within a factor of 4 of their default."""
 
+SMALLEST = 1e-6
+"""Of what may be 0: share of its greatest value from which on it is drawn."""
+
 
 @dataclass(frozen=True)
 class RandomDrive:
@@ -69,6 +75,8 @@ def number(rng, default, about):
     """A number of a quantity: near its default, or from anywhere in its range."""
     low, high = max(about.low, -1e9), min(about.high, 1e9)
     if rng.random() < WIDE:
+        if low == 0.0:
+            return high * log_uniform(rng, SMALLEST, 1.0)
         return log_uniform(rng, low, high) if low > 0.0 else float(rng.uniform(low, high))
     near = default * log_uniform(rng, 0.25, 4.0) if default else rng.uniform(-0.1, 0.1) * min(1.0, high)
     return float(min(high, max(low, near)))
@@ -81,12 +89,31 @@ def drawn(rng, record):
 
 
 def soil(rng):
-    """The soil's own bounds, but for what carries: k_1 where a rover sinks by 1 um to half a wheel, k_2 = 0."""
-    return Soil(
-        c=log_uniform(rng, 1e-3, 1e4), phi=rng.uniform(0.0, math.radians(60.0)), k=log_uniform(rng, 1e-4, 1.0),
-        k_1=log_uniform(rng, 1e4, 1e8), n=rng.uniform(0.5, 2.0), theta_1=rng.uniform(0.05, math.radians(89.0)),
-        theta_2=-rng.uniform(0.0, math.radians(89.0)), exit_ratio=rng.uniform(0.0, 1.0),
-    )  # fmt: skip
+    """A soil from anywhere in its declared bounds; zeros and negative moduli among them."""
+    bounds = quantities(Soil)
+    drawn = {}
+    for name in ("c", "k", "n", "theta_1", "exit_ratio"):
+        low, high = bounds[name].low, bounds[name].high
+        drawn[name] = log_uniform(rng, max(low, 1e-3), high) if high > 5.0 else float(rng.uniform(low, high))
+    drawn["k"] = log_uniform(rng, bounds["k"].low, bounds["k"].high)
+    drawn["phi"], drawn["theta_2"] = (
+        float(rng.uniform(bounds[name].low, bounds[name].high)) for name in ("phi", "theta_2")
+    )
+    return Soil(**drawn, **moduli(rng, bounds))
+
+
+def moduli(rng, bounds):
+    """k_1 alone, k_2 alone, or both, one of them negative in every other; now and then from anywhere at all."""
+    k_1, k_2 = log_uniform(rng, 1e3, bounds["k_1"].high), log_uniform(rng, 1e4, bounds["k_2"].high)
+    kind = rng.integers(6)
+    if kind == 0:
+        return {"k_1": float(rng.uniform(bounds["k_1"].low, bounds["k_1"].high)), "k_2": k_2}
+    if kind < 3:
+        return {"k_1": k_1, "k_2": 0.0}
+    if kind == 3:
+        return {"k_1": 0.0, "k_2": k_2}
+    share = float(rng.uniform(-0.9, 2.0))
+    return {"k_1": share * 0.05 * k_2, "k_2": k_2} if 0.05 * k_2 * abs(share) < 1e9 else {"k_1": k_1, "k_2": k_2}
 
 
 def terrain(rng):
@@ -140,7 +167,8 @@ def drive(seed):
     rover = wheels_of(rng, load_rover("nexus6" if PivotFriction in further else ("nexus6", "cart")[rng.integers(2)]))
     rover = rover.carrying(float(rover.mass * rng.uniform(0.0, 3.0))) if rng.random() < 0.3 else rover
     ground, hard = soil(rng), soil(rng)
-    effects = base_effects(ground, rover, SoilTraction(form(), angles()))
+    resistance = () if form is NetTraction else (drawn(rng, MotionResistance()),)
+    effects = (SoilTraction(form(), angles()), drawn(rng, NormalDamping()), *resistance, drawn(rng, SideShear()))
     model = Model(
         rover, terrain(rng), (ground, hard), drawn(rng, Motor()), drawn(rng, slip()), effects,
         gravity=log_uniform(rng, 0.05, 50.0),

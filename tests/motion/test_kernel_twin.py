@@ -12,6 +12,7 @@ from rover_pin.contact import Soil
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
@@ -89,6 +90,24 @@ def test_steps_agree(name):
             assert plain.differential == pytest.approx(kernel.differential, rel=1e-8, abs=1e-9)
         else:
             assert kernel.step() == 0
+
+
+@pytest.mark.parametrize("kind", [Kernel, Plain])
+def test_steps_that_are_taken_back_leave_nothing_behind(kind):
+    """A motor whose current and supply, and gears whose wind-up, the next step reads as well."""
+    made = CASES["two-widths"][0].having(SupplySag())
+    state = settled(made, Start())
+    stepper = kind(made, state, 0.005, False)
+    stepper.duty[:] = np.linspace(0.4, 0.9, 6)
+    for _ in range(5):
+        stepper.step()
+    saved = stepper.saved()
+    ends = []
+    for _ in range(2):
+        stepper.restore(saved)
+        assert [stepper.step() for _ in range(4)] == [0] * 4
+        ends.append([stepper.misjudged, *(each.tobytes() for each in stepper.saved())])
+    assert ends[0] == ends[1]
 
 
 def test_a_dropped_rover_is_the_same_in_both():

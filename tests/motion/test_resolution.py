@@ -139,26 +139,79 @@ def test_a_shear_stiffer_than_the_step_does_not_shake_the_wheels_loose():
         assert np.abs(coarse[axis] - fine[axis]).max() < 5e-4
 
 
-def test_steps_are_divided_only_while_forces_turn_too_fast():
-    class Stub:
-        dt, misjudged, sizes = 64.0, 0.0, []
+class Rough:
+    """A way in time whose forces turn within `span`: a step of `length` there is misjudged by rate length^2."""
 
-        def set_step(self, dt):
-            self.dt = dt
+    def __init__(self, span, rate, explodes=math.inf):
+        self.span, self.rate, self.explodes = span, rate, explodes
+        self.t, self.dt, self.error, self.misjudged = np.zeros(1), 64.0, np.zeros(1), 0.0
+        self.tried, self.kept = [], []
 
-        def step(self):
-            self.sizes.append(self.dt)
-            self.misjudged = 2 * ROUGH if 2 <= len(self.sizes) < 5 else 0.0
-            return 0
+    def set_step(self, dt):
+        self.dt = dt
 
-    stub = Stub()
+    def saved(self):
+        return [self.t.copy(), self.error.copy(), np.array(len(self.kept))]
+
+    def restore(self, saved):
+        self.t[:], self.error[:] = saved[:2]
+        del self.kept[int(saved[2]) :]
+
+    def step(self):
+        self.misjudged, inside = float(self.error[0]), self.span[0] <= self.t[0] < self.span[1]
+        self.error[0] = self.rate * self.dt**2 if inside else 0.0
+        self.tried.append(self.dt)
+        self.kept.append((float(self.t[0]), self.dt))
+        self.t += self.dt
+        return int(inside and self.dt > self.explodes)
+
+
+def driven(stub, steps=8, commanded=lambda k: k == 0):
     pace = Pace(stub, 64.0)
-    for _ in range(5):
-        assert pace.advance() == 0
-    assert stub.sizes[:5] == [64.0, 64.0, 16.0, 4.0, 1.0]
-    assert stub.sizes[-1] == 64.0
-    assert sum(stub.sizes) == 5 * 64.0
-    assert pace.missed == pytest.approx(2 * ROUGH * (64.0 + 16.0 + 4.0))
+    assert [pace.advance(commanded(k)) for k in range(steps)] == [0] * steps
+    ends = np.cumsum([0.0, *(length for _, length in stub.kept)])
+    assert ends[-1] == stub.t[0] == 64.0 * steps
+    np.testing.assert_array_equal(ends[:-1], [begin for begin, _ in stub.kept])
+    return pace
+
+
+def test_a_step_that_misjudged_its_forces_is_taken_again_in_quarters():
+    """Steps of 4 make 0.8 ROUGH where those of 16 make 12.8 ROUGH: none that is worse is kept."""
+    stub = Rough((130.0, 200.0), ROUGH / 20.0)
+    pace = driven(stub)
+    assert pace.missed == 0.0
+    assert max(length for begin, length in stub.kept if 130.0 <= begin < 200.0) <= 4.0
+    assert [length for begin, length in stub.kept if begin < 64.0] == [64.0]
+    assert stub.kept[-1][1] == 64.0
+    assert len(stub.tried) > len(stub.kept)
+
+
+def test_steps_are_as_long_as_asked_where_no_force_turns():
+    stub = Rough((0.0, 0.0), 1.0)
+    assert driven(stub).missed == 0.0
+    assert stub.tried == [64.0] * 8
+
+
+def test_a_step_before_a_command_is_not_taken_again_but_counted():
+    """What comes after it is taken in quarters all the same."""
+    stub = Rough((128.0, 192.0), ROUGH / 1000.0)
+    pace = driven(stub, commanded=lambda k: True)
+    assert (128.0, 64.0) in stub.kept
+    assert (192.0, 64.0) in stub.kept
+    assert pace.missed == pytest.approx(ROUGH / 1000.0 * 64.0**2 * 64.0)
+    assert stub.kept[4][1] == 16.0
+
+
+def test_a_step_that_explodes_is_taken_again_until_the_finest():
+    stub = Rough((100.0, 140.0), 0.0, explodes=2.0)
+    assert driven(stub).missed == 0.0
+    assert max(length for begin, length in stub.kept if 100.0 <= begin < 140.0) <= 2.0
+    assert Pace(Rough((0.0, 1.0), 0.0, explodes=0.0), 64.0).advance() == 1
+
+
+def test_what_the_finest_steps_misjudge_is_counted():
+    stub = Rough((128.0, 130.0), 2.0 * ROUGH)
+    assert driven(stub).missed == pytest.approx(2 * 2.0 * ROUGH)
 
 
 def test_a_drive_whose_forces_turn_faster_than_its_steps_says_so():

@@ -373,7 +373,7 @@ def test_an_effect_on_a_wheel_that_is_not_there_is_refused():
 
 def test_a_drive_that_fails_before_its_first_row_says_why(monkeypatch):
     """It used to end in an error of numpy's."""
-    monkeypatch.setattr("rover_pin.motion.simulate.Pace.advance", lambda self: 1)
+    monkeypatch.setattr("rover_pin.motion.simulate.Pace.advance", lambda self, commanded: 1)
     trace = simulate(made("flat"), ConstantDuty(0.5), 1.0)
     assert len(trace.t) == 0
     assert trace.attrs["stop"] == "diverged at 0.00 s: a velocity is not finite"
