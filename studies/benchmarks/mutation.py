@@ -3,10 +3,11 @@
     python studies/benchmarks/mutation.py [--rooms soil effects ...] [--files NAME ...] [--sample N] [--minutes M]
 
 Operators are swapped, terms dropped, constants changed by a tenth, comparisons turned, branches exchanged, one at a
-time, in a copy of the tree. The tests that belong to the changed file run on it, its own first, until one fails. What
-survives is printed with its place and the change; what changes no result stands in changes/equivalent.py with the
-reason. Numbers inside `quantity(...)` are declarations, not laws, and are left alone, as are messages and types.
-A change takes 1 to 20 s; `--quick` tries a few of the soil.
+time, in a copy of the tree. Each is tried on the tests that run its statement, those first that noticed others of its
+file, until one fails. What survives is printed with its place and the change, with `--killers` also what noticed the
+others; what changes no result stands in changes/equivalent.py with the reason. Numbers inside `quantity(...)` are
+declarations, not laws, and are left alone, as are messages and types. Results are kept in `--keep` and hold as long as
+the changed file and the tests are the same, so that a run that was stopped goes on. `--quick` tries a few of the soil.
 """
 
 from __future__ import annotations
@@ -16,23 +17,24 @@ import importlib
 import math
 import os
 import random
-import re
+import resource
 import shutil
-import signal
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
 from changes import c, python
 from changes.equivalent import EQUIVALENT
+from changes.kept import Kept
+from changes.trial import OPTIONS, Trial
 
 ROOT = Path(__file__).resolve().parents[2]
-LIBRARIES = ("numpy", "scipy.optimize", "scipy.stats", "casadi", "pinocchio", "matplotlib.figure", "pandas", "pytest")
-"""Imported once: every mutant runs in a fork that has them."""
-PATIENCE, LEAST = 5.0, 60.0
-"""A mutant may take so many times what its tests take on the code as it is, and at least so long [s]."""
+LIBRARIES = ("numpy", "scipy.optimize", "scipy.stats", "casadi", "pinocchio", "matplotlib.figure", "pandas", "coverage")
+"""Imported once, whatever the rooms."""
+KEEP = ROOT / "out" / "mutation.json"
 QUICK = 4
 
 DECIDING = (
@@ -45,7 +47,7 @@ DECISIONS = "drive_decisions drive_noise rig_decisions rig_thresholds wording re
 
 
 class Room(NamedTuple):
-    """Files that are changed, and the tests that belong to each, in their order; `{stem}` is the file's name."""
+    """Files that are changed, and the tests that are asked."""
 
     files: tuple[str, ...]
     tests: tuple[str, ...]
@@ -56,13 +58,10 @@ def _named(folder: str, names: str) -> tuple[str, ...]:
 
 
 ROOMS = {
-    "soil": Room(("rover_pin/soil/*.py",), ("tests/soil/test_soil_[!t]*.py", "tests/soil/test_soil_t*.py")),
-    "effects": Room(("rover_pin/effects/*.py",), _named("effects", "{stem} laws every_effect ballast_and_tilt")),
+    "soil": Room(("rover_pin/soil/*.py",), ("tests/soil/test_*.py",)),
+    "effects": Room(("rover_pin/effects/*.py",), ("tests/effects/test_*.py",)),
     "body": Room(("rover_pin/body/*.py",), ("tests/body/test_*.py", "tests/oracle/test_oracle_dynamics.py")),
-    "motion": Room(
-        ("rover_pin/motion/*.py", "rover_pin/motion/native/*.c"),
-        _named("motion", "{stem} kernel_twin simulate [!kst]* t*"),
-    ),
+    "motion": Room(("rover_pin/motion/*.py", "rover_pin/motion/native/*.c"), ("tests/motion/test_*.py",)),
     "evidence": Room(
         tuple(f"rover_pin/{name}.py" for name in DECIDING),
         _named("evidence", DECISIONS),
@@ -75,27 +74,58 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--rooms", nargs="*", choices=ROOMS, default=list(ROOMS))
     options.add_argument("--files", nargs="*", default=[], help="only files of these names, as traction.py")
-    options.add_argument("--sample", type=int, default=0, help="changes that are tried; 0 for all")
+    options.add_argument("--sample", type=int, default=0, help="changes of a room that are tried; 0 for all")
     options.add_argument("--seed", type=int, default=0, help="of the order in which they are tried")
     options.add_argument("--minutes", type=float, default=math.inf, help="none is begun after so long")
-    options.add_argument("--quick", action="store_true", help=f"{QUICK} changes of the soil")
+    options.add_argument("--keep", type=Path, default=KEEP, help="file of what is known")
+    options.add_argument("--killers", action="store_true", help="print what noticed each change")
+    options.add_argument("--quick", action="store_true", help=f"{QUICK} changes of slip.py and angles.py of the soil")
     asked = options.parse_args()
-    rooms, sample = (["soil"], QUICK) if asked.quick else (asked.rooms, asked.sample)
+    if asked.quick:
+        asked.rooms, asked.sample, asked.files = ["soil"], QUICK, ["slip.py", "angles.py"]
     for name in LIBRARIES:
         importlib.import_module(name)
     with tempfile.TemporaryDirectory() as folder:
         tree = copied(Path(folder) / "tree")
-        chosen = [each for room in rooms for each in mutants(tree, room, asked.files)]
-        random.Random(asked.seed).shuffle(chosen)
-        trial, end, results = Trial(tree), time.monotonic() + 60 * asked.minutes, list[str]()
-        for each in chosen[: sample or None]:
-            if time.monotonic() < end:
-                results.append(trial.survives(each))
-    for name in sorted(trial.failing):
+        end, kept = time.monotonic() + 60 * asked.minutes, Kept(Path(folder) / "kept" if asked.quick else asked.keep)
+        for room in asked.rooms:
+            chosen = mutants(tree, room, asked.files)
+            random.Random(asked.seed).shuffle(chosen)
+            child = os.fork()
+            if child == 0:
+                tried(tree, room, Trial(tree, chosen[: asked.sample or None], kept, end), asked.killers)
+                os._exit(0)
+            if os.waitpid(child, 0)[1]:
+                raise SystemExit(f"{room}: the run ended early.")
+            kept = Kept(kept.file)
+
+
+def tried(tree: Path, room: str, trial: Trial, killers: bool) -> None:
+    """Try a room's changes in one session of its tests, and print what became of them."""
+    import pytest
+
+    begun = time.monotonic()
+    os.chdir(tree)
+    sys.path[0:0], sys.dont_write_bytecode = [str(tree)], True
+    os.environ |= {"PYTHONPATH": str(tree), "ROVER_PIN_CACHE": str(tree.parent / "cache")}
+    tests = sorted({str(each.relative_to(tree)) for pattern in ROOMS[room].tests for each in tree.glob(pattern)})
+    code = pytest.main([*OPTIONS, "-qq", *tests], plugins=[trial])
+    if not str(sys.modules["rover_pin"].__file__).startswith(str(tree)):
+        raise SystemExit("Another rover_pin than that of this tree was imported.")
+    for name in trial.broken:
         print(f"left out, as it fails without any change: {name}")
-    missed = sum(map(bool, results))
-    told = f"{len(results)} of {len(chosen)} changes in {', '.join(rooms)}"
-    print(f"{told}: {len(results) - missed} noticed, {missed} not")
+    for one in trial.tried if killers else ():
+        print(f"  {one.path.name}:{one.mutant.line}: {one.mutant.said}: {one.killer or 'NOTHING'}")
+    files = Counter(one.path.name for one in trial.tried)
+    missed = Counter(one.path.name for one in trial.tried if not one.killer)
+    for name, count in sorted(files.items()):
+        print(f"  {room}/{name}: {count} changes, {missed[name]} not noticed")
+    used = sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    told = f"{len(trial.tried)} of {len(trial.changes)} changes in {room}"
+    print(f"{told}: {sum(files.values()) - missed.total()} noticed, {missed.total()} not; "
+          f"{time.monotonic() - begun:.0f} s, {used:.0f} s of CPU", flush=True)  # fmt: skip
+    if code and not trial.tried:
+        raise SystemExit(f"pytest: {code}")
 
 
 def copied(tree: Path) -> Path:
@@ -108,91 +138,16 @@ def copied(tree: Path) -> Path:
     return tree
 
 
-Change = tuple[Path, tuple[str, ...], python.Mutant]
-
-
-def mutants(tree: Path, room: str, files: list[str]) -> list[Change]:
-    """Return the changes of a room's files with the tests that belong to each, but those that change no result."""
-    found: list[Change] = []
+def mutants(tree: Path, room: str, files: list[str]) -> list[tuple[Path, python.Mutant]]:
+    """Return the changes of a room's files, but those that change no result."""
+    found: list[tuple[Path, python.Mutant]] = []
     for path in sorted(each for pattern in ROOMS[room].files for each in tree.glob(pattern)):
         if files and path.name not in files:
             continue
-        patterns = [pattern.format(stem=path.stem) for pattern in ROOMS[room].tests]
-        tests = tuple(dict.fromkeys(str(each) for pattern in patterns for each in sorted(tree.glob(pattern))))
-        text = path.read_text(encoding="latin-1")
+        text, name = path.read_text(encoding="latin-1"), str(path.relative_to(tree))
         made = c.changes(text) if path.suffix == ".c" else python.changes(text)
-        name = str(path.relative_to(tree))
-        found += [(path, tests, one) for one in made if (name, one.said) not in EQUIVALENT]
+        found += [(path, one) for one in made if (name, one.said) not in EQUIVALENT]
     return found
-
-
-class Trial:
-    """Runs tests on a changed tree; remembers how long they take on the tree as it is, and which fail there."""
-
-    def __init__(self, tree: Path):
-        self.tree, self.said = tree, tree.parent / "said.txt"
-        self.taken: dict[str, float] = {}
-        self.failing: set[str] = set()
-
-    def survives(self, change: Change) -> str:
-        """Return the change in words where its tests pass with it, and print it; an empty string where they fail."""
-        path, tests, mutant = change
-        for test in tests:
-            if test not in self.taken:
-                self._try((test,))
-        text = path.read_text(encoding="latin-1")
-        path.write_text(mutant.of(text), encoding="latin-1")
-        try:
-            code = self._run(tests, max(LEAST, PATIENCE * sum(self.taken[test] for test in tests)))
-        finally:
-            path.write_text(text, encoding="latin-1")
-        told = f"{path.relative_to(self.tree)}:{mutant.line}: {mutant.said}"
-        if code == 0:
-            print(told, flush=True)
-        return told if code == 0 else ""
-
-    def _try(self, tests: tuple[str]) -> None:
-        """Run a file of tests on the tree as it is: how long it takes, and what fails there anyway."""
-        begun = time.monotonic()
-        code = self._run(tests, 3600.0, stop="--maxfail=1000")
-        self.taken[tests[0]] = time.monotonic() - begun
-        self.failing |= set(re.findall(r"^(?:FAILED|ERROR) (\S+)", self.said.read_text(), re.MULTILINE))
-        if code and self._run(tests, 3600.0):
-            raise SystemExit(f"{tests[0]} fails without any change:\n{self.said.read_text()[-3000:]}")
-
-    def _run(self, tests: tuple[str, ...], limit: float, stop: str = "-x") -> int:
-        """Return pytest's exit code in a fork, or -1 where it takes longer than the limit [s]."""
-        child = os.fork()
-        if child == 0:
-            os.setsid()
-            self._test(tests, stop)
-        end = time.monotonic() + limit
-        while time.monotonic() < end:
-            done, status = os.waitpid(child, os.WNOHANG)
-            if done:
-                return os.waitstatus_to_exitcode(status)
-            time.sleep(0.02)
-        os.killpg(child, signal.SIGKILL)
-        os.waitpid(child, 0)
-        return -1
-
-    def _test(self, tests: tuple[str, ...], stop: str) -> None:
-        """Run the tests on this tree's package and end the process."""
-        import pytest
-
-        os.chdir(self.tree)
-        sys.path[0], sys.dont_write_bytecode = str(self.tree), True
-        os.environ |= {"PYTHONPATH": str(self.tree), "ROVER_PIN_CACHE": str(self.tree.parent / "cache")}
-        said = os.open(self.said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-        os.dup2(said, 1)
-        os.dup2(said, 2)
-        code, left_out = 1, [f"--deselect={name}" for name in sorted(self.failing)]
-        try:
-            package = importlib.import_module("rover_pin").__file__ or ""
-            code = int(pytest.main([stop, "-q", "-p", "no:cacheprovider", *left_out, *tests]))
-            code = code if package.startswith(str(self.tree)) else 99
-        finally:
-            os._exit(code)
 
 
 if __name__ == "__main__":

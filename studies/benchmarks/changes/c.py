@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from changes.python import Mutant
+from changes.python import FLOOR, Mutant
 
 SIGNS = {" + ": " - ", " * ": " / ", " < ": " >= ", " > ": " <= ", " && ": " || ", " += ": " -= ", " == ": " != ",
          "fmin(": "fmax(", "sin(": "cos("}  # fmt: skip
@@ -23,6 +23,8 @@ def changes(text: str) -> list[Mutant]:
     for token in TOKEN.finditer(code):
         line = text.count("\n", 0, token.start()) + 1
         new = SIGNS.get(token.group()) or repr(1.1 * float(token.group()) or 0.1)
+        if token.group() not in SIGNS and 0.0 < float(token.group()) <= FLOOR:
+            continue
         told = f"{' '.join(text.splitlines()[line - 1].split())}: {token.group().strip()} -> {new.strip()}"
         made.append(Mutant(line, *token.span(), new, told))
     return made

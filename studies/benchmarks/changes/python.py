@@ -17,6 +17,11 @@ NAMES = {"fmin": "fmax", "min": "max", "sin": "cos", "minimum": "maximum", "all"
 NAMES |= {other: name for name, other in NAMES.items()}
 DECLARED = {"quantity", "TypeVar", "lru_cache", "Function", "sym"}
 """Calls whose arguments are declarations, not laws."""
+FLOOR = 1e-6
+"""Numbers up to here guard against a division by 0 or a root of less; a tenth more of them is nothing."""
+COUNTS = {"len", "sum", "range", "count", "round", "int", "ndim", "size"}
+"""What counts: elsewhere two numbers are never equal, and `<` is as good as `<=`."""
+TOUCH = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
 
 
 class Mutant(NamedTuple):
@@ -31,6 +36,18 @@ class Mutant(NamedTuple):
     def of(self, text: str) -> str:
         """Return the changed text."""
         return text[: self.start] + self.new + text[self.end :]
+
+
+def counts(node: ast.expr) -> bool:
+    """Return whether an expression is a whole number: a literal, or one that is counted."""
+    if isinstance(node, ast.Call):
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        return name in COUNTS
+    if isinstance(node, ast.Attribute):
+        return node.attr in COUNTS
+    if isinstance(node, ast.BinOp):
+        return counts(node.left) or counts(node.right)
+    return isinstance(node, ast.Constant) and type(node.value) is int
 
 
 class Changes(ast.NodeVisitor):
@@ -63,7 +80,8 @@ class Changes(ast.NodeVisitor):
         begin, end = self.span(left)[1], self.span(right)[0]
         at = begin + self.text[begin:end].index(sign)
         for other in others:
-            self.add((at, at + len(sign)), other)
+            if TOUCH.get(sign) != other or counts(left) or counts(right):
+                self.add((at, at + len(sign)), other)
 
     def visit_BinOp(self, node: ast.BinOp) -> None:  # noqa: D102
         sides = (node.left, node.right)
@@ -90,7 +108,7 @@ class Changes(ast.NodeVisitor):
             self.add(self.span(node), str(not node.value))
         elif isinstance(node.value, int):
             self.add(self.span(node), str(node.value + 1))
-        elif isinstance(node.value, float):
+        elif isinstance(node.value, float) and (node.value == 0.0 or abs(node.value) > FLOOR):
             self.add(self.span(node), repr(1.1 * node.value or 0.1))
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> None:  # noqa: D102

@@ -1,0 +1,282 @@
+"""Tries changes in one pytest session that has collected a room's tests: each in a fork, on the tests it touches."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import json
+import os
+import resource
+import select
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from changes.graft import UngraftableError, grafted
+from changes.kept import Kept, digest
+from changes.python import Mutant
+
+PATIENCE, LEAST = 10.0, 5.0
+"""A test may take so many times what it takes on the code as it is, and so much more [s of CPU]."""
+LONGEST = 1800.0
+"""Time [s] after which a change counts as one that hangs, whatever it waits for."""
+MEMORY = 6 << 30
+UNGRAFTED = 98
+"""Exit code of a fork that could not put a change into loaded modules."""
+
+
+class Tried(NamedTuple):
+    """One change in a file and what became of it: the test that failed, or nothing."""
+
+    path: Path
+    mutant: Mutant
+    killer: str
+
+
+class Known(NamedTuple):
+    """A test on the code as it is: how long it takes [s of CPU], and the lines that it runs, by file."""
+
+    taken: float
+    lines: dict[str, list[int]]
+
+
+class Trial:
+    """A pytest plugin that runs, in place of the tests, each change on the tests that run its lines.
+
+    A change is first put into the loaded modules. Where it is not within a function, what was worked out while they
+    were imported may differ: if its tests pass, they run once more on modules imported anew, together with all that
+    run anything of its file, before it counts as one that no test notices.
+    """
+
+    def __init__(self, tree: Path, changes: Sequence[tuple[Path, Mutant]], kept: Kept, end: float):
+        self.tree, self.changes, self.kept, self.end = tree, changes, kept, end
+        self.failed, self.tried, self.broken = False, list[Tried](), list[str]()
+        self.kills: Counter[tuple[Path, str]] = Counter()
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Note that a test failed."""
+        self.failed |= report.failed
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Learn what each test runs, then try the changes."""
+        self.items = {item.nodeid: item for item in session.items}
+        self.known = {name: Known(*self._learnt(item)) for name, item in self.items.items()}
+        self.broken = [name for name, known in self.known.items() if known.taken < 0.0]
+        self.all_tests = digest(*sorted({item.path for item in session.items}))
+        for path, mutant in self.changes:
+            if time.monotonic() > self.end:
+                break
+            self._try(path, mutant)
+        return True
+
+    def _learnt(self, item: pytest.Item) -> list[Any]:
+        """Return CPU time and lines of a test; a time below 0 where it fails on the code as it is."""
+        package = self.tree / "rover_pin"
+        sources = sorted(each for each in package.rglob("*") if each.suffix in (".py", ".c", ".h"))
+        if not hasattr(self, "sources"):
+            self.sources = digest(*sources)
+        key = f"{item.nodeid} {digest(item.path)} {self.sources}"
+        found = self.kept.get(key)
+        if found is None:
+            code, said = forked(lambda tell: tell(json.dumps(self._covered(item))), LONGEST)
+            found = json.loads(said) if code == 0 and said else [-1.0, {}]
+            self.kept.put(key, found)
+        return list(found)
+
+    def _covered(self, item: pytest.Item) -> list[Any]:
+        import coverage
+
+        begun = time.process_time()
+        measured = coverage.Coverage(data_file=None, include=[f"{self.tree}/rover_pin/*"], config_file=False)
+        with measured.collect():
+            failed = self._run([item])
+        data = measured.get_data()
+        lines = {
+            str(Path(each).relative_to(self.tree)): sorted(data.lines(each) or []) for each in data.measured_files()
+        }
+        return [-1.0 if failed else time.process_time() - begun, lines]
+
+    def _run(self, items: Sequence[pytest.Item]) -> str:
+        """Run tests until one fails; return its name."""
+        for item, after in zip(items, [*items[1:], None], strict=True):
+            known = getattr(self, "known", {}).get(item.nodeid)
+            if known is not None:
+                signal.setitimer(signal.ITIMER_PROF, LEAST + PATIENCE * known.taken)
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
+            if self.failed:
+                return item.nodeid
+        return ""
+
+    def _try(self, path: Path, mutant: Mutant) -> None:
+        file = str(path.relative_to(self.tree))
+        key = f"{file} {mutant.start} {mutant.end} {mutant.new} {digest(path)}"
+        killer = self._remembered(key)
+        if killer is None:
+            killer = self._killer(path, mutant)
+            test = self.items.get(killer.partition(" ")[0])
+            self.kept.put(key, [killer, digest(test.path) if test else self.all_tests])
+        self.kills[path, killer] += 1
+        self.tried.append(Tried(path, mutant, killer))
+        if not killer:
+            print(f"{file}:{mutant.line}: {mutant.said}", file=sys.__stdout__, flush=True)
+
+    def _remembered(self, key: str) -> str | None:
+        """Return what is known of a change with the tests as they are."""
+        found = self.kept.get(key)
+        if found is None:
+            return None
+        killer, tests = found
+        test = self.items.get(killer.partition(" ")[0])
+        return killer if tests == (digest(test.path) if test else self.all_tests) else None
+
+    def _killer(self, path: Path, mutant: Mutant) -> str:
+        """Return the test that notices a change, or nothing."""
+        changed = mutant.of(path.read_text(encoding="latin-1"))
+        near, far = self._telling(path, mutant)
+        within = path.suffix == ".py" and lines_of(path.read_text(encoding="latin-1"), mutant) is not None
+        if within and not near:
+            return ""
+        if path.suffix == ".py" and near:
+            code, killer = forked(lambda tell: self._grafted(path, changed, near, tell), LONGEST)
+            if code not in (0, UNGRAFTED):
+                return killer or "hangs"
+            if code == 0 and within:
+                return ""  # a function's code is the same, however it came there
+        told = path.read_bytes()
+        path.write_text(changed, encoding="latin-1")
+        try:
+            code, killer = forked(lambda tell: self._anew([*near, *far], tell), LONGEST)
+        finally:
+            path.write_bytes(told)
+        return "" if code == 0 else killer or "hangs"
+
+    def _grafted(self, path: Path, changed: str, items: list[pytest.Item], tell: Callable[[str], None]) -> None:
+        try:
+            grafted(path, changed)
+        except UngraftableError:
+            os._exit(UNGRAFTED)
+        except Exception:
+            tell(f"{items[0].nodeid} (it cannot be imported)")
+            os._exit(1)
+        self._tell(self._run(items), tell)
+
+    def _anew(self, items: list[pytest.Item], tell: Callable[[str], None]) -> None:
+        """Run tests on modules imported anew."""
+        if not items:
+            return
+        for name, module in list(sys.modules.items()):
+            if str(getattr(module, "__file__", None) or "").startswith(str(self.tree)):
+                del sys.modules[name]
+        patience = sum(self.known[item.nodeid].taken for item in items)
+        signal.setitimer(signal.ITIMER_PROF, 4 * LEAST + PATIENCE * patience)
+        first = First()
+        code = pytest.main([*OPTIONS, *(item.nodeid for item in items)], plugins=[first])
+        self._tell(first.failed or ("no test can be collected" if code else ""), tell)
+
+    def _tell(self, killer: str, tell: Callable[[str], None]) -> None:
+        if killer:
+            tell(killer)
+            os._exit(1)
+
+    def _telling(self, path: Path, mutant: Mutant) -> tuple[list[pytest.Item], list[pytest.Item]]:
+        """Return the tests that run the changed statement and the others that run anything of its file."""
+        file = str(path.relative_to(self.tree))
+        if path.suffix != ".py":
+            file, wanted = STEP, None
+        else:
+            wanted = lines_of(path.read_text(encoding="latin-1"), mutant)
+        near, far = [], []
+        for name, known in self.known.items():
+            lines = known.lines.get(file, [])
+            if lines and known.taken >= 0.0:
+                (near if wanted is None or not wanted.isdisjoint(lines) else far).append(name)
+
+        def ordered(names: list[str]) -> list[pytest.Item]:
+            names.sort(key=lambda name: (-self.kills[path, name], self.known[name].taken))
+            return [self.items[name] for name in names]
+
+        return ordered(near), ordered(far)
+
+
+STEP = "rover_pin/motion/kernel.py"
+"""Tests that run this run the C of the step."""
+OPTIONS = ["-x", "-q", "--tb=no", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:benchmark"]
+OPTIONS += ["-W", "ignore::pytest.PytestAssertRewriteWarning", "-m", "not slow"]
+
+
+class First:
+    """Notes the first test that fails."""
+
+    failed = ""
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Note it."""
+        self.failed = self.failed or (report.nodeid if report.failed else "")
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        """Note a file that cannot be collected."""
+        self.failed = self.failed or (f"{report.nodeid} (it cannot be collected)" if report.failed else "")
+
+
+def forked(work: Callable[[Callable[[str], None]], None], limit: float) -> tuple[int, str]:
+    """Return exit code and words of `work(tell)` in a fork of its own group, ended after `limit` [s]."""
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(read)
+        _alone()
+        code = 99
+        try:
+            work(lambda words: _write(write, words))
+            code = 0
+        finally:
+            os._exit(code)
+    os.close(write)
+    said, status, end = b"", None, time.monotonic() + limit
+    while status is None and time.monotonic() < end:
+        if select.select([read], [], [], 0.5)[0]:
+            part = os.read(read, 1 << 16)
+            said += part
+            status = None if part else os.waitpid(child, 0)[1]
+        else:  # one of its own children may hold the pipe
+            done, ended = os.waitpid(child, os.WNOHANG)
+            status = ended if done else None
+    os.close(read)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child, signal.SIGKILL)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1] if status is None else status), said.decode()
+
+
+def _alone() -> None:
+    """Make this fork a group of its own, silent and bounded in memory."""
+    os.setsid()
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+    silence = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silence, 1)
+    os.dup2(silence, 2)
+
+
+def _write(file: int, words: str) -> None:
+    content = words.encode()
+    while content:
+        content = content[os.write(file, content) :]
+
+
+def lines_of(text: str, mutant: Mutant) -> set[int] | None:
+    """Return the lines whose execution runs the changed expression; None where it runs while modules are imported."""
+    function, statement = None, None
+    for node in ast.walk(ast.parse(text.encode("latin-1"))):
+        if isinstance(node, ast.stmt) and node.lineno <= mutant.line <= (node.end_lineno or node.lineno):
+            statement = node if statement is None or node.lineno >= statement.lineno else statement
+            inner = isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and mutant.line >= node.body[0].lineno
+            function = node if inner else function
+    if function is None or statement is None:
+        return None
+    body = getattr(statement, "body", None)
+    last = body[0].lineno - 1 if body else statement.end_lineno or statement.lineno
+    return set(range(statement.lineno, max(last, statement.lineno) + 1))
