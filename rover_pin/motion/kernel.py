@@ -57,8 +57,8 @@ class Kernel:
         self._step = library().rover_pin_step
         self._address = ctypes.addressof(self.struct)
         self.resoil(self.soils)
-        self.moving = (state.q, state.v, state.contact, state.motor, self.record, self.loads, self.foreseen)
-        self.moving += (self.energy, self.impulse, self.differential)
+        self.moving = [state.q, state.v, state.contact, state.motor, self.record, self.loads, self.foreseen]
+        self.moving += [self.energy, self.impulse, self.differential]
 
     def step(self) -> int:
         """Advance the state by dt; return 0, or 1 (not finite) or 2 (singular)."""

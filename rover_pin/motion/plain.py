@@ -50,8 +50,8 @@ class Plain:
         steered = {i: wheel.steer_dof for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None}
         self.servo_wheels, self.servo_dofs = list(steered), list(steered.values())
         self.servo_target = np.zeros(max(1, len(self.servo_wheels)))
-        self.moving = (state.q, state.v, state.contact, state.motor, self.record, self.loads, self.foreseen)
-        self.moving += (self.energy, self.impulse, self.differential)
+        self.moving = [state.q, state.v, state.contact, state.motor, self.record, self.loads, self.foreseen]
+        self.moving += [self.energy, self.impulse, self.differential]
         self.law = PlainLaw(model)
         self.motor = laws.as_numbers(laws.motor_law(model.motor, model.motor_effects))
         self.body = laws.as_numbers(body_law(model.body_effects, joints_of(self.rover)))
