@@ -32,7 +32,7 @@ class Soil(Record):
     """The constants of Eqs (2)-(5): shear strength (Mohr-Coulomb), shear displacement, pressure-sinkage, angles.
 
     `theta_1` and `theta_2` are the paper's fixed angles; `exit_ratio` = -theta_2 / theta_1 holds where theta_1 follows
-    the load. Defaults are Table 1, completed where the paper is silent.
+    the load; below 0 the contact ends in front of the axle. Defaults are Table 1, completed where the paper is silent.
     """
 
     c: Scalar = quantity(0.005, "Pa", "paper, Table 1", 0.0, 1e6, "c")
@@ -42,8 +42,10 @@ class Soil(Record):
     k_2: Scalar = quantity(0.0, "Pa/m", "assumed: not in the paper", -1e12, 1e12, "k_2")
     n: Scalar = quantity(1.0, "", "assumed: not in the paper", 0.05, 3.0, "n")
     theta_1: Scalar = quantity(math.radians(35.0), "rad", "paper, Table 1: 35 deg", 1e-3, math.radians(89.0), "theta_1")
-    theta_2: Scalar = quantity(math.radians(-5.0), "rad", "paper, Table 1: -5 deg", -math.radians(89.0), 0.0, "theta_2")
-    exit_ratio: Scalar = quantity(1.0 / 7.0, "", "paper, Table 1: 5/35", 0.0, 1.0, "lambda")
+    theta_2: Scalar = quantity(
+        math.radians(-5.0), "rad", "paper, Table 1: -5 deg", -math.radians(89.0), math.radians(81.0), "theta_2"
+    )
+    exit_ratio: Scalar = quantity(1.0 / 7.0, "", "paper, Table 1: 5/35", -0.9, 1.0, "lambda")
 
 
 class Contact(NamedTuple):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,6 +10,7 @@ import casadi as ca
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
+from rover_pin.soil.passive import passive
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,6 @@ class Bulldozing(Effect):
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return the resistance."""
         soil, wheel = contact.soil, contact.wheel
-        tilt = math.pi / 4 - soil.phi / 2
-        cot = 1.0 / ca.tan(tilt)
-        D_1 = cot + ca.tan(tilt + soil.phi)
-        D_2 = cot + cot * cot * ca.tan(soil.phi)
         h = ca.fmax(contact.h, 0.0)
-        pressure = D_1 * (soil.c * h + D_2 * self.gamma * h * h / 2)
+        pressure = passive(soil.phi).per_width(h, soil.c, self.gamma)
         return Load(f_t=-self.share * wheel.b * pressure * contact.sense(self.v_0))

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.contact import Contact, Load, Scalar, Soil
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
 from rover_pin.soil.compaction import sinking_resistance
@@ -47,12 +47,16 @@ class SlipSinkage(Effect):
 
 
 def rut_resistance(contact: Contact, risen: Scalar) -> Scalar:
-    """Return the compaction resistance [N] of an exponent that has risen by this, against the travel.
+    """Return the compaction resistance [N] of an exponent that has risen by this, against the travel."""
+    return rut_cost(contact, contact.soil.replace(n=ca.fmax(contact.soil.n - risen, LOWEST_EXPONENT)))
+
+
+def rut_cost(contact: Contact, firm: Soil) -> Scalar:
+    """Return the compaction resistance [N] of soil that was `firm` and is now softer, against the travel.
 
     b int p dz at the sinkage as it is, less that of the shallower rut in soil as it was, under the same load; nothing
     where the traction law feels the sinkage itself (`Contact.uncompacted`).
     """
     soil = contact.soil
-    firm = soil.replace(n=ca.fmax(soil.n - risen, LOWEST_EXPONENT))
     cost = sinking_resistance(ca.fmax(contact.h, 0.0), contact.wheel, soil, firm)
     return contact.uncompacted * cost * contact.sense(FADE)

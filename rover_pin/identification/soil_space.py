@@ -62,8 +62,8 @@ def _modulus_axis(name: str, about: Quantity, base: dict[str, float], free: tupl
 
 def _linear_axis(name: str, about: Quantity, scale: float, widest: float) -> Axis:
     coordinate = Linear(scale, widest / scale)
-    high = MOST_EXIT if name == "exit_ratio" else about.high
-    return Axis(name, about, coordinate, coordinate.u(about.low), coordinate.u(high))
+    low, high = (0.0, MOST_EXIT) if name == "exit_ratio" else (about.low, about.high)
+    return Axis(name, about, coordinate, coordinate.u(low), coordinate.u(high))
 
 
 def _log_axis(name: str, about: Quantity, value: float, shift: float) -> Axis:

@@ -13,6 +13,7 @@ import numpy as np
 
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Effect
+from rover_pin.effects.slip import sliding_speed
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.measurements.channel import FIELDS
@@ -27,6 +28,9 @@ PAPER: tuple[Effect, ...] = (SoilTraction(NetTraction(), SinkageAngles()),)
 STEPS = 6
 """Newton steps on ln h; the base model needs 3, an effect that changes the exponent up to 6."""
 
+SLOWEST = 1e-9
+"""Speed [m/s] below which nothing moves."""
+
 LEAP = 1.5
 """Longest Newton step in ln h."""
 
@@ -36,8 +40,11 @@ DEEPEST = 0.98
 UNBALANCED = 1e-6
 """Relative error of the carried load from which a prediction is refused."""
 
-CONDITIONS = 4
-"""Inputs of a steady run: load [N], slip [-], travel speed and rim speed [m/s]."""
+CONDITIONS = 5
+"""Inputs of a steady run: load [N], slip [-], speed along the heading, rim speed, speed along the axle [m/s]."""
+
+VALUES = 4
+"""What is predicted at each run."""
 
 
 class Steady(NamedTuple):
@@ -49,14 +56,16 @@ class Steady(NamedTuple):
     "[N m]"
     sinkage: np.ndarray
     "[m]"
+    side_force: np.ndarray
+    "along the axle, positive where the soil resists the sideways motion of a positive slip angle [N]"
 
 
 @dataclass(frozen=True)
 class RigModel:
     """A wheel, the soil under it and the effects that push on it; `effects` act in order, as in a drive.
 
-    Every effect that acts at a contact works here: sideways and approach speeds are 0, the wheel is the first that
-    passes, own states are at their steady values.
+    Every effect that acts at a contact works here: the approach speed is 0, the wheel is the first that passes, own
+    states are at their steady values. At a slip angle the wheel goes to its right: v_y < 0 < f_y.
     """
 
     wheel: Wheel
@@ -92,11 +101,11 @@ class RigModel:
         own = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in self.effects]
         return RigModel(wheel, soil, tuple(own))
 
-    def predict(self, load: Any, slip: Any, speeds: Any = None) -> Steady:
-        """Return drawbar pull, torque and sinkage at loads [N] and slips [-], travel and rim `speeds` [runs, 2] [m/s].
+    def predict(self, load: Any, slip: Any, speeds: Any = None, slip_angle: Any = 0.0) -> Steady:
+        """Return the channels at loads [N] and slips [-], speeds along the heading and of the rim [runs, 2] [m/s].
 
-        f_n of the chained effects is balanced with the load by Newton's method on ln h; without `speeds` the faster of
-        the two is 0.05 m/s.
+        `slip_angle` [rad] is that between heading and travel, below 90 deg. f_n of the chained effects is balanced with
+        the load by Newton's method on ln h; without `speeds` the faster of the two is 0.05 m/s.
 
         Raises
         ------
@@ -104,7 +113,7 @@ class RigModel:
             A run whose load no sinkage down to the axle carries.
         """
         load, slip = np.broadcast_arrays(np.atleast_1d(np.asarray(load, float)), np.asarray(slip, float))
-        values, _, error = predictor(self, (), conditions(load, slip, speeds))(self.vector())
+        values, _, error = predictor(self, (), conditions(load, slip, speeds, slip_angle))(self.vector())
         if not (np.abs(error) < UNBALANCED).all():
             run = int(np.argmax(~(np.abs(error) < UNBALANCED)))
             raise DataError(
@@ -118,15 +127,18 @@ NOMINAL = 0.05
 """The faster of rim and travel speed where none is stated [m/s]."""
 
 
-def conditions(load: np.ndarray, slip: np.ndarray, speeds: np.ndarray | None = None) -> np.ndarray:
-    """Return the inputs of steady runs [runs, 4]; speeds follow from Eq (1) where they are not given."""
+def conditions(
+    load: np.ndarray, slip: np.ndarray, speeds: np.ndarray | None = None, slip_angle: Any = 0.0
+) -> np.ndarray:
+    """Return the inputs of steady runs [runs, 5]; speeds follow from Eq (1) where they are not given."""
     if speeds is None:
         speeds = NOMINAL * np.column_stack([1 - np.maximum(slip, 0.0), 1 + np.minimum(slip, 0.0)])
-    return np.column_stack([load, slip, speeds])
+    along = np.asarray(speeds)[:, 0]
+    return np.column_stack([load, slip, speeds, along * -np.tan(slip_angle)])
 
 
 class Predicted(NamedTuple):
-    """Channels [3, runs], their derivatives [3, runs, free], and the relative error of the carried load [runs]."""
+    """Channels [4, runs], their derivatives [4, runs, free], and the relative error of the carried load [runs]."""
 
     values: np.ndarray
     jacobian: np.ndarray
@@ -143,12 +155,12 @@ class RigPredictor:
     def __call__(self, vector: np.ndarray) -> Predicted:
         """Return the prediction at these values of all parameters."""
         out = self._function(self._runs, ca.DM(vector)).full()[:, self._repeats]
-        jacobian = out[4:].reshape(self._free, 3, self._repeats.size).transpose(1, 2, 0)
-        return Predicted(out[:3], jacobian, out[3])
+        jacobian = out[VALUES + 1 :].reshape(self._free, VALUES, self._repeats.size).transpose(1, 2, 0)
+        return Predicted(out[:VALUES], jacobian, out[VALUES])
 
 
 def predictor(model: RigModel, free: Sequence[str], runs: np.ndarray) -> RigPredictor:
-    """Return the predictor of a model's structure at `runs` [runs, 4], with derivatives by the `free` parameters."""
+    """Return the predictor of a model's structure at `runs` [runs, 5], with derivatives by the `free` parameters."""
     shape = tuple(_skeleton(effect) for effect in model.effects)
     different, repeats = np.unique(runs, axis=0, return_inverse=True)
     return RigPredictor(_mapped(shape, tuple(free), len(different)), different, repeats.ravel(), len(free))
@@ -167,7 +179,7 @@ def _mapped(effects: tuple[Effect, ...], free: tuple[str, ...], runs: int) -> ca
 
 @lru_cache(maxsize=256)
 def _run(effects: tuple[Effect, ...], free: tuple[str, ...]) -> ca.Function:
-    """Return (conditions, parameters) -> one column: three channels, the load's error, derivatives column by column.
+    """Return (conditions, parameters) -> one column: the channels, the load's error, derivatives column by column.
 
     z = (ln h, states) solves F = (ln f_n - ln W, rates) = 0; its derivative dz/dp = -(dF/dz)^-1 dF/dp is exact there.
     """
@@ -175,7 +187,7 @@ def _run(effects: tuple[Effect, ...], free: tuple[str, ...]) -> ca.Function:
     condition, p = ca.SX.sym("condition", CONDITIONS), ca.SX.sym("p", len(names))
     z = ca.SX.sym("z", 1 + sum(len(effect.states) for effect in effects))
     load, balance, start = _chained(effects, condition, p, z)
-    values = ca.vertcat(load.f_t, load.torque, ca.exp(z[0]))
+    values = ca.vertcat(load.f_t, load.torque, ca.exp(z[0]), load.f_y)
     wanted = ca.vertcat(*(p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
     slope = ca.jacobian(balance, z)
     step = -_solve(slope, balance)
@@ -199,8 +211,9 @@ def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) 
     own = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in effects]
     states = iter(ca.vertsplit(z)[1:])
     x = [tuple(next(states) for _ in effect.states) for effect in effects]
-    load, S, v_x, rim = ca.vertsplit(condition)
-    contact = Contact(S, 0.0, ca.exp(z[0]), v_x, 0.0, 0.0, rim, 0.0, 0.0, wheel, soil)
+    load, S, v_x, rim, v_y = ca.vertsplit(condition)
+    contact = Contact(S, 0.0, ca.exp(z[0]), v_x, v_y, 0.0, rim, 0.0, 0.0, wheel, soil)
+    contact = contact._replace(S_y=v_y / ca.fmax(sliding_speed(contact), SLOWEST))
     for effect, own_states in zip(own, x, strict=True):
         contact = effect.amend(contact, own_states)
     push = Load()

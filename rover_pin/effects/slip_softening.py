@@ -1,0 +1,78 @@
+"""A slipping wheel loosens the sand under it: its stiffness falls with the slip vector, along the wheel and across."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from rover_pin.contact import Contact, Load, Scalar, Soil
+from rover_pin.effects.effect import Effect, State
+from rover_pin.effects.slip_sinkage import rut_cost
+from rover_pin.quantity import quantity
+
+LEAST = 1e-9
+"""Of the slip vector: keeps its length smooth at rest."""
+TURNING_SHARE = 0.02
+"""Share of the rim's way that loosens sand where the wheel stands; the measured transients up to S = 0.9 show none."""
+
+
+@dataclass(frozen=True)
+class SlipSoftening(Effect):
+    """k_1, k_2 <- exp(-a x) (k_1, k_2); L dx/dt = |v| (z - x) + 0.02 |r omega| max(z - x, 0), z = s (2 - s).
+
+    s = min(sqrt(max(S, 0)^2 + S_y^2), 1) is the slip vector over the faster of rim and travel: shear loosens sand
+    whichever way it goes, so a slip angle sinks a wheel as driving slip does. dz/ds = 2 (1 - s): the rim can loosen no
+    more sand than comes in fresh, a share 1 - s of its own way, so the last slip before standing still adds nothing.
+    Sinkage grows as exp(a x / (n + 1/2)) at any h / b, where a growing exponent (`SlipSinkage`) ends at h = b. x
+    follows z over the length L of a contact: digging that goes on at constant slip. It costs the deeper rut by
+    `rut_cost`, and the rise of a wheel whose slip falls, f_t = -f_n h a max(x - z, 0) / ((n + 1/2) L). For S < 0 see
+    `Ploughing`.
+    Not covered: a wheel dragged along its axle without rolling, which stands twice as deep.
+    Source: a fitted form, compared in studies/wheel_laws.py; L from the transients of studies/close_the_loop.py.
+    Differs from the paper: it holds k_1 and k_2, and says that digging is not modelled.
+    """
+
+    a: Scalar = quantity(1.0, "", "0.9 to 1.6 fitted on measured sand (studies/wheel_laws.py)", 0.0, 6.0, "a")
+    length: Scalar = quantity(0.066, "m", "measured transients of a 125 mm wheel: 62 to 71 mm", 1e-3, 1.0, "L")
+    v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
+    states: ClassVar[tuple[State, ...]] = (State("loosened"),)
+    neutral: ClassVar[dict[str, float]] = {"a": 0.0}
+
+    def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
+        """Return the contact on the sand that slip has loosened."""
+        return contact._replace(soil=softer(contact, -self.a * x[0]))
+
+    def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
+        """Return the resistance of the deeper rut, and of the way up where the slip falls."""
+        up = lift(contact, load, self.a * (x[0] - loosening(contact)), self.length)
+        return Load(f_t=-rut_cost(contact, softer(contact, self.a * x[0])) - up * contact.sense(self.v_0))
+
+    def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+        """Return ds/dt."""
+        return (approach(contact, loosening(contact) - x[0]) / self.length,)
+
+
+def loosening(contact: Contact) -> Scalar:
+    """Return z = s (2 - s) of the slip vector's length s, driving and sideways [-]."""
+    S = ca.fmax(contact.S, 0.0)
+    s = ca.fmin(ca.sqrt(S * S + contact.S_y * contact.S_y + LEAST * LEAST) - LEAST, 1.0)
+    return s * (2.0 - s)
+
+
+def softer(contact: Contact, log_factor: Scalar) -> Soil:
+    """Return the soil with its stiffness times exp(log_factor)."""
+    factor, soil = ca.exp(log_factor), contact.soil
+    return soil.replace(k_1=factor * soil.k_1, k_2=factor * soil.k_2)
+
+
+def lift(contact: Contact, load: Load, back: Scalar, length: Scalar) -> Scalar:
+    """Return f_n dh/dx [N]: what raises a wheel whose ln stiffness grows by `back` over this length [m]."""
+    h = ca.fmax(contact.h, 0.0)
+    return load.f_n * h * ca.fmax(back, 0.0) / ((contact.soil.n + 0.5) * length)
+
+
+def approach(contact: Contact, ahead: Scalar) -> Scalar:
+    """Return L ds/dt [m/s] of a loosening that is `ahead` of its state: with the travel, and with a rim that digs."""
+    return ca.fabs(contact.v_x) * ahead + TURNING_SHARE * ca.fabs(contact.rim) * ca.fmax(ahead, 0.0)

@@ -1,0 +1,71 @@
+"""Sand loosened by slip: how much, over what way, in every direction, and what the way out of the rut costs."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.contact import Load
+from rover_pin.effects.slip_sinkage import rut_cost
+from rover_pin.effects.slip_softening import SlipSoftening
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.soil.angles import SinkageAngles
+from rover_pin.soil.sinkage import entry_angle, sinkage
+from rover_pin.soil.traction import NetTraction
+
+EFFECT = SlipSoftening(a=1.2)
+
+
+def settled(patch, **speeds):
+    """Drive the state until it stays."""
+    contact, x = patch(**speeds), 0.0
+    for _ in range(4000):
+        x += 0.01 * float(EFFECT.rate(contact, Load(), (x,))[0])
+    return contact, x
+
+
+def test_the_stiffness_of_a_settled_wheel(patch):
+    contact, x = settled(patch, S=0.5, v_x=0.05, rim=0.1)
+    assert x == pytest.approx(0.75, rel=1e-6)
+    soil = EFFECT.amend(contact, (x,)).soil
+    assert float(soil.k_1) == pytest.approx(contact.soil.k_1 * math.exp(-1.2 * 0.75), rel=1e-6)
+    assert settled(patch, S=-0.5, v_x=0.1, rim=0.05)[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_slip_loosens_alike_in_every_direction(patch):
+    states = [settled(patch, S=0.5 * math.cos(t), S_y=0.5 * math.sin(t))[1] for t in np.radians([0, 40, 80])]
+    assert states == pytest.approx([0.75] * 3, rel=1e-6)
+    assert settled(patch, S=0.0, S_y=20.0)[1] == pytest.approx(1.0, rel=1e-6)
+
+
+def test_it_takes_a_contact_length_of_travel(patch):
+    """1 - exp(-x / L) of the way at any speed; a wheel that stands digs on by its rim, and is not lifted again."""
+    for v in (0.01, 0.08):
+        rate = float(EFFECT.rate(patch(S=0.5, v_x=v, rim=0.0), Load(), (0.25,))[0])
+        assert rate == pytest.approx((0.75 - 0.25) * v / 0.066)
+    assert float(EFFECT.rate(patch(S=1.0, v_x=0.0, rim=0.05), Load(), (0.25,))[0]) > 0.0
+    assert float(EFFECT.rate(patch(S=0.0, v_x=0.0, rim=0.05), Load(), (0.25,))[0]) == 0.0
+
+
+def test_the_way_up_costs_what_it_lifts(patch):
+    """Under a given load dh/dx of the softening that is lost, by the balanced sinkage itself."""
+    wheel, soil, load = patch().wheel, patch().soil.replace(phi=0.0, c=0.0), 9.5
+    x, dx = 0.5, 1e-4
+
+    def depth(state):
+        factor = math.exp(-1.2 * state)
+        return sinkage(entry_angle(load, 0.0, wheel, soil.replace(k_1=factor * soil.k_1)), wheel)
+
+    slope = (depth(x + dx) - depth(x - dx)) / (2 * dx)
+    contact = patch(S=0.0, v_x=5.0, rim=5.0, h=depth(x), soil=soil)
+    paid = -float(EFFECT.load(contact, Load(f_n=load), (x,)).f_t)
+    assert paid == pytest.approx(load * slope * x / 0.066, rel=0.06)
+
+
+def test_the_deeper_rut_is_paid_for_where_the_form_leaves_it_out(patch):
+    for traction, times in ((SoilTraction(), 1.0), (SoilTraction(NetTraction(), SinkageAngles()), 0.0)):
+        contact = traction.amend(patch(S=0.5, v_x=5.0), ())
+        loose = EFFECT.amend(contact, (0.75,))
+        expected = float(rut_cost(loose._replace(uncompacted=1.0), contact.soil))
+        assert expected > 0.05
+        assert -float(EFFECT.load(loose, Load(f_n=9.0), (0.75,)).f_t) == pytest.approx(times * expected, abs=1e-9)

@@ -1,0 +1,80 @@
+"""Shear along and across at once: against quadrature by hand, Eq (3) for the resultant, straight running, symmetry."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.soil.combined import combined_forces, sideways_ratio
+from rover_pin.soil.traction import wheel_forces
+
+WHEEL, SOIL = Wheel(r=0.0625, b=0.06), Soil(k=0.008, phi=0.4, c=50.0, n=1.2, k_1=8e4)
+ENTRY, EXIT = 0.8, -0.15
+
+
+def by_hand(S, sideways):
+    """f_n, f_t, f_y and torque of Eqs (2)-(7) with the stress along the displacement, by adaptive quadrature."""
+    ratio = 1 - S if S >= 0 else 1 / (1 + S)
+
+    def stresses(at):
+        sigma = 8e4 * (0.0625 / 0.06 * (math.cos(at) - math.cos(ENTRY))) ** 1.2
+        j_x = 0.0625 * (ENTRY - at - ratio * (math.sin(ENTRY) - math.sin(at)))
+        j_y = 0.0625 * sideways * (ENTRY - at)
+        j = math.hypot(j_x, j_y)
+        tau = (50.0 + sigma * math.tan(0.4)) * (1 - math.exp(-j / 0.008)) / j if j else 0.0
+        return sigma, tau * j_x, tau * j_y
+
+    def total(term):
+        return 0.0625 * 0.06 * quad(lambda at: term(at, *stresses(at)), EXIT, ENTRY, limit=200)[0]
+
+    f_n = total(lambda at, sigma, x, y: sigma * math.cos(at) + x * math.sin(at))
+    f_t = total(lambda at, sigma, x, y: x * math.cos(at) - sigma * math.sin(at))
+    return f_n, f_t, -total(lambda at, sigma, x, y: y), 0.0625 * total(lambda at, sigma, x, y: x)
+
+
+@pytest.mark.parametrize("S", [-0.6, -0.2, 0.0, 0.3, 0.9])
+@pytest.mark.parametrize("sideways", [0.05, -0.4, 3.0])
+def test_forces_are_the_integrals(S, sideways):
+    found = combined_forces(S, sideways, (ENTRY, EXIT), WHEEL, SOIL, 60)
+    along = found.along
+    assert [along.f_n, along.f_t, found.f_y, along.torque] == pytest.approx(by_hand(S, sideways), rel=2e-4, abs=2e-3)
+
+
+@pytest.mark.parametrize("S", [-0.9, -0.3, 0.0, 0.2, 1.0])
+def test_a_wheel_that_runs_straight_is_the_straight_one(S):
+    found = combined_forces(S, 0.0, (ENTRY, EXIT), WHEEL, SOIL)
+    assert found.f_y == 0.0
+    assert tuple(found.along) == pytest.approx(tuple(wheel_forces(S, ENTRY, EXIT, WHEEL, SOIL)), rel=1e-9)
+
+
+def test_side_force_is_odd_and_takes_thrust_away():
+    left, right = (combined_forces(0.2, y, (ENTRY, EXIT), WHEEL, SOIL) for y in (0.3, -0.3))
+    assert left.f_y == pytest.approx(-right.f_y)
+    assert left.f_y < 0.0
+    assert left.along.thrust == pytest.approx(right.along.thrust)
+    assert left.along.thrust < wheel_forces(0.2, ENTRY, EXIT, WHEEL, SOIL).thrust
+
+
+def test_the_resultant_keeps_to_the_strength():
+    """int |tau| is at most int c + sigma tan phi; at large displacement it is that."""
+    most = (
+        0.0625
+        * 0.06
+        * quad(
+            lambda at: 50.0 + math.tan(0.4) * 8e4 * (0.0625 / 0.06 * (math.cos(at) - math.cos(ENTRY))) ** 1.2,
+            EXIT,
+            ENTRY,
+        )[0]
+    )
+    for S in np.linspace(-0.95, 1.0, 14):
+        for y in (0.01, 0.3, 20.0):
+            found = combined_forces(float(S), y, (ENTRY, EXIT), WHEEL, SOIL)
+            assert math.hypot(found.along.torque / 0.0625, found.f_y) <= most * (1 + 1e-6)
+    assert combined_forces(0.0, 1e3, (ENTRY, EXIT), WHEEL, SOIL).f_y == pytest.approx(-most, rel=1e-3)
+
+
+def test_the_sideways_way_of_a_braked_wheel_is_longer_by_v_over_r_omega():
+    assert sideways_ratio(0.4, 0.3) == 0.3
+    assert sideways_ratio(-0.5, 0.3) == pytest.approx(0.6)
