@@ -54,10 +54,10 @@ COMMANDS = {
     ),
     LOOP: Command(
         (
-            Claim(rf"slip-sinkage, n_1 = {INTERVAL}", rf"SlipSinkage.n_1 = {INTERVAL}"),
+            Claim(rf"the first with a = {INTERVAL}", rf"SlipSoftening.a = {INTERVAL}"),
             Claim(rf"sinkage error {NUMBER} -> {NUMBER} mm", rf"sinkage: RMSE {NUMBER} mm -> {NUMBER} mm"),
-            Claim(rf"slip level: slip-sinkage alone in {NUMBER} of {NUMBER}, with another in {NUMBER}",
-                  rf"SlipSinkage chosen in {NUMBER} of {NUMBER} folds, and with another in {NUMBER}"),
+            Claim(rf"slip level: softening in {NUMBER} of {NUMBER}",
+                  rf"SlipSoftening chosen in {NUMBER} of {NUMBER} folds"),
         )
     ),
     "python studies/tune_gains.py": Command((
@@ -71,9 +71,9 @@ COMMANDS = {
         Claim(rf"takes not {NUMBER} s but {NUMBER} s", rf"deg reached at \[s\] {NUMBER} {NUMBER}"),
     )),
     "python studies/close_the_loop.py": Command((
-        Claim(rf"the base model misses by {NUMBER} mm, with slip-sinkage and a relaxation over 66 mm of travel by "
+        Claim(rf"the base model misses by {NUMBER} mm, with softening and a relaxation over 66 mm of travel by "
               rf"{NUMBER} mm; {NUMBER} mm are left",
-              rf" base at once {NUMBER} .* SlipSinkage relaxing {NUMBER} .* as measured relaxing {NUMBER} "),
+              rf" base at once {NUMBER} .* SlipSoftening relaxing {NUMBER} .* as measured relaxing {NUMBER} "),
     )),
     "python studies/paper_residuals.py": Command((
         Claim(rf"Table 1 breaks {NUMBER} of {NUMBER} \(Eq 7\) or {NUMBER} \(torque form\)",

@@ -334,17 +334,17 @@ def test_the_fee_is_what_chance_gains():
 # --- measured data ---------------------------------------------------------------------------------------------------
 
 
-def test_smooth_wheel_lacks_slip_sinkage():
-    """Held-out sinkage error 5.5 -> 1.3 mm; K_eff moves from half to the value of pressing the same wheel in."""
+def test_smooth_wheel_sinks_with_slip():
+    """Held-out sinkage error 5.5 -> 1.0 mm, by either form; K_eff moves from half to that of pressing the wheel in."""
     verdict = close_the_loop(DATA / "cmu-smooth-wheel")
-    assert verdict.alike == ("SlipSinkage",)
+    assert verdict.alike == ("SlipSoftening", "SlipSinkage")
     pull, sunk = verdict.scores
     assert sunk.before == pytest.approx(5.5e-3, abs=0.4e-3)
-    assert sunk.after == pytest.approx(1.3e-3, abs=0.2e-3)
+    assert sunk.after == pytest.approx(1.04e-3, abs=0.15e-3)
     assert sunk.said == "better"
     assert "nothing to claim" in pull.said
     (before,), (after,) = verdict.before.flags, verdict.after.flags
     assert not before.agrees
     assert before.ratio < 0.6
     assert after.agrees
-    assert after.ratio == pytest.approx(1.04, abs=0.1)
+    assert after.ratio == pytest.approx(0.99, abs=0.1)
