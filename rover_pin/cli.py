@@ -17,6 +17,7 @@ import typer
 from rover_pin import commands
 from rover_pin.commands.options import AsJson, Effects, Gravity, ModelFile, Out, Set, SoilName, Trusted
 from rover_pin.commands.speaking import Speaking, program, scenario_names, speak
+from rover_pin.commands.view import asked_for, write_asked
 from rover_pin.errors import RoverPinError, UrdfError
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
@@ -66,6 +67,9 @@ def drive(
     check: Annotated[
         bool, typer.Option("--check", help="Drive again at half the step and say how far x differs.")
     ] = False,
+    view: Annotated[bool, typer.Option("--view", help="Write view.html, the drive in 3D.")] = False,
+    gif: Annotated[bool, typer.Option("--gif", help="Write drive.gif, a moving picture.")] = False,
+    mp4: Annotated[bool, typer.Option("--mp4", help="Write drive.mp4; needs ffmpeg.")] = False,
     effects: Effects = None,
     trust: Trusted = False,
     out: Out = Path("out/drive"),
@@ -78,11 +82,12 @@ def drive(
     settings = {**{name: value for name, value in given.items() if value}, **assignments(set_)}
     settings["trust"] = Trust.of(effects, trust)
     chosen = ready(scenario, **settings)
-    with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png")), alone_in(out):
-        _driven(chosen, check, out, as_json)
+    seen = asked_for(view, gif, mp4)
+    with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *seen)), alone_in(out):
+        _driven(chosen, check, seen, out, as_json)
 
 
-def _driven(chosen: Any, check: bool, out: Path, as_json: bool) -> None:
+def _driven(chosen: Any, check: bool, seen: list[str], out: Path, as_json: bool) -> None:
     with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance)
     log.debug("driven: %d rows of the trace", len(trace["t_s"]))
@@ -93,7 +98,8 @@ def _driven(chosen: Any, check: bool, out: Path, as_json: bool) -> None:
         from rover_pin import plot
 
         chosen.write_log(trace, out / "log")
-        result["files"] = [str(out / "log"), *map(str, plot.drive_figures(trace, chosen.model, out))]
+        files = [out / "log", *plot.drive_figures(trace, chosen.model, out), *write_asked(chosen, trace, seen, out)]
+        result["files"] = list(map(str, files))
     report(result, as_json)
     if str(trace.attrs["stop"]).startswith("diverged"):
         raise typer.Exit(1)

@@ -18,6 +18,7 @@ from rover_pin.body.terrain import Terrain
 from rover_pin.columns import replace_file
 from rover_pin.control.steering import wheel_places
 from rover_pin.motion.model import Model
+from rover_pin.motion.poses import configuration
 from rover_pin.motion.trace import Trace
 from rover_pin.soil.curves import TractionCurves
 
@@ -58,17 +59,6 @@ def drive_figures(trace: Trace, model: Model, out: Path) -> list[Path]:
     if len(trace["t_s"]) < 2:
         return []
     return [save(snapshots(trace, model), out / "snapshots.png"), save(history(trace), out / "history.png")]
-
-
-def configuration(rover: Rover, trace: Trace, row: int) -> np.ndarray:
-    """Return the configuration of a row of the trace; the wheels' own angles are left at zero."""
-    q = pin.neutral(rover.model)
-    q[:3] = [trace[f"body_{axis}"][row] for axis in "xyz"]
-    roll, pitch, yaw = (float(trace[f"body_{name}"][row]) for name in ("roll", "pitch", "yaw"))
-    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(roll, pitch, yaw)).coeffs()
-    for name, index in rover.angles.items():
-        q[index] = trace[name][row]
-    return q
 
 
 def draw_rover(axes: Axes, rover: Rover, q: np.ndarray, colour: Any) -> None:
@@ -138,6 +128,24 @@ def title_of(trace: Trace) -> str:
         f"stop: {attrs.get('stop', '-')}",
     ]
     return "   ".join(words)
+
+
+def wheel_lines(axes: Axes, trace: Trace, channel: str) -> None:
+    """Draw a channel of all wheels against time; those that look the same are one line, and its label says so."""
+    values = {wheel: trace[f"{channel}_{wheel}"] for wheel in trace.wheels if f"{channel}_{wheel}" in trace}
+    span = max((float(np.nanmax(each) - np.nanmin(each)) for each in values.values()), default=0.0)
+    groups: list[list[str]] = []
+    for wheel, own in values.items():
+        for group in groups:
+            if np.allclose(values[group[0]], own, rtol=0.0, atol=max(2e-3 * span, 1e-9), equal_nan=True):
+                group.append(wheel)
+                break
+        else:
+            groups.append([wheel])
+    for group in groups:
+        look = {"color": WHEEL_COLOUR.get(group[0][0], "grey"), "ls": STYLES.get(group[0][-1], "-"), "lw": 1.2}
+        axes.plot(trace.t, values[group[0]], label=" = ".join(group), **look)
+    axes.legend(fontsize=7, ncols=3, loc="best")
 
 
 def history(trace: Trace) -> Figure:

@@ -16,7 +16,7 @@ GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "s
           "workers", "trust", "bounded", "parquet", "console", "private_folders", "remembered")  # fmt: skip
 ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control",
          "estimation", "measurements", "identification", "discrepancy", "experiments", "report", "loop",
-         "vehicle", "controls", "scenes", "scenarios", "catalogue", "plot", "sweep", "tuning",
+         "vehicle", "controls", "scenes", "scenarios", "catalogue", "plot", "view", "sweep", "tuning",
          "terminal", "commands", "cli")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.
 

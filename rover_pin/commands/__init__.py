@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import typer
 
-from rover_pin.commands import curve, listing
+from rover_pin.commands import curve, listing, view
 
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands of this room."""
     app.command()(curve.curve)
     app.command("list")(listing.list_)
+    app.command()(view.view)

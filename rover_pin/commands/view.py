@@ -1,0 +1,99 @@
+"""`rover-pin view`: a drive in 3D, as one page or served, and as a moving picture."""
+
+from __future__ import annotations
+
+import shutil
+import webbrowser
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rover_pin.commands.options import AsJson, Out, Trusted
+from rover_pin.errors import MissingExtraError
+from rover_pin.results_folder import alone_in
+from rover_pin.terminal import report, stoppable
+from rover_pin.trust import Trust
+
+if TYPE_CHECKING:
+    from rover_pin.motion.trace import Trace
+    from rover_pin.scenarios import Scenario
+    from rover_pin.view.subject import Subject
+
+PAGE, GIF, MP4 = "view.html", "drive.gif", "drive.mp4"
+
+
+def view(
+    path: Annotated[Path, typer.Argument(help="A drive log's folder, or a trace in .parquet.")],
+    compare: Annotated[Path | None, typer.Option(help="Another one, shown as its ghost.")] = None,
+    run: Annotated[str, typer.Option(help="Which run of a log; its first, if not said.")] = "",
+    gif: Annotated[bool, typer.Option("--gif", help="Write a moving picture too.")] = False,
+    mp4: Annotated[bool, typer.Option("--mp4", help="Write a film too; needs ffmpeg.")] = False,
+    open_: Annotated[bool, typer.Option("--open", help="Open the page in your browser.")] = False,
+    serve: Annotated[int, typer.Option(help="Serve it at this port of this machine instead, till Ctrl-C.")] = 0,
+    trust: Trusted = False,
+    out: Out = Path("out/view"),
+    as_json: AsJson = False,
+) -> None:
+    """Show a drive in 3D: one page that needs no network, with ground, slip, forces, tracks and a time slider."""
+    from rover_pin.view.subject import read_subject
+
+    subject = read_subject(path, run, Trust(everything=trust))
+    other = None if compare is None else read_subject(compare, run, Trust(everything=trust))
+    if serve:
+        asked_for(True, False, False)
+        _serve(subject, other, serve)
+        return
+    wanted = asked_for(True, gif, mp4)
+    with stoppable(out, wanted), alone_in(out):
+        files = [write_seen(subject, other, out / name) for name in wanted]
+    report({"seen": subject.name, "files": list(map(str, files))}, as_json)
+    if open_:
+        webbrowser.open(files[0].resolve().as_uri())
+
+
+def asked_for(view: bool, gif: bool, mp4: bool) -> list[str]:
+    """Return the names of the files that are asked for; what they need is looked for before any work.
+
+    Raises
+    ------
+    MissingExtraError
+        viser or ffmpeg is not there.
+    """
+    if view and find_spec("viser") is None:
+        raise MissingExtraError("The view in 3D needs viser: pip install 'rover-pin[view]'.")
+    if mp4 and shutil.which("ffmpeg") is None:
+        raise MissingExtraError(f"{MP4} needs ffmpeg, which is not on the path: install it, or ask for --gif.")
+    return [name for name, asked in {PAGE: view, GIF: gif, MP4: mp4}.items() if asked]
+
+
+def write_asked(chosen: Scenario, trace: Trace, wanted: list[str], out: Path) -> list[Path]:
+    """Write pages and moving pictures of a drive just driven; return their paths, none where it has not moved on."""
+    if not wanted or len(trace.t) < 2:
+        return []
+    from rover_pin.view.subject import Subject, mesh_folder
+
+    meshes = mesh_folder(str(chosen.settings.get("rover", "nexus6")))
+    subject = Subject(chosen.name, trace, chosen.model.rover, chosen.model.terrain, meshes)
+    return [write_seen(subject, None, out / name) for name in wanted]
+
+
+def write_seen(subject: Subject, other: Subject | None, file: Path) -> Path:
+    """Write a page or a moving picture, by the file's name; return its path."""
+    if file.suffix == ".html":
+        from rover_pin.view.page import write_page
+
+        return write_page(file, subject, other)
+    from rover_pin.view.animation import write_animation
+    from rover_pin.view.film import Film
+
+    return write_animation(file, Film.of(subject.trace, subject.rover, subject.terrain), subject.name)
+
+
+def _serve(subject: Subject, other: Subject | None, port: int) -> None:
+    from rover_pin.view.serve import serve
+
+    print(f"http://127.0.0.1:{port}", flush=True)
+    with stoppable():
+        serve(subject, other, port)

@@ -1,0 +1,83 @@
+"""Where every link of the rover is at a row of a trace: what figures and views draw."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.rover import Rover
+from rover_pin.body.terrain import Terrain
+from rover_pin.motion.trace import Trace
+
+
+def configuration(rover: Rover, trace: Trace, row: int, turned: np.ndarray | None = None) -> np.ndarray:
+    """Return the configuration q of a row of the trace; a joint that was not recorded is at zero, or at its leader's.
+
+    Parameters
+    ----------
+    turned : array (wheels,), optional
+        Angle of each wheel [rad] (see `wheel_angles`); 0 without.
+    """
+    q = pin.neutral(rover.model)
+    q[:3] = [_at(trace, f"body_{axis}", row) for axis in "xyz"]
+    roll, pitch, yaw = (_at(trace, f"body_{name}", row) for name in ("roll", "pitch", "yaw"))
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(roll, pitch, yaw)).coeffs()
+    for name, index in rover.angles.items():
+        q[index] = _at(trace, name, row)
+    spinning = {rover.model.joints[mount.joint].idx_q for mount in rover.wheels}
+    for each in rover.couplings:
+        if each.q_follower not in spinning:
+            q[each.q_follower] = each.ratio * q[each.q_leader]
+    for mount, angle in zip(rover.wheels, turned if turned is not None else (), strict=False):
+        joint = rover.model.joints[mount.joint]
+        at = slice(joint.idx_q, joint.idx_q + joint.nq)
+        q[at] = (math.cos(angle), math.sin(angle)) if joint.nq == 2 else angle
+    return q
+
+
+def wheel_angles(trace: Trace, wheels: tuple[str, ...]) -> np.ndarray:
+    """Return how far each wheel has turned since the first row [rad] (T, wheels); 0 where no rate is known."""
+    dt = np.diff(trace.t, prepend=trace.t[:1])
+    rates = [np.nan_to_num(trace.get(f"wheel_rate_{name}", np.zeros(dt.size))) for name in wheels]
+    return np.cumsum(np.column_stack(rates) * dt[:, None], axis=0)
+
+
+def on_the_ground(trace: Trace, rover: Rover, terrain: Terrain) -> Trace:
+    """Return the trace with the height and attitude that were not recorded: those of a rover that stands on its wheels.
+
+    The plane through the ground under the wheels' centres, by least squares, is what the rover stands on.
+    """
+    missing = [name for name in ("body_z", "body_roll", "body_pitch") if not _recorded(trace, name)]
+    if not missing:
+        return trace
+    x, y = (np.nan_to_num(trace[f"body_{axis}"]) for axis in "xy")
+    yaw = np.nan_to_num(trace.get("body_yaw", np.zeros(x.size)))
+    data = rover.model.createData()
+    pin.forwardKinematics(rover.model, data, pin.neutral(rover.model))
+    places = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels])
+    radii = np.array([float(wheel.wheel.r) for wheel in rover.wheels])
+    stood = [_stood(terrain, places, radii, *each) for each in zip(x, y, yaw, strict=True)]
+    found = dict(zip(("body_z", "body_roll", "body_pitch"), np.array(stood).T, strict=True))
+    return Trace({**trace.channels, **{name: found[name] for name in missing}}, dict(trace.units), dict(trace.attrs))
+
+
+def _stood(
+    terrain: Terrain, places: np.ndarray, radii: np.ndarray, x: float, y: float, yaw: float
+) -> tuple[float, float, float]:
+    """Return z [m], roll and pitch [rad] of the base at x, y and yaw."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    ground = terrain.height(x + cos * places[:, 0] - sin * places[:, 1], y + sin * places[:, 0] + cos * places[:, 1])
+    lift = ground + radii - places[:, 2]
+    (z, rise_x, rise_y), *_ = np.linalg.lstsq(np.column_stack([np.ones(len(places)), places[:, :2]]), lift, rcond=None)
+    return float(z), math.atan(rise_y), -math.atan(rise_x)
+
+
+def _recorded(trace: Trace, name: str) -> bool:
+    return name in trace and bool(np.any(np.isfinite(trace[name])))
+
+
+def _at(trace: Trace, name: str, row: int) -> float:
+    value = float(trace[name][row]) if name in trace else 0.0
+    return value if math.isfinite(value) else 0.0

@@ -1,0 +1,156 @@
+"""A drive as a moving picture, GIF or MP4: from the side, and from above where it turns; slip against time below."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+
+from rover_pin.columns import replace_file
+from rover_pin.view.colours import slip_colour
+from rover_pin.view.film import Film
+
+PICTURES_PER_SECOND, MOST_PICTURES = 10, 100
+"""Of the moving picture; a longer drive is shown faster than it was, which its title says."""
+TURNED = 0.05
+"""Way across its first heading [m] from which a drive is shown from above, too."""
+
+Draw = Callable[[int], None]
+"""Sets an axes to a frame of the film."""
+
+
+def write_animation(file: Path, film: Film, name: str) -> Path:
+    """Write a film as `.gif`, or as `.mp4` by ffmpeg; return its path."""
+    span = float(film.t[-1] - film.t[0])
+    count = min(film.t.size, MOST_PICTURES, int(span * PICTURES_PER_SECOND) + 2)
+    frames = np.unique(np.linspace(0, film.t.size - 1, count).astype(int))
+    rate = min(PICTURES_PER_SECOND, max(1.0, len(frames) / span))
+    faster = span * rate / len(frames)
+    figure, draws = _figure(film)
+
+    def show(frame: int) -> None:
+        for draw in draws:
+            draw(frame)
+        speed = f"   ({faster:.2g} x)" if faster > 1.15 else ""
+        figure.axes[0].set_title(f"{name}   t = {film.t[frame]:.1f} s{speed}", fontsize=10)
+
+    show(0)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # the same for all pictures, and laid out once
+    moving = FuncAnimation(figure, show, frames=[int(each) for each in frames], init_func=lambda: None)
+    writer = (FFMpegWriter if file.suffix == ".mp4" else PillowWriter)(fps=max(1, round(rate)))
+    with tempfile.TemporaryDirectory() as place:
+        made = Path(place) / f"made{file.suffix}"
+        moving.save(made, writer=writer, dpi=75)
+        return replace_file(file, made.read_bytes())
+
+
+def _figure(film: Film) -> tuple[Figure, list[Draw]]:
+    """Return the figure and what sets it to a frame: side view, view from above where it turns, slip."""
+    views: list[tuple[Callable[[Axes, Film], Draw], float]] = [(_side, _share(film, 2))]
+    if np.ptp(film.centres[..., 1].mean(axis=1)) > TURNED:
+        views.append((_above, _share(film, 1)))
+    if film.slip is not None:
+        views.append((_slip, 0.22))
+    heights = [min(max(height, 0.16), 0.6) for _, height in views]
+    figure = Figure(figsize=(8.0, 8.0 * sum(heights) + 0.9), layout="constrained")
+    axes = figure.subplots(len(views), 1, height_ratios=heights, squeeze=False)[:, 0]
+    return figure, [view(each, film) for (view, _), each in zip(views, axes, strict=True)]
+
+
+def _share(film: Film, axis: int) -> float:
+    """Return height over width of what a view shows, at equal scales."""
+    box = film.box
+    high = film.centres[..., axis].max() - film.centres[..., axis].min() + (0.3 if axis == 2 else 0.8)
+    return float(high / (box.x_high - box.x_low))
+
+
+def _side(axes: Axes, film: Film) -> Draw:
+    """Draw the left side and the ground under its wheels at every moment; dashed is that under the right ones."""
+    box, floor = film.box, float(film.tracks[..., 2].min()) - 0.06
+    x = np.linspace(box.x_low, box.x_high, 600)
+    sides = {side: [n for n, wheel in enumerate(film.rover.wheels) if wheel.side == side] for side in "lr"}
+    high = float(film.centres[..., 2].max() + 0.2)
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(box.x_low, box.x_high), ylim=(floor, high))
+    sand = axes.add_patch(Polygon(np.zeros((3, 2)), fc="#d9c9a5", ec="#8a7340", lw=1))
+    beyond = axes.plot([], [], color="#8a7340", lw=0.9, ls="--")[0]
+    rods = axes.plot([], [], color="#333333", lw=1.8)[0]
+    rims = {n: axes.add_patch(Circle((0, 0), float(film.rover.wheels[n].wheel.r), ec="k", lw=1)) for n in sides["l"]}
+
+    def draw(frame: int) -> None:
+        under, other = (
+            film.terrain.height(x, np.full(x.size, film.centres[frame, wheels, 1].mean())) for wheels in sides.values()
+        )
+        sand.set_xy(np.column_stack([[x[0], *x, x[-1]], [floor - 1.0, *under, floor - 1.0]]))
+        beyond.set_data(x, np.where(np.abs(under - other) > 1e-6, other, np.nan))
+        rods.set_data(film.rods[frame, :, 0], film.rods[frame, :, 2])
+        for n, rim in rims.items():
+            rim.center = (float(film.centres[frame, n, 0]), float(film.centres[frame, n, 2]))
+            rim.set_facecolor(_colour(film, frame, n))
+
+    return draw
+
+
+def _above(axes: Axes, film: Film) -> Draw:
+    """Draw the drive from above: the ground by its height, the tracks so far, the wheels as they are turned."""
+    box = film.box
+    x, y = np.linspace(box.x_low, box.x_high, 300), np.linspace(box.y_low, box.y_high, 200)
+    z = film.terrain.height(*np.meshgrid(x, y))
+    if np.ptp(z) > 1e-6:
+        axes.pcolormesh(x, y, z, cmap="YlOrBr", alpha=0.5, shading="nearest", rasterized=True)
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(box.x_low, box.x_high), ylim=(box.y_low, box.y_high))
+    wheels = range(len(film.rover.wheels))
+    lines = [axes.plot([], [], color="#8a7340", lw=1)[0] for _ in wheels]
+    rims = [axes.add_patch(Polygon(np.zeros((4, 2)), ec="k", lw=0.8)) for _ in wheels]
+    hull = axes.add_patch(Polygon(np.zeros((3, 2)), fc="none", ec="#333333", lw=1))
+
+    def draw(frame: int) -> None:
+        for n in wheels:
+            lines[n].set_data(film.centres[: frame + 1, n, 0], film.centres[: frame + 1, n, 1])
+            rims[n].set_xy(footprint(film, frame, n))
+            rims[n].set_facecolor(_colour(film, frame, n))
+        hull.set_xy(film.centres[frame][_around(film), :2])
+
+    return draw
+
+
+def _around(film: Film) -> list[int]:
+    """Return the wheels in order around the rover."""
+    left = [n for n, wheel in enumerate(film.rover.wheels) if wheel.side == "l"]
+    return left + [n for n, wheel in enumerate(film.rover.wheels) if wheel.side == "r"][::-1]
+
+
+def footprint(film: Film, frame: int, n: int) -> np.ndarray:
+    """Return the corners (4, 2) of a wheel seen from above [m]."""
+    wheel = film.rover.wheels[n].wheel
+    left = film.left[frame, n, :2] / max(float(np.linalg.norm(film.left[frame, n, :2])), 1e-9)
+    ahead = np.array([left[1], -left[0]])
+    corners = [(1, 1), (1, -1), (-1, -1), (-1, 1)]
+    return np.array(
+        [film.centres[frame, n, :2] + a * float(wheel.r) * ahead + b * 0.5 * float(wheel.b) * left for a, b in corners]
+    )
+
+
+def _slip(axes: Axes, film: Film) -> Draw:
+    from rover_pin.plot import wheel_lines
+
+    assert film.slip is not None
+    wheel_lines(axes, film.trace, "slip")
+    axes.set(xlabel="t [s]", ylabel="slip S [-]", xlim=(film.t[0], film.t[-1]))
+    axes.grid(alpha=0.3)
+    cursor = axes.axvline(film.t[0], color="k", lw=1)
+
+    def draw(frame: int) -> None:
+        cursor.set_xdata([film.t[frame]] * 2)
+
+    return draw
+
+
+def _colour(film: Film, frame: int, n: int) -> tuple[float, float, float]:
+    return slip_colour(np.nan if film.slip is None else float(film.slip[frame, n]))

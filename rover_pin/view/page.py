@@ -1,0 +1,95 @@
+"""One HTML page with a drive in 3D, which needs nothing but a browser: no network, no server."""
+
+from __future__ import annotations
+
+import html
+import io
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rover_pin.columns import replace_file
+from rover_pin.view.colours import css_gradient
+from rover_pin.view.film import Film
+from rover_pin.view.shapes import shapes_of
+from rover_pin.view.stage import Stage
+from rover_pin.view.subject import Subject
+
+
+def write_page(file: Path, subject: Subject, other: Subject | None = None) -> Path:
+    """Write a drive, and another one as its ghost, to an HTML page; return its path.
+
+    Raises
+    ------
+    DataError
+        A trace in which there is nothing to see, or the file cannot be written.
+    """
+    film = Film.of(subject.trace, subject.rover, subject.terrain)
+    ghost = None if other is None else Film.of(other.trace, other.rover, other.terrain)
+    with server() as viser:
+        look_from(viser, film)
+        recorder = viser.get_scene_serializer()
+        stage = Stage(viser.scene, film, shapes_of(subject.rover, subject.meshes), ghost)
+        for frame, wait in enumerate(np.append(np.diff(film.t), 0.0)):
+            stage.show(frame)
+            recorder.insert_sleep(float(wait))
+        page = recorder.as_html()
+    end = page.rindex("</body>")
+    return replace_file(file, page[:end] + _legend(subject, other, film) + page[end:])
+
+
+@contextmanager
+def server(host: str = "127.0.0.1", port: int = 0) -> Iterator[Any]:
+    """Serve a scene on this machine alone while the block runs; port 0 is any free one."""
+    import viser
+
+    with redirect_stdout(io.StringIO()):  # it announces itself
+        made = viser.ViserServer(host=host, port=port or _free_port(host), verbose=False)
+    try:
+        yield made
+    finally:
+        with redirect_stdout(io.StringIO()):
+            made.stop()
+
+
+def _free_port(host: str) -> int:
+    with socket.socket() as found:
+        found.bind((host, 0))
+        return int(found.getsockname()[1])
+
+
+def look_from(viser: Any, film: Film) -> None:
+    """Look at the drive from its right side, from above."""
+    low, high = film.centres.min(axis=(0, 1)), film.centres.max(axis=(0, 1))
+    middle, reach = 0.5 * (low + high), float(np.linalg.norm(high - low))
+    viser.initial_camera.position = tuple(middle + np.array([-0.1, -0.6, 0.38]) * max(reach, 0.6))
+    viser.initial_camera.look_at = tuple(middle)
+
+
+def _legend(subject: Subject, other: Subject | None, film: Film) -> str:
+    """Return what stands over the scene: what is seen, what happened, what the colours and arrows mean."""
+    said = [f"<b>{html.escape(subject.name)}</b>"]
+    happened = subject.trace.attrs.get("happened") or subject.trace.attrs.get("stop")
+    said += [html.escape(str(happened))] if happened else []
+    said += [f"ghost: {html.escape(other.name)}"] if other is not None else []
+    said += [_bar()] if film.slip is not None else ["slip was not recorded: wheels have their own colours"]
+    said += ["green arrows: the soil's force on each wheel"] if film.forces is not None else []
+    missing = [name for name in ("body_z", "body_pitch", "body_roll") if name not in subject.trace]
+    said += [f"{', '.join(missing)} not recorded: set on the ground"] if missing else []
+    return f'<div id="rover-pin-legend" style="{STYLE}">{"<br>".join(said)}</div>'
+
+
+STYLE = (
+    "position:fixed;left:12px;bottom:56px;z-index:1000;max-width:min(26em,60vw);padding:8px 12px;border-radius:6px;"
+    "background:rgba(255,255,255,.88);color:#222;font:13px/1.45 system-ui,sans-serif;pointer-events:none"
+)
+
+
+def _bar() -> str:
+    bar = f'<span style="display:block;height:8px;border-radius:4px;background:{css_gradient()}"></span>'
+    ends = '<span style="display:flex;justify-content:space-between"><i>-1</i><i>0</i><i>1</i></span>'
+    return f"slip S of the wheels: brakes, rolls, spins{bar}{ends}"

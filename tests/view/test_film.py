@@ -1,0 +1,145 @@
+"""A drive as it is shown: links where kinematics have them, wheels that turn, forces that carry the weight."""
+
+import dataclasses
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from rover_pin.body.rover import load_rover
+from rover_pin.errors import DataError
+from rover_pin.motion.poses import configuration, on_the_ground, wheel_angles
+from rover_pin.motion.trace import Trace
+from rover_pin.scenarios import scenario
+from rover_pin.view.film import MOST_FRAMES, Film
+from rover_pin.view.shapes import shapes_of
+
+
+@pytest.fixture(scope="module", params=["nexus6", "cart", "nexus6_links"])
+def driven(request):
+    made = scenario("cross-slope", rover=request.param, duration=1.5)
+    return made, made.drive()
+
+
+def film_of(driven):
+    made, trace = driven
+    return Film.of(trace, made.model.rover, made.model.terrain)
+
+
+def test_wheels_stand_on_the_ground_sunk_by_their_sinkage(driven):
+    made, trace = driven
+    film, wheels = film_of(driven), made.model.rover.wheels
+    up = made.model.terrain.normal(0.0, 0.0)
+    for n, wheel in enumerate(wheels):
+        over = film.centres[-1, n, 2] - made.model.terrain.height(*film.centres[-1, n, :2])
+        # a wheel's lower edge on the slope: half its width times the slope is what the two may differ by
+        edge = 0.5 * float(wheel.wheel.b) * 0.11
+        depth = trace[f"sinkage_{wheel.name}"][film.rows[-1]]
+        assert over * up[2] == pytest.approx(float(wheel.wheel.r) - depth, abs=edge + 1e-3)
+
+
+def test_the_base_is_where_the_trace_says(driven):
+    trace = driven[1]
+    film = film_of(driven)
+    base = next(iter(film.links))
+    assert film.links[base][0][-1] == pytest.approx([trace[f"body_{axis}"][-1] for axis in "xyz"])
+
+
+def test_forces_carry_the_weight_and_push_along_the_travel(driven):
+    made = driven[0]
+    film = film_of(driven)
+    weight = made.model.rover.mass * made.model.gravity
+    assert film.forces is not None
+    total = film.forces[-1].sum(axis=0)
+    assert total[2] == pytest.approx(weight, rel=0.05)
+    assert np.linalg.norm(film.forces[-1], axis=-1).sum() < 1.2 * weight
+    assert film.left[-1][:, 1].min() > 0.9
+    # held on the slope, which rises to the left, by a side force to the left
+    assert total[:2] == pytest.approx([total[0], 0.0], abs=0.12 * weight)
+
+
+def test_a_wheel_turns_as_its_rate_says(driven):
+    made, trace = driven
+    names = tuple(wheel.name for wheel in made.model.rover.wheels)
+    angles = wheel_angles(trace, names)
+    rate = trace[f"wheel_rate_{names[0]}"]
+    assert angles[-1, 0] == pytest.approx(np.sum(rate[1:] * np.diff(trace.t)))
+    mount = made.model.rover.wheels[0]
+    data, model = made.model.rover.model.createData(), made.model.rover.model
+    pin.forwardKinematics(model, data, configuration(made.model.rover, trace, -1, angles[-1]))
+    turned = data.oMi[mount.joint].rotation.copy()
+    pin.forwardKinematics(model, data, configuration(made.model.rover, trace, -1))
+    by = pin.log3(data.oMi[mount.joint].rotation.T @ turned)
+    assert abs(np.linalg.norm(by)) == pytest.approx(abs((angles[-1, 0] + np.pi) % (2 * np.pi) - np.pi), abs=1e-9)
+
+
+def test_frames_are_few_and_hold_both_ends():
+    made = scenario("flat", duration=40.0, rover="cart")
+    t = np.arange(0.0, 40.0, 0.02)
+    trace = Trace({"t_s": t, "body_x": 0.05 * t, "body_y": 0.0 * t})
+    film = Film.of(trace, made.model.rover, made.model.terrain)
+    assert film.t.size <= MOST_FRAMES
+    assert (film.t[0], film.t[-1]) == (t[0], t[-1])
+    assert film.slip is None
+    assert film.forces is None
+    assert [film.frame_at(each) for each in (-1.0, film.t[5], 99.0)] == [0, 5, film.t.size - 1]
+
+
+@pytest.mark.parametrize("name", ["nexus6", "cart"])
+def test_what_was_not_recorded_is_taken_from_the_ground(name):
+    """A rover set down by the simulator on a slope, its height and attitude forgotten."""
+    made = scenario("cross-slope", rover=name, duration=0.2, **{"terrain.angle": "8deg"})
+    trace = made.drive()
+    kept = {each: trace[each] for each in ("t_s", "body_x", "body_y", "body_yaw")}
+    found = on_the_ground(Trace(kept), made.model.rover, made.model.terrain)
+    assert found["body_roll"][-1] == pytest.approx(trace["body_roll"][-1], abs=0.01)
+    assert found["body_pitch"][-1] == pytest.approx(trace["body_pitch"][-1], abs=0.01)
+    assert found["body_z"][-1] == pytest.approx(
+        trace["body_z"][-1], abs=0.2 * float(made.model.rover.wheel.r)
+    )  # it sinks, unknown
+    assert on_the_ground(trace, made.model.rover, made.model.terrain) is trace
+
+
+def test_a_trace_of_one_row_is_refused():
+    with pytest.raises(DataError, match="fewer than two rows, so there is nothing to see"):
+        Film.of(Trace({"t_s": [0.0]}), load_rover("cart"), scenario("flat").model.terrain)
+
+
+@pytest.mark.parametrize("name", ["nexus6", "cart", "nexus6_links"])
+def test_every_wheel_is_drawn_at_its_size_about_its_axle(name):
+    rover = load_rover(name)
+    shapes = shapes_of(rover)
+    assert {shape.wheel for shape in shapes} - {""} == {wheel.name for wheel in rover.wheels}
+    for shape in shapes:
+        if shape.wheel:
+            size = np.ptp(shape.vertices, axis=0)
+            wheel = rover.mount(shape.wheel).wheel
+            assert sorted(size)[1:] == pytest.approx([2.0 * float(wheel.r)] * 2, rel=0.02)
+
+
+def test_wheels_without_shapes_are_cylinders_and_bare_links_rods():
+    rover = load_rover("nexus6")
+    bare = "".join(part.split("</visual>")[-1] for part in rover.urdf.split("<visual>"))
+    shapes = shapes_of(dataclasses.replace(rover, urdf=bare))
+    rims = [shape for shape in shapes if shape.wheel]
+    assert len(rims) == 6
+    assert np.ptp(rims[0].vertices, axis=0) == pytest.approx([0.09, 0.05, 0.09], rel=0.01)
+    assert any(shape.link.startswith("rocker") or "rocker" in shape.link for shape in shapes)
+
+
+def test_a_mesh_is_read_from_the_rovers_folder_and_nowhere_else(tmp_path, caplog):
+    import trimesh
+
+    rover = load_rover("cart")
+    (tmp_path / "own" / "meshes").mkdir(parents=True)
+    trimesh.creation.box(extents=(1.0, 2.0, 3.0)).export(tmp_path / "own" / "meshes" / "hull.stl")
+    trimesh.creation.box(extents=(1.0, 2.0, 3.0)).export(tmp_path / "outside.stl")
+    box = '<box size="0.6 0.36 0.16"/>'
+    inside = rover.urdf.replace(box, '<mesh filename="package://cart/meshes/hull.stl" scale="0.1 0.1 0.1"/>', 1)
+    outside = rover.urdf.replace(box, '<mesh filename="../outside.stl"/>', 1)
+    drawn = shapes_of(dataclasses.replace(rover, urdf=inside), tmp_path / "own")
+    assert any(np.allclose(np.ptp(shape.vertices, axis=0), [0.1, 0.2, 0.3]) for shape in drawn)
+    assert "is left out" not in caplog.text
+    drawn = shapes_of(dataclasses.replace(rover, urdf=outside), tmp_path / "own")
+    assert not any(np.allclose(np.ptp(shape.vertices, axis=0), [1.0, 2.0, 3.0]) for shape in drawn)
+    assert "the mesh ../outside.stl is not in the rover's folder, and is left out" in caplog.text

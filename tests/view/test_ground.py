@@ -1,0 +1,61 @@
+"""The drawn ground is the ground: every corner on it, over the whole box, and each soil where it lies."""
+
+import numpy as np
+import pytest
+
+from rover_pin.body import shapes
+from rover_pin.body.terrain import Extent
+from rover_pin.view.ground import patches, ruled
+
+BOX = Extent(-0.35, 1.65, -0.45, 0.55)
+GROUNDS = {
+    "flat": shapes.flat(),
+    "ditch": shapes.ditch(),
+    "rocks": shapes.rocks(),
+    "one-sided": shapes.one_sided_bump(ground=1),
+    "hills": shapes.hills(),
+    "cross": shapes.cross_slope(0.1),
+}
+
+
+@pytest.fixture(params=GROUNDS, ids=str)
+def terrain(request):
+    return GROUNDS[request.param]
+
+
+def test_every_corner_is_on_the_ground(terrain):
+    for patch in patches(terrain, BOX):
+        x, y, z = patch.vertices.T
+        # at a border between lanes both heights are the ground's: that of either side
+        near = np.array([terrain.height(x, y + side) for side in (-1e-9, 0.0, 1e-9)])
+        assert np.min(np.abs(near - z), axis=0) == pytest.approx(0.0, abs=1e-8)
+
+
+def test_the_box_is_covered_once(terrain):
+    """The triangles, seen from above, have the area of the box, walls none."""
+    area = 0.0
+    for patch in patches(terrain, BOX):
+        a, b, c = (patch.vertices[patch.faces[:, i], :2] for i in range(3))
+        area += 0.5 * np.sum(np.abs(np.cross(np.c_[b - a, np.zeros(len(a))], np.c_[c - a, np.zeros(len(a))])[:, 2]))
+    assert area == pytest.approx((BOX.x_high - BOX.x_low) * (BOX.y_high - BOX.y_low), rel=1e-9)
+
+
+def test_the_middle_of_a_triangle_is_of_its_soil(terrain):
+    for patch in patches(terrain, BOX):
+        middle = patch.vertices[patch.faces].mean(axis=1)
+        flat = np.ptp(patch.vertices[patch.faces][:, :, 1], axis=1) > 1e-9  # a wall between lanes lies on their border
+        assert np.all(terrain.ground_at(middle[flat, 0], middle[flat, 1]) == patch.soil)
+
+
+def test_rocks_and_their_ends_are_drawn_as_hard_ground():
+    hard = {patch.soil: patch for patch in patches(shapes.rocks(), BOX)}[1]
+    assert hard.vertices[:, 2].max() > 0.02
+    walls = np.ptp(hard.vertices[hard.faces][:, :, 1], axis=1) < 1e-12
+    assert walls.any()
+
+
+def test_lines_lie_on_the_ground_a_decimetre_apart(terrain):
+    lines = ruled(terrain, BOX)
+    x, y, z = lines.reshape(-1, 3).T
+    assert np.allclose(x / 0.1, np.round(x / 0.1))
+    assert z - 1e-3 == pytest.approx(terrain.height(x, y), abs=1e-9)

@@ -1,0 +1,77 @@
+"""The page and the moving pictures: whole, of the drive, without a network; what is missing is said before any work."""
+
+import re
+from importlib import util
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from rover_pin.motion.saved import save_trace
+from rover_pin.scenarios import scenario
+from rover_pin.view.subject import read_subject
+
+WORDS = ("--set", "duration=1.2", "--set", "soil.k=10mm")
+
+
+@pytest.mark.slow
+def test_a_drive_is_written_as_a_page_and_a_moving_picture(run):
+    code, out, _ = run("drive", "ditch", *WORDS, "--view", "--gif")
+    assert code == 0
+    assert "out/drive/view.html" in out
+    page = Path("out/drive/view.html").read_text()
+    assert "__VISER_EMBED_DATA__" in page
+    legend = page[page.rindex('<div id="rover-pin-legend"') :]
+    assert "ditch" in legend
+    assert "drives on at" in legend
+    outside = re.findall(r'(?:src|href)="(https?://[^"]+)"', page)
+    assert not outside
+    with Image.open("out/drive/drive.gif") as picture:
+        lasts = picture.n_frames * picture.info["duration"] / 1000.0
+        assert lasts == pytest.approx(1.2, abs=0.25)  # as long as the drive
+        assert picture.width > 500
+
+
+@pytest.mark.slow
+def test_a_log_is_seen_with_another_as_its_ghost(run):
+    run("drive", "flat", *WORDS)
+    run("drive", "flat", *WORDS, "--control", "true", "--out", "other")
+    assert run("view", "out/drive/log", "--compare", "other/log")[0] == 0
+    assert "ghost: flat" in Path("out/view/view.html").read_text()
+
+
+def test_a_saved_trace_finds_its_ground_by_its_scenario(tmp_path):
+    made = scenario("rocks", duration=0.5, **{"terrain.seed": 3})
+    save_trace(made.drive(), tmp_path / "seen.parquet")
+    subject = read_subject(tmp_path / "seen.parquet")
+    assert subject.terrain == made.model.terrain
+    assert subject.rover.name == "nexus6"
+
+
+def test_a_run_of_a_log_is_chosen_by_name():
+    folder = Path(__file__).parents[2] / "studies" / "data" / "steepening-slope"
+    assert read_subject(folder, "descent").name == "steepening-slope, descent"
+    assert read_subject(folder).name == "steepening-slope, climb-1"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("view", "gone"), "gone: give the folder of a drive log (drive.toml), or a trace that was saved as .parquet"),
+        (("view", "log", "--run", "none"), "there is no run 'none'"),
+    ],
+)
+def test_what_cannot_be_seen_is_refused_in_one_sentence(run, words, sentence):
+    scenario("flat", duration=0.2).write_log(scenario("flat", duration=0.2).drive(), "log")
+    code, _, err = run(*words)
+    assert code == 2
+    assert sentence in err
+
+
+def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
+    monkeypatch.setattr(util, "find_spec", lambda name: None)
+    monkeypatch.setattr("rover_pin.commands.view.find_spec", lambda name: None)
+    assert "The view in 3D needs viser: pip install 'rover-pin[view]'." in run("drive", "flat", "--view")[2]
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    assert "drive.mp4 needs ffmpeg, which is not on the path" in run("drive", "flat", "--mp4")[2]
+    assert not Path("out").exists()
