@@ -22,14 +22,26 @@ def test_a_formula_is_changed_sign_by_sign_and_term_by_term(loaded):
     text = "def f(a: float = 2.0, *, b=3) -> float:\n    return a + 0.5 * b if a <= b else -max(a, b)\n"
     found = loaded("python").changes(text)
     assert said(found) == [
-        "2.0 -> 2.2", "a + 0.5 * b -> (-max(a, b))", "-max(a, b) -> (a + 0.5 * b)", "<= -> >", "<= -> <",
-        "+ -> -", "a + 0.5 * b -> (a)", "a + 0.5 * b -> (0.5 * b)", "* -> /", "0.5 * b -> (0.5)", "0.5 -> 0.55",
+        "2.0 -> 2.2", "a + 0.5 * b -> (-max(a, b))", "-max(a, b) -> (a + 0.5 * b)", "<= -> >", "+ -> -",
+        "a + 0.5 * b -> (a)", "a + 0.5 * b -> (0.5 * b)", "* -> /", "0.5 * b -> (0.5)", "0.5 -> 0.55",
         "-max(a, b) -> (max(a, b))", "max -> min",
     ]  # fmt: skip
     for one in found:
         changed = one.of(text)
         assert changed != text
         compile(changed, "changed", "exec")
+
+
+def test_a_limit_is_touched_only_where_something_is_counted(loaded):
+    """Two numbers that are worked out are never equal."""
+    assert said(loaded("python").changes("one = len(a) < b\n")) == ["< -> >=", "< -> <="]
+    assert said(loaded("python").changes("one = a > 0\n")) == ["> -> <=", "> -> >=", "0 -> 1"]
+    assert said(loaded("python").changes("one = a > b\n")) == ["> -> <="]
+
+
+def test_what_guards_a_division_is_left_alone(loaded):
+    assert said(loaded("python").changes("x = max(a, 1e-9)\n")) == ["max -> min"]
+    assert said(loaded("c").changes("x = fmax(a, 1e-9);\n")) == ["fmax( -> fmin("]
 
 
 def test_declarations_messages_and_indices_are_left_alone(loaded):
