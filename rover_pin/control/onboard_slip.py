@@ -12,19 +12,20 @@ import numpy as np
 from rover_pin.body.driven_loads import configuration, footing, loads_on, turning, wheel_mounts
 from rover_pin.body.rover import Rover
 from rover_pin.contact import Scalar
-from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.control.torque_factor import torque_factors
 from rover_pin.motion.command import Reading
 from rover_pin.motion.failure import suspension_of
 from rover_pin.motion.model import Model
 from rover_pin.motion.timing import CONTROL_PERIOD
 from rover_pin.quantity import Record, quantity
-from rover_pin.soil.traction import TorqueTraction, load_traction_factor
 
 SPEEDS = np.linspace(-0.4, 1.1, 151)
 """Speeds that are weighed against each other, in units of the rim speed at full duty without load."""
 SLIPS = np.linspace(-1.0, 1.0, 201)
 LEAST_LOAD, LEAST_RIM = 0.5, 1e-3
 """N and m/s below which a wheel tells nothing."""
+REST = 0.005
+"""Speed below which nothing counts as moving [m/s]: `AlgebraicSlip.v_0`."""
 LEAST_ROWS = 6
 """Readings from which rates of angles are told."""
 
@@ -62,6 +63,7 @@ class OnboardSlip:
     Kinematics: the centre of wheel i travels v_i = (u + d_i) / cos alpha_i along ground of slope alpha_i, with d_i the
     forward speed of the centre against the base, from the rates of attitude and suspension angles. Rim speeds r omega_i
     count the turning of the mounts. So u alone gives all slips by Eq (1); differences between wheels need no soil.
+    Where no rim moves the rover stands, to within REST: a rover that slides with all its wheels held is not seen.
     Torque: T_i = K i_i over the load W_i of `driven_loads` is F(S_i) of the known soil, to within its trust. The belief
     p(u) diffuses by `wander`, is mixed with a little of everything, and multiplied by these likelihoods; S_hat is its
     mean. Nothing is inverted, so that an F that levels off or falls again only leaves u less certain.
@@ -98,13 +100,11 @@ class OnboardSlip:
 
     @classmethod
     def of(cls, model: Model, trust: Trust | None = None) -> OnboardSlip:
-        """Return the estimator for a model's rover, motor, gravity and first soil; its other effects are not known."""
+        """Return the estimator for a model's rover, motor, gravity and contact law: first soil and contact effects."""
         rover, motor = model.built, model.motor
-        angles = model.effect(SoilTraction).angles
-        F = [float(load_traction_factor(S, model.soils[0], rover.wheel, TorqueTraction(), angles)) for S in SLIPS]
         fastest = float(rover.wheel.r) * float(motor.no_load_rate)
         places = suspension_of(model).places
-        return cls(rover, places, float(motor.constant), fastest, np.array(F), trust or Trust())
+        return cls(rover, places, float(motor.constant), fastest, torque_factors(model, SLIPS), trust or Trust())
 
     def reset(self) -> None:
         """Forget the past: any speed may be."""
@@ -125,6 +125,8 @@ class OnboardSlip:
         slips = slip_ratios(rim, (self.speeds[:, None] + ahead) / level)
         tells = (load > LEAST_LOAD) & (np.abs(rim) > LEAST_RIM)
         self._learn(slips[:, tells], (torque / (self.r * np.maximum(load, LEAST_LOAD)))[tells])
+        if np.all(np.abs(rim) < REST):
+            self._stand()
         mean = self.belief @ slips
         self.sd = np.sqrt(np.maximum(self.belief @ slips**2 - mean**2, 0.0))
         return np.asarray(mean)
@@ -161,9 +163,14 @@ class OnboardSlip:
         belief *= np.exp(-0.5 * self.period / float(trust.correlated) * (misses - misses.min()))
         self.belief = belief / belief.sum()
 
+    def _stand(self) -> None:
+        """Weigh the belief by what wheels say that do not turn: the rover does not move either."""
+        belief = self.belief * np.exp(-0.5 * (self.speeds / REST) ** 2 * self.period / float(self.trust.correlated))
+        self.belief = belief / belief.sum()
+
 
 def slip_ratios(rim: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return Eq (1) within [-1, 1] for the rim speeds of the wheels (n,) at travel speeds (grid, n)."""
+    """Return Eq (1) within [-1, 1] for the rim speeds of the wheels (n,) at travel speeds (grid, n); 0 at rest."""
     sense = np.where(rim < 0.0, -1.0, 1.0)
-    greatest = np.maximum(np.maximum(np.abs(rim), np.abs(v)), LEAST_RIM)
+    greatest = np.maximum(np.maximum(np.abs(rim), np.abs(v)), REST)
     return np.clip(sense * (rim - v) / greatest, -1.0, 1.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.onboard_slip import SLIPS, OnboardSlip, slip_ratios
+from rover_pin.control.onboard_slip import REST, SLIPS, OnboardSlip, slip_ratios
 from rover_pin.control.slip_control import SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, flat_table
 from rover_pin.errors import ParameterError
@@ -71,6 +71,28 @@ def test_sand_that_is_weaker_than_believed_reads_as_less_slip():
     assert np.mean(error) < -0.03
 
 
+def test_a_loss_of_strength_that_the_model_has_is_read_through():
+    """Past the peak the same torque is that of two slips: the sand's law alone reads the smaller one."""
+    sand = {"soil.k": 0.0065, "terrain.wall_angle_deg": 47.0, "add": "PostPeak.fraction=0.3"}
+    scene = scenario("ditch", **sand)
+    unaware = OnboardSlip.of(scenario("ditch", **{"soil.k": 0.0065}).model)
+    aware, unaware = (
+        np.sqrt(np.mean(watched("ditch", Sensors(), 24.0, estimate, **sand).error(16.0) ** 2))
+        for estimate in (OnboardSlip.of(scene.model), unaware)
+    )
+    assert aware < 0.15
+    assert unaware > 0.4
+
+
+def test_wheels_that_stand_say_that_the_rover_stands():
+    """Parked, no torque tells anything, and no slip is made up."""
+    scene = scenario("flat", duration=8.0)
+    watch = Watched(OnboardSlip.of(scene.model), delta=0.0)
+    trace = simulate(scene.model, Sensed(watch, Sensors(), 1), 8.0, scene.start)
+    assert abs(trace["body_x"][-1]) < 0.002
+    assert np.sqrt(np.mean(np.array(watch.told)[40:] ** 2)) < 0.2
+
+
 def test_where_the_factor_is_flat_the_estimate_knows_that_it_does_not_know():
     """k = 2 mm: F hardly rises beyond S = 0.3."""
     sure, unsure = OnboardSlip.of(scenario("flat").model), OnboardSlip.of(scenario("flat", **{"soil.k": 0.002}).model)
@@ -95,9 +117,9 @@ def test_the_belief_is_one_and_starts_again():
 
 
 def test_its_slips_are_eq_1():
-    rim, v = np.array([0.05, -0.05, 0.05, 0.0]), np.array([0.03, -0.08, -0.01, 0.02])
+    rim, v = np.array([0.05, -0.05, 0.05, 0.0, 0.001]), np.array([0.03, -0.08, -0.01, 0.02, 0.0])
     expected = [
-        np.clip(float(slip_ratio(np.sign(r or 1) * r, np.sign(r or 1) * u, 1e-3)), -1, 1)
+        np.clip(float(slip_ratio(np.sign(r or 1) * r, np.sign(r or 1) * u, REST)), -1, 1)
         for r, u in zip(rim, v, strict=True)
     ]
     assert slip_ratios(rim, v[None])[0] == pytest.approx(expected)
