@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+
+import numpy as np
 
 from rover_pin.motion.model import Model
-from rover_pin.motion.pace import Pace
-from rover_pin.motion.state import base_rotation
 
 LOAD_BAND = (0.95, 1.05)
 """`mean_load` within which a drive is believed: 0.9997 to 1.005 in 300 random drives that resolve it, 6 to
@@ -20,8 +18,8 @@ MOST_MISSED = 0.01
 ready-made drives on k = 1 mm and more make less than 0.005."""
 
 
-def warnings_of(model: Model, rows: Sequence[Any], pace: Pace) -> list[str]:
-    """Return a sentence for each reason not to believe a drive; none is the rule."""
+def warnings_of(model: Model, rows: np.ndarray, misjudged: float) -> list[str]:
+    """Return a sentence for each reason not to believe a drive; none is the rule. `misjudged` is `Ran.missed`."""
     made = []
     load = mean_load(model, rows)
     if not LOAD_BAND[0] <= load <= LOAD_BAND[1]:
@@ -29,7 +27,7 @@ def warnings_of(model: Model, rows: Sequence[Any], pace: Pace) -> list[str]:
             f"the soil carried {load:.3g} times the rover's weight on average, which no body can: the step "
             "is too coarse for this ground; give a smaller dt."
         )
-    missed = pace.missed * model.gravity
+    missed = misjudged * model.gravity
     if missed > MOST_MISSED:
         made.append(
             f"wheels' forces turned faster than the steps, which misjudged them by {missed:.2g} m/s in sum: where the "
@@ -48,16 +46,16 @@ def pivot_warning(steps: int) -> str:
     )
 
 
-def mean_load(model: Model, rows: Sequence[Any]) -> float:
+def mean_load(model: Model, rows: np.ndarray) -> float:
     """Return the mean of the soil's forces against gravity over the weight [-], less what the rover gained in momentum.
 
     (I . up / T - m dv/dt) / (m g), I the impulse of all wheels' forces as each step began: 1 by Newton's second law
     where the steps resolve them, whatever the ground. 1 for a drive of less than SHORTEST.
     """
-    if len(rows) < 2 or rows[-1].t - rows[0].t < SHORTEST:
+    if len(rows) < 2 or rows["t"][-1] - rows["t"][0] < SHORTEST:
         return 1.0
     rover, first, last = model.built, rows[0], rows[-1]
-    climb = [float(rover.up @ base_rotation(row.q) @ row.v[:3]) for row in (first, last)]
-    force = float(rover.up @ (last.impulse - first.impulse)) - rover.mass * (climb[1] - climb[0])
-    load = force / (last.t - first.t) / (rover.mass * model.gravity)
+    climb = [float(rover.up @ row["velocity"]) for row in (first, last)]
+    force = float(rover.up @ (last["impulse"] - first["impulse"])) - rover.mass * (climb[1] - climb[0])
+    load = force / (last["t"] - first["t"]) / (rover.mass * model.gravity)
     return load if math.isfinite(load) else math.inf

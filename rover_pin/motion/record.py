@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.motion.body_law import elastic_energy
 from rover_pin.motion.model import Model
 from rover_pin.motion.native.shared import ENERGY, RECORD
-from rover_pin.motion.state import base_rotation, roll_pitch_yaw
 from rover_pin.motion.suspension import joints_of, suspension_places
 from rover_pin.motion.trace import Trace
 from rover_pin.version import __version__
@@ -29,22 +28,18 @@ WHEEL_CHANNELS = {
 """Truth-only channels: name -> (column of the record, unit)."""
 
 
-def trace_of(model: Model, rows: Sequence[Any], attrs: Mapping[str, Any]) -> Trace:
-    """Return the trace of sampled rows; empty where the drive failed before the first."""
-    if not rows:
+def trace_of(model: Model, rows: np.ndarray, attrs: Mapping[str, Any]) -> Trace:
+    """Return the trace of sampled rows (`row_type`); empty where the drive failed before the first."""
+    if not len(rows):
         return Trace({"t_s": np.zeros(0)}, {"t_s": "s"}, {**about(model), **attrs})
     channels: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
 
-    def put(name: str, unit: str, values: Any) -> None:
-        channels[name], units[name] = np.asarray(values, dtype=float).reshape(len(rows)), unit
+    def put(name: str, unit: str, values: np.ndarray) -> None:
+        channels[name], units[name] = values.copy(), unit
 
-    put("t_s", "s", [row.t for row in rows])
-    q = np.array([row.q for row in rows]).reshape(len(rows), -1)
-    v = np.array([row.v for row in rows]).reshape(len(rows), -1)
-    record = np.array([row.record for row in rows]).reshape(len(rows), -1, len(RECORD))
-    duty = np.array([row.duty for row in rows]).reshape(len(rows), -1)
-    energy = np.array([row.energy for row in rows]).reshape(len(rows), -1)
+    put("t_s", "s", rows["t"])
+    q, v, record, duty, energy = (rows[name] for name in ("q", "v", "record", "duty", "energy"))
     for i, wheel in enumerate(model.rover.wheels):
         put(f"duty_{wheel.name}", "-", duty[:, i])
         put(f"wheel_rate_{wheel.name}", "rad/s", v[:, wheel.dof])
@@ -55,19 +50,18 @@ def trace_of(model: Model, rows: Sequence[Any], attrs: Mapping[str, Any]) -> Tra
         put(name, "rad", q[:, index])
     for i, axis in enumerate("xyz"):
         put(f"body_{axis}", "m", q[:, i])
-    attitude = np.array([roll_pitch_yaw(row) for row in q])
     for i, name in enumerate(("roll", "pitch", "yaw")):
-        put(f"body_{name}", "rad", attitude[:, i] if name != "yaw" else np.unwrap(attitude[:, i]))
-    world = np.array([base_rotation(a) @ b[:3] for a, b in zip(q, v, strict=True)])
+        angle = rows["attitude"][:, i]
+        put(f"body_{name}", "rad", angle if name != "yaw" else np.unwrap(angle))
     for i, axis in enumerate("xyz"):
-        put(f"body_v{axis}", "m/s", world[:, i])
+        put(f"body_v{axis}", "m/s", rows["velocity"][:, i])
     put("battery_V", "V", record[:, 0, RECORD.index("supply")])
     for i, name in enumerate(ENERGY if model.body_effects else ENERGY[:-1]):
         put(f"energy_{name}", "J", energy[:, i])
     if model.rover.differential is not None:
-        put("differential_torque", "N m", [row.differential for row in rows])
-    put("energy_kinetic", "J", [row.mechanical[0] for row in rows])
-    put("energy_potential", "J", [row.mechanical[1] for row in rows])
+        put("differential_torque", "N m", rows["differential"])
+    put("energy_kinetic", "J", rows["mechanical"][:, 0])
+    put("energy_potential", "J", rows["mechanical"][:, 1])
     if model.body_effects:
         put("energy_elastic", "J", _elastic(model, q))
     return Trace(channels, units, {**about(model), **attrs})

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from rover_pin.errors import DataError
 from rover_pin.motion.failure import failure, suspension_of
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model
+from rover_pin.motion.native.loop import Loop, Outcome
 from rover_pin.motion.native.shared import RECORD
-from rover_pin.motion.pace import Pace
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.resolution import parts
-from rover_pin.motion.state import DriveState, base_rotation, roll_pitch_yaw
+from rover_pin.motion.state import DriveState
 from rover_pin.motion.trace import Trace
 
 PERIOD = 0.05
@@ -129,7 +129,33 @@ def replay(model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState
     state = settled(model, run.start) if rest is None else _taken_over(model, rest)
     model = model.begun(run.start.x, run.start.y)
     dt = DT / parts(model, state, DT)
-    return _Rerun(model, run, nudge, state, Kernel(model, state, dt, symmetric=False)).drive()
+    kernel = Kernel(model, state, dt, symmetric=False)
+    per_row = round(run.period / dt)
+    loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, nudge))
+    outcome = loop.run(len(run.t))
+    while outcome is Outcome.FAILS:
+        why = failure(model, state, kernel.record, suspension_of(model))
+        if why:
+            return Replay(_channels(model, run.t, _with_last(loop, loop.row - 1)), why)
+        outcome = loop.run(len(run.t))
+    stop = "" if outcome is Outcome.DONE else "diverged"
+    return Replay(_channels(model, run.t, _with_last(loop, loop.row)), stop)
+
+
+def _fields(model: Model, run: Commands, nudge: Nudge) -> dict[str, Any]:
+    """Return the fields of a replay's loop: its commands, row by row."""
+    duty = run.duty if nudge.torque is None else run.duty + nudge.torque / float(model.motor.stall_torque)
+    rows = {"duty_rows": duty, "steer_rows": run.steer, "force_rows": nudge.force, "grip_rows": nudge.grip}
+    given = {name: np.array(each, dtype=float) for name, each in rows.items() if each is not None}
+    place = np.array(run.place, dtype=float)
+    return {**given, "place_rows": place, "share": run.period / HOLD, "check_every": CHECKED}
+
+
+def _with_last(loop: Loop, good: int) -> np.ndarray:
+    """Return the rows of a replay; after an early end the last good one stands for the rest, or where it is now."""
+    if good < len(loop.rows):
+        loop.rows[good:] = loop.rows[good - 1] if good else loop.now()
+    return loop.rows
 
 
 def _taken_over(model: Model, rest: DriveState) -> DriveState:
@@ -142,92 +168,19 @@ def _taken_over(model: Model, rest: DriveState) -> DriveState:
     return taken
 
 
-class _Rerun:
-    """One replay in progress."""
-
-    def __init__(self, model: Model, run: Commands, nudge: Nudge, state: DriveState, kernel: Kernel):
-        self.model, self.run, self.state, self.kernel = model, run, state, kernel
-        self.duty = run.duty if nudge.torque is None else run.duty + nudge.torque / float(model.motor.stall_torque)
-        self.force, self.grip = nudge.force, nudge.grip
-        self.pace, self.suspension = Pace(kernel, float(kernel.struct.dt)), suspension_of(model)
-        self.down = kernel.gravity.copy()
-        self.moved = np.zeros(3)
-        "corrections so far: x, y [m] and heading [rad]"
-        self.rows: list[np.ndarray] = []
-
-    def drive(self) -> Replay:
-        """Step through all rows; after an early end the last row stands for the rest."""
-        steps, stop = round(self.run.period / self.pace.dt), ""
-        for row in range(len(self.run.t)):
-            stop = stop or self._advance(row, steps)
-            self.rows.append(self.rows[-1] if stop and self.rows else self._read())
-            self._draw(row)
-        return Replay(self._channels(), stop)
-
-    def _advance(self, row: int, steps: int) -> str:
-        kernel = self.kernel
-        kernel.duty[:] = np.clip(self.duty[row], -1.0, 1.0)
-        if kernel.servo_wheels:
-            kernel.servo_target[:] = self.run.steer[row]
-        if self.force is not None:
-            self._lean(self.force[row])
-        if self.grip is not None:
-            self._grip(self.grip[row])
-        for step in range(steps):
-            if self.pace.advance(step == 0):
-                return "diverged"
-        if row % CHECKED:
-            return ""
-        return failure(self.model, self.state, kernel.record, self.suspension) or ""
-
-    def _lean(self, force: float) -> None:
-        """Let gravity lean forward by the force along the heading: it acts on the whole rover alike."""
-        yaw = roll_pitch_yaw(self.state.q)[2]
-        pull = force / self.model.built.mass
-        forward = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        self.kernel.gravity[:] = self.down + pull * forward
-
-    def _grip(self, share: float) -> None:
-        soils = self.kernel.soils.copy()
-        for at, soil in enumerate(self.model.soils):
-            soils[at, list(soil.values()).index("phi")] = math.atan((1.0 + share) * math.tan(float(soil.phi)))
-        self.kernel.resoil(soils)
-
-    def _draw(self, row: int) -> None:
-        """Move the rover towards the logged place and heading by the share of one row."""
-        x, y, yaw = self.run.place[row]
-        q, share = self.state.q, self.run.period / HOLD
-        if math.isfinite(x) and math.isfinite(y):
-            step = share * (np.array([x, y]) - q[:2])
-            q[:2] += step
-            self.moved[:2] += step
-        if math.isfinite(yaw):
-            turn = share * math.remainder(yaw - roll_pitch_yaw(q)[2], 2 * math.pi)
-            about_z = pin.Quaternion(math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2))
-            q[3:7] = (about_z * pin.Quaternion(q[6], q[3], q[4], q[5])).coeffs()
-            self.moved[2] += turn
-
-    def _read(self) -> np.ndarray:
-        q, v = self.state.q, self.state.v
-        attitude = roll_pitch_yaw(q)
-        velocity = base_rotation(q) @ v[:3]
-        return np.concatenate([q, v, self.kernel.record.ravel(), attitude, velocity, self.moved])
-
-    def _channels(self) -> dict[str, np.ndarray]:
-        rover = self.model.rover
-        table = np.array(self.rows)
-        nq, nv, wheels = rover.model.nq, rover.model.nv, len(rover.wheels)
-        q, v, rest = table[:, :nq], table[:, nq : nq + nv], table[:, nq + nv :]
-        record, rest = rest[:, :-9].reshape(len(table), wheels, len(RECORD)), rest[:, -9:]
-        found = {"t_s": self.run.t}
-        for i, wheel in enumerate(rover.wheels):
-            found[f"wheel_rate_{wheel.name}"] = v[:, wheel.dof]
-            found[f"current_{wheel.name}_A"] = record[:, i, RECORD.index("current")]
-            for name in ("slip", "sinkage", "normal", "tangential"):
-                found[f"{name}_{wheel.name}"] = record[:, i, RECORD.index(name)]
-        found |= {name: q[:, index] for name, index in rover.angles.items()}
-        found |= {"body_x": q[:, 0] - rest[:, 6], "body_y": q[:, 1] - rest[:, 7], "body_z": q[:, 2]}
-        found |= {"body_roll": rest[:, 0], "body_pitch": rest[:, 1], "body_yaw": np.unwrap(rest[:, 2]) - rest[:, 8]}
-        found |= {f"body_v{axis}": rest[:, 3 + i] for i, axis in enumerate("xyz")}
-        found["battery_V"] = record[:, 0, RECORD.index("supply")]
-        return found
+def _channels(model: Model, t: np.ndarray, rows: np.ndarray) -> dict[str, np.ndarray]:
+    rover = model.rover
+    q, v, record, attitude, moved = (rows[name] for name in ("q", "v", "record", "attitude", "moved"))
+    found = {"t_s": t}
+    for i, wheel in enumerate(rover.wheels):
+        found[f"wheel_rate_{wheel.name}"] = v[:, wheel.dof]
+        found[f"current_{wheel.name}_A"] = record[:, i, RECORD.index("current")]
+        for name in ("slip", "sinkage", "normal", "tangential"):
+            found[f"{name}_{wheel.name}"] = record[:, i, RECORD.index(name)]
+    found |= {name: q[:, index] for name, index in rover.angles.items()}
+    found |= {"body_x": q[:, 0] - moved[:, 0], "body_y": q[:, 1] - moved[:, 1], "body_z": q[:, 2]}
+    found |= {"body_roll": attitude[:, 0], "body_pitch": attitude[:, 1]}
+    found |= {"body_yaw": np.unwrap(attitude[:, 2]) - moved[:, 2]}
+    found |= {f"body_v{axis}": rows["velocity"][:, i] for i, axis in enumerate("xyz")}
+    found["battery_V"] = record[:, 0, RECORD.index("supply")]
+    return {name: np.ascontiguousarray(values) for name, values in found.items()}

@@ -26,8 +26,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from rover_pin.motion import driving
 from rover_pin.motion import simulate as motion
+from rover_pin.motion.failure import suspension_of
 from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.native.loop import Loop
 from rover_pin.motion.place import settled
 from rover_pin.scenarios import Scenario, scenario
 
@@ -110,10 +113,10 @@ def parts(case: Scenario, count: int) -> None:
     state.q[:], state.v[:], state.contact[:] = keep.q, keep.v, keep.contact
     crba = 1e6 * each(lambda: pin.crba(model, data, state.q, pin.Convention.WORLD), count)
     nle = 1e6 * each(lambda: pin.nonLinearEffects(model, data, state.q, state.v), count)
-    drive = motion.Drive(case.model, state, kernel, case.controller, case.timing)
-    suspension = motion.suspension_of(case.model)
-    obey = 1e6 * each(lambda: motion.obey(drive, 0, suspension), count)
-    row = 1e6 * each(lambda: motion.row_of(drive), count)
+    drive = driving.Drive(case.model, state, kernel, case.controller, case.timing)
+    suspension, loop = suspension_of(case.model), Loop(kernel, case.timing.dt, 1, 1)
+    obey = 1e6 * each(lambda: driving.obey(drive, suspension), count)
+    row = 1e6 * each(loop.now, count)
     print(f"microseconds per step: {whole:.1f} in all; Pinocchio's crba {crba:.1f} and its nle {nle:.1f} beside it")
     shares = case.timing.dt / case.timing.control, case.timing.dt / case.timing.sample
     print(f"    control {obey:.1f} us a call, {obey * shares[0]:.1f} us a step; ", end="")

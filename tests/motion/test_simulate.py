@@ -17,6 +17,7 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.errors import ParameterError, RoverPinError, SimulationError
 from rover_pin.motion.command import Command
 from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.native.loop import Outcome
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.plain_law import direction
 from rover_pin.motion.simulate import Timing, convergence, plain_simulate, simulate
@@ -373,7 +374,7 @@ def test_an_effect_on_a_wheel_that_is_not_there_is_refused():
 
 def test_a_drive_that_fails_before_its_first_row_says_why(monkeypatch):
     """It used to end in an error of numpy's."""
-    monkeypatch.setattr("rover_pin.motion.simulate.Pace.advance", lambda self, commanded: 1)
+    monkeypatch.setattr("rover_pin.motion.compiled_run.Loop.run", lambda self, until: Outcome.NOT_FINITE)
     trace = simulate(made("flat"), ConstantDuty(0.5), 1.0)
     assert len(trace.t) == 0
     assert trace.attrs["stop"] == "diverged at 0.00 s: a velocity is not finite"

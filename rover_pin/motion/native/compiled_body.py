@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -32,6 +32,31 @@ class CompiledBody:
 
 def compiled_body(model: pin.Model) -> CompiledBody:
     """Return the rigid body of a model, compiled; its numbers stay parameters, so a load or a sweep compiles once."""
+    return _body(_Content(_content(model), model))
+
+
+@dataclass(frozen=True)
+class _Content:
+    """A model, the same as any other of equal content."""
+
+    content: bytes
+    model: pin.Model = field(compare=False)
+
+
+def _content(model: pin.Model) -> bytes:
+    """Return all that `tree_of` reads of a model, as bytes."""
+    parts = [
+        f"{joint.shortname()} {joint.idx_q} {parent}" for joint, parent in zip(model.joints, model.parents, strict=True)
+    ]
+    axes = pin.computeJointJacobians(model, model.createData(), pin.neutral(model))
+    numbers = [axes.tobytes(), *(each.homogeneous.tobytes() for each in model.jointPlacements)]
+    numbers += [each.toDynamicParameters().tobytes() for each in model.inertias]
+    return " ".join(parts).encode() + b"".join(numbers)
+
+
+@lru_cache(maxsize=64)
+def _body(known: _Content) -> CompiledBody:
+    model = known.model
     tree = tree_of(model)
     handle, before, during = _compiled(tree.joints, model.nq, model.nv)
     held = np.array(before(np.zeros(0), tree.parameters)).ravel()

@@ -3,7 +3,7 @@
 #define UNDECIDED_SHARE 100.0 /* direction speed over the speed below which both speeds decide alike */
 #define DEEPEST 0.98 /* sinkage over radius at which the law is held; drives stop long before */
 
-enum { OK, NOT_FINITE, SINGULAR };
+enum { OK, NOT_FINITE, SINGULAR, ASKS, FAILS };
 enum { DRIVING, IN_HAND, ON_THE_SOIL }; /* settling: in hand the soil is not sheared, whatever the speeds */
 
 typedef struct {

@@ -8,6 +8,7 @@ from typing import Any
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.motion.laws import GEOMETRY, MAX_STATES
+from rover_pin.motion.pace import CALM, FINEST, ROUGH
 from rover_pin.quantity import Record, quantities
 
 MAX_DOF, MAX_COLS = 48, 24
@@ -66,6 +67,7 @@ INDICES = {
     "bin bin_start": "the last point at or behind each bin's begin, and where a lane's bins begin",
 }
 """Arrays of integer, likewise."""
+PACE = {"FINEST": FINEST, "ROUGH": ROUGH, "CALM": CALM}
 FUNCTIONS = "contact_before body_law rigid_body".split()
 LANES_FUNCTIONS = "contact_law motor_law".split()
 
@@ -80,6 +82,49 @@ FIELDS: list[tuple[Any, dict[str, str], str]] = [
 ]
 
 
+LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
+    (
+        ctypes.c_int64,
+        {
+            "k steps per_control per_sample row check_every": "step, and steps in all, a control sample, a row",
+            "asks obeyed": "whether a controller in Python is asked, and the step of its last answer",
+            "size": "of a step, in FINEST parts of dt",
+            "before before_size": "where the step before is saved, and its size; 0: it cannot be taken again",
+            "n_moving moving_size": "",
+            "row_size n_folding": "",
+        },
+        "integer {}",
+    ),
+    (
+        ctypes.c_double,
+        {
+            "dt begin missed": "",
+            "fastest upright buried folded": "where a drive ends: failure.py",
+            "share mass": "of a row's way to the logged place; of the rover",
+        },
+        "double {}",
+    ),
+    (
+        ctypes.c_void_p,
+        {
+            "log": "rows of ROW",
+            "duty_rows steer_rows force_rows grip_rows place_rows": "commands of a replay; 0 for none",
+            "moved down soils_at_rest folding_limits": "",
+            "saved": "two steps' beginnings: all that moves",
+        },
+        "double *{}",
+    ),
+    (ctypes.c_void_p, {"moving": "the arrays that a step changes"}, "double **{}"),
+    (ctypes.c_void_p, {"folding_q": "the suspension's places in q", "moving_sizes": ""}, "integer *{}"),
+]
+
+
+class LoopStruct(ctypes.Structure):
+    """The struct Loop."""
+
+    _fields_ = [(name, kind) for kind, lines, _ in LOOP_FIELDS for names in lines for name in names.split()]
+
+
 class DriveStruct(ctypes.Structure):
     """The struct Drive."""
 
@@ -87,12 +132,14 @@ class DriveStruct(ctypes.Structure):
 
 
 def header() -> str:
-    """Return the C declarations: sizes (N_SOIL), places (SOIL_N: where the exponent n stands), and the struct Drive."""
+    """Return the C declarations: sizes (N_SOIL), places (SOIL_N: where the exponent n stands), and the structs."""
     tables = {"SOIL": _names(Soil), "WHEEL": _names(Wheel), "GEOMETRY": GEOMETRY, "RECORD": RECORD, "ENERGY": ENERGY}
     lines = [f"#define MAX_{name} {size}" for name, size in MOST.items()]
     lines += [f"#define N_FACET {N_FACET}", f"#define N_PATCH {N_PATCH}"]
     lines += [_places(table, names) for table, names in tables.items()]
-    return "\n".join([*lines, "typedef struct {", *_members(), "} Drive;", ""])
+    lines += [f"#define {name} {value!r}" for name, value in PACE.items()]
+    structs = ["typedef struct {", *_members(FIELDS), "} Drive;", "typedef struct {", *_members(LOOP_FIELDS), "} Loop;"]
+    return "\n".join([*lines, *structs, ""])
 
 
 def _names(record: type[Record]) -> Sequence[str]:
@@ -104,10 +151,10 @@ def _places(table: str, names: Sequence[str]) -> str:
     return f"enum {{ {each}, N_{table} }};"
 
 
-def _members() -> list[str]:
+def _members(fields: list[tuple[Any, dict[str, str], str]]) -> list[str]:
     return [
         f"  {form.format(name)};" + (f" /* {about} */" if about else "")
-        for _, lines, form in FIELDS
+        for _, lines, form in fields
         for names, about in lines.items()
         for name in names.split()
     ]

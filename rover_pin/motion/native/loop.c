@@ -1,0 +1,62 @@
+/* A whole drive or replay: commands, steps, rows. */
+
+/* A replay's gravity leans forward by a force along the heading: it acts on the whole rover alike. */
+static void lean(Drive *d, const Loop *l, double force) {
+  double attitude[3];
+  const double pull = force / l->mass;
+  find_attitude(d->q, attitude);
+  d->gravity[0] = l->down[0] + pull * cos(attitude[2]);
+  d->gravity[1] = l->down[1] + pull * sin(attitude[2]);
+}
+
+/* A replay's soils with tan phi changed by this share. */
+static void grip(Drive *d, const Loop *l, double share) {
+  for (integer i = 0; i < d->n_soils; ++i)
+    d->soils[N_SOIL * i + SOIL_PHI] = atan((1.0 + share) * tan(l->soils_at_rest[N_SOIL * i + SOIL_PHI]));
+  rover_pin_hold(d);
+}
+
+/* The commands of a row of a replay. */
+static void take_row(Drive *d, const Loop *l, integer row) {
+  for (integer w = 0; w < d->n_wheels; ++w) d->duty[w] = fmin(1.0, fmax(-1.0, l->duty_rows[row * d->n_wheels + w]));
+  for (integer i = 0; i < d->n_servos; ++i) d->servo_target[i] = l->steer_rows[row * d->n_servos + i];
+  if (l->force_rows) lean(d, l, l->force_rows[row]);
+  if (l->grip_rows) grip(d, l, l->grip_rows[row]);
+}
+
+/* Move a replay towards its logged place and heading by the share of one row. */
+static void draw(Drive *d, Loop *l, const double *place) {
+  double *q = d->q, attitude[3];
+  if (isfinite(place[0]) && isfinite(place[1]))
+    for (int c = 0; c < 2; ++c) {
+      const double step = l->share * (place[c] - q[c]);
+      q[c] += step;
+      l->moved[c] += step;
+    }
+  if (!isfinite(place[2])) return;
+  find_attitude(q, attitude);
+  const double turn = l->share * remainder(place[2] - attitude[2], 2.0 * PI), c = cos(0.5 * turn), s = sin(0.5 * turn);
+  const double x = q[3], y = q[4], z = q[5], w = q[6];
+  q[3] = c * x - s * y;
+  q[4] = c * y + s * x;
+  q[5] = c * z + s * w;
+  q[6] = c * w - s * z;
+  l->moved[2] += turn;
+}
+
+/* Go on until the last step, the row `until`, a failure, or a question to a controller; say which. */
+int rover_pin_run(Drive *d, Loop *l, integer until) {
+  while (l->k < l->steps && l->row < until) {
+    if (l->asks && l->k % l->per_control == 0 && l->obeyed != l->k) return ASKS;
+    if (l->duty_rows && l->k % l->per_sample == 0) take_row(d, l, l->k / l->per_sample);
+    int status = advance(d, l, l->k % l->per_control == 0 || l->k % l->per_sample == 0);
+    if (status) return status;
+    if (++l->k % l->per_sample) continue;
+    rover_pin_row(d, l, l->log + l->row * l->row_size);
+    const int failed = l->row % l->check_every == 0 && fails(d, l);
+    if (l->place_rows) draw(d, l, l->place_rows + 3 * l->row);
+    ++l->row;
+    if (failed) return FAILS;
+  }
+  return OK;
+}

@@ -1,0 +1,108 @@
+"""The compiled loop: a whole drive or replay in one call, or from one question to a controller to the next."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from rover_pin.motion.failure import FASTEST, FOLDED, UPRIGHT, suspension_of
+from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.native.library import library
+from rover_pin.motion.native.shared import LoopStruct
+from rover_pin.motion.pace import FINEST
+from rover_pin.motion.rows import row_type
+
+
+class Outcome(IntEnum):
+    """Why the loop came back."""
+
+    DONE = 0
+    NOT_FINITE = 1
+    SINGULAR = 2
+    ASKS = 3
+    FAILS = 4
+
+
+class Loop:
+    """Steps of a kernel with its rows; `rows` is filled as far as `row`."""
+
+    def __init__(self, kernel: Kernel, dt: float, steps: int, per_sample: int, **further: Any):
+        model, state = kernel.model, kernel.state
+        self.kernel, self.state = kernel, state
+        self.rows = np.zeros(steps // per_sample, dtype=row_type(model))
+        self.moved = np.zeros(3)
+        self.struct = LoopStruct()
+        self.keep: dict[str, Any] = {}
+        suspension = suspension_of(model)
+        self.set(
+            dt=dt,
+            begin=state.t,
+            steps=steps,
+            per_control=steps,
+            per_sample=per_sample,
+            check_every=1,
+            size=FINEST,
+            obeyed=-1,
+            row_size=self.rows.dtype.itemsize // 8,
+            n_folding=len(suspension.places),
+            folding_q=suspension.places.astype(np.int64),
+            folding_limits=np.column_stack(suspension.limits).astype(float),
+            fastest=FASTEST,
+            upright=UPRIGHT,
+            buried=model.buried,
+            folded=FOLDED,
+            mass=model.built.mass,
+            down=kernel.gravity.copy(),
+            soils_at_rest=kernel.soils.copy(),
+            **_moving(kernel.moving),
+            log=self.rows,
+            moved=self.moved,
+        )
+        self.set(**further)
+
+    def set(self, **values: Any) -> None:
+        """Let fields of the struct Loop have these values; an array stays where it is."""
+        for name, value in values.items():
+            if isinstance(value, np.ndarray):
+                self.keep[name] = value
+                value = value.ctypes.data
+            setattr(self.struct, name, value)
+
+    def run(self, until: int) -> Outcome:
+        """Go on to the row `until`, or the end, a failure, or a question; the state's time follows."""
+        step = library().rover_pin_run(ctypes.addressof(self.kernel.struct), ctypes.addressof(self.struct), until)
+        self.state.t = self.struct.begin + self.struct.k * self.struct.dt
+        return Outcome(step)
+
+    def now(self) -> np.ndarray:
+        """Return the present instant as a row."""
+        row = np.zeros(1, dtype=self.rows.dtype)
+        kernel, own = ctypes.addressof(self.kernel.struct), ctypes.addressof(self.struct)
+        library().rover_pin_row(kernel, own, row.ctypes.data)
+        return np.asarray(row[0])
+
+    @property
+    def row(self) -> int:
+        """How many rows there are."""
+        return int(self.struct.row)
+
+    @property
+    def done(self) -> bool:
+        """Whether the last step is taken."""
+        return bool(self.struct.k >= self.struct.steps)
+
+
+def _moving(arrays: Sequence[np.ndarray]) -> dict[str, Any]:
+    """Return the fields that say what a step changes, with room to save it twice."""
+    assert all(each.flags.c_contiguous and each.dtype == float for each in arrays)
+    sizes = np.array([each.size for each in arrays], dtype=np.int64)
+    total = int(sizes.sum())
+    addresses = np.array([each.ctypes.data for each in arrays], dtype=np.int64)
+    return {
+        "moving": addresses, "moving_sizes": sizes, "n_moving": len(sizes), "moving_size": total,
+        "saved": np.zeros(2 * total),
+    }  # fmt: skip

@@ -1,0 +1,47 @@
+"""A drive step after step in Python: slow, readable, and the reference of the compiled loop."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rover_pin.motion.driving import OFTEN, Drive, Progress, Ran, diverged, obey
+from rover_pin.motion.failure import failure, suspension_of
+from rover_pin.motion.pace import Pace
+from rover_pin.motion.rows import row_type
+from rover_pin.motion.state import base_rotation, roll_pitch_yaw
+
+
+def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
+    """Step until the end: command, step, log, and look whether the drive can go on."""
+    timing, state, stepper = drive.timing, drive.state, drive.stepper
+    steps = round(duration / timing.dt)
+    per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
+    suspension = suspension_of(drive.model)
+    pace = Pace(stepper, timing.dt)
+    rows, count, begin = np.zeros(steps // per_sample, dtype=row_type(drive.model)), 0, state.t
+    for k in range(steps):
+        if k % per_control == 0:
+            obey(drive, suspension)
+        status = pace.advance(k % per_control == 0 or k % per_sample == 0)
+        if status:
+            return Ran(rows[:count], diverged(status, state.t), pace.missed)
+        state.t = begin + (k + 1) * timing.dt
+        if k % per_sample == per_sample - 1:
+            _log(drive, rows[count])
+            count += 1
+            reason = failure(drive.model, state, stepper.record, suspension)
+            if reason:
+                return Ran(rows[:count], f"{reason} at {state.t:.2f} s", pace.missed)
+            if progress and count % OFTEN == 0:
+                progress(state.t)
+    return Ran(rows[:count], "duration", pace.missed)
+
+
+def _log(drive: Drive, row: np.void) -> None:
+    """Write the present instant into a row."""
+    state, stepper = drive.state, drive.stepper
+    row["t"], row["q"], row["v"] = state.t, state.q, state.v
+    row["record"], row["duty"], row["servo"] = stepper.record, stepper.duty, stepper.servo_target[: len(row["servo"])]
+    row["energy"], row["impulse"], row["differential"] = stepper.energy, stepper.impulse, stepper.differential[0]
+    row["mechanical"], row["attitude"] = stepper.energies(), roll_pitch_yaw(state.q)
+    row["velocity"] = base_rotation(state.q) @ state.v[:3]
