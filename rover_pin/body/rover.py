@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Self
 
@@ -17,7 +17,7 @@ from rover_pin.body.parts import Coupling, Differential, WheelMount
 from rover_pin.body.symmetry import Mirror, is_symmetric, mirror
 from rover_pin.contact import Wheel
 from rover_pin.description.faults import refuse_faults
-from rover_pin.description.layout import Layout, read_layout, shipped
+from rover_pin.description.layout import Layout, read_layout, shipped, written
 from rover_pin.description.motor_sheet import MotorSheet
 from rover_pin.description.readers import free_tree
 from rover_pin.description.tree import read_tree
@@ -177,10 +177,17 @@ def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
     UrdfError
         The TOML or its URDF does not make a rover; the sentence says what to mend.
     """
-    if Path(rover).suffix == "":
-        layout = read_layout(shipped(str(rover)), Trust(everything=True))
-    else:
-        layout = read_layout(Path(rover), trust)
+    path = Path(rover)
+    if path.suffix == "":
+        path, trust = shipped(str(rover)), Trust(everything=True)
+    found = _loaded(path, written(path, trust), trust)
+    return dataclasses.replace(found, model=found.model.copy())
+
+
+@lru_cache(maxsize=16)
+def _loaded(path: Path, written: tuple[str, ...], trust: Trust) -> Rover:
+    """Return the rover of a TOML; what is `written` in its files tells whether it is the one loaded before."""
+    layout = read_layout(path, trust)
     refuse_faults(layout)
     return assemble(layout)
 

@@ -146,6 +146,15 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
     )
 
 
+def written(path: Path, trust: Trust = Trust()) -> tuple[str, ...]:
+    """Return the texts of a TOML and its URDF, as far as they can be read: `read_layout` says what is wrong with them."""
+    try:
+        table = _table(path)
+        return text(path), text(_urdf(path, table.get("urdf"), trust))
+    except (UrdfError, OSError, UnicodeDecodeError):
+        return ()
+
+
 def _check_keys(table: Mapping[str, Any], where: str) -> None:
     for key in table:
         if key not in KEYS:
