@@ -147,7 +147,7 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
 
 
 def written(path: Path, trust: Trust = Trust()) -> tuple[str, ...]:
-    """Return the texts of a TOML and its URDF, as far as they can be read: `read_layout` says what is wrong with them."""
+    """Return the texts of a TOML and its URDF; nothing where they cannot be read, of which `read_layout` says why."""
     try:
         table = _table(path)
         return text(path), text(_urdf(path, table.get("urdf"), trust))
