@@ -40,13 +40,13 @@ def priors(words: Iterable[str]) -> dict[str, Any]:
     return found
 
 
-def assignments(words: Iterable[str]) -> dict[str, Any]:
-    """Return NAME=VALUE words as a dict; numbers as numbers."""
+def assignments(words: Iterable[str], option: str = "--set") -> dict[str, Any]:
+    """Return NAME=VALUE words of an option as a dict; numbers as numbers."""
     found: dict[str, Any] = {}
     for word in words:
         name, sign, value = word.partition("=")
         if not sign:
-            raise ParameterError(f"--set {word}: write it as NAME=VALUE, as --set soil.k=0.01.")
+            raise ParameterError(f"{option} {word}: write it as NAME=VALUE, as --set soil.k=0.01.")
         try:
             found[name] = float(value)
         except ValueError:

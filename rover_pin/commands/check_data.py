@@ -1,0 +1,26 @@
+"""`rover-pin check-data`: whether measured data can be used, and what they lack, in seconds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rover_pin.commands.options import AsJson, Trusted
+from rover_pin.terminal import report
+from rover_pin.trust import Trust
+
+
+def check_data(
+    data: Annotated[Path, typer.Argument(help="A wheel-rig set or a drive log: folder with rig.toml or drive.toml.")],
+    trust: Trusted = False,
+    as_json: AsJson = False,
+) -> None:
+    """Check measured data as close-loop would, and fit nothing: units, signs, ranges, gaps, clock, excitation."""
+    from rover_pin.loop.data_check import check_data as check
+
+    found = check(data, Trust(everything=trust))
+    verdict = f"too poor: {found.too_poor}" if found.too_poor else "can be used: rover-pin close-loop goes on from here"
+    told = list(map(str, found.findings))
+    report({"data": str(data), "kind": found.kind, "holds": found.holds, "verdict": verdict, "findings": told}, as_json)

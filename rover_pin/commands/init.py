@@ -1,0 +1,44 @@
+"""`rover-pin init`: a wheel-rig set out of a CSV of one's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rover_pin.commands.options import AsJson
+from rover_pin.errors import ParameterError
+from rover_pin.terminal import assignments, report
+
+
+def init(
+    table: Annotated[Path, typer.Argument(help="CSV or Parquet: a row a run, slip, load, what was measured.")],
+    radius: Annotated[str, typer.Option("--r", help="Radius of the wheel, as 45mm.")],
+    width: Annotated[str, typer.Option("--b", help="Width of the wheel, as 50mm.")],
+    noise: Annotated[
+        list[str], typer.Option(metavar="CHANNEL=SD", help="Scatter of a channel, as drawbar_pull=0.5N, repeatable.")
+    ] = [],  # noqa: B006 - typer wants a list
+    out: Annotated[Path | None, typer.Option(help="Folder for the set; the table's name, if not said.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make a wheel-rig set, which close-loop and identify read, out of a table of your own, and check it."""
+    from rover_pin.contact import Wheel
+    from rover_pin.loop.data_check import check_data
+    from rover_pin.measurements.foreign_rig import channel_unit, read_foreign, write_rig_set
+    from rover_pin.quantity import written
+
+    scatter = assignments(noise, "--noise")
+    sds = {
+        name: (written(sd, channel_unit(name), f"--noise {name}"), channel_unit(name)) for name, sd in scatter.items()
+    }
+    wheel = Wheel(r=written(radius, "m", "--r"), b=written(width, "m", "--b"))
+    folder = table.with_suffix("") if out is None else out
+    if folder == table:
+        raise ParameterError(f"{table}: give a folder for the set: --out FOLDER.")
+    read = read_foreign(table)
+    read.refuse_without_noise(table, sds)
+    files = write_rig_set(folder, table.stem, read, wheel, sds)
+    found = check_data(folder)
+    told = {"columns": list(read.said), "holds": found.holds, "findings": list(map(str, found.findings))}
+    report({"files": list(map(str, files)), **told, "next": f"rover-pin close-loop {folder}"}, as_json)

@@ -1,0 +1,49 @@
+"""`rover-pin new-effect`: the file of an effect of one's own, which runs as it stands, and the test of its contract."""
+
+from __future__ import annotations
+
+import re
+from enum import StrEnum
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Annotated
+
+import typer
+
+from rover_pin.commands.options import AsJson
+from rover_pin.errors import ParameterError
+from rover_pin.terminal import report
+
+
+class Acts(StrEnum):
+    """Where an effect acts."""
+
+    CONTACT = "contact"
+    MOTOR = "motor"
+    BODY = "body"
+
+
+def new_effect(
+    name: Annotated[str, typer.Argument(help="The class's name, as StickySoil.")],
+    acts: Annotated[Acts, typer.Option(help="Where it acts.")] = Acts.CONTACT,
+    out: Annotated[Path, typer.Option("--out", help="Folder for the two files.")] = Path("."),
+    as_json: AsJson = False,
+) -> None:
+    """Write an effect of your own to start from, and a test that it keeps the contract of effects."""
+    from rover_pin.columns import replace_file
+
+    if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):
+        raise ParameterError(f"'{name}' is no name of an effect: write it as a class's, as StickySoil.")
+    stem = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+    made = {f"{stem}.py": acts.value, f"test_{stem}.py": "test"}
+    for file in made:
+        if (out / file).exists():
+            raise ParameterError(f"{out / file}: there is one already: take another name, or another folder by --out.")
+    folder = files("rover_pin.commands") / "templates"
+    texts = {file: Template((folder / f"{kind}.txt").read_text(encoding="utf-8")) for file, kind in made.items()}
+    written = [
+        str(replace_file(out / file, text.substitute(Name=name, file=f"{stem}.py"))) for file, text in texts.items()
+    ]
+    then = [f"pytest {written[1]}", f"rover-pin close-loop DATA --effects {written[0]}"]
+    report({"files": written, "next": then}, as_json)

@@ -1,0 +1,53 @@
+"""Measured data checked by themselves, before any fit: refused, warned of, or found fit for the loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from rover_pin.experiments.drive_log.checks.log import check as check_log
+from rover_pin.experiments.wheel_rig.calibrate import nuisances
+from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.loop.close import read_data
+from rover_pin.measurements.finding import Finding
+from rover_pin.motion.drive_log import DriveLog
+from rover_pin.trust import Trust
+
+
+class DataCheck(NamedTuple):
+    """What the check of data that can be used found."""
+
+    kind: str
+    "wheel-rig or drive-log"
+    holds: str
+    "what is in it, in one line"
+    findings: tuple[Finding, ...]
+    too_poor: str
+    "why the loop would not tell, and what would; empty where it can"
+
+
+def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
+    """Return what the loop would say of these data before it fits anything.
+
+    Raises
+    ------
+    DataError
+        Data that cannot be used, in one sentence: what, where, what to do.
+    """
+    data = read_data(folder, trust)
+    if isinstance(data, DriveLog):
+        found = check_log(data)
+        seconds = sum(float(run.t[-1] - run.t[0]) for run in data.runs)
+        holds = f"{len(data.runs)} runs, {seconds:.0f} s, rover {data.about.rover}"
+        return DataCheck("drive-log", holds, found.found, found.too_poor)
+    refuse_unfit(data)
+    uncertain, _ = nuisances(data, RigModel(data.rig.wheel, data.soil()))
+    return DataCheck("wheel-rig", _holds(data), tuple(findings(data)), too_poor(data, len(uncertain)))
+
+
+def _holds(data: RigSet) -> str:
+    slips = f"S from {data.rig.slip.min():.2g} to {data.rig.slip.max():.2g}"
+    channels = ", ".join(channel.column for channel in data.rig.channels)
+    return f"{data.rig.slip.size} runs at {len(data.level_names)} levels, {slips}; {channels}"

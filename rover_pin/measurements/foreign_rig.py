@@ -1,0 +1,163 @@
+"""A wheel-rig set out of a table of one's own: its columns known by their names and units, written in SI."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from rover_pin.columns import replace_file
+from rover_pin.contact import Wheel
+from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.measurements.tables import read_table
+from rover_pin.measurements.wheel_rig import CHANNELS
+from rover_pin.quantity import to_si
+from rover_pin.toml_file import toml_text
+
+
+class Known(NamedTuple):
+    """A column of a set, its SI unit, and what others call it."""
+
+    column: str
+    unit: str
+    names: tuple[str, ...]
+
+
+KNOWN = (
+    Known("slip", "", ("slip", "slip ratio", "s", "i")),
+    Known("load_N", "N", ("load", "vertical load", "normal load", "w", "fz")),
+    Known("drawbar_pull_N", "N", ("drawbar pull", "drawbar", "dp", "fx", "pull")),
+    Known("torque_Nm", "N m", ("torque", "wheel torque", "driving torque", "my", "t")),
+    Known("sinkage_m", "m", ("sinkage", "wheel sinkage", "z", "h")),
+    Known("drawbar_pull_sd_N", "N", ("drawbar pull sd", "dp sd")),
+    Known("torque_sd_Nm", "N m", ("torque sd",)),
+    Known("sinkage_sd_m", "m", ("sinkage sd",)),
+    Known("travel_speed_mps", "m/s", ("travel speed", "carriage speed", "v", "vx")),
+    Known("rim_speed_mps", "m/s", ("rim speed", "circumferential speed")),
+    Known("slip_angle_rad", "rad", ("slip angle", "beta")),
+    Known("run", "text", ("run", "test", "trial", "id")),
+    Known("level", "text", ("level", "slip level")),
+)
+NEEDED = ("slip", "load_N")
+ENDS = {"mps": "m/s", "nm": "N m", "mnm": "mN m", "n": "N", "kn": "kN", "m": "m", "mm": "mm", "cm": "cm", "rad": "rad",
+        "deg": "deg", "percent": "%", "pct": "%"}  # fmt: skip
+"""Units as the ends of column names have them."""
+
+
+class Read(NamedTuple):
+    """A table's columns as those of a set, and what was understood of them."""
+
+    table: pd.DataFrame
+    said: tuple[str, ...]
+
+    def refuse_without_noise(self, file: Path, stated: Iterable[str]) -> None:
+        """Refuse a channel whose scatter nobody states: without it no fit can be judged.
+
+        Raises
+        ------
+        DataError
+            A channel without a column of its SD and without a stated one.
+        """
+        for kind in CHANNELS:
+            name, _, unit = kind.column.rpartition("_")
+            if kind.column in self.table and name not in stated and f"{name}_sd_{unit}" not in self.table:
+                raise DataError(
+                    f"{file}: how much {name} scatters is not said: add a column {name}_sd_{unit}, or say "
+                    f"--noise {name}=1{kind.unit.replace(' ', '')} with the SD of repeats."
+                )
+
+
+def read_foreign(file: Path) -> Read:
+    """Return a table with the columns of a wheel-rig set, in SI.
+
+    A unit stands in brackets or at the end of a name: `Sinkage [mm]`, `sinkage_mm`, `Slip (%)`; without one it is SI.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, has two columns for one, a unit of another kind, or neither slip nor load.
+    """
+    table = read_table(file, ())
+    made: dict[str, Any] = {}
+    said = []
+    for name in map(str, table.columns):
+        stem, unit = _parts(name)
+        known = next((each for each in KNOWN if stem in (*each.names, _plain(each.column))), None)
+        if known is None:
+            said.append(f"'{name}' is not used: no column of a wheel-rig set is known by it")
+            continue
+        if known.column in made:
+            raise DataError(f"{file}: two columns are {known.column}, '{name}' is the second: leave one of them out.")
+        made[known.column] = _in_si(table[name], unit, known, f"{file}: '{name}'")
+        guessed = "" if unit or known.unit in ("", "text") else f", taken as {known.unit}"
+        said.append(f"'{name}' is {known.column}{guessed}")
+    if not any(kind.column in made for kind in CHANNELS):
+        raise DataError(f"{file}: nothing that was measured is known: name it drawbar_pull_N, torque_Nm or sinkage_m.")
+    missing = [name for name in NEEDED if name not in made]
+    if missing:
+        raise DataError(
+            f"{file}: no column is known as {' or '.join(missing)}: name it so, as in slip, load_N, drawbar_pull_N, "
+            f"torque_Nm, sinkage_m. It has {', '.join(map(str, table.columns))}."
+        )
+    return Read(pd.DataFrame(made), tuple(said))
+
+
+def _parts(name: str) -> tuple[str, str]:
+    """Return what a column is called, in plain letters, and its unit, empty where it tells none."""
+    bracketed = re.fullmatch(r"\s*(.*?)\s*[\[(]\s*(.*?)\s*[\])]\s*", name)
+    if bracketed:
+        return _plain(bracketed[1]), bracketed[2]
+    stem, _, end = name.strip().rpartition("_")
+    return (_plain(stem), ENDS[end.lower()]) if stem and end.lower() in ENDS else (_plain(name), "")
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s_\-]+", " ", name).strip().lower()
+
+
+def _in_si(values: Any, unit: str, known: Known, where: str) -> Any:
+    if known.unit == "text":
+        return values.astype(str)
+    if unit == "%" and known.unit == "":
+        return values / 100.0
+    unit = unit if unit not in ("-", "1") else ""
+    try:
+        return values * (to_si(1.0, unit, known.unit, where) if unit else 1.0)
+    except ParameterError as error:
+        raise DataError(str(error)) from error
+
+
+def channel_unit(name: str) -> str:
+    """Return the unit of a channel that can have noise: drawbar_pull, torque, sinkage."""
+    units = {kind.column.rpartition("_")[0]: kind.unit for kind in CHANNELS}
+    if name not in units:
+        raise ParameterError(f"--noise {name}: there is no such channel: {closest(name, units)}")
+    return units[name]
+
+
+def write_rig_set(
+    folder: Path, name: str, read: Read, wheel: Wheel, noise: Mapping[str, tuple[float, str]]
+) -> list[Path]:
+    """Write points.csv and rig.toml of a set, with the noise of each channel (number, unit); return their paths.
+
+    Raises
+    ------
+    DataError
+        There is a rig.toml already, or it cannot be written.
+    """
+    toml = folder / "rig.toml"
+    if toml.exists():
+        raise DataError(f"{toml}: there is one already: name another folder, or take it away first.")
+    about = {
+        "kind": "wheel-rig",
+        "name": name,
+        "source": "who measured this, where, when: write it here",
+        "files": {"points": "points.csv"},
+        "wheel": {field: {"value": value, "unit": "m"} for field, value in wheel.values().items()},
+        **({"noise": {key: {"value": value, "unit": unit} for key, (value, unit) in noise.items()}} if noise else {}),
+    }
+    points = replace_file(folder / "points.csv", read.table.to_csv(index=False))
+    return [points, replace_file(toml, toml_text(about))]

@@ -1,0 +1,83 @@
+"""Data of one's own: made a set out of a table, and checked by themselves before any fit."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+
+DATA = Path(__file__).parents[2] / "studies" / "data"
+MINE = "Slip (%),Load [N],DP [N],sinkage_mm,operator\n0,50,1.0,5,a\n20,50,8.1,6.5,a\n40,50,10.5,8,b\n60,50,11,10,b\n"
+WHEEL = ("--r", "45mm", "--b", "5cm")
+NOISE = ("--noise", "drawbar_pull=0.5N", "--noise", "sinkage=0.5mm")
+
+
+def test_a_table_becomes_a_set_in_si(run):
+    Path("mine.csv").write_text(MINE)
+    code, out, _ = run("init", "mine.csv", *WHEEL, *NOISE, "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert "'operator' is not used" in " ".join(told["columns"])
+    rig = read_rig_set("mine").rig
+    assert rig.slip == pytest.approx([0.0, 0.2, 0.4, 0.6])
+    assert (rig.wheel.r, rig.wheel.b) == (0.045, 0.05)
+    pull, sinkage = rig.channels
+    assert sinkage.measured == pytest.approx([0.005, 0.0065, 0.008, 0.01])
+    assert (np.max(pull.sd), np.max(sinkage.sd)) == (0.5, 0.0005)
+    assert run("init", "mine.csv", *WHEEL, *NOISE)[2].startswith("rover-pin: mine/rig.toml: there is one already")
+
+
+@pytest.mark.parametrize(
+    ("table", "words", "sentence"),
+    [
+        (
+            MINE,
+            (),
+            "mine.csv: how much drawbar_pull scatters is not said: add a column drawbar_pull_sd_N, or say --noise",
+        ),
+        (MINE, ("--noise", "pull=1"), "--noise pull: there is no such channel: "),
+        (MINE, ("--noise", "drawbar_pull=1mm"), "--noise drawbar_pull: unit 'mm' does not measure what is asked for"),
+        (MINE.replace("Load [N]", "Load [kg]"), NOISE, "mine.csv: 'Load [kg]': unit 'kg' does not measure"),
+        (MINE.replace("Load [N]", "mass"), NOISE, "mine.csv: no column is known as load_N: name it so"),
+        (MINE.replace("operator", "slip"), NOISE, "mine.csv: two columns are slip, 'slip' is the second"),
+        ("slip,load_N\n0,1\n", (), "mine.csv: nothing that was measured is known: name it drawbar_pull_N"),
+        ("", (), "mine.csv is empty"),
+    ],
+)
+def test_what_makes_no_set_is_said_and_nothing_is_left(run, table, words, sentence):
+    Path("mine.csv").write_text(table)
+    code, _, err = run("init", "mine.csv", *WHEEL, *words)
+    assert code == 2
+    assert sentence in err
+    assert not Path("mine").exists()
+
+
+def test_a_good_rig_set_is_told_what_it_holds_and_lacks(run):
+    code, out, _ = run("check-data", DATA / "cmu-smooth-wheel", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert told["holds"].startswith("15 runs at 5 levels")
+    assert told["verdict"].startswith("can be used")
+    assert any("torque was not measured" in finding for finding in told["findings"])
+
+
+def test_a_drive_log_is_checked_likewise(run):
+    told = json.loads(run("check-data", DATA / "steepening-slope", "--json")[1])
+    assert told["kind"] == "drive-log"
+    assert told["holds"].startswith("6 runs, ")
+
+
+def test_a_poor_set_is_told_so_and_a_wrong_one_refused(run):
+    lines = (DATA / "cmu-smooth-wheel" / "points.csv").read_text().splitlines()
+    Path("poor").mkdir()
+    toml = (DATA / "cmu-smooth-wheel" / "rig.toml").read_text()
+    files = 'files = { points = "points.csv", penetration = "penetration.csv", transient = "sinkage_transient.csv" }'
+    Path("poor/rig.toml").write_text(toml.replace(files, ""))
+    Path("poor/points.csv").write_text("\n".join(lines[:7]))
+    assert "too poor: 2 levels of slip" in run("check-data", "poor")[1]
+    Path("poor/points.csv").write_text("\n".join([*lines[:6], lines[6].replace("0.", "x.")]))
+    code, _, err = run("check-data", "poor")
+    assert code == 2
+    assert err.count("\n") == 1
