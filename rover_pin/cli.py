@@ -222,19 +222,19 @@ def close_loop(
     trust: Trusted = False,
     out: Out = Path("out/close_loop"),
     workers: Annotated[int, typer.Option(help="Processes for a drive log; 0 for all cores.")] = 0,
+    experiment: Annotated[str | None, typer.Option(help="Your own test bed: its file, or motor_brake.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the effect that the model lacks, add it, and report the error before and after; killed, it resumes."""
     from rover_pin.loop.close import close_the_loop, read_data, read_start
 
-    start = None if model is None else read_start(model, data, Trust.of(effects, trust))
+    start: Any = model if model is None or experiment else read_start(model, data, Trust.of(effects, trust))
     say = (lambda said: None) if as_json else log.info
     with stoppable(out, ("report.html", "verdict.json", "model.toml", "draft_effect")):
-        given = read_data(data, Trust(everything=True)) if trust else data
-        verdict = close_the_loop(given, start, effects, out, say, jobs=workers)
-    print(
-        json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nreport: {out / 'report.html'}"
-    )
+        given = read_data(data, Trust(everything=True)) if trust and experiment is None else data
+        verdict = close_the_loop(given, start, effects, out, say, jobs=workers, experiment=experiment)
+    written = out / ("report.html" if experiment is None else "verdict.json")
+    print(json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nwritten: {written}")
 
 
 @app.command()

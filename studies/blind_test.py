@@ -51,6 +51,7 @@ from joblib import Parallel, delayed
 from rover_pin.columns import replace_file
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.compare import Refit, refit
+from rover_pin.discrepancy.conclusion import numbers
 from rover_pin.discrepancy.cross_validation import left_out
 from rover_pin.discrepancy.screen import fee_of, score
 from rover_pin.discrepancy.search import Search, search
@@ -59,7 +60,6 @@ from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.model import base_model, with_spread
-from rover_pin.experiments.drive_log.verdict import numbers
 from rover_pin.experiments.unlisted.remainder import Remainder, describe
 from rover_pin.loop.drive import answer_of
 from rover_pin.motion.drive_log import read_drive_log

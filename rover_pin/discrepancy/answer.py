@@ -15,6 +15,8 @@ class Answer(Enum):
 
     NAMED = "an effect is missing"
     SET = "one of a set of effects is missing"
+    LIKE = "like an effect of the list"
+    INADEQUATE = "the base model does not describe these data"
     NONE_NEEDED = "no effect needed"
     NONE_FITS = "none of these"
     CANNOT_TELL = "cannot tell"

@@ -82,6 +82,13 @@ class Candidate:
         return Parameter(name, value, SHAPE_SHARE * (abs(value) or 1.0), low, high)
 
 
+def plain_candidate(effect: Any) -> Candidate:
+    """Return an effect that has no place as a candidate: all its quantities free."""
+    own = type(effect).__name__
+    shapes = tuple(f"{own}.{name}" for name in quantities(effect) if name not in effect.neutral)
+    return Candidate(own, effect, tuple(f"{own}.{name}" for name in effect.neutral), shapes)
+
+
 def _reach(unit: str) -> float:
     """Return a size of one unit for an effect whose default for it is none: a hundredth [m, rad, ...]."""
     return {"m": 0.01, "rad": 0.01}.get(unit, 0.05)

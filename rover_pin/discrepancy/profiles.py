@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from rover_pin.estimation.fit import Fit, fit
-from rover_pin.estimation.noise import COLOURED
 from rover_pin.estimation.profile import NORMAL_95, Profile
 
 SHARES = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
@@ -13,7 +12,7 @@ SHARES = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
 
 
 def profiles(fitted: Fit, names: tuple[str, ...]) -> tuple[Profile, ...]:
-    """Return the profiles of these parameters: rise of the robust chi2 over COLOURED and the misfit where above 1.
+    """Return the profiles of these parameters: rise of chi2 over the noise's inflation and a misfit above 1.
 
     The others descend from where a linear model puts them, with the slopes of the fit.
     """
@@ -41,4 +40,4 @@ def _rise(fitted: Fit, at: int, u: float, direction: np.ndarray) -> float:
     held = fitted.task.experiment.with_values(fitted.model, {one.name: one.value(u)})
     found = fit(fitted.task, held, others, start, fitted.slopes, reuse=True)
     prior = u**2 if one.prior else 0.0
-    return (found.chi2 + prior - fitted.chi2) / (COLOURED * max(fitted.misfit, 1.0))
+    return (found.chi2 + prior - fitted.chi2) / (fitted.task.noise.inflation * max(fitted.misfit, 1.0))

@@ -167,13 +167,13 @@ def entry_fee(candidates: int) -> float:
     return 2 * math.log(max(candidates, 1) / FALSE_ALARMS)
 
 
-def fee_of(candidate: Candidate, count: int, taken: float = 0.0) -> float:
+def fee_of(candidate: Candidate, count: int, taken: float = 0.0, inflation: float = COLOURED) -> float:
     """Return what chance gains the best of `count` candidates; SOUGHT times that for one that is sought somewhere.
 
     Beside chance stands what the laws that were added before, which took `taken` of chi2, may leave by their form.
     """
     white = entry_fee(count) * (SOUGHT if candidate.sought else 1.0) + entry_fee(1) * (len(candidate.sizes) - 1)
-    return COLOURED * white + ROUGH * taken
+    return inflation * white + ROUGH * taken
 
 
 def started(scored: Scored, base: Fit) -> dict[str, float]:

@@ -15,7 +15,7 @@ from rover_pin.discrepancy.compare import Fee, Refit, alike, refit
 from rover_pin.discrepancy.screen import Scored, Signature, fee_of, saturated, score, signatures, with_noise
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit, Task, fit
-from rover_pin.estimation.noise import first_noise
+from rover_pin.estimation.noise import COLOURED, first_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.residual import residual
 
@@ -68,7 +68,10 @@ class Search:
 
 
 def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter]) -> Fit:
-    """Return the model with its uncertain numbers fitted, the noise taken as large as what is left."""
+    """Return the model with its uncertain numbers fitted, the noise as declared, or taken as large as what is left."""
+    declared = experiment.noise()
+    if declared is not None:
+        return again(fit(Task(experiment, declared), model, numbers))
     least = np.full(len(experiment.channels), LEAST)
     left = residual(experiment.observed, experiment.predict([model])[0])
     base = fit(Task(experiment, first_noise(left, least)), model, numbers)
@@ -85,7 +88,7 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     progress(f"score test of {len(tried)} candidates")
     known = signatures(base, tried)
     least = np.full(base.predicted.shape[1], LEAST)
-    for _ in range(LEARNT):
+    for _ in range(LEARNT if base.task.experiment.noise() is None else 0):
         base = again(with_noise(base, saturated(base, known), least))
     rounds: list[Round] = []
     here = base
@@ -107,9 +110,11 @@ def _round(
     if is_bent(here):
         progress("the numbers had to leave what is declared: scoring every candidate at the declared ones too")
         declared = anchor(here, [each.candidate for each in left])
-    return Round(tuple(scored), refit(here, scored, fee_after(before, len(tried)), progress, declared))
+    return Round(
+        tuple(scored), refit(here, scored, fee_after(before, len(tried), here.task.noise.inflation), progress, declared)
+    )
 
 
-def fee_after(before: Sequence[Round], count: int) -> Fee:
+def fee_after(before: Sequence[Round], count: int, inflation: float = COLOURED) -> Fee:
     """Return what each of `count` candidates must gain once these rounds have added theirs."""
-    return partial(fee_of, count=count, taken=sum(each.alike[0].gain for each in before))
+    return partial(fee_of, count=count, taken=sum(each.alike[0].gain for each in before), inflation=inflation)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rover_pin.errors import ParameterError, closest
+from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.quantity import Quantity, quantities
 
@@ -75,6 +76,10 @@ class Experiment(ABC):
         """Return an uncertain number around its present value; `sd` is relative where `log`."""
         about = self.quantity(model, name)
         return Parameter(name, self.value(model, name), sd, float(about.low), float(about.high), log)
+
+    def noise(self) -> Noise | None:
+        """Return the noise as it is declared, or as repeats show it; None where it is learnt from what is left."""
+        return None
 
     def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Mapping | None:
         """Return d predicted / d u by name where it is known exactly; else differences of predictions are taken."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.estimation.experiment import Arrays, Experiment
-from rover_pin.estimation.noise import COLOURED, Noise, huber, huber_weights
+from rover_pin.estimation.noise import Noise, huber, huber_weights
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.residual import residual
 
@@ -87,13 +87,13 @@ class Fit:
 
     @property
     def spread(self) -> np.ndarray:
-        """SD of each u: of the model, its variance COLOURED times a misfit above 1, or of stretches if larger.
+        """SD of each u: of the model, inflated as its noise says and by a misfit above 1, or of stretches if larger.
 
         The last is the sandwich H (sum g g^T) H with H the covariance and g the slope of chi2 / 2 of one stretch of
         one run: it holds where rows of a stretch hang together beyond what the noise knows.
         Source: White, Econometrica 48 (1980); Liang and Zeger, Biometrika 73 (1986).
         """
-        plain = np.diag(self.covariance) * COLOURED * max(self.misfit, 1.0)
+        plain = np.diag(self.covariance) * self.task.noise.inflation * max(self.misfit, 1.0)
         return np.asarray(np.sqrt(np.maximum(plain, np.diag(self._clustered()))))
 
     def _clustered(self) -> np.ndarray:

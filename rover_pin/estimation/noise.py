@@ -32,6 +32,8 @@ class Noise:
     rho: np.ndarray
     mixing: np.ndarray = field(repr=False)
     good: np.ndarray = field(repr=False)
+    inflation: float = COLOURED
+    "by how much chi2 by chance, and variances, exceed those of white rows; 1 where the noise is declared white"
 
     @property
     def count(self) -> int:
@@ -61,6 +63,12 @@ def first_noise(residual: np.ndarray, least: np.ndarray) -> Noise:
     good = np.isfinite(residual)
     sd = np.array([spread(residual[:, row][good[:, row]]) for row in range(residual.shape[1])])
     return Noise(np.maximum(sd, least), np.zeros(len(sd)), np.eye(len(sd)), good)
+
+
+def declared_noise(sd: np.ndarray, observed: np.ndarray) -> Noise:
+    """Return white noise of declared SDs (channels,) on what was observed (folds, channels, samples)."""
+    channels = len(sd)
+    return Noise(np.asarray(sd, float), np.zeros(channels), np.eye(channels), np.isfinite(observed), inflation=1.0)
 
 
 def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray) -> Noise:

@@ -8,14 +8,18 @@ from pathlib import Path
 
 from rover_pin.body.rover import Rover
 from rover_pin.contact import Soil
+from rover_pin.discrepancy.bed import Bed
+from rover_pin.discrepancy.conclusion import Conclusion
 from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.verdict import DriveVerdict
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
 from rover_pin.experiments.wheel_rig.verdict import Verdict
+from rover_pin.loop.bed import close_on_bed, read_bed
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
+from rover_pin.loop.provenance import command
 from rover_pin.loop.rig import close_rig_loop
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
@@ -30,19 +34,20 @@ Progress = Callable[[str], None]
 
 
 def close_the_loop(
-    data: str | Path | WheelRig | RigSet | DriveLog,
+    data: str | Path | WheelRig | RigSet | DriveLog | Bed,
     model: RigModel | Soil | Model | None = None,
     effects: str | Path | None = None,
     out: str | Path | None = None,
     progress: Progress = lambda said: None,
     seed: int = 0,
     jobs: int = 0,
-) -> Verdict | DriveVerdict:
+    experiment: str | Path | None = None,
+) -> Verdict | DriveVerdict | Conclusion:
     """Find the effect that a model lacks against measured data, add it, and report the error before and after.
 
     Parameters
     ----------
-    data : path, WheelRig, RigSet or DriveLog
+    data : path, WheelRig, RigSet, DriveLog or Bed
         A folder with rig.toml or drive.toml, or the data in memory, as `read_data` gives them.
     model : RigModel, Soil, Model or None
         Where to start: for a rig a RigModel or a soil, for a drive log a Model; else what the data declare.
@@ -57,10 +62,12 @@ def close_the_loop(
         Of the starts of fits and of the bootstrap.
     jobs : int
         Processes that replay the runs of a drive log; 0 for all cores.
+    experiment : path, str or None
+        A test bed of your own: a file with a class that derives from `Bed`, whose code runs, or `motor_brake`.
 
     Returns
     -------
-    Verdict or DriveVerdict
+    Verdict, DriveVerdict or, of a test bed, Conclusion
         With `answer`, `summary()`, `model` (the base model with what was added, if anything) and `as_dict()`.
 
     Raises
@@ -71,9 +78,16 @@ def close_the_loop(
     OptimisationError
         The base model of a rig cannot be fitted at all.
     """
-    log = _drive_log(data)
     if effects is not None:
         refuse_unfit_effects(effects)
+    if isinstance(data, Bed) or experiment is not None:
+        if model is not None:
+            raise DataError(f"{data}: a test bed starts from the model that its own file declares; leave `model` out.")
+        bed = data if isinstance(data, Bed) else read_bed(str(data), experiment or "")
+        repeat = command(data, effects, out) + (f" --experiment {experiment}" if experiment else "")
+        with alone_in(out):
+            return close_on_bed(bed, effects, out, progress, seed, repeat)
+    log = _drive_log(data)
     if log is not None:
         if not isinstance(model, (Model, type(None))):
             raise DataError(

@@ -10,6 +10,7 @@ import numpy as np
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.compare import Refit
+from rover_pin.discrepancy.conclusion import numbers
 from rover_pin.discrepancy.held_out import held_out
 from rover_pin.discrepancy.profiles import profiles
 from rover_pin.discrepancy.search import Search, search
@@ -22,7 +23,7 @@ from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.experiments.drive_log.resume import Memory, key_of_code
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
-from rover_pin.experiments.drive_log.verdict import DriveVerdict, numbers
+from rover_pin.experiments.drive_log.verdict import DriveVerdict
 from rover_pin.experiments.unlisted.remainder import Remainder, describe
 from rover_pin.loop.drive_written import written
 from rover_pin.loop.provenance import command, provenance

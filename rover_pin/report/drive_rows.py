@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.discrepancy.compare import Refit
+from rover_pin.discrepancy.conclusion import DRIFTED, Number, numbers
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore, together
 from rover_pin.discrepancy.search import Search
 from rover_pin.estimation import wording
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Outcome, shown
-from rover_pin.experiments.drive_log.verdict import DRIFTED, DriveVerdict, Number, numbers
+from rover_pin.experiments.drive_log.verdict import DriveVerdict
 from rover_pin.experiments.unlisted.remainder import Remainder
 from rover_pin.quantity import quantities
 from rover_pin.report.drive_runs import Sides, words_of

@@ -14,6 +14,7 @@ from scipy.stats import binom
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import Refit, alike, joined, refit
+from rover_pin.discrepancy.conclusion import numbers
 from rover_pin.discrepancy.cross_validation import left_out, loss_of, refitted_left_out
 from rover_pin.discrepancy.held_out import held_out, together
 from rover_pin.discrepancy.screen import (
@@ -38,7 +39,6 @@ from rover_pin.estimation.fit import at, fit
 from rover_pin.estimation.noise import huber
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.experiments.drive_log.candidates import candidates
-from rover_pin.experiments.drive_log.verdict import numbers
 from rover_pin.loop.drive import answer_of, explained, is_unknown, verdict_on
 from rover_pin.report.drive import sides_of
 

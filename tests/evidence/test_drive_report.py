@@ -13,6 +13,7 @@ from rover_pin.body.shapes import flat
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import Refit
+from rover_pin.discrepancy.conclusion import numbers
 from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out
 from rover_pin.discrepancy.held_out import held_out, together
 from rover_pin.discrepancy.screen import Scored, Signature, fee_of
@@ -31,7 +32,7 @@ from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.experiments.drive_log.verdict import DriveVerdict, numbers
+from rover_pin.experiments.drive_log.verdict import DriveVerdict
 from rover_pin.experiments.unlisted.actions import FORCE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
 from rover_pin.experiments.unlisted.remainder import ChannelRemainder, Remainder

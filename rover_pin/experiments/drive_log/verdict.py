@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from rover_pin.discrepancy.answer import Answer, plain, score_line
 from rover_pin.discrepancy.compare import Refit
+from rover_pin.discrepancy.conclusion import DRIFTED, Number
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.discrepancy.search import Round, Search
-from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.profile import NORMAL_95, Profile
-from rover_pin.estimation.wording import Outcome, interval
+from rover_pin.estimation.profile import Profile
+from rover_pin.estimation.wording import Outcome
 from rover_pin.experiments.drive_log.free_runs import FreeRun
 from rover_pin.experiments.drive_log.parameters import owner_name
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive
@@ -22,37 +22,6 @@ from rover_pin.experiments.unlisted.remainder import Remainder
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.effect_files import AnyEffect
 from rover_pin.motion.model import Model
-
-DRIFTED = 3.0
-"""Prior SDs from which a number is said to sit away from what was declared of it."""
-
-
-class Number(NamedTuple):
-    """One fitted number of the model with its 95 % interval [SI]."""
-
-    name: str
-    unit: str
-    value: float
-    low: float
-    high: float
-    drift: float
-    "distance from what was declared, in its SDs; NaN where nothing was"
-
-    @property
-    def said(self) -> str:
-        """One line for a reader."""
-        line = f"{self.name} = {interval(self.value, self.low, self.high, self.unit)}"
-        return line if not abs(self.drift) > DRIFTED else f"{line}, {self.drift:+.1f} SD from what was declared"
-
-
-def numbers(fitted: Fit) -> tuple[Number, ...]:
-    """Return all free numbers with intervals of `Fit.spread` about the optimum."""
-    found = []
-    for one, u, sd in zip(fitted.parameters, fitted.u, fitted.spread, strict=True):
-        ends = sorted(one.value(u + side * NORMAL_95 * sd) for side in (-1, 1))
-        unit = fitted.task.experiment.quantity(fitted.model, one.name).unit
-        found.append(Number(one.name, unit, one.value(u), ends[0], ends[1], float(u) if one.prior else float("nan")))
-    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,65 @@
+"""A test bed: an experiment that brings along all that the loop needs, so that one file is enough."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Self
+
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class Parts:
+    """A model of a test bed: named records with numbers, and the effects that act; a bed may have one of its own."""
+
+    records: Mapping[str, Any]
+    effects: tuple[Any, ...] = ()
+
+    def having(self, effect: Any) -> Self:
+        """Return the model with this effect, in the place of one of its kind."""
+        return replace(self, effects=(*(one for one in self.effects if type(one) is not type(effect)), effect))
+
+
+class Bed(Experiment):
+    """An experiment that can be read, with its base model, its uncertain numbers and its declared noise."""
+
+    @classmethod
+    @abstractmethod
+    def read(cls, path: Path) -> Self:
+        """Return the experiment from what lies at a path."""
+
+    @abstractmethod
+    def base_model(self) -> Any:
+        """Return the model as it is declared, before anything is fitted."""
+
+    @abstractmethod
+    def uncertain(self, model: Any) -> tuple[Parameter, ...]:
+        """Return the numbers that are uncertain without anything being missing, with their priors."""
+
+    @abstractmethod
+    def candidates(self, model: Any, kinds: Sequence[type]) -> tuple[Candidate, ...]:
+        """Return what may be missing, of these kinds of effects."""
+
+    def records(self, model: Parts) -> dict[str, Any]:
+        """Return the records and the effects of a model, by name."""
+        return {**model.records, **{type(effect).__name__: effect for effect in model.effects}}
+
+    def replaced(self, model: Parts, owner: str, record: Any) -> Parts:
+        """Return the model with another record or effect of this name."""
+        if owner not in model.records:
+            return model.having(record)
+        return replace(model, records={**model.records, owner: record})
+
+    @abstractmethod
+    def noise(self) -> Noise:
+        """Return the noise as declared, or as repeats show it: never what the model leaves."""
+
+    def insufficient(self) -> str:
+        """Return why these data cannot tell anything, and what to measure; empty where they can."""
+        return ""

@@ -1,0 +1,80 @@
+"""The loop on a test bed: an experiment in one file of the package or of a user's, found by its path or name."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import time
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+
+from rover_pin.columns import replace_file
+from rover_pin.discrepancy.bed import Bed
+from rover_pin.discrepancy.conclusion import Conclusion
+from rover_pin.discrepancy.judge import concluded
+from rover_pin.errors import DataError
+from rover_pin.loop.provenance import provenance
+from rover_pin.motion.effect_files import package_effects, run_file, user_effects
+from rover_pin.paths import is_file
+
+OWN = ("motor_brake",)
+"""The package's own test beds, by the name of their file."""
+
+
+def read_bed(data: str | Path, experiment: str | Path) -> Bed:
+    """Return the experiment that a file defines, read from the data.
+
+    Parameters
+    ----------
+    experiment : path or str
+        A Python file with one class that derives from `Bed`, or the name of one of the package's own. To name a file
+        is to let its code run.
+
+    Raises
+    ------
+    DataError
+        No such file, one that cannot be run or defines no experiment, or what its `read` refuses.
+    """
+    kinds = _beds(_file(experiment))
+    if len(kinds) != 1:
+        found = ", ".join(kind.__name__ for kind in kinds) or "none"
+        raise DataError(
+            f"{experiment}: an experiment's file defines one class that derives from rover_pin.discrepancy.bed.Bed and "
+            f"leaves none of its methods abstract; here there is {found}."
+        )
+    return kinds[0].read(Path(data))
+
+
+def _file(experiment: str | Path) -> Path:
+    if str(experiment) in OWN:
+        return Path(str(files("rover_pin.experiments") / f"{experiment}.py"))
+    if not is_file(Path(experiment)):
+        own = ", ".join(OWN)
+        raise DataError(f"{experiment}: there is no such file of an experiment; give its path, or one of: {own}.")
+    return Path(experiment)
+
+
+def _beds(file: Path) -> list[type[Bed]]:
+    module = run_file(file)
+    kinds = [kind for _, kind in inspect.getmembers(module, inspect.isclass) if kind.__module__ == module.__name__]
+    return [kind for kind in kinds if issubclass(kind, Bed) and not inspect.isabstract(kind)]
+
+
+def close_on_bed(
+    bed: Bed,
+    effects: str | Path | None,
+    out: str | Path | None,
+    progress: Callable[[str], None],
+    seed: int,
+    repeat: str,
+) -> Conclusion:
+    """Return what the model of a test bed lacks; with `out`, verdict.json is written there."""
+    begun = time.monotonic()
+    own = {kind.__name__: kind for kind in (*package_effects(), *(user_effects(effects) if effects else ()))}
+    found = concluded(bed, tuple(own.values()), progress, seed)
+    found.provenance.update(provenance(seed, time.monotonic() - begun, repeat))
+    if out is not None:
+        text = json.dumps(found.as_dict(), indent=1, default=str)
+        replace_file(Path(out) / "verdict.json", text + "\n")
+    return found

@@ -1,0 +1,28 @@
+"""A table of points as folds: arrays (folds, columns, samples), the folds named by one of its columns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rover_pin.measurements.checks import column
+from rover_pin.measurements.tables import read_table
+
+
+def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], np.ndarray]:
+    """Return the names of a table's folds, and these columns (folds, columns, samples), NaN behind a fold's end.
+
+    Raises
+    ------
+    DataError
+        No such file or column, or a value that is no finite number: one sentence.
+    """
+    table = read_table(path, (by, *names))
+    rows = np.array([column(table[name], name, str(path)) for name in names])
+    folds, owner = np.unique(table[by].astype(str).to_numpy(dtype=object).astype(str), return_inverse=True)
+    whole = np.full((len(folds), len(names), int(np.bincount(owner).max())), np.nan)
+    for at in range(len(folds)):
+        part = rows[:, owner == at]
+        whole[at, :, : part.shape[1]] = part
+    return tuple(map(str, folds)), whole

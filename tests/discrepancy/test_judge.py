@@ -1,0 +1,167 @@
+"""The rules of the graded answer on a bed without any rover: points of a line, and bends of it that may be missing."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.bed import Bed, Parts
+from rover_pin.discrepancy.candidate import plain_candidate
+from rover_pin.discrepancy.conclusion import SCHEMA
+from rover_pin.discrepancy.judge import concluded, reselected
+from rover_pin.discrepancy.search import calibrated
+from rover_pin.estimation.noise import declared_noise
+from rover_pin.quantity import Record, quantity
+
+X = np.linspace(0.0, 1.0, 12) + np.linspace(0.0, 0.05, 6)[:, None]
+SD = 0.02
+
+
+@dataclass(frozen=True)
+class Line(Record):
+    """y = a x."""
+
+    a: float = quantity(1.0, "", "declared", -10.0, 10.0, "a")
+
+
+@dataclass(frozen=True)
+class Bend(Record):
+    """y += b x^2, b at most 0.6."""
+
+    b: float = quantity(0.3, "", "assumed", -0.6, 0.6, "b")
+    neutral: ClassVar[dict[str, float]] = {"b": 0.0}
+    shape = staticmethod(lambda x: x**2)
+
+
+@dataclass(frozen=True)
+class Twin(Bend):
+    """The same but for a little."""
+
+    shape = staticmethod(lambda x: x**2 + 1e-4 * np.sin(30 * x))
+
+
+@dataclass(frozen=True)
+class Wave(Bend):
+    """y += b sin(9 x)."""
+
+    shape = staticmethod(lambda x: np.sin(9 * x))
+
+
+@dataclass(frozen=True, eq=False)
+class Points(Bed):
+    """Points of y over x in folds of 12."""
+
+    observed: np.ndarray
+    folds: tuple[str, ...] = tuple("abcdef")
+    name: str = "line"
+    channels: ClassVar[tuple[str, ...]] = ("y",)
+    poor: str = ""
+
+    @classmethod
+    def read(cls, path):
+        raise NotImplementedError
+
+    def base_model(self):
+        return Parts({"line": Line()})
+
+    def uncertain(self, model):
+        return (self.parameter(model, "line.a", 0.05),)
+
+    def noise(self):
+        return declared_noise(np.array([SD]), self.observed)
+
+    def candidates(self, model, kinds):
+        return tuple(plain_candidate(kind()) for kind in kinds)
+
+    def insufficient(self):
+        return self.poor
+
+    def predict(self, models):
+        rows = [m.records["line"].a * X + sum(each.b * each.shape(X) for each in m.effects) for m in models]
+        return np.array(rows)[:, :, None, :]
+
+
+def bed(law=lambda x: 0.0 * x, slope=1.02, seed=0, **how):
+    noise = SD * np.random.default_rng(seed).normal(size=X.shape)
+    return Points((slope * X + law(X) + noise)[:, None, :], **how)
+
+
+def answer(made, kinds=(Bend, Wave)):
+    return concluded(made, kinds, lambda said: None)
+
+
+def test_a_law_of_the_list_is_named_and_taken_wholly():
+    found = answer(bed(lambda x: 0.3 * x**2))
+    assert (found.answer, found.named, found.vetoes) == (Answer.NAMED, ("Bend",), ())
+    assert found.share > 0.95
+    assert found.model.effects[0].b == pytest.approx(0.3, abs=0.05)
+    assert set(found.chosen.values()) == {"Bend"}
+    assert found.as_dict()["schema"] == SCHEMA
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_needs_nothing(seed):
+    found = answer(bed(seed=seed))
+    assert (found.answer, found.named) == (Answer.NONE_NEEDED, ())
+
+
+def test_two_that_do_the_same_are_a_set():
+    found = answer(bed(lambda x: 0.3 * x**2), (Bend, Twin, Wave))
+    assert found.answer is Answer.SET
+    assert set(found.alike) == {"Bend", "Twin"}
+    assert "cannot be distinguished" in found.sentence
+
+
+def test_another_law_is_like_the_one_that_takes_most_of_it():
+    found = answer(bed(lambda x: 0.4 * x**2 + 0.03 * np.sin(14 * x)), (Bend,))
+    assert (found.answer, found.named) == (Answer.LIKE, ("Bend",))
+    assert 0.5 < found.share < 0.95
+    assert "1 is the noise" in found.summary()
+
+
+def test_what_nothing_takes_is_a_base_model_that_does_not_describe_the_data():
+    found = answer(bed(lambda x: 0.2 * np.sin(14 * x)), (Wave,))
+    assert (found.answer, found.named, found.model.effects) == (Answer.INADEQUATE, (), ())
+    assert "no candidate describes it" in found.sentence
+
+
+def test_a_size_at_its_bound_does_not_stand_alone():
+    found = answer(bed(lambda x: 0.62 * x**2), (Bend,))
+    assert found.answer is Answer.LIKE
+    assert found.vetoes == ("Bend.b lies at its bound",)
+
+
+def test_a_slope_far_from_what_is_declared_is_an_answer_of_its_own():
+    found = answer(bed(slope=1.6), (Wave,))
+    assert found.answer is Answer.INADEQUATE
+    assert "line.a +12" in found.sentence
+
+
+def test_data_that_do_not_suffice_are_not_judged():
+    found = answer(bed(poor="3 points are too few; measure 10."))
+    assert (found.answer, found.sentence) == (Answer.CANNOT_TELL, "3 points are too few; measure 10.")
+    assert found.as_dict()["before"] == {}
+
+
+def test_each_fold_is_left_out_of_the_choice_too():
+    """What shows in one fold only is chosen by all folds but not without that one."""
+    only = np.zeros(X.shape)
+    only[2] = 0.3 * np.sin(9 * X[2])
+    made = bed(lambda x: only)
+    base = calibrated(made, made.base_model(), made.uncertain(made.base_model()))
+    chosen = reselected(base, made.candidates(None, (Wave,)))
+    assert chosen["c"] == ""
+
+
+def test_the_schema_is_the_documented_one():
+    text = (Path(__file__).parents[2] / "docs" / "verdict.md").read_text(encoding="utf-8")
+    keys = set(re.findall(r"`(\w+)`", "\n".join(line.split("|")[1] for line in text.splitlines() if line[:3] == "| `")))
+    made = answer(bed(lambda x: 0.3 * x**2)).as_dict()
+    assert set(made) == keys - {"versions", "seed", "seconds", "command"}
+    assert f"schema {SCHEMA})" in text
+    for one in Answer:
+        assert one is Answer.NONE_FITS or f"| {one.value} |" in text

@@ -1,0 +1,114 @@
+"""The third experiment, in one file: what is hidden in a motor on a brake is named; a user's copy is found."""
+
+import importlib.util
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rover_pin.experiments.motor_brake as shipped
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.conclusion import numbers
+from rover_pin.errors import DataError
+from rover_pin.experiments.motor_brake import MotorBrake
+from rover_pin.loop.bed import read_bed
+from rover_pin.loop.close import close_the_loop
+
+_file = Path(__file__).parents[1] / "oracle" / "brake_generator.py"
+_spec = importlib.util.spec_from_file_location("brake_generator", _file)
+hidden = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(hidden)
+
+FILE = Path(shipped.__file__)
+
+
+def closed(folder, **how):
+    return close_the_loop(hidden.write(folder, **how), experiment="motor_brake")
+
+
+def test_it_stays_an_example_of_at_most_80_lines():
+    assert len(FILE.read_text(encoding="utf-8").splitlines()) <= 80
+
+
+def test_it_predicts_what_the_plain_generator_measures(tmp_path, monkeypatch):
+    monkeypatch.setattr(hidden, "SD", (1e-12, 1e-12))
+    bed = MotorBrake.read(hidden.write(tmp_path, 0, resistance=1.0))
+    np.testing.assert_allclose(bed.predict([bed.base_model()])[0], bed.observed, rtol=1e-7, atol=1e-9)
+
+
+def test_a_hidden_friction_is_named_with_its_size(tmp_path):
+    found = closed(tmp_path, seed=0, viscous=0.02)
+    assert found.answer is Answer.NAMED, found.summary()
+    assert found.named == ("ViscousFriction",)
+    size = {one.name: one for one in numbers(found.after)}["ViscousFriction.b_v"]
+    assert size.low < 0.02 < size.high
+    assert found.after.misfit < 1.5 < found.before.misfit
+    assert set(found.chosen.values()) == {"ViscousFriction"}
+    assert found.share > 0.8
+    assert "without at 0.30: ViscousFriction chosen" in found.summary()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_without_anything_hidden_nothing_is_named(tmp_path, seed):
+    assert closed(tmp_path, seed=seed).answer is Answer.NONE_NEEDED
+
+
+def test_another_law_is_like_the_nearest_and_its_name_does_not_stand_alone(tmp_path):
+    found = closed(tmp_path, seed=1, square=0.03)
+    assert found.answer is Answer.LIKE, found.summary()
+    assert found.named == ("ViscousFriction",)
+    assert "something like ViscousFriction is missing" in found.sentence
+    assert 0.5 < found.share < 1.0
+
+
+def test_a_number_far_from_what_is_declared_is_said_and_not_explained_away(tmp_path):
+    found = closed(tmp_path, seed=0, resistance=1.5)
+    assert found.answer is Answer.INADEQUATE
+    assert "motor.resistance +10" in found.sentence
+    assert found.named == ()
+
+
+def test_a_users_copy_is_found_by_its_path_and_the_verdict_is_written(tmp_path):
+    mine = tmp_path / "my_bed.py"
+    mine.write_text(FILE.read_text().replace("motor on a brake", "my motor").replace("class MotorBrake", "class Mine"))
+    folder, out = hidden.write(tmp_path / "data", 0, viscous=0.02), tmp_path / "out"
+    found = close_the_loop(folder, experiment=mine, out=out)
+    kept = json.loads((out / "verdict.json").read_text())
+    assert found.name == "my motor"
+    assert (kept["kind"], kept["schema"], kept["effects"]) == ("verdict", 1, ["ViscousFriction"])
+    assert kept["command"] == f"rover-pin close-loop {folder} --out {out} --experiment {mine}"
+    assert kept["reduced_chi_square"]["after"] == pytest.approx(found.after.misfit)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "there is no such file of an experiment; give its path, or one of: motor_brake"),
+        ("x = 1\n", "here there is none"),
+        ("x = nothing\n", "cannot be run: NameError"),
+        ("from rover_pin.discrepancy.bed import Bed\nclass Half(Bed): pass\n", "here there is none"),
+    ],
+)
+def test_a_file_that_is_no_experiment_is_refused(tmp_path, text, said):
+    if text is not None:
+        (tmp_path / "bed.py").write_text(text)
+    with pytest.raises(DataError, match=said):
+        read_bed(tmp_path, tmp_path / "bed.py")
+
+
+def test_data_that_it_cannot_read_get_one_sentence(tmp_path):
+    folder = shutil.copytree(hidden.write(tmp_path / "a", 0), tmp_path / "b")
+    text = (folder / "points.csv").read_text()
+    (folder / "points.csv").write_text(text.replace("load_Nm", "load"))
+    with pytest.raises(DataError, match="has no column 'load_Nm'"):
+        read_bed(folder, "motor_brake")
+    (folder / "points.csv").write_text(text.replace("0.003\n", "nan\n", 1))
+    with pytest.raises(DataError, match="current_sd_A is missing or not finite in row 1"):
+        read_bed(folder, "motor_brake")
+
+
+def test_a_model_is_not_taken_beside_a_test_bed(tmp_path):
+    with pytest.raises(DataError, match="leave `model` out"):
+        close_the_loop(hidden.write(tmp_path, 0), object(), experiment="motor_brake")
