@@ -23,6 +23,8 @@ DPI = 130
 HEADLINES = {
     Answer.NAMED: "The model lacks {names}",
     Answer.SET: "The model lacks one of {alike}",
+    Answer.LIKE: "Something like {names} is missing",
+    Answer.INADEQUATE: "The base model does not describe these data",
     Answer.NONE_NEEDED: "No effect needed",
     Answer.NONE_FITS: "None of the known effects fits",
     Answer.CANNOT_TELL: "These data cannot tell",
