@@ -14,8 +14,7 @@ from rover_pin.motion import laws
 from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.kernel_terrain import terrain_fields
 from rover_pin.motion.model import Model
-from rover_pin.motion.native.compiled_body import compiled_body
-from rover_pin.motion.native.elimination import elimination
+from rover_pin.motion.native.compiled_body import compiled_body, order_of_elimination
 from rover_pin.motion.native.library import aligned, library, sizes
 from rover_pin.motion.native.shared import ENERGY, MAX_COLS, MAX_DOF, RECORD, DriveStruct
 from rover_pin.motion.state import DriveState
@@ -161,7 +160,7 @@ class Kernel:
     def _elimination(self, coupled: list[Any]) -> dict[str, Any]:
         """Return the fields that say in which order the step's equations are solved."""
         body = [*range(6), *suspension_dofs(self.model.built)] if self.model.body_effects else []
-        order, above = elimination(self.pin_model, coupled, body)
+        order, above = order_of_elimination(self.pin_model, coupled, body)
         table = np.zeros((len(order), MAX_DOF), dtype=np.int64)
         for row, left in zip(table, above, strict=True):
             row[: len(left)] = left

@@ -70,17 +70,19 @@ def set_down(model: Model, start: Start, symmetric: bool = False) -> SetDown:
     """
     model = dataclasses.replace(model, body_effects=tuple(map(_at_rest, model.body_effects)))
     state = hovering(model, start)
-    if Relaxation(model, state, start.yaw, symmetric).in_hand() > AT_REST:
+    held = Relaxation(model, state, start.yaw, symmetric)
+    if held.in_hand() > AT_REST:
         raise SimulationError(
             f"The rover does not settle at x = {start.x:g} m, y = {start.y:g} m: it tips or sinks there; "
             "start on gentler ground or on stiffer soil."
         )
-    free = Relaxation(model, state.copy(), start.yaw, symmetric)
-    if free.unbalanced() <= AT_REST:
+    in_hand = state.copy()
+    held.let_go()
+    if held.unbalanced() <= AT_REST:
+        return SetDown(in_hand, RESTS)
+    if model.slip.states and held.on_the_soil() <= AT_REST:
         return SetDown(state, RESTS)
-    if model.slip.states and free.on_the_soil() <= AT_REST:
-        return SetDown(free.state, RESTS)
-    return SetDown(state, SLIDES)
+    return SetDown(in_hand, SLIDES)
 
 
 def _at_rest(effect: BodyEffect) -> BodyEffect:

@@ -57,6 +57,7 @@ class Relaxation:
         self.weights = _lengths(model)
         self.most_slid = 10.0 * min(float(soil.k) for soil in model.soils) / self.radius
         self.slip = _slip_columns(model)
+        self.rotors = self.kernel.armature.copy()
         self._lock([wheel.dof for wheel in model.rover.wheels])
 
     def in_hand(self) -> float:
@@ -70,6 +71,11 @@ class Relaxation:
         self.state.q[:] = pin.integrate(self.kernel.pin_model, self.state.q, self.state.v)
         self.state.v[PITCH] = 0.0
         return self._relax(IN_HAND)
+
+    def let_go(self) -> None:
+        """Hold the rover no more: only its wheels stay locked."""
+        self.kernel.armature[SLIDE] = self.rotors[SLIDE]
+        self.weights[SLIDE] = _lengths(self.model)[SLIDE]
 
     def on_the_soil(self) -> float:
         """Come to rest on sheared soil alone; return what `unbalanced` does then."""

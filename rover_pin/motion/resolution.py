@@ -59,9 +59,16 @@ def parts(model: Model, state: DriveState, dt: float, firmer: float = 1.0) -> in
 def firmness(stepper: Any, model: Model) -> float:
     """Return how much stiffer the wheels stand than `stiffness` says, 1 at least: by pressing them in a little.
 
-    `stepper` holds its own copy of a state at rest and a step so short that nothing moves. What depends on the way, or
-    lies elsewhere, is not seen.
+    `stepper` holds a state at rest and a step so short that nothing moves; it is left as it was. What depends on the
+    way, or lies elsewhere, is not seen.
     """
+    before = stepper.saved()
+    found = _firmness(stepper, model)
+    stepper.restore(before)
+    return found
+
+
+def _firmness(stepper: Any, model: Model) -> float:
     state, record = stepper.state, stepper.record
     stepper.step()
     load, h = record[:, 3].copy(), record[:, 2].copy()

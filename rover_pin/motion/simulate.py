@@ -100,9 +100,10 @@ def _simulate(
         controller.reset()
     state = begin.state
     begun = model.begun(float(state.q[0]), float(state.q[1]))
-    firmer = firmness(kind(begun, state.copy(), STANDING, symmetric), begun)
-    fine = timing.refined(parts(begun, state, timing.dt, firmer))
-    drive = Drive(begun, state, kind(begun, state, fine.dt, symmetric), controller, fine)
+    stepper = kind(begun, state, STANDING, symmetric)
+    fine = timing.refined(parts(begun, state, timing.dt, firmness(stepper, begun)))
+    stepper.set_step(fine.dt)
+    drive = Drive(begun, state, stepper, controller, fine)
     ran = run(drive, duration, progress)
     attrs = {"dt_s": fine.dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": ran.stop}
     attrs |= {"set_down": begin.standing} if begin.standing else {}

@@ -20,7 +20,7 @@ from rover_pin.motion.processor import has_vector_math, level
 from rover_pin.private_folders import private_folders
 
 log = logging.getLogger(__name__)
-FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
+FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 PLAIN_CPU = "-mcpu=baseline"
 """Zig builds for this very processor unless told otherwise; a folder of libraries may be shared with another."""
 SEPARATOR = "\0"

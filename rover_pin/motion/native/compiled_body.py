@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -11,6 +12,7 @@ import pinocchio as pin
 
 from rover_pin.motion.hoist import hoisted
 from rover_pin.motion.laws import generated_source
+from rover_pin.motion.native.elimination import elimination
 from rover_pin.motion.native.rigid_body import Joint, inertia_places, rigid_body, tree_of
 from rover_pin.motion.toolchain import shared_library
 
@@ -35,6 +37,13 @@ def compiled_body(model: pin.Model) -> CompiledBody:
     return _body(_Content(_content(model), model))
 
 
+def order_of_elimination(
+    model: pin.Model, coupled: Sequence[tuple[int, int]], together: Sequence[int]
+) -> tuple[list[int], list[list[int]]]:
+    """Return `elimination`, worked out once for models of equal content."""
+    return _order(_Content(_content(model), model), tuple(coupled), tuple(together))
+
+
 @dataclass(frozen=True)
 class _Content:
     """A model, the same as any other of equal content."""
@@ -52,6 +61,13 @@ def _content(model: pin.Model) -> bytes:
     numbers = [axes.tobytes(), *(each.homogeneous.tobytes() for each in model.jointPlacements)]
     numbers += [each.toDynamicParameters().tobytes() for each in model.inertias]
     return " ".join(parts).encode() + b"".join(numbers)
+
+
+@lru_cache(maxsize=64)
+def _order(
+    known: _Content, coupled: tuple[tuple[int, int], ...], together: tuple[int, ...]
+) -> tuple[list[int], list[list[int]]]:
+    return elimination(known.model, coupled, together)
 
 
 @lru_cache(maxsize=64)
