@@ -144,8 +144,9 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
 
 
 def mirrored(model: Model) -> bool:
-    """Return whether no effect tells left from right: none is of one wheel, and none pushes the body."""
-    return not model.body_effects and not any(hasattr(effect, "wheel") for effect in model.motor_effects)
+    """Return whether nothing tells left from right: a symmetric rover, no effect of one wheel, none on the body."""
+    one_sided = any(hasattr(effect, "wheel") for effect in model.motor_effects)
+    return not model.body_effects and not one_sided and model.rover.symmetric
 
 
 def _terrain(scene: Scene, asked: Settings, size: float) -> Terrain:

@@ -35,6 +35,8 @@ class UrdfReport:
     faults: tuple[str, ...]
     notes: tuple[str, ...]
     facts: tuple[str, ...]
+    loads: bool = False
+    "whether it can be loaded, standing or not; never of a .urdf alone"
 
     @property
     def ok(self) -> bool:
@@ -54,14 +56,17 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
         tree = read_tree(text, path.name if layout is None else layout.file)
     except UrdfError as error:
         return UrdfReport(path.name, (str(error),), (), ())
-    found = faults_of(tree, text, layout) or ([] if layout is None else list(_standing_faults(layout)))
+    found = faults_of(tree, text, layout)
+    loads = layout is not None and not found
+    if layout is not None and loads:
+        found = list(_standing_faults(layout))
     faults = tuple(f"{tree.file}: {fault}" for fault in found)
     if faults:
-        return UrdfReport(path.name, faults, (), ())
+        return UrdfReport(path.name, faults, (), (), loads)
     model = free_tree(text)
     notes = [*_notes(tree, layout), *(() if layout is None else _stance_notes(layout, model))]
     return UrdfReport(
-        path.name, (), tuple(f"{tree.file}: {note}" for note in notes), tuple(_facts(tree, model, layout))
+        path.name, (), tuple(f"{tree.file}: {note}" for note in notes), tuple(_facts(tree, model, layout)), loads
     )
 
 

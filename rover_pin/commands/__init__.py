@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from rover_pin.commands import check_data, curve, init, listing, new_effect, view
+from rover_pin.commands import check_data, curve, init, listing, new_effect, new_rover, view
 
 
 def add_to(app: typer.Typer) -> None:
@@ -15,3 +15,4 @@ def add_to(app: typer.Typer) -> None:
     app.command("check-data")(check_data.check_data)
     app.command()(init.init)
     app.command("new-effect")(new_effect.new_effect)
+    app.command("new-rover")(new_rover.new_rover)

@@ -114,7 +114,7 @@ def _freed(robot: _Robot) -> Iterator[str]:
     """Take out the floating joint between a massless world and the base: the free base is added when it is read."""
     tree = robot.tree
     for joint in tree.joints:
-        bare = [link.name for link in tree.links if link.body is None]
+        bare = [link.name for link in tree.links if link.body is None or link.body.mass == 0.0]
         alone = [other.name for other in tree.joints if joint.parent in (other.parent, other.child)] == [joint.name]
         if joint.kind == "floating" and joint.parent in bare and alone:
             robot.element.remove(robot.joints[joint.name])
@@ -172,6 +172,8 @@ def _value(joint: Joint | None, entry: Any, file: str) -> float:
 
 
 def _fix(element: ET.Element, joint: Joint, value: float) -> None:
+    if joint.kind in ("floating", "planar"):
+        value = 0.0
     motion, length = np.eye(4), float(np.linalg.norm(joint.axis))
     axis = joint.axis / length if length > 0.0 else joint.axis
     if joint.kind == "prismatic":
@@ -195,6 +197,9 @@ def _place(element: ET.Element, placement: np.ndarray) -> None:
 def _endless(robot: _Robot, forms: Forms) -> Iterator[str]:
     """Make wheels turn without end; give pivots and steering that turn without end the stops of a full turn."""
     for name, joint in robot.joints.items():
+        if joint.get("type") == "fixed" and (mimic := joint.find("mimic")) is not None:
+            joint.remove(mimic)
+            yield f"joint '{name}' is fixed: its <mimic> is left out."
         if name in forms.wheels and joint.get("type") == "revolute":
             joint.set("type", "continuous")
             yield f"wheel joint '{name}' is revolute: its stops are left out, a wheel turns without end."

@@ -25,6 +25,12 @@ SMALL = 0.1
 def inertia_faults(tree: UrdfTree) -> Iterator[str]:
     """Yield links whose mass or inertia no body can have, and moving parts that have none."""
     by_name = {link.name: link for link in tree.links}
+    if not any(link.body is not None and link.body.mass != 0.0 for link in tree.links):
+        yield (
+            f"none of its {len(tree.links)} links has a mass: it is a drawing; give every moving part an <inertial> "
+            "with mass, centre and inertia."
+        )
+        return
     for start in _starts(tree):
         if all(by_name[name].body is None for name in tree.rigid_group(start)):
             yield (

@@ -129,6 +129,23 @@ def test_a_floating_world_and_a_base_that_is_not_the_root(tmp_path):
     assert rover.mass == pytest.approx(plain.mass)
 
 
+def test_a_mimic_of_a_fixed_joint_is_left_out(tmp_path):
+    text = rocker_bogie().urdf.replace("</robot>", "")
+    text += (
+        '<link name="lamp"/><joint name="mount" type="fixed"><parent link="body"/><child link="lamp"/>'
+        '<mimic joint="bogie_l"/></joint></robot>'
+    )
+    report = check_urdf(write(tmp_path, text, {**THREE_AXLES, **ROCKERS}))
+    assert report.ok
+    assert any("joint 'mount' is fixed: its <mimic> is left out" in note for note in report.notes)
+
+
+def test_a_drawing_without_masses_is_told_once(tmp_path):
+    text = re.sub("<inertial>.*?</inertial>", "", cart().urdf)
+    (fault,) = check_urdf(write(tmp_path, text, TWO_AXLES)).faults
+    assert "none of its 5 links has a mass: it is a drawing" in fault
+
+
 def turned_base(rpy: str) -> str:
     """The cart as seen from a base link whose axes are turned by rpy (one angle of pi)."""
     text = cart().urdf.replace('name="body"', 'name="hull"').replace('link="body"', 'link="hull"')

@@ -1,0 +1,44 @@
+"""`rover-pin new-rover`: propose the TOML of a URDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rover_pin.commands.options import AsJson
+from rover_pin.terminal import report
+
+
+def new_rover(
+    urdf: Annotated[Path, typer.Argument(help="A rover's .urdf, or a .xacro.")],
+    out: Annotated[Path | None, typer.Option("--out", help="The TOML to write; beside the URDF.")] = None,
+    trust: Annotated[bool, typer.Option("--trust", help="Let a .xacro run the code that it holds.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Propose which joint of a URDF plays which part: writes its TOML, every guess marked, and a picture with names."""
+    from rover_pin.trust import Trust
+    from rover_pin.vehicle.new_rover import new_rover as propose
+
+    made = propose(urdf, out, Trust(everything=trust))
+    proposal = made.proposal
+    wheels = {axle.name: " ".join(wheel.joint for wheel in axle.wheels) for axle in proposal.axles}
+    steering = {axle.name: " ".join(axle.steering) for axle in proposal.axles if axle.steering}
+    size = proposal.axles[0].wheels[0].size
+    said = {
+        "wheels": wheels,
+        "wheel": f"r = {size.r:.3g} m, b = {size.b:.3g} m, from {size.source}",
+        "steering": steering or "none: it turns by its sides' speeds",
+        "suspension": {name: " ".join(joints) for name, joints in proposal.suspension.items()} or "none",
+        "differential": proposal.differential or "none",
+        "coupled": {joint: f"{ratio:+g} {leader}" for joint, (leader, ratio) in proposal.coupled.items()} or "none",
+        "held": ", ".join(proposal.held) or "none",
+        "faults": list(made.report.faults),
+        "files": [str(file) for file in made.files],
+    }
+    toml = next(file for file in made.files if file.suffix == ".toml")
+    said["next"] = f"look at what is marked GUESSED, then: rover-pin check-urdf {toml}"
+    report(said, as_json)
+    if not made.report.ok:
+        raise typer.Exit(1)
