@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from html import escape
 from typing import Any
 
 import numpy as np
 
-from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.errors import DataError, MissingExtraError, ParameterError, closest
 from rover_pin.motion.channels import unit_of, wheels_in
 
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
@@ -161,6 +162,48 @@ class Trace(Mapping[str, np.ndarray]):
         path = float(np.sum(np.hypot(np.diff(x), np.diff(y))))
         return {"distance_m": path, "end_x_m": float(x[-1]), "end_y_m": float(y[-1])}
 
+    def plot(self, *names: str, ax: Any = None) -> Any:
+        """Draw channels against time; return matplotlib's axes.
+
+        Parameters
+        ----------
+        *names : str
+            Channels, or what all wheels share of one (`slip`, `duty`, `current`); the slip of all wheels if none.
+        ax : matplotlib axes, optional
+            Where to draw; a new figure's, if none.
+        """
+        from rover_pin.motion.draw import draw
+
+        if ax is None:
+            from matplotlib.figure import Figure
+
+            ax = Figure(figsize=(8.0, 3.0), layout="constrained").subplots()
+        return draw(self, names or ("slip",), ax)
+
+    def _repr_html_(self) -> str:
+        """Return the summary as a table, for notebooks."""
+        rows = (
+            f"<tr><th scope='row'>{escape(name)}</th><td>{escape(_shown(value))}</td></tr>"
+            for name, value in self.summary().items()
+        )
+        return f"<table><caption>{len(self.t)} rows of {len(self.channels)} channels</caption>{''.join(rows)}</table>"
+
+    def to_xarray(self) -> Any:
+        """Return the channels as an xarray Dataset over time, each with its unit.
+
+        Raises
+        ------
+        MissingExtraError
+            xarray is not installed.
+        """
+        try:
+            import xarray
+        except ImportError as error:
+            raise MissingExtraError("Trace.to_xarray needs xarray: pip install xarray.") from error
+        data = {name: ("t_s", values, {"units": self.units[name]}) for name, values in self.channels.items()}
+        t = data.pop("t_s")
+        return xarray.Dataset(data, coords={"t_s": t}, attrs=dict(self.attrs))
+
     def to_frame(self) -> Any:
         """Return the channels as a pandas DataFrame; its `attrs` hold the trace's attributes and units."""
         import pandas
@@ -168,6 +211,10 @@ class Trace(Mapping[str, np.ndarray]):
         frame = pandas.DataFrame(self.channels)
         frame.attrs = {**self.attrs, "units": dict(self.units)}
         return frame
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _over(reduce: Callable[[np.ndarray], Any], values: np.ndarray) -> float:

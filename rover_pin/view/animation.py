@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from rover_pin.columns import replace_file
+from rover_pin.motion.draw import wheel_lines
 from rover_pin.view.colours import slip_colour
 from rover_pin.view.film import Film
 
@@ -138,8 +139,6 @@ def footprint(film: Film, frame: int, n: int) -> np.ndarray:
 
 
 def _slip(axes: Axes, film: Film) -> Draw:
-    from rover_pin.plot import wheel_lines
-
     assert film.slip is not None
     wheel_lines(axes, film.trace, "slip")
     axes.set(xlabel="t [s]", ylabel="slip S [-]", xlim=(film.t[0], film.t[-1]))

@@ -1,0 +1,65 @@
+"""Channels of a trace against time, as lines that can be told apart: by colour, also colour-blind, and by style."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Trace = Any
+"""A `motion.trace.Trace`, which draws itself with this module."""
+
+COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#999999", "#000000", "#f0e442")
+"""Okabe and Ito's, told apart by all: blue, orange, green, pink, vermilion, sky, grey, black, yellow."""
+STYLES = {"l": "-", "r": "--"}
+ALIKE = 2e-3
+"""Share of what all lines span within which two are one to the eye."""
+
+
+def draw(trace: Trace, names: Sequence[str], axes: Axes) -> Axes:
+    """Draw channels by name, or by the part of it that all wheels share (`slip`); return the axes."""
+    lines: dict[str, np.ndarray] = {}
+    for name in names:
+        own = [each for wheel in trace.wheels for each in (f"{name}_{wheel}", f"{name}_{wheel}_A") if each in trace]
+        lines |= {each: trace[each] for each in (own if own and name not in trace else [name])}
+    units = {trace.unit(name) for name in lines}
+    draw_lines(axes, trace.t, lines, {name: _look(trace, name, n) for n, name in enumerate(lines)})
+    axes.set(xlabel="t [s]", ylabel=f"{', '.join(names)} [{' or '.join(sorted(units))}]")
+    axes.grid(alpha=0.3)
+    return axes
+
+
+def wheel_lines(axes: Axes, trace: Trace, channel: str, scale: float = 1.0) -> None:
+    """Draw a channel of all wheels, times `scale`; the lines are named by their wheels alone."""
+    names = [wheel for wheel in trace.wheels if f"{channel}_{wheel}" in trace]
+    lines = {wheel: scale * trace[f"{channel}_{wheel}"] for wheel in names}
+    draw_lines(axes, trace.t, lines, {wheel: _look(trace, wheel, n) for n, wheel in enumerate(names)})
+
+
+def draw_lines(
+    axes: Axes, t: np.ndarray, lines: Mapping[str, np.ndarray], looks: Mapping[str, Mapping[str, Any]]
+) -> None:
+    """Draw lines over time; those that look the same are one, and its label says so."""
+    seen = np.concatenate([each[np.isfinite(each)] for each in lines.values()]) if lines else np.zeros(0)
+    near = max(ALIKE * float(np.ptp(seen)) if seen.size else 0.0, 1e-9)
+    groups: list[list[str]] = []
+    for name, own in lines.items():
+        same = (each for each in groups if np.allclose(lines[each[0]], own, rtol=0.0, atol=near, equal_nan=True))
+        found = next(same, None)
+        groups.append([name]) if found is None else found.append(name)
+    for group in groups:
+        axes.plot(t, lines[group[0]], lw=1.2, label=" = ".join(group), **looks[group[0]])
+    axes.legend(fontsize=7, ncols=3, loc="best")
+
+
+def _look(trace: Trace, name: str, number: int) -> dict[str, Any]:
+    """Return colour by axle and style by side, of a wheel's line; else the next colour."""
+    wheel = next((each for each in trace.wheels if name == each or f"_{each}" in name), None)
+    if wheel is None:
+        return {"color": COLOURS[number % len(COLOURS)]}
+    axles = list(dict.fromkeys(each[:-1] for each in trace.wheels))
+    return {"color": COLOURS[axles.index(wheel[:-1]) % len(COLOURS)], "ls": STYLES.get(wheel[-1], "-")}

@@ -1,0 +1,95 @@
+"""A rover and its ground from the side and from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Polygon
+
+from rover_pin.body.rover import Rover
+from rover_pin.body.terrain import Terrain
+from rover_pin.motion.poses import configuration
+from rover_pin.motion.trace import Trace
+
+SAND, EDGE = "#d9c9a5", "#8a7340"
+
+
+class Pose(NamedTuple):
+    """A rover at one moment."""
+
+    t: float
+    q: np.ndarray
+    centres: np.ndarray
+    "of the wheels [m] (W, 3)"
+    left: np.ndarray
+    "direction to the left of the base, seen from above (2,)"
+
+
+def poses(trace: Trace, rover: Rover, rows: Sequence[int] | np.ndarray) -> list[Pose]:
+    """Return the rover at rows of a trace."""
+    data, made = rover.model.createData(), []
+    for row in rows:
+        q = configuration(rover, trace, int(row))
+        pin.forwardKinematics(rover.model, data, q)
+        centres = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels])
+        made.append(Pose(float(trace.t[row]), q, centres, np.array(data.oMi[1].rotation[:2, 1])))
+    return made
+
+
+def draw_rover(axes: Axes, rover: Rover, q: np.ndarray, colour: Any, side: str = "l") -> None:
+    """Draw a side of the rover: links between joints, wheels, and the body's axis."""
+    data = rover.model.createData()
+    pin.forwardKinematics(rover.model, data, q)
+    own = {wheel.joint for wheel in rover.wheels if wheel.side == side}
+    shown = {joint for wheel in own for joint in rover.model.supports[wheel]}
+    for joint in sorted(shown - {0, 1}):
+        parent = rover.model.parents[joint]
+        start, end = data.oMi[parent].translation, data.oMi[joint].translation
+        axes.plot([start[0], end[0]], [start[2], end[2]], color=colour, lw=1.4, solid_capstyle="round")
+    for wheel in rover.wheels:
+        if wheel.side == side:
+            x, _, z = data.oMi[wheel.joint].translation
+            axes.add_patch(Circle((x, z), float(wheel.wheel.r), fill=False, color=colour, lw=1.4))
+
+
+def ground_line(terrain: Terrain, low: float, high: float, y: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and height of the terrain along a track."""
+    x = np.linspace(low, high, 2000)
+    return x, np.asarray(terrain.height(x, y))
+
+
+def draw_ground(axes: Axes, terrain: Terrain, span: tuple[float, float], under: float, other: float) -> float:
+    """Draw the ground under the wheels that are drawn, at y = `under`; dashed under the others; return its lowest z."""
+    x, z = ground_line(terrain, *span, under)
+    low = float(np.min(z))
+    axes.fill_between(x, z, low - 0.05, color=SAND, lw=0)
+    axes.plot(x, z, color=EDGE, lw=1)
+    beside = ground_line(terrain, *span, other)[1]
+    if np.max(np.abs(beside - z)) > 1e-6:
+        axes.plot(x, beside, color=EDGE, lw=0.8, ls="--")
+    return low
+
+
+def draw_above(axes: Axes, rover: Rover, pose: Pose, colour: Any) -> None:
+    """Draw a rover from above: its wheels, straight ahead, and the line around them."""
+    sides = [[n for n, wheel in enumerate(rover.wheels) if wheel.side == side] for side in "lr"]
+    around = pose.centres[sides[0] + sides[1][::-1], :2]
+    axes.add_patch(Polygon(around, fc="none", ec=colour, lw=0.8))
+    left = pose.left / max(float(np.linalg.norm(pose.left)), 1e-9)
+    ahead = np.array([left[1], -left[0]])
+    for wheel, centre in zip(rover.wheels, pose.centres, strict=True):
+        along, across = float(wheel.wheel.r) * ahead, 0.5 * float(wheel.wheel.b) * left
+        corners = [along + across, along - across, -along - across, -along + across]
+        axes.add_patch(Polygon(centre[:2] + np.array(corners), fc="none", ec=colour, lw=1.2))
+
+
+def draw_heights(axes: Axes, terrain: Terrain, box: tuple[float, float, float, float]) -> None:
+    """Colour the ground by its height, where it is not level."""
+    x, y = np.linspace(*box[:2], 400), np.linspace(*box[2:], 300)
+    z = terrain.height(*np.meshgrid(x, y))
+    if np.ptp(z) > 1e-6:
+        axes.pcolormesh(x, y, z, cmap="YlOrBr", alpha=0.5, shading="nearest", rasterized=True)

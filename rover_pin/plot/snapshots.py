@@ -1,0 +1,165 @@
+"""A drive at a few instants: from the side, and from above where it turns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rover_pin.body.rover import Rover
+from rover_pin.motion.model import Model
+from rover_pin.motion.poses import on_the_ground
+from rover_pin.motion.trace import Trace
+from rover_pin.plot.sheet import MARGINS, sheet
+from rover_pin.plot.side import Pose, draw_above, draw_ground, draw_heights, draw_rover, poses
+
+FURTHEST_APART = 0.5
+"""Way [m] between two snapshots of a rover, about."""
+TURNED, ACROSS = math.radians(10.0), 0.05
+"""Turn [rad], or way across the first heading [m], from which a drive is shown from above."""
+SIDEWAYS = math.radians(60.0)
+"""Turn from which the side view says nothing any more."""
+WIDTH = 10.0
+PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 1.0}
+SAME_PLACE = 0.02
+"""Share of the width within which two snapshots have one label."""
+
+
+def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
+    """Return the rover at evenly spaced instants, more than `count` on a long way; later ones are darker.
+
+    From the side one sees the wheels of the side whose ground is the less even, and that ground; the other side's is
+    dashed. A drive that turns is shown from above, too; only so where the wheels leave the ground that would be drawn.
+    """
+    trace = on_the_ground(trace, model.rover, model.terrain)
+    x, y, yaw = (trace.get(f"body_{name}", np.zeros(trace.t.size)) for name in ("x", "y", "yaw"))
+    way = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
+    rows = np.linspace(0, trace.t.size - 1, max(count, round((0.6 + way) / FURTHEST_APART))).astype(int)
+    shown = poses(trace, model.rover, rows)
+    turn, across = float(np.ptp(yaw)), float(np.ptp(np.cos(yaw[0]) * y - np.sin(yaw[0]) * x))
+    side = _Side(shown, model)
+    views: list[_Side | _Above] = [side] if turn < SIDEWAYS and side.stands else []
+    if not views or turn > TURNED or across > ACROSS:
+        views.append(_Above(shown, model, trace))
+    heights = [view.height for view in views]
+    figure, axes = sheet(
+        len(views), (WIDTH, sum(heights) + 0.8 + 0.5 * (len(views) - 1)), squeeze=False, height_ratios=heights
+    )
+    figure.subplots_adjust(hspace=0.25)
+    for view, each in zip(views, axes[:, 0], strict=True):
+        view.draw(each)
+    axes[0, 0].set_title(title_of(trace), fontsize=9)
+    return figure
+
+
+class _View:
+    """What a view shows: a range of its two coordinates, and how high that makes it [in]."""
+
+    def __init__(self, low: tuple[float, float], high: tuple[float, float]):
+        self.low, self.high = low, high
+        inner = WIDTH - MARGINS[0] - MARGINS[1]
+        self.height = min(max(inner * (high[1] - low[1]) / (high[0] - low[0]), 1.0), 5.5)
+
+    def frame(self, axes: Axes, names: tuple[str, str]) -> None:
+        """Set limits, labels and equal scales."""
+        limits = {"xlim": (self.low[0], self.high[0]), "ylim": (self.low[1], self.high[1])}
+        axes.set(aspect="equal", xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", **limits)
+
+
+class _Side(_View):
+    def __init__(self, shown: list[Pose], model: Model):
+        self.shown, self.model = shown, model
+        centres, r = np.array([pose.centres for pose in shown]), _radius(model.rover)
+        self.span = float(centres[..., 0].min()) - 3 * r, float(centres[..., 0].max()) + 3 * r
+        self.y = {side: float(np.mean(centres[:, _of_side(model.rover, side), 1])) for side in "lr"}
+        ground = {side: model.terrain.height(np.linspace(*self.span, 500), y) for side, y in self.y.items()}
+        self.side = max("lr", key=lambda side: (float(np.ptp(ground[side])), side == "l"))
+        tops = [float(pose.q[2]) for pose in shown] + [float(centres[..., 2].max()) + r]
+        self.top = max(tops) + 0.3 * r
+        lowest = min(float(each.min()) for each in ground.values())
+        self.stands = self._stands(centres[:, _of_side(model.rover, self.side)], 0.25 * r)
+        super().__init__((self.span[0], lowest - 0.05), (self.span[1], self.top + 2.2 * r + 0.05))
+
+    def _stands(self, centres: np.ndarray, within: float) -> bool:
+        """Return whether the ground at one y is, within this height, that under the wheels wherever they went."""
+        under = self.model.terrain.height(centres[..., 0], centres[..., 1])
+        drawn = self.model.terrain.height(centres[..., 0], np.full(centres.shape[:-1], self.y[self.side]))
+        return bool(np.max(np.abs(under - drawn)) < within)
+
+    def draw(self, axes: Axes) -> None:
+        """Draw ground, rovers, and when each was."""
+        rover, other = self.model.rover, "r" if self.side == "l" else "l"
+        draw_ground(axes, self.model.terrain, self.span, self.y[self.side], self.y[other])
+        for shade, pose in zip(np.linspace(0.65, 0.0, len(self.shown)), self.shown, strict=True):
+            draw_rover(axes, rover, pose.q, str(shade), self.side)
+        for x, when, line in _labels(self.shown, self.span):
+            axes.text(x, self.top + 0.9 * _radius(rover) * line, when, ha="center", va="bottom", fontsize=8)
+        self.frame(axes, ("x", "z"))
+        seen = "left" if self.side == "l" else "right"
+        axes.text(0.995, 0.03, f"{seen} wheels", transform=axes.transAxes, ha="right", fontsize=8, color="#555555")
+
+
+class _Above(_View):
+    def __init__(self, shown: list[Pose], model: Model, trace: Trace):
+        self.shown, self.model, self.trace = shown, model, trace
+        centres, r = np.array([pose.centres for pose in shown]), _radius(model.rover)
+        low, high = centres.min(axis=(0, 1))[:2] - 3 * r, centres.max(axis=(0, 1))[:2] + 3 * r
+        super().__init__((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+
+    def draw(self, axes: Axes) -> None:
+        """Draw the ground by its height, the body's way, rovers, and when each was."""
+        draw_heights(axes, self.model.terrain, (self.low[0], self.high[0], self.low[1], self.high[1]))
+        axes.plot(self.trace["body_x"], self.trace["body_y"], color="#0072b2", lw=1)
+        for shade, pose in zip(np.linspace(0.65, 0.0, len(self.shown)), self.shown, strict=True):
+            draw_above(axes, self.model.rover, pose, str(shade))
+            x, y = pose.centres[:, :2].mean(axis=0)
+            axes.text(x, y, f"{pose.t:.1f} s", ha="center", va="center", fontsize=8, bbox=PAPER)
+        self.frame(axes, ("x", "y"))
+
+
+def _of_side(rover: Rover, side: str) -> list[int]:
+    return [n for n, wheel in enumerate(rover.wheels) if wheel.side == side]
+
+
+def _radius(rover: Rover) -> float:
+    return max(float(wheel.wheel.r) for wheel in rover.wheels)
+
+
+def _labels(shown: list[Pose], span: tuple[float, float]) -> Iterator[tuple[float, str, int]]:
+    """Yield place, text and line (0 or 1) of the labels: one for all poses at one place, the next one line higher."""
+    wide = span[1] - span[0]
+    groups: list[list[Pose]] = []
+    for pose in shown:
+        if groups and abs(pose.q[0] - groups[-1][-1].q[0]) < SAME_PLACE * wide:
+            groups[-1].append(pose)
+        else:
+            groups.append([pose])
+    last, line = -math.inf, 0
+    for group in sorted(groups, key=lambda each: float(each[0].q[0])):
+        x, ends = float(np.mean([pose.q[0] for pose in group])), f"{group[-1].t:.1f} s"
+        line = 1 - line if abs(x - last) < 0.07 * wide else 0
+        last = x
+        yield x, ends if len(group) == 1 else f"{group[0].t:.1f} to {ends}", line
+
+
+def title_of(trace: Trace) -> str:
+    """Return what a figure says of its drive."""
+    attrs = trace.attrs
+    words = [
+        str(attrs.get("scenario", "drive")),
+        str(attrs.get("happened") or f"stop: {attrs.get('stop', '-')}"),
+        f"control: {attrs.get('control', '-')}",
+        f"g = {float(attrs.get('gravity_mps2', float('nan'))):.2f} m/s²",
+    ]
+    return "   ".join([*words, *_deepest(trace)])
+
+
+def _deepest(trace: Trace) -> Iterator[str]:
+    depths = {wheel: trace[f"sinkage_{wheel}"] for wheel in trace.wheels if f"sinkage_{wheel}" in trace}
+    most = {wheel: float(np.nanmax(each)) for wheel, each in depths.items() if np.any(np.isfinite(each))}
+    if most:
+        wheel = max(most, key=lambda each: most[each])
+        yield f"deepest sinkage {1e3 * most[wheel]:.1f} mm ({wheel})"

@@ -1,0 +1,121 @@
+"""Pictures of any rover on any ground: what is in them is what was driven, and what stands still is said in words."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from matplotlib.patches import Circle, Polygon
+
+from rover_pin.errors import MissingExtraError, ParameterError
+from rover_pin.motion.trace import Trace
+from rover_pin.plot import history, snapshots
+from rover_pin.scenarios import scenario
+
+
+def driven(name, **settings):
+    made = scenario(name, **settings)
+    return made.model, made.drive()
+
+
+@pytest.fixture(scope="module")
+def ditch():
+    return driven("ditch", duration=8.0)
+
+
+def texts(figure):
+    return [text.get_text() for axes in figure.axes for text in (*axes.texts, axes.title)]
+
+
+def test_every_pose_has_its_time_and_the_depth_is_said(ditch):
+    model, trace = ditch
+    said = texts(snapshots(trace, model))
+    times = {float(word.removesuffix(" s").split(" to ")[-1]) for word in said if word.endswith(" s")}
+    assert max(times) == pytest.approx(trace.t[-1], abs=0.06)
+    deepest = max(float(np.max(trace[f"sinkage_{wheel}"])) for wheel in trace.wheels)
+    assert any(f"deepest sinkage {1e3 * deepest:.1f} mm" in word for word in said)
+
+
+def test_all_wheels_that_are_drawn_are_within_the_picture(ditch):
+    model, trace = ditch
+    (axes,) = snapshots(trace, model).axes
+    (low, high), (floor, top) = axes.get_xlim(), axes.get_ylim()
+    rims = [patch for patch in axes.patches if isinstance(patch, Circle)]
+    assert len(rims) >= 3 * 6
+    for rim in rims:
+        assert low < rim.center[0] - rim.radius
+        assert rim.center[0] + rim.radius < high
+        assert floor < rim.center[1] - rim.radius
+        assert rim.center[1] + rim.radius < top
+
+
+def test_the_ground_that_is_drawn_has_the_rock_that_is_driven_over():
+    model, trace = driven("rocks", duration=7.0)
+    (axes,) = snapshots(trace, model).axes
+    heights = axes.lines[0].get_ydata()
+    assert np.ptp(heights) > 0.02
+    assert "right wheels" in texts(axes.figure)
+
+
+def test_a_turn_is_seen_from_above():
+    model, trace = driven("turn", duration=12.0)
+    figure = snapshots(trace, model)
+    names = [axes.get_ylabel() for axes in figure.axes]
+    assert names == ["z [m]", "y [m]"]
+    assert len([patch for patch in figure.axes[1].patches if isinstance(patch, Polygon)]) >= 6 * 7
+
+
+def test_a_drive_across_hills_is_seen_from_above_alone():
+    """From the side its wheels would hover over, or stand in, the ground of another y."""
+    model, trace = driven("hills", rover="cart", duration=8.0, **{"terrain.height": 0.15})
+    assert [axes.get_ylabel() for axes in snapshots(trace, model).axes] == ["y [m]"]
+
+
+def test_lines_that_are_one_to_the_eye_are_one(ditch):
+    _, trace = ditch
+    axes = history(trace).axes[0]
+    assert [line.get_label() for line in axes.lines] == ["fl = fr", "ml = mr", "rl = rr"]
+    changed = {**trace.channels, "slip_fr": trace["slip_fr"] + 0.1}
+    other = dataclasses.replace(trace, channels=changed)
+    assert "fl" in [line.get_label() for line in history(other).axes[0].lines]
+
+
+def test_what_stands_still_is_said_and_not_drawn(ditch):
+    _, trace = ditch
+    figure = history(trace)
+    assert "duty [-]" not in [axes.get_ylabel() for axes in figure.axes]
+    assert "duty 0.55" in figure.axes[0].get_title()
+    turned = driven("turn", duration=2.0)[1]
+    assert "duty [-]" in [axes.get_ylabel() for axes in history(turned).axes]
+
+
+def test_a_trace_draws_itself_on_axes_that_are_given(ditch):
+    _, trace = ditch
+    axes = history(trace).axes[-1]
+    assert trace.plot("body_x", "body_z", ax=axes) is axes
+    assert axes.get_ylabel() == "body_x, body_z [m]"
+    assert len(trace.plot().lines) == 3
+    assert trace.plot("slip", "body_pitch").get_ylabel() == "slip, body_pitch [- or rad]"
+    with pytest.raises(ParameterError, match="did you mean 'body_x'"):
+        trace.plot("body_xx")
+
+
+def test_a_trace_shows_itself_in_a_notebook():
+    html = Trace({"t_s": [0.0, 1.0], "body_x": [0.0, 0.5], "body_y": [0.0, 0.0]}, attrs={"stop": "<b>"})._repr_html_()
+    assert "2 rows of 3 channels" in html
+    assert "<td>0.5</td>" in html
+    assert "&lt;b&gt;" in html
+
+
+def test_xarray_is_asked_for_where_it_is_missing_and_used_where_it_is_there(monkeypatch):
+    import sys
+    import types
+
+    trace = Trace({"t_s": [0.0, 1.0], "body_x": [0.0, 0.5]})
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(MissingExtraError, match="needs xarray: pip install xarray"):
+        trace.to_xarray()
+    made = types.SimpleNamespace(Dataset=lambda data, coords, attrs: (data, coords, attrs))
+    monkeypatch.setitem(sys.modules, "xarray", made)
+    data, coords, _ = trace.to_xarray()
+    assert data["body_x"][2] == {"units": "m"}
+    assert list(coords) == ["t_s"]
