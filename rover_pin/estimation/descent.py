@@ -1,6 +1,7 @@
-"""A small Levenberg-Marquardt descent with a trust radius and bounds, for the short refits of a profile likelihood.
+"""Least squares with an exact Jacobian: a Levenberg-Marquardt descent with a trust radius and bounds.
 
-`scipy.optimize.least_squares` does the global work; near a minimum its overhead is several times the model's cost.
+Against `scipy.optimize.least_squares`, its oracle, it ends as low from the same starts, in fewer evaluations of the
+model and without its overhead near a minimum (tests/evidence/test_descent.py).
 """
 
 from __future__ import annotations

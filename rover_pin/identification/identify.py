@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import chi2 as chi2_law
 
 from rover_pin.contact import Soil
@@ -38,8 +37,6 @@ class Search:
 
     starts: int = 5
     seed: int = 0
-    evaluations: int = 200
-    "most model evaluations of one start"
 
 
 class Ended(NamedTuple):
@@ -95,7 +92,7 @@ def identify(
     problem = build(data, soil, free, priors or {})
     starts = scatter(problem, search)
     refuse_untold(problem, starts)
-    ended = [_solve(problem, u, search.evaluations) for u in starts]
+    ended = [_solve(problem, u) for u in starts]
     best = _lowest(problem, ended)
     widen = misfit(best.chi2, problem.freedom)
     judged = problem.widened(widen)
@@ -128,7 +125,7 @@ def profile(
         raise ParameterError(
             f"the profile of {name} leaves [{axis.about.low:g}, {axis.about.high:g}] {axis.about.unit}."
         )
-    best = _lowest(problem, [_solve(problem, u, SEARCH.evaluations) for u in scatter(problem, SEARCH)])
+    best = _lowest(problem, [_solve(problem, u) for u in scatter(problem, SEARCH)])
     wanted = np.clip([axis.coordinate.u(float(value)) for value in values], axis.low, axis.high)
     chi2 = np.empty(len(wanted))
     for side in (wanted >= best.u[index], wanted < best.u[index]):
@@ -168,29 +165,11 @@ def misfit(chi2: float, freedom: int) -> float:
     return float(np.sqrt(chi2 / freedom))
 
 
-def _solve(problem: Problem, start: np.ndarray, evaluations: int) -> Ended:
+def _solve(problem: Problem, start: np.ndarray) -> Ended:
     low, high = problem.space.low, problem.space.high
     margin = 1e-6 * np.minimum(high - low, 1.0)
-    last: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-
-    def evaluated(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if u.tobytes() not in last:
-            last.clear()
-            last[u.tobytes()] = problem.evaluate(u)
-        return last[u.tobytes()]
-
     try:
-        result: OptimizeResult = least_squares(
-            lambda u: evaluated(u)[0],
-            np.clip(start, low + margin, high - margin),
-            lambda u: evaluated(u)[1],
-            bounds=(low, high),
-            x_scale="jac",
-            max_nfev=evaluations,
-        )
-        if result.status < 1:
-            return Ended(None, np.inf, result.message)
-        return Ended(*descend(problem, np.asarray(result.x)), status=result.message)
+        return Ended(*descend(problem, np.clip(start, low + margin, high - margin)), status="settled")
     except (ValueError, np.linalg.LinAlgError, OptimisationError) as error:
         return Ended(None, np.inf, str(error))
 
@@ -201,7 +180,7 @@ def _lowest(problem: Problem, ended: Sequence[Ended]) -> Best:
         told = "; ".join(dict.fromkeys(end.status for end in ended))
         raise OptimisationError(
             f"none of {len(ended)} starts converged ({told}); start from a soil nearer to the data, free fewer "
-            "parameters or allow more evaluations.",
+            "parameters.",
             status=[end.status for end in ended],
         )
     return Best(lowest.u, lowest.chi2, covariance(problem, lowest.u))
