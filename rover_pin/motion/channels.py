@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 """Wheel names unless a log says otherwise: front, middle, rear; left, right."""
@@ -35,6 +36,7 @@ WHOLE = {
 BY_START = {"rocker_": "rad", "bogie_": "rad", "energy_": "J"}
 
 
+@lru_cache(maxsize=4096)
 def unit_of(name: str) -> str:
     """Return the unit of a channel by its name; empty where the name tells none."""
     if name in WHOLE:

@@ -48,6 +48,8 @@ class Drive(NamedTuple):
 
 Progress = Callable[[float], None]
 """Called now and then with the simulated time [s]."""
+TRUTH = [RECORD.index(name) for name in ("slip", "sinkage", "normal", "travel")]
+CURRENT = RECORD.index("current")
 OFTEN = 50
 """Rows between two such calls."""
 
@@ -91,12 +93,12 @@ def obey(drive: Drive, suspension: Suspension) -> None:
 def reading_of(drive: Drive, suspension: Suspension) -> Reading:
     """Return what the controller sees now."""
     state, record = drive.state, drive.stepper.record
-    column = {name: record[:, i] for i, name in enumerate(RECORD)}
+    slip, sinkage, normal, travel = (record[:, column].copy() for column in TRUTH)
     truth = Truth(
-        column["slip"].copy(),
-        column["sinkage"].copy(),
-        column["normal"].copy(),
-        column["travel"].copy(),
+        slip,
+        sinkage,
+        normal,
+        travel,
         state.q[:3].copy(),
         base_rotation(state.q) @ state.v[:3],
     )
@@ -104,7 +106,7 @@ def reading_of(drive: Drive, suspension: Suspension) -> Reading:
         state.t,
         drive.stepper.duty.copy(),
         state.v[[wheel.dof for wheel in drive.model.rover.wheels]],
-        column["current"].copy(),
+        record[:, CURRENT].copy(),
         state.q[suspension.places],
         roll_pitch_yaw(state.q),
         truth,

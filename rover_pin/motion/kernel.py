@@ -14,7 +14,7 @@ from rover_pin.motion import laws
 from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.kernel_terrain import terrain_fields
 from rover_pin.motion.model import Model
-from rover_pin.motion.native.compiled_body import compiled_body, order_of_elimination
+from rover_pin.motion.native.compiled_body import Known, compiled_body, order_of_elimination
 from rover_pin.motion.native.library import aligned, library, sizes
 from rover_pin.motion.native.shared import ENERGY, MAX_COLS, MAX_DOF, RECORD, DriveStruct
 from rover_pin.motion.state import DriveState
@@ -41,6 +41,7 @@ class Kernel:
         self.state = state
         rover = model.built
         self.pin_model = armed(rover.model, model)
+        self.known = Known.of(rover.model)
         self.keep: dict[str, Any] = {}
         self.struct = DriveStruct()
         self.record = np.zeros((len(rover.wheels), len(RECORD)))
@@ -160,7 +161,7 @@ class Kernel:
     def _elimination(self, coupled: list[Any]) -> dict[str, Any]:
         """Return the fields that say in which order the step's equations are solved."""
         body = [*range(6), *suspension_dofs(self.model.built)] if self.model.body_effects else []
-        order, above = order_of_elimination(self.pin_model, coupled, body)
+        order, above = order_of_elimination(self.known, tuple(coupled), tuple(body))
         table = np.zeros((len(order), MAX_DOF), dtype=np.int64)
         for row, left in zip(table, above, strict=True):
             row[: len(left)] = left
@@ -168,7 +169,7 @@ class Kernel:
         return {"n_free": len(order), "free_order": np.array(order), "free_count": count, "free_above": table}
 
     def _bind_rigid_body(self) -> None:
-        model, made = self.pin_model, compiled_body(self.pin_model)
+        model, made = self.pin_model, compiled_body(self.known)
         self.gravity, self.armature = np.array(model.gravity.linear), np.array(model.armature)
         column, ends = np.zeros(made.ends["potential"]), made.ends
         self.keep["rigid_handle"] = made

@@ -16,7 +16,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.motion.kernel import Kernel, armed
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
-from rover_pin.motion.native.compiled_body import compiled_body
+from rover_pin.motion.native.compiled_body import Known, compiled_body
 from rover_pin.motion.native.rigid_body import inertia_places, rigid_body, tree_of
 from rover_pin.motion.place import Start, hovering
 
@@ -136,7 +136,7 @@ def test_the_compiled_body_is_what_pinocchio_says(name):
     kinetic, potential = kernel.energies()
     same(kinetic, pin.computeKineticEnergy(model, data, q, v))
     same(potential, pin.computePotentialEnergy(model, data, q))
-    made = compiled_body(rover.model)
+    made = compiled_body(Known.of(rover.model))
     rotors = np.diag(model.armature)
     inertia = kernel.keep["rigid"][: len(made.rows)]
     same(inertia, (np.triu(pin.crba(model, data, q)) - rotors)[made.rows, made.columns])

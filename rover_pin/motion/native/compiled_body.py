@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -32,24 +31,17 @@ class CompiledBody:
     work: tuple[int, int]
 
 
-def compiled_body(model: pin.Model) -> CompiledBody:
-    """Return the rigid body of a model, compiled; its numbers stay parameters, so a load or a sweep compiles once."""
-    return _body(_Content(_content(model), model))
-
-
-def order_of_elimination(
-    model: pin.Model, coupled: Sequence[tuple[int, int]], together: Sequence[int]
-) -> tuple[list[int], list[list[int]]]:
-    """Return `elimination`, worked out once for models of equal content."""
-    return _order(_Content(_content(model), model), tuple(coupled), tuple(together))
-
-
 @dataclass(frozen=True)
-class _Content:
-    """A model, the same as any other of equal content."""
+class Known:
+    """A model, the same as any other of equal content: what is worked out for one holds for all."""
 
     content: bytes
     model: pin.Model = field(compare=False)
+
+    @classmethod
+    def of(cls, model: pin.Model) -> Known:
+        """Return the model with its content."""
+        return cls(_content(model), model)
 
 
 def _content(model: pin.Model) -> bytes:
@@ -64,14 +56,16 @@ def _content(model: pin.Model) -> bytes:
 
 
 @lru_cache(maxsize=64)
-def _order(
-    known: _Content, coupled: tuple[tuple[int, int], ...], together: tuple[int, ...]
+def order_of_elimination(
+    known: Known, coupled: tuple[tuple[int, int], ...], together: tuple[int, ...]
 ) -> tuple[list[int], list[list[int]]]:
+    """Return `elimination` of a model."""
     return elimination(known.model, coupled, together)
 
 
 @lru_cache(maxsize=64)
-def _body(known: _Content) -> CompiledBody:
+def compiled_body(known: Known) -> CompiledBody:
+    """Return the rigid body of a model, compiled; its numbers stay parameters, so a load or a sweep compiles once."""
     model = known.model
     tree = tree_of(model)
     handle, before, during = _compiled(tree.joints, model.nq, model.nv)
