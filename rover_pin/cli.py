@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from rover_pin import commands
-from rover_pin.commands.options import AsJson, Effects, Gravity, ModelFile, Out, Set, SoilName, Trusted
+from rover_pin.commands.options import AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
 from rover_pin.commands.speaking import Speaking, program, scenario_names, speak
 from rover_pin.commands.view import asked_for, write_asked
 from rover_pin.errors import RoverPinError, UrdfError
@@ -136,7 +136,7 @@ def check_urdf(
 def sweep(
     study: Annotated[Path, typer.Argument(help="A study's TOML file.")],
     workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
-    scheduler: Annotated[str, typer.Option(help="Address of a Dask scheduler, as tcp://127.0.0.1:8786.")] = "",
+    scheduler: Scheduler = "",
     effects: Effects = None,
     trust: Trusted = False,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; out/NAME OF THE STUDY.")] = None,
@@ -222,6 +222,7 @@ def close_loop(
     trust: Trusted = False,
     out: Out = Path("out/close_loop"),
     workers: Annotated[int, typer.Option(help="Processes for a drive log; 0 for all cores.")] = 0,
+    scheduler: Scheduler = "",
     experiment: Annotated[str | None, typer.Option(help="Your own test bed: its file, or motor_brake.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -232,7 +233,7 @@ def close_loop(
     say = (lambda said: None) if as_json else log.info
     with stoppable(out, ("report.html", "verdict.json", "model.toml", "draft_effect")):
         given = read_data(data, Trust(everything=True)) if trust and experiment is None else data
-        verdict = close_the_loop(given, start, effects, out, say, jobs=workers, experiment=experiment)
+        verdict = close_the_loop(given, start, effects, out, say, jobs=workers, scheduler=scheduler or None, experiment=experiment)
     written = out / ("report.html" if experiment is None else "verdict.json")
     print(json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nwritten: {written}")
 
@@ -242,6 +243,7 @@ def tune(
     study: Annotated[Path, typer.Argument(help="A tuning study's TOML file.")],
     model: ModelFile = None,
     workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
+    scheduler: Scheduler = "",
     effects: Effects = None,
     trust: Trusted = False,
     out: Out = Path("out/tune"),
@@ -261,7 +263,7 @@ def tune(
     for line in cautions((*asked.training, *asked.held_out)):
         log.warning("%s", line)
     with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv")):
-        result = tune_gains(asked, out, stage, workers or None)
+        result = tune_gains(asked, out, stage, workers or None, scheduler or None)
     report(result.summary(), as_json)
 
 

@@ -6,7 +6,8 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from importlib import import_module
 from types import FrameType, ModuleType
 
 
@@ -50,8 +51,6 @@ def _end_all() -> None:
 
 def sent_by_value(module: ModuleType) -> None:
     """Let worker processes be sent what a module defines: they cannot import one that was read from a user's file."""
-    try:
-        from joblib.externals import cloudpickle  # joblib before 1.6 brings its own
-    except ImportError:
-        import cloudpickle
-    cloudpickle.register_pickle_by_value(module)
+    for name in ("joblib.externals.cloudpickle", "cloudpickle"):  # joblib before 1.6 brings its own; Dask's
+        with suppress(ImportError):
+            import_module(name).register_pickle_by_value(module)

@@ -13,7 +13,7 @@ STUDIES = sorted((ROOT / "studies").rglob("*.py"))
 LONGEST = 300
 
 GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "settings", "paths", "results_folder",
-          "workers", "trust", "bounded", "parquet", "console", "private_folders", "remembered")  # fmt: skip
+          "workers", "trust", "bounded", "parquet", "console", "private_folders", "remembered", "cluster")  # fmt: skip
 ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control",
          "estimation", "measurements", "identification", "discrepancy", "experiments", "report", "loop",
          "vehicle", "controls", "scenes", "scenarios", "catalogue", "plot", "view", "sweep", "tuning",

@@ -24,3 +24,7 @@ Trusted = Annotated[
     bool, typer.Option("--trust", help="Let a model or data run all code, and read all files, that they name.")
 ]
 ModelFile = Annotated[Path | None, typer.Option("--model", help="A model file: rover, soils, motor, all effects.")]
+Scheduler = Annotated[
+    str,
+    typer.Option("--scheduler", help="Address of a Dask scheduler, as tcp://127.0.0.1:8786: its workers do the work."),
+]

@@ -6,11 +6,11 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rover_pin.bounded import content
+from rover_pin.cluster import Workers, results
 from rover_pin.errors import DataError
 from rover_pin.version import __version__
 
@@ -28,8 +28,8 @@ class Evaluations:
     ----------
     folder : Path, optional
         Where the file lies; without one nothing is remembered.
-    workers : int, optional
-        Processes; by default one a core. One worker is this process itself.
+    workers : int or client, optional
+        Processes, or a cluster (`cluster.workers_of`); by default one process a core. One is this process itself.
 
     Raises
     ------
@@ -37,9 +37,9 @@ class Evaluations:
         The folder cannot be used.
     """
 
-    def __init__(self, folder: Path | None, workers: int | None, progress: Progress | None):
+    def __init__(self, folder: Path | None, workers: Workers | None, progress: Progress | None):
         self.file = None if folder is None else folder / FILE
-        self.workers, self.progress = workers, progress
+        self.workers, self.progress = workers or -1, progress
         self.known = {} if self.file is None else _read(self.file)
         self.fresh = 0
 
@@ -64,15 +64,7 @@ class Evaluations:
         return f"{len(self.known)} evaluations are kept in {self.file}: tune again into the same folder to go on"
 
     def _computed(self, function: Callable[..., list[float]], jobs: list[tuple[Any, ...]]) -> Any:
-        if not jobs:
-            return []
-        if self.workers == 1:
-            return (function(*job) for job in jobs)
-        from joblib import Parallel, delayed, parallel_config
-
-        with parallel_config(backend="loky", inner_max_num_threads=1):
-            parallel = Parallel(n_jobs=self.workers or -1, return_as="generator")
-        return parallel(delayed(partial(function, *job))() for job in jobs)
+        return results(function, jobs, self.workers) if jobs else []
 
     def _remember(self, key: str, result: list[float]) -> None:
         self.known[key] = result

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.optimize import differential_evolution, minimize
 from scipy.stats import qmc
 
+from rover_pin.cluster import refuse_both, workers_of
 from rover_pin.control.drive_score import Score
 from rover_pin.control.evaluations import Evaluations, Progress
 from rover_pin.control.reduced import GAIN_NAMES, as_column
@@ -58,6 +59,7 @@ def tune_gains(
     out: str | Path | None = None,
     progress: Progress | None = None,
     workers: int | None = None,
+    scheduler: str | None = None,
 ) -> TuningResult:
     """Return the best gains found for a study, and what they are worth beside the gains before and constant duty.
 
@@ -69,22 +71,26 @@ def tune_gains(
         Called with the stage, its finished evaluations and their number.
     workers : int, optional
         Processes; by default one a core. The result does not depend on it.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers then do the work. Start them with `--nthreads 1`.
 
     Raises
     ------
     ParameterError
-        A drive with an unknown scenario or setting, or one that its model file rules out.
+        A drive with an unknown scenario or setting, or one that its model file rules out; a scheduler that does not
+        answer, or with `workers` given too.
     OptimisationError
         Every training drive ends stuck whatever the gains; `status` holds constant duty's scores.
     DataError
         The folder or a model file cannot be used, another process is at work in the folder, or the model was changed
         meanwhile.
     """
+    refuse_both(workers, scheduler)
     study = sealed(study)
     for case in (*study.training, *study.held_out):
         built(case)
-    with alone_in(out), ending_workers():
-        evaluations = Evaluations(None if out is None else Path(out), workers, progress)
+    with alone_in(out), ending_workers(), workers_of(workers or -1, scheduler) as work:
+        evaluations = Evaluations(None if out is None else Path(out), work, progress)
         try:
             result = _tuned(study, evaluations)
         except (KeyboardInterrupt, SystemExit) as stop:

@@ -7,10 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rover_pin.body.rover import Rover
+from rover_pin.cluster import refuse_both, workers_of
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.bed import Bed
 from rover_pin.discrepancy.conclusion import Conclusion
-from rover_pin.errors import DataError
+from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.drive_log.verdict import DriveVerdict
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
@@ -41,6 +42,7 @@ def close_the_loop(
     progress: Progress = lambda said: None,
     seed: int = 0,
     jobs: int = 0,
+    scheduler: str | None = None,
     experiment: str | Path | None = None,
 ) -> Verdict | DriveVerdict | Conclusion:
     """Find the effect that a model lacks against measured data, add it, and report the error before and after.
@@ -62,6 +64,8 @@ def close_the_loop(
         Of the starts of fits and of the bootstrap.
     jobs : int
         Processes that replay the runs of a drive log; 0 for all cores.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers then replay them. Start them with `--nthreads 1`.
     experiment : path, str or None
         A test bed of your own: a file with a class that derives from `Bed`, whose code runs, or `motor_brake`.
 
@@ -78,6 +82,7 @@ def close_the_loop(
     OptimisationError
         The base model of a rig cannot be fitted at all.
     """
+    refuse_both(jobs or None, scheduler)
     if effects is not None:
         refuse_unfit_effects(effects)
     if isinstance(data, Bed) or experiment is not None:
@@ -95,10 +100,12 @@ def close_the_loop(
             )
         if model is not None:
             _refuse_other_rover(log, model)
-        with alone_in(out), ending_workers():
-            return close_drive_loop(log, model, effects, out, progress, seed, jobs or os.cpu_count() or 1)
+        with alone_in(out), ending_workers(), workers_of(jobs or os.cpu_count() or 1, scheduler) as workers:
+            return close_drive_loop(log, model, effects, out, progress, seed, workers)
     if isinstance(model, Model):
         raise DataError(f"{data}: a wheel-rig set starts from a wheel's model, not from a rover's.")
+    if scheduler is not None:
+        raise ParameterError("A wheel-rig set takes one core some seconds: leave scheduler out, it is for drive logs.")
     assert not isinstance(data, DriveLog)
     with alone_in(out):
         return close_rig_loop(data, model, effects, out, progress, seed)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rover_pin.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.compare import Refit
 from rover_pin.discrepancy.conclusion import numbers
@@ -50,7 +51,7 @@ def close_drive_loop(
     out: str | Path | None = None,
     progress: Progress = lambda said: None,
     seed: int = 0,
-    jobs: int = 1,
+    jobs: Workers = 1,
 ) -> DriveVerdict:
     """Return what a model of a drive log lacks, with the error before and after; see `close_the_loop`.
 
@@ -77,7 +78,7 @@ def close_drive_loop(
 
 
 def _decided(
-    log: DriveLog, start: Model, effects: str | Path | None, memory: Memory, how: tuple[Progress, int, int]
+    log: DriveLog, start: Model, effects: str | Path | None, memory: Memory, how: tuple[Progress, Workers, int]
 ) -> DriveVerdict:
     progress, jobs, seed = how
     if memory.told:

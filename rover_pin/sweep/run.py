@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from rover_pin.errors import ParameterError
+from rover_pin.cluster import refuse_both
 from rover_pin.results_folder import alone_in
 from rover_pin.sweep.case import CaseFunction, Row, check_names, drive_case, run_case
 from rover_pin.sweep.progress import progress
@@ -78,8 +78,7 @@ def sweep(
     SimulationError
         The workers or the scheduler died; finished cases are kept.
     """
-    if workers is not None and scheduler is not None:
-        raise ParameterError("workers and scheduler are both given: the scheduler's workers are its own; drop one.")
+    refuse_both(workers, scheduler)
     place = Path(folder or Path("out") / study.name)
     with alone_in(place), ending_workers():
         store = Store(place, fingerprint(study, case_function))

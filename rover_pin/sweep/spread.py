@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from typing import Any
+from contextlib import suppress
 
-from rover_pin.errors import MissingExtraError, ParameterError, SimulationError
+from rover_pin.cluster import client_of
+from rover_pin.errors import ParameterError, SimulationError
 from rover_pin.sweep.case import Row, failed_row
 from rover_pin.sweep.study import Case
 
-CONNECT_SECONDS = 5
-"""How long a scheduler may take to answer, and then its first worker to be there."""
 AGAIN_SECONDS = 60
 """How long a case may take that Dask runs again."""
 KEPT = "the finished cases are kept: run the sweep again to go on"
@@ -40,7 +38,7 @@ def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | 
 
 def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str) -> Iterator[Row]:
     """Yield rows as the Dask cluster at `address` finishes them; a case that kills its workers is a row too."""
-    with _client(address) as client:
+    with client_of(address) as client:
         _check_sendable(work)
         from distributed import KilledWorker, as_completed
 
@@ -69,31 +67,6 @@ def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str)
 
 def _root(error: BaseException) -> BaseException:
     return error if error.__cause__ is None else _root(error.__cause__)
-
-
-@contextmanager
-def _client(address: str) -> Iterator[Any]:
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise MissingExtraError(
-            "A sweep on a cluster needs Dask: run `pip install 'rover-pin[cluster]'` here and on the workers."
-        ) from error
-    try:
-        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise ParameterError(
-            f"No Dask scheduler answers at '{address}' within {CONNECT_SECONDS} s: start one with `dask scheduler` "
-            "and give the address that it prints, such as tcp://127.0.0.1:8786."
-        ) from error
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=CONNECT_SECONDS)
-        except OSError as error:
-            raise ParameterError(
-                f"The Dask scheduler at '{address}' has no workers: start some with `dask worker {address}`."
-            ) from error
-        yield client
 
 
 def _check_sendable(work: Callable[[Case], Row]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rover_pin.cluster import Workers
 from rover_pin.discrepancy.search import calibrated
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.experiment import experiment_of
@@ -15,7 +16,7 @@ from rover_pin.motion.model import Model
 
 
 def calibrated_on(
-    log: DriveLog, model: Model, jobs: int, progress: Callable[[str], None], memory: Memory = Memory()
+    log: DriveLog, model: Model, jobs: Workers, progress: Callable[[str], None], memory: Memory = Memory()
 ) -> Fit:
     """Return the model fitted to a log, every run replayed from where the rover stood at its start."""
     progress("setting the rover down at every start")

@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
-from joblib import Parallel, delayed
 
+from rover_pin.cluster import Workers, results
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.errors import ParameterError, SimulationError
@@ -38,7 +38,7 @@ class DriveExperiment(Experiment):
 
     runs: tuple[LoggedRun, ...]
     rests: tuple[DriveState | None, ...] = field(repr=False)
-    jobs: int = 1
+    jobs: Workers = 1
     memory: Memory = field(default=Memory(), repr=False)
 
     @cached_property
@@ -81,7 +81,7 @@ class DriveExperiment(Experiment):
             groups.setdefault(_drives(model), []).append(at)
         pairs = list(zip(self.runs, self.rests, strict=True))
         asked = [([models[at] for at in group], *pair) for group in groups.values() for pair in pairs]
-        tables = iter(self._spread([delayed(_features)(*each) for each in asked]))
+        tables = iter(self._spread(_features, asked))
         found: dict[int, list[np.ndarray]] = {at: [] for at in range(len(models))}
         for group in groups.values():
             for _ in pairs:
@@ -112,15 +112,15 @@ class DriveExperiment(Experiment):
     def replays(self, model: Model, nudges: Sequence[Nudge] | None = None) -> tuple[Replay, ...]:
         """Return the replays of one model, perhaps nudged, one nudge a run."""
         asked = zip(self.runs, nudges or [Nudge()] * len(self.runs), self.rests, strict=True)
-        return tuple(self._spread([delayed(_replayed)(model, run.commands, one, rest) for run, one, rest in asked]))
+        return tuple(self._spread(_replayed, [(model, run.commands, one, rest) for run, one, rest in asked]))
 
     def read(self, replays: Sequence[Replay], sensors: Sequence[SensorEffect]) -> np.ndarray:
         """Return the features (runs, channels, blocks) of replays as these sensors report them."""
         pairs = zip(self.runs, replays, strict=True)
         return self._padded([run.features(replay.channels, sensors) for run, replay in pairs])
 
-    def _spread(self, tasks: list) -> list:
-        return list(Parallel(n_jobs=self.jobs)(tasks))
+    def _spread(self, function: Callable[..., Any], asked: list[tuple[Any, ...]]) -> list:
+        return list(results(function, asked, self.jobs))
 
     def _padded(self, tables: Sequence[np.ndarray]) -> np.ndarray:
         """Return tables (channels, blocks) of the runs as one array, the common channels, gaps at the ends."""
@@ -131,9 +131,11 @@ class DriveExperiment(Experiment):
         return whole
 
 
-def experiment_of(runs: Sequence[LoggedRun], model: Model, jobs: int = 1, memory: Memory = Memory()) -> DriveExperiment:
+def experiment_of(
+    runs: Sequence[LoggedRun], model: Model, jobs: Workers = 1, memory: Memory = Memory()
+) -> DriveExperiment:
     """Return the experiment on which every model starts where this one comes to rest."""
-    rests = Parallel(n_jobs=jobs)(delayed(_rest)(model, run.commands) for run in runs)
+    rests = results(_rest, [(model, run.commands) for run in runs], jobs)
     return DriveExperiment(tuple(runs), tuple(rests), jobs, memory)
 
 

@@ -1,0 +1,109 @@
+"""Work on this machine's cores (joblib) or on a Dask cluster; what distributes it is theirs, not ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rover_pin.errors import MissingExtraError, ParameterError, SimulationError
+
+CONNECT_SECONDS = 5
+"""How long a scheduler may take to answer, and then its first worker to be there."""
+Workers = Any
+"""How many processes (int; -1 for one a core), or the client of a cluster (distributed.Client)."""
+
+
+def refuse_both(workers: int | None, scheduler: str | None) -> None:
+    """Refuse a number of processes beside a scheduler."""
+    if workers is not None and scheduler is not None:
+        raise ParameterError("workers and scheduler are both given: the scheduler's workers are its own; drop one.")
+
+
+@contextmanager
+def workers_of(count: int, scheduler: str | None) -> Iterator[Workers]:
+    """Yield that many processes, or the cluster of the Dask scheduler at an address.
+
+    Raises
+    ------
+    ParameterError, MissingExtraError
+        As of `client_of`.
+    """
+    if scheduler is None:
+        yield count
+    else:
+        with client_of(scheduler) as client:
+            yield client
+
+
+def results(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: Workers) -> Iterator[Any]:
+    """Yield `function(*job)` for each job, in order; one worker is this process itself.
+
+    What a dead worker of a cluster was at is run again by another.
+
+    Raises
+    ------
+    SimulationError
+        The scheduler went away, or a job cannot be run there.
+    """
+    if workers == 1:
+        return (function(*job) for job in jobs)
+    if not isinstance(workers, int):
+        return _on_cluster(function, jobs, workers)
+    from joblib import Parallel, delayed, parallel_config
+
+    with parallel_config(backend="loky", inner_max_num_threads=1):
+        parallel = Parallel(n_jobs=workers, return_as="generator")
+    return iter(parallel(delayed(function)(*job) for job in jobs))
+
+
+def _on_cluster(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], client: Any) -> Iterator[Any]:
+    from distributed import KilledWorker
+    from distributed.client import FutureCancelledError
+
+    address = client.scheduler.address
+    for future in [client.submit(function, *job, pure=False) for job in jobs]:
+        try:
+            yield future.result()
+        except KilledWorker as error:
+            raise SimulationError(f"A job killed every worker of the cluster at {address} that took it.") from error
+        except (FutureCancelledError, OSError) as error:
+            raise SimulationError(f"The Dask scheduler at {address} went away.") from error
+        except ImportError as error:
+            raise SimulationError(
+                f"The cluster at {address} cannot run this ({error}): install the same packages there as here."
+            ) from error
+
+
+@contextmanager
+def client_of(address: str) -> Iterator[Any]:
+    """Yield the client of the Dask scheduler at an address, with a worker at least.
+
+    Raises
+    ------
+    MissingExtraError
+        Dask is not installed.
+    ParameterError
+        No scheduler answers there, or it has no workers.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise MissingExtraError(
+            "Work on a cluster needs Dask: run `pip install 'rover-pin[cluster]'` here and on the workers."
+        ) from error
+    try:
+        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise ParameterError(
+            f"No Dask scheduler answers at '{address}' within {CONNECT_SECONDS} s: start one with `dask scheduler` "
+            "and give the address that it prints, such as tcp://127.0.0.1:8786."
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_SECONDS)
+        except OSError as error:
+            raise ParameterError(
+                f"The Dask scheduler at '{address}' has no workers: start some with `dask worker {address}`."
+            ) from error
+        yield client
