@@ -233,7 +233,9 @@ def close_loop(
     say = (lambda said: None) if as_json else log.info
     with stoppable(out, ("report.html", "verdict.json", "model.toml", "draft_effect")):
         given = read_data(data, Trust(everything=True)) if trust and experiment is None else data
-        verdict = close_the_loop(given, start, effects, out, say, jobs=workers, scheduler=scheduler or None, experiment=experiment)
+        verdict = close_the_loop(
+            given, start, effects, out, say, jobs=workers, scheduler=scheduler or None, experiment=experiment
+        )
     written = out / ("report.html" if experiment is None else "verdict.json")
     print(json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nwritten: {written}")
 
