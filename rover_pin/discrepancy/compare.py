@@ -79,22 +79,40 @@ def refit(
     for row in chosen:
         progress(f"refitting with {row.candidate.name}")
         found[row.candidate.name] = _refit(base, base, row, fee, without)
-    for row in _chosen(declared.start, declared.scored, fee)[:FROM_DECLARED] if declared else ():
-        progress(f"refitting with {row.candidate.name} from the declared numbers")
-        _keep(found, _refit(base, declared.start, row, fee, without))  # type: ignore[union-attr]
+    others = _from_declared(base, declared, fee, without, progress) if declared else []
     promised = {row.candidate.name: row.gain - fee(row.candidate) for row in chosen}
-    reached = max((one.net for one in found.values()), default=0.0)
+    reached = max((one.net for one in [*found.values(), *others]), default=0.0)
     for row in chosen:
-        if promised[row.candidate.name] > max(reached, 0.0):
-            progress(f"refitting with {row.candidate.name}, which gained less than promised")
-            _keep(found, _refit(base, base, row, fee, without, reuse=False))
-    ranked = sorted(found.values(), key=lambda one: -one.net)
+        name = row.candidate.name
+        if promised[name] > max(reached, 0.0):
+            progress(f"refitting with {name}, which gained less than promised")
+            found[name] = max(found[name], _refit(base, base, row, fee, without, reuse=False), key=lambda one: one.net)
+    ranked = sorted([*found.values(), *others], key=lambda one: -one.net)
     reach = ranked[0].net - 2 * ODDS - NEAR * abs(ranked[0].net) if ranked else 0.0
-    near = [one for one in ranked if one.net > 0 and max(one.net, promised.get(one.name, 0.0)) > reach][:POLISHED]
+    near = [one for one in ranked if one.net > 0 and max(one.net, promised.get(one.name, 0.0)) > reach]
+    leaders = list(dict.fromkeys(one.name for one in near))[:POLISHED]
     for one in near:
-        progress(f"refitting with {one.name}, every slope anew")
-        ranked[ranked.index(one)] = _confirmed(base, _polished(base, one, without))
-    return tuple(sorted(ranked, key=lambda one: -one.net))
+        if one.name in leaders:
+            progress(f"refitting with {one.name}, every slope anew")
+            ranked[ranked.index(one)] = _confirmed(base, _polished(base, one, without))
+    return _best_of_each(ranked)
+
+
+def _from_declared(base: Fit, declared: Anchor, fee: Fee, without: np.ndarray, progress: Progress) -> list[Refit]:
+    """Return refits of the candidates that promise most at the declared numbers, from there."""
+    found = []
+    for row in _chosen(declared.start, declared.scored, fee)[:FROM_DECLARED]:
+        progress(f"refitting with {row.candidate.name} from the declared numbers")
+        found.append(_refit(base, declared.start, row, fee, without))
+    return found
+
+
+def _best_of_each(refits: Sequence[Refit]) -> tuple[Refit, ...]:
+    """Return the best refit of each candidate, the best first: from two starts there are two."""
+    best: dict[str, Refit] = {}
+    for one in sorted(refits, key=lambda one: -one.net):
+        best.setdefault(one.name, one)
+    return tuple(best.values())
 
 
 def _chosen(start: Fit, scored: Sequence[Scored], fee: Fee) -> list[Scored]:
@@ -104,11 +122,6 @@ def _chosen(start: Fit, scored: Sequence[Scored], fee: Fee) -> list[Scored]:
     return list(
         {row.candidate.name: row for row in (placed(start, one) for one in _distinct(paying)[:REFITTED])}.values()
     )
-
-
-def _keep(found: dict[str, Refit], one: Refit) -> None:
-    """Keep a candidate's refit where it is its best so far."""
-    found[one.name] = max(found.get(one.name, one), one, key=lambda each: each.net)
 
 
 def _promises(row: Scored, fee: Fee, best: float) -> bool:

@@ -141,9 +141,12 @@ def explained(found: Search) -> float:
 
 
 def is_unknown(found: Search, left: Remainder) -> bool:
-    """Return whether a carrier takes, after everything listed, more than chance and no less than what was added."""
+    """Return whether a carrier takes, after everything listed, more than chance and no less than what was added.
+
+    Where sand that was prepared anew is what describes it best, nothing is missing: the model's sand is everywhere one.
+    """
     taken = sum(one.net for one in found.found)
-    return left.best.strength > max(UNKNOWN, MUCH * taken)
+    return left.best.strength > max(UNKNOWN, MUCH * taken) and not left.best.is_raking
 
 
 def answer_of(found: Search, left: Remainder) -> Answer:

@@ -572,8 +572,8 @@ def three(random):
     return found
 
 
-def carrier(strength):
-    return SimpleNamespace(best=SimpleNamespace(strength=strength, said="acts as a force"))
+def carrier(strength, is_raking=False):
+    return SimpleNamespace(best=SimpleNamespace(strength=strength, said="acts as a force", is_raking=is_raking))
 
 
 QUIET = carrier(5.0)
@@ -664,6 +664,7 @@ ONE, RIVAL = made_refit("A", 100.0), made_refit("B", 99.0)
 def test_the_answer(found, strength, answer):
     assert answer_of(found, carrier(strength)) is answer
     assert is_unknown(found, carrier(strength)) == (answer is Answer.NONE_FITS)
+    assert answer_of(found, carrier(strength, is_raking=True)) is not Answer.NONE_FITS
 
 
 @pytest.mark.parametrize(

@@ -93,8 +93,9 @@ class Remainder:
         """What is left, in a few sentences."""
         if self.is_noise:
             return f"Nothing is left that any carrier describes (net gain {self.best.strength:.0f})."
+        raked = ", no more than sand that is prepared anew" if self.best.is_raking else ""
         return (
-            f"What is left {self.best.said} (net gain {self.best.strength:.0f}). The next best: "
+            f"What is left {self.best.said}{raked} (net gain {self.best.strength:.0f}). The next best: "
             f"it {self.second.said} (net gain {self.second.strength:.0f})."
         )
 

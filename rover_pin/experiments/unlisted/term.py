@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.estimation.wording import spread
-from rover_pin.experiments.unlisted.actions import READING, VOLTAGE, Act
+from rover_pin.experiments.unlisted.actions import GRIP, READING, VOLTAGE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
 
 CLEAR = 3.0
 """SDs from which a value of a piecewise linear function is pointed at."""
+RAKED = 0.03
+"""RMS by which the grip of sand that is prepared anew differs from run to run and along the way (assumed)."""
 
 
 class Curve(NamedTuple):
@@ -70,6 +72,14 @@ class Carrier:
     def strength(self) -> float:
         """Net gain, no more than it holds in runs on which it was not fitted."""
         return self.net if self.held_out is None else min(self.net, self.held_out)
+
+    @property
+    def is_raking(self) -> bool:
+        """Whether it is no more than prepared sand differs by: a small change of grip that each run has of its own."""
+        if self.act.kind != GRIP or not self.argument.own:
+            return False
+        curve = self.curve
+        return float(np.sqrt(np.mean(curve.value[curve.sd > 0] ** 2))) < RAKED
 
     @property
     def said(self) -> str:
