@@ -16,36 +16,33 @@ from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, 
 
 @dataclass(frozen=True)
 class CombinedShear(Effect):
-    """f_y = -r b int tau j_y / |j| dtheta, and thrust and torque of tau j_x / |j|, |j|^2 = j_x^2 + (scale j_y)^2.
+    """f_y <- (1 - w) f_y - w r b int tau j_y / |j| dtheta, thrust and torque by tau j_x / |j|, |j|^2 = j_x^2 + j_y^2.
 
     tau = (c + sigma tan phi) (1 - exp(-|j| / k)) points against the displacement of each point of the rim
     (`combined_forces`), so the resultant keeps to Eq (3): side force takes thrust away, and a slipping wheel slides
-    sideways easily. Added is the difference from straight running, per normal force as `SoilTraction` has it; an effect
-    on the stresses (`PeakStress`) keeps its own straight shear. What the soil takes of the motion is never negative
-    where the displacement and the speed of the rim have the same direction.
-    `form` and `angles` must be those of the model's `SoilTraction`.
+    sideways easily. With w = 1 it stands in for the side force of the effects before it (`SideShear`), per normal force
+    as `SoilTraction` has it; where the angles follow the sinkage the shear's share of f_n changes too. An effect on the
+    stresses (`PeakStress`) keeps its own straight shear. `form` and `angles` must be those of the model's
+    `SoilTraction`.
     Source and what differs: `combined_forces`. Differs from the paper: it has no side force.
     """
 
-    scale: Scalar = quantity(1.0, "", "assumed: the soil shears across as it does along, k over its own k", 0.0, 5.0)
+    share: Scalar = quantity(1.0, "", "1: this law, 0: that of the effects before it", 0.0, 1.0, "w")
     form: NetTraction | TorqueTraction | GrossTraction = field(default_factory=TorqueTraction)
     angles: FixedAngles | SinkageAngles = field(default_factory=FixedAngles)
-    neutral: ClassVar[dict[str, float]] = {"scale": 0.0}
+    neutral: ClassVar[dict[str, float]] = {"share": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return the side force, and what it takes of the thrust."""
-        wheel, soil = contact.wheel, contact.soil
-        sideways = self.scale * sideways_ratio(contact.S, contact.S_y)
-        own = SinkageAngles().angles(contact.h, wheel, soil)
-        straight = wheel_forces(contact.S, *own, wheel, soil, NODES)
-        sheared = combined_forces(contact.S, sideways, own, wheel, soil, NODES)
-        q = sheared.along.f_n / straight.f_n
-        if isinstance(self.angles, FixedAngles):
-            fixed = self.angles.angles(contact.h, wheel, soil)
-            straight = wheel_forces(contact.S, *fixed, wheel, soil, NODES)
-            sheared = combined_forces(contact.S, sideways, fixed, wheel, soil, NODES)
+        """Return the side force in place of what it was, and what it takes of the thrust."""
+        wheel, soil, w = contact.wheel, contact.soil, self.share
+        sideways = sideways_ratio(contact.S, contact.S_y)
+        arc = self.angles.angles(contact.h, wheel, soil)
+        straight = wheel_forces(contact.S, *arc, wheel, soil, NODES)
+        sheared = combined_forces(contact.S, sideways, arc, wheel, soil, NODES)
+        q = 1.0 if isinstance(self.angles, FixedAngles) else sheared.along.f_n / straight.f_n
         dF = self.form.factor(sheared.along, wheel) - self.form.factor(straight, wheel)
         dT = sheared.along.torque / sheared.along.f_n - straight.torque / straight.f_n
-        grown = Load(*((q - 1.0) * part for part in load))
-        carried = q * load.f_n
-        return grown.plus(Load(carried * dF, carried * sheared.f_y / sheared.along.f_n, 0.0, carried * dT))
+        grown = Load(*(w * (q - 1.0) * part for part in load))
+        carried = w * q * load.f_n
+        f_y = carried * sheared.f_y / sheared.along.f_n - w * q * load.f_y
+        return grown.plus(Load(carried * dF, f_y, 0.0, carried * dT))

@@ -29,7 +29,7 @@ from rover_pin.experiments.wheel_rig.compare import Candidate, Comparison, compa
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
 from rover_pin.experiments.wheel_rig.fit import RigFit
 from rover_pin.experiments.wheel_rig.held_out import held_out, scores
-from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model
 from rover_pin.experiments.wheel_rig.profile_curve import profiles
 from rover_pin.experiments.wheel_rig.remainder import draft_effect, remainders
@@ -117,7 +117,8 @@ def _rig_set(data: str | Path | WheelRig | RigSet) -> RigSet:
 def _start(data: RigSet, model: RigModel | Soil | None) -> RigModel:
     if isinstance(model, RigModel):
         return model
-    return RigModel(data.rig.wheel, model if isinstance(model, Soil) else data.soil())
+    soil = model if isinstance(model, Soil) else data.soil()
+    return RigModel(data.rig.wheel, soil, ASKEW if data.rig.askew.any() else PAPER)
 
 
 def decide(setting: Setting, base: RigFit, effects: str | Path | None, progress: Progress) -> Verdict:

@@ -104,6 +104,20 @@ class Sinkage(RigChannel):
         return sinkage(theta_1, wheel)
 
 
+@dataclass(frozen=True, eq=False)
+class SideForce(RigChannel):
+    """The force along the axle of a wheel that travels at a slip angle, positive where the soil resists [N]."""
+
+    name: ClassVar[str] = "side force"
+    unit: ClassVar[str] = "N"
+    column: ClassVar[str] = "lateral_N"
+
+    @staticmethod
+    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
+        """Return 0: Eqs (2)-(7) run straight; a `RigModel` has the side force."""
+        return 0.0
+
+
 class Evidence(Protocol):
     """One measured data set. A fit takes any number of them."""
 

@@ -25,6 +25,11 @@ def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:
     path = Path(path)
     if is_file(path / "rig.toml"):
         rig = read_wheel_rig(path, trust)
+        if rig.askew.any():
+            raise DataError(
+                f"{path.name}: {int(rig.askew.sum())} of {rig.askew.size} runs have a slip angle; identify fits a "
+                "wheel that runs straight: give it the straight runs alone, or the whole set to close-loop."
+            )
         refuse_impossible(rig)
         return rig
     if is_file(path / "drive.toml"):

@@ -12,14 +12,12 @@ from rover_pin.toml_file import table_in
 
 TEXTS = ("kind", "name", "source", "licence", "method", "missing", "note")
 BEKKER_UNITS = {"k_c": "N/m^(n+1)", "k_phi": "N/m^(n+2)"}
-CHANNELS = ("drawbar_pull", "torque", "sinkage")
-UNUSED_CHANNELS = ("lateral",)
-"""Measured on some rigs, and no channel of the model yet."""
+CHANNELS = ("drawbar_pull", "torque", "sinkage", "lateral")
 TABLES = {
     "files": ("points", "penetration", "transient"),
     "wheel": (*quantities(Wheel), "surface", "lug_height", "lug_count"),
     "soil": (*quantities(Soil), *BEKKER_UNITS, "bulk_density", "angle_of_repose"),
-    "noise": tuple(f"{name}{end}" for name in (*CHANNELS, *UNUSED_CHANNELS) for end in ("", "_over_load")),
+    "noise": tuple(f"{name}{end}" for name in CHANNELS for end in ("", "_over_load")),
 }
 """What each table may hold. Some keys tell a reader of the set only: surface, lugs, density, angle of repose."""
 MEANT = {

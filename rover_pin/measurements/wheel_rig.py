@@ -14,7 +14,7 @@ import pandas as pd
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.measurements.channel import FIELDS, DrawbarPull, Predictor, RigChannel, Sinkage, Torque
+from rover_pin.measurements.channel import FIELDS, DrawbarPull, Predictor, RigChannel, SideForce, Sinkage, Torque
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
@@ -26,8 +26,12 @@ from rover_pin.soil.traction import wheel_forces
 from rover_pin.toml_file import read_toml, table_in, text_in
 from rover_pin.trust import Trust
 
-CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage)
-"""The channels of a rig, in the order in which they are read."""
+CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce)
+"""The channels of a rig, in the order in which they are read and predicted."""
+
+ANGLE = "slip_angle_rad"
+STRAIGHT = 0.01
+"""Slip angle [rad] up to which a wheel runs straight, and its side force is not looked at."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +69,15 @@ class WheelRig:
     load : float or array [points]
         Vertical load [N].
     channels : tuple of RigChannel
-        What was measured: `DrawbarPull`, `Torque`, `Sinkage`, each with the standard deviation of one run.
+        What was measured: `DrawbarPull`, `Torque`, `Sinkage`, `SideForce`, each with the standard deviation of one run.
     wheel_range : mapping
         name -> (low, high) of wheel parameters that are known only so well.
     declared : mapping
         name -> value (SI) of soil constants that come with the data from another measurement.
     levels : array [points]
         Label of repeats, or None.
+    slip_angle : float or array [points]
+        Angle between heading and travel, positive to the wheel's right [rad].
 
     Raises
     ------
@@ -87,6 +93,7 @@ class WheelRig:
     wheel_range: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     declared: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     levels: np.ndarray | None = field(default=None, repr=False)
+    slip_angle: Any = field(default=0.0, repr=False)
 
     tells: ClassVar[frozenset[str]] = frozenset(FIELDS) - {"theta_1", "theta_2"}
     told_by: ClassVar[str] = "a wheel rig, whose arc follows from the load"
@@ -107,6 +114,13 @@ class WheelRig:
                 depths(channel.measured, self.wheel.r, channel.column, self.name)
         object.__setattr__(self, "slip", slip)
         object.__setattr__(self, "load", load)
+        angle = np.broadcast_to(np.asarray(self.slip_angle, dtype=float), slip.shape)
+        object.__setattr__(self, "slip_angle", column(angle, ANGLE, self.name))
+
+    @property
+    def askew(self) -> np.ndarray:
+        """Which runs have a slip angle [points]."""
+        return np.abs(np.asarray(self.slip_angle)) > STRAIGHT
 
     @property
     def loads(self) -> np.ndarray:
@@ -126,7 +140,8 @@ class WheelRig:
         """Return the set with these points only, chosen as NumPy chooses: a mask, indices or a slice."""
         channels = tuple(type(channel)(channel.measured[keep], channel.sd[keep]) for channel in self.channels)
         levels = None if self.levels is None else self.levels[keep]
-        return replace(self, slip=self.slip[keep], load=self.load[keep], channels=channels, levels=levels)
+        slip, load, angle = self.slip[keep], self.load[keep], self.slip_angle[keep]
+        return replace(self, slip=slip, load=load, channels=channels, levels=levels, slip_angle=angle)
 
     def declared_soil(self, soil: Soil) -> Soil:
         """Return `soil` with what the data declare of it, Bekker's constants converted for this wheel's width."""
@@ -174,13 +189,20 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
             wheel_range=_ranges(wheel_table, where),
             declared=_declared(table_in(about, "soil", where), where),
             levels=table["level"].to_numpy() if "level" in table else None,
+            slip_angle=slip_angles(table, f"{folder.name}/{points.name}"),
         )
     except ParameterError as error:
         raise DataError(str(error)) from error
 
 
+def slip_angles(table: pd.DataFrame, where: str) -> np.ndarray:
+    """Return the angle between the wheel's plane and its travel [rad] of each run, 0 where none is given."""
+    return column(table[ANGLE], ANGLE, where) if ANGLE in table else np.zeros(len(table))
+
+
 def _channels(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> tuple[RigChannel, ...]:
-    present = [kind for kind in CHANNELS if kind.column in table]
+    askew = (np.abs(slip_angles(table, where)) > STRAIGHT).any()
+    present = [kind for kind in CHANNELS if kind.column in table and (askew or kind is not SideForce)]
     return tuple(
         kind(column(table[kind.column], kind.column, where), _sd(kind, table, noise, where)) for kind in present
     )

@@ -52,17 +52,25 @@ def added_names(verdict: Verdict) -> str:
 
 
 def _curves(axis: Axes, model: RigModel, data: RigSet, channel: RigChannel, style: tuple[str, str, str]) -> None:
-    """Draw the model against slip, at the mean load or, where loads differ, at three of them."""
+    """Draw the model against slip for each slip angle, at the mean load or, where loads differ, at three of them."""
+    colour, line = style[:2]
+    label: str | None = style[2]
+    angles = np.round(np.asarray(data.rig.slip_angle), 2)
+    for angle in np.unique(angles):
+        own = data.rows(angles == angle)
+        for load in _loads(own):
+            slip = np.linspace(min(0.0 if angle == 0.0 else 1.0, own.rig.slip.min()), own.rig.slip.max(), 80)
+            runs = conditions(np.full(slip.size, load), slip, _speeds(own, slip), np.mean(own.rig.slip_angle))
+            values, _, error = predictor(model, (), runs)(model.vector())
+            shown = np.where(np.abs(error) < UNBALANCED, values[ROWS.index(type(channel))], np.nan)
+            axis.plot(slip, _scale(channel)[0] * shown, line, color=colour, label=label)
+            label = None
+
+
+def _loads(data: RigSet) -> np.ndarray:
     load = np.asarray(data.rig.load)
     varies = load.max() >= SAME_LOAD * load.min()
-    loads = np.unique(np.quantile(load, [0.0, 0.5, 1.0], method="nearest")) if varies else [load.mean()]
-    slip = np.linspace(min(0.0, data.rig.slip.min()), data.rig.slip.max(), 80)
-    colour, line, label = style
-    for number, one in enumerate(loads):
-        runs = conditions(np.full(slip.size, one), slip, _speeds(data, slip))
-        values, _, error = predictor(model, (), runs)(model.vector())
-        shown = np.where(np.abs(error) < UNBALANCED, values[ROWS.index(type(channel))], np.nan)
-        axis.plot(slip, _scale(channel)[0] * shown, line, color=colour, label=None if number else label)
+    return np.unique(np.quantile(load, [0.0, 0.5, 1.0], method="nearest")) if varies else np.array([load.mean()])
 
 
 def _speeds(data: RigSet, slip: np.ndarray) -> np.ndarray | None:

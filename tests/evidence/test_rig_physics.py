@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.contact import Wheel
+from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
 from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.reading import read_evidence
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
@@ -222,3 +223,28 @@ def test_slip_angles_are_part_of_the_slip_and_named(tmp_path):
     data = read_rig_set(tmp_path)
     assert data.speeds == pytest.approx(np.array([[0.009, 0.01], [0.01 * np.cos(np.pi / 4), 0.01]]))
     assert "1 of 2 runs have a slip angle, of 45 deg at most" in str(data.misspelt[0])
+    with pytest.raises(DataError, match="1 of 2 runs have a slip angle; identify fits a wheel that runs straight"):
+        read_evidence(tmp_path)
+
+
+def test_the_side_force_is_a_channel_where_the_wheel_runs_askew():
+    data = read_rig_set(DATA / "cmu-smooth-wheel-angles")
+    pull, sunk, side = data.rig.channels
+    assert (pull.name, sunk.name, side.name) == ("drawbar pull", "sinkage", "side force")
+    assert side.measured[data.rig.askew].min() > 0.0
+    assert not data.misspelt
+    assert [each.name for each in read_rig_set(DATA / CMU).rig.channels] == ["drawbar pull", "sinkage"]
+    kept = data.rows(data.rig.askew)
+    assert kept.rig.slip_angle == pytest.approx(data.rig.slip_angle[data.rig.askew])
+
+
+def test_a_slip_angle_pushes_the_wheel_to_its_left():
+    """The side force resists a wheel that goes to its right, odd in the angle, and takes thrust."""
+    model = RigModel(Wheel(0.0625, 0.06), Soil(c=0.0, k=0.008, k_1=8e4), ASKEW)
+    left, straight, right = (model.predict(24.0, 0.3, slip_angle=angle) for angle in (-0.5, 0.0, 0.5))
+    assert right.side_force > 1.0
+    assert left.side_force == pytest.approx(-right.side_force)
+    assert straight.side_force == 0.0
+    assert right.drawbar_pull < straight.drawbar_pull
+    plain = RigModel(model.wheel, model.soil).predict(24.0, 0.3)
+    assert straight.drawbar_pull == pytest.approx(plain.drawbar_pull, rel=1e-6)

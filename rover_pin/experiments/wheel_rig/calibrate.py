@@ -17,7 +17,7 @@ from rover_pin.estimation.profile import NORMAL_95, Best, LowerMinimum, interval
 from rover_pin.estimation.wording import Against, against
 from rover_pin.experiments.wheel_rig.data import Independent, RigSet
 from rover_pin.experiments.wheel_rig.fit import RigEvidence, RigFit, RigProblem, fit_from, rig_space, spread_starts
-from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 
@@ -79,8 +79,9 @@ def calibrate(setting: Setting, model: RigModel) -> RigFit:
 
 
 def own_sizes(model: RigModel) -> tuple[str, ...]:
-    """Return the sizes of the effects that a model already has."""
-    return tuple(f"{type(effect).__name__}.{name}" for effect in model.effects for name in effect.neutral)
+    """Return the sizes of the effects that a model already has, but for what it starts from."""
+    own = [effect for effect in model.effects if effect not in ASKEW]
+    return tuple(f"{type(effect).__name__}.{name}" for effect in own for name in effect.neutral)
 
 
 def settled(fit: RigFit) -> RigFit:

@@ -8,7 +8,7 @@ from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.fit import ROWS
 from rover_pin.identification.identifiability import SAME_LOAD
-from rover_pin.measurements.channel import RigChannel
+from rover_pin.measurements.channel import RigChannel, SideForce
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
 
@@ -81,7 +81,8 @@ def findings(data: RigSet) -> list[Finding]:
     """Return what a reader should know of the set before any result."""
     rig = data.rig
     found = [*data.misspelt, *suspicions(rig)]
-    missing = [kind for kind in ROWS if kind not in [type(channel) for channel in rig.channels]]
+    present = [type(channel) for channel in rig.channels]
+    missing = [kind for kind in ROWS if kind not in present and kind is not SideForce]
     for kind in missing:
         found.append(Finding(f"{kind.name} was not measured", kind.column, "effects that it alone shows stay hidden"))
     if np.max(rig.load) < SAME_LOAD * np.min(rig.load):

@@ -18,7 +18,7 @@ from rover_pin.measurements.checks import column
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.pressed import Trial, exponent, press, read_trials
 from rover_pin.measurements.tables import read_table
-from rover_pin.measurements.wheel_rig import CHANNELS, WheelRig, read_wheel_rig
+from rover_pin.measurements.wheel_rig import ANGLE, CHANNELS, SideForce, WheelRig, read_wheel_rig
 from rover_pin.quantity import quantities
 from rover_pin.toml_file import read_toml, table_in, text_in
 from rover_pin.trust import Trust
@@ -29,10 +29,6 @@ SAME_LEVEL = 0.02
 SPEEDS = ("travel_speed_mps", "rim_speed_mps")
 
 RIG_FILE = "rig.toml"
-
-ANGLE = "slip_angle_rad"
-STRAIGHT = 0.01
-"""Slip angle [rad] up to which a wheel runs straight."""
 
 OTHERS = ("slip", "load_N", "run", "level", ANGLE, *SPEEDS)
 """Columns of the points that are read besides the channels and their SDs."""
@@ -127,8 +123,7 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     points = trust.within(folder, text_in(files, "points", where, "points.csv"), where)
     table = read_table(points, ("slip", "load_N"))
     here = f"{folder.name}/{points.name}"
-    angle = slip_angles(table, here)
-    speeds = _speeds(table, rig.slip, angle, here)
+    speeds = _speeds(table, rig.slip, np.asarray(rig.slip_angle), here)
     trials: tuple[Trial, ...] = ()
     if "penetration" in files:
         surface = text_in(table_in(about, "wheel", where), "surface", where)
@@ -136,7 +131,7 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
     stated = tuple(rig.declared)
     data = as_rig_set(rig, names, speeds, trials, stated, str(about.get("source", "")))
-    return replace(data, misspelt=(*_misspelt(table, here), *_askew(angle, here)))
+    return replace(data, misspelt=(*_misspelt(table, here), *_askew(rig, here)))
 
 
 def _misspelt(table: pd.DataFrame, where: str) -> Iterator[Finding]:
@@ -179,17 +174,12 @@ def _classes(slip: np.ndarray) -> np.ndarray:
     return np.array([f"S = {slip[index == i].mean():.2f}" for i in index])
 
 
-def slip_angles(table: pd.DataFrame, where: str) -> np.ndarray:
-    """Return the angle between the wheel's plane and its travel [rad] of each run, 0 where none is given."""
-    return column(table[ANGLE], ANGLE, where) if ANGLE in table else np.zeros(len(table))
-
-
-def _askew(angle: np.ndarray, where: str) -> Iterator[Finding]:
-    askew = np.abs(angle) > STRAIGHT
-    if askew.any():
-        most = math.degrees(float(np.abs(angle).max()))
+def _askew(rig: WheelRig, where: str) -> Iterator[Finding]:
+    askew = rig.askew
+    if askew.any() and not any(isinstance(channel, SideForce) for channel in rig.channels):
+        most = math.degrees(float(np.abs(rig.slip_angle).max()))
         what = f"{int(askew.sum())} of {askew.size} runs have a slip angle, of {most:.3g} deg at most"
-        yield Finding(what, where, "the wheel is modelled as running straight: fit the straight runs by themselves")
+        yield Finding(what, where, f"their side force was not measured: give it as {SideForce.column}")
 
 
 def _speeds(table: pd.DataFrame, slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray | None:

@@ -15,14 +15,14 @@ from rover_pin.estimation.descent import descend
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.experiments.wheel_rig.model import UNBALANCED, RigModel, conditions, predictor
 from rover_pin.identification.soil_space import space
-from rover_pin.measurements.channel import Channel, DrawbarPull, Predictor, RigChannel, Sinkage, Torque
+from rover_pin.measurements.channel import Channel, DrawbarPull, Predictor, RigChannel, SideForce, Sinkage, Torque
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.quantity import quantities
 
 STRAY = 4.0
 """Residuals beyond this many (widened) SDs count linearly, not squared."""
 
-ROWS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage)
+ROWS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce)
 """The channels in the order in which a rig model predicts them."""
 
 
@@ -59,7 +59,7 @@ class RigEvidence:
 
     def predictor(self, free: tuple[str, ...]) -> Predictor:
         """Return the measured channels and their Jacobian; not a number where no sinkage carries a load."""
-        runs = conditions(self.rig.load, self.rig.slip, self.speeds)
+        runs = conditions(self.rig.load, self.rig.slip, self.speeds, self.rig.slip_angle)
         predict, rows = predictor(self.model, free, runs), self.rows
 
         def channels(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.contact import Contact, Load, Soil, Wheel
+from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.slip import sliding_speed
 from rover_pin.effects.soil_traction import SoilTraction
@@ -24,6 +25,9 @@ from rover_pin.soil.traction import NetTraction
 
 PAPER: tuple[Effect, ...] = (SoilTraction(NetTraction(), SinkageAngles()),)
 """Eqs (2)-(7), the arc from the sinkage: what a rig measures before anything is added."""
+
+ASKEW: tuple[Effect, ...] = (*PAPER, CombinedShear(1.0, NetTraction(), SinkageAngles()))
+"""The same with its shear along and across: what a wheel at a slip angle starts from."""
 
 STEPS = 6
 """Newton steps on ln h; the base model needs 3, an effect that changes the exponent up to 6."""

@@ -134,6 +134,7 @@ def _correlation(one: np.ndarray, other: np.ndarray) -> float:
 
 
 FACTORS = {DrawbarPull.name: "pull", Torque.name: "torque", Sinkage.name: "depth"}
+"""What a draft can add; a side force hangs on the slip angle more than on S."""
 
 DRAFT = '''"""What the model leaves of {name}, as measured: a draft for a person to replace by a cause."""
 
@@ -178,9 +179,9 @@ def draft_effect(data: RigSet, left: tuple[Remainder, ...]) -> str:
     fields, sums = [], {"pull": "0.0", "torque": "0.0", "depth": "0.0"}
     names = []
     for one in left:
-        stem = FACTORS[one.name]
-        if one.is_noise:
+        if one.is_noise or one.name not in FACTORS:
             continue
+        stem = FACTORS[one.name]
         terms = []
         for power, value in enumerate(one.powers):
             name = f"{stem}_{power}"
