@@ -12,8 +12,11 @@ from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, Torq
 from rover_pin.motion.command import Controller
 from rover_pin.motion.model import Model
 from rover_pin.settings import Settings
+from rover_pin.vehicle.defaults import scale
 
 CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn")
+RADIUS = 1.0
+"""Radius [m] of a turn of Nexus 6; that of another rover is larger as its wheels are."""
 LIMITS = ("none", "saturation", "at-slip")
 
 
@@ -25,7 +28,7 @@ def controller_from(asked: Settings, model: Model) -> Controller:
         limit = _limit(asked, model, "none" if kind == "none" else "at-slip")
         return constant if isinstance(limit, NoLimit) else TorqueLimited(constant, limit)
     if kind in ("turn", "point-turn"):
-        usual = {"radius": 0.0} if kind == "point-turn" else {}
+        usual = {"radius": 0.0 if kind == "point-turn" else scale(model.rover) * RADIUS}
         return Turn.of(model.rover, **{**usual, **asked.arguments("control", Turn.of, usual, ("radius", "delta"))})
     file = asked.take("control.gains", None, source="a file of tuned gains, as tune writes it")
     gains = Gains() if file is None else load_gains(str(file))

@@ -1,4 +1,4 @@
-"""Steered drives: every wheel square to the line to one turning centre, at the speed of its own path."""
+"""Turns: every wheel square to the line to one turning centre, at the speed of its own path, or by sides' speeds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import pinocchio as pin
 from rover_pin.body.rover import Rover
 from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Command, Reading
-from rover_pin.quantity import Length
 
 MOST_STEER = math.radians(75.0)
 
@@ -24,24 +23,27 @@ class Turn:
     The centre lies `radius` to the left of the base (right where negative; 0 turns on the spot), level with the mean of
     the wheels that do not steer. A wheel at (x, y) steers by atan2(x, radius - y) and runs at a duty in proportion to
     its distance from the centre (Ackermann geometry); inner wheels of a turn on the spot run backwards.
+    A rover without steering turns by its sides' speeds: all wheels of a side at a duty in proportion to radius - y, y
+    the side's mean. Its wheels are dragged sideways (`SideShear` says against what), so that it turns by less, about a
+    centre further away than asked; how much less depends on the soil.
     """
 
     duty: tuple[float, ...]
     steer: tuple[float, ...]
 
     @classmethod
-    def of(cls, rover: Rover, radius: Length = 1.0, delta: float = 0.55) -> Self:
+    def of(cls, rover: Rover, radius: float = 1.0, delta: float = 0.55) -> Self:
         """Return the turn of this rover; `delta` is the duty of the fastest wheel.
 
         Raises
         ------
         ParameterError
-            The rover cannot steer, or would have to steer beyond 75 deg for this radius.
+            The rover would have to steer beyond 75 deg for this radius.
         """
-        steered = [wheel for wheel in rover.wheels if wheel.steer_dof is not None]
-        if not steered:
-            raise ParameterError(f"Rover '{rover.name}' has no steered wheel: it cannot drive a turn.")
         places = wheel_places(rover)
+        if all(wheel.steer_dof is None for wheel in rover.wheels):
+            return cls._by_sides(rover, places, radius, delta)
+        steered = [wheel for wheel in rover.wheels if wheel.steer_dof is not None]
         fixed = [places[wheel.name][0] for wheel in rover.wheels if wheel.steer_dof is None]
         level = float(np.mean(fixed)) if fixed else float(np.mean([place[0] for place in places.values()]))
         angles, speeds = {}, []
@@ -56,13 +58,22 @@ class Turn:
                 f"A turn of radius {radius:g} m wants wheel {worst.name} at {math.degrees(angles[worst.name]):.0f} "
                 f"deg; at most {math.degrees(MOST_STEER):.0f} deg are allowed: widen the turn."
             )
-        direction = 1.0 if radius >= 0.0 else -1.0
-        scale = direction * delta / max(abs(speed) for speed in speeds)
-        return cls(tuple(scale * speed for speed in speeds), tuple(angles[wheel.name] for wheel in steered))
+        return cls(_duties(speeds, radius, delta), tuple(angles[wheel.name] for wheel in steered))
+
+    @classmethod
+    def _by_sides(cls, rover: Rover, places: dict[str, np.ndarray], radius: float, delta: float) -> Self:
+        lateral = {side: np.mean([places[w.name][1] for w in rover.wheels if w.side == side]) for side in "lr"}
+        return cls(_duties([radius - float(lateral[wheel.side]) for wheel in rover.wheels], radius, delta), ())
 
     def __call__(self, reading: Reading) -> Command:
         """Return the command."""
         return Command(np.array(self.duty), np.array(self.steer))
+
+
+def _duties(speeds: list[float], radius: float, delta: float) -> tuple[float, ...]:
+    """Return duties in proportion to speeds, that of the fastest wheel `delta`; left of the centre all reversed."""
+    scale = math.copysign(delta, radius) / max(abs(speed) for speed in speeds)
+    return tuple(scale * speed for speed in speeds)
 
 
 def wheel_places(rover: Rover) -> dict[str, np.ndarray]:

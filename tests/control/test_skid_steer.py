@@ -1,0 +1,75 @@
+"""A rover without steering turns by its sides' speeds, dragged by the soil's side force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rover_pin.body.rover import load_rover
+from rover_pin.control.steering import Turn
+from rover_pin.effects.side_shear import SideShear
+from rover_pin.scenarios import scenario
+
+CART = load_rover("cart")
+TRACK = 0.52
+"""Distance of the cart's wheels left and right [m]."""
+
+
+def test_sides_run_in_proportion_to_their_distance_from_the_centre():
+    turn = Turn.of(CART, radius=1.04, delta=0.6)
+    assert turn.steer == ()
+    assert turn.duty == pytest.approx((0.36, 0.6, 0.36, 0.6))
+    assert Turn.of(CART, -1.04, 0.6).duty == pytest.approx((0.6, 0.36, 0.6, 0.36))
+    assert Turn.of(CART, 0.0, 0.6).duty == pytest.approx((-0.6, 0.6, -0.6, 0.6))
+    inside = Turn.of(CART, TRACK / 4, 0.6).duty
+    assert inside == pytest.approx((-0.2, 0.6, -0.2, 0.6))
+
+
+def yaw_rate_and_kinematic(trace) -> tuple[float, float]:
+    """The mean rates of yaw in the second half [rad/s]: driven, and as if no wheel slipped, (v_r - v_l) / track."""
+    late = trace.t > 0.5 * trace.t[-1]
+    rims = 0.11 * trace.stack("wheel_rate")[late]
+    driven = (trace["body_yaw"][-1] - trace["body_yaw"][late][0]) / (trace.t[-1] - trace.t[late][0])
+    return float(driven), float(np.mean(rims[:, 1::2]) - np.mean(rims[:, ::2])) / TRACK
+
+
+@pytest.mark.parametrize("name", ["turn", "point-turn"])
+def test_it_turns_by_less_than_its_wheels_say(name):
+    trace = scenario(name, rover="cart", duration=15.0).drive()
+    driven, kinematic = yaw_rate_and_kinematic(trace)
+    assert 0.05 * kinematic < driven < 0.95 * kinematic
+    assert max(np.abs(trace[f"lateral_{wheel}"]).max() for wheel in trace.wheels) > 1.0
+    assert abs(trace.energy_error()) < 0.01
+
+
+def test_without_side_force_it_turns_more():
+    """The scrub is the side force's: with a tenth of it the same duties turn the cart further."""
+    free, dragged = (
+        yaw_rate_and_kinematic(
+            scenario("point-turn", rover="cart", duration=12.0, **{"effect.SideShear.scale": scale}).drive()
+        )
+        for scale in (0.1, SideShear().scale)
+    )
+    assert free[0] / free[1] > 1.1 * dragged[0] / dragged[1]
+
+
+def test_a_turn_to_the_right_mirrors_one_to_the_left():
+    left, right = (
+        scenario("turn", rover="cart", duration=10.0, **{"control.radius": radius}).drive() for radius in (0.3, -0.3)
+    )
+    assert right["body_yaw"] == pytest.approx(-left["body_yaw"], abs=1e-9)
+    assert right["body_y"] == pytest.approx(-left["body_y"], abs=1e-9)
+    assert left["body_yaw"][-1] > 0.1
+    assert left["body_y"][-1] > 0.0
+
+
+def test_weak_motors_hardly_turn_it():
+    """Scrubbing round takes thrust against brake on the sides; the sized motor's difference of duty goes into droop."""
+    trace = scenario("turn", rover="cart", duration=10.0, **{"control.radius": 1.5}).drive()
+    driven, kinematic = yaw_rate_and_kinematic(trace)
+    assert 0.0 < driven < 0.1 * 0.05 / 1.5
+    assert kinematic > 0.0
+
+
+def test_a_steered_rover_still_steers():
+    assert len(Turn.of(load_rover("nexus6"), 1.0).steer) == 4
