@@ -25,7 +25,8 @@ class Turn:
     its distance from the centre (Ackermann geometry); inner wheels of a turn on the spot run backwards.
     A rover without steering turns by its sides' speeds: all wheels of a side at a duty in proportion to radius - y, y
     the side's mean. Its wheels are dragged sideways (`SideShear` says against what), so that it turns by less, about a
-    centre further away than asked; how much less depends on the soil.
+    centre further away than asked: f_y takes what f_t leaves of the strength, whatever way the wheel slides, which is
+    more than a wheel that spins in its own rut gives; on stiff sand with motors sized by weight it hardly turns.
     """
 
     duty: tuple[float, ...]
