@@ -120,15 +120,21 @@ def check_urdf(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check a rover description through yourdfpy and Pinocchio, and say what to mend."""
+    """Check a rover description: what to mend, whether it stands and moves, and what was assumed for that."""
+    from rover_pin.body.rover import load_rover
     from rover_pin.body.urdf_check import check_urdf as check
+    from rover_pin.vehicle.road_check import road_check
 
     if not is_file(file):
         raise UrdfError(f"{file}: there is no such file: give a rover's .toml, or a .urdf.")
     found = check(file, Trust(everything=trust))
-    said = {"faults": list(found.faults), "notes": list(found.notes), "facts": list(found.facts)}
+    said: dict[str, Any] = {"faults": [*found.faults], "notes": list(found.notes), "facts": list(found.facts)}
+    if found.ok and found.loads:
+        road = road_check(load_rover(file, Trust(everything=trust)))
+        said["faults"] += road.faults
+        said |= {"stands": road.stands, "moves": road.moves, "assumed": list(road.assumed)}
     report({"file": str(file), **said}, as_json)
-    if not found.ok:
+    if said["faults"]:
         raise typer.Exit(1)
 
 
