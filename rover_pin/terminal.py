@@ -88,7 +88,7 @@ def report(result: Mapping[str, Any], as_json: bool) -> None:
 def numbers_table(settings: Iterable[Setting]) -> None:
     """Print what can be set, a line each: default with unit, bounds or choices, source."""
     rows = [("name", "default", "allowed", "from")]
-    rows += [(each.name, told(each.value, each.unit), _allowed(each), each.source) for each in settings]
+    rows += [(each.name, told(each.value, each.unit), allowed(each), each.source) for each in settings]
     widths = [max(len(row[i]) for row in rows) for i in range(3)]
     for row in rows:
         cells = (f"{cell:{width}}" for cell, width in zip(row, widths, strict=False))
@@ -105,7 +105,8 @@ def told(value: Any, unit: str = "") -> str:
     return f"{value:.6g} {unit}".rstrip() + (degrees if "/s" not in unit else "")
 
 
-def _allowed(setting: Setting) -> str:
+def allowed(setting: Setting) -> str:
+    """Return the choices or bounds of a setting as the table has them; a dash where there are none."""
     if setting.choices:
         return ", ".join(setting.choices)
     low, high = (f"{bound:g}" if math.isfinite(bound) else "" for bound in (setting.low, setting.high))

@@ -1,0 +1,156 @@
+"""Pages of the site that are made, not written: the catalogue, the rooms, the commands, the public names.
+
+A line `<!-- readme: HEADING -->` in a page becomes that section of README.md, and `<!-- file: PATH -->` a file, so that
+nothing is said twice; a heading or file that is gone stops the build.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+from typing import Any
+
+from mkdocs.exceptions import PluginError
+from mkdocs.structure.files import File, Files
+
+from rover_pin import catalogue
+from rover_pin.cli import app
+from rover_pin.settings import Setting
+from rover_pin.terminal import allowed, told
+
+ROOT = Path(__file__).parents[1]
+MOVED = {
+    "](docs/": "](",
+    "](#effects)": "](own-effect.md)",
+    "](#closing-the-loop)": "](data.md)",
+}
+"""Links of README.md, and what they are in the site."""
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the pages that are made."""
+    pages = {
+        "catalogue/scenarios.md": _entries("Scenarios", catalogue.scenarios(), "rover-pin drive {}"),
+        "catalogue/soils.md": _entries("Soils", catalogue.soils(), "rover-pin drive ditch --soil {}"),
+        "catalogue/rovers.md": _entries("Rovers", catalogue.rovers(), "rover-pin drive flat --set rover={}"),
+        "catalogue/effects.md": _entries("Effects", catalogue.effects(), "rover-pin drive ditch --add {}"),
+        "catalogue/settings.md": _settings(),
+        "architecture.md": _architecture(),
+        "api.md": _api(),
+        "commands.md": _commands(),
+    }
+    for name, text in pages.items():
+        files.append(File.generated(config, name, content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Put sections of the README, and files, where a page asks for them."""
+    markdown = re.sub(r"<!-- readme: (.+?) -->", lambda found: _readme(found[1]), markdown)
+    return re.sub(r"<!-- file: (.+?) -->", lambda found: (ROOT / found[1]).read_text(encoding="utf-8"), markdown)
+
+
+def _readme(heading: str) -> str:
+    """Return the section of README.md under a heading, without it."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    found = re.search(rf"^(#+) {re.escape(heading)}\n(.*?)(?=^#{{1,2}} |\Z)", text, re.MULTILINE | re.DOTALL)
+    if found is None:
+        raise PluginError(f"README.md has no section '{heading}', which a page of the site shows.")
+    section = found[2].strip()
+    for link, moved in MOVED.items():
+        section = section.replace(link, moved)
+    return section
+
+
+def _entries(title: str, entries: list[Any], command: str) -> str:
+    parts = [f"# {title}\n\nMade from the package, as `rover-pin list {title.lower()}` prints it.\n"]
+    for each in entries:
+        example = "" if each.facts.get("acts") == "sensor" else f"\n\n`{command.format(each.name)}`"
+        parts.append(f"\n## {each.name}\n\n{_plain(each.about)}.{example}\n")
+        for name, value in each.facts.items():
+            if name != "file" and (value or value == 0):
+                parts.append(f"\n- {name.replace('_', ' ')}: `{_fact(value)}`")
+        parts.append(f"\n\n{_table(each.numbers)}\n" if each.numbers else "\n")
+    return "".join(parts)
+
+
+def _fact(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} = {told(each)}" for name, each in value.items())
+    return ", ".join(value) if isinstance(value, list) else str(value)
+
+
+def _settings() -> str:
+    kinds = {"none": "a constant duty", "eq9": "the slip control", "turn": "a turn"}
+    parts = [
+        "# Settings\n\n`--set NAME=VALUE`, or `scenario(name, **{NAME: VALUE})`; a value may have its unit, as `5mm`, "
+        "`30deg`. Of the scenario `ditch`; `rover-pin list settings SCENARIO` prints those of any other.\n"
+    ]
+    for control, words in kinds.items():
+        settings = catalogue.settings("ditch", control=control)
+        chosen = settings if control == "none" else [each for each in settings if each.name.startswith("control.")]
+        parts.append(f"\n## With {words} (`control={control}`)\n\n{_table(chosen)}\n")
+    return "".join(parts)
+
+
+def _table(numbers: Any) -> str:
+    rows = ["| name | default | allowed | from |", "| --- | --- | --- | --- |"]
+    rows += [f"| `{each.name}` | {_default(each)} | {allowed(each)} | {_plain(each.source)} |" for each in numbers]
+    return "\n".join(rows)
+
+
+def _default(setting: Setting) -> str:
+    return _plain(told(setting.value, setting.unit))
+
+
+def _plain(text: str) -> str:
+    """Return text whose signs mean nothing to Markdown."""
+    return re.sub(r"([\\`*_{}\[\]<>|])", r"\\\1", text) if "`" not in text else text.replace("|", "\\|")
+
+
+def _architecture() -> str:
+    """Return the rooms in the order of the test that holds it, with what each says of itself."""
+    tree = ast.parse((ROOT / "tests" / "test_architecture.py").read_text(encoding="utf-8"))
+    rooms = next(
+        ast.literal_eval(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "ROOMS"
+    )
+    parts = [
+        "# Architecture\n\nA rover is driven by four things that know little of each other: the soil and its effects "
+        "(CasADi expressions), the rigid body (Pinocchio), the step that joins them (C, generated and compiled), and a "
+        "controller. What is measured is held against it by an experiment, and the loop knows experiments only.\n\n"
+        "A room imports itself and those above it in this list; `tests/test_architecture.py` holds it.\n"
+    ]
+    for room in rooms:
+        home = ROOT / "rover_pin" / room
+        file = home / "__init__.py" if home.is_dir() else home.with_suffix(".py")
+        if file.is_file():
+            said = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
+            name = file.relative_to(ROOT).as_posix().removesuffix("/__init__.py")
+            parts.append(f"\n- **`{name}`**: {' '.join(_plain(said).split())}")
+    return "".join(parts) + "\n"
+
+
+def _api() -> str:
+    import rover_pin
+
+    homes = {name: home for home, names in rover_pin._HOMES.items() for name in names}
+    listed = "\n\n".join(f"::: rover_pin.{homes[name]}.{name}" for name in rover_pin.__all__ if name in homes)
+    return (
+        "# Python\n\nThe names that `rover_pin` itself has; they are loaded on first use. Everything else is imported "
+        f"from its own module, as the catalogue and the README show.\n\n{listed}\n"
+    )
+
+
+def _commands() -> str:
+    import typer.main
+
+    group = typer.main.get_group(app)
+    parts = ["# Commands\n\nAs `rover-pin COMMAND --help` prints them.\n"]
+    for name, command in sorted(group.commands.items()):
+        context = typer.main.get_command(app).make_context("rover-pin", [name, "--help"], resilient_parsing=True)
+        said = command.get_help(type(context)(command, info_name=f"rover-pin {name}", parent=None))
+        parts.append(f"\n## {name}\n\n```text\n{said}\n```\n")
+    return "".join(parts)

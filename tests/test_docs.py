@@ -1,0 +1,84 @@
+"""The pages do what they say: their Python runs, their commands and options are there, what they quote comes out."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer.main
+
+from rover_pin.cli import app
+from rover_pin.scenarios import scenario, settings_of
+from rover_pin.scenes import SCENES
+
+ROOT = Path(__file__).parents[1]
+FILES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
+PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
+GROUP = typer.main.get_group(app)
+
+
+def commands(text):
+    """Yield the commands in a page: lines of its blocks, and what stands between backquotes."""
+    for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
+        yield from (line.split("#")[0].strip() for line in block.splitlines() if line.startswith("rover-pin "))
+    yield from re.findall(r"`(rover-pin [^`]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_its_commands_and_their_options_are_there(name):
+    for line in commands(PAGES[name]):
+        _, command, *words = shlex.split(line)
+        assert command in {*GROUP.commands, "COMMAND"}, line
+        if command == "COMMAND":
+            continue
+        known = {option for parameter in GROUP.commands[command].params for option in parameter.opts} | {"--help"}
+        assert {word for word in words if word.startswith("-")} <= known, line
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_what_its_drives_set_can_be_set(name):
+    for line in commands(PAGES[name]):
+        words = shlex.split(line)
+        if words[1] != "drive" or words[2] not in SCENES:
+            continue
+        given = dict(words[i + 1].split("=", 1) for i, word in enumerate(words) if word == "--set")
+        assert settings_of(words[2], **given)
+
+
+@pytest.mark.parametrize("name", [name for name, text in PAGES.items() if "```python" in text])
+def test_its_python_runs(name, capsys):
+    for code in re.findall(r"```python\n(.*?)```", PAGES[name], re.DOTALL):
+        exec(compile(code, name, "exec"), {"__name__": __name__})
+    assert capsys.readouterr().out
+
+
+def test_the_first_drives_end_as_the_pages_say():
+    (quoted,) = re.findall(r"says `(stuck at [^`]+)`", PAGES["quickstart.md"])
+    assert str(scenario("ditch").drive().attrs["happened"]).startswith(quoted)
+    free = scenario("ditch", **{"soil.k": "10mm", "duration": "30s"}).drive()
+    assert free["body_x"][-1] > 1.0  # it climbs out: the far lip is at 0.7 m
+
+
+def test_the_pictures_and_pages_it_names_are_there():
+    for name, text in PAGES.items():
+        for target in re.findall(r"\]\(([\w/.-]+\.(?:png|md))\)", text):
+            made = target.startswith("catalogue/") or target in ("architecture.md", "api.md", "commands.md")
+            assert made or (ROOT / "docs" / target).is_file(), f"{name}: {target}"
+
+
+def test_the_sections_of_the_readme_that_pages_show_are_there():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    asked = [heading for text in PAGES.values() for heading in re.findall(r"<!-- readme: (.+?) -->", text)]
+    assert len(asked) > 8
+    assert all(re.search(rf"^#+ {re.escape(heading)}$", readme, re.MULTILINE) for heading in asked)
+
+
+def test_troubleshooting_quotes_what_is_really_said():
+    source = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "rover_pin").rglob("*.py"))
+    quoted = re.findall(r"^\| `([^`]+)`", PAGES["troubleshooting.md"], re.MULTILINE)
+    assert len(quoted) > 8
+    missing = []
+    for sentence in quoted:
+        parts = [part.strip(" '") for part in re.split(r"\.\.\.", sentence) if len(part.strip(" '")) > 3]
+        missing += [part for part in parts if part not in source]
+    assert not missing
