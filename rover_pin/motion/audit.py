@@ -7,15 +7,18 @@ import math
 import numpy as np
 
 from rover_pin.motion.model import Model
+from rover_pin.motion.native.shared import RECORD
 
 LOAD_BAND = (0.95, 1.05)
 """`mean_load` within which a drive is believed: 0.9997 to 1.005 in 300 random drives that resolve it, 6 to
 137 in drives that did not."""
 SHORTEST = 0.5
 """Time [s] below which a drive is too short for its mean load to say anything."""
-MOST_MISSED = 0.01
+MOST_MISSED = 0.005
 """Change of speed [m/s] that all misjudged forces of a drive would make together, beyond which it is doubted; those of
-ready-made drives on k = 1 mm and more make less than 0.005."""
+ready-made drives on k = 1 mm and more make less than 0.0031."""
+MOST_AIRBORNE = 1.0 / 3.0
+"""Share of a drive that its wheels are off the ground, on average, beyond which it hops."""
 
 
 def warnings_of(model: Model, rows: np.ndarray, misjudged: float) -> list[str]:
@@ -33,7 +36,20 @@ def warnings_of(model: Model, rows: np.ndarray, misjudged: float) -> list[str]:
             f"wheels' forces turned faster than the steps, which misjudged them by {missed:.2g} m/s in sum: where the "
             "rover got to may depend on the step; compare with half of it, or give a smaller dt."
         )
+    hopping = airborne(rows)
+    if hopping > MOST_AIRBORNE:
+        made.append(
+            f"the wheels were off the ground {hopping:.0%} of the time: where a rover that hops lands depends on the "
+            "step; compare with half of it, or give a smaller dt."
+        )
     return made
+
+
+def airborne(rows: np.ndarray) -> float:
+    """Return the share of the drive that the wheels are off the ground, on average; 0 for one of less than SHORTEST."""
+    if len(rows) < 2 or rows["t"][-1] - rows["t"][0] < SHORTEST:
+        return 0.0
+    return float(np.mean(rows["record"][:, :, RECORD.index("normal")] == 0.0))
 
 
 def pivot_warning(steps: int) -> str:

@@ -31,3 +31,11 @@ def row_type(model: Model) -> np.dtype[Any]:
         "moved": (3,),
     }
     return np.dtype([(name, float, shape) for name, shape in shapes.items()])
+
+
+def finite(rows: np.ndarray) -> np.ndarray:
+    """Return the rows before the first that holds a number that is not finite: a drive that diverges overflows."""
+    if not len(rows):
+        return rows
+    bad = ~np.isfinite(np.ascontiguousarray(rows).view(float).reshape(len(rows), -1)).all(axis=1)
+    return rows[: int(bad.argmax())] if bad.any() else rows

@@ -22,6 +22,7 @@ from rover_pin.motion.plain import Plain
 from rover_pin.motion.plain_run import run_plain
 from rover_pin.motion.record import trace_of
 from rover_pin.motion.resolution import STANDING, firmness, parts
+from rover_pin.motion.rows import finite
 from rover_pin.motion.soil_energy import energy_warning
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.timing import Timing
@@ -105,10 +106,11 @@ def _simulate(
     stepper.set_step(fine.dt)
     drive = Drive(begun, state, stepper, controller, fine)
     ran = run(drive, duration, progress)
+    rows = finite(ran.rows)
     attrs = {"dt_s": fine.dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": ran.stop}
     attrs |= {"set_down": begin.standing} if begin.standing else {}
-    warnings = [*warnings_of(begun, ran.rows, ran.missed), pivot_warning(drive.stepper.pivoted)]
-    return told(model, trace_of(model, ran.rows, attrs), [each for each in warnings if each])
+    warnings = [*warnings_of(begun, rows, ran.missed), pivot_warning(drive.stepper.pivoted)]
+    return told(model, trace_of(model, rows, attrs), [each for each in warnings if each])
 
 
 def told(model: Model, trace: Trace, warnings: list[str]) -> Trace:

@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 from changes import c, python
 from changes.equivalent import EQUIVALENT
-from changes.kept import Kept
+from changes.kept import Kept, digest
 from changes.trial import OPTIONS, Trial
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -89,11 +89,13 @@ def main() -> None:
         tree = copied(Path(folder) / "tree")
         end, kept = time.monotonic() + 60 * asked.minutes, Kept(Path(folder) / "kept" if asked.quick else asked.keep)
         for room in asked.rooms:
-            chosen = mutants(tree, room, asked.files)
+            changes = mutants(tree, room)
+            sources = digest(*sorted({path for path, _ in changes}))
+            chosen = [each for each in changes if not asked.files or each[0].name in asked.files]
             random.Random(asked.seed).shuffle(chosen)
             child = os.fork()
             if child == 0:
-                tried(tree, room, Trial(tree, chosen[: asked.sample or None], kept, end), asked.killers)
+                tried(tree, room, Trial(tree, sources, chosen[: asked.sample or None], kept, end), asked.killers)
                 os._exit(0)
             if os.waitpid(child, 0)[1]:
                 raise SystemExit(f"{room}: the run ended early.")
@@ -138,12 +140,10 @@ def copied(tree: Path) -> Path:
     return tree
 
 
-def mutants(tree: Path, room: str, files: list[str]) -> list[tuple[Path, python.Mutant]]:
+def mutants(tree: Path, room: str) -> list[tuple[Path, python.Mutant]]:
     """Return the changes of a room's files, but those that change no result."""
     found: list[tuple[Path, python.Mutant]] = []
     for path in sorted(each for pattern in ROOMS[room].files for each in tree.glob(pattern)):
-        if files and path.name not in files:
-            continue
         text, name = path.read_text(encoding="latin-1"), str(path.relative_to(tree))
         made = c.changes(text) if path.suffix == ".c" else python.changes(text)
         found += [(path, one) for one in made if (name, one.said) not in EQUIVALENT]

@@ -11,11 +11,14 @@ from rover_pin.contact import Soil
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.errors import SimulationError
+from rover_pin.motion.audit import warnings_of
 from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.pace import ROUGH, Pace
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.replay import commands, replay
 from rover_pin.motion.resolution import MOST, RESOLVED, contact_frequency, firmness, parts, stiffness
+from rover_pin.motion.rows import finite, row_type
 from rover_pin.motion.simulate import Timing, simulate
 from rover_pin.scenarios import scenario
 
@@ -223,6 +226,45 @@ def test_a_drive_whose_forces_turn_faster_than_its_steps_says_so():
     told = drive.drive().attrs["warnings"]
     start = "wheels' forces turned faster than the steps, which misjudged them by 0."
     assert any(warning.startswith(start) for warning in told), told
+
+
+def rows_of(model, count, airborne):
+    """Rows of a rover at rest, some of its wheels off the ground in some of them."""
+    rows = np.zeros(count, dtype=row_type(model))
+    rows["t"] = np.linspace(0.0, 3.0, count)
+    normal = rows["record"][:, :, RECORD.index("normal")]
+    normal[...] = model.gravity * model.built.mass / normal.shape[1]
+    normal[airborne] = 0.0
+    rows["impulse"] = np.outer(rows["t"], model.built.up) * model.gravity * model.built.mass
+    return rows
+
+
+def test_a_rover_that_hops_says_that_its_landings_depend_on_the_step():
+    model = scenario("flat").model
+    assert warnings_of(model, rows_of(model, 60, np.s_[:20, :]), 0.0) == []
+    (warning,) = warnings_of(model, rows_of(model, 60, np.s_[:21, :]), 0.0)
+    assert warning.startswith("the wheels were off the ground 35% of the time: where a rover that hops lands depends")
+    assert warnings_of(model, rows_of(model, 60, np.s_[:, :2]), 0.0) == []
+    (warning,) = warnings_of(model, rows_of(model, 60, np.s_[:, :3]), 0.0)
+    assert "off the ground 50% of the time" in warning
+
+
+def test_what_a_step_misjudged_counts_as_a_change_of_speed():
+    model = scenario("flat", gravity=2.0).model
+    rows = rows_of(model, 60, np.s_[:0])
+    assert warnings_of(model, rows, 0.0024) == []
+    (warning,) = warnings_of(model, rows, 0.0026)
+    assert "misjudged them by 0.0052 m/s in sum" in warning
+
+
+def test_rows_after_the_first_number_that_is_not_finite_are_left_out():
+    """A rover that diverges overflows: its trace used to hold NaN."""
+    rows = rows_of(scenario("flat").model, 9, np.s_[:0])
+    assert len(finite(rows)) == 9
+    rows["q"][5, 2], rows["energy"][7, 0] = np.nan, np.inf
+    assert len(finite(rows)) == 5
+    rows["energy"][0, 1] = -np.inf
+    assert len(finite(rows)) == len(finite(rows[:0])) == 0
 
 
 def test_half_the_step_is_half_of_what_is_taken():

@@ -53,8 +53,9 @@ class Trial:
     run anything of its file, before it counts as one that no test notices.
     """
 
-    def __init__(self, tree: Path, changes: Sequence[tuple[Path, Mutant]], kept: Kept, end: float):
+    def __init__(self, tree: Path, sources: str, changes: Sequence[tuple[Path, Mutant]], kept: Kept, end: float):
         self.tree, self.changes, self.kept, self.end = tree, changes, kept, end
+        self.sources = sources
         self.failed, self.tried, self.broken = False, list[Tried](), list[str]()
         self.kills: Counter[tuple[Path, str]] = Counter()
 
@@ -76,10 +77,6 @@ class Trial:
 
     def _learnt(self, item: pytest.Item) -> list[Any]:
         """Return CPU time and lines of a test; a time below 0 where it fails on the code as it is."""
-        package = self.tree / "rover_pin"
-        sources = sorted(each for each in package.rglob("*") if each.suffix in (".py", ".c", ".h"))
-        if not hasattr(self, "sources"):
-            self.sources = digest(*sources)
         key = f"{item.nodeid} {digest(item.path)} {self.sources}"
         found = self.kept.get(key)
         if found is None:
