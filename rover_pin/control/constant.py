@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from rover_pin.contact import Scalar
 from rover_pin.motion.command import Command, Reading
+from rover_pin.motion.native.control import Commands
 from rover_pin.quantity import Record, quantity
 
 
@@ -18,3 +19,7 @@ class ConstantDuty(Record):
     def __call__(self, reading: Reading) -> Command:
         """Return the command."""
         return Command(self.delta)
+
+    def native(self, wheels: int) -> Commands:
+        """Return the same for the compiled loop."""
+        return Commands(float(self.delta))

@@ -10,10 +10,11 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.contact import Scalar
-from rover_pin.control.slip_estimate import SlipEstimate
+from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
-from rover_pin.control.torque_limit import NoLimit, TorqueLimit
+from rover_pin.control.torque_limit import ASKED, NoLimit, TorqueLimit, native_limit
 from rover_pin.motion.command import Command, Reading
+from rover_pin.motion.native.control import Commands, SlipLaw
 from rover_pin.motion.timing import CONTROL_PERIOD
 from rover_pin.quantity import Record, quantities, quantity
 
@@ -70,13 +71,18 @@ def pi_law(gains: Gains, S_hat: Scalar, integral: Scalar, highest: Scalar, smoot
     return Step(duty, gains.k_i * error * (1.0 - ca.fmin(outward / FADE, 1.0)))
 
 
-@lru_cache(maxsize=16)
-def _law(wheels: int) -> ca.Function:
-    """Return the law of all wheels: (gains, S_hat, integral, highest), a column a wheel -> duty, rate."""
+@lru_cache(maxsize=1)
+def _one() -> ca.Function:
+    """Return the law of one wheel: (S_hat, integral, highest), gains -> duty, rate."""
     p, x = ca.SX.sym("gains", len(quantities(Gains))), ca.SX.sym("x", 3)
     gains = Gains(**dict(zip(quantities(Gains), ca.vertsplit(p), strict=True)))
-    law = ca.Function("pi_law", [x, p], [ca.vertcat(*pi_law(gains, *ca.vertsplit(x)))])
-    return law.map("slip_control", "serial", wheels, [1], [])
+    return ca.Function("pi_law", [x, p], [ca.vertcat(*pi_law(gains, *ca.vertsplit(x)))])
+
+
+@lru_cache(maxsize=16)
+def _law(wheels: int) -> ca.Function:
+    """Return the law of all wheels, a column a wheel."""
+    return _one().map("slip_control", "serial", wheels, [1], [])
 
 
 @dataclass
@@ -103,3 +109,13 @@ class SlipControl:
         duty, rate = np.array(_law(len(S_hat))(seen, gains))
         self.integral = self.integral + self.period * rate
         return Command(duty)
+
+    def native(self, wheels: int) -> Commands | None:
+        """Return the same for the compiled loop, which keeps `integral`; None with an estimate or limit of your own."""
+        limit, true = native_limit(self.limit), type(self.estimate) is TrueSlip
+        if limit is ASKED or not (true or type(self.estimate) is TableEstimate):
+            return None
+        self.integral = np.broadcast_to(np.asarray(self.integral, dtype=float), wheels).copy()
+        gains = [float(value) for value in self.gains.values().values()]
+        table = self.estimate.native() if isinstance(self.estimate, TableEstimate) else None
+        return Commands(slip=SlipLaw(_one(), gains, self.integral, self.period, table), limit=limit)

@@ -15,6 +15,7 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Reading
 from rover_pin.motion.model import Model
+from rover_pin.motion.native.control import SlipTable
 from rover_pin.motion.simulate import simulate
 
 SLOWEST_RIM = 1e-3
@@ -73,6 +74,10 @@ class TableEstimate:
         sense = np.where(rim < 0.0, -1.0, 1.0)
         speed = np.maximum(np.abs(rim), SLOWEST_RIM)
         return np.clip(1.0 - sense * self.table.speed_at(reading.duty) / speed, -1.0, 1.0)
+
+    def native(self) -> SlipTable:
+        """Return the table for the compiled loop."""
+        return SlipTable(self.table.duty, self.table.speed, self.r)
 
 
 DUTIES = (0.1, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0)

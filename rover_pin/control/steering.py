@@ -12,6 +12,7 @@ import pinocchio as pin
 from rover_pin.body.rover import Rover
 from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Command, Reading
+from rover_pin.motion.native.control import Commands
 
 MOST_STEER = math.radians(75.0)
 
@@ -69,6 +70,10 @@ class Turn:
     def __call__(self, reading: Reading) -> Command:
         """Return the command."""
         return Command(np.array(self.duty), np.array(self.steer))
+
+    def native(self, wheels: int) -> Commands:
+        """Return the same for the compiled loop."""
+        return Commands(self.duty, self.steer)
 
 
 def _duties(speeds: list[float], radius: float, delta: float) -> tuple[float, ...]:

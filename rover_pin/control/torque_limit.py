@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Self
 
@@ -13,6 +14,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.motion.command import Command, Controller, Reading
 from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
+from rover_pin.motion.native.control import Commands, TorqueTable, commands_of
 
 PITCHES = np.radians(np.arange(-40.0, 41.0, 5.0))
 """Pitches [rad] at which the limits are prepared; linear in between, the end values beyond."""
@@ -111,6 +113,26 @@ class TorqueLimited:
         if not isinstance(command, Command):
             command = Command(command)
         return command._replace(duty=self.limit.held(command.duty, reading))
+
+    def native(self, wheels: int) -> Commands | None:
+        """Return the same for the compiled loop, where the controller commands fixed duties."""
+        inner, limit = commands_of(self.controller, wheels), native_limit(self.limit)
+        if inner is None or inner.slip is not None or inner.limit is not None or limit is ASKED:
+            return None
+        return dataclasses.replace(inner, limit=limit)
+
+
+ASKED = TorqueTable(np.zeros(0), (), 0.0, 0.0)
+"""Stands for a limit that is not one of this file's."""
+
+
+def native_limit(limit: TorqueLimit | NoLimit) -> TorqueTable | None:
+    """Return a limit for the compiled loop: None for no limit, `ASKED` for one of another class."""
+    if type(limit) is NoLimit:
+        return None
+    if type(limit) is not TorqueLimit:
+        return ASKED
+    return TorqueTable(PITCHES, limit.torques, float(limit.motor.stall_torque), float(limit.motor.no_load_rate))
 
 
 def _bounds(model: Model, slip_limit: float) -> list[WheelBounds]:

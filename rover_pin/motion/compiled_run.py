@@ -1,10 +1,11 @@
-"""A drive by the compiled loop, which comes back to ask the controller."""
+"""A drive by the compiled loop, which comes back to ask a controller that is not built in."""
 
 from __future__ import annotations
 
 from rover_pin.motion.driving import OFTEN, Drive, Progress, Ran, diverged, obey
 from rover_pin.motion.failure import failure, suspension_of
 from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.native.control import commands_of
 from rover_pin.motion.native.loop import Loop, Outcome
 
 
@@ -13,7 +14,9 @@ def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ra
     timing, suspension = drive.timing, suspension_of(drive.model)
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     assert isinstance(drive.stepper, Kernel)
-    loop = Loop(drive.stepper, timing.dt, round(duration / timing.dt), per_sample, asks=1, per_control=per_control)
+    native = commands_of(drive.controller, len(drive.model.rover.wheels))
+    asked = {"asks": 1} if native is None else native.fields(drive.stepper)
+    loop = Loop(drive.stepper, timing.dt, round(duration / timing.dt), per_sample, per_control=per_control, **asked)
     stop = ""
     while not (stop or loop.done):
         outcome = loop.run(OFTEN * (1 + loop.row // OFTEN))

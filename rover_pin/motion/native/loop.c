@@ -48,6 +48,7 @@ static void draw(Drive *d, Loop *l, const double *place) {
 int rover_pin_run(Drive *d, Loop *l, integer until) {
   while (l->k < l->steps && l->row < until) {
     if (l->asks && l->k % l->per_control == 0 && l->obeyed != l->k) return ASKS;
+    if (l->duty_fixed && l->k % l->per_control == 0) command(d, l);
     if (l->duty_rows && l->k % l->per_sample == 0) take_row(d, l, l->k / l->per_sample);
     int status = advance(d, l, l->k % l->per_control == 0 || l->k % l->per_sample == 0);
     if (status) return status;

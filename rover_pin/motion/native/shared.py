@@ -92,6 +92,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "before before_size": "where the step before is saved, and its size; 0: it cannot be taken again",
             "n_moving moving_size": "",
             "row_size n_folding": "",
+            "n_table n_pitches": "of a built-in controller",
         },
         "integer {}",
     ),
@@ -101,6 +102,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "dt begin missed": "",
             "fastest upright buried folded": "where a drive ends: failure.py",
             "share mass": "of a row's way to the logged place; of the rover",
+            "control_period table_radius stall_torque no_load_rate": "of a built-in controller",
         },
         "double {}",
     ),
@@ -111,11 +113,14 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "duty_rows steer_rows force_rows grip_rows place_rows": "commands of a replay; 0 for none",
             "moved down soils_at_rest folding_limits": "",
             "saved": "two steps' beginnings: all that moves",
+            "duty_fixed steer_fixed": "of a built-in controller; 0: none is given",
+            "gains integral table_duty table_speed limit_pitch limit_torque": "",
         },
         "double *{}",
     ),
     (ctypes.c_void_p, {"moving": "the arrays that a step changes"}, "double **{}"),
     (ctypes.c_void_p, {"folding_q": "the suspension's places in q", "moving_sizes": ""}, "integer *{}"),
+    (ctypes.c_void_p, {"slip_law": "of one wheel"}, "casadi_function {}"),
 ]
 
 
