@@ -74,6 +74,8 @@ Version = Annotated[bool, typer.Option("--version", callback=_say_version, is_ea
 
 def program(quiet: Quiet = False, verbose: Verbose = False, version: Version = False) -> None:
     """Take the options of the program itself."""
+    if not (quiet or verbose):
+        speak()
 
 
 def scenario_names(begun: str) -> list[str]:
