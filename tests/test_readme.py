@@ -2,14 +2,17 @@
 
 import math
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.cli import app
+from rover_pin.description.layout import KEYS
+from rover_pin.description.rover_toml import read_forms, read_motor, read_soil, read_springs
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.parameters import TABLE_1
+from rover_pin.parameters import SOILS, TABLE_1
 from rover_pin.scenarios import scenario
 from rover_pin.soil.traction import FORMS, load_traction_factor
 
@@ -35,10 +38,23 @@ def test_the_example_is_short():
 
 
 def test_the_toml_is_a_rover(tmp_path):
-    (code,) = blocks("toml")
+    code, _ = blocks("toml")
     (tmp_path / "mine.toml").write_text(code)
     (tmp_path / "cart.urdf").write_text((ROOT / "urdf" / "cart.urdf").read_text())
     assert len(load_rover(tmp_path / "mine.toml").wheels) == 4
+
+
+def test_the_further_tables_are_those_of_a_rovers_toml():
+    """Each is read as it stands, but for the joints, which are of a rover with such parts."""
+    table = tomllib.loads(blocks("toml")[1])
+    assert set(table) <= set(KEYS)
+    table |= {"base": "hull", "suspension": {"rocker": ["rocker_l", "rocker_r"]}}
+    forms = read_forms(table, "README.md", (), {}, None)
+    assert forms.base_rpy[0] == pytest.approx(math.pi)
+    assert forms.coupled == {"bar": ("rocker_l", -0.5)}
+    assert [spring.joint for spring in read_springs(table, "README.md")] == ["rocker"]
+    assert float(read_motor(table, "README.md").no_load_speed) == pytest.approx(20 * math.pi / 30)
+    assert read_soil(table, "README.md")["name"] in SOILS
 
 
 def test_there_are_two_commands_for_a_bare_machine():

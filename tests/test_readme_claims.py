@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[1]
 TEXT = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
 COMMAND = re.compile(r"(?<=`)(?:\.venv/bin/)?((?:rover-pin|python studies/)[^`]*)(?=`)|(studies/[\w./]+\.py)(?=`)")
 PATTERNS = {"rover-pin COMMAND --help", "rover-pin close-loop DATASET", "rover-pin check-urdf my_rover.toml",
+            "rover-pin new-rover my_rover.urdf",
             "rover-pin drive flat --set rover=my_rover.toml"}  # fmt: skip
 """What is printed as a pattern to fill in; `test_readme` drives the rover of the README's TOML."""
 

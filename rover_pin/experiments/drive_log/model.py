@@ -57,7 +57,8 @@ def base_model(log: DriveLog) -> Model:
     most = max(terrain.ground_indices)
     if most > 1:
         raise DataError(f"{log.folder}: [terrain] has ground {most}: a log knows 0, the [soil], and 1, hard ground.")
-    return Model(rover, terrain, (soil, HARD_GROUND), motor, effects=effects, gravity=log.about.gravity)
+    grounds, springs = (soil, HARD_GROUND), rover.springs
+    return Model(rover, terrain, grounds, motor, effects=effects, gravity=log.about.gravity, body_effects=springs)
 
 
 def with_spread(model: Model) -> Model:
