@@ -1,0 +1,109 @@
+"""How fast a log of 20 s is driven again, beside the package before its whole step was compiled; and cold compiling.
+
+    python studies/benchmarks/replay_speed.py [--quick]
+
+The log is that of the ready-made drive on the ditch (six points a lane) and on a washboard (a polyline of 243); each
+version replays its own. Times are CPU seconds of one process a version, in turns on one core, the least of several
+replays; the distance is the greatest in any channel, in its unit. Compiling is from an empty cache: the step, once a
+machine; the rigid body, once a tree of joints; the laws, once a set of effects.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from former import ROOT, checkout
+
+BEFORE = "f624ee7"
+"""The last commit whose steps were called one by one, with Pinocchio's matrices and one patch's law at a time."""
+SHAPES = ("ditch", "washboard")
+REPLAY = """
+import json, sys, time
+import numpy as np
+from rover_pin.motion.place import settled
+from rover_pin.motion.replay import commands, replay
+from rover_pin.scenarios import scenario
+shape, repeats, folder = sys.argv[1], int(sys.argv[2]), sys.argv[3]
+case = scenario(shape, duration=20.0)
+rover = case.model.rover
+steered = tuple(wheel.name for wheel in rover.wheels if wheel.steer_dof is not None)
+run = commands(case.drive(), tuple(wheel.name for wheel in rover.wheels), steered)
+rest, times = settled(case.model, run.start), []
+for _ in range(1 + repeats):
+    begin = time.process_time()
+    made = replay(case.model, run, rest=rest)
+    times.append(time.process_time() - begin)
+np.savez(folder, **made.channels)
+print(json.dumps(min(times[1:])))
+"""
+COMPILE = """
+import json, resource
+from rover_pin.motion.compiled_laws import compiled_laws, structure_of
+from rover_pin.motion.native.compiled_body import Known, compiled_body
+from rover_pin.motion.native.library import library
+from rover_pin.scenarios import scenario
+model = scenario("ditch").model
+def spent():
+    uses = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(use.ru_utime + use.ru_stime for use in uses)
+told = {}
+for name, make in {
+    "the step": library,
+    "a rigid body": lambda: compiled_body(Known.of(model.built.model)),
+    "a set of laws": lambda: compiled_laws(structure_of(model)),
+}.items():
+    begin = spent()
+    make()
+    told[name] = spent() - begin
+print(json.dumps(told))
+"""
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="fewer repeats")
+    rounds, repeats = (1, 3) if parser.parse_args().quick else (3, 10)
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    with checkout(BEFORE) as former, tempfile.TemporaryDirectory() as folder:
+        for shape in SHAPES:
+            times: dict[Path, list[float]] = {former: [], ROOT: []}
+            for _ in range(rounds):
+                for package, found in times.items():
+                    found.append(_child(package, REPLAY, shape, str(repeats), f"{folder}/{package.name}"))
+            before, now = (min(found) for found in times.values())
+            off = _apart(*(np.load(f"{folder}/{package.name}.npz") for package in times))
+            print(
+                f"{shape}, 20 s replayed: {1e3 * now:.1f} ms, {20.0 / now:.0f} x real time; "
+                f"at {BEFORE} {1e3 * before:.1f} ms, {before / now:.2f} times as long; "
+                f"channels differ by {off:.1e} at most"
+            )
+    with tempfile.TemporaryDirectory() as empty:
+        spent = _child(ROOT, COMPILE, cache=empty)
+    told = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in spent.items())
+    print(f"compiled cold, CPU with what writes the C: {told}; {sum(spent.values()):.1f} s in all")
+
+
+def _child(package: Path, code: str, *arguments: str, cache: str = "") -> Any:
+    """Run code with a version of the package; return what it prints."""
+    own = {"PYTHONPATH": str(package), **({"ROVER_PIN_CACHE": cache} if cache else {})}
+    command = [sys.executable, "-c", code, *arguments]
+    done = subprocess.run(command, env={**os.environ, **own}, cwd=package, check=True, capture_output=True, text=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _apart(one: np.lib.npyio.NpzFile, other: np.lib.npyio.NpzFile) -> float:
+    return max(float(np.nanmax(np.abs(one[name] - other[name]))) for name in one.files)
+
+
+if __name__ == "__main__":
+    main()
