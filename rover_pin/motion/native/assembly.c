@@ -85,7 +85,7 @@ static void add_patch(const Drive *d, const Wheel *w, const Spot *spot, Law *law
     for (int i = 0; i < 6; ++i)
       for (int c = 0; c < 3; ++c) sum->spring[i][c] -= wrench[a][i] * stiffness[a] * N[c];
   }
-  const double weight = fmax(share * law->load[2], 1e-12);
+  const double weight = larger(share * law->load[2], 1e-12);
   sum->weight += weight;
   for (integer i = 0; i < d->n_contact_states; ++i) {
     double slope[4];

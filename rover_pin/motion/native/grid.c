@@ -6,8 +6,8 @@
 static double grid_height(const Drive *d, double x, double y, double *slope_x, double *slope_y, integer *ground) {
   double u = (x - d->grid_x0) / d->grid_dx, v = (y - d->grid_y0) / d->grid_dy;
   int level_x = u < 0.0 || u > d->grid_nx - 1.0, level_y = v < 0.0 || v > d->grid_ny - 1.0; /* beyond the grid */
-  u = fmin(fmax(u, 0.0), d->grid_nx - 1.0);
-  v = fmin(fmax(v, 0.0), d->grid_ny - 1.0);
+  u = smaller(larger(u, 0.0), d->grid_nx - 1.0);
+  v = smaller(larger(v, 0.0), d->grid_ny - 1.0);
   integer i = (integer)u, j = (integer)v;
   if (i > d->grid_nx - 2) i = d->grid_nx - 2;
   if (j > d->grid_ny - 2) j = d->grid_ny - 2;
@@ -47,7 +47,7 @@ static void lie_on_grid(const Drive *d, const Wheel *w, const double from[3], co
 
 static int same_plane(const Facet *a, const Facet *b) {
   double most = 0.0;
-  for (int c = 0; c < 3; ++c) most = fmax(most, fabs(a->normal[c] - b->normal[c]));
+  for (int c = 0; c < 3; ++c) most = larger(most, fabs(a->normal[c] - b->normal[c]));
   return a->ground == b->ground && most <= STRAIGHT;
 }
 

@@ -7,9 +7,9 @@ static double misjudged(const Drive *d, integer index, const WheelLoad *now) {
   double most = 0.0;
   for (int a = 0; a < 4; ++a) {
     double arm = a == 3 ? d->radius[index] : 1.0;
-    most = fmax(most, fabs(now->load[a] / now->load[2] - before[a] / before[2]) / arm);
+    most = larger(most, fabs(now->load[a] / now->load[2] - before[a] / before[2]) / arm);
   }
-  return most * fmin(1.0, now->load[2] / d->wheel_share);
+  return most * smaller(1.0, now->load[2] / d->wheel_share);
 }
 
 static double by_moved(const double *slope, const double *moved) {

@@ -5,7 +5,7 @@
 
 /* What the width carries up to s of it, most in the middle, and the slope. */
 static double carried(double s, double *slope) {
-  s = fmin(fmax(s, 0.0), 1.0);
+  s = smaller(larger(s, 0.0), 1.0);
   *slope = 6.0 * s * (1.0 - s);
   return s * s * (3.0 - 2.0 * s);
 }

@@ -30,7 +30,7 @@ static void ask(Step *s, integer spot, int mirrored, int deeper) {
 static void ask_about(const Drive *d, Step *s, integer index) {
   Spot *spot = s->spots + index;
   double z = direction(d, spot->contact[GEOMETRY_V_X], spot->contact[GEOMETRY_RIM], spot->steep);
-  z = fmin(1.0, fmax(-1.0, z));
+  z = smaller(1.0, larger(-1.0, z));
   spot->forwards = 0.5 + 0.25 * z * (3.0 - z * z);
   for (int i = 0; i < 2; ++i) spot->steep[i] *= 0.75 * (1.0 - z * z);
   spot->asked = s->n_questions;

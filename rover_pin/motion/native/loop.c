@@ -18,7 +18,7 @@ static void grip(Drive *d, const Loop *l, double share) {
 
 /* The commands of a row of a replay. */
 static void take_row(Drive *d, const Loop *l, integer row) {
-  for (integer w = 0; w < d->n_wheels; ++w) d->duty[w] = fmin(1.0, fmax(-1.0, l->duty_rows[row * d->n_wheels + w]));
+  for (integer w = 0; w < d->n_wheels; ++w) d->duty[w] = smaller(1.0, larger(-1.0, l->duty_rows[row * d->n_wheels + w]));
   for (integer i = 0; i < d->n_servos; ++i) d->servo_target[i] = l->steer_rows[row * d->n_servos + i];
   if (l->force_rows) lean(d, l, l->force_rows[row]);
   if (l->grip_rows) grip(d, l, l->grip_rows[row]);

@@ -12,7 +12,7 @@ static Corner corner_between(const Facet *behind, const Facet *ahead, double r) 
   Corner corner = {-(ahead->s * f_s + ahead->t * f_t), 0.0, 0.0};
   if (fabs(corner.ahead) >= r) return corner;
   corner.edge = asin(-corner.ahead / r);
-  corner.half = asin(fmin(1.0, fmax(-1.0, ahead->n_s * f_s + ahead->n_t * f_t)));
+  corner.half = asin(smaller(1.0, larger(-1.0, ahead->n_s * f_s + ahead->n_t * f_t)));
   return corner;
 }
 
@@ -21,8 +21,8 @@ static int clip_at(const Corner *corner, double r, double side, double *low, dou
   if (side * corner->ahead >= r) return 1;
   if (side * corner->ahead <= -r) return 0;
   double turn = side > 0 ? PI : -PI, half = side * corner->half;
-  *low = fmax(*low, fmin(corner->edge, turn - corner->edge) + half);
-  *high = fmin(*high, fmax(corner->edge, turn - corner->edge) + half);
+  *low = larger(*low, smaller(corner->edge, turn - corner->edge) + half);
+  *high = smaller(*high, larger(corner->edge, turn - corner->edge) + half);
   return *low < *high;
 }
 
@@ -37,14 +37,14 @@ static void share_out(double low, double high, double theta, double h, double ra
   integrals_from(high, theta, n, own, upper);
   patch->share = 0.5 * (lower[0] - upper[0]) / whole[0];
   patch->turn = 0.5 * (lower[1] - upper[1]) / whole[1];
-  double from = fmax(cos(low) - cosine, 0.0), to = fmax(cos(high) - cosine, 0.0);
+  double from = larger(cos(low) - cosine, 0.0), to = larger(cos(high) - cosine, 0.0);
   patch->tilt = 0.5 * (from * power(from, n) - to * power(to, n)) / ((n + 1.0) * whole[0]);
 }
 
 /* How deep the rim would be under the line of a facet, with no end; not positive where it does not touch. */
 static double depth_under(const Facet *f, double radius) {
-  double reaches = fmax(f[1].s, f->s) >= -radius && fmin(f[1].s, f->s) <= radius;
-  return reaches ? fmin(radius + f->s * f->n_s + f->t * f->n_t, 1.999 * radius) : 0.0;
+  double reaches = larger(f[1].s, f->s) >= -radius && smaller(f[1].s, f->s) <= radius;
+  return reaches ? smaller(radius + f->s * f->n_s + f->t * f->n_t, 1.999 * radius) : 0.0;
 }
 
 /* The part between the corners to a facet's neighbours, null at the ends. Parts of one plane share the plane's sinkage,
@@ -53,8 +53,8 @@ static double find_patch(const Facet *f, const Corner *behind, const Corner *ahe
   double theta = acos(1.0 - h / radius), low = -theta, high = theta;
   if (behind && !clip_at(behind, radius, 1.0, &low, &high)) return -1.0;
   if (ahead && !clip_at(ahead, radius, -1.0, &low, &high)) return -1.0;
-  double deepest = cos(fmin(fmax(0.0, low), high)) - cos(theta);
-  *patch = (Patch){.sinkage = fmin(h, DEEPEST * radius), .share = 1.0, .turn = 1.0, .n_s = f->n_s, .n_t = f->n_t, .ground = f->ground};
+  double deepest = cos(smaller(larger(0.0, low), high)) - cos(theta);
+  *patch = (Patch){.sinkage = smaller(h, DEEPEST * radius), .share = 1.0, .turn = 1.0, .n_s = f->n_s, .n_t = f->n_t, .ground = f->ground};
   memcpy(patch->normal, f->normal, sizeof patch->normal);
   if (low > -theta || high < theta) {
     if (deepest <= 1e-12) return -1.0;
@@ -90,7 +90,7 @@ static integer strip_patches(const Drive *d, integer n, double radius, double sh
     double depth = find_patch(facets + k, k > 0 ? &behind : 0, k < n - 1 ? &ahead : 0, h, radius, n_soil, patch);
     if (depth < 0.0) continue;
     ++found;
-    deepest = fmax(deepest, depth);
+    deepest = larger(deepest, depth);
     patch->side = -slope * patch->share * patch->sinkage / (n_soil + 1.5);
     patch->share *= share;
     patch->tilt *= share;

@@ -15,14 +15,16 @@ static void move_body(const Drive *d) {
 static void set_inertia(const Drive *d, double A[][MAX_DOF]) {
   const integer *upper = d->inertia_place, *lower = upper + d->n_inertia;
   double *flat = &A[0][0];
-  for (integer i = 0; i < d->nv; ++i) memset(A[i], 0, d->nv * sizeof(double));
+  for (integer i = 0; i < d->nv; ++i)
+    for (integer j = 0; j < (d->nv + 7) / 8; ++j) ((Row *)A[i])[j] = (Row){0};
   for (integer k = 0; k < d->n_inertia; ++k) flat[upper[k]] = flat[lower[k]] = d->rigid[k];
   for (integer i = 0; i < d->nv; ++i) A[i][i] += d->armature[i];
 }
 
 /* Kinetic and potential energy at the present state. */
 void rover_pin_energies(const Drive *d, double *energies) {
-  double A[MAX_DOF][MAX_DOF], twice = 0.0;
+  _Alignas(64) double A[MAX_DOF][MAX_DOF];
+  double twice = 0.0;
   move_body(d);
   set_inertia(d, A);
   for (integer i = 0; i < d->nv; ++i)

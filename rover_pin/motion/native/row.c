@@ -8,7 +8,7 @@ static double *put(double *row, const double *values, integer n) {
 static void find_attitude(const double *q, double *attitude) {
   const double x = q[3], y = q[4], z = q[5], w = q[6];
   attitude[0] = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y));
-  attitude[1] = asin(fmin(1.0, fmax(-1.0, 2.0 * (w * y - z * x))));
+  attitude[1] = asin(smaller(1.0, larger(-1.0, 2.0 * (w * y - z * x))));
   attitude[2] = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
 }
 
@@ -49,7 +49,7 @@ static int fails(const Drive *d, const Loop *l) {
     if (d->record[w * N_RECORD + RECORD_SINKAGE] > l->buried * d->radius[w]) return 1;
   for (integer i = 0; i < l->n_folding; ++i) {
     const double angle = d->q[l->folding_q[i]];
-    if (fmax(angle - l->folding_limits[2 * i + 1], l->folding_limits[2 * i] - angle) > l->folded) return 1;
+    if (larger(angle - l->folding_limits[2 * i + 1], l->folding_limits[2 * i] - angle) > l->folded) return 1;
   }
   return 0;
 }

@@ -20,10 +20,19 @@ static void add_spot(const Drive *d, Step *s, integer index, const Patch *patch,
   ask_about(d, s, s->n_spots++);
 }
 
+static void clear_load(const Drive *d, WheelLoad *sum) {
+  memset(sum, 0, offsetof(WheelLoad, gain));
+  for (integer i = 0; i < d->n_contact_states; ++i) {
+    sum->gain[i] = 0.0;
+    for (int c = 0; c < 4; ++c) sum->gain_slope[i][c] = 0.0;
+  }
+  if (d->settling) memset(sum->spring, 0, sizeof sum->spring);
+}
+
 static void find_spots(const Drive *d, Step *s, integer index) {
   const Wheel *wheel = s->wheels + index;
   const Patch *patches = (const Patch *)d->patches;
-  memset(s->loads + index, 0, sizeof(WheelLoad));
+  clear_load(d, s->loads + index);
   memset(d->record + index * N_RECORD, 0, RECORD_TORQUE * sizeof(double)); /* the motor's stay */
   integer touching = wheel_patches(d, wheel, index, d->record + index * N_RECORD + RECORD_SINKAGE);
   for (integer k = 0; k < touching; ++k) add_spot(d, s, index, patches + k, 0);

@@ -10,6 +10,13 @@ void rover_pin_sizes(integer *sizes) {
   sizes[3] = LANES;
 }
 
+static void clear_forces(const Drive *d, System *system) {
+  for (integer i = 0; i < d->nv; ++i) {
+    system->force[i] = system->motor_torque[i] = system->motor_slope[i] = 0.0;
+    system->other_Q[i] = system->other_slope[i] = 0.0;
+  }
+}
+
 /* What the soil does to all wheels: their loads, and the equations' part of them. */
 static void add_soil(Drive *d, Step *s) {
   const double half = implicit_share(d) * d->dt;
@@ -21,7 +28,7 @@ static void add_soil(Drive *d, Step *s) {
   d->misjudged = 0.0;
   for (integer w = 0; w < d->n_wheels; ++w) {
     finish_wheel(d, w, s->loads + w);
-    d->misjudged = fmax(d->misjudged, misjudged(d, w, s->loads + w));
+    d->misjudged = larger(d->misjudged, misjudged(d, w, s->loads + w));
     add_wheel(d, s->wheels + w, s->loads + w, half, &s->system);
   }
 }
@@ -48,7 +55,7 @@ int rover_pin_step(Drive *d) {
   drift(d);
   move_body(d);
   set_inertia(d, s->system.A);
-  memset(s->system.force, 0, sizeof(System) - offsetof(System, force));
+  clear_forces(d, &s->system);
   add_soil(d, s);
   add_motors(d, bus, s);
   add_springs(d, &s->system);

@@ -16,9 +16,10 @@ typedef struct { /* one question to the contact law */
 } Question;
 
 typedef struct { /* what the soil does to a wheel at its centre, and its slopes with velocity (3) and spin */
-  double wrench[6], slope[6][4], spring[6][3]; /* spring: with the way, while the rover is set down */
+  double wrench[6], slope[6][4];
   double load[4], end[4], end_slope[4][4];     /* f_t f_y f_n torque: now, and expected at the step's end */
   double weight, gain[MAX_STATES], gain_slope[MAX_STATES][4]; /* change of its states */
+  double spring[6][3];                         /* slope with the way, while the rover is set down */
   double moved[4];                             /* change of its velocity and spin */
 } WheelLoad;
 
