@@ -278,6 +278,7 @@ OF_ITS_OWN = {
     "bounded": "it is what bounds",
     "library_cache": "its own folder, where nobody else writes",
     "__init__": "files of the package: motion/native",
+    "view": "opens its page in a browser",
     "new_effect": "files of the package: its templates",
     "results_folder": "the lock",
     "resume": "the code of the package and of trusted effects, for a digest",

@@ -57,14 +57,16 @@ def _say_version(given: bool) -> None:
         raise typer.Exit
 
 
-def _say_less(given: bool) -> None:
+def _say_less(given: bool) -> bool:
     if given:
         speak("quiet")
+    return given
 
 
-def _say_more(given: bool) -> None:
+def _say_more(given: bool) -> bool:
     if given:
         speak("verbose")
+    return given
 
 
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", callback=_say_less, help="Say only warnings on the way.")]
