@@ -20,7 +20,7 @@ from rover_pin.soil.passive import passive
 class FlankPressure(Effect):
     """f_y = -sgn(j_y) B (1 - exp(-|j_y| / k_f)) int_-theta_1^theta_1 p(h(theta)) r cos theta dtheta.
 
-    p(h) = D_1 (c h + D_2 gamma h^2 / 2), `soil.passive`, is Rankine's passive pressure per width of a wall of depth
+    p(h) = D_1 (c h + D_2 gamma h^2 / 2), `soil.passive`, is the passive pressure per width of a wall of depth
     h = r (cos theta - cos theta_1): the buried segment of the disc, in ground that is level beside the rut. Both
     integrals are closed:
     int h cos theta = r (theta_1 - sin theta_1 cos theta_1), int h^2 cos theta = r^2 (2 sin theta_1 - 2/3 sin^3 theta_1

@@ -11,7 +11,10 @@ from rover_pin.contact import Scalar
 
 
 class Passive(NamedTuple):
-    """Rankine's passive pressure on a vertical wall of depth h, D_1 (c h + D_2 gamma h^2 / 2) per width [N/m]."""
+    """Passive pressure on a vertical wall of depth h, D_1 (c h + D_2 gamma h^2 / 2) per width [N/m].
+
+    Its part of c is Rankine's, 2 c h tan(45 deg + phi / 2).
+    """
 
     D_1: Scalar
     "cot X + tan(X + phi), X = 45 deg - phi / 2 [-]"

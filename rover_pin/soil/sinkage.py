@@ -117,7 +117,7 @@ def _log_normal_force(theta_1: Scalar, S: Scalar, wheel: Wheel, soil: Soil, stat
 def power_law_guess(log_load: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
     """Return ln theta_1 of a shallow frictionless wheel: f_n = r b scale theta_1^(2n+1) B / 2^n.
 
-    B = int_{-ratio}^{1} (1 - x^2)^n dx, here within a few percent.
+    B = int_{-ratio}^{1} (1 - x^2)^n dx, here within a few percent for ratios to 0.3.
     """
     shape = (1 + soil.n) ** -0.55 + soil.exit_ratio
     force = wheel.r * wheel.b * stress_scale(wheel, soil) * shape / 2**soil.n

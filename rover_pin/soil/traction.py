@@ -8,7 +8,6 @@ from typing import ClassVar, NamedTuple, Protocol
 import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.errors import ParameterError, closest
 from rover_pin.soil.angles import Angles, FixedAngles
 from rover_pin.soil.arc import Arc, Mobilised, integrate, shear_law, strength, stress_scale
 from rover_pin.soil.compaction import compaction
@@ -125,13 +124,6 @@ FORMS: dict[str, NetTraction | TorqueTraction | GrossTraction] = {
     form.name: form for form in (NetTraction(), TorqueTraction(), GrossTraction())
 }
 """The forms by name, for the command line and files."""
-
-
-def form_named(name: str) -> NetTraction | TorqueTraction | GrossTraction:
-    """Return a form by its name."""
-    if name not in FORMS:
-        raise ParameterError(f"There is no traction form '{name}': {closest(name, FORMS)}")
-    return FORMS[name]
 
 
 NET, FIXED = NetTraction(), FixedAngles()

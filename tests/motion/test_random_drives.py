@@ -84,10 +84,16 @@ def of_stop(chosen, trace):
         "capsized": lean > math.radians(59.9),
         "buried": sinkage > chosen.model.buried,
         "folded": any(word in stop for word in ("past its stop",)),
-        "diverged": speed > 5.0 or "not finite" in stop or "singular" in stop,
+        "diverged": speed > 5.0 or "not finite" in stop or "singular" in stop or overflowed(stop, last["t_s"]),
     }
     reason = re.match(r"(\w+)", stop)
     return [] if reason and true.get(reason[1]) else [f"its reason to stop is not true: {stop}"]
+
+
+def overflowed(stop, last):
+    """Whether rows that held no numbers were left out at the end."""
+    said = re.search(r"at ([\d.]+) s$", stop)
+    return said is not None and last < float(said[1]) - 1e-6
 
 
 def of_half_step(chosen, trace):
