@@ -12,7 +12,7 @@ Method
 Result
     Mean cost on drives that were not tuned on, slopes / ditches and slopes: constant duty 1.513 / 1.058 (50 and 38 %
     stuck or buried), torque check alone 0.464 / 0.599, hand-set gains with the true slip 0.651 / 1.058, tuned 0.448 /
-    0.285, none stuck; Eq (9) with the hand-set gains 1.198 / 0.934, with the tuned ones 1.512 / 0.934. Tuned are S_d =
+    0.285, none stuck; Eq (9) with the hand-set gains 1.186 / 0.934, with the tuned ones 1.512 / 0.934. Tuned are S_d =
     0.41, k_p = 3.5, k_i = 10 for the slopes, 0.68, 9.4 and 1.2 for the ditches.
     On slopes control helps wherever constant duty digs in (6 of 6 held out); the torque check, which senses no slip, is
     worth nearly as much as tuned gains; hand-set gains hold S at 0.1 and lose time, tuning adds to them on 4 of 6. Of

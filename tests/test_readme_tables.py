@@ -1,6 +1,7 @@
 """What the README says of slip control against the kept tables of studies that take minutes."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pandas as pd
@@ -8,7 +9,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 TEXT = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-TABLE = pd.read_csv(ROOT / "studies" / "results" / "digging.csv").fillna({"R": -1.0})
+RESULTS = ROOT / "studies" / "results"
+TABLE = pd.read_csv(RESULTS / "digging.csv").fillna({"R": -1.0})
 N = r"(\d+)"
 FURTHER = 0.01
 
@@ -73,7 +75,7 @@ def test_half_the_step_agrees():
     assert again.moved.max() < 3e-3
 
 
-MAP = pd.read_csv(ROOT / "studies" / "results" / "fig10_map.csv")
+MAP = pd.read_csv(RESULTS / "fig10_map.csv")
 
 
 def tried(rows):
@@ -96,7 +98,7 @@ def test_the_ditch_of_fig_10_is_that_of_its_map():
     assert [float(each) for each in said.groups()] == [len(out), len(stuck), (out.S_d != 0.2).sum(), *sorted(walls)]
 
 
-HELD_OUT = pd.read_csv(ROOT / "studies" / "results" / "beyond_the_paper.csv")
+HELD_OUT = pd.read_csv(RESULTS / "beyond_the_paper.csv")
 
 
 def test_tacking_passes_what_is_said():
@@ -114,3 +116,45 @@ def test_tacking_passes_what_is_said():
 def test_tacking_gains_nothing_on_inclines():
     inclines = HELD_OUT[HELD_OUT.kind == "incline"].pivot(index="drive", columns="control", values="passed")
     assert not (inclines["tacking"] & ~inclines["constant 0.55"]).any()
+
+
+TUNED = pd.read_csv(RESULTS / "tune_gains.csv")
+MEANS = TUNED[TUNED.set == "held out"].pivot(index="control", columns="ensemble", values="mean")
+
+
+@pytest.mark.parametrize(
+    ("said", "control"),
+    [
+        ("slopes: constant duty", "constant duty"),
+        ("which senses no slip,", "torque check"),
+        ("hand-set gains with the true slip", "before, true"),
+        ("tuned", "tuned, true"),
+        ("with Eq 9", "tuned, eq9"),
+    ],
+)
+def test_a_cost_of_tuned_gains_is_that_of_their_table(said, control):
+    found = re.search(rf"Mean cost on held-out .*? {said} ([\d.]+) / ([\d.]+)", TEXT)
+    means = MEANS.loc[control, ["slopes", "ditch"]]
+    assert [float(each) for each in found.groups()] == [round(float(each), 3) for each in means]
+
+
+def test_the_tuned_slip_is_that_of_the_gains_found():
+    said = re.search(r"The tuned S_d is ([\d.]+) / ([\d.]+), not the paper's 0.1", TEXT)
+    gains = [tomllib.loads((RESULTS / f"tuned_{name}.toml").read_text()) for name in ("slopes", "ditch")]
+    assert [float(each) for each in said.groups()] == [round(each["S_d"], 2) for each in gains]
+
+
+def test_what_is_said_of_tuned_gains_in_words():
+    """The check is worth nearly as much on slopes; on ditches the tuned gains alone leave none stuck."""
+    constant, check, tuned = (MEANS.loc[name] for name in ("constant duty", "torque check", "tuned, true"))
+    assert (constant.slopes - check.slopes) > 0.98 * (constant.slopes - tuned.slopes)
+    stuck = TUNED[(TUNED.set == "held out") & (TUNED.ensemble == "ditch")].set_index("control").stuck_share
+    assert stuck["tuned, true"] == 0.0 < min(stuck["torque check"], stuck["before, true"])
+
+
+def test_every_kept_table_says_what_made_it():
+    made = tomllib.loads((RESULTS / "made.toml").read_text())
+    assert set(made) == {each.stem for each in RESULTS.iterdir()} - {"made"}
+    for about in made.values():
+        assert (ROOT / about["command"].removeprefix("python ")).exists()
+        assert re.fullmatch(r"[0-9a-f]{7,40}", about["commit"])
