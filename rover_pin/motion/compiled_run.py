@@ -14,9 +14,11 @@ def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ra
     timing, suspension = drive.timing, suspension_of(drive.model)
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     assert isinstance(drive.stepper, Kernel)
-    native = commands_of(drive.controller, len(drive.model.rover.wheels))
+    native = commands_of(drive.controller, len(drive.model.rover.wheels), len(drive.stepper.servo_wheels))
     asked = {"asks": 1} if native is None else native.fields(drive.stepper)
     loop = Loop(drive.stepper, timing.dt, round(duration / timing.dt), per_sample, per_control=per_control, **asked)
+    if drive.counted:
+        loop.go_on(drive.counted)
     stop = ""
     while not (stop or loop.done):
         outcome = loop.run(OFTEN * (1 + loop.row // OFTEN))
@@ -30,4 +32,4 @@ def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ra
             stop = diverged(outcome, drive.state.t)
         elif progress and loop.row % OFTEN == 0:
             progress(drive.state.t)
-    return Ran(loop.rows[: loop.row], stop or "duration", loop.struct.missed)
+    return Ran(loop.rows[: loop.row], stop or "duration", loop.counted)

@@ -10,6 +10,7 @@ import numpy as np
 from rover_pin.errors import SimulationError
 from rover_pin.motion.command import Command, Controller, Reading, Truth
 from rover_pin.motion.failure import Suspension
+from rover_pin.motion.going_on import Counted
 from rover_pin.motion.model import Model
 from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.pace import Steps
@@ -44,6 +45,8 @@ class Drive(NamedTuple):
     stepper: Stepper
     controller: Controller
     timing: Timing
+    counted: Counted | None = None
+    "where it goes on; None: it begins"
 
 
 Progress = Callable[[float], None]
@@ -55,11 +58,11 @@ OFTEN = 50
 
 
 class Ran(NamedTuple):
-    """What came of a drive: its rows (`row_type`), why it ended, and what its steps misjudged [s]."""
+    """What came of a drive: its rows (`row_type`), why it ended, and how far it is."""
 
     rows: np.ndarray
     stop: str
-    missed: float
+    counted: Counted
 
 
 def diverged(status: int, t: float) -> str:

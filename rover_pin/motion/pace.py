@@ -7,6 +7,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from rover_pin.motion.going_on import Counted
+
 FINEST = 64
 """Parts into which a step may be divided."""
 ROUGH, CALM = 0.05, 0.002
@@ -58,6 +60,16 @@ class Pace:
         "what was misjudged and kept, times its step, summed [s]; times gravity it is a change of speed"
         self.before: Begun | None = None
         "where the last step began, if it can be taken again"
+
+    def go_on(self, counted: Counted) -> None:
+        """Go on with the steps that a drive ended with."""
+        self.missed = counted.missed
+        if counted.size != self.size:
+            self._change(counted.size)
+
+    def counted(self, begun: Counted, steps: int) -> Counted:
+        """Return how far the drive is that begun there, after so many steps."""
+        return Counted(begun.begin, steps, self.size, self.missed)
 
     def advance(self, commanded: bool = True) -> int:
         """Advance by dt; return the first status that is not 0. `commanded`: the motors have a new command since."""

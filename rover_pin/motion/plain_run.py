@@ -6,6 +6,7 @@ import numpy as np
 
 from rover_pin.motion.driving import OFTEN, Drive, Progress, Ran, diverged, obey
 from rover_pin.motion.failure import failure, suspension_of
+from rover_pin.motion.going_on import Counted
 from rover_pin.motion.pace import Pace
 from rover_pin.motion.rows import row_type
 from rover_pin.motion.state import base_rotation, roll_pitch_yaw
@@ -18,23 +19,25 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     suspension = suspension_of(drive.model)
     pace = Pace(stepper, timing.dt)
-    rows, count, begin = np.zeros(steps // per_sample, dtype=row_type(drive.model)), 0, state.t
-    for k in range(steps):
+    rows, count = np.zeros(steps // per_sample, dtype=row_type(drive.model)), 0
+    begun = drive.counted or Counted(state.t, 0, pace.size)
+    pace.go_on(begun)
+    for k in range(begun.steps, begun.steps + steps):
         if k % per_control == 0:
             obey(drive, suspension)
         status = pace.advance(k % per_control == 0 or k % per_sample == 0)
         if status:
-            return Ran(rows[:count], diverged(status, state.t), pace.missed)
-        state.t = begin + (k + 1) * timing.dt
+            return Ran(rows[:count], diverged(status, state.t), pace.counted(begun, k))
+        state.t = begun.begin + (k + 1) * timing.dt
         if k % per_sample == per_sample - 1:
             _log(drive, rows[count])
             count += 1
             reason = failure(drive.model, state, stepper.record, suspension)
             if reason:
-                return Ran(rows[:count], f"{reason} at {state.t:.2f} s", pace.missed)
+                return Ran(rows[:count], f"{reason} at {state.t:.2f} s", pace.counted(begun, k + 1))
             if progress and count % OFTEN == 0:
                 progress(state.t)
-    return Ran(rows[:count], "duration", pace.missed)
+    return Ran(rows[:count], "duration", pace.counted(begun, begun.steps + steps))
 
 
 def _log(drive: Drive, row: np.void) -> None:

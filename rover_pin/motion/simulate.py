@@ -14,6 +14,7 @@ from rover_pin.motion.audit import pivot_warning, warnings_of
 from rover_pin.motion.command import Controller
 from rover_pin.motion.compiled_run import run_compiled
 from rover_pin.motion.driving import Drive, Progress, Ran
+from rover_pin.motion.going_on import Ended, Held
 from rover_pin.motion.happened import happened
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model
@@ -33,7 +34,7 @@ def simulate(
     model: Model,
     controller: Controller,
     duration: float,
-    start: Start | DriveState = Start(),
+    start: Start | DriveState | Ended = Start(),
     timing: Timing = Timing(),
     *,
     symmetric: bool = False,
@@ -45,8 +46,9 @@ def simulate(
     ----------
     controller : Controller
         Any callable from a `Reading` to a duty, an array of duties (one a wheel) or a `Command`; sampled, then held.
-    start : Start or DriveState
-        Where to set the rover down at rest, or a state to go on from.
+    start : Start, DriveState or Ended
+        Where to set the rover down at rest; a state to begin in; or `trace.end` of a drive that lasted its duration,
+        to go on from there, equal to the bit to a drive in one.
     symmetric : bool
         Hold the mirror symmetry about the x-z plane, so that round-off cannot break it in long stuck runs.
 
@@ -68,7 +70,7 @@ def plain_simulate(
     model: Model,
     controller: Controller,
     duration: float,
-    start: Start | DriveState = Start(),
+    start: Start | DriveState | Ended = Start(),
     timing: Timing = Timing(),
     *,
     symmetric: bool = False,
@@ -84,7 +86,7 @@ def _simulate(
     model: Model,
     controller: Controller,
     duration: float,
-    start: Start | DriveState,
+    start: Start | DriveState | Ended,
     timing: Timing,
     symmetric: bool,
     progress: Progress | None,
@@ -95,22 +97,58 @@ def _simulate(
         raise SimulationError("A mirror-symmetric drive needs a terrain that is the same on the left and on the right.")
     if symmetric and model.built.up[1] != 0.0:
         raise SimulationError("A mirror-symmetric drive needs gravity without a pull to one side: set rise_y to 0.")
+    if isinstance(start, Ended):
+        return _gone_on(kind, run, model, controller, duration, start, timing, symmetric, progress)
     parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
     if hasattr(controller, "reset"):
         controller.reset()
     state = begin.state
-    begun = model.begun(float(state.q[0]), float(state.q[1]))
+    place = (float(state.q[0]), float(state.q[1]))
+    begun = model.begun(*place)
     stepper = kind(begun, state, STANDING, symmetric)
     fine = timing.refined(parts(begun, state, timing.dt, firmness(stepper, begun)))
     stepper.set_step(fine.dt)
     drive = Drive(begun, state, stepper, controller, fine)
-    ran = run(drive, duration, progress)
-    rows = finite(ran.rows)
-    attrs = {"dt_s": fine.dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": ran.stop}
-    attrs |= {"set_down": begin.standing} if begin.standing else {}
-    warnings = [*warnings_of(begun, rows, ran.missed), pivot_warning(drive.stepper.pivoted)]
-    return told(model, trace_of(model, rows, attrs), [each for each in warnings if each])
+    attrs = {"set_down": begin.standing} if begin.standing else {}
+    return _traced(model, drive, run(drive, duration, progress), attrs, (timing, place, symmetric))
+
+
+def _gone_on(
+    kind: Any,
+    run: Callable[[Drive, float, Progress | None], Ran],
+    model: Model,
+    controller: Controller,
+    duration: float,
+    end: Ended,
+    timing: Timing,
+    symmetric: bool,
+    progress: Progress | None,
+) -> Trace:
+    """Drive on from where a drive ended."""
+    state, begun = end.state.copy(), model.begun(*end.place)
+    stepper = kind(begun, state, end.fine.dt, symmetric)
+    end.refuse_other(timing, symmetric, stepper.saved())
+    stepper.restore(end.held.moving)
+    stepper.duty[:], stepper.servo_target[:] = end.held.duty, end.held.servo
+    drive = Drive(begun, state, stepper, controller, end.fine, end.counted)
+    return _traced(model, drive, run(drive, duration, progress), {}, (timing, end.place, symmetric))
+
+
+def _traced(
+    model: Model, drive: Drive, ran: Ran, attrs: dict[str, Any], how: tuple[Timing, tuple[float, float], bool]
+) -> Trace:
+    """Return a drive's trace, with where it ended if it can go on."""
+    (timing, place, symmetric), stepper, rows = how, drive.stepper, finite(ran.rows)
+    dt = drive.timing.dt
+    attrs |= {"dt_s": dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": ran.stop}
+    warnings = [*warnings_of(drive.model, rows, ran.counted.missed), pivot_warning(stepper.pivoted)]
+    trace = told(model, trace_of(model, rows, attrs), [each for each in warnings if each])
+    if ran.stop != "duration":
+        return trace
+    held = Held(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())
+    end = Ended(drive.state.copy(), ran.counted, timing, drive.timing, place, symmetric, held)
+    return dataclasses.replace(trace, end=end)
 
 
 def told(model: Model, trace: Trace, warnings: list[str]) -> Trace:

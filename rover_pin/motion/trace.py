@@ -12,6 +12,7 @@ import numpy as np
 
 from rover_pin.errors import DataError, MissingExtraError, ParameterError, closest
 from rover_pin.motion.channels import unit_of, wheels_in
+from rover_pin.motion.going_on import Ended
 
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
 """Energy channels beside what soil, stops, servos and further effects take; springs' share is within `energy_body`."""
@@ -31,6 +32,8 @@ class Trace(Mapping[str, np.ndarray]):
         Units; those of the known names need not be given.
     attrs : dict, optional
         Plain values about the drive: rover, control, traction form, dt_s, gravity_mps2, stop, versions, ...
+    end : Ended, optional
+        Where a simulated drive ended, for `simulate` to go on from; no file keeps it.
 
     Raises
     ------
@@ -41,6 +44,7 @@ class Trace(Mapping[str, np.ndarray]):
     channels: dict[str, np.ndarray]
     units: dict[str, str] = field(default_factory=dict)
     attrs: dict[str, Any] = field(default_factory=dict)
+    end: Ended | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         channels = {name: np.array(values, dtype=float) for name, values in self.channels.items()}

@@ -56,9 +56,10 @@ class Commands:
     def fields(self, kernel: Kernel) -> dict[str, Any]:
         """Return the fields of the struct Loop that say so."""
         wheels, servos = len(kernel.duty), len(kernel.servo_wheels)
+        steer = np.asarray(self.steer if servos else 0.0, dtype=float)
         found: dict[str, Any] = {
             "duty_fixed": np.broadcast_to(np.asarray(self.duty, dtype=float), wheels).copy(),
-            "steer_fixed": np.broadcast_to(np.asarray(self.steer, dtype=float), servos).copy(),
+            "steer_fixed": np.broadcast_to(steer, max(1, servos)).copy(),
         }
         return {**found, **_slip_fields(self.slip, kernel), **_limit_fields(self.limit)}
 
@@ -70,15 +71,20 @@ class Controller(Protocol):
         """Return what the loop needs of it, or None where it must be asked."""
 
 
-def commands_of(controller: Any, wheels: int) -> Commands | None:
-    """Return a built-in controller for the loop; None for any other, and for one whose `__call__` is not its own."""
+def commands_of(controller: Any, wheels: int, servos: int | None = None) -> Commands | None:
+    """Return a built-in controller for the loop; None for any other, and for one whose `__call__` is not its own.
+
+    One of another rover, with other wheels or servos (where their number is given), is asked: that refuses it.
+    """
     kind = type(controller)
     home = next((each for each in kind.__mro__ if "native" in vars(each)), None)
     if home is None or home is not next(each for each in kind.__mro__ if "__call__" in vars(each)):
         return None
     found = controller.native(wheels)
     assert isinstance(found, (Commands, type(None)))
-    return found
+    sizes = () if found is None else ((found.duty, wheels), (found.steer, servos or None))
+    fits = all(count is None or np.shape(each) in ((), (count,)) for each, count in sizes)
+    return found if fits else None
 
 
 def _slip_fields(slip: SlipLaw | None, kernel: Kernel) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.motion.failure import FASTEST, FOLDED, UPRIGHT, suspension_of
+from rover_pin.motion.going_on import Counted
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.native.library import library
 from rover_pin.motion.native.shared import LoopStruct
@@ -71,6 +72,18 @@ class Loop:
                 self.keep[name] = value
                 value = value.ctypes.data
             setattr(self.struct, name, value)
+
+    def go_on(self, counted: Counted) -> None:
+        """Count on from where a drive ended; the kernel's arrays are already as they were there."""
+        self.set(begin=counted.begin, k=counted.steps, steps=counted.steps + self.struct.steps)
+        self.set(size=counted.size, missed=counted.missed)
+        self.kernel.set_step(counted.size * (self.struct.dt / FINEST))
+
+    @property
+    def counted(self) -> Counted:
+        """How far the drive is."""
+        own = self.struct
+        return Counted(own.begin, own.k, own.size, own.missed)
 
     def run(self, until: int) -> Outcome:
         """Go on to the row `until`, or the end, a failure, or a question; the state's time follows."""

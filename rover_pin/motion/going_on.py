@@ -1,0 +1,78 @@
+"""Where a drive ended, with all that its next step depends on: to go on from there as if it had not stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.errors import SimulationError
+from rover_pin.motion.state import DriveState
+from rover_pin.motion.timing import Timing
+
+
+class Counted(NamedTuple):
+    """How far a drive is."""
+
+    begin: float
+    "the time it began [s]"
+    steps: int
+    size: int
+    "of its steps, in parts of dt (`pace.FINEST`)"
+    missed: float = 0.0
+    "what they misjudged [s]"
+
+
+class Held(NamedTuple):
+    """What a stepper holds between two steps: all arrays that a step changes, duties and servo targets."""
+
+    moving: tuple[np.ndarray, ...]
+    duty: np.ndarray
+    servo: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """The end of a drive, from which `simulate(model, controller, duration, trace.end)` goes on.
+
+    It has the states of the effects, the loads and currents of the last step, and the duties that are held, so that a
+    drive in two parts equals one in one to the bit. Give the same model, timing and controller: the controller goes on
+    as it is, and is not reset.
+    """
+
+    state: DriveState
+    counted: Counted
+    timing: Timing
+    "as asked for"
+    fine: Timing
+    "with the step as taken"
+    place: tuple[float, float]
+    "where the drive began, x and y [m]"
+    symmetric: bool
+    held: Held
+
+    def refuse_other(self, timing: Timing, symmetric: bool, moving: Sequence[np.ndarray]) -> None:
+        """Refuse to go on in another way, or with a model of other states.
+
+        Raises
+        ------
+        SimulationError
+            They differ, or the drive stopped between two samples of its controller or two rows.
+        """
+        if (timing, symmetric) != (self.timing, self.symmetric):
+            raise SimulationError(
+                f"This drive goes on with {self.timing}, symmetric={self.symmetric}, as it began: give the same."
+            )
+        if [each.shape for each in moving] != [each.shape for each in self.held.moving]:
+            raise SimulationError(
+                "This drive goes on with its own model: the one given has another number of joints, wheels or states."
+            )
+        for name in ("control", "sample"):
+            period = getattr(timing, name)
+            if self.counted.steps % round(period / self.fine.dt):
+                raise SimulationError(
+                    f"This drive stopped after {self.counted.steps * self.fine.dt:g} s, between two {name} times "
+                    f"{period:g} s apart: let it end at a multiple of that to go on."
+                )
