@@ -16,7 +16,7 @@ import typer
 
 from rover_pin import commands
 from rover_pin.commands.options import AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
-from rover_pin.commands.speaking import Speaking, program, scenario_names, speak
+from rover_pin.commands.speaking import Speaking, program, scenario_names
 from rover_pin.commands.view import asked_for, write_asked
 from rover_pin.errors import RoverPinError, UrdfError
 from rover_pin.paths import is_file
@@ -37,7 +37,6 @@ def main() -> None:
     """Run the command line; one clear sentence and exit code 2 on what is refused."""
     gc.set_threshold(*SELDOM)
     atexit.register(gc.freeze)
-    speak()
     try:
         app()
     except RoverPinError as error:

@@ -14,6 +14,7 @@ import trimesh
 import yourdfpy
 
 from rover_pin.body.rover import Rover, WheelMount
+from rover_pin.bounded import content
 from rover_pin.paths import is_file
 
 log = logging.getLogger(__name__)
@@ -75,7 +76,7 @@ def _mesh(geometry: Any, find: Find) -> Any:
         log.warning("the mesh %s is not in the rover's folder, and is left out", geometry.mesh.filename)
         return None
     try:
-        mesh = trimesh.load(file, force="mesh")
+        mesh = trimesh.load(io.BytesIO(content(file)), file_type=file.suffix[1:].lower(), force="mesh")
         mesh.apply_scale(1.0 if geometry.mesh.scale is None else geometry.mesh.scale)
     except Exception as error:
         log.warning("the mesh %s cannot be read, and is left out: %s", file, error)
