@@ -284,8 +284,6 @@ OF_ITS_OWN = {
     "view": "opens its page in a browser",
     "new_effect": "files of the package: its templates",
     "results_folder": "the lock",
-    "view": "opens the browser",
-    "new_effect": "files of the package: commands/templates",
     "resume": "the code of the package and of trusted effects, for a digest",
     "store": "writes",
     "evaluations": "writes",
