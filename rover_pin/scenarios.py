@@ -166,6 +166,10 @@ def _model(scene: Scene, asked: Settings) -> Made:
     terrain = _terrain(scene, asked, size)
     if size != 1.0 and terrain != shapes.flat():
         assumed = (*assumed, f"terrain: lengths that are not set are those for Nexus 6's wheels times {size:.3g}")
+    k = scene.settings.get("soil.k")
+    if size != 1.0 and k is not None and asked.values.get("soil.k") == k:
+        asked.values["soil.k"] = size * k
+        assumed = (*assumed, f"soil: k = {size * k:.3g} m, which this scene has as {k:g} m for Nexus 6's wheels")
     model = model.replace(terrain=terrain)
     ground = model.soils[0].replace(**asked.record("soil", model.soils[0]))
     motor = model.motor.replace(**asked.record("motor", model.motor))

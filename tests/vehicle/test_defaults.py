@@ -174,6 +174,16 @@ def test_every_ready_made_terrain_can_be_scaled(rover_file, name):
     assert scenario(name, rover=str(rover_file)).model.terrain is not None
 
 
+def test_the_shear_displacement_of_a_scene_grows_with_the_wheels(rover_file):
+    """F(0.05), and with it the resistance, goes by k / r: with k for small wheels large ones hardly move."""
+    drive = scenario("turn", rover=str(rover_file))
+    assert float(drive.model.soils[0].k) == pytest.approx(0.003 * 0.15 / 0.045)
+    assert any("soil: k = 0.01 m" in line for line in drive.assumed)
+    asked = scenario("turn", rover=str(rover_file), **{"soil.k": 0.004})
+    assert float(asked.model.soils[0].k) == 0.004
+    assert float(scenario("turn").model.soils[0].k) == 0.003
+
+
 def test_a_length_that_is_asked_for_is_meant(rover_file):
     asked = scenario("step", rover=str(rover_file), **{"terrain.height": 0.05})
     assert asked.model.terrain.height(50.0, 0.0) == pytest.approx(0.05)
