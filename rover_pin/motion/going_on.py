@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -53,8 +52,8 @@ class Ended:
     symmetric: bool
     held: Held
 
-    def refuse_other(self, timing: Timing, symmetric: bool, moving: Sequence[np.ndarray]) -> None:
-        """Refuse to go on in another way, or with a model of other states.
+    def refuse_other(self, timing: Timing, symmetric: bool, other: DriveState) -> None:
+        """Refuse to go on in another way, or with a model whose states are not those of this drive, but as of `other`.
 
         Raises
         ------
@@ -65,7 +64,7 @@ class Ended:
             raise SimulationError(
                 f"This drive goes on with {self.timing}, symmetric={self.symmetric}, as it began: give the same."
             )
-        if [each.shape for each in moving] != [each.shape for each in self.held.moving]:
+        if _shapes(other) != _shapes(self.state):
             raise SimulationError(
                 "This drive goes on with its own model: the one given has another number of joints, wheels or states."
             )
@@ -76,3 +75,7 @@ class Ended:
                     f"This drive stopped after {self.counted.steps * self.fine.dt:g} s, between two {name} times "
                     f"{period:g} s apart: let it end at a multiple of that to go on."
                 )
+
+
+def _shapes(state: DriveState) -> list[tuple[int, ...]]:
+    return [each.shape for each in (state.q, state.v, state.contact, state.motor)]

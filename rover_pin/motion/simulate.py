@@ -127,8 +127,8 @@ def _gone_on(
 ) -> Trace:
     """Drive on from where a drive ended."""
     state, begun = end.state.copy(), model.begun(*end.place)
+    end.refuse_other(timing, symmetric, hovering(begun, Start()))
     stepper = kind(begun, state, end.fine.dt, symmetric)
-    end.refuse_other(timing, symmetric, stepper.saved())
     stepper.restore(end.held.moving)
     stepper.duty[:], stepper.servo_target[:] = end.held.duty, end.held.servo
     drive = Drive(begun, state, stepper, controller, end.fine, end.counted)
