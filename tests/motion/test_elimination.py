@@ -10,6 +10,7 @@ from rover_pin.motion import native
 from rover_pin.motion.audit import pivot_warning
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.native.elimination import elimination
+from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.place import settled
 from rover_pin.motion.suspension import suspension_dofs
 from rover_pin.motion.toolchain import shared_library
@@ -62,22 +63,46 @@ def test_wheels_meet_only_what_bears_them():
     assert above[order.index(front.dof)] == [*range(6), rover.differential.left, front.steer_dof]
 
 
-def test_a_small_pivot_is_solved_with_exchanged_rows_and_told(monkeypatch):
-    """A step that takes every pivot for too small gives the same drive, and counts."""
-    case = scenario("ditch")
+@pytest.fixture
+def changed(monkeypatch):
+    """A function (old line, new line) -> the step compiled with it, which kernels then take."""
+
+    def take(old, new):
+        source = native.source()
+        assert source.count(old) == 1
+        other, usual = shared_library(source.replace(old, new), "changed"), module.library()
+        for name in ("rover_pin_step", "rover_pin_hold", "rover_pin_sizes"):
+            getattr(other, name).argtypes = getattr(usual, name).argtypes
+        monkeypatch.setattr(module, "library", lambda: other)
+
+    return take
+
+
+def beside(case, change):
+    """A kernel of the usual step and one of the changed one, 200 steps on."""
     state = settled(case.model, case.start)
-    plain = Kernel(case.model, state.copy(), 0.005, symmetric=False)
-    source = native.source()
-    assert source.count("#define LEAST_PIVOT 1e-12") == 1
-    careful = shared_library(source.replace("#define LEAST_PIVOT 1e-12", "#define LEAST_PIVOT 2.0"), "careful")
-    careful.rover_pin_step.argtypes = module.library().rover_pin_step.argtypes
-    careful.rover_pin_hold.argtypes = module.library().rover_pin_hold.argtypes
-    careful.rover_pin_sizes.argtypes = module.library().rover_pin_sizes.argtypes
-    monkeypatch.setattr(module, "library", lambda: careful)
-    other = Kernel(case.model, state.copy(), 0.005, symmetric=False)
-    for stepper in (plain, other):
+    kernels = [Kernel(case.model, state.copy(), 0.005, symmetric=False)]
+    change()
+    kernels.append(Kernel(case.model, state.copy(), 0.005, symmetric=False))
+    for stepper in kernels:
         stepper.duty[:] = 0.5
         assert [stepper.step() for _ in range(200)] == [0] * 200
+    return kernels
+
+
+def test_more_patches_than_are_pooled_are_taken_in_turns(changed):
+    """With room for four, the six wheels of a drive along a washboard take two or three."""
+    case = scenario("washboard")
+    plain, other = beside(case, lambda: changed("#define MAX_SPOTS 64", "#define MAX_SPOTS 4"))
+    assert plain.record[:, RECORD.index("patches")].sum() > 4
+    assert np.array_equal(other.state.q, plain.state.q)
+    assert np.array_equal(other.record, plain.record)
+
+
+def test_a_small_pivot_is_solved_with_exchanged_rows_and_told(changed):
+    """A step that takes every pivot for too small gives the same drive, and counts."""
+    case = scenario("ditch")
+    plain, other = beside(case, lambda: changed("#define LEAST_PIVOT 1e-12", "#define LEAST_PIVOT 2.0"))
     assert other.state.q == pytest.approx(plain.state.q, rel=1e-9, abs=1e-11)
     assert other.differential == pytest.approx(plain.differential, rel=1e-7)
     assert (plain.pivoted, other.pivoted) == (0, 200)

@@ -61,6 +61,7 @@ class Motion(NamedTuple):
 
 def tree_of(model: pin.Model) -> Tree:
     """Return a model with a free base and revolute joints as a tree, bodies' frames turned to their joints' axes."""
+    assert model.jointPlacements[BASE].isIdentity(), "the step takes the base's own frame"
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     turns = [np.eye(3)] * 2 + [_turn_to(_axis(model, data, i)) for i in range(2, model.njoints)]
