@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from rover_pin.errors import MissingExtraError, ParameterError, SimulationError
+from rover_pin.workers import working_for
 
 CONNECT_SECONDS = 5
 """How long a scheduler may take to answer, and then its first worker to be there."""
@@ -54,7 +56,7 @@ def results(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], worke
 
     with parallel_config(backend="loky", inner_max_num_threads=1):
         parallel = Parallel(n_jobs=workers, return_as="generator")
-    return iter(parallel(delayed(function)(*job) for job in jobs))
+    return iter(parallel(delayed(working_for)(os.getpid(), function, *job) for job in jobs))
 
 
 def _on_cluster(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], client: Any) -> Iterator[Any]:

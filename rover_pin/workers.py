@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from importlib import import_module
 from types import FrameType, ModuleType
+from typing import Any
+
+LOOKED = 1.0
+"""Time [s] between a worker's looks at whether its program is still there."""
 
 
 class Terminated(SystemExit):
@@ -35,6 +42,27 @@ def ending_workers() -> Iterator[None]:
     finally:
         if own:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def working_for(program: int, function: Callable[..., Any], *job: Any) -> Any:
+    """Return `function(*job)`, in a worker process that ends when the program of this number is gone.
+
+    A program that is killed outright (SIGKILL, no memory left) cannot end its workers itself.
+    """
+    if os.getpid() != program:
+        _follow(program)
+    return function(*job)
+
+
+@lru_cache(maxsize=1)
+def _follow(program: int) -> None:
+    threading.Thread(target=_end_after, args=(program,), daemon=True).start()
+
+
+def _end_after(program: int) -> None:
+    while os.getppid() == program:
+        time.sleep(LOOKED)
+    os._exit(1)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:

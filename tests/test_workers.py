@@ -72,6 +72,21 @@ def test_a_stopped_sweep_leaves_no_workers_and_says_what_is_kept(tmp_path, stop,
     assert not (out / ".rover_pin.lock").exists()
 
 
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes in /proc")
+def test_workers_of_a_sweep_that_is_killed_outright_end_by_themselves(tmp_path):
+    """They used to go on with their case, and then wait for another."""
+    script, out = tmp_path / "slow.py", tmp_path / "out"
+    script.write_text(SWEEP)
+    env = {**os.environ, "PYTHONPATH": str(Path(rover_pin.__file__).parents[1])}
+    process = subprocess.Popen([sys.executable, str(script), str(out)], env=env, stderr=subprocess.DEVNULL)
+    assert until(lambda: len(list((out / "parts").glob("*.parquet"))) == 3)
+    workers = [int(file.name.rpartition(".")[2]) for file in tmp_path.glob("out.*")]
+    assert all(map(alive, workers))
+    process.kill()
+    process.wait()
+    assert until(lambda: not any(map(alive, workers)), 20.0)
+
+
 def test_a_handler_of_the_programs_own_stays():
     def own(number, frame):
         raise AssertionError

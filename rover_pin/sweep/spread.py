@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
@@ -9,6 +10,7 @@ from rover_pin.cluster import client_of
 from rover_pin.errors import ParameterError, SimulationError
 from rover_pin.sweep.case import Row, failed_row
 from rover_pin.sweep.study import Case
+from rover_pin.workers import working_for
 
 AGAIN_SECONDS = 60
 """How long a case may take that Dask runs again."""
@@ -28,7 +30,7 @@ def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | 
     with parallel_config(backend="loky", inner_max_num_threads=1):
         parallel = Parallel(n_jobs=_count(workers), return_as="generator_unordered")
     try:
-        yield from parallel(delayed(work)(case) for case in cases)
+        yield from parallel(delayed(working_for)(os.getpid(), work, case) for case in cases)
     except BrokenProcessPool as error:
         raise SimulationError(
             f"A worker process died (killed, out of memory, or a crash in native code); {KEPT}, and if it dies again "
