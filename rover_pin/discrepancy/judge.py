@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
-from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.answer import TAKES_MOST, Answer
 from rover_pin.discrepancy.bed import Bed
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.conclusion import Conclusion
@@ -21,12 +21,10 @@ from rover_pin.estimation.wording import Outcome
 
 SURPRISE = 1e-3
 """A chi2 less probable than this by the declared noise means that the model's form is not that of the data."""
-MOST = 0.5
-"""Share of the held-out chi2 beyond the noise from which what is missing is like an effect."""
 AWAY = 5.0
 """Prior SDs beyond which a number has left what is plausible of it."""
 AT_BOUND = 1e-6
-"""A number this near to a bound, in u, stands at it."""
+"""A number this near to a bound, in u, stands at it; at its default, u = 1, a law is as published and not strained."""
 
 
 def concluded(bed: Bed, kinds: Sequence[type], progress: Callable[[str], None], seed: int = 0) -> Conclusion:
@@ -95,7 +93,8 @@ def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore]
     last = found.last
     said = []
     for one, u in zip(last.parameters, last.u, strict=True):
-        if min(u - one.bounds[0], one.bounds[1] - u) <= AT_BOUND:
+        usual = not one.prior and abs(u - 1.0) <= AT_BOUND
+        if min(u - one.bounds[0], one.bounds[1] - u) <= AT_BOUND and not usual:
             said.append(f"{one.name} lies at its bound")
     said += [f"{one} from what is declared of it" for one in implausible(last)]
     names = " + ".join(one.name for one in found.found)
@@ -112,7 +111,7 @@ def answer_of(found: Search, share: float, against: Sequence[str]) -> Answer:
         fits = is_adequate(found.base) and not implausible(found.base)
         return Answer.NONE_NEEDED if fits else Answer.INADEQUATE
     if not is_adequate(found.last):
-        return Answer.LIKE if share >= MOST else Answer.INADEQUATE
+        return Answer.LIKE if share >= TAKES_MOST else Answer.INADEQUATE
     if any(len(each.alike) > 1 for each in found.rounds):
         return Answer.SET
     return Answer.LIKE if against else Answer.NAMED

@@ -13,7 +13,7 @@ import numpy as np
 
 from rover_pin.columns import replace_file
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.answer import TAKES_MOST, Answer
 from rover_pin.experiments.wheel_rig.calibrate import (
     Setting,
     calibrate,
@@ -149,19 +149,21 @@ def _verdict(
 ) -> Verdict:
     data, best = setting.data, chosen.best if chosen else None
     explained = share_taken(base, best)
-    answer = answer_of(base, chosen, explained, bool(poor))
+    answer = answer_of(base, chosen, explained, bool(poor), compared[0].best)
+    if answer is Answer.LIKE:
+        best, explained = compared[0].best, held_out_share(compared[0].best)
     left = remains(best.fit if best else base)
     if answer is Answer.NONE_FITS:
         best = None  # the nearest is mentioned, not added
     fit, before = _side(setting, settled(base))
     last, after = (fit, before) if best is None else _side(setting, settled(best.fit))
-    alike = chosen.alike if chosen else ()
+    alike = compared[0].alike if answer is Answer.LIKE else chosen.alike if chosen else ()
     runs = [separating_run(data, alike[0], rival) for rival in alike[1 : 1 + RIVALS]] if best else []
     added = () if best is None else after.model.effects[len(base.model.effects) :]
     was = held_out(data, fit) if not poor else fit.residual
     now = held_out(data, last) if best is not None else was
     said = of_parameters(after.parameters, after.flags) + of_residuals(after.remainders, after.tests)
-    return Verdict(
+    verdict = Verdict(
         answer=answer,
         name=data.rig.name,
         sentence=poor or _sentence(answer, alike, explained, left),
@@ -181,6 +183,27 @@ def _verdict(
         cautions=tuple(said),
         base=base,
     )
+    return vetoed(verdict, at_bounds(verdict))
+
+
+def at_bounds(verdict: Verdict) -> tuple[str, ...]:
+    """Return which numbers of what was added lie at a bound: its law is strained to do what it does.
+
+    A bound at which the law is as published, its default, strains nothing.
+    """
+    usual = {
+        f"{type(one).__name__}.{name}": value for one in verdict.effects for name, value in type(one)().values().items()
+    }
+    at = [one.name for one in verdict.after.parameters if one.at_bound and one.value != usual.get(one.name, one.value)]
+    return tuple(f"{name} lies at its bound" for name in at)
+
+
+def vetoed(verdict: Verdict, against: tuple[str, ...]) -> Verdict:
+    """Return the verdict with what speaks against a lone name, which then does not stand alone."""
+    if verdict.answer is not Answer.NAMED or not against:
+        return verdict
+    said = f"{verdict.sentence} But the name does not stand alone: {'; '.join(against)}."
+    return dataclasses.replace(verdict, answer=Answer.LIKE, sentence=said, vetoes=(*verdict.vetoes, *against))
 
 
 def _side(setting: Setting, fit: RigFit) -> tuple[RigFit, Side]:
@@ -197,14 +220,27 @@ def share_taken(base: RigFit, best: Candidate | None) -> float:
     return float(np.clip((base.chi2 - best.fit.chi2) / beyond, 0, 1)) if beyond > 0 else 1.0
 
 
-def answer_of(base: RigFit, chosen: Comparison | None, explained: float, poor: bool) -> Answer:
-    """Return what may be said of the model, given the candidates that were compared and the share taken."""
+def held_out_share(one: Candidate | None) -> float:
+    """Return the share of the held-out loss beyond the noise, 1, that a candidate takes."""
+    if one is None or not one.reference_loss > 1.0:
+        return 0.0
+    return float(np.clip((one.reference_loss - one.loss) / (one.reference_loss - 1.0), 0.0, 1.0))
+
+
+def answer_of(
+    base: RigFit, chosen: Comparison | None, explained: float, poor: bool, single: Candidate | None = None
+) -> Answer:
+    """Return what may be said of the model, given the candidates that were compared and the share taken.
+
+    Where more than the noise is left, what is missing is like the best `single` effect if that takes most of what is
+    missed on levels held out. A pair is not asked: two laws together imitate much.
+    """
     if poor or chosen is None:
         return Answer.CANNOT_TELL
     if chosen.best is None:
         return Answer.NONE_FITS if remains(base) else Answer.NONE_NEEDED
     if remains(chosen.best.fit, LEFT) and explained < ENOUGH:
-        return Answer.NONE_FITS
+        return Answer.LIKE if held_out_share(single) >= TAKES_MOST else Answer.NONE_FITS
     return Answer.NAMED if len(chosen.alike) == 1 else Answer.SET
 
 
@@ -216,6 +252,11 @@ def _sentence(answer: Answer, alike: tuple[Candidate, ...], explained: float, le
         return f"the data are consistent with {names}, which takes {share}.{rest}"
     if answer is Answer.SET:
         return f"the data do not tell {names} apart; the first takes {share}.{rest}"
+    if answer is Answer.LIKE:
+        return (
+            f"something like {names} is missing: the first takes {explained:.0%} of what the base model misses on "
+            f"levels held out, but its law does not hold exactly.{rest}"
+        )
     if answer is Answer.NONE_NEEDED:
         return "the calibrated base model meets the data within their noise, and no candidate gains more than chance."
     near = f" The nearest, {alike[0].name}, takes {share}." if alike else ""
@@ -230,12 +271,14 @@ def _confirmed(verdict: Verdict, setting: Setting) -> Verdict:
     again = reselect(setting.data, verdict.base, verdict.singles, verdict.pairs)
     was = held_out(setting.data, verdict.before.fit)
     name = " + ".join(type(effect).__name__ for effect in verdict.effects) or NOTHING
-    return dataclasses.replace(
+    verdict = dataclasses.replace(
         verdict,
         folds=again.folds,
         reselected=scores(setting.data, was, again.residual, setting.seed),
         cautions=(*verdict.cautions, *of_choice(name, again, verdict.singles)),
     )
+    times, levels = again.times(name), len(again.folds)
+    return vetoed(verdict, (f"it is chosen in {times} of {levels} folds",) if 2 * times <= levels else ())
 
 
 def _written(verdict: Verdict, setting: Setting, out: Path, progress: Progress) -> Verdict:
@@ -244,7 +287,7 @@ def _written(verdict: Verdict, setting: Setting, out: Path, progress: Progress) 
     verdict = _confirmed(verdict, setting)
     progress("writing the report")
     files = [write_model(verdict.model, out / "model.toml", verdict.sentence)]
-    if verdict.answer is Answer.NONE_FITS and any(not one.is_noise for one in verdict.after.remainders):
+    if verdict.answer in (Answer.NONE_FITS, Answer.LIKE) and any(not one.is_noise for one in verdict.after.remainders):
         text = draft_effect(setting.data, verdict.after.remainders)
         files.append(replace_file(out / "draft_effect" / "measured_remainder.py", text))
     files += write_report(verdict, setting.data, out)

@@ -16,6 +16,7 @@ from rover_pin.discrepancy.screen import entry_fee
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.load_exponent import LoadExponent
+from rover_pin.effects.peak_stress import PeakStress
 from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.errors import OptimisationError
@@ -26,7 +27,7 @@ from rover_pin.experiments.wheel_rig.compare import Candidate, Comparison, compa
 from rover_pin.experiments.wheel_rig.held_out import held_out, loss, scores
 from rover_pin.experiments.wheel_rig.reselect import NOTHING, Fold, Reselected, reselect
 from rover_pin.experiments.wheel_rig.screen import screen
-from rover_pin.loop.rig import answer_of, decide, share_taken
+from rover_pin.loop.rig import answer_of, at_bounds, decide, held_out_share, share_taken, vetoed
 from rover_pin.report.rig_cautions import of_choice
 
 _spec = importlib.util.spec_from_file_location("linear_rig", Path(__file__).parent / "linear_rig.py")
@@ -468,6 +469,46 @@ def compared(*chi2):
 )
 def test_the_answer(base, chosen, explained, poor, answer):
     assert answer_of(fit_of(base), chosen, explained, poor) is answer
+
+
+@pytest.mark.parametrize(("loss", "answer"), [(3.9, Answer.LIKE), (4.1, Answer.NONE_FITS), (10.0, Answer.NONE_FITS)])
+def test_an_effect_that_takes_two_thirds_on_held_out_levels_is_what_is_missing_in_another_law(loss, answer):
+    """Of a loss of 10, where 1 is the noise, two thirds are taken at 4."""
+    single = Candidate((SlipSinkage(),), fit_of(UNLIKELY), 1.0, 50.0, loss, 10.0)
+    found = answer_of(fit_of(900.0), compared(UNLIKELY), ENOUGH - 0.01, False, single)
+    assert found is answer
+    assert answer_of(fit_of(900.0), compared(UNLIKELY), ENOUGH + 0.01, False, single) is Answer.NAMED
+    assert held_out_share(single) == pytest.approx((10.0 - loss) / 9.0)
+    assert held_out_share(None) == held_out_share(dataclasses.replace(single, reference_loss=0.9)) == 0.0
+
+
+def test_what_speaks_against_a_lone_name_is_in_the_headline():
+    random = np.random.default_rng(6)
+    laws = laws_of(random, SlipSinkage(), ExitAngle(), size=4.0)
+    named = decided(rows_of(laws, random, SlipSinkage__n_1=1.2), laws)
+    assert vetoed(named, ()) is named
+    assert at_bounds(named) == ()
+    found = vetoed(named, ("SlipSinkage.n_1 lies at its bound",))
+    assert found.answer is Answer.LIKE
+    assert found.effects == named.effects
+    assert found.sentence.endswith("But the name does not stand alone: SlipSinkage.n_1 lies at its bound.")
+    assert found.as_dict()["vetoes"] == ["SlipSinkage.n_1 lies at its bound"]
+    other = dataclasses.replace(named, answer=Answer.SET)
+    assert vetoed(other, ("anything",)) is other
+
+
+def test_a_size_at_its_bound_does_not_stand_alone():
+    random = np.random.default_rng(6)
+    laws = laws_of(random, SlipSinkage(), ExitAngle(), size=4.0)
+    found = decided(rows_of(laws, random, SlipSinkage__n_1=4.05), laws)
+    assert found.effects[0].n_1 == 2.0
+    assert (found.answer, found.vetoes) == (Answer.LIKE, ("SlipSinkage.n_1 lies at its bound",))
+    usual = dataclasses.replace(found, effects=(PeakStress(share=1.0),), vetoes=())
+    (side,) = [one for one in found.after.parameters if one.name == "SlipSinkage.n_1"]
+    share = side._replace(name="PeakStress.share", value=1.0, low=0.9, high=1.0)
+    usual = dataclasses.replace(usual, after=dataclasses.replace(found.after, parameters=(share,)))
+    assert share.at_bound
+    assert at_bounds(usual) == (), "there the law is as published"
 
 
 # --- the whole -------------------------------------------------------------------------------------------------------

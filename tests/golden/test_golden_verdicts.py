@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,8 @@ _spec.loader.exec_module(golden)
 FROZEN = json.loads(golden.FROZEN.read_text(encoding="utf-8"))
 SHIFT = 0.15
 """Share of a 95 % interval's width by which a value, or one of its ends, may move: round-off, another time step."""
-GROWTH = 0.1
-"""Relative change that a held-out error may show for the same reason."""
+GROWTH = {"rig": 0.1, "cmu": 0.1, "drive": 0.5}
+"""Relative change that a held-out error may show; a drive log is simulated anew, so another step is other data."""
 SETS = [*golden.FAST, *(pytest.param(name, marks=pytest.mark.slow) for name in golden.SLOW)]
 
 
@@ -27,7 +28,7 @@ def test_the_answer_is_the_frozen_one(name, tmp_path):
     for key, (value, low, high) in frozen["sizes"].items():
         assert now["sizes"][key] == pytest.approx([value, low, high], abs=SHIFT * (high - low)), key
     for key, errors in frozen["held_out"].items():
-        assert now["held_out"][key] == pytest.approx(errors, rel=GROWTH), key
+        assert now["held_out"][key] == pytest.approx(errors, rel=GROWTH[re.split("[- ]", name)[0]]), key
 
 
 def test_every_set_is_frozen():

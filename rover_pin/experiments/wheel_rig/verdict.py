@@ -73,6 +73,8 @@ class Verdict:
     "held-out errors with the effect chosen anew in each fold"
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     cautions: tuple[str, ...] = ()
+    vetoes: tuple[str, ...] = ()
+    "what keeps a name from standing alone"
 
     @property
     def chosen_again(self) -> str:
@@ -126,6 +128,7 @@ class Verdict:
                 "folds": {fold.level: fold.chosen for fold in self.folds},
                 "chosen_again": self.chosen_again,
                 "cautions": list(self.cautions),
+                "vetoes": list(self.vetoes),
                 "profiles": [one._asdict() for one in self.profiles],
                 "before": _side(self.before),
                 "after": _side(self.after),
