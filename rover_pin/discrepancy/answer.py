@@ -11,7 +11,7 @@ from rover_pin.estimation.wording import shown
 
 TAKES_MOST = 2 / 3
 """Share of what is missed on held-out folds from which what is missing is like an effect: where the hidden law of a
-wheel rig is on no list, single effects took up to 0.52; on a measured one, ding-2011-smooth, slip softening takes 0.83."""
+wheel rig is on no list, single effects took up to 0.52; of a measured one, ding-2011-smooth, softening takes 0.83."""
 
 
 class Answer(Enum):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -191,11 +192,9 @@ def at_bounds(verdict: Verdict) -> tuple[str, ...]:
 
     A bound at which the law is as published, its default, strains nothing.
     """
-    usual = {
-        f"{type(one).__name__}.{name}": value for one in verdict.effects for name, value in type(one)().values().items()
-    }
-    at = [one.name for one in verdict.after.parameters if one.at_bound and one.value != usual.get(one.name, one.value)]
-    return tuple(f"{name} lies at its bound" for name in at)
+    usual = {f"{type(one).__name__}.{name}": x for one in verdict.effects for name, x in type(one)().values().items()}
+    own = [one for one in verdict.after.parameters if one.at_bound and one.name in usual]
+    return tuple(f"{one.name} lies at its bound" for one in own if not math.isclose(one.value, float(usual[one.name])))
 
 
 def vetoed(verdict: Verdict, against: tuple[str, ...]) -> Verdict:
