@@ -1,10 +1,11 @@
 /* A height grid as a wheel's plane cuts it. */
 
 #define N_CUT 8 /* facets of equal length along the wheel's plane */
+#define SETTLED 1e-14 /* m */
 #define STRAIGHT 1e-11 /* difference of unit normals up to which neighbours are one facet */
 
 static double grid_height(const Drive *d, double x, double y, double *slope_x, double *slope_y, integer *ground) {
-  double u = (x - d->grid_x0) / d->grid_dx, v = (y - d->grid_y0) / d->grid_dy;
+  double u = (x - d->grid_x0) * d->grid_per_x, v = (y - d->grid_y0) * d->grid_per_y;
   int level_x = u < 0.0 || u > d->grid_nx - 1.0, level_y = v < 0.0 || v > d->grid_ny - 1.0; /* beyond the grid */
   u = smaller(larger(u, 0.0), d->grid_nx - 1.0);
   v = smaller(larger(v, 0.0), d->grid_ny - 1.0);
@@ -15,8 +16,8 @@ static double grid_height(const Drive *d, double x, double y, double *slope_x, d
   v -= j;
   const double *z = d->grid_z + i * d->grid_ny + j;
   double z00 = z[0], z01 = z[1], z10 = z[d->grid_ny], z11 = z[d->grid_ny + 1];
-  *slope_x = level_x ? 0.0 : ((z10 - z00) * (1 - v) + (z11 - z01) * v) / d->grid_dx;
-  *slope_y = level_y ? 0.0 : ((z01 - z00) * (1 - u) + (z11 - z10) * u) / d->grid_dy;
+  *slope_x = level_x ? 0.0 : ((z10 - z00) * (1 - v) + (z11 - z01) * v) * d->grid_per_x;
+  *slope_y = level_y ? 0.0 : ((z01 - z00) * (1 - u) + (z11 - z10) * u) * d->grid_per_y;
   *ground = d->grid_ground[i * (d->grid_ny - 1) + j];
   return (z00 * (1 - u) + z10 * u) * (1 - v) + (z01 * (1 - u) + z11 * u) * v;
 }
@@ -25,7 +26,7 @@ static double grid_height(const Drive *d, double x, double y, double *slope_x, d
 static double settle_on_grid(const Drive *d, const Wheel *w, double s, double t, double point[3]) {
   double slope_x, slope_y, move = 1.0;
   integer ground;
-  for (int pass = 0; pass < 3 && move != 0.0; ++pass) {
+  for (int pass = 0; pass < 3 && fabs(move) > SETTLED; ++pass) {
     for (int c = 0; c < 3; ++c) point[c] = w->centre[c] + s * w->forward[c] + t * w->up[c];
     double z = grid_height(d, point[0], point[1], &slope_x, &slope_y, &ground);
     move = (z - point[2]) / (w->up[2] - slope_x * w->up[0] - slope_y * w->up[1]);
