@@ -1,0 +1,115 @@
+"""What the ground costs: drives over the ditch as few points, many, or a grid; over rough ground; and a sweep's case.
+
+    python studies/benchmarks/ground_speed.py [--quick]
+
+Each line compares 20 s of the same rover on one core, CPU seconds, the least of several turns, with the six points of
+the ditch. Points on the ditch's own lines are one piece, however many; rough ground has a contact patch for each of its
+facets under a wheel, and costs what they cost. A sweep's case is compared with the drive that it makes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rover_pin.body.profile import Profile
+from rover_pin.body.terrain import HeightGrid, Lanes, Terrain
+from rover_pin.motion.simulate import simulate
+from rover_pin.scenarios import scenario
+from rover_pin.sweep import read_study
+from rover_pin.sweep.case import drive_case, run_case, scenario_of
+
+STUDY = Path(__file__).parents[1] / "sweep_ditch.toml"
+LOW, HIGH = -2.0, 4.0
+ROUGH = 0.01
+"""Height of the rough ground's waves [m], about."""
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="one turn instead of seven")
+    turns = 1 if parser.parse_args().quick else 7
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    compare_grounds(turns)
+    compare_case(turns)
+
+
+def grounds() -> dict[str, Terrain]:
+    """Return the ditch of six points, and the others, by what they are."""
+    ditch = scenario("ditch").model.terrain
+    assert isinstance(ditch, Lanes)
+    line = ditch.profiles[0]
+    x = np.linspace(LOW, HIGH, 1000)
+    waves = np.convolve(np.random.default_rng(1).normal(0.0, ROUGH, 1059), np.ones(60) / 60, "valid")
+    y = np.linspace(-1.5, 1.5, 300)
+    along = np.linspace(LOW, HIGH, 300)
+    grid = np.repeat(line.height(along)[:, None], 300, axis=1)
+    return {
+        "ditch, 6 points": ditch,
+        "ditch, 1,000 points and its corners": _lane(np.union1d(x, line.x), line),
+        "ditch, 1,000 points, corners cut": _lane(x, line),
+        "ditch, 300 x 300 grid": HeightGrid(LOW, y[0], along[1] - along[0], y[1] - y[0], grid),
+        "rough ground, 81 points": Lanes((Profile(x[::12][:81], waves[::12][:81]),)),
+        "rough ground, 1,000 points": Lanes((Profile(x, waves),)),
+    }
+
+
+def compare_grounds(turns: int) -> None:
+    """Print the time of 20 s on each ground, and its ratio to the first."""
+    case = scenario("ditch")
+    drives: dict[str, Callable[[], Any]] = {}
+    for name, terrain in grounds().items():
+        model = dataclasses.replace(case.model, terrain=terrain)
+        drives[name] = lambda model=model: simulate(model, case.controller, 20.0, case.start)  # type: ignore[misc]
+    first, *others = least(drives, turns).items()
+    print(f"{first[0]:38s} {1e3 * first[1]:6.1f} ms for 20 s, {20.0 / first[1]:.0f} x real time")
+    for name, seconds in others:
+        print(f"{name:38s} {1e3 * seconds:6.1f} ms, {seconds / first[1]:.2f} times the ditch of six points")
+
+
+def compare_case(turns: int) -> None:
+    """Print what cases of a sweep cost beside their drives."""
+    study = read_study(STUDY)
+    cases = list(study.cases())[:8]
+    made = [scenario_of(study, case) for case in cases]
+    times = least(
+        {
+            "cases": lambda: [run_case(study, drive_case, case) for case in cases],
+            "drives": lambda: [each.drive() for each in made],
+        },
+        turns,
+    )
+    seconds = study.duration or 0.0
+    print(
+        f"a sweep's case: {times['cases'] / times['drives']:.2f} times its drive; "
+        f"{seconds * len(cases) / times['cases']:.0f} s of driving a second of one core"
+    )
+
+
+def _lane(x: np.ndarray, line: Profile) -> Lanes:
+    return Lanes((Profile(x, line.height(x)),))
+
+
+def least(calls: dict[str, Callable[[], Any]], turns: int) -> dict[str, float]:
+    """Return the least CPU time [s] of each call, all taking turns after an untimed one."""
+    found = dict.fromkeys(calls, np.inf)
+    for turn in range(turns + 1):
+        for name, call in calls.items():
+            begin = time.process_time()
+            call()
+            if turn:
+                found[name] = min(found[name], time.process_time() - begin)
+    return found
+
+
+if __name__ == "__main__":
+    main()
