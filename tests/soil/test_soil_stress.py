@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.soil.angles import SinkageAngles
+from rover_pin.soil.peak_stress import PeakAngle
 from rover_pin.soil.sinkage import sinkage
 from rover_pin.soil.stress import mobilised, normal_stress, shear_displacement, shear_stress, tau_max
 
@@ -62,3 +63,10 @@ def test_sinkage_angles_stay_finite_out_of_the_soil_and_beyond_the_axle():
     h = ca.SX.sym("h")
     slope = ca.Function("f", [h], [ca.jacobian(SinkageAngles().angles(h, WHEEL, Soil())[0], h)])
     assert all(math.isfinite(float(slope(value))) for value in (-0.01, 0.0, 0.01, 0.2))
+
+
+def test_the_peak_of_the_stress_moves_forwards_with_slip_in_share_of_the_entry_angle():
+    """theta_m = (a_0 + a_1 S) theta_1, Wong and Reece: 0.40 theta_1 at rest and 0.55 theta_1 at S = 1 by default."""
+    assert PeakAngle().at(0.0, 0.7) == pytest.approx(0.4 * 0.7)
+    assert PeakAngle().at(1.0, 0.7) == pytest.approx(0.55 * 0.7)
+    assert PeakAngle(a_0=0.3, a_1=-0.2).at(-0.5, 0.6) == pytest.approx(0.4 * 0.6)
