@@ -76,7 +76,7 @@ def plain_simulate(
     symmetric: bool = False,
     progress: Progress | None = None,
 ) -> Trace:
-    """Do as `simulate` with the plain NumPy step, about 130 times slower; from a `DriveState` it needs no compiler."""
+    """Do as `simulate` with the plain NumPy step, far slower; from a `DriveState` it needs no compiler."""
     return _simulate(Plain, run_plain, model, controller, duration, start, timing, symmetric, progress)
 
 
