@@ -21,7 +21,13 @@ Scalar = Any
 
 @dataclass(frozen=True)
 class Wheel(Record):
-    """A rigid cylindrical wheel."""
+    """A rigid cylindrical wheel.
+
+    Examples
+    --------
+    >>> Wheel(r=0.045, b=0.05).values()
+    {'r': 0.045, 'b': 0.05}
+    """
 
     r: Scalar = quantity(0.045, "m", "paper, section 2: diameter 0.09 m", 1e-3, 5.0, "r")
     b: Scalar = quantity(0.050, "m", "assumed: the paper gives no wheel width", 1e-3, 5.0, "b")
@@ -33,6 +39,12 @@ class Soil(Record):
 
     `theta_1` and `theta_2` are the paper's fixed angles; `exit_ratio` = -theta_2 / theta_1 holds where theta_1 follows
     the load; below 0 the contact ends in front of the axle. Defaults are Table 1, completed where the paper is silent.
+
+    Examples
+    --------
+    >>> sand = Soil(k=0.010)
+    >>> sand.replace(phi=math.radians(35.0)).k
+    0.01
     """
 
     c: Scalar = quantity(0.005, "Pa", "paper, Table 1", 0.0, 1e6, "c")

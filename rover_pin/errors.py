@@ -14,7 +14,17 @@ LONGEST, TAIL = 1200, 250
 
 
 class RoverPinError(Exception):
-    """Anything this package refuses or cannot finish; whatever it quotes, its message is one printable line."""
+    """Anything this package refuses or cannot finish; whatever it quotes, its message is one printable line.
+
+    Examples
+    --------
+    >>> from rover_pin import RoverPinError, Soil
+    >>> try:
+    ...     Soil(phi=30.0)
+    ... except RoverPinError as error:
+    ...     print(str(error).split(". ")[0])
+    Soil.phi = 30 rad is not allowed: it must lie in [0, 1.0472] rad
+    """
 
     def __init__(self, message: str):
         super().__init__(one_line(message))

@@ -116,6 +116,13 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
     ------
     ParameterError
         An unknown name or setting, with the close matches.
+
+    Examples
+    --------
+    >>> drive = scenario("ditch", **{"soil.k": "10mm", "terrain.wall_angle": "35deg", "duration": 2.0})
+    >>> trace = drive.drive()
+    >>> str(trace.attrs["stop"]), round(float(trace.t[-1]), 1)
+    ('duration', 2.0)
     """
     made, _ = _made(name, settings)
     return made

@@ -176,6 +176,12 @@ def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
     ------
     UrdfError
         The TOML or its URDF does not make a rover; the sentence says what to mend.
+
+    Examples
+    --------
+    >>> rover = load_rover("nexus6")
+    >>> [wheel.name for wheel in rover.wheels], round(rover.mass, 2)
+    (['fl', 'fr', 'ml', 'mr', 'rl', 'rr'], 5.8)
     """
     path = Path(rover)
     if path.suffix == "":

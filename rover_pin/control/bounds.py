@@ -82,6 +82,13 @@ def torque_bounds(
 
     Source: Eqs (2)-(6); section 5, "limit the driving torque not to exceed the maximum share".
     Differs from the paper: it gives no formula, holds theta_1, and has no slip-limited bound.
+
+    Examples
+    --------
+    >>> from rover_pin import SOILS, Wheel, torque_bounds
+    >>> bounds = torque_bounds(9.5, SOILS["table-1"], Wheel(), slip_limit=0.2)
+    >>> round(bounds[0], 3) > round(bounds[1], 3) > 0.0
+    True
     """
     _check_slip_limit(slip_limit)
     found = bound_law(angles)(_column(load, slip_limit, wheel, soil))

@@ -12,7 +12,13 @@ from rover_pin.quantity import Record, quantity
 
 @dataclass(frozen=True)
 class ConstantDuty(Record):
-    """delta held at a value, wheels steered straight. Source: the paper, section 5: delta = 0.55."""
+    """delta held at a value, wheels steered straight. Source: the paper, section 5: delta = 0.55.
+
+    Examples
+    --------
+    >>> ConstantDuty(0.3).delta
+    0.3
+    """
 
     delta: Scalar = quantity(0.55, "", "paper, section 5", -1.0, 1.0, "delta")
 

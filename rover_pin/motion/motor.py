@@ -20,6 +20,12 @@ class Motor(Record):
     Source: the paper has "a PWM controlled DC motor" with back electromotive force, a duty "effectively in proportion
     to the driving torque", and 0.05 m/s at duty 0.55; the numbers are assumed so that the stall torque at the wheel is
     1 N m, then calibrated.
+
+    Examples
+    --------
+    >>> motor = Motor()
+    >>> round(motor.stall_torque, 2), round(motor.no_load_rate, 2)
+    (1.0, 2.15)
     """
 
     supply: Scalar = quantity(7.2, "V", "assumed: a six-cell battery", 0.1, 1e3, "V")

@@ -39,6 +39,12 @@ class Trace(Mapping[str, np.ndarray]):
     ------
     DataError
         No `t_s`, a time that is not finite or not increasing, or channels of different lengths.
+
+    Examples
+    --------
+    >>> trace = Trace({"t_s": [0.0, 1.0], "body_x": [0.0, 0.5], "body_y": [0.0, 0.0]})
+    >>> trace.summary()["distance_m"], trace.unit("body_x")
+    (0.5, 'm')
     """
 
     channels: dict[str, np.ndarray]

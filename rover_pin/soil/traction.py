@@ -53,6 +53,15 @@ def wheel_forces(
 
     Source: Eqs (2)-(7); the torque is the moment of tau about the axle, which the paper uses without printing.
     Differs from the paper: braking (S < 0) uses v / (r omega) = 1 / (1 + S) and a signed shear; see `stress`.
+
+    Examples
+    --------
+    >>> import math
+    >>> from rover_pin import SOILS, Wheel
+    >>> sand = SOILS["table-1"]
+    >>> forces = wheel_forces(0.2, sand.theta_1, sand.theta_2, Wheel(), sand)
+    >>> round(float(forces.f_n), 1)
+    9.5
     """
     law = shear_law(speed_ratio(S), wheel, soil)
     return forces(theta_1, theta_2, law, wheel, soil, entry_graded(nodes))
@@ -137,6 +146,12 @@ def load_traction_factor(
     Source: section 3.2, F(S) = f_t / f_n, which is `NetTraction`.
     Differs from the paper: nothing in that form, and there Table 1 gives F from -0.164 to +0.001 for n = 1, hardly any
     traction, where Fig 8 climbs 12 deg. `TorqueTraction`, how section 4 measured it, reaches 0.18.
+
+    Examples
+    --------
+    >>> from rover_pin import SOILS, Wheel, load_traction_factor
+    >>> round(load_traction_factor(0.2, SOILS["table-1"], Wheel()), 3)
+    -0.125
     """
     theta_1, theta_2 = angles.angles(sinkage(soil.theta_1, wheel), wheel, soil)
     return form.factor(wheel_forces(S, theta_1, theta_2, wheel, soil, nodes), wheel)
