@@ -76,6 +76,21 @@ def test_the_loop_itself_knows_no_rover(name):
     assert own <= {"rover_pin.errors", "rover_pin.quantity"}, f"{name} imports {sorted(own)}"
 
 
+LOOP = ("estimation", "measurements", "identification", "discrepancy", "experiments", "report", "loop")
+FOLDERS = [
+    path for name in LOOP for path in (PACKAGE / name, *(PACKAGE / name).glob("**/")) if path.name != "__pycache__"
+]
+MOST_FILES = 16
+
+
+@pytest.mark.parametrize("folder", sorted(set(FOLDERS)), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_room_is_seen_at_one_look(folder):
+    stems = [path.stem for path in folder.glob("*.py") if path.stem != "__init__"]
+    assert len(stems) <= MOST_FILES, f"{folder.name} has {len(stems)} files: give some a room of their own"
+    assert not [stem for stem in stems if stem.startswith(f"{folder.name}_")], "no file repeats the name of its room"
+    assert ast.get_docstring(FILES[folder / "__init__.py"]), f"{folder.name}/__init__.py says what is inside"
+
+
 def test_nothing_inside_imports_the_front_door():
     assert not [name for name, own in OWN.items() if "rover_pin" in own]
 
