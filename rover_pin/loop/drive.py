@@ -35,11 +35,11 @@ from rover_pin.motion.model import Model
 RIVALS = 2
 """Rivals of the best for which a separating run is proposed."""
 UNKNOWN = 90.0
-"""Strength of a carrier, after everything listed, from which something that is not on the list is said to act: on null
+"""Strength of a term, after everything listed, from which something that is not on the list is said to act: on null
 sets raked sand showed up to 68 (seed 902)."""
 MUCH = 0.1
-"""Share of the net gain of what was added from which such a carrier makes it doubtful: after false names it was 0.15 to
-0.3, after true ones no carrier came near UNKNOWN (seed 1303, once that had been scored)."""
+"""Share of the net gain of what was added from which such a term makes it doubtful: after false names it was 0.15 to
+0.3, after true ones no term came near UNKNOWN (seed 1303, once that had been scored)."""
 
 Progress = Callable[[str], None]
 
@@ -141,7 +141,7 @@ def explained(found: Search) -> float:
 
 
 def is_unknown(found: Search, left: Remainder) -> bool:
-    """Return whether a carrier takes, after everything listed, more than chance and no less than what was added.
+    """Return whether a term takes, after everything listed, more than chance and no less than what was added.
 
     Where sand that was prepared anew is what describes it best, nothing is missing: the model's sand is everywhere one.
     """

@@ -12,10 +12,10 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.estimation.wording import got_worse
 from rover_pin.experiments.drive_log.separating_drive import unseparated
 from rover_pin.experiments.drive_log.verdict import DriveVerdict
-from rover_pin.experiments.unlisted.term import Carrier
+from rover_pin.experiments.unlisted.term import Term
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.report.drive_cautions import cautions, claims
-from rover_pin.report.drive_figures import candidates_figure, carriers_figure, heldout_figure
+from rover_pin.report.drive_figures import candidates_figure, heldout_figure, terms_figure
 from rover_pin.report.drive_rows import (
     effect_rows,
     kinds_of,
@@ -32,8 +32,8 @@ from rover_pin.report.page import HEADLINES, rendered, write_page
 from rover_pin.report.profiles import profiles_figure
 
 TEMPLATE = "drive.html"
-CARRIERS, RIVALS = 3, 2
-"""Carriers whose curves are drawn, and rivals of which it is said that no run tells them apart."""
+TERMS, RIVALS = 3, 2
+"""Terms whose curves are drawn, and rivals of which it is said that no run tells them apart."""
 
 
 def write_drive_report(verdict: DriveVerdict, log: DriveLog, out: Path) -> list[Path]:
@@ -62,7 +62,7 @@ def figures(verdict: DriveVerdict) -> dict[str, Figure]:
     if verdict.scores:
         found["heldout"] = heldout_figure(verdict.scores, sides is not None and sides.added)
     if verdict.remainder is not None and not verdict.remainder.is_noise:
-        found["carriers"] = carriers_figure(verdict.remainder.carriers[:CARRIERS])
+        found["terms"] = terms_figure(verdict.remainder.terms[:TERMS])
     if verdict.profiles:
         ends = {one.name: (one.low, one.high) for one in verdict.after}
         found["profiles"] = profiles_figure(verdict.profiles, [ends[one.name] for one in verdict.profiles])
@@ -131,12 +131,12 @@ def _limits(verdict: DriveVerdict) -> dict[str, Any]:
 
 
 def _left(verdict: DriveVerdict) -> dict[str, Any]:
-    """Return what the model leaves: sentences, the best carriers, and channels with what they go with."""
+    """Return what the model leaves: sentences, the best terms, and channels with what they go with."""
     left = verdict.remainder
     if left is None:
-        return {"left": "", "left_channels": [], "signals": [], "carriers": []}
+        return {"left": "", "left_channels": [], "signals": [], "terms": []}
 
-    def row(one: Carrier) -> tuple[str, ...]:
+    def row(one: Term) -> tuple[str, ...]:
         held = "" if one.held_out is None else f"{one.held_out:+.1f}"
         return (f"it {one.said}", f"{one.gain:.1f}", f"{one.fee:.1f}", held, f"{one.strength:+.1f}")
 
@@ -144,5 +144,5 @@ def _left(verdict: DriveVerdict) -> dict[str, Any]:
         "left": left.said,
         "left_channels": left_rows(left),
         "signals": list(left.channels[0].correlations) if left.channels else [],
-        "carriers": [row(one) for one in left.carriers[:CARRIERS]],
+        "terms": [row(one) for one in left.terms[:TERMS]],
     }

@@ -1,4 +1,4 @@
-"""Pictures of a drive report beside those along time: candidates, held-out errors, and what carriers describe."""
+"""Pictures of a drive report beside those along time: candidates, held-out errors, and what terms describe."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rover_pin.discrepancy.screen import Scored
 from rover_pin.discrepancy.search import Round, Search, fee_after
 from rover_pin.estimation.wording import Outcome, in_words
 from rover_pin.experiments.unlisted.actions import GRIP, READING, VOLTAGE
-from rover_pin.experiments.unlisted.term import Carrier
+from rover_pin.experiments.unlisted.term import Term
 from rover_pin.report.drive_runs import as_text, words_of
 from rover_pin.report.page import AFTER, BEFORE, GREY
 
@@ -129,44 +129,44 @@ def _changes(axis: Axes, ranked: Sequence[ChannelScore]) -> None:
     axis.grid(alpha=0.25)
 
 
-def carriers_figure(carriers: Sequence[Carrier]) -> Figure:
-    """Return the estimated functions of the best carriers, with +-1 SD."""
-    figure = Figure(figsize=(4.3 * len(carriers) + 0.3, 3.6), layout="constrained")
-    axes = figure.subplots(1, len(carriers), squeeze=False)[0]
-    for axis, carrier in zip(axes, carriers, strict=True):
-        if carrier.argument.name == "run":
-            _by_run(axis, carrier)
+def terms_figure(terms: Sequence[Term]) -> Figure:
+    """Return the estimated functions of the best terms, with +-1 SD."""
+    figure = Figure(figsize=(4.3 * len(terms) + 0.3, 3.6), layout="constrained")
+    axes = figure.subplots(1, len(terms), squeeze=False)[0]
+    for axis, term in zip(axes, terms, strict=True):
+        if term.argument.name == "run":
+            _by_run(axis, term)
         else:
-            _curves(axis, carrier)
+            _curves(axis, term)
         axis.axhline(0, color="k", lw=0.7)
-        axis.set_ylabel(f"size [{_unit(carrier)}]")
-        axis.set_title(textwrap.fill(as_text(carrier.acts), 34), fontsize=10)
+        axis.set_ylabel(f"size [{_unit(term)}]")
+        axis.set_title(textwrap.fill(as_text(term.acts), 34), fontsize=10)
         axis.grid(alpha=0.25)
     return figure
 
 
-def _unit(carrier: Carrier) -> str:
+def _unit(term: Term) -> str:
     shares = {GRIP: "share of tan phi", VOLTAGE: "of full duty", READING: "-"}
-    return carrier.act.unit or shares.get(carrier.act.kind, "-")
+    return term.act.unit or shares.get(term.act.kind, "-")
 
 
-def _by_run(axis: Axes, carrier: Carrier) -> None:
-    curve, runs = carrier.curve, carrier.runs
+def _by_run(axis: Axes, term: Term) -> None:
+    curve, runs = term.curve, term.runs
     axis.errorbar(range(len(runs)), curve.value[:, 0], curve.sd[:, 0], fmt="o", color=AFTER, capsize=3)
     axis.set_xticks(range(len(runs)), [as_text(run) for run in runs], rotation=45, ha="right", fontsize=8)
 
 
-def _curves(axis: Axes, carrier: Carrier) -> None:
+def _curves(axis: Axes, term: Term) -> None:
     """Draw the function, or every run's own, where the data tell it; angles in degrees."""
-    curve, own = carrier.curve, carrier.argument.own
-    factor, unit = in_words(carrier.argument.unit) if carrier.argument.unit == "rad" else (1.0, carrier.argument.unit)
+    curve, own = term.curve, term.argument.own
+    factor, unit = in_words(term.argument.unit) if term.argument.unit == "rad" else (1.0, term.argument.unit)
     rows = np.atleast_2d(curve.value)
     for number, (value, sd) in enumerate(zip(rows, np.atleast_2d(curve.sd), strict=True)):
         shade = RUN_COLOURS[number % len(RUN_COLOURS)] if own else AFTER
         value = np.where(sd > 0, value, np.nan)
-        axis.plot(factor * curve.at, value, color=shade, lw=1.4, label=as_text(carrier.runs[number]) if own else None)
+        axis.plot(factor * curve.at, value, color=shade, lw=1.4, label=as_text(term.runs[number]) if own else None)
         axis.fill_between(factor * curve.at, value - sd, value + sd, color=shade, alpha=0.2, lw=0)
     if own and len(rows) <= len(RUN_COLOURS):
         axis.legend(fontsize=7, frameon=False)
-    name = "all the time" if carrier.argument.name == "nothing" else carrier.argument.name
+    name = "all the time" if term.argument.name == "nothing" else term.argument.name
     axis.set_xlabel(f"{name} [{unit or '-'}]" if name != "all the time" else name)

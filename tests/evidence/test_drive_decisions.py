@@ -572,11 +572,11 @@ def three(random):
     return found
 
 
-def carrier(strength, is_raking=False):
+def term(strength, is_raking=False):
     return SimpleNamespace(best=SimpleNamespace(strength=strength, said="acts as a force", is_raking=is_raking))
 
 
-QUIET = carrier(5.0)
+QUIET = term(5.0)
 
 
 def test_a_hidden_effect_is_found_and_named():
@@ -662,9 +662,9 @@ ONE, RIVAL = made_refit("A", 100.0), made_refit("B", 99.0)
     ],
 )
 def test_the_answer(found, strength, answer):
-    assert answer_of(found, carrier(strength)) is answer
-    assert is_unknown(found, carrier(strength)) == (answer is Answer.NONE_FITS)
-    assert answer_of(found, carrier(strength, is_raking=True)) is not Answer.NONE_FITS
+    assert answer_of(found, term(strength)) is answer
+    assert is_unknown(found, term(strength)) == (answer is Answer.NONE_FITS)
+    assert answer_of(found, term(strength, is_raking=True)) is not Answer.NONE_FITS
 
 
 @pytest.mark.parametrize(
@@ -704,7 +704,7 @@ def test_what_was_found_is_in_the_verdicts_model(log):
 
 def test_what_is_doubtful_is_not_in_the_verdicts_model(log):
     found = searched({"ExitAngle.e_1": 0.5}, three)
-    verdict = verdict_on(log, found, carrier(1e6), 0, SILENT)
+    verdict = verdict_on(log, found, term(1e6), 0, SILENT)
     assert verdict.answer is Answer.NONE_FITS
     assert verdict.named == ()
     assert verdict.alike == ("ExitAngle",)

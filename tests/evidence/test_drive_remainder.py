@@ -24,7 +24,7 @@ from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, T
 from rover_pin.experiments.unlisted.draft import draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
 from rover_pin.experiments.unlisted.remainder import Remainder, describe, draft_effect, replicates
-from rover_pin.experiments.unlisted.term import Carrier
+from rover_pin.experiments.unlisted.term import Term
 from rover_pin.motion.drive_log import About
 from rover_pin.motion.effect_files import user_effects
 from rover_pin.motion.model import Model, base_effects
@@ -59,9 +59,9 @@ class Eccentric(MotorEffect):
 '''
 
 
-def carrier(kind, where, argument, size, unit="N m"):
+def term(kind, where, argument, size, unit="N m"):
     size = np.array(size, dtype=float)
-    return Carrier(
+    return Term(
         Act(kind, where, unit, ()), argument, ("one", "two"), size, np.eye(len(size)) * 1e-6, 99.0, 2, 20.0, 80.0
     )
 
@@ -107,7 +107,7 @@ def test_front_wheels_are_ahead_of_the_rear_ones():
 
 
 def test_a_motor_draft_gives_the_curve_at_its_wheel_alone(tmp_path):
-    one = carrier(TORQUE, "mr", argument("duty", Polynomial(0.6, 0.2, 2)), [0.01, -0.02, 0.03])
+    one = term(TORQUE, "mr", argument("duty", Polynomial(0.6, 0.2, 2)), [0.01, -0.02, 0.03])
     effect, curve = made(one, tmp_path), one.curve
     got = [float(effect.torque(drive(delta), 0.3, ())) for delta in curve.at]
     assert np.allclose(got, curve.value, atol=1e-6)
@@ -115,7 +115,7 @@ def test_a_motor_draft_gives_the_curve_at_its_wheel_alone(tmp_path):
 
 
 def test_a_draft_of_the_wheel_angle_integrates_the_rate(tmp_path):
-    one = carrier(TORQUE, "mr", argument("wheel angle since the start", Wave(2 * math.pi), "rad"), [0.03, 0.01])
+    one = term(TORQUE, "mr", argument("wheel angle since the start", Wave(2 * math.pi), "rad"), [0.03, 0.01])
     effect, curve = made(one, tmp_path), one.curve
     assert [state.name for state in effect.states] == ["angle"]
     assert effect.rate(drive(omega=1.3), 0.0, (0.0,)) == (1.3,)
@@ -126,14 +126,14 @@ def test_a_draft_of_the_wheel_angle_integrates_the_rate(tmp_path):
 
 
 def test_a_draft_of_the_duty_adds_to_the_duty(tmp_path):
-    one = carrier(VOLTAGE, "", argument("time", Polynomial(10.0, 10.0, 1), "s"), [0.01, 0.01], "")
+    one = term(VOLTAGE, "", argument("time", Polynomial(10.0, 10.0, 1), "s"), [0.01, 0.01], "")
     effect = made(one, tmp_path)
     assert float(effect.amend(drive(0.5), (20.0,)).delta) == pytest.approx(0.52)
     assert effect.rate(drive(), 0.0, (0.0,)) == (1.0,)
 
 
 def test_a_force_draft_pushes_against_the_motion_where_the_curve_says(tmp_path):
-    one = carrier(FORCE, "", argument("local place", Hats((0.0, 0.1, 0.2)), "m"), [0.0, 0.8, 0.0], "N")
+    one = term(FORCE, "", argument("local place", Hats((0.0, 0.1, 0.2)), "m"), [0.0, 0.8, 0.0], "N")
     effect = made(one, tmp_path)
     assert float(effect.push(body(0.1)).f_x) == pytest.approx(-0.8, rel=0.01)
     assert float(effect.push(body(0.1, -0.05)).f_x) == pytest.approx(0.8, rel=0.01)
@@ -146,15 +146,15 @@ def test_a_force_draft_pushes_against_the_motion_where_the_curve_says(tmp_path):
 
 
 def test_a_force_of_time_and_a_torque_of_slip_act_at_the_contacts(tmp_path):
-    moment = carrier(FORCE, "", argument("moment", Hats((0.0, 1.0, 2.0)), "s", own=True), [0, 6.0, 0, 0, 6.0, 0], "N")
+    moment = term(FORCE, "", argument("moment", Hats((0.0, 1.0, 2.0)), "s", own=True), [0, 6.0, 0, 0, 6.0, 0], "N")
     effect = made(moment, tmp_path)
     assert float(effect.load(contact(), None, (1.0,)).f_t) == pytest.approx(-1.0, rel=0.01)
-    slip = made(carrier(TORQUE, "", argument("slip", Polynomial(0.2, 0.2, 1)), [0.05, 0.05]), tmp_path)
+    slip = made(term(TORQUE, "", argument("slip", Polynomial(0.2, 0.2, 1)), [0.05, 0.05]), tmp_path)
     assert float(slip.load(contact(0.4), None, ()).torque) == pytest.approx(-0.1)
 
 
 def test_a_grip_draft_changes_the_soil_by_its_share(tmp_path):
-    one = carrier(GRIP, "", argument("periodic place", Wave(0.4), "m"), [0.12, 0.0], "")
+    one = term(GRIP, "", argument("periodic place", Wave(0.4), "m"), [0.12, 0.0], "")
     changed = made(one, tmp_path).amend(contact(x=0.1), ()).soil
     assert math.tan(float(changed.phi)) == pytest.approx(1.12 * math.tan(Soil().phi))
     assert "wavelength 0.40 m" in one.said
@@ -162,21 +162,21 @@ def test_a_grip_draft_changes_the_soil_by_its_share(tmp_path):
 
 
 def test_a_reading_draft_is_a_sensor(tmp_path):
-    one = carrier(READING, "current_fl_A", argument("its own value", Polynomial(0.0, 1.0, 1), "A"), [0.01, 0.05], "A")
+    one = term(READING, "current_fl_A", argument("its own value", Polynomial(0.0, 1.0, 1), "A"), [0.01, 0.05], "A")
     t, current = np.linspace(0, 1, 5), np.linspace(0.1, 0.3, 5)
     read = made(one, tmp_path).read(t, {"current_fl_A": current})["current_fl_A"]
     assert np.allclose(read, 1.05 * current + 0.01)
 
 
 def test_what_no_effect_sees_is_refused():
-    one = carrier(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
+    one = term(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
     with pytest.raises(ParameterError, match="depends on 'pitch' cannot be drafted: no kind of effect"):
         draft(one, "x", WHEELS)
 
 
-def test_a_remainder_drafts_the_best_carrier_that_an_effect_can_imitate():
-    blind = carrier(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
-    able = carrier(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [0.4], "N")
+def test_a_remainder_drafts_the_best_term_that_an_effect_can_imitate():
+    blind = term(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
+    able = term(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [0.4], "N")
     remainder = Remainder((blind, able), (), ("one", "two"), WHEELS)
     assert "a torque on wheel fl that depends on the pitch" in remainder.said
     assert "+0.4 +- 0.001 N all the time" in remainder.said

@@ -36,7 +36,7 @@ from rover_pin.experiments.drive_log.verdict import DriveVerdict
 from rover_pin.experiments.unlisted.actions import FORCE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
 from rover_pin.experiments.unlisted.remainder import ChannelRemainder, Remainder
-from rover_pin.experiments.unlisted.term import Carrier
+from rover_pin.experiments.unlisted.term import Term
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.drive_log import About, DriveLog
 from rover_pin.motion.model import Model, base_effects
@@ -123,9 +123,9 @@ def looked(before, after):
     return Search(before, (Round(rows, (found, chance)), Round(rows[1:], (chance,))), ())
 
 
-def carrier(argument, size, gain=200.0):
+def term(argument, size, gain=200.0):
     size = np.array(size)
-    return Carrier(
+    return Term(
         Act(FORCE, "", "N", ()), argument, ("run_1", "run_2"), size, 0.01 * np.eye(len(size)), gain, 3, 12.0,
         None if argument.own else 150.0,
     )  # fmt: skip
@@ -137,8 +137,8 @@ def left(gain=200.0):
     moment = Argument("moment", "s", lambda scene, run, part: 0, Hats((0.0, 2.5, 5.0)), own=True)
     run = Argument("run", "", lambda scene, run, part: 0, Polynomial(0.0, 1.0, 0), own=True)
     channel = ChannelRemainder("path", 2.0, 0.1, 1.0, {"duty": 0.4, "slip": -0.1}, "run_1", 2.0, 0.3)
-    carriers = (carrier(place, [1.0, 0.2, 0.1], gain), carrier(moment, range(6), gain), carrier(run, [1.0, 2.0], gain))
-    return Remainder(carriers, (channel, channel._replace(name="drift", rms=1.0)), ("run_1", "run_2"), ("fl", "fr"))
+    terms = (term(place, [1.0, 0.2, 0.1], gain), term(moment, range(6), gain), term(run, [1.0, 2.0], gain))
+    return Remainder(terms, (channel, channel._replace(name="drift", rms=1.0)), ("run_1", "run_2"), ("fl", "fr"))
 
 
 @pytest.fixture(scope="module")
@@ -241,14 +241,14 @@ def test_a_page_of_poor_data_has_nothing_but_the_check(made, verdict):
 
 def test_without_a_remainder_nothing_is_said_of_it(made, verdict):
     one = dataclasses.replace(verdict, remainder=None)
-    assert "carriers" not in figures(one)
+    assert "terms" not in figures(one)
     assert "What is left" not in headings(html(one, made[0], {}))
 
 
 def test_a_remainder_that_is_noise_has_no_curves(made, verdict):
     one = dataclasses.replace(verdict, remainder=left(gain=13.0))
-    assert "carriers" not in figures(one)
-    assert "Nothing is left that any carrier describes" in html(one, made[0], {})
+    assert "terms" not in figures(one)
+    assert "Nothing is left that any term describes" in html(one, made[0], {})
 
 
 def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):

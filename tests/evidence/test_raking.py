@@ -5,27 +5,27 @@ import pytest
 
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
-from rover_pin.experiments.unlisted.term import Carrier
+from rover_pin.experiments.unlisted.term import Term
 
 RUNS = ("one", "two", "three")
 EVEN = Argument("run", "", None, Polynomial(0.0, 1.0, 0), own=True)
 ALONG = Argument("moment", "s", None, Hats((0.0, 1.0, 2.0)), own=True)
 
 
-def carrier(size, kind=GRIP, argument=EVEN):
+def term(size, kind=GRIP, argument=EVEN):
     size = np.array(size, dtype=float)
-    return Carrier(Act(kind, "", "", ()), argument, RUNS, size, 1e-8 * np.eye(len(size)), 500.0, len(size), 20.0, None)
+    return Term(Act(kind, "", "", ()), argument, RUNS, size, 1e-8 * np.eye(len(size)), 500.0, len(size), 20.0, None)
 
 
 @pytest.mark.parametrize(
     ("one", "raking"),
     [
-        (carrier([0.01, -0.02, 0.015]), True),
-        (carrier([0.01, -0.08, 0.015]), False),
-        (carrier([0.01, -0.02, 0.015], FORCE), False),
-        (carrier([0.02], argument=EVEN._replace(own=False)), False),
-        (carrier([0.04, -0.02, 0.01] * 3, argument=ALONG), True),
-        (carrier([0.09, -0.05, 0.01] * 3, argument=ALONG), False),
+        (term([0.01, -0.02, 0.015]), True),
+        (term([0.01, -0.08, 0.015]), False),
+        (term([0.01, -0.02, 0.015], FORCE), False),
+        (term([0.02], argument=EVEN._replace(own=False)), False),
+        (term([0.04, -0.02, 0.01] * 3, argument=ALONG), True),
+        (term([0.09, -0.05, 0.01] * 3, argument=ALONG), False),
     ],
 )
 def test_small_changes_of_grip_that_each_run_has_of_its_own_are_raked_sand(one, raking):

@@ -1,4 +1,4 @@
-"""A draft of the effect that a carrier describes: a Python file for `--effects`, to be tried, refitted, edited."""
+"""A draft of the effect that a term describes: a Python file for `--effects`, to be tried, refitted, edited."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from rover_pin.errors import ParameterError
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE
 from rover_pin.experiments.unlisted.regressors import Hats, Polynomial, Wave
-from rover_pin.experiments.unlisted.term import Carrier, sine
+from rover_pin.experiments.unlisted.term import Term, sine
 
 CLOCK, TURNED = ("time", "1.0", False), ("angle", "drive.omega", True)
 SINCE = {"time": "x[0]", "moment": "x[0]"}
@@ -40,7 +40,7 @@ SEEN = {
     }
     | dict.fromkeys(ANGLES, "np.cumsum({own}) * (t[1] - t[0])"),
 }
-"""What each kind of effect sees of the arguments of carriers."""
+"""What each kind of effect sees of the arguments of terms."""
 
 HEAD = '''"""Draft of an effect from what a fitted model left; look at it before you use it.
 
@@ -125,8 +125,8 @@ class _Kind(NamedTuple):
     argument: str
 
 
-def draft(one: Carrier, name: str, wheels: Sequence[str]) -> str:
-    """Return the text of an effect file with the effect `name` that a carrier describes; `wheels` are their names.
+def draft(one: Term, name: str, wheels: Sequence[str]) -> str:
+    """Return the text of an effect file with the effect `name` that a term describes; `wheels` are their names.
 
     Its `size` is 1 as estimated and 0 without. Where every run has its own numbers, those of the first run (the phase)
     or the mean of all runs stand.
@@ -134,13 +134,13 @@ def draft(one: Carrier, name: str, wheels: Sequence[str]) -> str:
     Raises
     ------
     ParameterError
-        The carrier is a function of something that no such effect sees; it has to be written by hand.
+        The term is a function of something that no such effect sees; it has to be written by hand.
     """
     kind, name = _kind(one, wheels), class_name(name)
     if kind is None:
         raise ParameterError(
             f"{one.acts} that depends on '{one.argument.name}' cannot be drafted: "
-            "no kind of effect that acts so sees it; write one by hand from the carrier's curve."
+            "no kind of effect that acts so sees it; write one by hand from the term's curve."
         )
     argument = one.argument.name
     state = TURNED if argument in ANGLES else CLOCK if argument in SINCE else None
@@ -155,8 +155,8 @@ def draft(one: Carrier, name: str, wheels: Sequence[str]) -> str:
     return text + kind.body.replace("{value}", value) + rate
 
 
-def can_draft(one: Carrier, wheels: Sequence[str]) -> bool:
-    """Return whether some kind of effect acts as the carrier does and sees what it depends on."""
+def can_draft(one: Term, wheels: Sequence[str]) -> bool:
+    """Return whether some kind of effect acts as the term does and sees what it depends on."""
     return _kind(one, wheels) is not None
 
 
@@ -166,8 +166,8 @@ def class_name(name: str) -> str:
     return words if words[:1].isalpha() else f"Remainder{words}"
 
 
-def _kind(one: Carrier, wheels: Sequence[str]) -> _Kind | None:
-    """Return which effect can act and see as the carrier does, and the method that does it; None if there is none."""
+def _kind(one: Term, wheels: Sequence[str]) -> _Kind | None:
+    """Return which effect can act and see as the term does, and the method that does it; None if there is none."""
     acts, argument, where = one.act.kind, one.argument.name, one.act.where
     if acts in (TORQUE, VOLTAGE) and argument in SEEN["motor"]:
         number = tuple(wheels).index(where) if where else 0
@@ -213,7 +213,7 @@ def _kind(one: Carrier, wheels: Sequence[str]) -> _Kind | None:
     return None
 
 
-def _value(one: Carrier, z: str) -> str:
+def _value(one: Term, z: str) -> str:
     """Return the estimated function of the expression z, as Python text."""
     arrays = "np" if one.act.kind == READING else "ca"
     basis, size = one.argument.basis, one.size

@@ -15,13 +15,13 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import blocks, filled
 from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.draft import can_draft, draft
-from rover_pin.experiments.unlisted.term import Carrier
-from rover_pin.experiments.unlisted.terms import carriers
+from rover_pin.experiments.unlisted.term import Term
+from rover_pin.experiments.unlisted.terms import terms
 
 NOISE_LIKE = 1.3
 """RMS in SDs of its noise below which a channel's residual is called noise."""
 UNLISTED = 20.0
-"""Net gain of a carrier from which the residual is not noise: complete models of five sets showed 6 at most."""
+"""Net gain of a term from which the residual is not noise: complete models of five sets showed 6 at most."""
 ALIKE = 0.999
 """Correlation of the duties from which two runs count as replicates."""
 SAME_PLACE, SAME_HEADING = 0.02, 0.05
@@ -66,33 +66,33 @@ class ChannelRemainder(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """What a fitted model leaves; `carriers` are sorted, the one that describes it best first."""
+    """What a fitted model leaves; `terms` are sorted, the one that describes it best first."""
 
-    carriers: tuple[Carrier, ...] = field(repr=False)
+    terms: tuple[Term, ...] = field(repr=False)
     channels: tuple[ChannelRemainder, ...]
     runs: tuple[str, ...]
     wheels: tuple[str, ...]
 
     @property
-    def best(self) -> Carrier:
-        """The carrier that describes it best."""
-        return self.carriers[0]
+    def best(self) -> Term:
+        """The term that describes it best."""
+        return self.terms[0]
 
     @property
-    def second(self) -> Carrier:
-        """The best carrier that acts otherwise or depends on something else: what it may be instead."""
-        return self.carriers[1]
+    def second(self) -> Term:
+        """The best term that acts otherwise or depends on something else: what it may be instead."""
+        return self.terms[1]
 
     @property
     def is_noise(self) -> bool:
-        """Whether no carrier takes more than those of a complete model do."""
+        """Whether no term takes more than those of a complete model do."""
         return self.best.strength < UNLISTED
 
     @property
     def said(self) -> str:
         """What is left, in a few sentences."""
         if self.is_noise:
-            return f"Nothing is left that any carrier describes (net gain {self.best.strength:.0f})."
+            return f"Nothing is left that any term describes (net gain {self.best.strength:.0f})."
         raked = ", no more than sand that is prepared anew" if self.best.is_raking else ""
         return (
             f"What is left {self.best.said}{raked} (net gain {self.best.strength:.0f}). The next best: "
@@ -101,27 +101,27 @@ class Remainder:
 
 
 def describe(fit: Fit, progress: Callable[[str], None] = lambda line: None) -> Remainder:
-    """Return what a fitted model leaves, by channel and as carriers.
+    """Return what a fitted model leaves, by channel and as terms.
 
     A few nudged replays show how a unit of torque, force and grip moves the features; each times a function of measured
-    signals is a carrier, and the one that takes most chi2 beyond its number of columns describes the remainder.
+    signals is a term, and the one that takes most chi2 beyond its number of columns describes the remainder.
     """
     scene = Scene(fit)
     progress("Nudging the replays")
-    ranked = carriers(scene)
+    ranked = terms(scene)
     runs = tuple(run.name for run in scene.experiment.runs)
     return Remainder(ranked, channel_remainders(scene), runs, scene.wheels)
 
 
 def draft_effect(remainder: Remainder, name: str) -> str:
-    """Return the text of an effect file with the effect `name`: the best carrier that an effect can imitate.
+    """Return the text of an effect file with the effect `name`: the best term that an effect can imitate.
 
     Raises
     ------
     ParameterError
-        No carrier can be drafted.
+        No term can be drafted.
     """
-    able = (one for one in remainder.carriers if can_draft(one, remainder.wheels))
+    able = (one for one in remainder.terms if can_draft(one, remainder.wheels))
     return draft(next(able, remainder.best), name, remainder.wheels)
 
 

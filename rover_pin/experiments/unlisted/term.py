@@ -1,4 +1,4 @@
-"""A carrier: what acts times what it depends on, fitted; its gain, its curve, and one sentence about it."""
+"""A term: what acts times what it depends on, fitted; its gain, its curve, and one sentence about it."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Curve(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Carrier:
-    """One carrier fitted to the rows: `size` are the numbers of its columns, by run where each has its own."""
+class Term:
+    """One term fitted to the rows: `size` are the numbers of its columns, by run where each has its own."""
 
     act: Act = field(repr=False)
     argument: Argument = field(repr=False)
@@ -40,7 +40,7 @@ class Carrier:
     columns: int
     "how many directions the data tell"
     fee: float
-    "what chance gives the best of all carriers with so many columns"
+    "what chance gives the best of all terms with so many columns"
     held_out: float | None
     "fall of chi2 of runs on which its numbers were not fitted; None where every run has its own"
 
@@ -87,21 +87,21 @@ class Carrier:
         return said(self, self.runs)
 
 
-def said(carrier: Carrier, runs: tuple[str, ...]) -> str:
-    """Return what a carrier acts as, what it depends on, its size and where; `runs` are the runs' names."""
-    name, basis = carrier.argument.name, carrier.argument.basis
-    curve = carrier.curve
-    head = f"acts as {carrier.acts}"
+def said(term: Term, runs: tuple[str, ...]) -> str:
+    """Return what a term acts as, what it depends on, its size and where; `runs` are the runs' names."""
+    name, basis = term.argument.name, term.argument.basis
+    curve = term.curve
+    head = f"acts as {term.acts}"
     if name == "nothing":
-        return f"{head}: {_size(carrier, curve.value[0], curve.sd[0])} all the time"
+        return f"{head}: {_size(term, curve.value[0], curve.sd[0])} all the time"
     if name == "run":
-        return f"{head} that differs from run to run: {_by_run(carrier, curve, runs)}"
+        return f"{head} that differs from run to run: {_by_run(term, curve, runs)}"
     if isinstance(basis, Wave):
-        return f"{head} {_wave(carrier, basis, curve)}"
+        return f"{head} {_wave(term, basis, curve)}"
     if isinstance(basis, Hats):
-        return f"{head} {_places(carrier, curve, runs)}"
+        return f"{head} {_places(term, curve, runs)}"
     assert isinstance(basis, Polynomial)
-    return f"{head} that depends on {_of(name)}: {_ends(carrier, curve)}"
+    return f"{head} that depends on {_of(name)}: {_ends(term, curve)}"
 
 
 def _of(name: str) -> str:
@@ -118,36 +118,36 @@ def _of(name: str) -> str:
     }.get(name, name)
 
 
-def _size(carrier: Carrier, value: float, sd: float | None = None) -> str:
+def _size(term: Term, value: float, sd: float | None = None) -> str:
     """Return a value with its unit; shares in percent."""
-    unit, scale = carrier.act.unit, 1.0
+    unit, scale = term.act.unit, 1.0
     if not unit:
         unit, scale = (
-            ("%" if carrier.act.kind != VOLTAGE else "of full duty"),
-            (100.0 if carrier.act.kind != VOLTAGE else 1.0),
+            ("%" if term.act.kind != VOLTAGE else "of full duty"),
+            (100.0 if term.act.kind != VOLTAGE else 1.0),
         )
     about = "" if sd is None else spread(scale * sd)
     return f"{scale * value:+.3g}{about} {unit}"
 
 
-def _by_run(carrier: Carrier, curve: Curve, runs: tuple[str, ...]) -> str:
-    return ", ".join(f"{_size(carrier, row[0])} in {run}" for run, row in zip(runs, curve.value, strict=True))
+def _by_run(term: Term, curve: Curve, runs: tuple[str, ...]) -> str:
+    return ", ".join(f"{_size(term, row[0])} in {run}" for run, row in zip(runs, curve.value, strict=True))
 
 
-def sine(carrier: Carrier) -> tuple[np.ndarray, np.ndarray]:
+def sine(term: Term) -> tuple[np.ndarray, np.ndarray]:
     """Return amplitudes and phases [rad] of a wave, one for each run or one for all: A sin(2 pi x / L + phase)."""
-    pairs = carrier.size.reshape(-1, 2)
+    pairs = term.size.reshape(-1, 2)
     return np.hypot(*pairs.T), np.arctan2(pairs[:, 1], pairs[:, 0])
 
 
-def _wave(carrier: Carrier, basis: Wave, curve: Curve) -> str:
-    amplitude, phase = sine(carrier)
-    size = _size(carrier, float(np.mean(amplitude)), float(np.max(curve.sd))).lstrip("+")
-    if carrier.argument.name == "periodic place":
+def _wave(term: Term, basis: Wave, curve: Curve) -> str:
+    amplitude, phase = sine(term)
+    size = _size(term, float(np.mean(amplitude)), float(np.max(curve.sd))).lstrip("+")
+    if term.argument.name == "periodic place":
         return f"that varies with the place, wavelength {basis.length:.2f} m: amplitude {size}"
     twice = "twice " if basis.length < 2 * math.pi - 1e-9 else ""
     first = f"that depends on {twice}the angle of the wheel"
-    if carrier.argument.own:
+    if term.argument.own:
         return f"{first}: amplitude {size}, its phase differs from run to run"
     return f"{first} since the start of the run: amplitude {size}, phase {math.degrees(phase[0]):.0f} deg"
 
@@ -180,24 +180,24 @@ def stretches(curve: Curve, row: int | None) -> list[Stretch]:
     return sorted(found, key=lambda one: -abs(one.top / one.sd))
 
 
-def _places(carrier: Carrier, curve: Curve, runs: tuple[str, ...]) -> str:
-    letter, unit = ("x", "m") if carrier.argument.unit == "m" else ("t", "s")
-    rows: list[int | None] = list(range(len(curve.value))) if carrier.argument.own else [None]
+def _places(term: Term, curve: Curve, runs: tuple[str, ...]) -> str:
+    letter, unit = ("x", "m") if term.argument.unit == "m" else ("t", "s")
+    rows: list[int | None] = list(range(len(curve.value))) if term.argument.own else [None]
     found = [(row, one) for row in rows for one in stretches(curve, row)]
     found.sort(key=lambda pair: -abs(pair[1].top / pair[1].sd))
     kind = "the place along x" if letter == "x" else "the moment"
     listed = [
-        f"{_size(carrier, top, sd)} at {letter} = {low:.2f}..{high:.2f} {unit}"
+        f"{_size(term, top, sd)} at {letter} = {low:.2f}..{high:.2f} {unit}"
         + ("" if row is None else f" in {runs[row]}")
         for row, (low, high, top, sd) in found[:3]
     ]
     return f"that depends on {kind}: {'; '.join(listed) or 'nowhere clear of 0'}"
 
 
-def _ends(carrier: Carrier, curve: Curve) -> str:
-    unit = f" {carrier.argument.unit}" if carrier.argument.unit else ""
-    if carrier.act.kind == READING and carrier.argument.name == "its own value":
-        zero, gain = carrier.size
-        return f"{_size(carrier, zero)} and {100 * gain:+.2g} % of the reading"
+def _ends(term: Term, curve: Curve) -> str:
+    unit = f" {term.argument.unit}" if term.argument.unit else ""
+    if term.act.kind == READING and term.argument.name == "its own value":
+        zero, gain = term.size
+        return f"{_size(term, zero)} and {100 * gain:+.2g} % of the reading"
     at = [0, len(curve.at) // 2, len(curve.at) - 1]
-    return ", ".join(f"{_size(carrier, curve.value[i], curve.sd[i])} at {curve.at[i]:.3g}{unit}" for i in at)
+    return ", ".join(f"{_size(term, curve.value[i], curve.sd[i])} at {curve.at[i]:.3g}{unit}" for i in at)

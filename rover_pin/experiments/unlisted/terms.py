@@ -1,4 +1,4 @@
-"""Which unknown fits: carriers, what acts times what it depends on, ranked by the chi2 that they take."""
+"""Which unknown fits: terms, what acts times what it depends on, ranked by the chi2 that they take."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.experiments.unlisted.actions import Act, Scene, acts, moved_features
 from rover_pin.experiments.unlisted.regressors import Argument, arguments
-from rover_pin.experiments.unlisted.term import Carrier
+from rover_pin.experiments.unlisted.term import Term
 
 TOLD = 1e-3
 """Share of a direction's sum of squares that must be left after the uncertain numbers for it to be told."""
@@ -47,7 +47,7 @@ def rows_of(fit: Fit) -> Rows:
 
 
 def columns_of(scene: Scene, rows: Rows, act: Act, argument: Argument) -> np.ndarray:
-    """Return the whitened columns (n, k) of a carrier."""
+    """Return the whitened columns (n, k) of a term."""
     experiment = scene.experiment
     found = []
     for run, _ in enumerate(experiment.runs):
@@ -67,7 +67,7 @@ class _Solved(NamedTuple):
 
 
 def _solved(rows: Rows, columns: np.ndarray, weights: np.ndarray, use: np.ndarray) -> _Solved:
-    """Return the carrier's numbers with the fit's own moved along; `use` are the rows that count."""
+    """Return the term's numbers with the fit's own moved along; `use` are the rows that count."""
     w = np.where(use, weights, 0.0)
     slopes = rows.numbers
     scale = np.maximum(np.sqrt(w @ columns**2), 1e-12)
@@ -103,7 +103,7 @@ def _alone(rows: Rows) -> np.ndarray:
 
 
 def _reweighed(rows: Rows, columns: np.ndarray) -> tuple[_Solved, float]:
-    """Return the carrier weighed by what it leaves, and the fall of the robust chi2."""
+    """Return the term weighed by what it leaves, and the fall of the robust chi2."""
     everything = np.ones(len(rows.rows), dtype=bool)
     left, solved = rows.rows, None
     for _ in range(TURNS):
@@ -127,35 +127,35 @@ def held_out(rows: Rows, columns: np.ndarray) -> float:
     return total
 
 
-def carriers(scene: Scene, made: Sequence[Act] | None = None) -> tuple[Carrier, ...]:
-    """Return every carrier, those with the greatest net gain first."""
+def terms(scene: Scene, made: Sequence[Act] | None = None) -> tuple[Term, ...]:
+    """Return every term, those with the greatest net gain first."""
     rows = rows_of(scene.fit)
     pairs = [(act, argument) for act in made or acts(scene) for argument in arguments(scene, act)]
     everything, weights = np.ones(len(rows.rows), dtype=bool), huber_weights(rows.rows)
     found = []
     for act, argument in pairs:
         solved = _solved(rows, columns_of(scene, rows, act, argument), weights, everything)
-        found.append(_carrier(scene, (act, argument), solved, solved.gain, len(pairs)))
+        found.append(_term(scene, (act, argument), solved, solved.gain, len(pairs)))
     found.sort(key=lambda one: -one.net)
     again = [_again(scene, rows, one, len(pairs)) for one in found[:REWEIGHED]]
     return tuple(map(_light, (*sorted(again, key=lambda one: -one.strength), *found[REWEIGHED:])))
 
 
-def _light(one: Carrier) -> Carrier:
-    """Return the carrier without the nudges, which are large."""
+def _light(one: Term) -> Term:
+    """Return the term without the nudges, which are large."""
     return replace(one, act=one.act._replace(parts=()))
 
 
-def _carrier(
+def _term(
     scene: Scene, what: tuple[Act, Argument], solved: _Solved, gain: float, count: int, held: float | None = None
-) -> Carrier:
+) -> Term:
     fee = 2.0 * solved.columns + entry_fee(count)
     runs = tuple(run.name for run in scene.experiment.runs)
-    return Carrier(*what, runs, solved.size, solved.covariance, gain, solved.columns, fee, held)
+    return Term(*what, runs, solved.size, solved.covariance, gain, solved.columns, fee, held)
 
 
-def _again(scene: Scene, rows: Rows, one: Carrier, count: int) -> Carrier:
+def _again(scene: Scene, rows: Rows, one: Term, count: int) -> Term:
     columns = columns_of(scene, rows, one.act, one.argument)
     solved, gain = _reweighed(rows, columns)
     held = None if one.argument.own else held_out(rows, columns)
-    return _carrier(scene, (one.act, one.argument), solved, gain, count, held)
+    return _term(scene, (one.act, one.argument), solved, gain, count, held)
