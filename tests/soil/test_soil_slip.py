@@ -33,6 +33,7 @@ def test_special_speeds():
     assert slip_ratio(0.0, 0.1) == -1.0
     assert slip_ratio(-0.1, 0.1) == -2.0
     assert slip_ratio(1e-4, 0.0, eps=1e-3) == pytest.approx(0.1)
+    assert slip_ratio(0.003, 0.001) == pytest.approx(2.0 / 3.0)
     assert speed_ratio(1.0) == 0.0
     assert speed_ratio(-1.0) > 1e12
 

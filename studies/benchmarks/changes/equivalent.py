@@ -136,4 +136,24 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "rover_pin/soil/certified.py",
         "near, far = ca.fmin(near, 2 * theta_1), ca.fmax(far, 0.0): * -> /",
     ): CUT,
+    (
+        "rover_pin/soil/quadrature.py",
+        "CERTIFIED = 48: 48 -> 49",
+    ): "a node more than is needed",
+    (
+        "rover_pin/soil/certified.py",
+        "near, far = ca.fmin(near, 2 * theta_1), ca.fmax(far, 0.0): 0.0 -> 0.1",
+    ): CUT,
+    (
+        "rover_pin/soil/combined.py",
+        "size = ca.sqrt(x * x + y * y + LEAST_SHIFT**2): LEAST_SHIFT**2 -> (LEAST_SHIFT)",
+    ): SHIFT,
+    (
+        "rover_pin/soil/certified.py",
+        "slope = ca.fmax(ratio * ca.cos(theta_1 - near) - 1, 1e-9): 1 -> 2",
+    ): CUT,
+    (
+        "rover_pin/soil/limits.py",
+        "return _torque(load, 1.0, wheel, soil, sheared): 1.0 -> 1.1",
+    ): "soil that is sheared in full bears the same at any slip",
 }
