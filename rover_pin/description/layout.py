@@ -67,15 +67,19 @@ class Layout:
     @property
     def angles(self) -> dict[str, str]:
         """Channel -> joint of every suspension and steering angle."""
-        made = {}
+        return dict(self.channels)
+
+    @property
+    def channels(self) -> list[tuple[str, str]]:
+        """Channel and joint of every suspension and steering angle; no channel may be there twice."""
+        made = []
         for name, joints in self.suspension.items():
             ends = [""] if len(joints) == 1 else ["_l", "_r"]
-            made.update({name + end: joint for end, joint in zip(ends, joints, strict=True)})
+            made += [(name + end, joint) for end, joint in zip(ends, joints, strict=True)]
         for axle in self.axles:
-            for side, joint in zip("lr", axle.steering, strict=True):
-                if joint is not None:
-                    made[f"steer_{axle.name[0]}{side}"] = joint
-        return made | {joint: joint for joint in self.coupled}
+            sides = zip("lr", axle.steering, strict=True)
+            made += [(f"steer_{axle.name[0]}{side}", joint) for side, joint in sides if joint is not None]
+        return made + [(joint, joint) for joint in self.coupled]
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
@@ -130,7 +134,7 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
     named = {*forms.wheels, *forms.steering, *(joint for joints in suspension.values() for joint in joints)}
     urdf = _urdf(path, table["urdf"], trust)
     driven = as_driven(_urdf_text(urdf, where), urdf.name, forms)
-    return Layout(
+    layout = Layout(
         name=str(table["name"]),
         file=urdf.name,
         text=driven.text,
@@ -144,6 +148,13 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
         soil=read_soil(table, where),
         changes=driven.changes,
     )
+    channels = [channel for channel, _ in layout.channels]
+    if twice := [channel for channel in channels if channels.count(channel) > 1]:
+        raise UrdfError(
+            f"{where}: two angles would be called '{twice[0]}'; a pair of [suspension] is called by its name and _l or "
+            "_r, a joint of [coupled] by its own: rename the pair, or name the joint in [suspension]."
+        )
+    return layout
 
 
 def written(path: Path, trust: Trust = Trust()) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from rover_pin.description.as_driven import Forms
 from rover_pin.description.motor_sheet import MotorSheet
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.errors import ParameterError, UrdfError, closest
-from rover_pin.quantity import record_from
+from rover_pin.quantity import as_float, record_from
 
 
 def part_of(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
@@ -126,7 +126,8 @@ def _leader(entry: Any, where: str) -> tuple[str, float]:
         if key not in ("joint", "ratio"):
             raise UrdfError(f"{where} has no key '{key}': {closest(key, ('joint', 'ratio'))}")
     joint, ratio = given.get("joint"), given.get("ratio", 1.0)
-    if not isinstance(joint, str) or isinstance(ratio, bool) or not isinstance(ratio, (int, float)) or not ratio:
+    number = not isinstance(ratio, bool) and isinstance(ratio, (int, float))
+    if not isinstance(joint, str) or not number or not 1e-6 <= abs(as_float(ratio)) <= 1e6:
         raise UrdfError(f'{where} = {entry!r} must name whom it follows, as {{ joint = "rocker_l", ratio = -0.5 }}.')
     return joint, float(ratio)
 
@@ -141,7 +142,7 @@ def _rpy(value: Any, where: str) -> tuple[float, float, float]:
     numbers = value if isinstance(value, (list, tuple)) else ()
     if len(numbers) != 3 or any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in numbers):
         raise UrdfError(f"{where} = {value!r} must be roll, pitch and yaw in radians, as [3.14159, 0.0, 0.0].")
-    if not all(math.isfinite(each) for each in numbers):
-        raise UrdfError(f"{where} = {value!r} must be three finite angles.")
-    roll, pitch, yaw = (float(each) for each in numbers)
+    roll, pitch, yaw = (as_float(each) for each in numbers)
+    if not max(abs(roll), abs(pitch), abs(yaw)) <= 2.0 * math.pi:
+        raise UrdfError(f"{where} = {value!r} must be angles within a full turn, in radians, as [3.14159, 0.0, 0.0].")
     return roll, pitch, yaw

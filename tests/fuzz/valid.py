@@ -1,8 +1,10 @@
 """Valid inputs of every reader, small, and what is done with each before any fit or drive."""
 
+import importlib.util
 import io
 import math
 import shutil
+import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -16,9 +18,11 @@ from rover_pin import cli
 from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain_files import from_grid, from_polyline
 from rover_pin.body.urdf_check import check_urdf
+from rover_pin.bounded import text
 from rover_pin.control.gains_file import load_gains
 from rover_pin.control.tuning_study import read_tuning
 from rover_pin.description.layout import rover_folder
+from rover_pin.description.tree import read_tree
 from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.checks import log as drive_checks
 from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread
@@ -34,6 +38,9 @@ from rover_pin.motion.trace_files import write_parquet
 from rover_pin.scenarios import Scenario, scenario
 from rover_pin.sweep import read_study
 from rover_pin.sweep.case import check_names
+from rover_pin.toml_file import toml_text
+from rover_pin.vehicle.propose import propose
+from rover_pin.vehicle.road_check import road_check
 
 RIG = """
 kind = "wheel-rig"
@@ -224,6 +231,7 @@ def cases(scratch: Path) -> list[Case]:
         Case("drive log in parquet", other, _drive, ("run.parquet",), 0.5),
         *([Case("drive log of a bag", made, lambda at: read_drive_log(at))] if (made := _bag(scratch)) else []),
         Case("cart", cart, lambda at: _rover(at / "cart.toml"), share=2.0),
+        Case("own rover", _own_rover(), _own, share=1.5),
         Case("nexus6", nexus6, lambda at: _rover(at / "nexus6.toml"), share=0.5),
         Case("polyline", ground, lambda at: from_polyline(at / "ground.csv")),
         Case("grid in npz", {"grid.npz": _grid()}, lambda at: from_grid(at / "grid.npz")),
@@ -257,6 +265,40 @@ def _rover(path: Path) -> None:
     check_urdf(path)
     check_urdf(path.with_suffix(".urdf"))
     load_rover(path)
+
+
+def _own_rover() -> dict[str, bytes]:
+    """A rocker-bogie with an arm and a bar, and every table that a rover's TOML may have."""
+    spec = importlib.util.spec_from_file_location("rover_farm", Path(__file__).parents[1] / "description" / "farm.py")
+    made = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    farm = made.rocker_bogie().link("bar", "body", "revolute", "0 0 0.5", "0 0 1", mass=3.0)
+    farm.link("mast", "body", "revolute", "0.2 0 0.4", "0 0 1").link(
+        "rod", "mast_link", "prismatic", "0 0 0.1", "1 0 0"
+    )
+    table = {
+        **{
+            "name": "own",
+            "urdf": "own.urdf",
+            "base": "body",
+            "base_rpy": [0.0, 0.0, 0.0],
+            "tied_sides": True,
+            "cut": [],
+        },
+        **{**made.THREE_AXLES, **made.ROCKERS, "wheel": {"r": 0.15, "b": 0.1}},
+        "coupled": {"bar": {"joint": "rocker_l", "ratio": -0.5}},
+        "held": {"mast": {"value": 20, "unit": "deg"}, "rod": 0.1},
+        "springs": {"bogie": {"k_s": 30.0, "d": 2.0}},
+        "motor": {"stall_torque": 12.0, "no_load_speed": {"value": 20, "unit": "rpm"}, "gear": 1.0},
+        "soil": {"name": "hit-lss1", "k": 0.02},
+    }
+    return {"own.toml": toml_text(table).encode(), "own.urdf": farm.urdf.encode()}
+
+
+def _own(folder: Path) -> None:
+    _rover(folder / "own.toml")
+    road_check(load_rover(folder / "own.toml"))
+    propose(read_tree(text(folder / "own.urdf"), "own.urdf"), folder)
 
 
 def _sweep(folder: Path) -> None:
