@@ -92,6 +92,8 @@ BY_HAND = {
     "python studies/digging.py": "378 drives, ten minutes; `test_readme_tables` reads the table that it wrote",
     "python studies/beyond_the_paper.py": "a tuning on the full rover, four minutes; its table as well",
     "python studies/benchmarks/drive_speed.py": "times, which hang on the machine",
+    "python studies/benchmarks/ground_speed.py": "times",
+    "python studies/benchmarks/replay_speed.py": "times",
 }
 """Commands that take too long for a test, run by hand before a release; `test_studies_run` runs them with --quick."""
 
