@@ -139,6 +139,19 @@ class Film:
         )
         return np.asarray(self.tracks + out[:, None] * self.left)
 
+    def refuse_other(self, ghost: Film | None) -> None:
+        """Refuse a ghost of another rover, which could not be drawn with this one's shapes.
+
+        Raises
+        ------
+        DataError
+            Its links are others.
+        """
+        if ghost is not None and set(ghost.links) != set(self.links):
+            raise DataError(
+                f"Rover '{ghost.rover.name}' cannot be the ghost of '{self.rover.name}': compare drives of one rover."
+            )
+
     def frame_at(self, t: float) -> int:
         """Return the last frame that is not after a time [s]."""
         return int(np.clip(np.searchsorted(self.t, t + 1e-9, side="right") - 1, 0, self.t.size - 1))

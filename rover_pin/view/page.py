@@ -30,6 +30,7 @@ def write_page(file: Path, subject: Subject, other: Subject | None = None) -> Pa
     """
     film = Film.of(subject.trace, subject.rover, subject.terrain)
     ghost = None if other is None else Film.of(other.trace, other.rover, other.terrain)
+    film.refuse_other(ghost)
     with server() as viser:
         look_from(viser, film)
         recorder = viser.get_scene_serializer()
@@ -75,7 +76,8 @@ def _legend(subject: Subject, other: Subject | None, film: Film) -> str:
     said = [f"<b>{html.escape(subject.name)}</b>"]
     happened = subject.trace.attrs.get("happened") or subject.trace.attrs.get("stop")
     said += [html.escape(str(happened))] if happened else []
-    said += [f"ghost: {html.escape(other.name)}"] if other is not None else []
+    if other is not None:
+        said.append(html.escape(f"ghost, in blue: {other.name}, {other.trace.attrs.get('happened', '')}".rstrip(", ")))
     said += [_bar()] if film.slip is not None else ["slip was not recorded: wheels have their own colours"]
     said += ["green arrows: the soil's force on each wheel"] if film.forces is not None else []
     missing = [name for name in ("body_z", "body_pitch", "body_roll") if name not in subject.trace]

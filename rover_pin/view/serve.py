@@ -15,6 +15,7 @@ def serve(subject: Subject, other: Subject | None, port: int, seconds: float = f
     """Serve a drive, and another one as its ghost, at a port of this machine, until interrupted or for `seconds`."""
     film = Film.of(subject.trace, subject.rover, subject.terrain)
     ghost = None if other is None else Film.of(other.trace, other.rover, other.terrain)
+    film.refuse_other(ghost)
     with server(port=port) as viser:
         look_from(viser, film)
         stage = Stage(viser.scene, film, shapes_of(subject.rover, subject.meshes), ghost)

@@ -37,7 +37,7 @@ def test_a_log_is_seen_with_another_as_its_ghost(run):
     run("drive", "flat", *WORDS)
     run("drive", "flat", *WORDS, "--control", "true", "--out", "other")
     assert run("view", "out/drive/log", "--compare", "other/log")[0] == 0
-    assert "ghost: flat" in Path("out/view/view.html").read_text()
+    assert "ghost, in blue: flat, drives on at" in Path("out/view/view.html").read_text()
 
 
 def test_a_saved_trace_finds_its_ground_by_its_scenario(tmp_path):
@@ -66,6 +66,14 @@ def test_what_cannot_be_seen_is_refused_in_one_sentence(run, words, sentence):
     code, _, err = run(*words)
     assert code == 2
     assert sentence in err
+
+
+def test_a_ghost_of_another_rover_is_refused(run):
+    for name, folder in (("cart", "one"), ("nexus6", "other")):
+        made = scenario("flat", duration=0.2, rover=name)
+        made.write_log(made.drive(), folder)
+    sentence = "Rover 'nexus6' cannot be the ghost of 'cart': compare drives of one rover."
+    assert sentence in run("view", "one", "--compare", "other")[2]
 
 
 def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
