@@ -100,8 +100,8 @@ class Case:
 
     @property
     def told(self) -> bool:
-        """Whether anything was named."""
-        return self.answer in (Answer.NAMED, Answer.SET)
+        """Whether anything was named, alone, in a set or as what it is like."""
+        return self.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
 
     @property
     def outcome(self) -> Outcome:
