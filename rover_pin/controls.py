@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.gains_file import load_gains
-from rover_pin.control.onboard_slip import OnboardSlip
+from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Turn
@@ -40,7 +40,7 @@ def _estimate(kind: str, model: Model) -> SlipEstimate:
     if kind == "true":
         return TrueSlip()
     if kind == "onboard":
-        return OnboardSlip.of(model)
+        return SureSlip(OnboardSlip.of(model))
     return TableEstimate(flat_table(model), float(model.rover.wheel.r))
 
 

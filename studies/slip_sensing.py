@@ -33,7 +33,7 @@ import pandas as pd
 
 from rover_pin import plot
 from rover_pin.control.evaluations import Evaluations
-from rover_pin.control.onboard_slip import OnboardSlip
+from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.torque_limit import TorqueLimit
@@ -251,6 +251,7 @@ def driven(case: Case, name: str, seed: int) -> list[float]:
         estimate = estimate_of(name, scene.model)
     except ParameterError:
         return [math.nan] * 4
+    estimate = SureSlip(estimate) if isinstance(estimate, OnboardSlip) else estimate
     law = SlipControl(Gains(S_d=S_D), estimate, TorqueLimit.saturation(scene.model))
     return outcome(case, run(scene, law, seed))
 

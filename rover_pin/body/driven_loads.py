@@ -68,10 +68,15 @@ def wheel_mounts(rover: Rover, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def turning(rotations: Sequence[np.ndarray], axles: np.ndarray) -> np.ndarray:
     """Return by how far the mounts have turned about their wheels' axles since the first row [rad] (T, n).
 
-    A tachometer measures the wheel against its mount; over the ground it turns with the mount besides.
+    A tachometer measures the wheel against its mount; over the ground it turns with the mount besides. The logarithm
+    of a rotation by less than a half turn: its angle over its sine, times half of what is not symmetric of it.
     """
-    first = rotations[0]
-    return np.array([[axles[i] @ pin.log3(R @ first[i].T) for i, R in enumerate(row)] for row in rotations])
+    turned = np.asarray(rotations) @ np.swapaxes(rotations[0], -1, -2)
+    sines = 0.5 * np.stack([turned[..., i, j] - turned[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=-1)
+    sine = np.linalg.norm(sines, axis=-1)
+    angle = np.arctan2(sine, 0.5 * (np.trace(turned, axis1=-2, axis2=-1) - 1.0))
+    share = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 1e-9)
+    return np.asarray(share * np.sum(axles * sines, axis=-1))
 
 
 def footing(rover: Rover, q: np.ndarray) -> tuple[Footing, np.ndarray]:
@@ -128,13 +133,15 @@ def loads_on(rover: Rover, q: np.ndarray, torque: np.ndarray, foot: Footing, jac
     pull = (torque / r)[:, None] * foot.forward
     known = np.einsum("nij,ni->j", jacobians, np.hstack([pull, -torque[:, None] * foot.left]))
     hold = rover.mass * rover.gravity * rover.up - pull.sum(axis=0)
+    # The side force acts at the rim: (-r n) x (-eta y) = -r eta t.
+    pushes = ((foot.normal, 0.0 * foot.normal), (-foot.forward, 0.0 * foot.normal),
+              (-foot.left, -r[:, None] * foot.forward))  # fmt: skip
+    lifts = [np.einsum("nij,ni->jn", jacobians, np.hstack(push))[free] for push in pushes]
+    held_rows, wanted = constraint_rows(rover).T[free], (weight - known)[free]
     rho, eta = 0.0, 0.0
     for _ in range(SHARES):
-        push = foot.normal - rho * foot.forward - eta * foot.left
-        # The side force acts at the rim: (-r n) x (-eta y) = -r eta t.
-        lift = np.einsum("nij,ni->jn", jacobians, np.hstack([push, -eta * r[:, None] * foot.forward]))
-        unknown = np.column_stack([lift, constraint_rows(rover).T])[free]
-        found, *_ = np.linalg.lstsq(unknown, (weight - known)[free], rcond=1e-10)
+        unknown = np.column_stack([lifts[0] + rho * lifts[1] + eta * lifts[2], held_rows])
+        found, *_ = np.linalg.lstsq(unknown, wanted, rcond=1e-10)
         load = found[: len(rover.wheels)]
         lacking = hold - load @ foot.normal
         rho, eta = (-float(lacking @ _mean(axes, load)) / max(float(np.sum(load)), 1e-9)

@@ -26,6 +26,8 @@ LEAST_LOAD, LEAST_RIM = 0.5, 1e-3
 """N and m/s below which a wheel tells nothing."""
 REST = 0.005
 """Speed below which nothing counts as moving [m/s]: `AlgebraicSlip.v_0`."""
+FACTORS = 2.0
+"""Range of T / (r W) over which a wheel that meets something else may read anything."""
 LEAST_ROWS = 6
 """Readings from which rates of angles are told."""
 
@@ -37,6 +39,7 @@ class Trust(Record):
     window: Scalar = quantity(0.8, "s", "assumed: rates of angles from potentiometers of 3 mrad", 0.1, 10.0)
     strength: Scalar = quantity(0.05, "", "assumed: relative error of the soil's law and of loads", 1e-3, 1.0)
     factor: Scalar = quantity(0.015, "", "assumed: error of T / (r W) from the current", 1e-4, 1.0)
+    stray: Scalar = quantity(0.1, "", "assumed: chance that a wheel meets a wall or a stone", 1e-9, 1.0)
     correlated: Scalar = quantity(0.5, "s", "assumed: readings nearer than this err alike", 1e-3, 10.0)
     wander: Scalar = quantity(0.02, "m/s", "assumed: change of speed within a second", 1e-4, 1.0)
     surprise: Scalar = quantity(0.02, "", "assumed: chance of any speed at all, per second", 0.0, 1.0)
@@ -66,7 +69,8 @@ class OnboardSlip:
     Where no rim moves the rover stands, to within REST: a rover that slides with all its wheels held is not seen.
     Torque: T_i = K i_i over the load W_i of `driven_loads` is F(S_i) of the known soil, to within its trust. The belief
     p(u) diffuses by `wander`, is mixed with a little of everything, and multiplied by these likelihoods; S_hat is its
-    mean. Nothing is inverted, so that an F that levels off or falls again only leaves u less certain.
+    mean. A wheel at a wall or a stone may read anything (`stray`): then the others tell. Nothing is inverted, so that
+    an F that levels off or falls again only leaves u less certain.
 
     What cannot be seen: a slip that all wheels share is invisible to kinematics; torques show it where the soil's F(S)
     is known and rises. Where F is flat (k much below r, S beyond 0.3 to 0.5) S_hat leans on its memory; where the soil
@@ -159,14 +163,36 @@ class OnboardSlip:
         belief = (1.0 - anything) * spread / spread.sum() + anything / len(spread)
         expected = np.interp(slips, SLIPS, self.factors)
         variance = float(trust.factor) ** 2 + (float(trust.strength) * expected) ** 2
-        misses = np.sum((factors - expected) ** 2 / variance + np.log(variance), axis=1)
-        belief *= np.exp(-0.5 * self.period / float(trust.correlated) * (misses - misses.min()))
+        known = np.exp(-0.5 * (factors - expected) ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
+        stray = float(trust.stray)
+        chance = np.sum(np.log((1.0 - stray) * known + stray / FACTORS), axis=1)
+        belief *= np.exp(self.period / float(trust.correlated) * (chance - chance.max()))
         self.belief = belief / belief.sum()
 
     def _stand(self) -> None:
         """Weigh the belief by what wheels say that do not turn: the rover does not move either."""
         belief = self.belief * np.exp(-0.5 * (self.speeds / REST) ** 2 * self.period / float(self.trust.correlated))
         self.belief = belief / belief.sum()
+
+
+@dataclass
+class SureSlip:
+    """What an on-board estimate is sure of: S_hat less its SD, not below 0; what a control may act on.
+
+    Where torques fit two slips, as past the peak, or none, as at a wall, the mean of both would take the duty from a
+    wheel that grips. Source: none. Differs from the paper: it feeds back one number.
+    """
+
+    estimate: OnboardSlip
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self.estimate.reset()
+
+    def slip(self, reading: Reading) -> np.ndarray:
+        """Return the slip that is surely exceeded, one value a wheel [-]; a braking one as it is told."""
+        told = self.estimate.slip(reading)
+        return np.maximum(told - self.estimate.sd, np.minimum(told, 0.0))
 
 
 def slip_ratios(rim: np.ndarray, v: np.ndarray) -> np.ndarray:

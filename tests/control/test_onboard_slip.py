@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.onboard_slip import REST, SLIPS, OnboardSlip, slip_ratios
+from rover_pin.control.onboard_slip import REST, SLIPS, OnboardSlip, SureSlip, slip_ratios
 from rover_pin.control.slip_control import SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, flat_table
 from rover_pin.errors import ParameterError
@@ -104,6 +104,27 @@ def test_where_the_factor_is_flat_the_estimate_knows_that_it_does_not_know():
         slips = slip_ratios(np.full(1, 0.05), estimate.speeds[:, None])[:, 0]
         sds.append(float(np.sqrt(estimate.belief @ slips**2 - (estimate.belief @ slips) ** 2)))
     assert sds[0] < 0.12 < sds[1]
+
+
+def test_the_control_acts_on_slip_that_is_sure():
+    """By hand: less one SD, never below 0; what brakes is fed back as told."""
+
+    class Told:
+        sd = np.array([0.1, 0.5, 0.3])
+
+        def slip(self, reading):
+            return np.array([0.6, 0.2, -0.4])
+
+    assert SureSlip(Told()).slip(None) == pytest.approx([0.5, 0.0, -0.4])
+
+
+def test_a_wall_is_no_slip():
+    """A ditch whose sand loses half of its strength: at the far wall torques fit no slip, and the rover gets out."""
+    sand = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03, "terrain.wall_angle_deg": 38.0}
+    drive = scenario(
+        "ditch", control="onboard", duration=26.0, add="PostPeak.fraction=0.5", **{"control.S_d": 0.2}, **sand
+    ).drive()
+    assert drive["body_x"][-1] > 0.95
 
 
 def test_the_belief_is_one_and_starts_again():
