@@ -48,6 +48,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+import wheel_laws
 from scipy.optimize import minimize_scalar
 
 from rover_pin.contact import Soil
@@ -89,6 +90,9 @@ def main() -> None:
     draw(table).savefig(asked.out / "close_the_loop.png", dpi=140)
     print(f"written: {asked.out / 'close_the_loop.csv'}, {asked.out / 'close_the_loop.png'}")
     report_transients(verdicts[0][1], read_rig_set(DATA / "cmu-smooth-wheel"), asked.out)
+    laws = pd.DataFrame(wheel_laws.table(asked.quick))
+    laws.to_csv(asked.out / "wheel_laws.csv", index=False, float_format="%.6g")
+    print(f"\n{wheel_laws.shown(laws)}")
 
 
 def report_transients(verdict: Verdict, data: RigSet, out: Path) -> None:

@@ -1,0 +1,41 @@
+"""Curves through measured points: what a user would otherwise take, to be printed beside a physical model."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import minimize
+
+
+def mean(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return the mean."""
+    return np.full(len(at), values.mean())
+
+
+def quadratic(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return the least-squares quadratic in all inputs."""
+
+    def terms(x: np.ndarray) -> np.ndarray:
+        products = [x[:, i] * x[:, j] for i in range(x.shape[1]) for j in range(i, x.shape[1])]
+        return np.column_stack([np.ones(len(x)), *x.T, *products])
+
+    return terms(at) @ np.linalg.lstsq(terms(inputs), values, rcond=None)[0]
+
+
+def gaussian_process(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return a Gaussian process with a squared-exponential kernel, lengths, height and noise by marginal likelihood."""
+    middle, scale = values.mean(), values.std()
+    y = (values - middle) / scale
+
+    def kernel(x: np.ndarray, z: np.ndarray, log: np.ndarray) -> np.ndarray:
+        distance = ((x[:, None] - z[None]) / np.exp(log[2:])) ** 2
+        return np.exp(2 * log[0] - distance.sum(axis=2) / 2)
+
+    def cost(log: np.ndarray) -> float:
+        K = kernel(inputs, inputs, log) + np.exp(2 * log[1]) * np.eye(len(y))
+        return float(y @ np.linalg.solve(K, y) + np.linalg.slogdet(K)[1])
+
+    bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]
+    starts = [np.array([0.0, -2.0, *[length] * inputs.shape[1]]) for length in (-1.0, 0.0)]
+    best = min((minimize(cost, start, bounds=bounds) for start in starts), key=lambda one: one.fun).x
+    K = kernel(inputs, inputs, best) + np.exp(2 * best[1]) * np.eye(len(y))
+    return middle + scale * kernel(at, inputs, best) @ np.linalg.solve(K, y)

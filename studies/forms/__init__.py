@@ -1,0 +1,1 @@
+"""Forms of laws that studies compare and the package does not keep."""
