@@ -1,5 +1,7 @@
 """What the README says of slip control against the kept tables of studies that take minutes."""
 
+import json
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -156,5 +158,51 @@ def test_every_kept_table_says_what_made_it():
     made = tomllib.loads((RESULTS / "made.toml").read_text())
     assert set(made) == {each.stem for each in RESULTS.iterdir()} - {"made"}
     for about in made.values():
-        assert (ROOT / about["command"].removeprefix("python ")).exists()
+        assert (ROOT / about["command"].split()[-1]).exists()
         assert re.fullmatch(r"[0-9a-f]{7,40}", about["commit"])
+
+
+LOOP = json.loads((ROOT / "studies" / "results" / "steepening-slope" / "verdict.json").read_text(encoding="utf-8"))
+
+
+def after(name, unit=1.0):
+    """A fitted number with its interval, in the README's unit."""
+    return [LOOP["after"][name][each] / unit for each in ("value", "low", "high")]
+
+
+def error(name, unit):
+    """The held-out error of a channel before and after."""
+    (row,) = [each for each in LOOP["held_out"] if each["name"] == name]
+    return [row["before"] / unit, row["after"] / unit]
+
+
+def strayed(side):
+    """RMS distance of free runs from the log [mm]."""
+    return 1e3 * (sum(run[side] ** 2 for run in LOOP["free_runs"]) / len(LOOP["free_runs"])) ** 0.5
+
+
+M = r"([-+]?[\d.]+)"
+BAND = rf"{M} \[{M}, {M}\]"
+
+
+@pytest.mark.parametrize(
+    ("said", "numbers"),
+    [
+        (rf"Verdict: digging, c_d = {BAND}, L = {BAND} mm", [*after("DiggingMemory.c_d"),
+                                                         *after("DiggingMemory.length", 1e-3)]),
+        (rf"k = {BAND} mm, phi = {BAND} deg with it", [*after("soil.k", 1e-3), *after("soil.phi", math.radians(1.0))]),
+        (rf"held out, the path is {M} -> {M} mm off, the elevation {M} -> {M} mm",
+         [*error("path", 1e-3), *error("body_z", 1e-3)]),
+        (rf"free runs stray by {M} -> {M} mm", [strayed("before"), strayed("after")]),
+    ],
+)  # fmt: skip
+def test_the_loop_on_the_drive_log_says_what_is_said(said, numbers):
+    words = re.search(said, TEXT).groups()
+    for word, number in zip(words, numbers, strict=True):
+        digits = len(word.partition(".")[2])
+        assert float(word) == pytest.approx(number, abs=0.5001 * 10.0**-digits), (word, number)
+
+
+def test_the_loop_on_the_drive_log_names_digging():
+    assert LOOP["answer"] == "an effect is missing"
+    assert LOOP["named"] == ["DiggingMemory"]
