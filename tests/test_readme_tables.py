@@ -49,6 +49,7 @@ def rescued(control):
         (rf"Of {N} inclines of 3 to 9 deg", [len(of("none", SOFT))]),
         (rf"constant duty is buried, sunk by half a wheel radius, in {N}", [buried("none")]),
         (rf"at a slip of 0.5 alone, which senses no slip, in {N}", [buried("T_lim(0.5) alone")]),
+        (rf"estimated on board \(S_d = 0.2\) in {N}", [buried("on-board slip 0.2")]),
         (rf"S_d = 0.5 comes further than the buried rover in all {N}, the paper's 0.1 in {N}",
          [further("true slip 0.5"), further("true slip 0.1")]),
         (rf"Eq 9 sees no slip: buried in {N} of the {N} where it has a table",
@@ -62,8 +63,12 @@ def test_a_number_is_that_of_the_table(said, numbers):
 
 def test_what_is_said_in_words():
     assert buried("T_sat alone") == buried("none") == further("true slip 0.5")
-    for control in ("on-board slip 0.2", "true slip 0.1", "true slip 0.2", "true slip 0.5"):
+    for control in ("true slip 0.1", "true slip 0.2", "true slip 0.5"):
         assert buried(control) == 0
+    sunk = of("on-board slip 0.2", SOFT)
+    sunk = sunk[sunk.buried.notna()].reset_index()
+    assert set(zip(sunk.k, sunk.c_d, strict=True)) == {(SOFT.k.max(), SOFT.c_d.max())}
+    assert sunk.deepest.max() < 0.0225 + 0.0015
     assert rescued("Eq 9")[0] == rescued("on-board slip 0.2")[0] == 0
     assert rescued("tacking")[0] == rescued("tacking")[1]
     climbs = {control: set(of(control, SOFT).there.dropna().index) for control in TABLE.control.unique()}
