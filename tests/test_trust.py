@@ -281,6 +281,7 @@ OF_ITS_OWN = {
     "lanes": "files of the package: motion/native",
     "processor": "/proc/cpuinfo",
     "animation": "what it has just drawn",
+    "export": "what it has just written",
     "view": "opens its page in a browser",
     "new_effect": "files of the package: its templates",
     "results_folder": "the lock",

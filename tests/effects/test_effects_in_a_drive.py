@@ -34,12 +34,14 @@ def with_all(neutral):
     return model
 
 
+@pytest.mark.slow  # all effects in one law take half a minute to compile
 def test_neutral_effects_leave_a_drive_as_it_is():
     plain, neutral = (simulate(model, ConstantDuty(0.55), 3.0) for model in (BASE, with_all(neutral=True)))
     for name in ("body_x", "body_z", "slip_fl", "torque_rr"):
         assert np.allclose(plain[name], neutral[name], rtol=1e-7, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duty", [0.55, -0.4])
 def test_all_at_once_drive_up_and_down_without_making_energy(duty):
     trace = simulate(with_all(neutral=False), ConstantDuty(duty), 5.0)

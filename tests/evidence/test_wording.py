@@ -34,6 +34,15 @@ def module(name, file):
     return made
 
 
+STUDIES = Path(__file__).parents[2] / "studies"
+
+
+@pytest.fixture
+def close_study(monkeypatch):
+    monkeypatch.syspath_prepend(str(STUDIES))  # as where a study is run, which imports its neighbours
+    return module("close_the_loop", STUDIES / "close_the_loop.py")
+
+
 rig = module("linear_rig", Path(__file__).parent / "linear_rig.py")
 
 
@@ -259,8 +268,8 @@ def test_the_picture_of_runs_left_out_draws_no_change_that_is_not_claimed():
     assert list(hollow.get_xdata()) == pytest.approx([2.0])
 
 
-def test_the_studys_picture_draws_an_arrow_only_where_a_change_is_claimed():
-    study = module("close_the_loop", Path(__file__).parents[2] / "studies" / "close_the_loop.py")
+def test_the_studys_picture_draws_an_arrow_only_where_a_change_is_claimed(close_study):
+    study = close_study
     table = pd.DataFrame(
         {"set": "made", "channel": one.name, "noise": one.floor, "held_out_before": one.before,
          "held_out_after": one.after, "said": one.said}
@@ -276,8 +285,8 @@ def test_the_studys_picture_draws_an_arrow_only_where_a_change_is_claimed():
     assert hollow == pytest.approx([2.0])
 
 
-def test_the_studys_transients_are_named_by_their_slips():
-    study = module("close_the_loop", Path(__file__).parents[2] / "studies" / "close_the_loop.py")
+def test_the_studys_transients_are_named_by_their_slips(close_study):
+    study = close_study
     slips = study.slips_of(read_rig_set(study.DATA / "cmu-smooth-wheel"))
     named = [f"S = {S}" for S in ("0.00", "0.23", "0.50", "0.75", "0.90")]
     assert slips == dict(zip(["10", "12", "20", "40", "100"], named, strict=True))
