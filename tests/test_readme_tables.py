@@ -211,3 +211,39 @@ def test_the_loop_on_the_drive_log_says_what_is_said(said, numbers):
 def test_the_loop_on_the_drive_log_names_digging():
     assert LOOP["answer"] == "an effect is missing"
     assert LOOP["named"] == ["DiggingMemory"]
+
+
+ERRORS = pd.read_csv(RESULTS / "slip_errors.csv").set_index(["estimate", "kind"])
+SLIPS = pd.read_csv(RESULTS / "slip_drives.csv").pivot(index="drive", columns="control", values=["passed", "buried"])
+
+
+def slip_error(estimate, what, kind="all"):
+    return ERRORS.loc[(estimate, kind), what]
+
+
+def outcomes(control):
+    """Buried; lost and rescued against constant duty."""
+    passed, free = SLIPS["passed"][control], SLIPS["passed"]["constant"]
+    lost, rescued = ((free == 1) & (passed == 0)).sum(), ((free == 0) & (passed == 1)).sum()
+    return int(SLIPS["buried"][control].sum()), int(lost), int(rescued)
+
+
+@pytest.mark.parametrize(
+    ("said", "numbers"),
+    [
+        (rf"bias of {M} and an SD of {M};", [slip_error("onboard", each) for each in ("bias", "sd")]),
+        (rf"{M} in ditches, {M} on rocks. Eq 9", [slip_error("onboard", "rms", kind) for kind in ("ditch", "rocks")]),
+        (rf"Eq 9: bias {M}, SD {M}; with a wrong soil {M} and {M}",
+         [slip_error(name, each) for name in ("eq9", "onboard, wrong soil") for each in ("bias", "sd")]),
+        (rf"{M} of {M} are buried, with constant duty {M}, Eq 9 {M}, the true slip {M}\.",
+         [outcomes("onboard")[0], len(SLIPS), *(outcomes(each)[0] for each in ("constant", "eq9", "true"))]),
+        (rf"Of the {M} that constant duty passes it loses {M} and rescues {M} of the others, the true slip {M} and {M}",
+         [int(SLIPS["passed"]["constant"].sum()), *outcomes("onboard")[1:], *outcomes("true")[1:]]),
+    ],
+)  # fmt: skip
+def test_slip_sensed_on_board_is_that_of_its_tables(said, numbers):
+    words = re.search(said, TEXT).groups()
+    for word, number in zip(words, numbers, strict=True):
+        digits = len(word.partition(".")[2])
+        assert float(word.rstrip(".")) == pytest.approx(number, abs=0.5001 * 10.0**-digits), (word, number)
+    assert max(slip_error("onboard", "rms", kind) for kind in ("digging incline", "steepening slope", "hills")) < 0.03
