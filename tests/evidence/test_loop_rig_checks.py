@@ -126,11 +126,11 @@ def test_ding_s_wheel_comes_with_its_cautions(tmp_path):
 
 
 @pytest.mark.slow
-def test_smooth_wheel_lacks_slip_sinkage_in_every_fold(tmp_path):
-    """Two folds add a second effect to it; the levels are predicted with what each fold chose."""
+def test_smooth_wheel_sinks_with_slip_in_every_fold(tmp_path):
+    """By either law of it; some folds add a second effect; the levels are predicted with what each fold chose."""
     verdict = close_the_loop(DATA / "cmu-smooth-wheel", out=tmp_path)
-    assert all("SlipSinkage" in fold.chosen for fold in verdict.folds)
-    assert sum(fold.chosen == "SlipSinkage" for fold in verdict.folds) >= 3
+    laws = [{"SlipSinkage", "SlipSoftening"} & set(fold.chosen.split(" + ")) for fold in verdict.folds]
+    assert all(laws), [fold.chosen for fold in verdict.folds]
     sunk = verdict.reselected[1]
     assert sunk.after < 0.5 * sunk.before
 
