@@ -6,7 +6,7 @@ A message says what is wrong (name, value with unit), where it comes from, what 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 LONGEST, TAIL = 1200, 250
@@ -85,3 +85,16 @@ def closest(name: Any, known: Iterable[Any]) -> str:
     if len(known) <= MOST_NAMES:
         return f"{hint}Known: {', '.join(known)}."
     return f"{hint}Known and alike: {', '.join(near or known[:8])}; {len(known)} in all."
+
+
+def one_of(name: str, word: Any, known: Collection[str]) -> str:
+    """Return a setting's word, which must be one of the known.
+
+    Raises
+    ------
+    ParameterError
+        It is not, with the close ones.
+    """
+    if not isinstance(word, str) or word not in known:
+        raise ParameterError(f"{name} = {word!r} is not known: {closest(word, known)}")
+    return word

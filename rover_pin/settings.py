@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
-from rover_pin.errors import ParameterError, closest
+from rover_pin.errors import ParameterError, closest, one_of
 from rover_pin.quantity import UNITS, Quantity, Record, check, is_symbolic, meant, quantities, written
 
 
@@ -58,20 +58,13 @@ class Settings:
 
     def choice(self, name: str, default: str, choices: Mapping[str, Any]) -> Any:
         """Return what a setting's word stands for."""
-        word = self.take(name, default, choices)
-        if not isinstance(word, str) or word not in choices:
-            raise ParameterError(f"{name} = {word!r} is not known: {closest(word, choices)}")
-        return choices[word]
+        return choices[one_of(name, self.take(name, default, choices), choices)]
 
-    def word(self, name: str, usual: str, choices: Iterable[str]) -> str:
+    def word(self, name: str, usual: str, choices: Collection[str]) -> str:
         """Return one of several words, or an empty one where none is given; `usual` is what then holds, for lists."""
         given = self.values.get(name)
         word = self.take(name, usual, choices)
-        if given is None:
-            return ""
-        if not isinstance(word, str) or word not in choices:
-            raise ParameterError(f"{name} = {word!r} is not known: {closest(str(word), choices)}")
-        return word
+        return "" if given is None else one_of(name, word, choices)
 
     def record(self, prefix: str, record: Record | type[Record]) -> dict[str, float]:
         """Return the settings `prefix.FIELD` that are given for the quantities of a record."""

@@ -10,6 +10,7 @@ import casadi as ca
 from rover_pin.effects.effect import Body, BodyEffect, Push
 from rover_pin.errors import ParameterError
 from rover_pin.motion.laws import symbolic
+from rover_pin.motion.native.rigid_body import rotation_of
 
 
 class Joints(NamedTuple):
@@ -44,7 +45,7 @@ def body_law(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
     n = joints.number
     sizes = {"position": 3, "quaternion": 4, "base_speed": 6, "angles": n, "rates": n, "half_step": 1, "known_rates": n}
     s = _Symbols(**{name: ca.SX.sym(name, size) for name, size in sizes.items()})
-    rotation = _rotation(s.quaternion)
+    rotation = rotation_of(s.quaternion)
     body = _body(s, rotation, joints)
     pushes = [effect.push(body) for effect in own]  # type: ignore[attr-defined]
     differential = sum((push.differential for push in pushes), ca.SX(0))
@@ -66,7 +67,7 @@ def elastic_energy(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function
     base, angles = ca.SX.sym("base", 7), ca.SX.sym("angles", joints.number)
     still, rest = ca.SX.zeros(6), ca.SX.zeros(joints.number)
     s = _Symbols(base[:3], base[3:], still, angles, rest, ca.SX(0), rest)
-    body = _body(s, _rotation(s.quaternion), joints)
+    body = _body(s, rotation_of(s.quaternion), joints)
     held = sum((effect.stored(body) for effect in effects), ca.SX(0))
     return ca.Function("elastic_energy", [base, angles], [held])
 
@@ -98,13 +99,3 @@ def _generalised(pushes: Sequence[Push], rotation: ca.SX, differential: ca.SX, j
     for rocker in joints.rockers or ():
         torques[rocker] += differential
     return ca.vertcat(ca.mtimes(rotation.T, force), ca.mtimes(rotation.T, moment), torques)
-
-
-def _rotation(quaternion: ca.SX) -> ca.SX:
-    x, y, z, w = ca.vertsplit(quaternion)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return ca.vertcat(*(ca.horzcat(*row) for row in rows))

@@ -16,7 +16,7 @@ from rover_pin.motion.kernel_terrain import terrain_fields
 from rover_pin.motion.model import Model
 from rover_pin.motion.native.compiled_body import Known, compiled_body, order_of_elimination
 from rover_pin.motion.native.library import aligned, library, sizes
-from rover_pin.motion.native.shared import ENERGY, MAX_COLS, MAX_DOF, RECORD, DriveStruct
+from rover_pin.motion.native.shared import ENERGY, MAX_COLS, MAX_DOF, RECORD, DriveStruct, fill
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.suspension import joint_strength, suspension_dofs
 
@@ -99,11 +99,7 @@ class Kernel:
         return float(found[0]), float(found[1])
 
     def _set(self, **values: Any) -> None:
-        for name, value in values.items():
-            if isinstance(value, np.ndarray):
-                self.keep[name] = value
-                value = value.ctypes.data
-            setattr(self.struct, name, value)
+        fill(self.struct, self.keep, values)
 
     def _bind_body(self, rover: Any) -> None:
         model = self.pin_model

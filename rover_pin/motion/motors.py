@@ -21,7 +21,7 @@ from functools import lru_cache
 
 from rover_pin.body.rover import load_rover
 from rover_pin.contact import Soil
-from rover_pin.errors import ParameterError, closest
+from rover_pin.errors import one_of
 from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH
@@ -57,6 +57,4 @@ def motor_named(word: str) -> Motor:
     ParameterError
         An unknown name, with the close ones.
     """
-    if word not in MOTORS:
-        raise ParameterError(f"motor = {word!r} is not known: {closest(str(word), MOTORS)}")
-    return nexus6_motor(MOTORS[word])
+    return nexus6_motor(MOTORS[one_of("motor", word, MOTORS)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from rover_pin.errors import SimulationError
 from rover_pin.motion.audit import pivot_warning, warnings_of
 from rover_pin.motion.command import Controller
 from rover_pin.motion.compiled_run import run_compiled
-from rover_pin.motion.driving import Drive, Progress, Ran
+from rover_pin.motion.driving import Drive, Progress, Ran, Stepper
 from rover_pin.motion.going_on import Ended, Held
 from rover_pin.motion.happened import happened
 from rover_pin.motion.kernel import Kernel
@@ -28,6 +28,19 @@ from rover_pin.motion.soil_energy import energy_warning
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.timing import Timing
 from rover_pin.motion.trace import Trace
+
+
+class Asked(NamedTuple):
+    """A drive as it is asked for, by the compiled or by the plain step."""
+
+    stepper: Callable[[Model, DriveState, float, bool], Stepper]
+    run: Callable[[Drive, float, Progress | None], Ran]
+    model: Model
+    controller: Controller
+    duration: float
+    timing: Timing
+    symmetric: bool
+    progress: Progress | None
 
 
 def simulate(
@@ -63,7 +76,7 @@ def simulate(
     SimulationError
         The run cannot start: it does not settle, it is not symmetric, or its times do not fit.
     """
-    return _simulate(Kernel, run_compiled, model, controller, duration, start, timing, symmetric, progress)
+    return _simulate(Asked(Kernel, run_compiled, model, controller, duration, timing, symmetric, progress), start)
 
 
 def plain_simulate(
@@ -77,20 +90,11 @@ def plain_simulate(
     progress: Progress | None = None,
 ) -> Trace:
     """Do as `simulate` with the plain NumPy step, far slower; from a `DriveState` it needs no compiler."""
-    return _simulate(Plain, run_plain, model, controller, duration, start, timing, symmetric, progress)
+    return _simulate(Asked(Plain, run_plain, model, controller, duration, timing, symmetric, progress), start)
 
 
-def _simulate(
-    kind: Any,
-    run: Callable[[Drive, float, Progress | None], Ran],
-    model: Model,
-    controller: Controller,
-    duration: float,
-    start: Start | DriveState | Ended,
-    timing: Timing,
-    symmetric: bool,
-    progress: Progress | None,
-) -> Trace:
+def _simulate(asked: Asked, start: Start | DriveState | Ended) -> Trace:
+    model, duration, timing, symmetric = asked.model, asked.duration, asked.timing, asked.symmetric
     if not (math.isfinite(duration) and duration > 0.0):
         raise SimulationError(f"duration = {duration:g} s is not allowed: give a positive time.")
     if symmetric and not model.terrain.mirror_symmetric:
@@ -98,56 +102,43 @@ def _simulate(
     if symmetric and model.built.up[1] != 0.0:
         raise SimulationError("A mirror-symmetric drive needs gravity without a pull to one side: set rise_y to 0.")
     if isinstance(start, Ended):
-        return _gone_on(kind, run, model, controller, duration, start, timing, symmetric, progress)
+        return _gone_on(asked, start)
     parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
-    if hasattr(controller, "reset"):
-        controller.reset()
+    if hasattr(asked.controller, "reset"):
+        asked.controller.reset()
     state = begin.state
     place = (float(state.q[0]), float(state.q[1]))
     begun = model.begun(*place)
-    stepper = kind(begun, state, STANDING, symmetric)
+    stepper = asked.stepper(begun, state, STANDING, symmetric)
     fine = timing.refined(parts(begun, state, timing.dt, firmness(stepper, begun)))
     stepper.set_step(fine.dt)
-    drive = Drive(begun, state, stepper, controller, fine)
     attrs = {"set_down": begin.standing} if begin.standing else {}
-    return _traced(model, drive, run(drive, duration, progress), attrs, (timing, place, symmetric))
+    return _traced(asked, Drive(begun, state, stepper, asked.controller, fine), place, attrs)
 
 
-def _gone_on(
-    kind: Any,
-    run: Callable[[Drive, float, Progress | None], Ran],
-    model: Model,
-    controller: Controller,
-    duration: float,
-    end: Ended,
-    timing: Timing,
-    symmetric: bool,
-    progress: Progress | None,
-) -> Trace:
+def _gone_on(asked: Asked, end: Ended) -> Trace:
     """Drive on from where a drive ended."""
-    state, begun = end.state.copy(), model.begun(*end.place)
-    end.refuse_other(timing, symmetric, hovering(begun, Start()))
-    stepper = kind(begun, state, end.fine.dt, symmetric)
+    state, begun = end.state.copy(), asked.model.begun(*end.place)
+    end.refuse_other(asked.timing, asked.symmetric, hovering(begun, Start()))
+    stepper = asked.stepper(begun, state, end.fine.dt, asked.symmetric)
     stepper.restore(end.held.moving)
     stepper.duty[:], stepper.servo_target[:] = end.held.duty, end.held.servo
-    drive = Drive(begun, state, stepper, controller, end.fine, end.counted)
-    return _traced(model, drive, run(drive, duration, progress), {}, (timing, end.place, symmetric))
+    return _traced(asked, Drive(begun, state, stepper, asked.controller, end.fine, end.counted), end.place, {})
 
 
-def _traced(
-    model: Model, drive: Drive, ran: Ran, attrs: dict[str, Any], how: tuple[Timing, tuple[float, float], bool]
-) -> Trace:
-    """Return a drive's trace, with where it ended if it can go on."""
-    (timing, place, symmetric), stepper, rows = how, drive.stepper, finite(ran.rows)
-    dt = drive.timing.dt
-    attrs |= {"dt_s": dt, "control_period_s": timing.control, "symmetric": symmetric, "stop": ran.stop}
+def _traced(asked: Asked, drive: Drive, place: tuple[float, float], attrs: dict[str, Any]) -> Trace:
+    """Run a drive and return its trace, with where it ended if it can go on."""
+    ran, stepper = asked.run(drive, asked.duration, asked.progress), drive.stepper
+    rows, symmetric = finite(ran.rows), asked.symmetric
+    attrs |= {"dt_s": drive.timing.dt, "control_period_s": asked.timing.control, "symmetric": symmetric}
+    attrs["stop"] = ran.stop
     warnings = [*warnings_of(drive.model, rows, ran.counted.missed), pivot_warning(stepper.pivoted)]
-    trace = told(model, trace_of(model, rows, attrs), [each for each in warnings if each])
+    trace = told(asked.model, trace_of(asked.model, rows, attrs), [each for each in warnings if each])
     if ran.stop != "duration":
         return trace
     held = Held(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())
-    end = Ended(drive.state.copy(), ran.counted, timing, drive.timing, place, symmetric, held)
+    end = Ended(drive.state.copy(), ran.counted, asked.timing, drive.timing, place, symmetric, held)
     return dataclasses.replace(trace, end=end)
 
 

@@ -13,7 +13,7 @@ from rover_pin.motion.failure import FASTEST, FOLDED, UPRIGHT, suspension_of
 from rover_pin.motion.going_on import Counted
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.native.library import library
-from rover_pin.motion.native.shared import LoopStruct
+from rover_pin.motion.native.shared import LoopStruct, fill
 from rover_pin.motion.pace import FINEST
 from rover_pin.motion.rows import row_type
 
@@ -67,11 +67,7 @@ class Loop:
 
     def set(self, **values: Any) -> None:
         """Let fields of the struct Loop have these values; an array stays where it is."""
-        for name, value in values.items():
-            if isinstance(value, np.ndarray):
-                self.keep[name] = value
-                value = value.ctypes.data
-            setattr(self.struct, name, value)
+        fill(self.struct, self.keep, values)
 
     def go_on(self, counted: Counted) -> None:
         """Count on from where a drive ended; the kernel's arrays are already as they were there."""

@@ -194,7 +194,7 @@ class _Pass:
     def _place(self, i: int) -> None:
         joint, fixed = self.joints[i], self.fixed[i]
         if i == BASE:
-            self.R[i], self.p[i] = _rotation(self.q[3:7]), self.q[:3]
+            self.R[i], self.p[i] = rotation_of(self.q[3:7]), self.q[:3]
             self.world[i], self.at[i] = self.R[i], self.p[i]
             return
         angle = self.q[joint.q]
@@ -284,7 +284,8 @@ def _about_x(cosine: ca.SX, sine: ca.SX) -> ca.SX:
     return matrix
 
 
-def _rotation(quaternion: ca.SX) -> ca.SX:
+def rotation_of(quaternion: ca.SX) -> ca.SX:
+    """Return the rotation matrix of a unit quaternion (x, y, z, w), as an expression."""
     x, y, z, w = ca.vertsplit(quaternion)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

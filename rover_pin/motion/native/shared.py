@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.motion.laws import GEOMETRY, MAX_STATES
@@ -134,6 +136,15 @@ class DriveStruct(ctypes.Structure):
     """The struct Drive."""
 
     _fields_ = [(name, kind) for kind, lines, _ in FIELDS for names in lines for name in names.split()]
+
+
+def fill(struct: ctypes.Structure, keep: dict[str, Any], values: Mapping[str, Any]) -> None:
+    """Let fields of a struct have these values; an array's field has its address, and `keep` the array."""
+    for name, value in values.items():
+        if isinstance(value, np.ndarray):
+            keep[name] = value
+            value = value.ctypes.data
+        setattr(struct, name, value)
 
 
 def header() -> str:
