@@ -86,7 +86,8 @@ def effects() -> list[Entry]:
 
 def _effect(kind: type[AnyEffect]) -> Entry:
     about = first_sentence(sys.modules[kind.__module__])
-    facts = {"acts": _acts(kind), "equation": first_line(kind), "vanishes_at": dict(kind.neutral)}
+    named = {"title": kind.title, "meaning": kind.meaning}
+    facts = {**named, "acts": _acts(kind), "equation": first_line(kind), "vanishes_at": dict(kind.neutral)}
     return Entry(kind.__name__, about, facts, numbers_of(kind()))
 
 

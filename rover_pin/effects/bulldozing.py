@@ -23,6 +23,8 @@ class Bulldozing(Effect):
     put it on the sides of a wheel. Differs from the paper: its only resistance is that of compaction, in the net form.
     """
 
+    title: ClassVar[str] = "bulldozing"
+    meaning: ClassVar[str] = "a sunk wheel pushes soil ahead of its rim"
     share: Scalar = quantity(0.5, "", "assumed: between rolling over and pushing", 0.0, 3.0, "B")
     gamma: Scalar = quantity(15700.0, "N/m^3", "assumed: loose dry sand, 1600 kg/m^3, on Earth", 0.0, 1e5, "gamma")
     v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")

@@ -27,6 +27,8 @@ class CombinedShear(Effect):
     Source and what differs: `combined_forces`. Differs from the paper: it has no side force.
     """
 
+    title: ClassVar[str] = "combined shear"
+    meaning: ClassVar[str] = "thrust and side force share one shear strength of the soil"
     share: Scalar = quantity(1.0, "", "1: this law, 0: that of the effects before it", 0.0, 1.0, "w")
     form: NetTraction | TorqueTraction | GrossTraction = field(default_factory=TorqueTraction)
     angles: FixedAngles | SinkageAngles = field(default_factory=FixedAngles)

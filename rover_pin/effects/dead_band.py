@@ -22,6 +22,8 @@ class DeadBand(MotorEffect):
     0.
     """
 
+    title: ClassVar[str] = "dead band of the driver"
+    meaning: ClassVar[str] = "the motor driver swallows the first part of the duty"
     delta_0: Scalar = quantity(0.05, "", "assumed: 0.01 to 0.1 for small drivers", 0.0, 0.9, "delta_0")
     neutral: ClassVar[dict[str, float]] = {"delta_0": 0.0}
 

@@ -24,6 +24,8 @@ class DifferentialCompliance(BodyEffect):
     Gutman, Automatica 38 (2002) 1633); sizes assumed. Differs from the paper: there theta_s1 = -theta_s2.
     """
 
+    title: ClassVar[str] = "soft differential"
+    meaning: ClassVar[str] = "the differential between the rockers gives way"
     compliance: Scalar = quantity(0.005, "rad/(N m)", "assumed: 0.3 deg under 1 N m", 0.0, 1.0, "1/k")
     backlash: Scalar = quantity(0.01, "rad", "assumed: 0.6 deg, a small bevel gear", 0.0, 0.5, "backlash")
     relaxation: Scalar = quantity(0.01, "s", "assumed: the twist dies out within a step or two", 1e-4, 1.0, "T_d")

@@ -27,6 +27,8 @@ class DiggingMemory(Effect):
     assumed form; energy. Differs from the paper: it says that digging is not modelled.
     """
 
+    title: ClassVar[str] = "digging"
+    meaning: ClassVar[str] = "a slipping wheel digs a hole and has to climb out of it"
     c_d: Scalar = quantity(0.05, "", "assumed: a twentieth of what the rim throws deepens the hole", 0.0, 1.0, "c_d")
     length: Scalar = quantity(0.04, "m", "assumed: a contact length of travel leaves the hole", 0.02, 1.0, "L")
     v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")

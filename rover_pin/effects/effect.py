@@ -32,6 +32,10 @@ class Effect(Record):
     states. `neutral` names the parameter values at which the effect vanishes.
     """
 
+    title: ClassVar[str] = ""
+    "a reader's name of it"
+    meaning: ClassVar[str] = ""
+    "what it means, a clause without a full stop that can follow 'because'"
     before_slip: ClassVar[bool] = False
     "whether it amends the speeds from which the slip is taken"
     states: ClassVar[tuple[State, ...]] = ()
@@ -81,6 +85,8 @@ class Drive(NamedTuple):
 class MotorEffect(Record):
     """An effect between duty and wheel torque, with the same three hooks as `Effect`."""
 
+    title: ClassVar[str] = ""
+    meaning: ClassVar[str] = ""
     states: ClassVar[tuple[State, ...]] = ()
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
@@ -171,6 +177,8 @@ class BodyEffect(Record):
     read once, before the drive.
     """
 
+    title: ClassVar[str] = ""
+    meaning: ClassVar[str] = ""
     only_resists: ClassVar[bool] = False
     "whether it acts against motion alone, so that where a rover stands at rest does not depend on it"
     in_pivots: ClassVar[bool] = False
@@ -208,6 +216,8 @@ class BodyEffect(Record):
 class SensorEffect(Record):
     """An effect between what happens and what is logged; it works on whole channels, arrays over time."""
 
+    title: ClassVar[str] = ""
+    meaning: ClassVar[str] = ""
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
 

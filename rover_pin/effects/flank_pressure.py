@@ -33,6 +33,8 @@ class FlankPressure(Effect):
     it act in full; that it builds up: Janosi's law. Differs from the paper: it has no side force.
     """
 
+    title: ClassVar[str] = "flank pressure"
+    meaning: ClassVar[str] = "soil beside the sunk wheel resists when it is pushed sideways"
     share: Scalar = quantity(2.9, "", "one measured wheel (studies/wheel_laws.py); wide plate: 1", 0.0, 8.0, "B")
     k_f: Scalar = quantity(0.024, "m", "one measured wheel (studies/wheel_laws.py)", 1e-4, 0.5, "k_f")
     gamma: Scalar = quantity(15700.0, "N/m^3", "assumed: loose dry sand, 1600 kg/m^3, on Earth", 0.0, 1e5, "gamma")

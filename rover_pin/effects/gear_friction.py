@@ -19,6 +19,8 @@ class GearFriction(MotorEffect):
     Source: Dahl, The Aerospace Corporation TOR-0158(3107-18)-1 (1968). Differs from the paper: it has no friction.
     """
 
+    title: ClassVar[str] = "dry gear friction"
+    meaning: ClassVar[str] = "the gear takes a torque that does not depend on its speed"
     tau_c: Scalar = quantity(0.05, "N m", "assumed: 5 % of the stall torque", 0.0, 10.0, "tau_c")
     theta_c: Scalar = quantity(0.02, "rad", "assumed: about 1 deg of gear wind-up", 1e-4, 1.0, "theta_c")
     states: ClassVar[tuple[State, ...]] = (State("gear_windup"),)

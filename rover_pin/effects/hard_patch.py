@@ -27,6 +27,8 @@ class HardPatch(Effect):
     the same.
     """
 
+    title: ClassVar[str] = "patch of other soil"
+    meaning: ClassVar[str] = "a stretch of the ground is firmer, or looser, than the rest"
     g: Scalar = quantity(1.0, "", "assumed: twice as stiff", -0.9, 100.0, "g")
     g_k: Scalar = quantity(1.0, "", "assumed: shear within half the length", -0.9, 100.0, "g_k")
     dphi: Scalar = quantity(math.radians(2.0), "rad", "assumed: 2 deg", -math.pi / 6, math.pi / 6, "dphi")

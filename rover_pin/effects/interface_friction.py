@@ -23,6 +23,8 @@ class InterfaceFriction(Effect):
     Differs from the paper: Eq (3) has the soil's strength alone.
     """
 
+    title: ClassVar[str] = "smooth rim"
+    meaning: ClassVar[str] = "the rim slides on the sand before the sand itself shears"
     m: Scalar = quantity(0.7, "", "assumed: between smooth and rough metal on dry sand", 0.05, 1.0, "m")
     neutral: ClassVar[dict[str, float]] = {"m": 1.0}
 

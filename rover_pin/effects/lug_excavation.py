@@ -30,6 +30,8 @@ class LugExcavation(Effect):
     (2011) 27. Differs from the paper: smooth wheels, and no digging.
     """
 
+    title: ClassVar[str] = "lugs that dig"
+    meaning: ClassVar[str] = "lugs carry sand back, and the wheel runs in the trench they cut"
     h_l: Scalar = quantity(0.003, "m", "assumed: 1 to 5 mm on a wheel of this size", 0.0, 0.05, "h_l")
     filled: Scalar = quantity(1.0, "", "full pockets; one measured wheel: 0.7 (studies/wheel_laws.py)", 0.0, 2.0, "E")
     length: Scalar = quantity(0.066, "m", "assumed: that of SlipSoftening", 1e-3, 1.0, "L")

@@ -25,6 +25,8 @@ class MotionResistance(Effect):
     Table 1, which is 0.18 of the load.
     """
 
+    title: ClassVar[str] = "motion resistance"
+    meaning: ClassVar[str] = "the soil takes a share of the load as a resistance to motion"
     R: Scalar = quantity(0.028, "", "assumed: F(S = 0.05) of the torque form with Table 1", 0.0, 1.0, "R")
     v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
     neutral: ClassVar[dict[str, float]] = {"R": 0.0}

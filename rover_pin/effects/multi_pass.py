@@ -21,6 +21,8 @@ class MultiPass(Effect):
     counts as following; in the torque and gross forms R stays, where compaction would fall (15 % for n = 1, 2 x 30 %).
     """
 
+    title: ClassVar[str] = "multi-pass"
+    meaning: ClassVar[str] = "the wheels that follow run in soil that those ahead have pressed"
     stiffening: Scalar = quantity(0.3, "", "assumed: 30 % a pass", 0.0, 5.0, "g")
     shear_stiffening: Scalar = quantity(0.3, "", "assumed: 30 % a pass", 0.0, 5.0, "g_k")
     neutral: ClassVar[dict[str, float]] = {"stiffening": 0.0, "shear_stiffening": 0.0}

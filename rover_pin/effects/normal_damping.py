@@ -20,6 +20,8 @@ class NormalDamping(Effect):
     and a rover dropped by 12 mm then bounces for seconds; travel times do not depend on d between 3 and 30 s/m.
     """
 
+    title: ClassVar[str] = "damping of the soil"
+    meaning: ClassVar[str] = "the soil gives back less than was pressed into it"
     d: Scalar = quantity(10.0, "s/m", "assumed: a 12 mm drop settles at once", 0.0, 1e3, "d")
     neutral: ClassVar[dict[str, float]] = {"d": 0.0}
 

@@ -24,6 +24,8 @@ class PivotFriction(BodyEffect):
     30 (1994) 1083, name its parts); sizes assumed. Differs from the paper: its pivots turn freely.
     """
 
+    title: ClassVar[str] = "friction in the pivots"
+    meaning: ClassVar[str] = "the suspension's pivots resist turning"
     tau_c: Scalar = quantity(0.03, "N m", "assumed: bushings and cables of a 6 kg rover", 0.0, 10.0, "tau_c")
     b: Scalar = quantity(0.01, "N m s/rad", "assumed", 0.0, 100.0, "b")
     w_s: Scalar = quantity(0.02, "rad/s", "assumed: slow beside the 0.5 rad/s over a bump", 1e-4, 10.0, "w_s")

@@ -37,6 +37,8 @@ class Ploughing(Effect):
     Differs from the paper: driving laws are used for S < 0.
     """
 
+    title: ClassVar[str] = "ploughing"
+    meaning: ClassVar[str] = "a braked wheel pushes part of the sand ahead instead of standing on it"
     a_b: Scalar = quantity(1.0, "", "conservation of volume; 0.6 to 1 fitted on one measured wheel", 0.0, 4.0, "a_b")
     share: Scalar = quantity(1.0, "", "assumed: the heap is as wide as the wheel", 0.0, 5.0, "B")
     e_b: Scalar = quantity(0.4, "", "one measured wheel (studies/wheel_laws.py): 0.3 to 0.5", 0.0, 2.0, "e_b")

@@ -19,6 +19,8 @@ class PointMass(BodyEffect):
     URDF the other way. Source: rigid-body statics. Differs from the paper: nothing, its masses are only not known.
     """
 
+    title: ClassVar[str] = "misplaced mass"
+    meaning: ClassVar[str] = "the rover's mass, or its centre, is not where its description has it"
     m: Scalar = quantity(0.2, "kg", "assumed: a battery or an instrument", -2.0, 1e3, "m")
     shift_x: Scalar = quantity(0.01, "m", "assumed: a fiftieth of the wheelbase", -1.0, 1.0, "x")
     shift_z: Scalar = quantity(0.0, "m", "assumed", -1.0, 1.0, "z")

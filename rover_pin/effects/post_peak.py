@@ -26,6 +26,8 @@ class PostPeak(Effect):
     Wong: a function of the slip, not of the displacement at each point; f_n keeps the shear's small share in Eq (6).
     """
 
+    title: ClassVar[str] = "loss of strength past the peak"
+    meaning: ClassVar[str] = "sand that has failed bears less shear"
     fraction: Scalar = quantity(0.3, "", "assumed: loose to dense sand loses 0 to 0.5", 0.0, 1.0, "B")
     S_w: Scalar = quantity(0.4, "", "assumed: the slip at which 63 % of the loss has come", 0.01, 10.0, "S_w")
     neutral: ClassVar[dict[str, float]] = {"fraction": 0.0}

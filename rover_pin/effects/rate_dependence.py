@@ -22,6 +22,8 @@ class RateDependence(Effect):
     Rodriguez-Martinez et al., arXiv 2306.02167. Differs from the paper: it knows the slip ratio only.
     """
 
+    title: ClassVar[str] = "rate-dependent shear"
+    meaning: ClassVar[str] = "the soil's shear strength depends on how fast the rim slides"
     c_r: Scalar = quantity(0.05, "", "assumed: -0.05 to 0.15 is plausible", -0.15, 0.5, "c_r")
     v_0: Scalar = quantity(0.01, "m/s", "assumed: a fifth of the paper's 0.05 m/s", 1e-4, 1.0, "v_0")
     neutral: ClassVar[dict[str, float]] = {"c_r": 0.0}

@@ -20,6 +20,8 @@ class SensorBias(SensorEffect):
     Source: zero error of a potentiometer or level (assumed form). Differs from the paper: its sensors are exact.
     """
 
+    title: ClassVar[str] = "sensor bias"
+    meaning: ClassVar[str] = "a sensor reads a constant too much"
     bias: Scalar = quantity(0.017, "", "assumed: 1 deg, in the channel's unit", -1e3, 1e3, "bias")
     channel: str = "body_pitch"
     neutral: ClassVar[dict[str, float]] = {"bias": 0.0}

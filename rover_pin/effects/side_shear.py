@@ -26,6 +26,8 @@ class SideShear(Effect):
     integrated over the contact, here taken at its middle). Differs from the paper: it has no side force at all.
     """
 
+    title: ClassVar[str] = "side shear"
+    meaning: ClassVar[str] = "the soil resists a wheel that is pushed across its plane"
     scale: Scalar = quantity(1.0, "", "assumed: the soil shears sideways as it does along", 0.0, 5.0, "scale")
     neutral: ClassVar[dict[str, float]] = {"scale": 0.0}
 

@@ -22,6 +22,8 @@ class SkidSinkage(Effect):
     Source: assumed form. Differs from the paper: it holds n.
     """
 
+    title: ClassVar[str] = "skid-sinkage"
+    meaning: ClassVar[str] = "a braking wheel sinks deeper the more it skids"
     n_s: Scalar = quantity(0.3, "", "assumed: of the order of n_1 of slip-sinkage", 0.0, 2.0, "n_s")
     neutral: ClassVar[dict[str, float]] = {"n_s": 0.0}
 

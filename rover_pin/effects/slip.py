@@ -24,6 +24,8 @@ class AlgebraicSlip(Effect):
     fraction of v_0; use `RelaxedSlip` where standing still matters.
     """
 
+    title: ClassVar[str] = "slip ratio"
+    meaning: ClassVar[str] = "the slip follows the speeds of rim and travel at once"
     v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
@@ -43,6 +45,8 @@ class RelaxedSlip(Effect):
     Differs from the paper: it has Eq (1) only.
     """
 
+    title: ClassVar[str] = "relaxed slip"
+    meaning: ClassVar[str] = "slip builds up over a length of travel"
     length: Scalar = quantity(0.031, "m", "assumed: contact length r (theta_1 - theta_2) of Table 1", 1e-4, 1.0, "L")
     damping: Scalar = quantity(0.1, "s", "assumed: the start on the flat hardly rings", 0.0, 10.0, "T")
     states: ClassVar[tuple[State, ...]] = (State("S", odd=True), State("S_y", odd=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
@@ -23,6 +24,8 @@ class SoilTraction(Effect):
     Source: the paper, sections 3.2 and 3.3. Differs from the paper: nothing with NetTraction and FixedAngles.
     """
 
+    title: ClassVar[str] = "traction of the soil"
+    meaning: ClassVar[str] = "the soil carries and drives the wheel by the paper's equations"
     form: NetTraction | TorqueTraction | GrossTraction = field(default_factory=TorqueTraction)
     angles: FixedAngles | SinkageAngles = field(default_factory=FixedAngles)
 

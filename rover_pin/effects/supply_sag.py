@@ -19,6 +19,8 @@ class SupplySag(MotorEffect):
     Source: ohmic source resistance, duty-averaged bridges. Differs from the paper: its supply is ideal.
     """
 
+    title: ClassVar[str] = "supply sag"
+    meaning: ClassVar[str] = "the bus voltage drops with the current that all motors draw"
     R_b: Scalar = quantity(2.0, "ohm", "assumed: 1.5 % of 7.2 V where six wheels draw 0.05 A", 0.0, 20.0, "R_b")
     tau: Scalar = quantity(0.1, "s", "assumed: shorter than what a drive's log resolves", 0.05, 10.0, "tau")
     states: ClassVar[tuple[State, ...]] = (State("drawn"),)

@@ -20,6 +20,8 @@ class TachoScale(SensorEffect):
     Source: gain error of a tachogenerator (assumed form). Differs from the paper: its sensors are exact.
     """
 
+    title: ClassVar[str] = "tachometer scale"
+    meaning: ClassVar[str] = "a wheel-rate sensor reads too fast or too slow"
     e: Scalar = quantity(0.02, "", "assumed: a gain 2 % too high", -0.5, 0.5, "e")
     wheel: str = ""
     neutral: ClassVar[dict[str, float]] = {"e": 0.0}

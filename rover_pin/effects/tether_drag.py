@@ -23,6 +23,8 @@ class TetherDrag(BodyEffect):
     not along the rope, and acts at the base's origin; a rope that slackens on the way back is not followed.
     """
 
+    title: ClassVar[str] = "tether drag"
+    meaning: ClassVar[str] = "a cable or tether pulls the rover back"
     f_0: Scalar = quantity(0.5, "N", "assumed: 1 % of the rover's weight", 0.0, 1e3, "f_0")
     f_1: Scalar = quantity(0.2, "N/m", "assumed: a cable of 40 g/m, friction 0.5", 0.0, 1e3, "f_1")
     x_0: Scalar = quantity(0.0, "m", "where nothing is pulled out yet, from the start of the drive", -1e4, 1e4, "x_0")

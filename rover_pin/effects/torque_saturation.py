@@ -20,6 +20,8 @@ class TorqueSaturation(MotorEffect):
     Source: assumed form, a smooth limit. Differs from the paper: its torque is limited by the supply alone.
     """
 
+    title: ClassVar[str] = "torque limit of the motors"
+    meaning: ClassVar[str] = "the motors' current, and with it their torque, is limited"
     i_max: Scalar = quantity(0.03, "A", "assumed: a tenth of the stall current", 1e-3, 1e3, "i_max")
     neutral: ClassVar[dict[str, float]] = {"i_max": 1e3}
 

@@ -20,6 +20,8 @@ class TrackingDelay(SensorEffect):
     Source: latency of video tracking (assumed form). Differs from the paper: its tracker is in step with the wheels.
     """
 
+    title: ClassVar[str] = "late tracking"
+    meaning: ClassVar[str] = "the external tracker reports where the rover was a moment ago"
     d: Scalar = quantity(0.1, "s", "assumed: three frames at 30 Hz", 0.0, 5.0, "d")
     neutral: ClassVar[dict[str, float]] = {"d": 0.0}
 

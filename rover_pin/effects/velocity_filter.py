@@ -22,6 +22,8 @@ class VelocityFilter(SensorEffect):
     Source: first-order low-pass. Differs from the paper: its velocities are not filtered.
     """
 
+    title: ClassVar[str] = "smoothed velocity"
+    meaning: ClassVar[str] = "the tracked velocity is low-pass filtered before it is logged"
     tau: Scalar = quantity(0.3, "s", "assumed: smoothing over ten frames at 30 Hz", 0.0, 10.0, "tau")
     neutral: ClassVar[dict[str, float]] = {"tau": 0.0}
 

@@ -19,6 +19,8 @@ class ViscousFriction(MotorEffect):
     friction.
     """
 
+    title: ClassVar[str] = "viscous friction"
+    meaning: ClassVar[str] = "bearings and grease resist in proportion to speed"
     b_v: Scalar = quantity(0.01, "N m s", "assumed: 2 % of the stall torque at full speed", 0.0, 10.0, "b_v")
     neutral: ClassVar[dict[str, float]] = {"b_v": 0.0}
 

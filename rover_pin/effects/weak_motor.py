@@ -20,6 +20,8 @@ class WeakMotor(MotorEffect):
     Source: assumed form. Differs from the paper: its six motors are alike.
     """
 
+    title: ClassVar[str] = "weak motor"
+    meaning: ClassVar[str] = "one motor passes on less torque than the others"
     g: Scalar = quantity(0.2, "", "assumed: a fifth of the torque is lost", -0.5, 1.0, "g")
     wheel: int = 0
     "which wheel of the rover, counted from 0"

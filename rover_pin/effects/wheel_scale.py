@@ -19,6 +19,8 @@ class WheelScale(Effect):
     height and where the wheel meets the terrain stay those of r, as does the mass.
     """
 
+    title: ClassVar[str] = "wheel radius"
+    meaning: ClassVar[str] = "the wheels are larger, or smaller, than they are said to be"
     e: Scalar = quantity(0.02, "", "assumed: 2 %, 1 mm of the paper's 45", -0.3, 0.3, "e")
     before_slip: ClassVar[bool] = True
     neutral: ClassVar[dict[str, float]] = {"e": 0.0}

@@ -22,6 +22,8 @@ class WindingHeating(MotorEffect):
     Source: first-order thermal model of motor data sheets. Differs from the paper: its motor has one resistance.
     """
 
+    title: ClassVar[str] = "winding heating"
+    meaning: ClassVar[str] = "the windings warm up, resist more and give less torque"
     R_th: Scalar = quantity(30.0, "K/W", "assumed: a small DC motor in air", 0.0, 500.0, "R_th")
     tau: Scalar = quantity(60.0, "s", "assumed: winding and rotor of a small motor", 0.1, 1e4, "tau")
     states: ClassVar[tuple[State, ...]] = (State("loss"),)

@@ -157,6 +157,8 @@ class MeasuredRemainder(Effect):
     Source: the remainder of a closed loop on {name}; it describes and does not explain.
     """
 
+    title: ClassVar[str] = "measured remainder"
+    meaning: ClassVar[str] = "something acts that is on no list, as a wheel rig showed it"
 {fields}
     neutral: ClassVar[dict[str, float]] = {{{neutral}}}
 
