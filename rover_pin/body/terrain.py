@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple, final
 
 import numpy as np
@@ -216,7 +217,7 @@ class HeightGrid(Terrain):
         i, j, _, _ = self._cell(x, y)
         return _plain(self.ground[i, j])
 
-    @property
+    @cached_property
     def ground_indices(self) -> frozenset[int]:
         """The soil indices that occur."""
         return frozenset(int(index) for index in np.unique(self.ground))

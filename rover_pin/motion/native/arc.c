@@ -24,26 +24,34 @@ static inline void sine_cosine(double x, double *sine, double *cosine) {
 
 static double power(double x, double n) { return n == 1.0 ? x : pow(x, n); }
 
+typedef struct { double theta, cosine, sine; } Arc; /* the contact's end under a facet's line */
+
+/* The arc of a rim that is h below the line. */
+static Arc arc_of(double h, double radius) {
+  const double depth = h / radius;
+  return (Arc){acos(1.0 - depth), 1.0 - depth, sqrt(depth * (2.0 - depth))};
+}
+
 /* int_theta^theta_0 (cos t - cos theta_0)^n {cos t, 1} dt, nodes graded by u^2 towards the singular end theta_0. */
-static void depth_integrals(double theta, double theta_0, double n, double out[2]) {
-  const double length = theta_0 - theta, cosine = cos(theta_0), sine = sin(theta_0);
+static void depth_integrals(double theta, const Arc *arc, double n, double out[2]) {
+  const double length = arc->theta - theta;
   double depth[N_GAUSS];
   out[0] = out[1] = 0.0;
   if (length <= 0.0) return;
   for (int i = 0; i < N_GAUSS; ++i) {
     double u = GAUSS_NODE[i], s, c;
     sine_cosine(0.5 * length * u * u, &s, &c);
-    depth[i] = 2.0 * (sine * c - cosine * s) * s; /* cos(theta_0 - 2 half) - cos(theta_0), without the loss */
+    depth[i] = 2.0 * (arc->sine * c - arc->cosine * s) * s; /* cos(theta_0 - 2 half) - cos(theta_0), without the loss */
   }
   for (int i = 0; i < N_GAUSS; ++i) {
     double part = GAUSS_WEIGHT[i] * 2.0 * length * GAUSS_NODE[i] * power(depth[i], n);
-    out[0] += part * (cosine + depth[i]);
+    out[0] += part * (arc->cosine + depth[i]);
     out[1] += part;
   }
 }
 
 /* The same from any theta >= -theta_0, given the integrals from 0: the integrand is even. */
-static void integrals_from(double theta, double theta_0, double n, const double half[2], double out[2]) {
-  depth_integrals(fabs(theta), theta_0, n, out);
+static void integrals_from(double theta, const Arc *arc, double n, const double half[2], double out[2]) {
+  depth_integrals(fabs(theta), arc, n, out);
   if (theta < 0.0) for (int i = 0; i < 2; ++i) out[i] = 2.0 * half[i] - out[i];
 }

@@ -27,17 +27,19 @@ static int clip_at(const Corner *corner, double r, double side, double *low, dou
 }
 
 /* What share of a facet's plane lies between the angles low and high. */
-static void share_out(double low, double high, double theta, double h, double radius, double n, Patch *patch) {
+static void share_out(double low, double high, const Arc *arc, double h, double radius, double n, Patch *patch) {
   double own[2], whole[2], upper[2], lower[2];
-  const double cosine = cos(theta);
-  depth_integrals(0.0, theta, n, own);
+  depth_integrals(0.0, arc, n, own);
   memcpy(whole, own, sizeof whole);
-  if (patch->sinkage < h) depth_integrals(0.0, acos(1.0 - patch->sinkage / radius), n, whole);
-  integrals_from(low, theta, n, own, lower);
-  integrals_from(high, theta, n, own, upper);
+  if (patch->sinkage < h) {
+    const Arc held = arc_of(patch->sinkage, radius);
+    depth_integrals(0.0, &held, n, whole);
+  }
+  integrals_from(low, arc, n, own, lower);
+  integrals_from(high, arc, n, own, upper);
   patch->share = 0.5 * (lower[0] - upper[0]) / whole[0];
   patch->turn = 0.5 * (lower[1] - upper[1]) / whole[1];
-  double from = larger(cos(low) - cosine, 0.0), to = larger(cos(high) - cosine, 0.0);
+  double from = larger(cos(low) - arc->cosine, 0.0), to = larger(cos(high) - arc->cosine, 0.0);
   patch->tilt = 0.5 * (from * power(from, n) - to * power(to, n)) / ((n + 1.0) * whole[0]);
 }
 
@@ -50,15 +52,16 @@ static double depth_under(const Facet *f, double radius) {
 /* The part between the corners to a facet's neighbours, null at the ends. Parts of one plane share the plane's sinkage,
    and their shares add up to 1. Returns the greatest depth within the part, below 0 where there is none. */
 static double find_patch(const Facet *f, const Corner *behind, const Corner *ahead, double h, double radius, double n, Patch *patch) {
-  double theta = acos(1.0 - h / radius), low = -theta, high = theta;
+  const Arc arc = arc_of(h, radius);
+  double low = -arc.theta, high = arc.theta;
   if (behind && !clip_at(behind, radius, 1.0, &low, &high)) return -1.0;
   if (ahead && !clip_at(ahead, radius, -1.0, &low, &high)) return -1.0;
-  double deepest = cos(smaller(larger(0.0, low), high)) - cos(theta);
+  double deepest = (low > 0.0 ? cos(low) : high < 0.0 ? cos(high) : 1.0) - arc.cosine;
   *patch = (Patch){.sinkage = smaller(h, DEEPEST * radius), .share = 1.0, .turn = 1.0, .n_s = f->n_s, .n_t = f->n_t, .ground = f->ground};
   memcpy(patch->normal, f->normal, sizeof patch->normal);
-  if (low > -theta || high < theta) {
+  if (low > -arc.theta || high < arc.theta) {
     if (deepest <= 1e-12) return -1.0;
-    share_out(low, high, theta, h, radius, n, patch);
+    share_out(low, high, &arc, h, radius, n, patch);
   }
   return radius * deepest;
 }
