@@ -15,7 +15,19 @@ from typing import Annotated, Any
 import typer
 
 from rover_pin import commands
-from rover_pin.commands.options import AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
+from rover_pin.commands.options import (
+    FAILED,
+    AsJson,
+    Effects,
+    FailOn,
+    Gravity,
+    ModelFile,
+    Out,
+    Scheduler,
+    Set,
+    SoilName,
+    Trusted,
+)
 from rover_pin.commands.speaking import Speaking, program, scenario_names
 from rover_pin.commands.view import asked_for, write_asked
 from rover_pin.errors import RoverPinError, UrdfError
@@ -229,11 +241,17 @@ def close_loop(
     workers: Annotated[int, typer.Option(help="Processes for a drive log; 0 for all cores.")] = 0,
     scheduler: Scheduler = "",
     experiment: Annotated[str | None, typer.Option(help="Your own test bed: its file, or motor_brake.")] = None,
+    fail_on: FailOn = "",
     as_json: AsJson = False,
 ) -> None:
-    """Find the effect that the model lacks, add it, and report the error before and after; killed, it resumes."""
+    """Find the effect that the model lacks, add it, and report the error before and after; killed, it resumes.
+
+    Exit codes: 0 an answer, whatever it is; 2 data or words that are refused; 3 an answer named by --fail-on.
+    """
+    from rover_pin.discrepancy.answer import answers_named
     from rover_pin.loop.close import close_the_loop, read_data, read_start
 
+    failing = answers_named(fail_on)
     start: Any = model if model is None or experiment else read_start(model, data, Trust.of(effects, trust))
     say = (lambda said: None) if as_json else log.info
     with stoppable(out, ("report.html", "verdict.json", "model.toml", "draft_effect")):
@@ -243,6 +261,9 @@ def close_loop(
         )
     written = out / ("report.html" if experiment is None else "verdict.json")
     print(json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nwritten: {written}")
+    if verdict.answer in failing:
+        log.warning("the answer '%s' is one of --fail-on %s", verdict.answer.value, fail_on)
+        raise typer.Exit(FAILED)
 
 
 @app.command()

@@ -28,3 +28,14 @@ Scheduler = Annotated[
     str,
     typer.Option("--scheduler", help="Address of a Dask scheduler, as tcp://127.0.0.1:8786: its workers do the work."),
 ]
+FailOn = Annotated[
+    str,
+    typer.Option(
+        "--fail-on",
+        metavar="ANSWERS",
+        help="End with exit code 3 at these answers, for CI: named, set, like, inadequate, none-needed, none-fits, "
+        "cannot-tell, separated by commas.",
+    ),
+]
+FAILED = 3
+"""Exit code where the answer is one of `--fail-on`; 0 is any other, 1 a failed run, 2 what was refused."""

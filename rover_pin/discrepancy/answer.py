@@ -7,6 +7,7 @@ from enum import Enum
 from typing import Any
 
 from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.errors import ParameterError, closest
 from rover_pin.estimation.wording import shown
 
 TAKES_MOST = 2 / 3
@@ -24,6 +25,27 @@ class Answer(Enum):
     NONE_NEEDED = "no effect needed"
     NONE_FITS = "none of these"
     CANNOT_TELL = "cannot tell"
+
+    @property
+    def word(self) -> str:
+        """The answer as one word, as an option takes it."""
+        return self.name.lower().replace("_", "-")
+
+
+def answers_named(words: str) -> tuple[Answer, ...]:
+    """Return the answers that stand in a list separated by commas, by their words.
+
+    Raises
+    ------
+    ParameterError
+        A word that is no answer.
+    """
+    known = {answer.word: answer for answer in Answer}
+    asked = [word.strip() for word in words.split(",") if word.strip()]
+    for word in asked:
+        if word not in known:
+            raise ParameterError(f"'{word}' is no answer of the loop: {closest(word, known)}")
+    return tuple(known[word] for word in asked)
 
 
 def plain(value: Any) -> Any:

@@ -1,0 +1,46 @@
+"""`rover-pin compare`: two verdicts, models or drives as one sentence and one table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rover_pin.commands.options import AsJson, Trusted
+from rover_pin.terminal import json_text
+from rover_pin.trust import Trust
+
+if TYPE_CHECKING:
+    from rover_pin.comparison.side import Comparison
+
+WIDEST = 44
+"""Letters of a column; what is longer sticks out, and is never cut."""
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A", help="A close-loop's folder, a model.toml, a drive log.")],
+    second: Annotated[Path, typer.Argument(metavar="B", help="Another one of the same kind.")],
+    run: Annotated[str, typer.Option(help="Which run of drive logs; the first, if not said.")] = "",
+    all_: Annotated[bool, typer.Option("--all", help="Print also what does not differ.")] = False,
+    trust: Trusted = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compare two verdicts, two models or two drives: one sentence, and a table of what differs."""
+    from rover_pin.comparison.compare import compare as compared
+
+    found = compared(first, second, run, Trust(everything=trust))
+    print(json_text(found.as_dict()) if as_json else table(found, all_))
+
+
+def table(found: Comparison, whole: bool = False) -> str:
+    """Return the sentence and the table of what differs, or of everything."""
+    shown = [row for row in found.rows if whole or row.differs]
+    lines = [found.sentence, "", f"A  {found.first}", f"B  {found.second}"]
+    if shown:
+        cells = [("", "A", "B", "B - A", ""), *(row[:5] for row in shown)]
+        widths = [min(max(len(row[i]) for row in cells), WIDEST) for i in range(4)]
+        pairs = ((*(f"{cell:{width}}" for cell, width in zip(row, widths, strict=False)), row[4]) for row in cells)
+        lines += ["", *("  ".join(row).rstrip() for row in pairs)]
+    same = len(found.rows) - len(shown)
+    return "\n".join([*lines, *([f"\n{same} more rows are the same; --all prints them."] if same else [])])

@@ -1,0 +1,162 @@
+"""Two of a kind side by side: the sentence and the table say what differs and by how much, refusals one sentence."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.body.shapes import flat
+from rover_pin.comparison.compare import compare
+from rover_pin.contact import Soil, Wheel
+from rover_pin.effects.slip_sinkage import SlipSinkage
+from rover_pin.errors import DataError
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
+from rover_pin.motion.model_toml import write_model
+from rover_pin.motion.saved import save_trace
+from rover_pin.motion.trace import Trace
+from rover_pin.scenarios import scenario
+
+KEPT = Path(__file__).parents[2] / "studies" / "results" / "steepening-slope"
+
+
+def drive(tmp_path, name, **channels):
+    t = np.linspace(0.0, 4.0, 41)
+    made = {"t_s": t, "body_x": 0.05 * t, "slip_fl": 0.1 + 0.0 * t, "slip_fr": 0.1 + 0.0 * t, **channels}
+    return save_trace(Trace(made), tmp_path / f"{name}.parquet")
+
+
+def row(found, name):
+    return next(each for each in found.rows if each.name == name)
+
+
+def test_drives_are_compared_over_their_common_time(tmp_path):
+    t = np.linspace(0.0, 4.0, 41)
+    first = drive(tmp_path, "first")
+    second = drive(tmp_path, "second", body_x=0.05 * t + 0.003, slip_fl=0.3 + 0.0 * t)
+    found = compare(first, second)
+    assert "Over the 4.0 s that both last, they are 3 mm (RMS) apart, 3 mm at the end" in found.sentence
+    assert row(found, "mean body_x")[1:3] == ("100 mm", "103 mm")
+    slip = row(found, "mean slip, 2 wheels")
+    assert slip[1:3] == ("0.1", "0.2")
+    assert slip.note == f"RMS {0.2 / np.sqrt(2):.4g}"  # one wheel off by 0.2, the other not
+
+
+def test_a_shorter_drive_at_another_rate_is_compared_where_both_are(tmp_path):
+    t = np.linspace(1.0, 3.0, 7)
+    short = save_trace(Trace({"t_s": t, "body_x": 0.05 * t}), tmp_path / "short.parquet")
+    found = compare(drive(tmp_path, "long"), short)
+    assert "Over the 2.0 s that both last" in found.sentence
+    assert (
+        row(found, "mean body_x").note in ("", "RMS 1.388e-14 mm") or float(row(found, "mean body_x").note[4:-3]) < 1e-9
+    )
+
+
+def test_a_heading_past_half_a_turn_is_no_whole_turn_off(tmp_path):
+    yaw = np.full(41, np.pi - 0.01)
+    found = compare(drive(tmp_path, "one", body_yaw=yaw), drive(tmp_path, "other", body_yaw=yaw + 0.02 - 2 * np.pi))
+    assert row(found, "mean body_yaw").note == f"RMS {np.degrees(0.02):.4g} deg"
+
+
+def test_the_same_drive_differs_in_nothing(tmp_path, run):
+    file = drive(tmp_path, "one")
+    code, out, _ = run("compare", file, file)
+    assert code == 0
+    assert "they are the same in all 2 channels" in out  # x, and the slip of both wheels
+    assert "--all prints them" in out
+    assert "mean slip, 2 wheels" in run("compare", file, file, "--all")[1]
+
+
+def test_models_differ_by_an_effect_and_a_number(tmp_path):
+    base = scenario("flat").model
+    files = [tmp_path / "a.toml", tmp_path / "b.toml"]
+    write_model(base, files[0])
+    write_model(
+        base.replace(soils=(base.soils[0].replace(k=0.0123), *base.soils[1:])).having(SlipSinkage(n_1=0.3)), files[1]
+    )
+    found = compare(*files)
+    assert found.sentence.startswith("Only the second has slip-sinkage. Of ")
+    assert " differ: soil.k " in found.sentence
+    assert found.differences["soil.k"] == pytest.approx(0.0123 - float(base.soils[0].k))
+    assert row(found, "SlipSinkage.n_1")[1:3] == ("not there", "0.3")
+    assert sum(each.differs for each in found.rows) == 3  # the effect, its size, k
+
+
+def test_models_of_a_wheel_and_of_a_rover_say_so(tmp_path):
+    write_rig_model(RigModel(Wheel(), Soil()), tmp_path / "rig.toml")
+    write_model(scenario("flat").model.replace(terrain=flat()), tmp_path / "rover.toml")
+    assert row(compare(tmp_path / "rig.toml", tmp_path / "rover.toml"), "of")[1:3] == (
+        "a wheel on a rig",
+        "a rover, nexus6",
+    )
+
+
+def test_a_verdict_is_compared_by_answer_errors_and_intervals(tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    table = json.loads((KEPT / "verdict.json").read_text())
+    table |= {"answer": "no effect needed", "effects": []}
+    table["held_out"][0]["after"] *= 1.5
+    phi = table["after"]["soil.phi"]
+    phi |= {name: phi[name] + 0.2 for name in ("value", "low", "high")}
+    (other / "verdict.json").write_text(json.dumps(table))
+    found = compare(KEPT, other)
+    assert 'The first says "an effect is missing" (digging), the second "no effect needed" (nothing).' in found.sentence
+    count = len(table["held_out"])
+    assert (
+        f"Of {count} held-out errors the second's is smaller in 0 and greater in 1, most path by +50%."
+        in found.sentence
+    )
+    assert "The 95 % intervals of soil.phi do not meet." in found.sentence
+    assert row(found, "soil.phi").note == "intervals apart"
+
+
+def test_what_is_compared_can_be_read_by_machines(run):
+    code, out, _ = run("compare", KEPT, KEPT / "verdict.json", "--json")
+    table = json.loads(out)
+    assert code == 0
+    assert table["kind"] == "verdicts"
+    assert set(table["differences"].values()) == {0.0}
+    assert {"name", "first", "second", "change", "note", "differs"} == set(table["rows"][0])
+
+
+def test_two_kinds_or_nothing_are_refused_in_one_sentence(tmp_path, run):
+    file = drive(tmp_path, "one")
+    code, _, err = run("compare", KEPT, file)
+    assert code == 2
+    assert "is a verdict" in err
+    assert "compare two of a kind." in err
+    assert "nothing to compare is there: give the folder of a close-loop" in run("compare", tmp_path, file)[2]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"name": 1, "answer": 2, "effects": 3, "held_out": 4, "after": 5}'])
+def test_what_is_no_verdict_is_refused(tmp_path, text):
+    (tmp_path / "verdict.json").write_text(text)
+    with pytest.raises(DataError, match="it is no verdict of the loop"):
+        compare(tmp_path, tmp_path)
+
+
+def test_drives_that_share_nothing_are_refused(tmp_path):
+    t = np.linspace(0.0, 1.0, 5)
+    other = save_trace(Trace({"t_s": t, "body_y": t}), tmp_path / "other.parquet")
+    late = save_trace(Trace({"t_s": t + 9.0, "body_x": t}), tmp_path / "late.parquet")
+    with pytest.raises(DataError, match="no channel in common"):
+        compare(drive(tmp_path, "one"), other)
+    with pytest.raises(DataError, match="share no two moments"):
+        compare(drive(tmp_path, "one"), late)
+
+
+def test_a_log_of_several_runs_is_compared_by_the_one_named(run):
+    folder = KEPT.parents[1] / "data" / "steepening-slope"
+    out = run("compare", folder, folder, "--run", "descent")[1]
+    assert "steepening-slope, descent" in out
+
+
+def test_an_unreadable_model_is_refused(tmp_path, run):
+    (tmp_path / "a.toml").write_text('kind = "study"\n')
+    shutil.copy(tmp_path / "a.toml", tmp_path / "b.toml")
+    code, _, err = run("compare", tmp_path / "a.toml", tmp_path / "b.toml")
+    assert code == 2
+    assert "is not a driving rover's model" in err

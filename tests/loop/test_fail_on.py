@@ -1,0 +1,44 @@
+"""`close-loop --fail-on`: an answer on the list ends with code 3 after all is written, any other with 0."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import pytest
+
+from rover_pin.discrepancy.answer import Answer, answers_named
+
+_spec = importlib.util.spec_from_file_location(
+    "brake_generator", Path(__file__).parents[1] / "oracle" / "brake_generator.py"
+)
+hidden = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(hidden)
+
+
+def closed(run, tmp_path, *words, **how):
+    data = hidden.write(tmp_path / "brake", **how)
+    return run("close-loop", data, "--experiment", "motor_brake", "--out", "out", *words)
+
+
+def test_an_answer_on_the_list_fails_and_is_written_all_the_same(run, tmp_path):
+    code, _, err = closed(run, tmp_path, "--fail-on", "set, named", seed=0, viscous=0.02)
+    assert code == 3
+    assert "the answer 'an effect is missing' is one of --fail-on set, named" in err
+    assert json.loads(Path("out/verdict.json").read_text())["answer"] == Answer.NAMED.value
+
+
+def test_another_answer_does_not(run, tmp_path):
+    assert closed(run, tmp_path, "--fail-on", "none-needed,cannot-tell", seed=0, viscous=0.02)[0] == 0
+
+
+def test_a_word_that_is_no_answer_is_refused_before_any_work(run, tmp_path):
+    code, _, err = closed(run, tmp_path, "--fail-on", "nmed", seed=0)
+    assert code == 2
+    assert "'nmed' is no answer of the loop: did you mean 'named'?" in err
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("answer", Answer)
+def test_every_answer_has_a_word_that_the_help_names(run, answer):
+    assert answers_named(answer.word) == (answer,)
+    assert answer.word in "".join(run("close-loop", "--help")[1].split())  # a line may end after a hyphen
