@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import dataclasses
 import gc
-import json
 import logging
 import math
 import sys
@@ -15,19 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from rover_pin import commands
-from rover_pin.commands.options import (
-    FAILED,
-    AsJson,
-    Effects,
-    FailOn,
-    Gravity,
-    ModelFile,
-    Out,
-    Scheduler,
-    Set,
-    SoilName,
-    Trusted,
-)
+from rover_pin.commands.options import AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
 from rover_pin.commands.speaking import Speaking, program, scenario_names
 from rover_pin.commands.view import asked_for, write_asked
 from rover_pin.errors import RoverPinError, UrdfError
@@ -229,41 +216,6 @@ def identify(
     names = tuple(name.strip() for name in free.split(",") if name.strip())
     found = fit(read_evidence(data, Trust(everything=trust)), start, names, priors(prior))
     print(json_text(found.as_dict()) if as_json else found.report())
-
-
-@app.command("close-loop")
-def close_loop(
-    data: Annotated[Path, typer.Argument(help="A wheel-rig set or a drive log: folder with rig.toml or drive.toml.")],
-    model: Annotated[Path | None, typer.Option(help="Model file to start from, as an earlier run wrote it.")] = None,
-    effects: Effects = None,
-    trust: Trusted = False,
-    out: Out = Path("out/close_loop"),
-    workers: Annotated[int, typer.Option(help="Processes for a drive log; 0 for all cores.")] = 0,
-    scheduler: Scheduler = "",
-    experiment: Annotated[str | None, typer.Option(help="Your own test bed: its file, or motor_brake.")] = None,
-    fail_on: FailOn = "",
-    as_json: AsJson = False,
-) -> None:
-    """Find the effect that the model lacks, add it, and report the error before and after; killed, it resumes.
-
-    Exit codes: 0 an answer, whatever it is; 2 data or words that are refused; 3 an answer named by --fail-on.
-    """
-    from rover_pin.discrepancy.answer import answers_named
-    from rover_pin.loop.close import close_the_loop, read_data, read_start
-
-    failing = answers_named(fail_on)
-    start: Any = model if model is None or experiment else read_start(model, data, Trust.of(effects, trust))
-    say = (lambda said: None) if as_json else log.info
-    with stoppable(out, ("report.html", "verdict.json", "model.toml", "draft_effect")):
-        given = read_data(data, Trust(everything=True)) if trust and experiment is None else data
-        verdict = close_the_loop(
-            given, start, effects, out, say, jobs=workers, scheduler=scheduler or None, experiment=experiment
-        )
-    written = out / ("report.html" if experiment is None else "verdict.json")
-    print(json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nwritten: {written}")
-    if verdict.answer in failing:
-        log.warning("the answer '%s' is one of --fail-on %s", verdict.answer.value, fail_on)
-        raise typer.Exit(FAILED)
 
 
 @app.command()

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import typer
 
-from rover_pin.commands import check_data, compare, curve, export, init, listing, new_effect, new_rover, view
+from rover_pin.commands import (
+    check_data,
+    close_loop,
+    compare,
+    curve,
+    export,
+    init,
+    listing,
+    new_effect,
+    new_rover,
+    view,
+)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -13,6 +24,7 @@ def add_to(app: typer.Typer) -> None:
     app.command("list")(listing.list_)
     app.command()(view.view)
     app.command()(export.export)
+    app.command("close-loop")(close_loop.close_loop)
     app.command()(compare.compare)
     app.command("check-data")(check_data.check_data)
     app.command()(init.init)
