@@ -10,9 +10,9 @@ from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSli
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.motion.command import Controller
+from rover_pin.motion.defaults import scale
 from rover_pin.motion.model import Model
 from rover_pin.settings import Settings
-from rover_pin.vehicle.defaults import scale
 
 CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn")
 RADIUS = 1.0

@@ -17,6 +17,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.command import Controller
+from rover_pin.motion.defaults import pace, scale
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.effect_words import having, words_of
 from rover_pin.motion.log_terrain import write_terrain
@@ -30,7 +31,6 @@ from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, Settings
 from rover_pin.trust import Trust
 from rover_pin.vehicle.composed import Made, composed
-from rover_pin.vehicle.defaults import pace, scale
 from rover_pin.vehicle.scene import scaled
 
 ALGEBRAIC_DT = 0.0025

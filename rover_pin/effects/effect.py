@@ -221,6 +221,10 @@ class SensorEffect(Record):
     neutral: ClassVar[dict[str, float]] = {}
     places: ClassVar[tuple[str, ...]] = ()
 
+    def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return what is true where the sensor reads these channels, the inputs of a replay; else nothing."""
+        return {}
+
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the channels that the sensor reports otherwise than they are."""
         return {}

@@ -28,5 +28,11 @@ class TachoScale(SensorEffect):
 
     def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the scaled rates."""
-        start = f"wheel_rate_{self.wheel}"
-        return {name: (1.0 + self.e) * values for name, values in channels.items() if name.startswith(start)}
+        return {name: (1.0 + self.e) * values for name, values in channels.items() if self._has(name)}
+
+    def undone(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the true rates."""
+        return {name: values / (1.0 + self.e) for name, values in channels.items() if self._has(name)}
+
+    def _has(self, name: str) -> bool:
+        return name.startswith(f"wheel_rate_{self.wheel}")

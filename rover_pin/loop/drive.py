@@ -21,7 +21,7 @@ from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, too_poor
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.free_runs import free_runs
-from rover_pin.experiments.drive_log.model import base_model, with_spread
+from rover_pin.experiments.drive_log.model import base_model, held, with_spread
 from rover_pin.experiments.drive_log.resume import Memory, key_of_code
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
 from rover_pin.experiments.drive_log.verdict import DriveVerdict
@@ -83,7 +83,7 @@ def _decided(
     progress, jobs, seed = how
     if memory.told:
         progress(f"going on: {memory.told}")
-    base = calibrated_on(log, with_spread(start), jobs, progress, memory)
+    base = calibrated_on(log, with_spread(start, motors=not held(log)), jobs, progress, memory)
     found = search(base, candidates(base.model, logged(base), base.parameters, effects), progress)
     progress("describing what is left")
     return verdict_on(log, found, describe(found.last, progress), seed, progress)

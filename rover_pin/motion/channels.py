@@ -21,6 +21,8 @@ PER_WHEEL = {
     "travel": "m/s",
 }
 """Channels named `CHANNEL_WHEEL`; the motor current is `current_WHEEL_A`. From slip on they are truth only."""
+DUTIES, RATES = "duties", "rates"
+"""What may be the input of a replay: duties that drive the motors, or the wheel rates that were measured."""
 TELLING = ("duty", "wheel_rate", "steer", "slip")
 """Channels from whose names the wheels are read; others may be of something else, as a torque_sensor."""
 

@@ -8,6 +8,8 @@
     rover = "nexus6"                      # or a TOML beside its URDF
     gravity = 9.81                        # m/s^2, or { value = ..., unit = "..." }
     wheels = ["fl", "fr", "ml", "mr", "rl", "rr"]
+    input = "rates"                       # hold the wheels to their measured rates; else duties, where logged
+    angles = "sinkage"                    # or "fixed", Table 1's, as is usual for the paper's wheels
     [terrain]                             # see log_terrain
     polyline = "slope.csv"
     [soil]                                # what is known of it: { value, unit, sd }; so [wheel], [motor]
@@ -38,7 +40,7 @@ from rover_pin.body.rover import Rover, load_named
 from rover_pin.body.terrain import Terrain
 from rover_pin.columns import Columns, columns_text, read_columns, replace_file
 from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.motion.channels import WHEELS, unit_of
+from rover_pin.motion.channels import DUTIES, RATES, WHEELS, unit_of
 from rover_pin.motion.log_terrain import terrain_from
 from rover_pin.motion.ros_bag import is_bag, read_bag
 from rover_pin.motion.trace import Trace
@@ -63,6 +65,10 @@ class About:
     rover: str = "nexus6"
     gravity: float = EARTH
     wheels: tuple[str, ...] = WHEELS
+    input: str = ""
+    "duties or rates; empty: duties where they are logged"
+    angles: str = ""
+    "fixed or sinkage, how the contact arc is found; empty: fixed for the paper's wheels"
     licence: str = ""
     method: str = ""
     missing: Any = ""
@@ -83,7 +89,8 @@ class About:
 
 
 TABLES = ("terrain", "soil", "wheel", "motor", "resistance", "noise", "columns", "bag")
-TEXTS = ("name", "source", "rover", "licence", "method")
+TEXTS = ("name", "source", "rover", "licence", "method", "input", "angles")
+WORDS = {"input": ("", DUTIES, RATES), "angles": ("", "fixed", "sinkage")}
 
 
 @dataclass(frozen=True)
@@ -187,6 +194,9 @@ def _about(file: Path, table: dict[str, Any]) -> About:
         kind, word = (dict, "a table") if key in TABLES else (str, "text")
         if key in (*TABLES, *TEXTS) and not isinstance(value, kind):
             raise DataError(f"{file}: {key} = {value!r} must be {word}.")
+    for key, words in WORDS.items():
+        if table.get(key, "") not in words:
+            raise DataError(f"{file}: {key} = {table[key]!r}: write {' or '.join(map(repr, words[1:]))}.")
     if not table.get("name"):
         raise DataError(f"{file}: there is no name: add name = '...'.")
     wheels = table.get("wheels", list(WHEELS))
@@ -217,6 +227,7 @@ def _run(file: Path, about: About, at: int, entry: dict[str, Any], trust: Trust)
         )
     told = {"file": name, "rover": about.rover, "gravity_mps2": about.gravity, "wheels": list(about.wheels)}
     told |= {"start": _start(file, at, entry["start"])} if "start" in entry else {}
+    told |= {"input": about.input} if about.input else {}
     told |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
     trace = run_from(_table(file, about, path, trust), about.wheels, units=entry.get("units", {}))
     return Trace(trace.channels, trace.units, {**told, **trace.attrs, **entry.get("attrs", {})})

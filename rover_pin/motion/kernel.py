@@ -26,6 +26,9 @@ SERVO_GAIN = (20.0, 0.2)
 """Stiffness [N m/rad] and damping [N m s/rad] of a steering servo (assumed: stiff beside the wheel's side forces)."""
 STOP_GAIN = (50.0, 1.0)
 """The same of a suspension's end stop (assumed)."""
+HOLDING = 1e6
+"""Inertia, over the rover's m r^2, that holds a wheel to a measured rate: rates are then met to some 1e-7 rad/s, and
+the wheels, eliminated first, leave the equations as well conditioned as they were."""
 
 
 class Kernel:
@@ -76,6 +79,10 @@ class Kernel:
         """Go back to where `saved` was taken."""
         for array, value in zip(self.moving, saved, strict=True):
             array[...] = value
+
+    def hold(self, rates: np.ndarray) -> None:
+        """Turn the wheels at these rates [rad/s] from now on, whatever that takes; the array may change in place."""
+        self._set(held_rate=rates, hold_inertia=HOLDING * self.model.built.mass * self.keep["radius"] ** 2)
 
     @property
     def misjudged(self) -> float:

@@ -25,7 +25,7 @@ from rover_pin.body.section import Facet, Patch, WheelFrame, patches, wheel_fram
 from rover_pin.contact import Load
 from rover_pin.motion import laws
 from rover_pin.motion.body_law import body_law
-from rover_pin.motion.kernel import SERVO_GAIN, STOP_GAIN, armed
+from rover_pin.motion.kernel import HOLDING, SERVO_GAIN, STOP_GAIN, armed
 from rover_pin.motion.model import Model
 from rover_pin.motion.native.shared import ENERGY, RECORD
 from rover_pin.motion.plain_law import LawValue, PlainLaw
@@ -47,6 +47,7 @@ class Plain:
         self.share = model.gravity * self.rover.mass / n
         self.foreseen, self.misjudged, self.pivoted = np.zeros((n, 4)), 0.0, 0
         self.duty = np.zeros(n)
+        self.held_rate: np.ndarray | None = None
         steered = {i: wheel.steer_dof for i, wheel in enumerate(self.rover.wheels) if wheel.steer_dof is not None}
         self.servo_wheels, self.servo_dofs = list(steered), list(steered.values())
         self.servo_target = np.zeros(max(1, len(self.servo_wheels)))
@@ -60,6 +61,10 @@ class Plain:
     def set_step(self, dt: float) -> None:
         """Let steps have this length [s] from now on."""
         self.dt = dt
+
+    def hold(self, rates: np.ndarray) -> None:
+        """Turn the wheels at these rates [rad/s] from now on, whatever that takes; the array may change in place."""
+        self.held_rate = rates
 
     def saved(self) -> list[np.ndarray]:
         """Return a copy of all that a step changes."""
@@ -92,6 +97,8 @@ class Plain:
             self.soil_Q + motor_Q + spring_Q + push_Q, self.soil_D + np.diag(motor_D + 2.0 * spring_D) + 2.0 * push_D
         )
         self.foreseen[:] = self.end + self.end_slope @ du
+        if self.held_rate is not None:
+            self.record[:, 9] = (motor_Q + 0.5 * motor_D * du)[[wheel.dof for wheel in self.rover.wheels]]
         self._account(du, motor_Q + 0.5 * motor_D * du, spring_Q + spring_D * du, push_Q + push_D @ du)
         for index, (gain, slope) in enumerate(updates):
             state.contact[index] += gain + 0.5 * slope @ du
@@ -211,7 +218,17 @@ class Plain:
             slope[wheel.dof] = out[1] + 0.5 * by_state @ gain_slope
             steps.append((gain, gain_slope))
             self.record[index, 9:12] = torque[wheel.dof], out[2], out[3]
+        self._hold(torque, slope)
         return torque, slope, steps
+
+    def _hold(self, torque: np.ndarray, slope: np.ndarray) -> None:
+        """Hold the wheels to a rate at the step's end: (M + J) du = J (rate - v), J so large that M hardly counts."""
+        if self.held_rate is None:
+            return
+        for wheel, rate in zip(self.rover.wheels, self.held_rate, strict=True):
+            gain = HOLDING * self.rover.mass * float(wheel.wheel.r) ** 2 / self.dt
+            torque[wheel.dof] = gain * (rate - self.state.v[wheel.dof])
+            slope[wheel.dof] = -2.0 * gain
 
     def _springs(self) -> tuple[np.ndarray, np.ndarray]:
         """Return steering servos and end stops (which push, never pull): stiff springs taken at the end of the step."""

@@ -1,4 +1,8 @@
-"""A logged run driven again: the model under the logged commands, held to the place where the log was."""
+"""A logged run driven again: the model under the logged commands, held to the place where the log was.
+
+Commands are duties, which the motors turn into torques, or the measured wheel rates themselves: then the wheels turn as
+they did, whatever torque that takes, motors are out of sight, and what is compared is where that moves the rover.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,8 @@ FIRST_ROWS = 5
 class Commands:
     """What a logged run did, on the rows of its replay: `t` [s] (T,), duty (T, wheels), steering and place.
 
-    `place` (T, 3) is the logged x, y [m] and heading [rad], not a number where the log has a gap.
+    `place` (T, 3) is the logged x, y [m] and heading [rad], not a number where the log has a gap. Where the wheels are
+    held to their measured `rate` [rad/s] (T, wheels), the duty is that rate as a share of the fastest.
     """
 
     t: np.ndarray
@@ -44,6 +49,12 @@ class Commands:
     steer: np.ndarray
     place: np.ndarray
     start: Start
+    rate: np.ndarray | None = None
+
+    @property
+    def held(self) -> bool:
+        """Whether the wheels are held to their measured rates."""
+        return self.rate is not None
 
     @property
     def period(self) -> float:
@@ -83,18 +94,31 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
         A channel that a replay needs and the log does not have, or fewer than two rows.
     """
     t, x, y, yaw = log.need("t_s", "body_x", "body_y", "body_yaw")
-    duties = np.column_stack(log.need(*(f"duty_{wheel}" for wheel in wheels)))
+    held = log.held
+    told = np.column_stack(log.need(*(f"{'wheel_rate' if held else 'duty'}_{wheel}" for wheel in wheels)))
     if len(t) < 2:
         raise DataError(f"{log.attrs.get('file', 'the run')}: a replay needs two rows at least.")
     period = max(PERIOD, round(float(np.median(np.diff(t))) / DT) * DT)
     rows = t[0] + period * np.arange(1 + math.floor((t[-1] - t[0]) / period + 1e-6))
     at = np.minimum(np.searchsorted(t, rows - period / 2), len(t) - 1)
     steer = [_held(log[f"steer_{wheel}"])[at] if f"steer_{wheel}" in log else np.zeros(len(rows)) for wheel in steered]
-    duty = np.column_stack([_held(column)[at] for column in duties.T])
+    rate = np.column_stack([filled(averaged(t, each, rows, period)) for each in told.T]) if held else None
+    duty = np.column_stack([_held(column)[at] for column in told.T]) if rate is None else shares(rate)
     place = np.column_stack([averaged(t, column, rows, period) for column in (x, y, np.unwrap(_held(yaw)))])
     declared = log.attrs.get("start")
     start = Start(**declared) if declared else Start(*np.nanmean(place[:FIRST_ROWS], axis=0).tolist())
-    return Commands(rows, duty, np.column_stack(steer) if steer else np.zeros((len(rows), 0)), place, start)
+    return Commands(rows, duty, np.column_stack(steer) if steer else np.zeros((len(rows), 0)), place, start, rate)
+
+
+def shares(rate: np.ndarray) -> np.ndarray:
+    """Return rates as shares of the fastest of them."""
+    return np.asarray(rate / max(float(np.max(np.abs(rate))), 1e-9))
+
+
+def filled(row: np.ndarray) -> np.ndarray:
+    """Return the row with gaps bridged by straight lines; zeros where nothing was measured."""
+    good = np.flatnonzero(np.isfinite(row))
+    return np.interp(np.arange(len(row)), good, row[good]) if good.size else np.zeros(len(row))
 
 
 def _held(values: np.ndarray) -> np.ndarray:
@@ -132,14 +156,17 @@ def replay(model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState
     kernel = Kernel(model, state, dt, symmetric=False)
     per_row = round(run.period / dt)
     loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, nudge))
+    if run.rate is not None:
+        loop.set(rate_rows=true_rates(model, run))
+        kernel.hold(loop.keep["rate_rows"][0].copy())
     outcome = loop.run(len(run.t))
     while outcome is Outcome.FAILS:
         why = failure(model, state, kernel.record, suspension_of(model))
         if why:
-            return Replay(_channels(model, run.t, _with_last(loop, loop.row - 1)), why)
+            return Replay(_channels(model, run, _with_last(loop, loop.row - 1)), why)
         outcome = loop.run(len(run.t))
     stop = "" if outcome is Outcome.DONE else "diverged"
-    return Replay(_channels(model, run.t, _with_last(loop, loop.row)), stop)
+    return Replay(_channels(model, run, _with_last(loop, loop.row)), stop)
 
 
 def _fields(model: Model, run: Commands, nudge: Nudge) -> dict[str, Any]:
@@ -149,6 +176,15 @@ def _fields(model: Model, run: Commands, nudge: Nudge) -> dict[str, Any]:
     given = {name: np.array(each, dtype=float) for name, each in rows.items() if each is not None}
     place = np.array(run.place, dtype=float)
     return {**given, "place_rows": place, "share": run.period / HOLD, "check_every": CHECKED}
+
+
+def true_rates(model: Model, run: Commands) -> np.ndarray:
+    """Return the rates (T, wheels) [rad/s] at which the wheels turned where the model's sensors read the logged."""
+    names = [f"wheel_rate_{wheel.name}" for wheel in model.rover.wheels]
+    rates = dict(zip(names, np.asarray(run.rate).T, strict=True))
+    for sensor in reversed(model.sensor_effects):
+        rates |= sensor.undone(run.t, rates)
+    return np.column_stack([rates[name] for name in names])
 
 
 def _with_last(loop: Loop, good: int) -> np.ndarray:
@@ -168,13 +204,15 @@ def _taken_over(model: Model, rest: DriveState) -> DriveState:
     return taken
 
 
-def _channels(model: Model, t: np.ndarray, rows: np.ndarray) -> dict[str, np.ndarray]:
+def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.ndarray]:
     rover = model.rover
     q, v, record, attitude, moved = (rows[name] for name in ("q", "v", "record", "attitude", "moved"))
-    found = {"t_s": t}
+    found = {"t_s": run.t}
     for i, wheel in enumerate(rover.wheels):
         found[f"wheel_rate_{wheel.name}"] = v[:, wheel.dof]
         found[f"current_{wheel.name}_A"] = record[:, i, RECORD.index("current")]
+        if run.held:
+            found[f"current_{wheel.name}_A"] = record[:, i, RECORD.index("torque")] / float(model.motor.constant)
         for name in ("slip", "sinkage", "normal", "tangential"):
             found[f"{name}_{wheel.name}"] = record[:, i, RECORD.index(name)]
     found |= {name: q[:, index] for name, index in rover.angles.items()}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.errors import DataError, MissingExtraError, ParameterError, closest
-from rover_pin.motion.channels import unit_of, wheels_in
+from rover_pin.motion.channels import RATES, unit_of, wheels_in
 from rover_pin.motion.going_on import Ended
 
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
@@ -99,6 +99,11 @@ class Trace(Mapping[str, np.ndarray]):
     def wheels(self) -> tuple[str, ...]:
         """Names of the wheels: as declared in `attrs`, else those that channels are of."""
         return tuple(self.attrs.get("wheels") or wheels_in(self.channels))
+
+    @property
+    def held(self) -> bool:
+        """Whether a replay turns the wheels at their measured rates: no duty was recorded, or the log says so."""
+        return self.attrs.get("input") == RATES or not any(name.startswith("duty_") for name in self.channels)
 
     def unit(self, name: str) -> str:
         """Return a channel's unit."""

@@ -12,6 +12,7 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
+from rover_pin.motion.defaults import Chosen, own_motor, own_soil, scale, usual_angles
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.model_toml import is_rig_model, read_model
 from rover_pin.motion.motors import MOTORS, motor_named
@@ -21,7 +22,6 @@ from rover_pin.settings import Settings
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import FORMS
 from rover_pin.trust import Trust
-from rover_pin.vehicle.defaults import Chosen, own_motor, own_soil, scale, usual_angles
 
 ROVERS = "rover-pin list rovers, or the path of your own TOML"
 ANGLES: dict[str, FixedAngles | SinkageAngles] = {"fixed": FixedAngles(), "sinkage": SinkageAngles()}

@@ -17,7 +17,9 @@ from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
 
-BENCH = SimpleNamespace(channels=(), runs=[SimpleNamespace(commands=SimpleNamespace(place=np.zeros((2, 3))))])
+BENCH = SimpleNamespace(
+    channels=(), held=False, runs=[SimpleNamespace(commands=SimpleNamespace(place=np.zeros((2, 3))))]
+)
 OWN = """
 from dataclasses import dataclass
 from rover_pin.effects.differential_compliance import DifferentialCompliance

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.motion import replay as replays
 from rover_pin.motion.compiled_run import run_compiled
 from rover_pin.motion.driving import Drive
@@ -12,10 +14,12 @@ from rover_pin.motion.failure import failure, suspension_of
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.pace import FINEST, Pace
 from rover_pin.motion.place import settled
+from rover_pin.motion.plain import Plain
 from rover_pin.motion.plain_run import run_plain
 from rover_pin.motion.rows import row_type
 from rover_pin.motion.state import base_rotation, roll_pitch_yaw
 from rover_pin.motion.timing import Timing
+from rover_pin.motion.trace import Trace
 from rover_pin.scenarios import scenario
 
 STIFF = {"soil.k": 0.0004, "soil.n": 0.6}
@@ -62,13 +66,18 @@ def test_the_cases_meet_what_they_are_for():
     assert buried.stop.startswith("buried: wheel ")
 
 
-def plain_replay(model, run, nudge, rest):
+def plain_replay(model, run, nudge, rest, step=Kernel):
     """A replay row after row in Python, as `replay` says it is done; return the rows."""
     state = replays._taken_over(model, rest)
     model = model.begun(run.start.x, run.start.y)
-    kernel = Kernel(model, state, replays.DT, symmetric=False)
+    kernel = step(model, state, replays.DT, symmetric=False)
+    rates = np.zeros(len(model.rover.wheels))
+    if run.held:
+        kernel.hold(rates)
     pace, suspension, moved = Pace(kernel, replays.DT), suspension_of(model), np.zeros(3)
-    down, soils, rows = kernel.gravity.copy(), kernel.soils.copy(), np.zeros(len(run.t), dtype=row_type(model))
+    rows = np.zeros(len(run.t), dtype=row_type(model))
+    if not run.held:
+        down, soils = kernel.gravity.copy(), kernel.soils.copy()
     phi = list(model.soils[0].values()).index("phi")
     for row in range(len(run.t)):
         torque = 0.0 if nudge.torque is None else nudge.torque[row] / float(model.motor.stall_torque)
@@ -82,8 +91,12 @@ def plain_replay(model, run, nudge, rest):
             changed = soils.copy()
             changed[:, phi] = np.arctan((1.0 + nudge.grip[row]) * np.tan(soils[:, phi]))
             kernel.resoil(changed)
-        for step in range(round(run.period / replays.DT)):
-            assert pace.advance(step == 0) == 0
+        count = round(run.period / replays.DT)
+        for part in range(count):
+            if run.held:
+                before = run.rate[max(row - 1, 0)]
+                rates[:] = before + (part + 1) / count * (run.rate[row] - before)
+            assert pace.advance(part == 0) == 0
         assert failure(model, state, kernel.record, suspension) is None
         rows[row]["q"], rows[row]["v"], rows[row]["moved"] = state.q, state.v, moved
         rows[row]["record"], rows[row]["attitude"] = kernel.record, roll_pitch_yaw(state.q)
@@ -124,10 +137,81 @@ def test_a_replay_is_the_plain_one(kind):
         nudge = replays.Nudge(0.02 * np.outer(wave, np.ones(6)), 2.0 * wave, 0.1 * wave)
     rest = settled(case.model, run.start)
     ours = replays.replay(case.model, run, nudge, rest)
-    theirs = replays._channels(case.model, run.t, plain_replay(case.model, run, nudge, rest))
+    theirs = replays._channels(case.model, run, plain_replay(case.model, run, nudge, rest))
     assert ours.stop == ""
     for channel, values in theirs.items():
         assert ours.channels[channel] == pytest.approx(values, rel=1e-9, abs=1e-11), channel
+
+
+def held(run, trace, model):
+    """The same run with the wheels held to the rates that the trace has of them."""
+    bare = Trace({name: trace[name] for name in trace if not name.startswith("duty_")}, {}, dict(trace.attrs))
+    steered = tuple(wheel.name for wheel in model.rover.wheels if wheel.steer_dof is not None)
+    return replays.commands(bare, tuple(wheel.name for wheel in model.rover.wheels), steered)
+
+
+@pytest.mark.parametrize("step", [Kernel, Plain])
+def test_a_replay_held_to_wheel_rates_is_the_plain_one(step):
+    case, run = logged("ditch", 1.5)
+    run = held(run, case.drive(), case.model)
+    run.rate[:, 0] *= 1.03
+    run.place[:, 0] += 0.01
+    rest = settled(case.model, run.start)
+    ours = replays.replay(case.model, run, rest=rest)
+    theirs = replays._channels(case.model, run, plain_replay(case.model, run, replays.Nudge(), rest, step))
+    assert ours.stop == ""
+    for channel, values in theirs.items():
+        assert ours.channels[channel] == pytest.approx(values, rel=2e-6, abs=1e-7), channel
+
+
+def test_wheels_are_held_to_their_rates_and_the_drive_is_the_one_that_the_motors_made():
+    case, run = logged("ditch", 6.0)
+    trace = case.drive()
+    by_duty = replays.replay(case.model, run).channels
+    by_rate = replays.replay(case.model, held(run, trace, case.model)).channels
+    for wheel in trace.wheels:
+        measured = np.interp(run.t, trace.t, trace[f"wheel_rate_{wheel}"])
+        assert by_rate[f"wheel_rate_{wheel}"] == pytest.approx(measured, abs=1e-6)
+        # the current of the torque that holds the wheel is that with which the motor turned it
+        drawn = by_duty[f"current_{wheel}_A"]
+        assert by_rate[f"current_{wheel}_A"] == pytest.approx(drawn, abs=0.05 * np.ptp(drawn))
+    assert by_rate["body_x"] == pytest.approx(trace["body_x"][: len(run.t)], abs=3e-4)
+    assert by_rate["body_pitch"] == pytest.approx(by_duty["body_pitch"], abs=1e-4)
+
+
+def test_a_replay_held_to_rates_knows_no_motor():
+    case, run = logged("ditch", 3.0)
+    run = held(run, case.drive(), case.model)
+    weak = case.model.having(WeakMotor(g=0.5)).replace(motor=case.model.motor.replace(resistance=100.0))
+    for channel in ("body_x", "body_pitch", "slip_fl"):
+        assert replays.replay(weak, run).channels[channel] == pytest.approx(
+            replays.replay(case.model, run).channels[channel], abs=1e-12
+        )
+
+
+def test_a_tachogenerator_that_reads_too_fast_slows_the_wheels_of_a_held_replay():
+    case, run = logged("flat", 4.0)
+    run = held(run, case.drive(), case.model)
+    fast = case.model.having(TachoScale(e=0.1))
+    assert replays.true_rates(fast, run) == pytest.approx(run.rate / 1.1, rel=1e-12)
+    ours, theirs = (replays.replay(model, run).channels["body_x"] for model in (fast, case.model))
+    assert np.ptp(ours) == pytest.approx(np.ptp(theirs) / 1.1, rel=0.02)
+
+
+def test_what_holds_the_wheels_enters_the_balance_of_energy():
+    """Kinetic and potential energy change by what the holding torques do, less what the soil takes."""
+    case, run = logged("ditch", 4.0)
+    run = held(run, case.drive(), case.model)
+    state = settled(case.model, run.start)
+    kernel, rates = Kernel(case.model, state, 0.002, symmetric=False), np.zeros(6)
+    kernel.hold(rates)
+    start = sum(kernel.energies())
+    for k in range(2000):
+        at = min((k + 1) * 0.002 / run.period, len(run.t) - 1)
+        rates[:] = [np.interp(at, np.arange(len(run.t)), column) for column in run.rate.T]
+        assert kernel.step() == 0
+    motor, *losses = kernel.energy[[0, 1, 2, 3, 5]]
+    assert sum(kernel.energies()) - start == pytest.approx(motor - sum(losses), abs=0.01 * abs(motor))
 
 
 def test_after_an_early_end_the_last_good_row_stands_for_the_rest():

@@ -18,11 +18,11 @@ from rover_pin.body.rover import load_rover
 from rover_pin.body.statics import wheel_loads
 from rover_pin.control.slip_estimate import flat_table
 from rover_pin.errors import ParameterError
+from rover_pin.motion.defaults import own_motor, own_soil, scale
 from rover_pin.motion.motors import motor_named
 from rover_pin.motion.place import Start, settled
 from rover_pin.parameters import SOILS
 from rover_pin.scenarios import SCENES, scenario
-from rover_pin.vehicle.defaults import own_motor, own_soil, scale
 from rover_pin.vehicle.scene import scaled
 
 _spec = importlib.util.spec_from_file_location("rover_farm", Path(__file__).parents[1] / "description" / "farm.py")

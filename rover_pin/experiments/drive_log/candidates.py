@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.discrepancy.candidate import SPACING, Candidate
+from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
@@ -47,9 +48,14 @@ def candidates(
         for name, kind in kinds.items()
         if name not in held
         for effect in variants(kind, model, experiment)
-        if owner_name(effect) not in present and not model.refusal(effect)
+        if owner_name(effect) not in present and not model.refusal(effect) and shows(effect, experiment)
     ]
     return (*loosened, *added)
+
+
+def shows(effect: AnyEffect, experiment: DriveExperiment) -> bool:
+    """Return whether an effect can show in such logs: wheels held to their rates hide what acts in the motors."""
+    return not (experiment.held and isinstance(effect, MotorEffect))
 
 
 def candidate_of(effect: AnyEffect) -> Candidate:

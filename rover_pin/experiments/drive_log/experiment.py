@@ -13,6 +13,7 @@ import numpy as np
 from rover_pin.cluster import Workers, results
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import SensorEffect
+from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.errors import ParameterError, SimulationError
 from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
@@ -67,6 +68,11 @@ class DriveExperiment(Experiment):
         return tuple(run.name for run in self.runs)
 
     @property
+    def held(self) -> bool:
+        """Whether the wheels are held to their measured rates in some run: then the motors are out of sight."""
+        return any(run.commands.held for run in self.runs)
+
+    @property
     def free(self) -> DriveExperiment:
         """The experiment on which nothing draws the rover to the logged places: it drives freely from its start."""
         return dataclasses.replace(self, runs=tuple(_free(run) for run in self.runs))
@@ -78,7 +84,7 @@ class DriveExperiment(Experiment):
         """
         groups: dict[tuple[int, ...], list[int]] = {}
         for at, model in enumerate(models):
-            groups.setdefault(_drives(model), []).append(at)
+            groups.setdefault(_drives(model, self.held), []).append(at)
         pairs = list(zip(self.runs, self.rests, strict=True))
         asked = [([models[at] for at in group], *pair) for group in groups.values() for pair in pairs]
         tables = iter(self._spread(_features, asked))
@@ -164,9 +170,11 @@ def _replayed(model: Model, run: Commands, nudge: Nudge, rest: DriveState | None
         return Replay({"t_s": run.t}, str(error))
 
 
-def _drives(model: Model) -> tuple[int, ...]:
-    """Return what a replay depends on: all parts of a model but its sensors, by identity."""
-    return tuple(id(getattr(model, each.name)) for each in dataclasses.fields(model) if each.name != "sensor_effects")
+def _drives(model: Model, held: bool) -> tuple[int, ...]:
+    """Return what a replay depends on: all parts of a model but its sensors, by identity; held, those of the rates."""
+    parts = [getattr(model, each.name) for each in dataclasses.fields(model) if each.name != "sensor_effects"]
+    rates = [sensor for sensor in model.sensor_effects if isinstance(sensor, TachoScale)] if held else []
+    return tuple(map(id, (*parts, *rates)))
 
 
 def _features(models: Sequence[Model], run: LoggedRun, rest: DriveState | None) -> list[np.ndarray]:

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from rover_pin.body.rover import Rover
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.replay import Commands, averaged, commands
+from rover_pin.motion.replay import Commands, averaged, commands, filled
 from rover_pin.motion.trace import Trace
 
 BLOCK = 0.5
@@ -24,6 +24,8 @@ BEGIN = 1.0
 """Time at the start of a run that is not compared [s]: the tracker and the wheels may already move."""
 SLOW = 0.2
 """Mean wheel rate [rad/s] below which a rover counts as standing; sticking is not comparable."""
+SLOW_SHARE = 0.1
+"""The same, where wheels are held to their rates, as a share of their fastest: large wheels turn slowly."""
 AFTER_TURN = 1.5
 """Time after a standstill or a reversal of the duty that is not compared [s]."""
 
@@ -76,20 +78,22 @@ class LoggedRun:
         return blocks(self.commands.t, self.commands.period)
 
 
-def logged_run(log: Trace, rover: Rover) -> LoggedRun:
-    """Return a run of a log ready for comparison."""
+def logged_run(log: Trace, rover: Rover, currents: bool = True) -> LoggedRun:
+    """Return a run of a log ready for comparison, by its `currents` too or without them."""
     wheels = tuple(wheel.name for wheel in rover.wheels)
     steered = tuple(wheel.name for wheel in rover.wheels if wheel.steer_dof is not None)
     run = commands(log, wheels, steered)
     names = [name for name in log.channels if comparable(name) and np.isfinite(log[name]).any()]
+    turned = [f"wheel_rate_{wheel}" for wheel in wheels]
     rows = {name: averaged(log.t, log[name], run.t, run.period) for name in names}
     rows["body_yaw"] = run.place[:, 2]
     heading = uniform_filter1d(filled(rows["body_yaw"]), max(1, round(BLOCK / run.period)))
     whole = {name: filled(row) for name, row in rows.items()}
-    counted = comparable_rows(run, [rows[f"wheel_rate_{wheel}"] for wheel in wheels])
+    counted = comparable_rows(run, [rows[name] for name in turned])
     made = driven(whole, heading, run.period, counted)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
-    features = [name for name in (*made, *rows) if name not in RAW]
+    inputs = (*RAW, *turned, "battery_V") if run.held else RAW
+    features = [name for name in (*made, *rows) if name not in inputs and (currents or not _is_current(name))]
     use = blocks(counted, run.period) > WHOLE
     seen = []
     for name in features:
@@ -153,22 +157,22 @@ def levelled(name: str, block: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
     """Return which rows are compared: after the start, and not while or soon after the rover stands or turns round."""
-    t, duty = run.t, run.duty.mean(axis=1)
-    rate = np.nan_to_num(np.mean([filled(row) for row in rates], axis=0))
-    standing = (np.abs(rate) < SLOW) | (np.sign(rate) * np.sign(duty) < 0)
+    t, rows = run.t, np.nan_to_num([filled(row) for row in rates])
+    duty, rate = run.duty.mean(axis=1), rows.mean(axis=0)
+    if run.held:
+        size = np.abs(rows).mean(axis=0)
+        standing = size < min(SLOW, SLOW_SHARE * float(np.max(size)))
+    else:
+        standing = (np.abs(rate) < SLOW) | (np.sign(rate) * np.sign(duty) < 0)
     since = np.where(standing, t, -np.inf)
     return np.asarray((t - t[0] >= BEGIN) & (t - np.maximum.accumulate(since) > AFTER_TURN))
 
 
-def filled(row: np.ndarray) -> np.ndarray:
-    """Return the row with gaps bridged by straight lines; zeros where nothing was measured."""
-    good = np.isfinite(row)
-    if not good.any():
-        return np.zeros(len(row))
-    at = np.arange(len(row))
-    return np.asarray(np.interp(at, at[good], row[good]))
-
-
 def logged_runs(log: DriveLog, rover: Rover) -> tuple[LoggedRun, ...]:
-    """Return all runs of a log."""
-    return tuple(logged_run(trace, rover) for trace in log.runs)
+    """Return all runs of a log; currents at held wheels tell something only where the torque constant is declared."""
+    told = {"k_t", "gear"} <= log.about.motor.keys()
+    return tuple(logged_run(trace, rover, told or not trace.held) for trace in log.runs)
+
+
+def _is_current(name: str) -> bool:
+    return name.startswith("current_")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -44,6 +44,13 @@ class MenuRun:
     start: Start = Start()
     terrain: Terrain | None = field(default=None, repr=False)
     ballast: float = 0.0
+    fastest: float = 0.0
+    "rate of a wheel [rad/s] at 1, where `duty` is the share of a rate that the wheels are held to; 0: it is a duty"
+
+    def held_to(self, fastest: float) -> MenuRun:
+        """Return the run at shares of a wheel rate [rad/s] instead of duties."""
+        said = f"{self.said.replace('duty', 'wheel rate').replace('duties', 'wheel rates')} (1 is {fastest:.2g} rad/s)"
+        return replace(self, said=said, fastest=fastest)
 
     def on(self, model: Model) -> Model:
         """Return a model of the log as it meets this run: on its ground, under its load."""
@@ -55,7 +62,8 @@ class MenuRun:
         t = PERIOD * np.arange(len(self.duty))
         steered = sum(wheel.steer_dof is not None for wheel in rover.wheels)
         free = np.full((len(t), 3), np.nan)
-        return Commands(t, self.duty, np.zeros((len(t), steered)), free if place is None else place, self.start)
+        rate = self.fastest * self.duty if self.fastest else None
+        return Commands(t, self.duty, np.zeros((len(t), steered)), free if place is None else place, self.start, rate)
 
 
 def menu(rover: Rover, cruise: float, own: Start, alone: Sequence[int] = (0,)) -> tuple[MenuRun, ...]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from rover_pin.body.rover import Rover
 from rover_pin.contact import Soil
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
@@ -14,14 +15,17 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.errors import DataError
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.motion.defaults import has_papers_wheel, own_motor, own_soil, usual_angles
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.quantity import record_from, to_si
-from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import TorqueTraction
 
+ANGLES: dict[str, FixedAngles | SinkageAngles] = {"fixed": FixedAngles(), "sinkage": SinkageAngles()}
+"""How `angles` of a log says that the contact arc is found."""
 DRIVEN_SAND = Soil().replace(k=0.005)
 """What stands for constants that a log does not declare: Table 1, with the k at which its rover can drive at all."""
 MOTOR_TO_MOTOR, TACHO_TO_TACHO = 0.02, 0.015
@@ -47,9 +51,9 @@ def base_model(log: DriveLog) -> Model:
         A terrain, soil or motor that cannot be read.
     """
     rover = log.load_rover()
-    soil = record_from(Soil, {**DRIVEN_SAND.values(), **log.about.soil}, f"{log.folder}: [soil]")
-    motor = record_from(Motor, log.about.motor, f"{log.folder}: [motor]")
-    traction = SoilTraction(TorqueTraction(), FixedAngles())
+    soil = record_from(Soil, {**usual_soil(rover).values(), **log.about.soil}, f"{log.folder}: [soil]")
+    motor = record_from(Motor, log.about.motor, f"{log.folder}: [motor]") if log.about.motor else usual_motor(rover)
+    traction = SoilTraction(TorqueTraction(), ANGLES.get(log.about.angles) or usual_angles(rover))
     effects, terrain = base_effects(soil, rover, traction), log.terrain()
     if log.about.resistance:
         resistance = record_from(MotionResistance, log.about.resistance, f"{log.folder}: [resistance]")
@@ -61,12 +65,29 @@ def base_model(log: DriveLog) -> Model:
     return Model(rover, terrain, grounds, motor, effects=effects, gravity=log.about.gravity, body_effects=springs)
 
 
-def with_spread(model: Model) -> Model:
+def usual_soil(rover: Rover) -> Soil:
+    """Return what stands for soil constants that a log does not declare, in which the rover can drive at all."""
+    return DRIVEN_SAND if has_papers_wheel(rover) else own_soil(rover).value
+
+
+def usual_motor(rover: Rover) -> Motor:
+    """Return the motor of a log that declares none: the paper's, another rover's own, or one sized by its weight."""
+    return Motor() if has_papers_wheel(rover) else own_motor(rover).value
+
+
+def held(log: DriveLog) -> bool:
+    """Return whether replays of the log hold the wheels to their measured rates."""
+    return any(run.held for run in log.runs)
+
+
+def with_spread(model: Model, motors: bool = True) -> Model:
     """Return the model with a gain for each motor and each tachogenerator, all exact, unless it has them."""
     for number, wheel in enumerate(model.rover.wheels):
-        for gain in (WeakMotor(g=0.0, wheel=number), TachoScale(e=0.0, wheel=wheel.name)):
-            present = [one for one in model.all_effects if type(one) is type(gain)]
-            model = model if any(one.wheel == gain.wheel for one in present) else model.having(gain)
+        gains: list[WeakMotor | TachoScale] = [WeakMotor(g=0.0, wheel=number)] if motors else []
+        for gain in (*gains, TachoScale(e=0.0, wheel=wheel.name)):
+            present = [one for one in model.all_effects if isinstance(one, (WeakMotor, TachoScale))]
+            alike = any(type(one) is type(gain) and one.wheel == gain.wheel for one in present)
+            model = model if alike else model.having(gain)
     return model
 
 
@@ -85,16 +106,21 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
         unit = {"k": "m", "k_1": "Pa"}[name]
         sd = _sd(log.folder, declared, name, unit, SOIL_SD[name] * value) / value
         found.append(parameter(model, f"soil.{name}", sd, log=True))
+    found += _of_motors(log, model) if not held(log) else []
+    for R in (float(one.R) for one in model.effects if isinstance(one, MotionResistance) and one.R):
+        sd = _sd(log.folder, log.about.resistance, "R", "", RESISTANCE_SD * R, widen=False)
+        found.append(parameter(model, "MotionResistance.R", sd / R, log=True))
+    return (*found, *(parameter(model, f"TachoScale[{one.name}].e", TACHO_TO_TACHO) for one in model.rover.wheels))
+
+
+def _of_motors(log: DriveLog, model: Model) -> list[Parameter]:
+    found = []
     for name, sd in MOTOR_SD.items():
         value, unit = float(getattr(model.motor, name)), {"gear": "", "resistance": "ohm"}[name]
         relative = _sd(log.folder, log.about.motor, name, unit, sd * value, widen=False) / value
         found.append(parameter(model, f"motor.{name}", max(relative, 0.01), log=True))
-    for R in (float(one.R) for one in model.effects if isinstance(one, MotionResistance) and one.R):
-        sd = _sd(log.folder, log.about.resistance, "R", "", RESISTANCE_SD * R, widen=False)
-        found.append(parameter(model, "MotionResistance.R", sd / R, log=True))
-    for number, _ in enumerate(model.rover.wheels):
-        found.append(parameter(model, f"WeakMotor[{number}].g", MOTOR_TO_MOTOR))
-    return (*found, *(parameter(model, f"TachoScale[{one.name}].e", TACHO_TO_TACHO) for one in model.rover.wheels))
+    numbers = range(len(model.rover.wheels))
+    return [*found, *(parameter(model, f"WeakMotor[{number}].g", MOTOR_TO_MOTOR) for number in numbers)]
 
 
 def _sd(folder: Any, table: Mapping[str, Any], name: str, unit: str, default: float, widen: bool = True) -> float:

@@ -17,6 +17,8 @@ TELLS, ENOUGH = 9.0, 25.0
 """Expected chi2 from which a run tells two models apart, and above which no further sensor is asked for."""
 CLOSER = 4
 """How many runs, of those whose predictions differ most, are judged with the doubt of both fits."""
+ROLLS = "rolling"
+"""Word of a run in which the motors let the rover roll: wheels that are held to a rate do not."""
 MOVING = 0.1
 """Duty above which a rover is driving."""
 
@@ -70,15 +72,15 @@ def separating_drive(first: Named, second: Named, progress: Progress = lambda sa
     not logged and the log's channels do not suffice.
     """
     fits = (first[1], second[1])
-    logged = logged_instruments(fits[0])
-    richer = with_currents(logged, [wheel.name for wheel in fits[0].model.rover.wheels])
+    own = logged_instruments(fits[0])
+    richer = own if logged(fits[0]).held else with_currents(own, [wheel.name for wheel in fits[0].model.rover.wheels])
     contrasts = []
     for run in _choice(first, second):
         progress(f"predicting a run {run.said}")
         contrasts.append(contrast(run, fits, richer.names))
     driven = [each for each in contrasts if each is not None]
-    found = _judged(driven, logged, "", progress)
-    if len(richer.names) > len(logged.names) and (not found or found[0].expected < ENOUGH):
+    found = _judged(driven, own, "", progress)
+    if len(richer.names) > len(own.names) and (not found or found[0].expected < ENOUGH):
         found = sorted(found + _judged(driven, richer, ", with the motor currents logged", progress), reverse=True)
     if not found or found[0].expected < TELLS:
         return None
@@ -97,6 +99,16 @@ def _judged(driven: Sequence[Contrast], instruments: Instruments, more: str, pro
 
 
 def _choice(first: Named, second: Named) -> tuple[MenuRun, ...]:
+    """Return the runs to choose from, at shares of the fastest logged rate where the wheels are held to rates."""
+    runs, experiment = _of_menu(first, second), logged(first[1])
+    if not experiment.held:
+        return runs
+    rates = [np.abs(run.commands.rate) for run in experiment.runs if run.commands.rate is not None]
+    fastest = max(float(np.max(rate)) for rate in rates)
+    return tuple(run.held_to(fastest) for run in runs if ROLLS not in run.said)
+
+
+def _of_menu(first: Named, second: Named) -> tuple[MenuRun, ...]:
     """Return the menu; where an effect is tied to a place of the log, only what crosses the log's own ground."""
     experiment, rover = logged(first[1]), first[1].model.rover
     duty = np.concatenate([np.abs(run.commands.duty).mean(axis=1) for run in experiment.runs])

@@ -18,9 +18,9 @@ from rover_pin.effects.effect import Effect, SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
-from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEVELS, PATH, SPEED, filled, leaky
+from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEVELS, PATH, SPEED, leaky
 from rover_pin.motion.channels import unit_of
-from rover_pin.motion.replay import Nudge, Replay
+from rover_pin.motion.replay import Nudge, Replay, filled
 from rover_pin.quantity import quantity
 
 TORQUE_SHARE, FORCE_SHARE, GRIP_SHARE = 0.03, 0.01, 0.05
@@ -171,9 +171,11 @@ def _gains(sensors: Sequence[SensorEffect], channels: Mapping[str, np.ndarray]) 
 
 def acts(scene: Scene) -> tuple[Act, ...]:
     """Return everything that an unknown effect may act on, from one nudged replay of the runs each."""
-    torques, duties = zip(*(_pushed(scene, at) for at, _ in enumerate(scene.wheels)), strict=True)
-    found = _of_wheels(scene, TORQUE, "N m", torques)
-    if any(name.startswith("current_") for name in scene.experiment.channels):
+    found: list[Act] = []
+    if not scene.experiment.held:
+        torques, duties = zip(*(_pushed(scene, at) for at, _ in enumerate(scene.wheels)), strict=True)
+        found += _of_wheels(scene, TORQUE, "N m", torques)
+    if found and any(name.startswith("current_") for name in scene.experiment.channels):
         found += _of_wheels(scene, VOLTAGE, "", duties)
     found += _forces(scene)
     found.append(Act(GRIP, "", "", tuple(_gripped(scene, axle) for axle in range(len(_axles(scene))))))

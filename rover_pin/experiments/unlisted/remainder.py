@@ -12,11 +12,12 @@ import numpy as np
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import spread
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
-from rover_pin.experiments.drive_log.features import blocks, filled
+from rover_pin.experiments.drive_log.features import blocks
 from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.draft import can_draft, draft
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.experiments.unlisted.terms import terms
+from rover_pin.motion.replay import filled
 
 NOISE_LIKE = 1.3
 """RMS in SDs of its noise below which a channel's residual is called noise."""

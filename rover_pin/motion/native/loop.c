@@ -24,6 +24,15 @@ static void take_row(Drive *d, const Loop *l, integer row) {
   if (l->grip_rows) grip(d, l, l->grip_rows[row]);
 }
 
+/* The rates at the end of this step: straight from row to row. A step that is taken again after the command has moved
+   on meets the next step's, which is right again one step later. */
+static void hold(Drive *d, const Loop *l) {
+  const integer row = l->k / l->per_sample, n = d->n_wheels;
+  const double share = (double)(l->k % l->per_sample + 1) / l->per_sample;
+  const double *to = l->rate_rows + row * n, *from = row ? to - n : to;
+  for (integer w = 0; w < n; ++w) d->held_rate[w] = from[w] + share * (to[w] - from[w]);
+}
+
 /* Move a replay towards its logged place and heading by the share of one row. */
 static void draw(Drive *d, Loop *l, const double *place) {
   double *q = d->q, attitude[3];
@@ -50,6 +59,7 @@ int rover_pin_run(Drive *d, Loop *l, integer until) {
     if (l->asks && l->k % l->per_control == 0 && l->obeyed != l->k) return ASKS;
     if (l->duty_fixed && l->k % l->per_control == 0) command(d, l);
     if (l->duty_rows && l->k % l->per_sample == 0) take_row(d, l, l->k / l->per_sample);
+    if (l->rate_rows) hold(d, l);
     int status = advance(d, l, l->k % l->per_control == 0 || l->k % l->per_sample == 0);
     if (status) return status;
     if (++l->k % l->per_sample) continue;

@@ -30,6 +30,24 @@ static void add_motor(const Drive *d, integer index, const double *next, System 
   system->motor_slope[dof] = slope;
 }
 
+/* Wheels held to a rate at the step's end: (M + J) du = J (rate - v), J so large that M hardly counts. */
+static void hold_rates(const Drive *d, System *system) {
+  for (integer w = 0; w < d->n_wheels; ++w) {
+    const integer dof = d->wheel_dof[w];
+    const double gain = d->hold_inertia[w] / d->dt;
+    system->motor_torque[dof] = gain * (d->held_rate[w] - d->v[dof]);
+    system->motor_slope[dof] = -2.0 * gain;
+  }
+}
+
+/* The torque that it took. */
+static void end_held(const Drive *d, const System *system) {
+  for (integer w = 0; w < d->n_wheels; ++w) {
+    const integer dof = d->wheel_dof[w];
+    d->record[w * N_RECORD + RECORD_TORQUE] = system->motor_torque[dof] + 0.5 * system->motor_slope[dof] * d->du[dof];
+  }
+}
+
 static void add_motors(const Drive *d, double bus, Step *s) {
   const integer nx = d->n_motor_states;
   for (integer first = 0; first < d->n_wheels; first += LANES) {

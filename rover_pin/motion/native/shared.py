@@ -46,6 +46,7 @@ ARRAYS = {
     "held": "what the contact law holds for each kind of wheel on each soil: n_kinds x n_soils x n_held",
     "held_lanes": "the same, as the lanes took it last",
     "duty": "",
+    "held_rate hold_inertia": "rates that the wheels are held to, and with what; 0: the motors turn them",
     "lane_borders lane_x lane_z grid_z": "",
     "lane_normal": "of each piece: x, z",
     "bin_x0 bin_per_metre": "where a lane's first bin begins, bins per metre",
@@ -112,7 +113,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
         ctypes.c_void_p,
         {
             "log": "rows of ROW",
-            "duty_rows steer_rows force_rows grip_rows place_rows": "commands of a replay; 0 for none",
+            "duty_rows rate_rows steer_rows force_rows grip_rows place_rows": "commands of a replay; 0 for none",
             "moved down soils_at_rest folding_limits": "",
             "saved": "two steps' beginnings: all that moves",
             "duty_fixed steer_fixed": "of a built-in controller; 0: none is given",

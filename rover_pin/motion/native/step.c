@@ -58,6 +58,7 @@ int rover_pin_step(Drive *d) {
   clear_forces(d, &s->system);
   add_soil(d, s);
   add_motors(d, bus, s);
+  if (d->held_rate) hold_rates(d, &s->system);
   add_springs(d, &s->system);
   if (d->n_body) push_body(d, &s->push);
   complete_system(d, &s->system, &s->push);
@@ -67,6 +68,7 @@ int rover_pin_step(Drive *d) {
   account(d, s);
   *d->differential = differential_torque(d, &s->system, &s->push);
   end_motors(d, s);
+  if (d->held_rate) end_held(d, &s->system);
   status = add_speeds(d);
   if (status != OK) return status;
   if (d->symmetric) mirror_speeds(d);

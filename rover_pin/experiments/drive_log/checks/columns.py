@@ -42,16 +42,17 @@ OPTIONAL = {
 """Channels that a comparison can do without: name -> (what is then not told, the columns)."""
 
 
-def needed(wheels: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the channels that a comparison with a simulated drive needs."""
-    return (*(f"{kind}_{wheel}" for kind in ("duty", "wheel_rate") for wheel in wheels), *POSE)
+def needed(wheels: tuple[str, ...], held: bool = False) -> tuple[str, ...]:
+    """Return the channels that a comparison with a simulated drive needs; without duties where rates are the input."""
+    kinds = ("wheel_rate",) if held else ("duty", "wheel_rate")
+    return (*(f"{kind}_{wheel}" for kind in kinds for wheel in wheels), *POSE)
 
 
 def column_faults(log: DriveLog) -> Iterator[Finding]:
     """Yield needed channels that a run lacks, wholly or mostly."""
     for run in log.runs:
         where = str(run.attrs["file"])
-        for name in needed(log.about.wheels):
+        for name in needed(log.about.wheels, run.held):
             if name not in run:
                 yield Finding(f"there is no column '{name}'", where, _instead(name, run))
             elif not np.isfinite(run[name]).any():

@@ -37,7 +37,9 @@ def _said(times: float) -> str:
 
 def _times(run: Driven, motor: Motor) -> float | None:
     """Return the measured over the motor's current, the median of all wheels; None where that is not told."""
-    ratios = []
+    ratios: list[np.ndarray] = []
+    if run.held:
+        return None
     for i, wheel in enumerate(run.wheels):
         name = f"current_{wheel}_A"
         if name not in run.trace:

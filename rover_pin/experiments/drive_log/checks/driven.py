@@ -16,8 +16,8 @@ BLOCK = 1.0
 LEAST_SAMPLES = 5
 """Samples that a block has at least; blocks of a slower log are longer."""
 
-STILL = 0.2
-"""Wheel rate [rad/s] below which a wheel counts as standing."""
+STILL, STILL_SHARE = 0.2, 0.1
+"""Wheel rate [rad/s] below which a wheel counts as standing; of slow wheels, as a share of their fastest."""
 
 ROLLING = 0.3
 """Mean rim speed over mean size of rim speed, below which a rover turns rather than drives."""
@@ -81,10 +81,25 @@ class Driven:
         """Return the block means of a channel of all wheels (B, wheels)."""
         return np.column_stack([self.mean(column) for column in self.trace.stack(channel).T])
 
+    @property
+    def held(self) -> bool:
+        """Whether the wheel rates are the input, and no duty."""
+        return self.trace.held
+
     @cached_property
     def duty(self) -> np.ndarray:
-        """Mean duties (B, wheels)."""
-        return self.per_wheel("duty")
+        """Mean duties (B, wheels); rates as shares of the fastest where they are the input."""
+        return self.rate / self.fastest if self.held else self.per_wheel("duty")
+
+    @cached_property
+    def fastest(self) -> float:
+        """The greatest rate of a wheel in a block [rad/s]; above 0."""
+        return float(np.nanmax(np.abs(self.rate), initial=1e-9))
+
+    @property
+    def still(self) -> float:
+        """Wheel rate [rad/s] below which a wheel counts as standing."""
+        return min(STILL, STILL_SHARE * self.fastest) if self.held else STILL
 
     @cached_property
     def rate(self) -> np.ndarray:
@@ -126,7 +141,7 @@ class Driven:
     @cached_property
     def moving(self) -> np.ndarray:
         """Whether a wheel turns in a block (B,)."""
-        return np.any(np.abs(np.where(np.isfinite(self.rate), self.rate, 0.0)) > STILL, axis=1)
+        return np.any(np.abs(np.where(np.isfinite(self.rate), self.rate, 0.0)) > self.still, axis=1)
 
     @cached_property
     def steady(self) -> np.ndarray:
@@ -154,7 +169,7 @@ class Driven:
         """Slip ratio of the rover as a whole in its steady blocks, by Eq (1) (blocks,)."""
         rim, speed = self.rim[self.steady], self.speed[self.steady]
         greatest = np.maximum(np.abs(rim), np.abs(speed))
-        use = np.isfinite(greatest) & (greatest > 0.1 * STILL * self.radius)
+        use = np.isfinite(greatest) & (greatest > 0.1 * self.still * self.radius)
         return (rim[use] - speed[use]) * np.sign(rim[use]) / greatest[use]
 
 

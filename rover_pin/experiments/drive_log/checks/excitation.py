@@ -48,7 +48,9 @@ HELD_OUT = 3
 
 def excitation_findings(runs: Sequence[Driven], where: str) -> Iterator[Finding]:
     """Yield, for each missing excitation, the effects that cannot be told apart without it and the run to add."""
-    for check in (_duties, _slips, _slopes, _headings, _stops, _wheels, _electric, _runs):
+    held = any(run.held for run in runs)
+    checks = (_rates, _slips, _slopes, _headings, _runs) if held else CHECKS
+    for check in checks:
         for what, todo in check(runs):
             yield Finding(what, where, todo)
 
@@ -70,7 +72,7 @@ def too_poor(runs: Sequence[Driven]) -> str:
 
 def levels(runs: Sequence[Driven]) -> np.ndarray:
     """Return duties of the driven time that lie a level apart, those of one sample in a hundred left out."""
-    found = [duty[run.moving[run.block]] for run in runs for duty in run.trace.stack("duty").T]
+    found = [duty[run.moving[run.block]] for run in runs for duty in _commands(run).T]
     duties = np.concatenate(found) if found else np.zeros(0)
     duties = duties[np.isfinite(duties)]
     grid, count = np.unique(np.round(duties / SAME_DUTY), return_counts=True)
@@ -79,6 +81,11 @@ def levels(runs: Sequence[Driven]) -> np.ndarray:
     for level in grid:
         apart += [level] if not apart or level - apart[-1] > 1.5 else []
     return SAME_DUTY * np.array(apart)
+
+
+def _commands(run: Driven) -> np.ndarray:
+    """Return the duties, or the rates that are the input as shares of the fastest (T, wheels)."""
+    return run.duty[run.block] if run.held else run.trace.stack("duty")
 
 
 def slip_range(runs: Sequence[Driven]) -> float:
@@ -112,6 +119,19 @@ def _duties(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
         yield (
             "no low duty, so friction of the gear and a dead band of the driver look alike",
             "add a staircase of duty down to 0.06, or lift the wheels and record one",
+        )
+
+
+def _rates(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
+    yield (
+        "no duty is recorded, so the wheels are held to their measured rates: what acts in the motors and gears "
+        "(friction, weak motors, sag, heating, a dead band) does not show",
+        "record duty_WHEEL, or current_WHEEL_A, if that matters",
+    )
+    if not any("body_pitch" in run.trace or "body_z" in run.trace for run in runs):
+        yield (
+            "neither pitch nor height is recorded, so slip cannot be told from an unknown slope",
+            "record body_pitch or body_z, or declare the terrain",
         )
 
 
@@ -192,6 +212,9 @@ def _runs(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
             "no run is repeated, so what scatters and what the model cannot describe look alike",
             "repeat a run with the same commands on freshly raked soil",
         )
+
+
+CHECKS = (_duties, _slips, _slopes, _headings, _stops, _wheels, _electric, _runs)
 
 
 def _replicates(a: Driven, b: Driven) -> bool:

@@ -53,6 +53,9 @@ def wheel_sign_faults(run: Driven) -> Iterator[Finding]:
     """Yield duties, wheel rates and currents that run against each other."""
     for i, wheel in enumerate(run.wheels):
         current = f"current_{wheel}_A"
+        if run.held and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
+            what = f"wheel_rate_{wheel} runs against the travel"
+            yield Finding(what, run.name, f"multiply wheel_rate_{wheel} by -1: positive is forward")
         if _correlation(run.duty[:, i], run.rate[:, i]) < OPPOSITE:
             against = _correlation(run.rate[:, i], run.speed) < OPPOSITE
             turned, other = ("wheel_rate", "duty") if against else ("duty", "wheel_rate")

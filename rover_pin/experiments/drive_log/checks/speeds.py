@@ -41,7 +41,7 @@ def speed_faults(run: Driven, motor: Motor | None) -> Iterator[Finding]:
     """Yield channels of a run whose speeds contradict each other."""
     yield from _velocity(run)
     yield from _height(run)
-    if motor is not None:
+    if motor is not None and not run.held:
         yield from _racing(run, motor)
 
 

@@ -1,0 +1,130 @@
+"""Logs without duties: the wheels are held to their measured rates, and what motors do is out of sight."""
+
+import importlib.util
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.effects.effect import MotorEffect
+from rover_pin.effects.gravity_tilt import GravityTilt
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.errors import DataError
+from rover_pin.experiments.drive_log.candidates import candidates
+from rover_pin.experiments.drive_log.checks.log import check, faults
+from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.features import logged_runs
+from rover_pin.experiments.drive_log.menu import menu
+from rover_pin.experiments.drive_log.model import base_model, held, nuisances, with_spread
+from rover_pin.loop.close import close_the_loop
+from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.motion.place import Start
+from rover_pin.motion.replay import replay
+
+_spec = importlib.util.spec_from_file_location("drive_sets", Path(__file__).parent / "drive_sets.py")
+drive_sets = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(drive_sets)
+write = drive_sets.write
+
+DROPPED = ("duty_", "current_", "battery_")
+
+
+def only(folder, keep):
+    """Leave only those columns in the log's runs."""
+    for file in folder.glob("run-*.csv"):
+        table = pd.read_csv(file)
+        table[[name for name in table if keep(name)]].to_csv(file, index=False)
+    return read_drive_log(folder)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    folder = write(tmp_path_factory.mktemp("log"), runs=2, duration=12.0)
+    return only(folder, lambda name: not name.startswith(DROPPED))
+
+
+def test_a_log_without_duties_can_be_used_and_says_what_cannot_show(log):
+    assert held(log)
+    assert faults(log) == ()
+    said = " ".join(map(str, check(log).found))
+    assert "no duty is recorded, so the wheels are held to their measured rates" in said
+    assert "motors" in said
+    assert "battery_V" not in said
+
+
+def test_its_model_frees_no_motor_and_lacks_none(log):
+    model = with_spread(base_model(log), motors=False)
+    names = [one.name for one in nuisances(log, model)]
+    assert not [name for name in names if name.startswith(("motor.", "WeakMotor"))]
+    assert {"soil.phi", "MotionResistance.R", "TachoScale[fl].e"} <= set(names)
+    experiment = experiment_of(logged_runs(log, model.rover), model)
+    assert not [one for one in candidates(model, experiment, (), None) if isinstance(one.effect, MotorEffect)]
+    assert {"path", "heading", "body_pitch", "rocker_l"} <= set(experiment.channels)
+    assert not [name for name in experiment.channels if name.startswith(("wheel_rate_", "current_"))]
+
+
+def test_a_tacho_gain_moves_the_replay_and_other_sensors_only_what_they_read(log):
+    model = with_spread(base_model(log), motors=False)
+    experiment = experiment_of(logged_runs(log, model.rover), model)
+    at = experiment.channels.index("path")
+    plain, fast = experiment.predict([model, model.having(TachoScale(e=0.05, wheel="fl"))])[:, 0, at]
+    assert np.nanmax(np.abs(plain - fast)) > 2e-4
+
+
+def test_duties_are_held_back_where_the_log_says_that_rates_are_the_input(tmp_path):
+    folder = write(tmp_path, runs=1, duration=3.0)
+    toml = folder / "drive.toml"
+    toml.write_text('input = "rates"\n' + toml.read_text())
+    log = read_drive_log(folder)
+    assert held(log)
+    (run,) = logged_runs(log, log.load_rover())
+    (trace,) = log.runs
+    measured = [np.interp(run.commands.t, trace.t, trace[f"wheel_rate_{wheel}"]) for wheel in trace.wheels]
+    assert run.commands.rate == pytest.approx(np.transpose(measured), abs=0.05)
+    toml.write_text(toml.read_text().replace('"rates"', '"torque"', 1))
+    with pytest.raises(DataError, match="input = 'torque': write 'duties' or 'rates'"):
+        read_drive_log(folder)
+
+
+def test_without_duties_all_wheel_rates_are_needed(tmp_path):
+    folder = write(tmp_path, runs=1, duration=3.0)
+    log = only(folder, lambda name: not name.startswith("duty_") and name != "wheel_rate_ml")
+    (fault,) = faults(log)
+    assert "there is no column 'wheel_rate_ml'" in str(fault)
+
+
+def test_a_wheel_that_is_logged_backwards_is_named(tmp_path):
+    folder = write(tmp_path, runs=1, duration=12.0)
+    for file in folder.glob("run-*.csv"):
+        pd.read_csv(file).assign(wheel_rate_mr=lambda table: -table["wheel_rate_mr"]).to_csv(file, index=False)
+    log = only(folder, lambda name: not name.startswith(DROPPED))
+    assert "wheel_rate_mr runs against the travel" in str(faults(log)[0])
+
+
+def test_the_runs_of_the_menu_can_be_held_to_rates(log):
+    model = base_model(log)
+    run = menu(model.rover, 0.5, Start())[0].held_to(2.0)
+    assert "wheel rate" in run.said
+    assert "duty" not in run.said
+    commands = run.commands(model.rover)
+    assert np.all(commands.rate == 1.0)
+    driven = replay(run.on(model), commands).channels
+    assert driven["wheel_rate_fl"][20:] == pytest.approx(1.0, abs=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("degrees", [0.0, 1.5])
+def test_a_tilt_is_found_without_duties_and_nothing_where_nothing_is(tmp_path, degrees):
+    hidden = [GravityTilt(rise_x=math.radians(degrees))] if degrees else []
+    folder = write(tmp_path, hidden)
+    only(folder, lambda name: not name.startswith(DROPPED))
+    verdict = close_the_loop(folder)
+    if not degrees:
+        assert verdict.answer is Answer.NONE_NEEDED
+        return
+    assert verdict.named == ("GravityTilt",)
+    (tilt,) = (one for one in verdict.after if one.name == "GravityTilt.rise_x")
+    assert tilt.low < math.radians(degrees) < tilt.high
