@@ -10,7 +10,7 @@ from rover_pin.soil.arc import integrate, stress_scale
 from rover_pin.soil.quadrature import entry_graded
 
 PRESSURE_NODES = 8
-"""Nodes for the pressure's share of Eq (6), of which only a ratio is taken: 1e-4."""
+"""Nodes for the pressure's share of Eq (6), of which only a ratio is taken: 2.1e-4 of it for n = 0.4 to 2."""
 STEPS = 2
 """Steps towards the sinkage in firm soil: the resistance to 0.2 % of the load down to h = 0.45 r."""
 

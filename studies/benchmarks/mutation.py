@@ -38,12 +38,11 @@ KEEP = ROOT / "out" / "mutation.json"
 QUICK = 4
 
 DECIDING = (
-    "discrepancy/compare discrepancy/cross_validation discrepancy/held_out discrepancy/screen discrepancy/search "
-    "estimation/fit estimation/noise estimation/problem estimation/residual estimation/wording loop/drive loop/rig "
-    "report/rig_cautions experiments/wheel_rig/calibrate experiments/wheel_rig/compare experiments/wheel_rig/held_out "
-    "experiments/wheel_rig/reselect experiments/wheel_rig/checks experiments/wheel_rig/screen"
-).split()
-DECISIONS = "drive_decisions drive_noise rig_decisions rig_thresholds wording residual_sign evidence_profile"
+    "drive_anchor drive_blocks drive_candidates drive_checks drive_decisions drive_declared drive_left_out drive_noise "
+    "drive_nonsense drive_place descent evidence_fit evidence_posterior evidence_profile loop_first_steps "
+    "loop_rig_checks residual_sign rig_decisions rig_physics rig_thresholds uncertain_slip wording"
+)
+"""Tests of what the loop decides, by what limits."""
 
 
 class Room(NamedTuple):
@@ -57,15 +56,27 @@ def _named(folder: str, names: str) -> tuple[str, ...]:
     return tuple(f"tests/{folder}/test_{name}.py" for name in names.split())
 
 
+def _files(folder: str, names: str) -> tuple[str, ...]:
+    return tuple(f"rover_pin/{folder}/{name}.py" for name in names.split())
+
+
+DRIVE_LOG = "calibrate candidates contrast experiment features free_runs parameters places verdict"
+WHEEL_RIG = "calibrate candidates checks compare held_out reselect residual_tests screen verdict"
+"""What decides; the other files read, predict, design and describe."""
+DECISIONS = (
+    *_named("evidence", DECIDING),
+    *("tests/discrepancy/test_*.py", "tests/estimation/test_*.py", "tests/identification/test_*.py"),
+)
 ROOMS = {
     "soil": Room(("rover_pin/soil/*.py",), ("tests/soil/test_*.py",)),
     "effects": Room(("rover_pin/effects/*.py",), ("tests/effects/test_*.py",)),
     "body": Room(("rover_pin/body/*.py",), ("tests/body/test_*.py", "tests/oracle/test_oracle_dynamics.py")),
     "motion": Room(("rover_pin/motion/*.py", "rover_pin/motion/native/*.c"), ("tests/motion/test_*.py",)),
-    "evidence": Room(
-        tuple(f"rover_pin/{name}.py" for name in DECIDING),
-        _named("evidence", DECISIONS),
-    ),
+    "estimation": Room(("rover_pin/estimation/*.py",), DECISIONS),
+    "discrepancy": Room(("rover_pin/discrepancy/*.py", "rover_pin/loop/*.py"), DECISIONS),
+    "identification": Room(("rover_pin/identification/*.py",), DECISIONS),
+    "drive_log": Room(_files("experiments/drive_log", DRIVE_LOG), DECISIONS),
+    "wheel_rig": Room(_files("experiments/wheel_rig", WHEEL_RIG), DECISIONS),
     "quick": Room(("rover_pin/soil/slip.py",), _named("soil", "soil_slip")),
 }
 
@@ -77,8 +88,9 @@ def main() -> None:
     options.add_argument("--files", nargs="*", default=[], help="only files of these names, as traction.py")
     options.add_argument("--sample", type=int, default=0, help="changes of a room that are tried; 0 for all")
     options.add_argument("--seed", type=int, default=0, help="of the order in which they are tried")
+    options.add_argument("--longest", type=float, default=math.inf, help="only tests that take less, in s of CPU")
     options.add_argument("--minutes", type=float, default=math.inf, help="none is begun after so long")
-    options.add_argument("--keep", type=Path, default=KEEP, help="file of what is known")
+    options.add_argument("--keep", type=lambda name: Path(name).resolve(), default=KEEP, help="file of what is known")
     options.add_argument("--killers", action="store_true", help="print what noticed each change")
     options.add_argument("--quick", action="store_true", help=f"{QUICK} changes of Eq (1)")
     asked = options.parse_args()
@@ -91,12 +103,17 @@ def main() -> None:
         end, kept = time.monotonic() + 60 * asked.minutes, Kept(Path(folder) / "kept" if asked.quick else asked.keep)
         for room in asked.rooms:
             changes = mutants(tree, room)
-            sources = digest(*sorted({path for path, _ in changes}))
+            sources = digest(*sorted(covered(tree, room)))
             chosen = [each for each in changes if not asked.files or each[0].name in asked.files]
             random.Random(asked.seed).shuffle(chosen)
             child = os.fork()
             if child == 0:
-                tried(tree, room, Trial(tree, sources, chosen[: asked.sample or None], kept, end), asked.killers)
+                tried(
+                    tree,
+                    room,
+                    Trial(tree, sources, chosen[: asked.sample or None], kept, (asked.longest, end)),
+                    asked.killers,
+                )
                 os._exit(0)
             if os.waitpid(child, 0)[1]:
                 raise SystemExit(f"{room}: the run ended early.")
@@ -129,6 +146,12 @@ def tried(tree: Path, room: str, trial: Trial, killers: bool) -> None:
           f"{time.monotonic() - begun:.0f} s, {used:.0f} s of CPU", flush=True)  # fmt: skip
     if code and not trial.tried:
         raise SystemExit(f"pytest: {code}")
+
+
+def covered(tree: Path, room: str) -> set[Path]:
+    """Return all files whose lines the tests of a room are asked for: those of every room that has the same tests."""
+    alike = [each for each in ROOMS.values() if each.tests == ROOMS[room].tests]
+    return {path for each in alike for pattern in each.files for path in tree.glob(pattern)}
 
 
 def copied(tree: Path) -> Path:

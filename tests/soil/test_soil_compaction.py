@@ -1,23 +1,34 @@
 """What a deeper rut costs, against Bekker's integral and a balance of the load by brute force."""
 
 import math
+from itertools import product
 
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.soil.compaction import compaction, sinking_resistance
+from rover_pin.soil.compaction import _pressed, compaction, sinking_resistance
 
 WHEEL, RATIO = Wheel(), 1.0 / 7.0
 
 
+def pressure(at, theta_1, n):
+    return max(math.cos(at) - math.cos(theta_1), 0.0) ** n * math.cos(at)
+
+
 def pressure_force(theta_1, n):
-    scale = 54207.3 * 0.045 * 0.05 * 0.9**n
-    return (
-        scale
-        * quad(lambda at: max(math.cos(at) - math.cos(theta_1), 0.0) ** n * math.cos(at), -RATIO * theta_1, theta_1)[0]
-    )
+    return 54207.3 * 0.045 * 0.05 * 0.9**n * quad(pressure, -RATIO * theta_1, theta_1, args=(theta_1, n))[0]
+
+
+def test_the_pressure_is_as_good_as_stated():
+    """Relative to adaptive quadrature, over exponents, arcs and exits."""
+    off = []
+    for n, theta_1, ratio in product([0.4, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0], [0.1, 0.3, 0.6, 1.0], [0.0, RATIO, 0.5]):
+        true, _ = quad(pressure, -ratio * theta_1, theta_1, args=(theta_1, n))
+        found = _pressed(theta_1, (1.0 + ratio) * theta_1, WHEEL, Soil(n=n))
+        off.append(abs(float(found) / (54207.3 * 0.9**n * true) - 1))
+    assert 1e-4 < max(off) < 2.1e-4
 
 
 def rut_work(theta_1, n):

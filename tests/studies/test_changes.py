@@ -69,3 +69,17 @@ def test_every_excuse_is_still_of_a_change_that_is_made(loaded):
         made = [one.said for one in python.changes((ROOT / file).read_text(encoding="latin-1"))]
         assert told in made, (file, told)
         assert reason
+
+
+def test_what_is_kept_outlives_a_run_that_was_killed_while_it_wrote(loaded, tmp_path):
+    file = tmp_path / "kept.json"
+    kept = loaded("kept").Kept(file)
+    kept.put("one", ["a test", "digest"])
+    kept.put("two", [])
+    kept.put("one", ["another", "digest"])
+    assert loaded("kept").Kept(file).values == {"one": ["another", "digest"], "two": []}
+    file.write_text(file.read_text()[:-7])
+    again = loaded("kept").Kept(file)
+    assert again.values == {"one": ["a test", "digest"], "two": []}
+    again.put("three", 3)
+    assert loaded("kept").Kept(file).get("three") == 3

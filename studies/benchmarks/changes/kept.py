@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +18,17 @@ def digest(*files: Path) -> str:
 
 
 class Kept:
-    """A JSON file of values by key, written as a whole after each change."""
+    """A file of values by key, a line of JSON for each; a line that was cut short is as if it was not there."""
 
     def __init__(self, file: Path):
         self.file = file
-        self.values: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
+        self.values: dict[str, Any] = {}
+        text = file.read_text() if file.exists() else ""
+        for line in text.splitlines():
+            with contextlib.suppress(json.JSONDecodeError):
+                self.values |= json.loads(line)
+        if text and not text.endswith("\n"):
+            self._append("\n")
 
     def get(self, key: str) -> Any:
         """Return what is known, or None."""
@@ -31,7 +37,9 @@ class Kept:
     def put(self, key: str, value: Any) -> None:
         """Keep a value."""
         self.values[key] = value
+        self._append(json.dumps({key: value}, separators=(",", ":")) + "\n")
+
+    def _append(self, text: str) -> None:
         self.file.parent.mkdir(parents=True, exist_ok=True)
-        written = self.file.with_suffix(".part")
-        written.write_text(json.dumps(self.values, separators=(",", ":")))
-        os.replace(written, self.file)
+        with self.file.open("a") as file:
+            file.write(text)

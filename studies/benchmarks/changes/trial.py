@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import contextlib
 import json
+import math
 import os
 import resource
 import select
@@ -51,11 +52,15 @@ class Trial:
     A change is first put into the loaded modules. Where it is not within a function, what was worked out while they
     were imported may differ: if its tests pass, they run once more on modules imported anew, together with all that
     run anything of its file, before it counts as one that no test notices.
+
+    `limits` are the CPU time [s] of the longest test that is asked, and when to begin no further change.
     """
 
-    def __init__(self, tree: Path, sources: str, changes: Sequence[tuple[Path, Mutant]], kept: Kept, end: float):
-        self.tree, self.changes, self.kept, self.end = tree, changes, kept, end
-        self.sources = sources
+    def __init__(
+        self, tree: Path, sources: str, changes: Sequence[tuple[Path, Mutant]], kept: Kept, limits: tuple[float, float]
+    ):
+        self.tree, self.changes, self.kept, self.sources = tree, changes, kept, sources
+        self.longest, self.end = limits
         self.failed, self.tried, self.broken = False, list[Tried](), list[str]()
         self.kills: Counter[tuple[Path, str]] = Counter()
 
@@ -69,6 +74,7 @@ class Trial:
         self.known = {name: Known(*self._learnt(item)) for name, item in self.items.items()}
         self.broken = [name for name, known in self.known.items() if known.taken < 0.0]
         self.all_tests = digest(*sorted({item.path for item in session.items}))
+        self.all_tests += "" if self.longest == math.inf else f" to {self.longest:g} s"
         for path, mutant in self.changes:
             if time.monotonic() > self.end:
                 break
@@ -190,7 +196,7 @@ class Trial:
         near, far = [], []
         for name, known in self.known.items():
             lines = known.lines.get(file, [])
-            if lines and known.taken >= 0.0:
+            if lines and 0.0 <= known.taken <= self.longest:
                 (near if wanted is None or not wanted.isdisjoint(lines) else far).append(name)
 
         def ordered(names: list[str]) -> list[pytest.Item]:
