@@ -1,7 +1,6 @@
 """Pages of the site that are made, not written: the catalogue, the rooms, the commands, the public names.
 
-A line `<!-- readme: HEADING -->` in a page becomes that section of README.md, and `<!-- file: PATH -->` a file, so that
-nothing is said twice; a heading or file that is gone stops the build.
+A line `<!-- file: PATH -->` in a page becomes that file, and `<!-- rooms -->` what the rooms of the package say.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 
 from rover_pin import catalogue
@@ -20,12 +18,6 @@ from rover_pin.settings import Setting
 from rover_pin.terminal import allowed, told
 
 ROOT = Path(__file__).parents[1]
-MOVED = {
-    "](docs/": "](",
-    "](#effects)": "](own-effect.md)",
-    "](#closing-the-loop)": "](data.md)",
-}
-"""Links of README.md, and what they are in the site."""
 
 
 def on_files(files: Files, config: Any) -> Files:
@@ -36,7 +28,6 @@ def on_files(files: Files, config: Any) -> Files:
         "catalogue/rovers.md": _entries("Rovers", catalogue.rovers(), "rover-pin drive flat --set rover={}"),
         "catalogue/effects.md": _entries("Effects", catalogue.effects(), "rover-pin drive ditch --add {}"),
         "catalogue/settings.md": _settings(),
-        "architecture.md": _architecture(),
         "api.md": _api(),
         "commands.md": _commands(),
     }
@@ -46,21 +37,9 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Put sections of the README, and files, where a page asks for them."""
-    markdown = re.sub(r"<!-- readme: (.+?) -->", lambda found: _readme(found[1]), markdown)
-    return re.sub(r"<!-- file: (.+?) -->", lambda found: (ROOT / found[1]).read_text(encoding="utf-8"), markdown)
-
-
-def _readme(heading: str) -> str:
-    """Return the section of README.md under a heading, without it."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    found = re.search(rf"^(#+) {re.escape(heading)}\n(.*?)(?=^#{{1,2}} |\Z)", text, re.MULTILINE | re.DOTALL)
-    if found is None:
-        raise PluginError(f"README.md has no section '{heading}', which a page of the site shows.")
-    section = found[2].strip()
-    for link, moved in MOVED.items():
-        section = section.replace(link, moved)
-    return section
+    """Put files, and the rooms, where a page asks for them."""
+    markdown = re.sub(r"<!-- file: (.+?) -->", lambda found: (ROOT / found[1]).read_text(encoding="utf-8"), markdown)
+    return markdown.replace("<!-- rooms -->", _rooms()) if "<!-- rooms -->" in markdown else markdown
 
 
 def _entries(title: str, entries: list[Any], command: str) -> str:
@@ -109,7 +88,7 @@ def _plain(text: str) -> str:
     return re.sub(r"([\\`*_{}\[\]<>|])", r"\\\1", text) if "`" not in text else text.replace("|", "\\|")
 
 
-def _architecture() -> str:
+def _rooms() -> str:
     """Return the rooms in the order of the test that holds it, with what each says of itself."""
     tree = ast.parse((ROOT / "tests" / "test_architecture.py").read_text(encoding="utf-8"))
     rooms = next(
@@ -117,20 +96,15 @@ def _architecture() -> str:
         for node in tree.body
         if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "ROOMS"
     )
-    parts = [
-        "# Architecture\n\nA rover is driven by four things that know little of each other: the soil and its effects "
-        "(CasADi expressions), the rigid body (Pinocchio), the step that joins them (C, generated and compiled), and a "
-        "controller. What is measured is held against it by an experiment, and the loop knows experiments only.\n\n"
-        "A room imports itself and those above it in this list; `tests/test_architecture.py` holds it.\n"
-    ]
+    parts = []
     for room in rooms:
         home = ROOT / "rover_pin" / room
         file = home / "__init__.py" if home.is_dir() else home.with_suffix(".py")
         if file.is_file():
             said = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
             name = file.relative_to(ROOT).as_posix().removesuffix("/__init__.py")
-            parts.append(f"\n- **`{name}`**: {' '.join(_plain(said).split())}")
-    return "".join(parts) + "\n"
+            parts.append(f"- **`{name}`**: {' '.join(_plain(said).split())}\n")
+    return "".join(parts)
 
 
 def _api() -> str:
@@ -140,7 +114,7 @@ def _api() -> str:
     listed = "\n\n".join(f"::: rover_pin.{homes[name]}.{name}" for name in rover_pin.__all__ if name in homes)
     return (
         "# Python\n\nThe names that `rover_pin` itself has; they are loaded on first use. Everything else is imported "
-        f"from its own module, as the catalogue and the README show.\n\n{listed}\n"
+        f"from its own module, as the catalogue and [the examples](python.md) show.\n\n{listed}\n"
     )
 
 

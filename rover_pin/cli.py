@@ -16,7 +16,7 @@ import typer
 from rover_pin import commands
 from rover_pin.commands.options import AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
 from rover_pin.commands.speaking import Speaking, program, scenario_names
-from rover_pin.commands.view import asked_for, write_asked
+from rover_pin.commands.view import asked_for, open_page, write_asked
 from rover_pin.errors import RoverPinError, UrdfError
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
@@ -68,6 +68,7 @@ def drive(
     view: Annotated[bool, typer.Option("--view", help="Write view.html, the drive in 3D.")] = False,
     gif: Annotated[bool, typer.Option("--gif", help="Write drive.gif, a moving picture.")] = False,
     mp4: Annotated[bool, typer.Option("--mp4", help="Write drive.mp4; needs ffmpeg.")] = False,
+    open_: Annotated[bool, typer.Option("--open", help="Write view.html and open it in your browser.")] = False,
     effects: Effects = None,
     trust: Trusted = False,
     out: Out = Path("out/drive"),
@@ -80,9 +81,11 @@ def drive(
     settings = {**{name: value for name, value in given.items() if value}, **assignments(set_)}
     settings["trust"] = Trust.of(effects, trust)
     chosen = ready(scenario, **settings)
-    seen = asked_for(view, gif, mp4)
+    seen = asked_for(view or open_, gif, mp4)
     with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *seen)), alone_in(out):
         _driven(chosen, check, seen, out, as_json)
+    if open_:
+        open_page(out)
 
 
 def _driven(chosen: Any, check: bool, seen: list[str], out: Path, as_json: bool) -> None:

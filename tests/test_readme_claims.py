@@ -1,4 +1,4 @@
-"""Every command that the README prints runs as printed, and the numbers that stand beside it are what it prints."""
+"""Every command that README and pages print runs as printed, and the numbers beside it are what it prints."""
 
 import os
 import re
@@ -12,25 +12,31 @@ from tempfile import mkdtemp
 from typing import NamedTuple
 
 import pytest
+import typer.main
+
+from rover_pin.cli import app
 
 ROOT = Path(__file__).parents[1]
-TEXT = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-COMMAND = re.compile(r"(?<=`)(?:\.venv/bin/)?((?:rover-pin|python studies/)[^`]*)(?=`)|(studies/[\w./]+\.py)(?=`)")
-PATTERNS = {"rover-pin COMMAND --help", "rover-pin close-loop DATASET", "rover-pin check-urdf my_rover.toml",
-            "rover-pin new-rover my_rover.urdf",
-            "rover-pin drive flat --set rover=my_rover.toml"}  # fmt: skip
-"""What is printed as a pattern to fill in; `test_readme` drives the rover of the README's TOML."""
+FILES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
+TEXT = " ".join(" ".join(PAGES.values()).split())
+COMMAND = re.compile(r"`((?:rover-pin|python studies/)[^`]*|studies/[\w./]+\.py)`")
+GROUP = typer.main.get_group(app)
+TO_FILL_IN = re.compile(r"\b(?:COMMAND|DATA|DATASET|EXPERIMENT|FILE|FOLDER|NAME|OUT|SCENARIO)\b")
+"""What a reader puts a word of his own for; `test_docs` holds the options."""
 
 
 class Claim(NamedTuple):
-    """A phrase of the README and of what the command prints, as patterns whose groups must agree, one by one."""
+    """A phrase of a page and of what the command prints, as patterns whose groups must agree, one by one."""
 
     said: str
     printed: str
+    factor: float = 1.0
+    "of what is printed, to the unit in which it is said"
 
 
 class Command(NamedTuple):
-    """A command of the README: what it needs before, and what the README says that comes out."""
+    """A command of the pages: what it needs before, and what they say that comes out."""
 
     claims: tuple[Claim, ...] = ()
     needs: tuple[str, ...] = ()
@@ -41,7 +47,19 @@ NUMBER = r"([-+]?[\d.]+(?:e-?\d+)?)"
 WORD = r"[-+.\de]+"
 INTERVAL = rf"{NUMBER} \[{NUMBER}, {NUMBER}\]"
 LOOP = "rover-pin close-loop studies/data/cmu-smooth-wheel"
+DITCH = "rover-pin drive ditch --set soil.k=10mm --open"
+NEW = "rover-pin new-rover my_rover.urdf"
+INIT = "rover-pin init mine.csv --r 45mm --b 50mm --noise drawbar_pull=0.5N --noise sinkage=0.5mm"
 COMMANDS = {
+    DITCH: Command((Claim(rf"climbs out and `drives on at {NUMBER} m/s`", rf"drives on at {NUMBER} m/s"),)),
+    "rover-pin check-urdf urdf/cart.toml": Command((
+        Claim(r"`stands` and whether its motors move it: (yes), and (yes)", r"stands (yes): .* moves (yes): "),
+    )),
+    "rover-pin check-urdf my_rover.toml": Command(needs=(NEW,)),
+    "rover-pin drive flat --set rover=my_rover.toml": Command(needs=(NEW,)),
+    "rover-pin check-data mine": Command(needs=(INIT,)),
+    "rover-pin close-loop mine": Command(needs=(INIT,)),
+    "rover-pin export out/drive/log --to mcap": Command(needs=(DITCH,)),
     "rover-pin drive ditch --model out/close_loop/model.toml": Command(needs=(LOOP,)),
     "rover-pin drive flat --set form=net": Command(
         (Claim(rf"it is after {NUMBER} s at x = {NUMBER} m", rf"end time s {NUMBER} .* end x m {NUMBER}"),)
@@ -50,6 +68,8 @@ COMMANDS = {
         (
             Claim(rf"the first with a = {INTERVAL}", rf"SlipSoftening.a = {INTERVAL}"),
             Claim(rf"sinkage error {NUMBER} -> {NUMBER} mm", rf"sinkage: RMSE {NUMBER} mm -> {NUMBER} mm"),
+            Claim(rf"sinkage was wrong by {NUMBER} mm and is now wrong by {NUMBER} mm",
+                  rf"sinkage: RMSE {NUMBER} mm -> {NUMBER} mm"),
             Claim(rf"slip level: softening in {NUMBER} of {NUMBER}",
                   rf"SlipSoftening chosen in {NUMBER} of {NUMBER} folds"),
         )
@@ -67,6 +87,10 @@ COMMANDS = {
               rf"Table 1 breaks {NUMBER} of {NUMBER} in the net form, {NUMBER} in the torque form"),
     )),
     "rover-pin identify studies/data/steepening-slope": Command((
+        Claim(rf"k = {NUMBER} mm and phi = [\d.]+ deg, both `(found)`",
+              rf"k = {NUMBER} \+- {WORD} m, [^:]*: (found) phi", 1e3),
+        Claim(rf"k = [\d.]+ mm and phi = {NUMBER} deg, both `(found)`",
+              rf"phi = {NUMBER} \+- {WORD} deg, [^:]*: (found) "),
         Claim(rf"k = {NUMBER} m \[{NUMBER}, {NUMBER}\]", rf"k = {NUMBER} \+- {WORD} m, 95 % in \[{NUMBER}, {NUMBER}\]"),
         Claim(rf"phi = {NUMBER} deg \[{NUMBER}, {NUMBER}\]",
               rf"phi = {NUMBER} \+- {WORD} deg, 95 % in \[{NUMBER}, {NUMBER}\]"),
@@ -76,11 +100,10 @@ COMMANDS = {
               rf"net 50 (?:{WORD} ){{3}}{NUMBER} {NUMBER} {NUMBER} {NUMBER} none"),
     )),
     "rover-pin view out/drive/log --compare other/log --gif": Command(
-        needs=("rover-pin drive ditch", "rover-pin drive ditch --set soil.k=0.01 --out other")
+        needs=(DITCH, "rover-pin drive ditch --out other")
     ),
 }  # fmt: skip
 BY_HAND = {
-    "rover-pin close-loop DATA --experiment FILE": "two placeholders; `tests/loop/test_motor_brake.py` gives both",
     "python studies/blind_rig.py": "223 loops, half an hour",
     "python studies/blind_test.py --first 90": "90 loops on drive logs, hours",
     "python studies/fig10_ditch.py": "1,200 drives, ten minutes; `test_readme_tables` reads the table that it wrote",
@@ -98,19 +121,48 @@ BY_HAND = {
 """Commands that take too long for a test, run by hand before a release; `test_studies_run` runs them with --quick."""
 
 
+ELSEWHERE = {
+    'python3 -m venv .venv && . .venv/bin/activate && pip install -e ".[view]"': "`.ci/run` installs",
+    'python3 -m venv .venv && . .venv/bin/activate && pip install -e ".[dev,docs]"': "`.ci/run` installs",
+    "pytest -n 2": "`.ci/run`",
+    "ruff check . && ruff format --check . && mypy": "`.ci/run`",
+    "mkdocs build": "`.ci/run`",
+    "pytest test_sticky_soil.py": "`tests/commands` runs the test of a new effect",
+}
+"""Lines for a shell that are no command of the package, and who runs them."""
+
+
+def lines():
+    """Every line for a shell: those of blocks, and commands of the package and studies between backquotes."""
+    for text in PAGES.values():
+        for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
+            yield from (line.split("#")[0].strip() for line in block.splitlines() if line.split("#")[0].strip())
+        for found in COMMAND.findall(" ".join(re.sub(r"```.*?```", "", text, flags=re.DOTALL).split())):
+            yield found if found.startswith(("rover-pin", "python")) else f"python {found}"
+
+
+def only_named(line):
+    """Whether a line names a command of the package that wants more, as `rover-pin check-data`."""
+    words = line.split()
+    if words[0] != "rover-pin" or len(words) != 2 or words[1].startswith("-"):
+        return False
+    return any(each.required and each.param_type_name == "argument" for each in GROUP.commands[words[1]].params)
+
+
 def commands():
-    """Every command of the README, once, as it is printed."""
-    found = [full or f"python {script}" for full, script in COMMAND.findall(TEXT)]
-    return list(dict.fromkeys(command.strip() for command in found if command not in PATTERNS))
+    """Every command of README and pages, once, as it is printed."""
+    found = dict.fromkeys(line for line in lines() if not TO_FILL_IN.search(line) and not only_named(line))
+    return [line for line in found if line not in ELSEWHERE]
 
 
 @lru_cache(maxsize=1)
 def folder():
-    """A folder of the results with what a checkout has beside the README."""
+    """A folder of the results with what a checkout has beside the README, and what a reader is said to have."""
     made = Path(mkdtemp(prefix="readme"))
     for name in ("studies", "urdf"):
         (made / name).symlink_to(ROOT / name)
     copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", made / "mine.csv")
+    copyfile(ROOT / "urdf" / "cart.urdf", made / "my_rover.urdf")
     return made
 
 
@@ -122,7 +174,8 @@ def printed(command):
         printed(other)
     program, *words = shlex.split(command)
     start = ["-m", "rover_pin.cli"] if program == "rover-pin" else []
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]), "COLUMNS": "200"}
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    env = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "BROWSER": "true"}  # opens nothing
     got = subprocess.run(
         [sys.executable, *start, *words],
         cwd=folder(),
@@ -143,10 +196,10 @@ def half_a_digit(word):
     return 0.5 * 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
 
 
-def agree(said, came):
-    """Whether a word of the README is the word that came out, a number as far as it is printed."""
+def agree(said, came, factor=1.0):
+    """Whether a word of a page is the word that came out, a number as far as it is printed."""
     try:
-        return abs(float(said) - float(came)) <= half_a_digit(said) * (1.0 + 1e-9)
+        return abs(float(said) - factor * float(came)) <= half_a_digit(said) * (1.0 + 1e-9)
     except ValueError:
         return said == came
 
@@ -155,9 +208,18 @@ def test_numbers_agree_as_far_as_they_are_printed():
     assert agree("1.43", "1.429")
     assert agree("5.5", "5.528")
     assert agree("3e3", "2751")
+    assert agree("1.5", "0.001495", 1e3)
     assert not agree("5", "3")
     assert not agree("1.43", "1.424")
     assert agree("stuck", "stuck")
+
+
+def test_every_line_for_a_shell_is_accounted_for():
+    known = [*commands(), *ELSEWHERE]
+    others = [each for each in lines() if each not in known and not TO_FILL_IN.search(each) and not only_named(each)]
+    assert not others
+    assert all(each.startswith(("rover-pin ", "python studies/")) for each in commands())
+    assert set(ELSEWHERE) <= set(lines())
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -167,16 +229,16 @@ def test_a_claim_stands_beside_its_command(command):
         assert re.search(claim.said, TEXT), claim.said
 
 
-def test_what_is_run_by_hand_is_a_command_of_the_readme():
+def test_what_is_run_by_hand_is_a_command_of_the_pages():
     assert set(BY_HAND) <= set(commands())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", [each for each in commands() if each not in BY_HAND])
-def test_a_command_runs_and_prints_what_the_readme_says(command):
+def test_a_command_runs_and_prints_what_the_pages_say(command):
     came = printed(command)
     for claim in COMMANDS.get(command, Command()).claims:
         said, found = re.search(claim.said, TEXT), re.search(claim.printed, came)
         assert found, f"{claim.printed} is not printed: {came[:2000]}"
         pairs = list(zip(said.groups(), found.groups(), strict=True))
-        assert all(agree(*pair) for pair in pairs), pairs
+        assert all(agree(*pair, claim.factor) for pair in pairs), pairs

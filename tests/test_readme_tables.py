@@ -1,4 +1,4 @@
-"""What the README says of slip control against the kept tables of studies that take minutes."""
+"""What README and pages say of slip control and of the loop against the kept tables of studies that take minutes."""
 
 import json
 import math
@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 
 ROOT = Path(__file__).parents[1]
-TEXT = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+FILES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TEXT = " ".join(" ".join(path.read_text(encoding="utf-8") for path in FILES).split())
 RESULTS = ROOT / "studies" / "results"
 TABLE = pd.read_csv(RESULTS / "digging.csv").fillna({"R": -1.0})
 N = r"(\d+)"
@@ -171,7 +172,7 @@ LOOP = json.loads((ROOT / "studies" / "results" / "steepening-slope" / "verdict.
 
 
 def after(name, unit=1.0):
-    """A fitted number with its interval, in the README's unit."""
+    """A fitted number with its interval, in the page's unit."""
     return [LOOP["after"][name][each] / unit for each in ("value", "low", "high")]
 
 

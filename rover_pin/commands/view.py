@@ -50,7 +50,13 @@ def view(
         files = [write_seen(subject, other, out / name) for name in wanted]
     report({"seen": subject.name, "files": list(map(str, files))}, as_json)
     if open_:
-        webbrowser.open(files[0].resolve().as_uri())
+        open_page(out)
+
+
+def open_page(out: Path) -> None:
+    """Open the page that was written to a folder in the browser of this machine, if it has one."""
+    if (out / PAGE).is_file():
+        webbrowser.open((out / PAGE).resolve().as_uri())
 
 
 def asked_for(view: bool, gif: bool, mp4: bool) -> list[str]:

@@ -9,6 +9,8 @@ from PIL import Image
 
 from rover_pin.motion.saved import save_trace
 from rover_pin.scenarios import scenario
+from rover_pin.view.animation import COLOURS, MOST_PICTURES, PICTURES_PER_SECOND, write_animation
+from rover_pin.view.film import Film
 from rover_pin.view.subject import read_subject
 
 WORDS = ("--set", "duration=1.2", "--set", "soil.k=10mm")
@@ -30,6 +32,25 @@ def test_a_drive_is_written_as_a_page_and_a_moving_picture(run):
         lasts = picture.n_frames * picture.info["duration"] / 1000.0
         assert lasts == pytest.approx(1.2, abs=0.25)  # as long as the drive
         assert picture.width > 500
+
+
+def test_the_page_of_a_drive_is_opened_in_the_browser(run, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    assert run("drive", "flat", "--set", "duration=0.2", "--open")[0] == 0
+    assert opened == [Path("out/drive/view.html").resolve().as_uri()]
+
+
+@pytest.mark.slow
+def test_a_long_moving_picture_is_shown_faster_and_stays_small(tmp_path):
+    made = scenario("flat", duration=25.0)
+    film = Film.of(made.drive(), made.model.rover, made.model.terrain)
+    file = write_animation(tmp_path / "flat.gif", film, "flat")
+    with Image.open(file) as picture:
+        assert picture.n_frames == MOST_PICTURES
+        assert picture.info["duration"] == 1000 // PICTURES_PER_SECOND
+        assert len(picture.convert("RGB").getcolors(1 << 20)) <= COLOURS
+    assert file.stat().st_size < 600_000
 
 
 @pytest.mark.slow
