@@ -24,6 +24,8 @@ from changes.python import Mutant
 
 PATIENCE, LEAST = 10.0, 5.0
 """A test may take so many times what it takes on the code as it is, and so much more [s of CPU]."""
+QUICK = 0.05
+"""Tests of so little CPU [s] are asked of a change outside of functions though they run no line of its file."""
 LONGEST = 1800.0
 """Time [s] after which a change counts as one that hangs, whatever it waits for."""
 MEMORY = 6 << 30
@@ -196,8 +198,12 @@ class Trial:
         near, far = [], []
         for name, known in self.known.items():
             lines = known.lines.get(file, [])
-            if lines and 0.0 <= known.taken <= self.longest:
+            if not 0.0 <= known.taken <= self.longest:
+                continue
+            if lines:
                 (near if wanted is None or not wanted.isdisjoint(lines) else far).append(name)
+            elif wanted is None and known.taken < QUICK:
+                far.append(name)
 
         def ordered(names: list[str]) -> list[pytest.Item]:
             names.sort(key=lambda name: (-self.kills[path, name], self.known[name].taken))

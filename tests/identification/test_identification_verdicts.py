@@ -1,0 +1,236 @@
+"""The verdict on a fitted number, and what is refused before a fit: linear data with a known posterior."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2 as chi2_law
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.errors import ParameterError
+from rover_pin.estimation.coordinates import Axis, Linear, Space
+from rover_pin.estimation.covariance import covariance
+from rover_pin.estimation.problem import Prior, Problem
+from rover_pin.estimation.profile import Best, Interval
+from rover_pin.identification.identifiability import refuse_untold
+from rover_pin.identification.identify import Ended, Search, _agreement, _channel_fits, misfit, scatter
+from rover_pin.identification.judge import judge
+from rover_pin.identification.posterior import Chain, _walkers
+from rover_pin.identification.result import Verdict
+from rover_pin.quantity import quantities
+
+KNOWN = ("k", "phi", "n")
+BASE = np.array([0.01, 0.5, 1.0])
+WIDEST = 2.0
+
+
+class Measured:
+    """Channels that are X times the numbers, all of which they tell."""
+
+    def __init__(self, X, measured, sd=1.0, loads=(5.0, 15.0), parts=1):
+        self.X, self.wheel, self.loads = np.array(X, float), Wheel(), np.array(loads)
+        self.tells, self.told_by = frozenset(quantities(Soil)), "made data"
+        rows = zip(np.split(np.array(measured, float), parts), np.split(np.full(len(X), sd), parts), strict=True)
+        self.channels = [
+            SimpleNamespace(name=f"channel {at}", unit="N", measured=m, sd=s) for at, (m, s) in enumerate(rows)
+        ]
+
+    def predictor(self, free):
+        columns = [KNOWN.index(name) for name in free]
+        return lambda fields: (self.X @ fields, self.X[:, columns])
+
+
+def problem(X, measured, free=KNOWN, priors=None, scale=1.0, **how):
+    about = quantities(Soil)
+    axes = tuple(Axis(name, about[name], Linear(scale, WIDEST), -50.0, 50.0) for name in free)
+    return Problem([Measured(X, measured, **how)], Space(axes, BASE, KNOWN), priors or {})
+
+
+def best_of(made):
+    u = made.space.start()
+    return Best(u, made.chi2(u), covariance(made, u))
+
+
+CLOSED = Interval(0.49, 0.52, True, True)
+
+
+def verdict(made, index=1, interval=CLOSED, misfit=1.0):
+    return judge(made, best_of(made), index, interval, misfit)
+
+
+# --- which information counts ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("sd", "found"), [(1.02, True), (0.98, False), (0.3, False)])
+def test_data_must_give_half_of_what_is_known_of_a_number_with_a_prior(sd, found):
+    """One value of SD 1 and a prior of SD s: the data give s^2 / (1 + s^2) of the information."""
+    made = verdict(problem([[0, 1, 0]], [0.5], ("phi",), {"phi": Prior(0.5, sd)}), 0)
+    assert made.verdict is (Verdict.FOUND if found else Verdict.HELD_AT_PRIOR)
+    assert made.sd == pytest.approx(sd / math.hypot(1, sd))
+    assert made.value == pytest.approx(0.5)
+    if not found:
+        assert made.reason == f"held at prior: channel 0 give {sd**2 / (1 + sd**2):.0%} of what is known of it"
+
+
+@pytest.mark.parametrize(("rows", "own"), [([[0, 1, 1]], 1.0), ([[1, 1, 1], [1, 0, 0]], 2.0)])
+@pytest.mark.parametrize("times", [0.95, 1.05])
+def test_a_number_that_anothers_prior_tells_is_held_where_that_makes_most_of_its_variance(rows, own, times):
+    """phi + n, or with k besides, is measured with SD 1: the variance of phi is `own` and that of the prior of n."""
+    sd = times * math.sqrt(own)
+    free = ("k", "phi", "n") if len(rows) > 1 else ("phi", "n")
+    found = verdict(problem(rows, [1.5] * len(rows), free, {"n": Prior(1.0, sd)}), free.index("phi"))
+    share = own / (own + sd**2)
+    assert found.sd == pytest.approx(math.sqrt(own + sd**2))
+    if times < 1:
+        assert (found.verdict, found.reason) == (Verdict.FOUND, "found, given the prior of n")
+    else:
+        assert found.verdict is Verdict.HELD_AT_PRIOR
+        assert (
+            found.reason == f"set by the prior of n: its interval would be {math.sqrt(share):.0%} as wide were n exact"
+        )
+
+
+PLAIN = problem(np.eye(3), [0.01, 0.5, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("interval", "why"),
+    [
+        (Interval(0.0, WIDEST - 1e-6, True, True), ""),
+        (Interval(0.0, WIDEST + 1e-6, True, True), "the 95 % interval is too wide to call it found"),
+        (Interval(0.3, 0.5, False, True), "the 95 % interval is open at its lower bound"),
+        (Interval(0.3, 0.5, True, False), "the 95 % interval is open at its upper bound"),
+        (Interval(0.3, 0.5, False, False), "the 95 % interval is open at its lower and upper bound"),
+        (Interval(0.3, 0.5, True, True, (1,)), ""),
+        (Interval(0.3, 0.5, True, True, (0, 2)), "the 95 % interval ends where k and n meets a bound of its own, not"),
+        (Interval(0.3, 0.5, True, False, (0,)), "the 95 % interval is open at its upper bound"),
+    ],
+)
+def test_a_number_is_found_where_the_data_end_its_interval(interval, why):
+    found = verdict(PLAIN, 1, interval)
+    if not why:
+        assert (found.verdict, found.value, found.reason) == (Verdict.FOUND, pytest.approx(0.5), "found")
+        return
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert math.isnan(found.value)
+    assert found.reason.startswith(f"not identifiable from channel 0: {why}")
+
+
+def test_an_estimate_is_in_the_numbers_own_unit_and_bounds():
+    about = quantities(Soil)["phi"]
+    found = verdict(problem([[0, 1, 0]], [0.5], ("phi",), scale=0.1), 0, Interval(-30.0, 6.0, True, True))
+    assert found.sd == pytest.approx(1.0), "SD of the value, whatever the scale of u"
+    assert (found.low, found.high) == (about.low, pytest.approx(0.6))
+    assert (
+        verdict(problem([[0, 1, 0]], [0.5], ("phi",), scale=0.1), 0, Interval(4.0, 40.0, True, True)).high == about.high
+    )
+
+
+@pytest.mark.parametrize(
+    ("widened", "said"), [(1.0, "found"), (1.01, "found, if what the model misses does not move it")]
+)
+def test_a_model_that_misses_the_data_says_so_of_what_it_finds(widened, said):
+    assert verdict(PLAIN, misfit=widened).reason == said
+
+
+# --- refusals before a fit -------------------------------------------------------------------------------------------
+
+
+def refused(X, free=("k", "phi"), **how):
+    made = problem(X, np.zeros(len(X)), free, **how)
+    try:
+        refuse_untold(made, [made.space.start()])
+    except ParameterError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize(("moves", "seen"), [(1.1e-3, True), (-1.1e-3, True), (0.9e-3, False)])
+def test_a_number_that_moves_nothing_by_a_thousandth_of_an_sd_is_refused(moves, seen):
+    said = refused([[1, 0, 0], [0, moves, 0], [0, 0, 0]])
+    assert said == "" if seen else said.startswith("phi is not identifiable: it moves nothing in channel 0; a direct")
+
+
+@pytest.mark.parametrize(("own", "seen"), [(1.1e-5, True), (0.9e-5, False)])
+def test_a_number_that_others_reproduce_to_1e_5_is_refused(own, seen):
+    said = refused([[3.0, 1.0, 0], [0.0, own, 0], [0.0, 0.0, 0]])
+    assert said == "" if seen else "other free parameters do the same" in said
+
+
+def test_a_number_with_a_prior_may_stay_untold():
+    made = problem([[1, 0, 0], [0, 0, 0]], [0.0, 0.0], ("k", "phi"), {"phi": Prior(0.5, 0.1)})
+    refuse_untold(made, [made.space.start()])
+
+
+@pytest.mark.parametrize(("ratio", "one"), [(1.49, True), (1.51, False)])
+def test_loads_within_half_again_are_one_load(ratio, one):
+    with_c = ("c", "phi")
+    about = quantities(Soil)
+    axes = tuple(Axis(name, about[name], Linear(1.0, WIDEST), -50.0, 50.0) for name in with_c)
+    data = Measured(np.eye(3), np.zeros(3), loads=(6.0, 6.0 * ratio, 6.0))
+    data.predictor = lambda free: lambda fields: (np.zeros(3), np.eye(3)[:, :2])
+    made = Problem([data], Space(axes, np.array([100.0, 0.5]), with_c), {})
+    if one:
+        with pytest.raises(
+            ParameterError, match=r"not identifiable together from one load \(all runs carry about 6 N\)"
+        ):
+            refuse_untold(made, [made.space.start()])
+    else:
+        refuse_untold(made, [made.space.start()])
+
+
+# --- the fit's bookkeeping -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("freedom", [1, 10, 200])
+def test_a_misfit_begins_where_chance_would_not_reach_once_in_a_thousand(freedom):
+    limit = chi2_law.isf(1e-3, freedom)
+    assert misfit(0.999 * limit, freedom) == 1.0
+    assert misfit(1.001 * limit, freedom) == pytest.approx(math.sqrt(1.001 * limit / freedom))
+
+
+def test_without_freedom_there_is_no_misfit():
+    assert misfit(1e6, 0) == 1.0
+
+
+def test_starts_are_the_soil_and_points_within_the_spread_and_the_bounds():
+    low, *drawn = scatter(PLAIN, Search(starts=400, seed=1))
+    assert low == pytest.approx(BASE)
+    off = np.array(drawn) - BASE
+    assert np.abs(off).max(axis=0) == pytest.approx([1.0] * 3, abs=0.02)
+    assert off.mean(axis=0) == pytest.approx([0.0] * 3, abs=0.1)
+    narrow = SimpleNamespace(space=PLAIN.space)
+    narrow.space = Space(tuple(axis._replace(low=0.0, high=1.2) for axis in PLAIN.space.axes), BASE, KNOWN)
+    held = np.array(scatter(narrow, Search(starts=50)))
+    assert (held.min(), held.max()) == (0.0, 1.2)
+
+
+def test_starts_that_end_within_a_hundredth_of_chi2_agree():
+    ends = [(1.0, 3.0), (1.009, 3.1), (1.02, 7.0), (1.025, 7.1), (4.0, 9.0), (np.inf, None)]
+    made = [Ended(None if u is None else np.array([0.0, u / 10, 0.0]), chi2, "") for chi2, u in ends]
+    found = _agreement(PLAIN, made)
+    assert (found.tried, found.converged, found.agreed) == (6, 5, 2)
+    assert [chi2 for chi2, _ in found.others] == [1.02, 4.0]
+    assert found.others[0][1]["phi"] == pytest.approx(0.7)
+
+
+def test_each_channel_has_its_own_error_and_chi2():
+    data = problem(np.eye(3)[[0, 1, 2, 0]], [0.01, 0.7, 1.3, 0.01 + 0.4], sd=0.1, parts=2)
+    first, second = _channel_fits(data, data.space.start())
+    assert (first.points, first.rmse, first.chi2) == (2, pytest.approx(0.2 / math.sqrt(2)), pytest.approx(4.0))
+    assert (second.points, second.rmse, second.chi2) == (2, pytest.approx(0.5 / math.sqrt(2)), pytest.approx(25.0))
+
+
+def test_walkers_start_as_the_fit_scatters_within_the_bounds():
+    """SDs of 0.1, 0.05 and, where the data tell little, a quarter of the spread of the starts."""
+    made = problem(np.diag([1.0, 2.0, 1e-3]), [0.01, 1.0, 1e-3], sd=0.1)
+    walkers = _walkers(made, Chain(walkers=4000, seed=2))
+    assert walkers.mean(axis=0) == pytest.approx(BASE, abs=0.02)
+    assert walkers.std(axis=0) == pytest.approx([0.1, 0.05, 0.25], rel=0.05)
+    near = problem([[1, 0, 0], [0, 1, 0], [0, 0, 1]], BASE)
+    near.space = Space(tuple(axis._replace(low=0.0, high=1.2) for axis in PLAIN.space.axes), BASE, KNOWN)
+    held = _walkers(near, Chain(walkers=400))
+    sd = 0.25
+    assert held.min() == pytest.approx(1e-3 * sd)
+    assert held.max() == pytest.approx(1.2 - 1e-3 * sd)
