@@ -112,6 +112,11 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         `start.FIELD`, `duration`, `dt` [s].
         A value may have its unit ("5mm", "30deg"); a `_deg` behind an angle's name reads degrees.
 
+    Returns
+    -------
+    Scenario
+        With `model`, `controller`, `duration` and `drive()`.
+
     Raises
     ------
     ParameterError

@@ -1,22 +1,49 @@
-"""The examples in the docstrings of public names: each runs and prints what it says."""
+"""The public names: each shows an example that runs and prints what it says, and says what it takes and returns."""
 
 import doctest
+import inspect
+import re
+from pathlib import Path
 
 import pytest
 
 import rover_pin
 
-SHOWN = {"Model", "SlipControl", "close_the_loop", "convergence", "plain_simulate", "simulate"}
-WITHOUT = {"SOILS", "__version__", *SHOWN}
-"""Data, and what the README's own examples show, which a test runs too."""
-NAMES = sorted(set(rover_pin.__all__) - WITHOUT)
+DATA = {"SOILS", "__version__"}
+SLOW = {"close_the_loop"}
+"""Its example takes seconds; the README's closes the same loop in every run."""
+NAMES = sorted(set(rover_pin.__all__) - DATA)
+FUNCTIONS = [name for name in NAMES if inspect.isfunction(getattr(rover_pin, name))]
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_its_examples_come_out(name):
+def section(name, heading):
+    """What a docstring has under a heading of numpydoc."""
+    text = inspect.getdoc(getattr(rover_pin, name))
+    found = re.search(rf"^{heading}\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
+    return found[1] if found else ""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in NAMES]
+)
+def test_its_examples_come_out(name, monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[1])
     thing = getattr(rover_pin, name)
     module = __import__(thing.__module__, fromlist=["x"])
     examples = [each for each in doctest.DocTestFinder().find(thing, name, globs=vars(module).copy()) if each.examples]
     assert examples, f"{name} shows no example"
     for each in examples:
         assert doctest.DocTestRunner().run(each).failed == 0
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_says_what_it_takes_and_returns(name):
+    said = section(name, "Parameters")
+    named = {
+        word for line in re.findall(r"^([\w*][\w, *]*?)(?: : .*)?$", said, re.MULTILINE) for word in line.split(", ")
+    }
+    parameters = inspect.signature(getattr(rover_pin, name)).parameters.values()
+    asked = {f"{'**' if each.kind is each.VAR_KEYWORD else ''}{each.name}" for each in parameters}
+    assert named == asked
+    assert section(name, "Returns").strip()
+    assert section(name, "Examples").strip()

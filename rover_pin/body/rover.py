@@ -172,6 +172,18 @@ def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
 
     Its URDF lies in the TOML's folder, unless `trust` allows more; meshes are never read.
 
+    Parameters
+    ----------
+    rover : str or path
+        A name of `rover-pin list rovers`, or the path of a TOML.
+    trust : Trust
+        Which files that the TOML names may lie elsewhere, or run.
+
+    Returns
+    -------
+    Rover
+        Wheels, joints and Pinocchio's model, a copy of its own.
+
     Raises
     ------
     UrdfError

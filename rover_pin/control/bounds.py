@@ -65,6 +65,10 @@ def torque_bounds(
     ----------
     load : Scalar
         Normal load W [N], 0 or more; at 0 (a lifted wheel) both bounds are 0, and smooth (C2) in the load.
+    soil : Soil
+        Its constants.
+    wheel : Wheel
+        Its r and b [m].
     slip_limit : Scalar
         S_lim [-], in (0, 1].
     angles : FixedAngles or SinkageAngles

@@ -87,7 +87,36 @@ def _law(wheels: int) -> ca.Function:
 
 @dataclass
 class SlipControl:
-    """The control law; sampled every `period` [s], held in between. Keeps one integral a wheel; `reset` clears them."""
+    """The control law; sampled every `period` [s], held in between. Keeps one integral a wheel; `reset` clears them.
+
+    delta = delta_0 + k_p (S_d - S_hat) + k_i int (S_d - S_hat) dt for each wheel, held within the gains' and the torque
+    limit's bounds.
+
+    Parameters
+    ----------
+    gains : Gains
+        S_d, k_p, k_i, and the duty's middle and bounds.
+    estimate : SlipEstimate
+        Where S_hat is from: `TrueSlip`, Eq 9's `TableEstimate`, or your own with a `slip(reading)`.
+    limit : TorqueLimit or NoLimit
+        The greatest duty that the torque check leaves a wheel.
+    period : float
+        Of sampling [s].
+    integral : array or float
+        The integral's part of the duty, a wheel each.
+
+    Source: section 5, Fig 9. Differs from the paper: see `pi_law`.
+
+    Examples
+    --------
+    >>> from rover_pin.control.slip_control import Gains
+    >>> from rover_pin.control.slip_estimate import TrueSlip
+    >>> from rover_pin import scenario, simulate
+    >>> control = SlipControl(Gains(S_d=0.2), TrueSlip())
+    >>> held = simulate(scenario("flat").model, control, 2.0)
+    >>> float(held["duty_fl"].max()) <= 1.0
+    True
+    """
 
     gains: Gains
     estimate: SlipEstimate

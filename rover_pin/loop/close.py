@@ -81,6 +81,12 @@ def close_the_loop(
         another process is at work: one sentence each.
     OptimisationError
         The base model of a rig cannot be fitted at all.
+
+    Examples
+    --------
+    >>> verdict = close_the_loop("studies/data/cmu-smooth-wheel")
+    >>> verdict.answer.value, [type(effect).__name__ for effect in verdict.effects]
+    ('one of a set of effects is missing', ['SlipSoftening'])
     """
     refuse_both(jobs or None, scheduler)
     if effects is not None:

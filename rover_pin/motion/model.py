@@ -40,6 +40,39 @@ class Model:
 
     `soils[0]` is the ground; the terrain's ground index names the others. `slip` comes first of all effects but those
     on the speeds it is taken from. `sensor_effects` say how a log of the drive reads; the drive itself ignores them.
+
+    Parameters
+    ----------
+    rover : Rover
+        As `load_rover` gives it.
+    terrain : Terrain
+        The ground's height, and which soil lies where.
+    soils : tuple of Soil
+        One for each ground of the terrain.
+    motor : Motor
+        Of every wheel.
+    slip : AlgebraicSlip or RelaxedSlip
+        Eq (1) at once, or with the way a contact needs to take it up.
+    effects, motor_effects, body_effects, sensor_effects : tuples
+        What acts at a contact, in a motor, on the body, on what sensors read.
+    gravity : float
+        [m/s^2]
+    buried : float
+        Sinkage over wheel radius at which a drive ends.
+
+    Raises
+    ------
+    ParameterError
+        A number that is not allowed, a ground without a soil, or effects that do not go together.
+
+    Examples
+    --------
+    >>> from rover_pin import scenario
+    >>> from rover_pin.effects.slip_sinkage import SlipSinkage
+    >>> plain = scenario("flat").model
+    >>> sinking = plain.having(SlipSinkage(n_1=0.5))
+    >>> len(sinking.effects) - len(plain.effects), sinking.without(SlipSinkage) == plain
+    (1, True)
     """
 
     rover: Rover

@@ -57,13 +57,21 @@ def simulate(
 
     Parameters
     ----------
+    model : Model
+        Rover, ground, soils, motor and effects, as `scenario(...).model` has them.
     controller : Controller
         Any callable from a `Reading` to a duty, an array of duties (one a wheel) or a `Command`; sampled, then held.
     start : Start, DriveState or Ended
         Where to set the rover down at rest; a state to begin in; or `trace.end` of a drive that lasted its duration,
         to go on from there, equal to the bit to a drive in one.
+    duration : float
+        How long to drive [s], if nothing ends it before.
+    timing : Timing
+        Step, control period and rows of the trace [s].
     symmetric : bool
         Hold the mirror symmetry about the x-z plane, so that round-off cannot break it in long stuck runs.
+    progress : callable, optional
+        Called with the time driven so far [s].
 
     Returns
     -------
@@ -75,6 +83,15 @@ def simulate(
     ------
     SimulationError
         The run cannot start: it does not settle, it is not symmetric, or its times do not fit.
+
+    Examples
+    --------
+    >>> from rover_pin import scenario
+    >>> flat = scenario("flat").model
+    >>> slow = simulate(flat, lambda reading: 0.3, 2.0)
+    >>> fast = simulate(flat, lambda reading: 0.6, 2.0)
+    >>> bool(0.0 < slow["body_x"][-1] < fast["body_x"][-1]), slow.units["body_x"]
+    (True, 'm')
     """
     return _simulate(Asked(Kernel, run_compiled, model, controller, duration, timing, symmetric, progress), start)
 
@@ -89,7 +106,31 @@ def plain_simulate(
     symmetric: bool = False,
     progress: Progress | None = None,
 ) -> Trace:
-    """Do as `simulate` with the plain NumPy step, far slower; from a `DriveState` it needs no compiler."""
+    """Do as `simulate` with the plain NumPy step, far slower; from a `DriveState` it needs no compiler.
+
+    Parameters
+    ----------
+    model, controller, duration, start, timing, symmetric, progress
+        As those of `simulate`.
+
+    Returns
+    -------
+    Trace
+        As that of `simulate`, equal to it to round-off.
+
+    Raises
+    ------
+    SimulationError
+        As `simulate`.
+
+    Examples
+    --------
+    >>> from rover_pin import ConstantDuty, scenario
+    >>> flat = scenario("flat").model
+    >>> plain, compiled = (drive(flat, ConstantDuty(), 0.1) for drive in (plain_simulate, simulate))
+    >>> bool(abs(plain["body_x"][-1] - compiled["body_x"][-1]) < 1e-9)
+    True
+    """
     return _simulate(Asked(Plain, run_plain, model, controller, duration, timing, symmetric, progress), start)
 
 
@@ -151,7 +192,34 @@ def told(model: Model, trace: Trace, warnings: list[str]) -> Trace:
 
 
 def convergence(model: Model, controller: Controller, duration: float, **options: Any) -> tuple[Trace, float]:
-    """Return the trace at the asked step and the largest distance [m] of its base x from that at half the step."""
+    """Return a drive at the asked step, and how far [m] it is from that at half the step.
+
+    Parameters
+    ----------
+    model, controller, duration
+        As those of `simulate`.
+    **options
+        Its other arguments.
+
+    Returns
+    -------
+    Trace
+        The drive at the asked step.
+    float
+        The largest distance of its base x from that of the finer one [m].
+
+    Raises
+    ------
+    SimulationError
+        As `simulate`.
+
+    Examples
+    --------
+    >>> from rover_pin import ConstantDuty, scenario
+    >>> trace, moved = convergence(scenario("flat").model, ConstantDuty(), 1.0)
+    >>> moved < 1e-4
+    True
+    """
     timing = options.pop("timing", Timing())
     trace = simulate(model, controller, duration, timing=timing, **options)
     finer = simulate(model, controller, duration, timing=timing.halved(), **options)

@@ -42,9 +42,18 @@ def wheel_forces(
         Slip ratio [-], in [-1, 1].
     theta_1, theta_2 : Scalar
         Entry and exit angle [rad], 0 < theta_1 < pi/2; theta_2 is held at -theta_1 or above, where the arc ends.
+    wheel : Wheel
+        Its r and b [m].
+    soil : Soil
+        Its constants; its own angles are not looked at.
     nodes : int
         Quadrature nodes. 16 is made for simulation: 3e-7 driving and 4e-4 of f_n braking at Table 1's angles, down to
         k = 1 mm (`quadrature.FAST` tells of other angles); `certified_forces` keeps 1e-10 everywhere in its box.
+
+    Returns
+    -------
+    WheelForces
+        f_n, f_t, thrust and compaction [N], and the torque about the axle [N m].
 
     Raises
     ------
@@ -142,6 +151,31 @@ def load_traction_factor(
     S: Scalar, soil: Soil, wheel: Wheel, form: TractionForm = NET, angles: Angles = FIXED, nodes: int = FAST
 ) -> Scalar:
     """Return the load-traction factor F(S) [-] at the soil's theta_1, for floats and for CasADi scalars.
+
+    Parameters
+    ----------
+    S : Scalar
+        Slip ratio [-], in [-1, 1].
+    soil : Soil
+        Its constants, theta_1 among them.
+    wheel : Wheel
+        Its r and b [m].
+    form : NetTraction, TorqueTraction or GrossTraction
+        What is divided by f_n: f_t, torque / r, or the thrust.
+    angles : FixedAngles or SinkageAngles
+        Whether theta_2 is the soil's or its exit_ratio times theta_1.
+    nodes : int
+        Quadrature nodes, as those of `wheel_forces`.
+
+    Returns
+    -------
+    Scalar
+        F(S), a float for floats.
+
+    Raises
+    ------
+    ParameterError
+        `nodes` is not a whole number of 2 or more.
 
     Source: section 3.2, F(S) = f_t / f_n, which is `NetTraction`.
     Differs from the paper: nothing in that form, and there Table 1 gives F from -0.164 to +0.001 for n = 1, hardly any
