@@ -78,13 +78,17 @@ MOST_NAMES = 20
 
 
 def closest(name: Any, known: Iterable[Any]) -> str:
-    """Return `did you mean 'x'? ` or nothing, then the known names: the tail of an unknown-name message."""
+    """Return the tail of an unknown-name message: `did you mean 'x'? Known: ...`, or `known are ...` of none alike."""
     name, known = str(name), sorted(map(str, known))
+    if not known:
+        return "there is none."
     near = difflib.get_close_matches(name, known, n=8, cutoff=0.5)
-    hint = f"did you mean '{near[0]}'? " if near and difflib.SequenceMatcher(None, name, near[0]).ratio() > 0.6 else ""
+    alike = bool(near) and difflib.SequenceMatcher(None, name, near[0]).ratio() > 0.6
     if len(known) <= MOST_NAMES:
-        return f"{hint}Known: {', '.join(known)}."
-    return f"{hint}Known and alike: {', '.join(near or known[:8])}; {len(known)} in all."
+        listed = f"{', '.join(known)}."
+        return f"did you mean '{near[0]}'? Known: {listed}" if alike else f"known are {listed}"
+    listed = f"{', '.join(near or known[:8])}; {len(known)} in all."
+    return f"did you mean '{near[0]}'? Known and alike: {listed}" if alike else f"known are {listed}"
 
 
 def one_of(name: str, word: Any, known: Collection[str]) -> str:

@@ -56,7 +56,7 @@ def test_a_wrong_parquet_file_is_one_sentence(tmp_path):
         read_rig_set(folder)
     assert "\n" not in str(no.value)
     pd.DataFrame({"slip": [0.1]}).to_parquet(points)
-    with pytest.raises(DataError, match="has no column 'load_N': Known: slip"):
+    with pytest.raises(DataError, match="has no column 'load_N': known are slip"):
         read_rig_set(folder)
     points.unlink()
     with pytest.raises(DataError, match=r"there is no file .*points\.parquet; give the path of a CSV or Parquet file"):

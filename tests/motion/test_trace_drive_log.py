@@ -121,7 +121,7 @@ def test_runs_in_parquet(log):
         (HEAD + 'wheels = "fl"\n' + RUN, "wheels = 'fl' must be a list of names"),
         (
             HEAD + 'wheels = ["fr", "rl"]\n' + RUN,
-            "column 'duty_fl' is of a wheel 'fl' that is not declared: Known: fr, rl.",
+            "column 'duty_fl' is of a wheel 'fl' that is not declared: known are fr, rl.",
         ),
         (HEAD + "[[run]]\n", "run 1 names the file None, which is not in"),
         (HEAD + RUN + '[[run]]\nfile = "no.csv"\n', "run 2 names the file 'no.csv', which is not in"),
@@ -146,7 +146,7 @@ def test_mistakes_in_the_description(log, toml, says):
         ("t_s,duty_fl\n0,0\n,0\n", "climb.csv, line 3: column 't_s' is nan"),
         ("t_s,duty_fl\n0,0\n1,0\n1,0\n", "climb.csv, line 4: column 't_s' must increase, but 1 follows 1"),
         ("t_s,duty_fl\n0,0\n1,55\n", "climb.csv, line 3: duty_fl = 55 is outside [-1, 1]"),
-        ("t_s,duty_lf\n0,0\n1,0\n", "column 'duty_lf' is of a wheel 'lf' that is not declared: Known: fl, fr, ml"),
+        ("t_s,duty_lf\n0,0\n1,0\n", "column 'duty_lf' is of a wheel 'lf' that is not declared: known are fl, fr, ml"),
         ("t_s,current_x_A\n0,0\n1,0\n", "column 'current_x_A' is of a wheel 'x'"),
     ],
 )
