@@ -15,13 +15,17 @@ import numpy as np
 
 from rover_pin.body.rover import Rover
 from rover_pin.contact import Scalar
-from rover_pin.control.steering import Turn
+from rover_pin.control.steering import Turn, turning_places
+from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Command, Reading
+from rover_pin.motion.native.control import Commands, TackLaw
 from rover_pin.motion.timing import CONTROL_PERIOD
 from rover_pin.quantity import Record, quantity
 
 STRAIGHT = 1e-3
 """Curvature [1/m] below which the wheels are not steered."""
+FRESH = (1.0, -1.0)
+"""What the control remembers at the start: the left side, and no uneven ground."""
 
 
 @dataclass(frozen=True)
@@ -53,22 +57,23 @@ class TackingControl:
     rover: Rover
     law: Tacking = field(default_factory=Tacking)
     period: float = CONTROL_PERIOD
-    side: float = 1.0
-    uneven_until: float = -1.0
+    memory: np.ndarray = field(default_factory=lambda: np.array(FRESH))
+    "on which side the next obstacle is taken, and until when the ground is uneven [s]"
 
     def reset(self) -> None:
         """Forget the past."""
-        self.side, self.uneven_until = 1.0, -1.0
+        self.memory[:] = FRESH
 
     def __call__(self, reading: Reading) -> Command:
         """Return the duty and steering of each wheel."""
-        law = self.law
+        law, (side, uneven_until) = self.law, self.memory.tolist()
         if np.max(np.abs(reading.suspension), initial=0.0) > law.alert:
-            self.uneven_until = reading.t + law.calm
-        elif 0.0 < self.uneven_until < reading.t:
-            self.side, self.uneven_until = -self.side, -1.0
-        uneven = reading.t <= self.uneven_until
-        asked = self.side * law.heading if uneven else 0.0
+            uneven_until = reading.t + law.calm
+        elif 0.0 < uneven_until < reading.t:
+            side, uneven_until = -side, -1.0
+        self.memory[:] = side, uneven_until
+        uneven = reading.t <= uneven_until
+        asked = side * law.heading if uneven else 0.0
         bend = min(max(law.gain * (asked - reading.attitude[2]), -1.0 / law.radius), 1.0 / law.radius)
         nose_up = -reading.attitude[1]
         delta = law.delta_climb if uneven or nose_up > law.alert else law.delta
@@ -76,3 +81,23 @@ class TackingControl:
             return Command(delta)
         turn = Turn.of(self.rover, 1.0 / bend, delta)
         return Command(np.array(turn.duty), np.array(turn.steer))
+
+    def native(self, wheels: int) -> Commands | None:
+        """Return the same for the compiled loop, which keeps `memory`; None where a wheel may have to steer too far."""
+        law, places = self.law, turning_places(self.rover)
+        if not self._turns_freely(float(np.max(np.abs(places[:, 1])))):
+            return None
+        named = {"heading": law.heading, "bend": 1.0 / law.radius, "gain": law.gain, "alert": law.alert}
+        named |= {"calm": law.calm, "delta": law.delta, "climb": law.delta_climb, "straight": STRAIGHT}
+        steered = sum(wheel.steer_dof is not None for wheel in self.rover.wheels)
+        tack = TackLaw({name: float(value) for name, value in named.items()}, places, self.memory)
+        return Commands(np.zeros(len(places)), np.zeros(steered), tack=tack)
+
+    def _turns_freely(self, furthest: float) -> bool:
+        """Return whether every turn that may be asked for can be steered; beyond the wheels the tightest asks most."""
+        try:
+            for radius in (self.law.radius, -self.law.radius):
+                Turn.of(self.rover, float(radius), 1.0)
+        except ParameterError:
+            return False
+        return float(self.law.radius) > furthest

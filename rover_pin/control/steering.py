@@ -42,30 +42,19 @@ class Turn:
         ParameterError
             The rover would have to steer beyond 75 deg for this radius.
         """
-        places = wheel_places(rover)
-        if all(wheel.steer_dof is None for wheel in rover.wheels):
-            return cls._by_sides(rover, places, radius, delta)
-        steered = [wheel for wheel in rover.wheels if wheel.steer_dof is not None]
-        fixed = [places[wheel.name][0] for wheel in rover.wheels if wheel.steer_dof is None]
-        level = float(np.mean(fixed)) if fixed else float(np.mean([place[0] for place in places.values()]))
-        angles, speeds = {}, []
-        for wheel in rover.wheels:
-            x, y = places[wheel.name][0] - level, places[wheel.name][1]
+        speeds, angles = [], {}
+        for wheel, (x, y) in zip(rover.wheels, turning_places(rover).tolist(), strict=True):
             sense = 1.0 if radius - y >= 0.0 else -1.0
-            angles[wheel.name] = math.atan2(sense * x, sense * (radius - y))
             speeds.append(sense * math.hypot(x, radius - y))
-        worst = max(steered, key=lambda wheel: abs(angles[wheel.name]))
-        if abs(angles[worst.name]) > MOST_STEER:
+            if wheel.steer_dof is not None:
+                angles[wheel.name] = math.atan2(sense * x, sense * (radius - y))
+        worst = max(angles, key=lambda name: abs(angles[name]), default="")
+        if worst and abs(angles[worst]) > MOST_STEER:
             raise ParameterError(
-                f"A turn of radius {radius:g} m wants wheel {worst.name} at {math.degrees(angles[worst.name]):.0f} "
+                f"A turn of radius {radius:g} m wants wheel {worst} at {math.degrees(angles[worst]):.0f} "
                 f"deg; at most {math.degrees(MOST_STEER):.0f} deg are allowed: widen the turn."
             )
-        return cls(_duties(speeds, radius, delta), tuple(angles[wheel.name] for wheel in steered))
-
-    @classmethod
-    def _by_sides(cls, rover: Rover, places: dict[str, np.ndarray], radius: float, delta: float) -> Self:
-        lateral = {side: np.mean([places[w.name][1] for w in rover.wheels if w.side == side]) for side in "lr"}
-        return cls(_duties([radius - float(lateral[wheel.side]) for wheel in rover.wheels], radius, delta), ())
+        return cls(_duties(speeds, radius, delta), tuple(angles.values()))
 
     def __call__(self, reading: Reading) -> Command:
         """Return the command."""
@@ -80,6 +69,21 @@ def _duties(speeds: list[float], radius: float, delta: float) -> tuple[float, ..
     """Return duties in proportion to speeds, that of the fastest wheel `delta`; left of the centre all reversed."""
     scale = math.copysign(delta, radius) / max(abs(speed) for speed in speeds)
     return tuple(scale * speed for speed in speeds)
+
+
+def turning_places(rover: Rover) -> np.ndarray:
+    """Return x of each wheel ahead of the line on which turning centres lie, and y, (wheels, 2) [m].
+
+    The line is level with the mean of the wheels that do not steer, or of all. Where none steers, x is 0 and y the mean
+    of the wheel's side: a turn by the sides' speeds.
+    """
+    places = wheel_places(rover)
+    if all(wheel.steer_dof is None for wheel in rover.wheels):
+        lateral = {side: np.mean([places[w.name][1] for w in rover.wheels if w.side == side]) for side in "lr"}
+        return np.array([(0.0, lateral[wheel.side]) for wheel in rover.wheels])
+    fixed = [places[wheel.name][0] for wheel in rover.wheels if wheel.steer_dof is None]
+    level = float(np.mean(fixed or [place[0] for place in places.values()]))
+    return np.array([(places[wheel.name][0] - level, places[wheel.name][1]) for wheel in rover.wheels])
 
 
 def wheel_places(rover: Rover) -> dict[str, np.ndarray]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,8 @@ class Truth(NamedTuple):
     "base velocity in the world (3) [m/s]"
 
 
-class Reading(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Reading:
     """What is measured on board at a control instant, and the truth beside it."""
 
     t: float
@@ -40,6 +42,10 @@ class Reading(NamedTuple):
     attitude: tuple[float, float, float]
     "roll, pitch, yaw of the base [rad]"
     truth: Truth
+
+    def replace(self, **changes: Any) -> Reading:
+        """Return the reading with other values, such as those of a noisy sensor."""
+        return Reading(**{each.name: getattr(self, each.name) for each in fields(Reading)} | changes)
 
 
 class Command(NamedTuple):

@@ -15,16 +15,17 @@ def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ra
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     assert isinstance(drive.stepper, Kernel)
     native = commands_of(drive.controller, len(drive.model.rover.wheels), len(drive.stepper.servo_wheels))
-    asked = {"asks": 1} if native is None else native.fields(drive.stepper)
-    loop = Loop(drive.stepper, timing.dt, round(duration / timing.dt), per_sample, per_control=per_control, **asked)
+    given = {} if native is None else native.fields(drive.stepper)
+    loop = Loop(drive.stepper, timing.dt, round(duration / timing.dt), per_sample, per_control=per_control, **given)
+    if native is None:
+        loop.ask()
     if drive.counted:
         loop.go_on(drive.counted)
     stop = ""
     while not (stop or loop.done):
         outcome = loop.run(OFTEN * (1 + loop.row // OFTEN))
         if outcome is Outcome.ASKS:
-            obey(drive, suspension)
-            loop.set(obeyed=loop.struct.k)
+            obey(drive, loop.question())
         elif outcome is Outcome.FAILS:
             reason = failure(drive.model, drive.state, drive.stepper.record, suspension)
             stop = f"{reason} at {drive.state.t:.2f} s" if reason else ""

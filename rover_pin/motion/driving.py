@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeGuard
 
 import numpy as np
 
 from rover_pin.errors import SimulationError
-from rover_pin.motion.command import Command, Controller, Reading, Truth
-from rover_pin.motion.failure import Suspension
+from rover_pin.motion.command import Command, Controller, Reading
 from rover_pin.motion.going_on import Counted
 from rover_pin.motion.model import Model
-from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.pace import Steps
-from rover_pin.motion.state import DriveState, base_rotation, roll_pitch_yaw
+from rover_pin.motion.state import DriveState
 from rover_pin.motion.timing import Timing
 
 
@@ -51,8 +50,6 @@ class Drive(NamedTuple):
 
 Progress = Callable[[float], None]
 """Called now and then with the simulated time [s]."""
-TRUTH = [RECORD.index(name) for name in ("slip", "sinkage", "normal", "travel")]
-CURRENT = RECORD.index("current")
 OFTEN = 50
 """Rows between two such calls."""
 
@@ -70,47 +67,40 @@ def diverged(status: int, t: float) -> str:
     return f"diverged at {t:.2f} s: " + ("a velocity is not finite", "the system is singular")[status - 1]
 
 
-def obey(drive: Drive, suspension: Suspension) -> None:
+def obey(drive: Drive, reading: Reading) -> None:
     """Ask the controller and apply its command."""
     stepper, wheels = drive.stepper, len(drive.model.rover.wheels)
-    command = drive.controller(reading_of(drive, suspension))
-    if not isinstance(command, Command):
-        command = Command(command)
-    duty = np.asarray(command.duty, dtype=float)
-    if duty.shape not in ((), (1,), (wheels,)) or not np.all(np.isfinite(duty)):
+    command = drive.controller(reading)
+    duty, steer = command if isinstance(command, Command) else (command, 0.0)
+    if _is_number(duty):
+        stepper.duty.fill(min(1.0, max(-1.0, duty)))
+    else:
+        np.minimum(1.0, np.maximum(-1.0, _duties(duty, wheels, drive.state.t)), out=stepper.duty)
+    if stepper.servo_wheels:
+        stepper.servo_target[:] = (
+            steer if _is_number(steer) else _angles(steer, len(stepper.servo_wheels), drive.state.t)
+        )
+
+
+def _is_number(value: Any) -> TypeGuard[float]:
+    return type(value) is float and math.isfinite(value)
+
+
+def _duties(given: Any, wheels: int, t: float) -> np.ndarray:
+    duty = np.asarray(given, dtype=float)
+    if duty.shape not in ((), (1,), (wheels,)) or not np.isfinite(duty).all():
         raise SimulationError(
-            f"At {drive.state.t:.2f} s the controller returned the duty {np.array2string(duty)}: "
+            f"At {t:.2f} s the controller returned the duty {np.array2string(duty)}: "
             f"give one number, or {wheels} finite numbers, one a wheel."
         )
-    stepper.duty[:] = np.clip(duty, -1.0, 1.0)
-    steer = np.asarray(command.steer, dtype=float)
-    if stepper.servo_wheels:
-        if steer.shape not in ((), (len(stepper.servo_wheels),)) or not np.all(np.isfinite(steer)):
-            raise SimulationError(
-                f"At {drive.state.t:.2f} s the controller returned the steering {np.array2string(steer)}: "
-                f"give one number, or {len(stepper.servo_wheels)}, one a steered wheel [rad]."
-            )
-        stepper.servo_target[:] = steer
+    return duty
 
 
-def reading_of(drive: Drive, suspension: Suspension) -> Reading:
-    """Return what the controller sees now."""
-    state, record = drive.state, drive.stepper.record
-    slip, sinkage, normal, travel = (record[:, column].copy() for column in TRUTH)
-    truth = Truth(
-        slip,
-        sinkage,
-        normal,
-        travel,
-        state.q[:3].copy(),
-        base_rotation(state.q) @ state.v[:3],
-    )
-    return Reading(
-        state.t,
-        drive.stepper.duty.copy(),
-        state.v[[wheel.dof for wheel in drive.model.rover.wheels]],
-        record[:, CURRENT].copy(),
-        state.q[suspension.places],
-        roll_pitch_yaw(state.q),
-        truth,
-    )
+def _angles(given: Any, servos: int, t: float) -> np.ndarray:
+    steer = np.asarray(given, dtype=float)
+    if steer.shape not in ((), (servos,)) or not np.isfinite(steer).all():
+        raise SimulationError(
+            f"At {t:.2f} s the controller returned the steering {np.array2string(steer)}: "
+            f"give one number, or {servos}, one a steered wheel [rad]."
+        )
+    return steer

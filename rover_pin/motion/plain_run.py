@@ -7,6 +7,7 @@ import numpy as np
 from rover_pin.motion.driving import OFTEN, Drive, Progress, Ran, diverged, obey
 from rover_pin.motion.failure import failure, suspension_of
 from rover_pin.motion.going_on import Counted
+from rover_pin.motion.instant import Instant, Places
 from rover_pin.motion.pace import Pace
 from rover_pin.motion.rows import row_type
 from rover_pin.motion.state import base_rotation, roll_pitch_yaw
@@ -17,14 +18,16 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
     timing, state, stepper = drive.timing, drive.state, drive.stepper
     steps = round(duration / timing.dt)
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
-    suspension = suspension_of(drive.model)
+    suspension, places = suspension_of(drive.model), Places.of(drive.model)
     pace = Pace(stepper, timing.dt)
     rows, count = np.zeros(steps // per_sample, dtype=row_type(drive.model)), 0
     begun = drive.counted or Counted(state.t, 0, pace.size)
     pace.go_on(begun)
     for k in range(begun.steps, begun.steps + steps):
         if k % per_control == 0:
-            obey(drive, suspension)
+            now = np.zeros(1, dtype=rows.dtype)
+            _log(drive, now[0])
+            obey(drive, Instant(now, 0, places))
         status = pace.advance(k % per_control == 0 or k % per_sample == 0)
         if status:
             return Ran(rows[:count], diverged(status, state.t), pace.counted(begun, k))

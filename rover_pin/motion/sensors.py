@@ -72,7 +72,7 @@ class Sensed:
         """Return what the controller commands."""
         roll, pitch, yaw = self._read("body_roll", np.array(reading.attitude)).tolist()
         return self.controller(
-            reading._replace(
+            reading.replace(
                 wheel_rate=self._read("wheel_rate_", reading.wheel_rate),
                 current=self._read("current_", reading.current),
                 suspension=self._read("rocker_", reading.suspension),

@@ -28,7 +28,7 @@ import pinocchio as pin
 
 from rover_pin.motion import driving
 from rover_pin.motion import simulate as motion
-from rover_pin.motion.failure import suspension_of
+from rover_pin.motion.instant import Instant, Places
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.native.loop import Loop
 from rover_pin.motion.place import settled
@@ -57,6 +57,7 @@ def main() -> None:
         4 if quick else 16,
     )
     parts(case, 500 if quick else 5000)
+    python_controller(case, 2 if quick else 15)
     plain(case, 0.2 if quick else 1.0, seconds / DURATION)
     mujoco_drive(case, 1 if quick else 5, (seconds, coarse))
     footprint()
@@ -121,12 +122,12 @@ def parts(case: Scenario, count: int) -> None:
     crba = 1e6 * each(lambda: pin.crba(model, data, state.q, pin.Convention.WORLD), count)
     nle = 1e6 * each(lambda: pin.nonLinearEffects(model, data, state.q, state.v), count)
     drive = driving.Drive(case.model, state, kernel, case.controller, case.timing)
-    suspension, loop = suspension_of(case.model), Loop(kernel, case.timing.dt, 1, 1)
-    obey = 1e6 * each(lambda: driving.obey(drive, suspension), count)
+    loop, reading = Loop(kernel, case.timing.dt, 1, 1), Instant(np.zeros(1), 0, Places.of(case.model))
+    obey = 1e6 * each(lambda: driving.obey(drive, reading), count)
     row = 1e6 * each(loop.now, count)
     print(f"microseconds per step: {whole:.1f} in all; Pinocchio's crba {crba:.1f} and its nle {nle:.1f} beside it")
     shares = case.timing.dt / case.timing.control, case.timing.dt / case.timing.sample
-    print(f"    control {obey:.1f} us a call, {obey * shares[0]:.1f} us a step; ", end="")
+    print(f"    a controller asked and obeyed {obey:.1f} us, {obey * shares[0]:.1f} us a step; ", end="")
     print(f"sampling {row:.1f} us a row, {row * shares[1]:.1f} us a step")
 
 
@@ -138,6 +139,21 @@ def each(call: Callable[[], Any], count: int) -> float:
             call()
 
     return least(loop, max(2, count // 50)) / 50
+
+
+def python_controller(case: Scenario, repeats: int) -> None:
+    """Print what a controller in Python, which reads nothing, adds to a drive for each sample."""
+    times = [math.inf, math.inf]
+    for _ in range(repeats):
+        for i, controller in enumerate((case.controller, lambda reading: 0.55)):
+            times[i] = min(times[i], least(lambda c=controller: drive_under(case, c), 1))  # type: ignore[misc]
+    samples = DURATION / case.timing.control
+    print(f"    a controller in Python {1e6 * (times[1] - times[0]) / samples:.1f} us a sample, all included")
+
+
+def drive_under(case: Scenario, controller: Any) -> None:
+    """Drive as the scenario does, under another controller."""
+    motion.simulate(case.model, controller, DURATION, case.start, case.timing, symmetric=case.symmetric)
 
 
 def plain(case: Scenario, duration: float, ours: float) -> None:

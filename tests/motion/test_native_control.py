@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
+from rover_pin.control import steering
 from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TrueSlip
 from rover_pin.control.torque_limit import NoLimit, TorqueLimit, TorqueLimited
+from rover_pin.errors import ParameterError
+from rover_pin.motion.command import Reading
 from rover_pin.motion.native.control import commands_of
-from rover_pin.motion.simulate import simulate
+from rover_pin.motion.native.loop import QUESTIONS
+from rover_pin.motion.place import Start
+from rover_pin.motion.simulate import plain_simulate, simulate
 from rover_pin.scenarios import scenario
 
 CASES = {
@@ -83,6 +91,85 @@ def test_what_a_user_wrote_is_asked(controller):
     assert commands_of(controller, 6) is None
     trace = simulate(case.model, controller, 1.0, case.start)
     assert np.max(np.abs(trace["duty_fl"])) <= 0.3
+
+
+@pytest.mark.parametrize("limited", [False, True], ids=["free", "under a torque limit"])
+@pytest.mark.parametrize("rover", ["nexus6", "cart"])
+def test_tacking_in_the_loop_is_that_of_its_class(rover, limited):
+    """Through the ditch, with turns to both sides; math.hypot and C's differ by a digit, which a drive makes larger."""
+    case = scenario("ditch", rover=rover, **{"soil.k": 0.01})
+    control = TackingControl(
+        case.model.rover, Tacking(0.2, radius=0.8, alert=0.05, calm=1.5, delta=0.5, delta_climb=0.7)
+    )
+    whole = TorqueLimited(control, TorqueLimit.at_slip(case.model)) if limited else control
+    assert commands_of(whole, len(case.model.rover.wheels)) is not None
+    drives, kept = [], []
+    for controller in (whole, asked(whole)):
+        control.reset()
+        drives.append(simulate(case.model, controller, 12.0, Start(0.0, 0.0, 0.15)))
+        kept.append(control.memory.copy())
+    for channel in drives[0].channels:
+        assert drives[0][channel] == pytest.approx(drives[1][channel], rel=1e-8, abs=1e-8, nan_ok=True), channel
+    assert np.array_equal(*kept)
+    assert drives[0].attrs["stop"] == drives[1].attrs["stop"] == "duration"
+    assert len(np.unique(drives[0].stack("duty"))) > 10
+
+
+def test_the_duties_and_angles_of_a_turn_in_the_loop_are_those_of_its_class():
+    """One control sample: to 1e-12."""
+    case = scenario("flat")
+    for yaw in (-0.3, -1e-4, 0.0, 1e-5, 0.02, 0.4):
+        ends = []
+        for wrap in (lambda control: control, asked):
+            control = TackingControl(case.model.rover, Tacking(radius=0.9))
+            trace = simulate(case.model, wrap(control), 0.05, Start(0.0, 0.0, yaw))
+            ends.append(np.concatenate([trace.end.held.duty, trace.end.held.servo]))
+        assert ends[0] == pytest.approx(ends[1], rel=0.0, abs=1e-12)
+
+
+def test_tacking_that_wants_more_than_a_wheel_can_steer_is_asked(monkeypatch):
+    """So that it says so, as its class does, when the rover gets there."""
+    case = scenario("ditch")
+    control = TackingControl(case.model.rover)
+    monkeypatch.setattr(steering, "MOST_STEER", math.radians(15.0))
+    assert commands_of(control, 6) is None
+    with pytest.raises(ParameterError, match="at most 15 deg are allowed"):
+        simulate(case.model, control, 1.0, Start(0.0, 0.0, -0.5))
+
+
+def test_what_is_read_of_a_drive_is_looked_up_when_it_is_asked_for():
+    """Also much later, when the drive has gone on; and it is what the plain step shows."""
+    case, kept = scenario("ditch"), []
+
+    def watching(reading):
+        kept.append(reading)
+        return 0.5 + 0.1 * math.sin(9.0 * reading.t)
+
+    trace = simulate(case.model, watching, 20.0, case.start)
+    assert len(kept) == 400 > QUESTIONS
+    assert set(vars(kept[7])) == {"_rows", "_at", "_places", "_row", "t"}
+    for at in (1, 150, 399):
+        row = round(at * case.timing.control / case.timing.sample) - 1
+        now = kept[at]
+        assert now.t == pytest.approx(0.05 * at)
+        assert now.attitude == tuple(trace[f"body_{angle}"][row] for angle in ("roll", "pitch", "yaw"))
+        assert now.truth.slip.tolist() == [trace[f"slip_{wheel.name}"][row] for wheel in case.model.rover.wheels]
+        assert now.truth.position.tolist() == [trace[f"body_{axis}"][row] for axis in "xyz"]
+        assert now.wheel_rate.tolist() == [trace[f"wheel_rate_{wheel.name}"][row] for wheel in case.model.rover.wheels]
+
+
+def test_the_plain_step_shows_a_controller_the_same():
+    case, seen = scenario("ditch"), ([], [])
+    for drive, kept in zip((simulate, plain_simulate), seen, strict=True):
+        drive(case.model, lambda reading, kept=kept: kept.append(reading) or 0.5, 0.15, case.start)
+    for mine, theirs in zip(*seen, strict=True):
+        for field in dataclasses.fields(Reading)[:-1]:
+            name = field.name
+            assert getattr(mine, name) == pytest.approx(getattr(theirs, name), rel=1e-9, abs=1e-11), name
+        for name, told in mine.truth._asdict().items():
+            assert told == pytest.approx(getattr(theirs.truth, name), rel=1e-9, abs=1e-11), name
+    changed = seen[0][1].replace(current=np.ones(6))
+    assert (changed.t, changed.current.tolist()) == (seen[0][1].t, [1.0] * 6)
 
 
 def test_a_limit_over_a_controlled_wheel_is_asked():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
@@ -44,14 +44,24 @@ class SlipLaw(NamedTuple):
     "None: the true slip"
 
 
+class TackLaw(NamedTuple):
+    """The tacking control's numbers by their names in the struct Loop; `memory` is read and written: side, until."""
+
+    numbers: Mapping[str, float]
+    places: np.ndarray
+    "x ahead of the line that turning centres lie on, and y, one row a wheel [m]"
+    memory: np.ndarray
+
+
 @dataclass(frozen=True)
 class Commands:
-    """Fixed duties and steering, or a slip law's duties, under a torque limit."""
+    """Fixed duties and steering, a slip law's duties, or those of tacking, under a torque limit."""
 
     duty: Any = 0.0
     steer: Any = 0.0
     slip: SlipLaw | None = None
     limit: TorqueTable | None = None
+    tack: TackLaw | None = None
 
     def fields(self, kernel: Kernel) -> dict[str, Any]:
         """Return the fields of the struct Loop that say so."""
@@ -61,7 +71,12 @@ class Commands:
             "duty_fixed": np.broadcast_to(np.asarray(self.duty, dtype=float), wheels).copy(),
             "steer_fixed": np.broadcast_to(steer, max(1, servos)).copy(),
         }
-        return {**found, **_slip_fields(self.slip, kernel), **_limit_fields(self.limit)}
+        return {
+            **found,
+            **_slip_fields(self.slip, kernel),
+            **_limit_fields(self.limit),
+            **_tack_fields(self.tack, kernel),
+        }
 
 
 class Controller(Protocol):
@@ -115,6 +130,14 @@ def _limit_fields(limit: TorqueTable | None) -> dict[str, Any]:
         "stall_torque": limit.stall_torque,
         "no_load_rate": limit.no_load_rate,
     }
+
+
+def _tack_fields(tack: TackLaw | None, kernel: Kernel) -> dict[str, Any]:
+    if tack is None:
+        return {}
+    wheels = np.array(kernel.servo_wheels or [0], dtype=np.int64)
+    found = {"tack_places": tack.places, "tack_memory": tack.memory, "servo_wheel": wheels}
+    return {**found, **{f"tack_{name}": value for name, value in tack.numbers.items()}}
 
 
 @lru_cache(maxsize=4)

@@ -56,7 +56,11 @@ static void draw(Drive *d, Loop *l, const double *place) {
 /* Go on until the last step, the row `until`, a failure, or a question to a controller; say which. */
 int rover_pin_run(Drive *d, Loop *l, integer until) {
   while (l->k < l->steps && l->row < until) {
-    if (l->asks && l->k % l->per_control == 0 && l->obeyed != l->k) return ASKS;
+    if (l->asks && l->k % l->per_control == 0 && l->obeyed != l->k) {
+      l->obeyed = l->k;
+      rover_pin_row(d, l, l->questions + l->asked++ * l->row_size);
+      return ASKS;
+    }
     if (l->duty_fixed && l->k % l->per_control == 0) command(d, l);
     if (l->duty_rows && l->k % l->per_sample == 0) take_row(d, l, l->k / l->per_sample);
     if (l->rate_rows) hold(d, l);

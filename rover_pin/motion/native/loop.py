@@ -11,6 +11,7 @@ import numpy as np
 
 from rover_pin.motion.failure import FASTEST, FOLDED, UPRIGHT, suspension_of
 from rover_pin.motion.going_on import Counted
+from rover_pin.motion.instant import Instant, Places
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.native.library import library
 from rover_pin.motion.native.shared import LoopStruct, fill
@@ -28,6 +29,10 @@ class Outcome(IntEnum):
     FAILS = 4
 
 
+QUESTIONS = 256
+"""Rows of questions that have room at once; those that a controller keeps stay."""
+
+
 class Loop:
     """Steps of a kernel with its rows; `rows` is filled as far as `row`."""
 
@@ -38,6 +43,8 @@ class Loop:
         self.moved = np.zeros(3)
         self.struct = LoopStruct()
         self.keep: dict[str, Any] = {}
+        self._run = library().rover_pin_run
+        self._addresses = ctypes.addressof(kernel.struct), ctypes.addressof(self.struct)
         suspension = suspension_of(model)
         self.set(
             dt=dt,
@@ -69,6 +76,19 @@ class Loop:
         """Let fields of the struct Loop have these values; an array stays where it is."""
         fill(self.struct, self.keep, values)
 
+    def ask(self) -> None:
+        """Let the loop come back at every control sample, to ask a controller."""
+        self.places = Places.of(self.kernel.model)
+        self.set(asks=1, asked=QUESTIONS)
+
+    def question(self) -> Instant:
+        """Return what is to be read at the instant at which the loop asks."""
+        return Instant(self.keep["questions"], self.struct.asked - 1, self.places)
+
+    def _make_room(self) -> None:
+        if self.struct.asks and self.struct.asked == QUESTIONS:
+            self.set(asked=0, questions=np.zeros(QUESTIONS, dtype=self.rows.dtype))
+
     def go_on(self, counted: Counted) -> None:
         """Count on from where a drive ended; the kernel's arrays are already as they were there."""
         self.set(begin=counted.begin, k=counted.steps, steps=counted.steps + self.struct.steps)
@@ -83,15 +103,15 @@ class Loop:
 
     def run(self, until: int) -> Outcome:
         """Go on to the row `until`, or the end, a failure, or a question; the state's time follows."""
-        step = library().rover_pin_run(ctypes.addressof(self.kernel.struct), ctypes.addressof(self.struct), until)
+        self._make_room()
+        step = self._run(*self._addresses, until)
         self.state.t = self.struct.begin + self.struct.k * self.struct.dt
         return Outcome(step)
 
     def now(self) -> np.ndarray:
         """Return the present instant as a row."""
         row = np.zeros(1, dtype=self.rows.dtype)
-        kernel, own = ctypes.addressof(self.kernel.struct), ctypes.addressof(self.struct)
-        library().rover_pin_row(kernel, own, row.ctypes.data)
+        library().rover_pin_row(*self._addresses, row.ctypes.data)
         return np.asarray(row[0])
 
     @property

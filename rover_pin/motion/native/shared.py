@@ -90,7 +90,7 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
         ctypes.c_int64,
         {
             "k steps per_control per_sample row check_every": "step, and steps in all, a control sample, a row",
-            "asks obeyed": "whether a controller in Python is asked, and the step of its last answer",
+            "asks asked obeyed": "whether a controller in Python is asked, how often, and the step of its last answer",
             "size": "of a step, in FINEST parts of dt",
             "before before_size": "where the step before is saved, and its size; 0: it cannot be taken again",
             "n_moving moving_size": "",
@@ -106,23 +106,29 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
             "fastest upright buried folded": "where a drive ends: failure.py",
             "share mass": "of a row's way to the logged place; of the rover",
             "control_period table_radius stall_torque no_load_rate": "of a built-in controller",
+            "tack_heading tack_bend tack_gain tack_alert tack_calm tack_delta tack_climb tack_straight": "",
         },
         "double {}",
     ),
     (
         ctypes.c_void_p,
         {
-            "log": "rows of ROW",
+            "log questions": "rows of ROW; those of the instants at which a controller is asked",
             "duty_rows rate_rows steer_rows force_rows grip_rows place_rows": "commands of a replay; 0 for none",
             "moved down soils_at_rest folding_limits": "",
             "saved": "two steps' beginnings: all that moves",
             "duty_fixed steer_fixed": "of a built-in controller; 0: none is given",
             "gains integral table_duty table_speed limit_pitch limit_torque": "",
+            "tack_places tack_memory": "x, y of each wheel from the turning line; side, and end of uneven ground",
         },
         "double *{}",
     ),
     (ctypes.c_void_p, {"moving": "the arrays that a step changes"}, "double **{}"),
-    (ctypes.c_void_p, {"folding_q": "the suspension's places in q", "moving_sizes": ""}, "integer *{}"),
+    (
+        ctypes.c_void_p,
+        {"folding_q": "the suspension's places in q", "moving_sizes": "", "servo_wheel": "of each servo"},
+        "integer *{}",
+    ),
     (ctypes.c_void_p, {"slip_law": "of one wheel"}, "casadi_function {}"),
 ]
 
