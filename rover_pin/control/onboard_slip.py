@@ -30,6 +30,8 @@ FACTORS = 2.0
 """Range of T / (r W) over which a wheel that meets something else may read anything."""
 LEAST_ROWS = 6
 """Readings from which rates of angles are told."""
+SETTLING = 0.0012
+"""Rise of a wheel against the others that noise, sinking and settling make of a rover that stands [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class Trust(Record):
     correlated: Scalar = quantity(0.5, "s", "assumed: readings nearer than this err alike", 1e-3, 10.0)
     wander: Scalar = quantity(0.02, "m/s", "assumed: change of speed within a second", 1e-4, 1.0)
     surprise: Scalar = quantity(0.02, "", "assumed: chance of any speed at all, per second", 0.0, 1.0)
+    quiet: Scalar = quantity(0.2, "", "assumed: chance that a rover moves on bent ground and does not fold", 0.0, 1.0)
 
 
 class _Felt(NamedTuple):
@@ -56,7 +59,18 @@ class _Felt(NamedTuple):
     mounts: np.ndarray
     "rotations of the wheels' frames"
     centres: np.ndarray
-    "forward places of the wheel centres against the base [m]"
+    "forward places and heights of the wheel centres against the base, levelled [m]"
+
+
+class _Rates(NamedTuple):
+    """How the wheels move, from the readings of the window."""
+
+    rim: np.ndarray
+    "rim speeds over the ground [m/s]"
+    ahead: np.ndarray
+    "forward speeds of the centres against the base [m/s]"
+    rise: np.ndarray | None
+    "upward ones; None before they are told"
 
 
 @dataclass
@@ -71,6 +85,10 @@ class OnboardSlip:
     p(u) diffuses by `wander`, is mixed with a little of everything, and multiplied by these likelihoods; S_hat is its
     mean. A wheel at a wall or a stone may read anything (`stray`): then the others tell. Nothing is inverted, so that
     an F that levels off or falls again only leaves u less certain.
+    Bends: the slopes alpha_i are those between neighbours. Where they differ by B (mean of |tan alpha_i - median|), the
+    ground bends within a wheelbase, loads and F err by a share B more, and a rover that travels folds: its wheels rise
+    against each other at a speed of order u B, one that stands at `SETTLING`. So a posture that is bent and stays says
+    u = 0, which neither torques nor wheel rates can where the slip is common to all and F has fallen past its peak.
 
     What cannot be seen: a slip that all wheels share is invisible to kinematics; torques show it where the soil's F(S)
     is known and rises. Where F is flat (k much below r, S beyond 0.3 to 0.5) S_hat leans on its memory; where the soil
@@ -124,13 +142,15 @@ class OnboardSlip:
         foot, jacobians = footing(self.rover, q)
         torque = self.constant * np.mean([one.current for one in self.past], axis=0)
         load = loads_on(self.rover, q, torque, foot, jacobians)
-        rim, ahead = self._speeds(foot.left)
-        level = np.hypot(foot.forward[:, 0], foot.forward[:, 1])
-        slips = slip_ratios(rim, (self.speeds[:, None] + ahead) / level)
-        tells = (load > LEAST_LOAD) & (np.abs(rim) > LEAST_RIM)
-        self._learn(slips[:, tells], (torque / (self.r * np.maximum(load, LEAST_LOAD)))[tells])
-        if np.all(np.abs(rim) < REST):
-            self._stand()
+        rates, level = self._rates(foot.left), np.hypot(foot.forward[:, 0], foot.forward[:, 1])
+        slips = slip_ratios(rates.rim, (self.speeds[:, None] + rates.ahead) / level)
+        tells = (load > LEAST_LOAD) & (np.abs(rates.rim) > LEAST_RIM)
+        bend = _apart(foot.forward[:, 2] / level)
+        self._learn(slips[:, tells], (torque / (self.r * np.maximum(load, LEAST_LOAD)))[tells], bend)
+        if rates.rise is not None:
+            self._weigh(np.log(self._folding(_apart(rates.rise), bend)))
+        if np.all(np.abs(rates.rim) < REST):
+            self._weigh(-0.5 * (self.speeds / REST) ** 2)
         mean = self.belief @ slips
         self.sd = np.sqrt(np.maximum(self.belief @ slips**2 - mean**2, 0.0))
         return np.asarray(mean)
@@ -138,7 +158,7 @@ class OnboardSlip:
     def _felt(self, reading: Reading) -> _Felt:
         tilt = np.array(reading.attitude[:2])
         mounts, centres = wheel_mounts(self.rover, self._posture(tilt, reading.suspension))
-        return _Felt(reading.current, reading.wheel_rate, tilt, np.array(reading.suspension), mounts, centres[:, 0])
+        return _Felt(reading.current, reading.wheel_rate, tilt, np.array(reading.suspension), mounts, centres[:, ::2])
 
     def _posture(self, tilt: np.ndarray, links: np.ndarray) -> np.ndarray:
         """Return q heading along x; steering is not read."""
@@ -146,33 +166,41 @@ class OnboardSlip:
         q[self.places] = links
         return q
 
-    def _speeds(self, axles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rim speeds over the ground, and forward speeds of the centres against the base [m/s]."""
+    def _rates(self, axles: np.ndarray) -> _Rates:
         rate = np.mean([one.rate for one in self.past], axis=0)
         if len(self.past) < LEAST_ROWS:
-            return self.r * rate, np.zeros(len(rate))
+            return _Rates(self.r * rate, np.zeros(len(rate)), None)
         t = self.period * (np.arange(len(self.past)) - 0.5 * (len(self.past) - 1))
         to_rate = t / (t @ t)
         swing = to_rate @ turning([one.mounts for one in self.past], axles)
-        return self.r * (rate + swing), to_rate @ np.array([one.centres for one in self.past])
+        ahead, rise = np.einsum("t,tnk->kn", to_rate, np.array([one.centres for one in self.past]))
+        return _Rates(self.r * (rate + swing), ahead, rise)
 
-    def _learn(self, slips: np.ndarray, factors: np.ndarray) -> None:
+    def _learn(self, slips: np.ndarray, factors: np.ndarray, bend: float = 0.0) -> None:
         """Move the belief on by a period, and weigh it by the factors T / (r W) of the wheels that tell something."""
         trust, spread = self.trust, np.convolve(self.belief, self.kernel, mode="same")
         anything = float(trust.surprise) * self.period
-        belief = (1.0 - anything) * spread / spread.sum() + anything / len(spread)
+        self.belief = (1.0 - anything) * spread / spread.sum() + anything / len(spread)
         expected = np.interp(slips, SLIPS, self.factors)
-        variance = float(trust.factor) ** 2 + (float(trust.strength) * expected) ** 2
+        variance = float(trust.factor) ** 2 + (float(trust.strength) ** 2 + bend**2) * expected**2
         known = np.exp(-0.5 * (factors - expected) ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
         stray = float(trust.stray)
-        chance = np.sum(np.log((1.0 - stray) * known + stray / FACTORS), axis=1)
-        belief *= np.exp(self.period / float(trust.correlated) * (chance - chance.max()))
+        self._weigh(np.sum(np.log((1.0 - stray) * known + stray / FACTORS), axis=1))
+
+    def _folding(self, rise: float, bend: float) -> np.ndarray:
+        """Return the density of wheels rising so fast against each other at each speed, on ground that bends so."""
+        moving, quiet = np.hypot(SETTLING, self.speeds * bend), float(self.trust.quiet)
+        return (1.0 - quiet) * np.exp(-rise / moving) / moving + quiet * np.exp(-rise / SETTLING) / SETTLING
+
+    def _weigh(self, chance: np.ndarray) -> None:
+        """Multiply the belief by a likelihood, given as its logarithm, of readings that err alike for a while."""
+        belief = self.belief * np.exp(self.period / float(self.trust.correlated) * (chance - chance.max()))
         self.belief = belief / belief.sum()
 
-    def _stand(self) -> None:
-        """Weigh the belief by what wheels say that do not turn: the rover does not move either."""
-        belief = self.belief * np.exp(-0.5 * (self.speeds / REST) ** 2 * self.period / float(self.trust.correlated))
-        self.belief = belief / belief.sum()
+
+def _apart(values: np.ndarray) -> float:
+    """Return the mean distance of the wheels' values from their median."""
+    return float(np.mean(np.abs(values - np.median(values))))
 
 
 @dataclass

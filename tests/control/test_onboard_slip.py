@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.onboard_slip import REST, SLIPS, OnboardSlip, SureSlip, slip_ratios
+from rover_pin.control.onboard_slip import REST, SLIPS, OnboardSlip, SureSlip, Trust, slip_ratios
 from rover_pin.control.slip_control import SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, flat_table
 from rover_pin.errors import ParameterError
@@ -82,6 +82,42 @@ def test_a_loss_of_strength_that_the_model_has_is_read_through():
     )
     assert aware < 0.15
     assert unaware > 0.4
+
+
+def test_ground_that_does_not_bend_tells_no_speed_by_its_folds():
+    estimate = OnboardSlip.of(scenario("flat").model)
+    assert np.ptp(estimate._folding(0.0, 0.0)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_bent_posture_that_stays_says_standing_and_one_that_folds_says_moving():
+    estimate = OnboardSlip.of(scenario("flat").model)
+    stays, folds = (estimate.speeds[np.argmax(estimate._folding(rise, 0.2))] for rise in (0.0, 0.01))
+    assert stays == pytest.approx(0.0, abs=1e-3)
+    assert abs(folds) == pytest.approx(0.05, rel=0.2)
+
+
+def test_a_bend_makes_torques_less_sure():
+    estimate, seen = OnboardSlip.of(scenario("flat", **{"soil.k": 0.005}).model), []
+    for bend in (0.0, 0.3):
+        estimate.reset()
+        for _ in range(40):
+            slips = slip_ratios(np.full(6, 0.05), estimate.speeds[:, None] * np.ones(6))
+            estimate._learn(slips, np.full(6, 0.2), bend)
+        seen.append(float(np.sqrt(estimate.belief @ estimate.speeds**2 - (estimate.belief @ estimate.speeds) ** 2)))
+    assert seen[1] > 1.5 * seen[0]
+
+
+def test_a_rover_stuck_past_the_peak_is_told_better_by_its_posture():
+    """At the far wall the torque of S = 1 is that of a smaller slip too; that nothing folds speaks for the first."""
+    sand = {"soil.k": 0.003, "terrain.wall_angle_deg": 47.0, "add": "PostPeak.fraction=0.3"}
+    scene = scenario("ditch", **sand, **{"effect.MotionResistance.R": 0.07})
+    errors = []
+    for trust in (Trust(), Trust(quiet=1.0)):
+        watch = Watched(OnboardSlip.of(scene.model, trust))
+        trace = simulate(scene.model, Sensed(watch, Sensors(), 1), 32.0, scene.start)
+        assert trace["slip_ml"][-1] > 0.95
+        errors.append(np.sqrt(np.mean(watch.error(24.0) ** 2)))
+    assert errors[0] < 0.9 * errors[1]
 
 
 def test_wheels_that_stand_say_that_the_rover_stands():
