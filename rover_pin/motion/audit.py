@@ -8,46 +8,65 @@ import numpy as np
 
 from rover_pin.motion.model import Model
 from rover_pin.motion.native.shared import RECORD
+from rover_pin.motion.trace import Trace
 
 LOAD_BAND = (0.95, 1.05)
 """`mean_load` within which a drive is believed: 0.9997 to 1.005 in 300 random drives that resolve it, 6 to
 137 in drives that did not."""
 SHORTEST = 0.5
 """Time [s] below which a drive is too short for its mean load to say anything."""
-MOST_MISSED = 0.005
-"""Change of speed [m/s] that all misjudged forces of a drive would make together, beyond which it is doubted; those of
-ready-made drives on k = 1 mm and more make less than 0.0031."""
+MOST_MISSED, MOST_MISSED_A_SECOND = 0.005, 1e-3
+"""Change of speed [m/s] that all misjudged forces of a drive would make together, in all and in a second of it, beyond
+which it is doubted; those of ready-made drives on k = 1 mm and more make less than 0.0031 in 20 s."""
+MOST_UNBALANCED, AT_REST = 0.01, 1e-6
+"""Error of the energy's balance beyond which a drive is not believed; and energy over weight times a wheel's radius
+that is none."""
 MOST_AIRBORNE = 1.0 / 3.0
 """Share of a drive that its wheels are off the ground, on average, beyond which it hops."""
 
 
-def warnings_of(model: Model, rows: np.ndarray, misjudged: float) -> list[str]:
-    """Return a sentence for each reason not to believe a drive; none is the rule. `misjudged` is `Ran.missed`."""
-    made = []
+def load_warning(model: Model, rows: np.ndarray) -> str:
+    """Return a sentence where the soil carried more or less than the weight, or nothing."""
     load = mean_load(model, rows)
-    if not LOAD_BAND[0] <= load <= LOAD_BAND[1]:
-        made.append(
-            f"the soil carried {load:.3g} times the rover's weight on average, which no body can: the step "
-            "is too coarse for this ground; give a smaller dt."
-        )
+    if LOAD_BAND[0] <= load <= LOAD_BAND[1]:
+        return ""
+    return (
+        f"the soil carried {load:.3g} times the rover's weight on average, which no body can: the step "
+        "is too coarse for this ground; give a smaller dt."
+    )
+
+
+def balance_warning(trace: Trace) -> str:
+    """Return a sentence where the account of a drive's energy does not balance, or nothing; at rest there is none."""
+    if len(trace.t) < 2:
+        return ""
+    most = max(float(np.ptp(values)) for name, values in trace.channels.items() if name.startswith("energy_"))
+    weight = float(np.mean(np.sum(trace.stack("normal"), axis=1)))
+    off = trace.energy_error()
+    if off <= MOST_UNBALANCED or most <= AT_REST * weight * float(np.min(trace.attrs["wheel_radii_m"])):
+        return ""
+    return f"its energy does not balance, by {off:.2g} of the greatest: the step is too coarse; give a smaller dt."
+
+
+def doubts_of(model: Model, rows: np.ndarray, misjudged: float) -> list[str]:
+    """Return what makes it doubtful whether half the step goes the same way. `misjudged` is `Ran.missed`."""
+    made = []
     missed = misjudged * model.gravity
-    if missed > MOST_MISSED:
-        made.append(
-            f"wheels' forces turned faster than the steps, which misjudged them by {missed:.2g} m/s in sum: where the "
-            "rover got to may depend on the step; compare with half of it, or give a smaller dt."
-        )
+    if missed > min(MOST_MISSED, MOST_MISSED_A_SECOND * _duration(rows)):
+        made.append(f"wheels' forces turned faster than the steps, which misjudged them by {missed:.2g} m/s in sum")
     hopping = airborne(rows)
     if hopping > MOST_AIRBORNE:
-        made.append(
-            f"the wheels were off the ground {hopping:.0%} of the time: where a rover that hops lands depends on the "
-            "step; compare with half of it, or give a smaller dt."
-        )
+        made.append(f"the wheels were off the ground {hopping:.0%} of the time")
     return made
+
+
+def _duration(rows: np.ndarray) -> float:
+    return float(rows["t"][-1] - rows["t"][0]) if len(rows) else 0.0
 
 
 def airborne(rows: np.ndarray) -> float:
     """Return the share of the drive that the wheels are off the ground, on average; 0 for one of less than SHORTEST."""
-    if len(rows) < 2 or rows["t"][-1] - rows["t"][0] < SHORTEST:
+    if _duration(rows) < SHORTEST:
         return 0.0
     return float(np.mean(rows["record"][:, :, RECORD.index("normal")] == 0.0))
 
@@ -68,7 +87,7 @@ def mean_load(model: Model, rows: np.ndarray) -> float:
     (I . up / T - m dv/dt) / (m g), I the impulse of all wheels' forces as each step began: 1 by Newton's second law
     where the steps resolve them, whatever the ground. 1 for a drive of less than SHORTEST.
     """
-    if len(rows) < 2 or rows["t"][-1] - rows["t"][0] < SHORTEST:
+    if _duration(rows) < SHORTEST:
         return 1.0
     rover, first, last = model.built, rows[0], rows[-1]
     climb = [float(rover.up @ row["velocity"]) for row in (first, last)]

@@ -143,6 +143,7 @@ class Kernel:
             wheel_dof=np.array([wheel.dof for wheel in rover.wheels], dtype=np.int64),
             axle=np.array([wheel.axle for wheel in rover.wheels], dtype=np.int64),
             radius=np.array([float(wheel.wheel.r) for wheel in rover.wheels]),
+            rim_inertia=rim_inertia(model, rover),
             n_kinds=len(kinds),
             kind=np.asarray(kind, dtype=np.int64).ravel(),
             kinds=kinds,
@@ -259,6 +260,12 @@ class Kernel:
             work_w=np.zeros(max(made.work[1], rigid[1]) + 1),
         )
         self.keep["laws"] = made
+
+
+def rim_inertia(model: pin.Model, rover: Any) -> np.ndarray:
+    """Return what each wheel turns about its axle [kg m^2], its rotor included: the same in any configuration."""
+    M = pin.crba(model, model.createData(), pin.neutral(model))
+    return np.array([M[wheel.dof, wheel.dof] for wheel in rover.wheels])
 
 
 def supports(model: pin.Model, joint: int) -> list[int]:

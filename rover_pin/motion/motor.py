@@ -10,6 +10,20 @@ from rover_pin.effects.effect import Drive
 from rover_pin.errors import ParameterError
 from rover_pin.quantity import Record, quantity
 
+RINGS = 6.0
+"""Time step over a motor's time constant from which the midpoint rule is damped: it would ring by over half a step."""
+
+
+def unringing(slope: float, dt: float, inertia: float) -> float:
+    """Return the slope of a motor's torque with its rate [N m s] that a step `dt` takes half of.
+
+    The midpoint rule multiplies what is left to a motor's own rate by (1 - z/2) / (1 + z/2), z = -dt slope / inertia:
+    one far faster than the step rings from step to step, and the slip rings with it. The share theta of the slope, 1/2,
+    is raised from z = 6 on to theta = 2/3 - 1/z, the least that leaves -1/2 of it a step.
+    """
+    z = -dt * slope / inertia
+    return slope * (4.0 / 3.0 - 2.0 / z) if z > RINGS else slope
+
 
 @dataclass(frozen=True)
 class Motor(Record):
@@ -29,10 +43,10 @@ class Motor(Record):
     """
 
     supply: Scalar = quantity(7.2, "V", "assumed: a six-cell battery", 0.1, 1e3, "V")
-    resistance: Scalar = quantity(24.12, "ohm", "assumed: stall torque 1 N m", 1e-3, 1e4, "R")
-    k_t: Scalar = quantity(0.0125, "N m/A", "assumed: a small DC motor", 1e-5, 10.0, "k_t")
-    gear: Scalar = quantity(268.0, "", "assumed, then calibrated", 0.1, 1e4, "N")
-    rotor_inertia: Scalar = quantity(1.4e-8, "kg m^2", "assumed: 1e-3 kg m^2 at the wheel", 0.0, 0.1, "J_r")
+    resistance: Scalar = quantity(24.12, "ohm", "assumed: stall torque 1 N m", 1e-3, 1e5, "R")
+    k_t: Scalar = quantity(0.0125, "N m/A", "assumed: a small DC motor", 1e-6, 1e3, "k_t")
+    gear: Scalar = quantity(268.0, "", "assumed, then calibrated", 0.1, 1e5, "N")
+    rotor_inertia: Scalar = quantity(1.4e-8, "kg m^2", "assumed: 1e-3 kg m^2 at the wheel", 0.0, 10.0, "J_r")
 
     @property
     def constant(self) -> Scalar:

@@ -25,8 +25,9 @@ from rover_pin.body.section import Facet, Patch, WheelFrame, patches, wheel_fram
 from rover_pin.contact import Load
 from rover_pin.motion import laws
 from rover_pin.motion.body_law import body_law
-from rover_pin.motion.kernel import HOLDING, SERVO_GAIN, STOP_GAIN, armed
+from rover_pin.motion.kernel import HOLDING, SERVO_GAIN, STOP_GAIN, armed, rim_inertia
 from rover_pin.motion.model import Model
+from rover_pin.motion.motor import unringing
 from rover_pin.motion.native.shared import ENERGY, RECORD
 from rover_pin.motion.plain_law import LawValue, PlainLaw
 from rover_pin.motion.state import DriveState
@@ -41,6 +42,7 @@ class Plain:
         self.rover = model.built
         self.pin_model = armed(self.rover.model, model)
         self.data = self.pin_model.createData()
+        self.rim_inertia = rim_inertia(self.pin_model, self.rover)
         n = len(self.rover.wheels)
         self.record, self.loads, self.energy = np.zeros((n, len(RECORD))), np.zeros((n, 6)), np.zeros(len(ENERGY))
         self.impulse, self.differential = np.zeros(3), np.zeros(1)
@@ -215,7 +217,8 @@ class Plain:
             gain = np.linalg.solve(implicit, self.dt * rate)
             gain_slope = np.linalg.solve(implicit, self.dt * rate_slope)
             torque[wheel.dof] = out[0] + 0.5 * by_state @ gain
-            slope[wheel.dof] = out[1] + 0.5 * by_state @ gain_slope
+            by_rate = float(out[1] + 0.5 * by_state @ gain_slope)
+            slope[wheel.dof] = unringing(by_rate, self.dt, self.rim_inertia[index])
             steps.append((gain, gain_slope))
             self.record[index, 9:12] = torque[wheel.dof], out[2], out[3]
         self._hold(torque, slope)

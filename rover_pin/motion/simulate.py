@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.errors import SimulationError
-from rover_pin.motion.audit import pivot_warning, warnings_of
+from rover_pin.motion.audit import balance_warning, doubts_of, load_warning, pivot_warning
 from rover_pin.motion.command import Controller
 from rover_pin.motion.compiled_run import run_compiled
 from rover_pin.motion.driving import Drive, Progress, Ran, Stepper
 from rover_pin.motion.going_on import Ended, Held
+from rover_pin.motion.half_step import Halved, halved, repeating, spoken
 from rover_pin.motion.happened import happened
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model
@@ -148,14 +149,37 @@ def _simulate(asked: Asked, start: Start | DriveState | Ended) -> Trace:
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
     if hasattr(asked.controller, "reset"):
         asked.controller.reset()
-    state = begin.state
-    place = (float(state.q[0]), float(state.q[1]))
-    begun = model.begun(*place)
-    stepper = asked.stepper(begun, state, STANDING, symmetric)
-    fine = timing.refined(parts(begun, state, timing.dt, firmness(stepper, begun)))
-    stepper.set_step(fine.dt)
     attrs = {"set_down": begin.standing} if begin.standing else {}
-    return _traced(asked, Drive(begun, state, stepper, asked.controller, fine), place, attrs)
+    halved_by = _Halver(asked, begin.state.copy())
+    return _traced(asked, _begun(asked, begin.state), _place(begin.state), attrs, halved_by)
+
+
+class _Halver(NamedTuple):
+    """Drives as asked, from this state, at half the step."""
+
+    asked: Asked
+    state: DriveState
+
+    def __call__(self, rows: np.ndarray, stop: str) -> Halved | None:
+        controller = repeating(self.asked.controller, rows, self.asked.timing)
+        if controller is None:
+            return None
+        asked = self.asked._replace(controller=controller, timing=self.asked.timing.halved())
+        ran = asked.run(_begun(asked, self.state.copy()), asked.duration, None)
+        return halved(rows, stop, finite(ran.rows), ran.stop)
+
+
+def _place(state: DriveState) -> tuple[float, float]:
+    return float(state.q[0]), float(state.q[1])
+
+
+def _begun(asked: Asked, state: DriveState) -> Drive:
+    """Return a drive that begins in this state, with the step that its ground asks for."""
+    model = asked.model.begun(*_place(state))
+    stepper = asked.stepper(model, state, STANDING, asked.symmetric)
+    fine = asked.timing.refined(parts(model, state, asked.timing.dt, firmness(stepper, model)))
+    stepper.set_step(fine.dt)
+    return Drive(model, state, stepper, asked.controller, fine)
 
 
 def _gone_on(asked: Asked, end: Ended) -> Trace:
@@ -168,14 +192,20 @@ def _gone_on(asked: Asked, end: Ended) -> Trace:
     return _traced(asked, Drive(begun, state, stepper, asked.controller, end.fine, end.counted), end.place, {})
 
 
-def _traced(asked: Asked, drive: Drive, place: tuple[float, float], attrs: dict[str, Any]) -> Trace:
+def _traced(
+    asked: Asked, drive: Drive, place: tuple[float, float], attrs: dict[str, Any], halver: _Halver | None = None
+) -> Trace:
     """Run a drive and return its trace, with where it ended if it can go on."""
     ran, stepper = asked.run(drive, asked.duration, asked.progress), drive.stepper
     rows, symmetric = finite(ran.rows), asked.symmetric
     attrs |= {"dt_s": drive.timing.dt, "control_period_s": asked.timing.control, "symmetric": symmetric}
     attrs["stop"] = ran.stop
-    warnings = [*warnings_of(drive.model, rows, ran.counted.missed), pivot_warning(stepper.pivoted)]
-    trace = told(asked.model, trace_of(asked.model, rows, attrs), [each for each in warnings if each])
+    trace = trace_of(asked.model, rows, attrs)
+    certain = [load_warning(drive.model, rows), balance_warning(trace)]
+    doubts, energy = doubts_of(drive.model, rows, ran.counted.missed), energy_warning(asked.model, trace)
+    signs = any([*certain, *doubts, energy])
+    half = halver(rows, ran.stop) if halver and signs and len(rows) else None
+    trace = told(trace, [*certain, *spoken(doubts, half), pivot_warning(stepper.pivoted), energy])
     if ran.stop != "duration":
         return trace
     held = Held(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())
@@ -183,11 +213,11 @@ def _traced(asked: Asked, drive: Drive, place: tuple[float, float], attrs: dict[
     return dataclasses.replace(trace, end=end)
 
 
-def told(model: Model, trace: Trace, warnings: list[str]) -> Trace:
-    """Return the trace with what it came to, and with all reasons not to believe it."""
-    came_to, energy = happened(trace), energy_warning(model, trace)
+def told(trace: Trace, warnings: list[str]) -> Trace:
+    """Return the trace with what it came to, and with all reasons not to believe it; empty ones are none."""
+    came_to = happened(trace)
     found: dict[str, Any] = {"happened": came_to.sentence} if came_to else {}
-    found["warnings"] = [*warnings, energy] if energy else warnings
+    found["warnings"] = [each for each in warnings if each]
     return dataclasses.replace(trace, attrs={**trace.attrs, **found})
 
 

@@ -49,6 +49,10 @@ CASES = {
     "net": (model(shapes.flat(), RelaxedSlip(), SoilTraction(NetTraction(), SinkageAngles())), Start()),
     "over-an-edge": (model(shapes.rocks(seed=3), RelaxedSlip()), Start(y=0.135)),
     "across-an-edge": (model(shapes.one_sided_bump(at=-0.5, length=3.0), RelaxedSlip()), Start(y=-0.4, yaw=1.3)),
+    "stiff-motor": (
+        dataclasses.replace(model(shapes.bump(at=0.2), RelaxedSlip()), motor=Motor(resistance=0.5, rotor_inertia=3e-9)),
+        Start(),
+    ),
     "two-widths": (model(shapes.bump(at=0.2, ground=1), RelaxedSlip(), rover=narrow_in_front(ROVER)), Start()),
 }
 

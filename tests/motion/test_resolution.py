@@ -11,7 +11,8 @@ from rover_pin.contact import Soil
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.errors import SimulationError
-from rover_pin.motion.audit import warnings_of
+from rover_pin.motion import half_step
+from rover_pin.motion.audit import MOST_MISSED, MOST_MISSED_A_SECOND, balance_warning, doubts_of, load_warning
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.pace import ROUGH, Pace
@@ -217,21 +218,30 @@ def test_what_the_finest_steps_misjudge_is_counted():
     assert driven(stub).missed == pytest.approx(2 * 2.0 * ROUGH)
 
 
-def test_a_drive_whose_forces_turn_faster_than_its_steps_says_so():
-    """A wheel that turns against its travel as fast as it travels, where the slip law jumps: 71 mm at half the step."""
+def test_a_drive_whose_forces_turn_faster_than_its_steps_is_measured_and_says_what_came_of_it(monkeypatch):
+    """A wheel that turns against its travel as fast as it travels, where the slip law jumps: 1 mm at half the step."""
     drive = scenario(
         "hills", form="net", slip="algebraic", duration=4.0, gravity=7.2, gear_friction=0.0178,
         **{"soil.k": 0.0786, "soil.phi_deg": 35.9, "soil.n": 0.958, "soil.k_1": 117154.7, "control.delta": -0.969},
     )  # fmt: skip
-    told = drive.drive().attrs["warnings"]
-    start = "wheels' forces turned faster than the steps, which misjudged them by 0."
-    assert any(warning.startswith(start) for warning in told), told
+    assert drive.drive().attrs["warnings"] == []
+    monkeypatch.setattr(half_step, "MOVED", 1e-4)
+    monkeypatch.setattr(half_step, "MOVED_SHARE", 0.0)
+    reason, told = drive.drive().attrs["warnings"]
+    assert reason.startswith("wheels' forces turned faster than the steps, which misjudged them by 0.0")
+    trace, finer = (simulate(drive.model, drive.controller, 4.0, drive.start, each) for each in halves(drive.timing))
+    moved = np.hypot(trace["body_x"] - finer["body_x"], trace["body_y"] - finer["body_y"]).max()
+    assert told.startswith(f"half the step moves the rover by up to {1e3 * moved:.2g} mm")
 
 
-def rows_of(model, count, airborne):
+def halves(timing):
+    return timing, timing.halved()
+
+
+def rows_of(model, count, airborne, duration=3.0):
     """Rows of a rover at rest, some of its wheels off the ground in some of them."""
     rows = np.zeros(count, dtype=row_type(model))
-    rows["t"] = np.linspace(0.0, 3.0, count)
+    rows["t"] = np.linspace(0.0, duration, count)
     normal = rows["record"][:, :, RECORD.index("normal")]
     normal[...] = model.gravity * model.built.mass / normal.shape[1]
     normal[airborne] = 0.0
@@ -239,22 +249,46 @@ def rows_of(model, count, airborne):
     return rows
 
 
-def test_a_rover_that_hops_says_that_its_landings_depend_on_the_step():
+@pytest.mark.parametrize(
+    ("airborne", "share"), [(np.s_[:20, :], ""), (np.s_[:21, :], "35%"), (np.s_[:, :2], ""), (np.s_[:, :3], "50%")]
+)
+def test_a_rover_that_hops_is_doubted(airborne, share):
     model = scenario("flat").model
-    assert warnings_of(model, rows_of(model, 60, np.s_[:20, :]), 0.0) == []
-    (warning,) = warnings_of(model, rows_of(model, 60, np.s_[:21, :]), 0.0)
-    assert warning.startswith("the wheels were off the ground 35% of the time: where a rover that hops lands depends")
-    assert warnings_of(model, rows_of(model, 60, np.s_[:, :2]), 0.0) == []
-    (warning,) = warnings_of(model, rows_of(model, 60, np.s_[:, :3]), 0.0)
-    assert "off the ground 50% of the time" in warning
+    told = [f"the wheels were off the ground {share} of the time"] if share else []
+    assert doubts_of(model, rows_of(model, 60, airborne), 0.0) == told
 
 
-def test_what_a_step_misjudged_counts_as_a_change_of_speed():
+@pytest.mark.parametrize(("duration", "most"), [(20.0, MOST_MISSED), (2.0, 2.0 * MOST_MISSED_A_SECOND)])
+def test_what_a_step_misjudged_counts_as_a_change_of_speed_in_all_and_in_a_second(duration, most):
     model = scenario("flat", gravity=2.0).model
+    rows = rows_of(model, 60, np.s_[:0], duration)
+    assert doubts_of(model, rows, 0.49 * most) == []
+    (doubt,) = doubts_of(model, rows, 0.51 * most)
+    assert f"misjudged them by {1.02 * most:.2g} m/s in sum" in doubt
+
+
+@pytest.mark.parametrize(("load", "told"), [(0.949, True), (0.951, False), (1.049, False), (1.051, True)])
+def test_a_mean_load_that_is_not_the_weight_is_told(load, told):
+    model = scenario("flat").model
     rows = rows_of(model, 60, np.s_[:0])
-    assert warnings_of(model, rows, 0.0024) == []
-    (warning,) = warnings_of(model, rows, 0.0026)
-    assert "misjudged them by 0.0052 m/s in sum" in warning
+    rows["impulse"] *= load
+    assert bool(load_warning(model, rows)) is told
+    short = rows_of(model, 60, np.s_[:0], duration=0.49)
+    short["impulse"] *= 2.0
+    assert load_warning(model, short) == ""
+
+
+@pytest.mark.parametrize(("off", "told"), [(0.0099, False), (0.0101, True)])
+def test_energy_that_does_not_balance_is_told(off, told):
+    trace = scenario("flat", duration=1.0).drive()
+    stored = trace["energy_motor"] - trace["energy_motor"][0]
+    changed = {"energy_kinetic": 0.0 * stored, "energy_potential": (1.0 - off) * stored}
+    rest = {name: 0.0 * stored for name in trace.channels if name.startswith("energy_") and name != "energy_motor"}
+    of = dataclasses.replace(trace, channels={**trace.channels, **rest, **changed})
+    assert bool(balance_warning(of)) is told
+    assert balance_warning(trace) == ""
+    tiny = {name: 1e-8 * values for name, values in of.channels.items() if name.startswith("energy_")}
+    assert balance_warning(dataclasses.replace(of, channels={**of.channels, **tiny})) == ""
 
 
 def test_rows_after_the_first_number_that_is_not_finite_are_left_out():

@@ -7,6 +7,13 @@ static double bus_current(const Drive *d) {
   return total;
 }
 
+/* The slope that a step takes of a motor: by the midpoint rule one far faster than the step would ring, and the slip with
+   it. See motor.py. */
+static double unringing(const Drive *d, integer index, double slope) {
+  const double z = -d->dt * slope / d->rim_inertia[index];
+  return z > RINGS && !d->settling ? slope * (4.0 / 3.0 - 2.0 / z) : slope;
+}
+
 /* One wheel's part of the law's column, whose numbers are LANES apart. */
 static void add_motor(const Drive *d, integer index, const double *next, System *system, double step[][2]) {
   const integer dof = d->wheel_dof[index], nx = d->n_motor_states;
@@ -27,7 +34,7 @@ static void add_motor(const Drive *d, integer index, const double *next, System 
     slope += 0.5 * by_state[i] * step[i][1];
   }
   record[RECORD_TORQUE] = system->motor_torque[dof] = torque;
-  system->motor_slope[dof] = slope;
+  system->motor_slope[dof] = unringing(d, index, slope);
 }
 
 /* Wheels held to a rate at the step's end: (M + J) du = J (rate - v), J so large that M hardly counts. */

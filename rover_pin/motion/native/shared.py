@@ -10,6 +10,7 @@ import numpy as np
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.motion.laws import GEOMETRY, MAX_STATES
+from rover_pin.motion.motor import RINGS
 from rover_pin.motion.pace import CALM, FINEST, ROUGH
 from rover_pin.quantity import Record, quantities
 
@@ -36,6 +37,7 @@ ARRAYS = {
     "axes points rotation potential": "",
     "rigid_held gravity armature": "",
     "radius": "of each wheel",
+    "rim_inertia": "of each wheel about its axle, its rotor's included",
     "kinds": "the quantities of each kind of wheel: n_kinds x N_WHEEL",
     "servo_target servo_gain": "gain: stiffness, damping",
     "stop_limits stop_gain": "limits: lower, upper per stop",
@@ -70,7 +72,7 @@ INDICES = {
     "bin bin_start": "the last point at or behind each bin's begin, and where a lane's bins begin",
 }
 """Arrays of integer, likewise."""
-PACE = {"FINEST": FINEST, "ROUGH": ROUGH, "CALM": CALM}
+PACE = {"FINEST": FINEST, "ROUGH": ROUGH, "CALM": CALM, "RINGS": RINGS}
 FUNCTIONS = "contact_before body_law rigid_body".split()
 LANES_FUNCTIONS = "contact_law motor_law".split()
 
