@@ -94,7 +94,6 @@ def main() -> None:
     options.add_argument("--killers", action="store_true", help="print what noticed each change")
     options.add_argument("--quick", action="store_true", help=f"{QUICK} changes of Eq (1)")
     asked = options.parse_args()
-    asked.keep = asked.keep.resolve()  # the tries run in another folder
     if asked.quick:
         asked.rooms, asked.sample, asked.files = ["quick"], QUICK, []
     for name in LIBRARIES:

@@ -21,6 +21,7 @@ import pytest
 from changes.graft import UngraftableError, grafted
 from changes.kept import Kept, digest
 from changes.python import Mutant
+from changes.recompile import recompiled
 
 PATIENCE, LEAST = 10.0, 5.0
 """A test may take so many times what it takes on the code as it is, and so much more [s of CPU]."""
@@ -172,15 +173,7 @@ class Trial:
         self._tell(self._run(items), tell)
 
     def _recompiled(self, items: list[pytest.Item], tell: Callable[[str], None]) -> None:
-        """Run tests on a step compiled anew, less well and so in a third of the time."""
-        from rover_pin.motion import toolchain
-        from rover_pin.motion.native.library import library
-
-        toolchain.FLAGS = ("-O1", *toolchain.FLAGS[1:])
-        library.cache_clear()
-        try:
-            library()
-        except Exception:
+        if not recompiled():
             tell("the compiler")
             os._exit(1)
         self._tell(self._run(items), tell)
