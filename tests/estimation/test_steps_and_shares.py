@@ -1,0 +1,197 @@
+"""The pieces of a fit against linear algebra written plainly: coordinates, shares of a column, trust-region steps."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.estimation.baselines import gaussian_process, quadratic
+from rover_pin.estimation.coordinates import Axis, Linear, Log, Space
+from rover_pin.estimation.covariance import correlation, covariance, own_share, singular_values
+from rover_pin.estimation.descent import _bounded, _damped, _next_radius, _promised, _step
+from rover_pin.estimation.parameter import Parameter
+
+# --- coordinates -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("coordinate", [Log(), Log(300.0), Linear(0.02, 5.0)], ids=["log", "shifted", "linear"])
+@pytest.mark.parametrize("value", [1e-3, 0.7, 40.0])
+def test_a_coordinate_comes_back_and_has_its_slope(coordinate, value):
+    u = coordinate.u(value)
+    assert coordinate.value(u) == pytest.approx(value)
+    assert coordinate.slope(u) == pytest.approx(
+        (coordinate.value(u + 1e-6) - coordinate.value(u - 1e-6)) / 2e-6, rel=1e-6
+    )
+
+
+def test_a_logarithm_counts_ratios_and_a_line_counts_its_scale():
+    assert Log().u(2.0) - Log().u(1.0) == pytest.approx(math.log(2.0))
+    assert Log(3.0).u(5.0) == pytest.approx(math.log(8.0))
+    assert (Log().spread, Log().widest) == pytest.approx((math.log(5.0), math.log(4.0)))
+    assert Linear(0.02, 5.0).u(0.05) == pytest.approx(2.5)
+    assert Linear(0.02, 5.0).spread == 1.0
+
+
+def made_space():
+    about = SimpleNamespace(low=0.5, high=9.0)
+    axes = (Axis("n", about, Log(), math.log(0.5), math.log(9.0)), Axis("k", about, Linear(2.0, 1.0), 0.25, 4.5))
+    return Space(axes, np.array([7.0, 0.1, 3.0]), ("k", "c", "n"))
+
+
+def test_free_numbers_take_their_places_among_the_known_within_their_bounds():
+    space = made_space()
+    assert space.start() == pytest.approx([math.log(3.0), 3.5])
+    assert space.fields(np.array([math.log(2.0), 1.5])) == pytest.approx([3.0, 0.1, 2.0])
+    assert space.values(np.array([5.0, -1.0])) == pytest.approx([9.0, 0.5])
+    assert space.slopes(np.array([math.log(2.0), 1.5])) == pytest.approx([2.0, 2.0])
+    far = Space(space.axes, np.array([70.0, 0.1, 0.01]), space.known)
+    assert far.start() == pytest.approx([math.log(0.5), 4.5])
+
+
+@pytest.mark.parametrize("log", [True, False])
+@pytest.mark.parametrize("scale", [0.4, -0.3])
+def test_a_parameter_comes_back_and_keeps_to_its_bounds(log, scale):
+    one = Parameter("x", 2.0, scale, 1.5, 3.0, log=log)
+    assert one.value(0.0) == 2.0
+    assert one.value(0.5) == pytest.approx(2.0 * math.exp(scale / 2) if log else 2.0 + scale / 2)
+    assert one.u(one.value(0.5)) == pytest.approx(0.5)
+    assert (one.value(50.0), one.value(-50.0)) == ((3.0, 1.5) if scale > 0 else (1.5, 3.0))
+    low, high = one.bounds
+    assert low < 0.0 < high
+    assert sorted([one.value(low), one.value(high)]) == pytest.approx([1.5, 3.0])
+    assert one.slope(0.5) == pytest.approx((one.value(0.5 + 1e-6) - one.value(0.5 - 1e-6)) / 2e-6, rel=1e-6)
+
+
+def test_a_logarithm_that_may_go_to_nothing_has_no_lower_bound():
+    assert Parameter("x", 2.0, 0.4, 0.0, 3.0, log=True).bounds[0] == -math.inf
+    assert Parameter("x", 2.0, 0.4, 0.0, math.inf, log=True).value(1e6) < math.inf
+
+
+# --- what a Jacobian tells -------------------------------------------------------------------------------------------
+
+
+def linear_problem(J, low=(-9.0, -9.0), high=(9.0, 9.0), spread=(1.0, 1.0)):
+    axes = [SimpleNamespace(coordinate=SimpleNamespace(spread=each)) for each in spread]
+    space = SimpleNamespace(low=np.array(low), high=np.array(high), axes=axes)
+    return SimpleNamespace(space=space, evaluate=lambda u: (J @ u, J), data_jacobian=lambda u: J[:-1])
+
+
+def test_the_own_share_of_a_column_is_the_sine_of_its_angle_to_the_others():
+    angle = 0.3
+    J = np.array([[2.0, 5.0 * math.cos(angle), 0.0], [0.0, 5.0 * math.sin(angle), 0.0], [0.0, 0.0, 7.0]])
+    assert own_share(J[:, :2], 1) == pytest.approx(math.sin(angle))
+    assert own_share(J[:, :2], 0) == pytest.approx(math.sin(angle))
+    assert own_share(J, 2) == pytest.approx(1.0)
+    assert own_share(J[:, :1], 0) == 1.0
+    assert own_share(np.zeros((3, 1)), 0) == 0.0
+    assert own_share(np.zeros((3, 2)), 0) == 0.0
+
+
+def test_the_covariance_is_the_inverse_and_a_number_on_a_bound_widens_no_other():
+    J = np.array([[1.0, 0.9], [0.0, 0.5], [2.0, 1.0]])
+    whole = np.linalg.inv(J.T @ J)
+    assert covariance(linear_problem(J), np.zeros(2)) == pytest.approx(whole)
+    assert correlation(whole)[0, 1] == pytest.approx(whole[0, 1] / math.sqrt(whole[0, 0] * whole[1, 1]))
+    assert np.diag(correlation(whole)) == pytest.approx([1.0, 1.0])
+    for u in ([0.0, 9.0], [0.0, -9.0]):
+        held = covariance(linear_problem(J), np.array(u))
+        assert held[0, 0] == pytest.approx(1 / (J[:, 0] @ J[:, 0]))
+        assert held[1, 1] == pytest.approx(whole[1, 1])
+        assert held[0, 1] == held[1, 0] == 0.0
+
+
+def test_a_direction_that_nothing_tells_has_a_huge_variance():
+    found = covariance(linear_problem(np.array([[1.0, 1.0], [2.0, 2.0]])), np.zeros(2))
+    assert found[0, 0] > 1e16
+    assert np.isfinite(found).all()
+
+
+def test_singular_values_are_of_the_data_alone_over_the_spread_of_the_starts():
+    J = np.array([[3.0, 0.0], [0.0, 0.5], [7.0, 7.0]])
+    values, directions = singular_values(linear_problem(J, spread=(2.0, 4.0)), np.zeros(2))
+    assert values == pytest.approx([6.0, 2.0])
+    assert np.abs(directions) == pytest.approx(np.eye(2))
+    values, directions = singular_values(linear_problem(J[[0, 2]]), np.zeros(2))
+    assert values == pytest.approx([3.0, 0.0])
+    assert np.abs(directions[-1]) == pytest.approx([0.0, 1.0])
+
+
+# --- steps of the descent --------------------------------------------------------------------------------------------
+
+J = np.array([[3.0, 1.0], [0.0, 0.4], [1.0, 2.0]])
+R = np.array([1.0, -2.0, 0.5])
+NEWTON = -np.linalg.lstsq(J, R, rcond=None)[0]
+
+
+@pytest.mark.parametrize("share", [3.0, 1.001, 0.5, 0.01])
+def test_a_damped_step_is_the_best_of_its_length(share):
+    radius = share * np.linalg.norm(NEWTON)
+    step, newton = _damped(J, R, radius)
+    assert newton == (share >= 1)
+    gradient = J.T @ (R + J @ step)
+    if newton:
+        assert step == pytest.approx(NEWTON)
+        return
+    assert 0.98 * radius <= np.linalg.norm(step) <= 1.01 * radius
+    damping = -(gradient @ step) / (step @ step)
+    assert damping > 0
+    assert gradient == pytest.approx(-damping * step), "on the sphere the slope points inwards"
+
+
+def test_what_a_step_promises_is_the_fall_of_the_linear_chi2():
+    step = np.array([0.3, -0.7])
+    assert _promised(R, J, step) == pytest.approx(R @ R - (R + J @ step) @ (R + J @ step))
+
+
+def test_the_radius_follows_how_far_the_linear_model_holds():
+    step = np.array([0.6, 0.8])
+    assert _next_radius(0.5, step, 0.76, 1.0) == 2.0
+    assert _next_radius(5.0, step, 0.76, 1.0) == 5.0
+    assert _next_radius(0.5, step, 0.74, 1.0) == 0.5
+    assert _next_radius(0.5, step, 0.26, 1.0) == 0.5
+    assert _next_radius(0.5, step, 0.24, 1.0) == 0.25
+    assert _next_radius(0.5, step, math.nan, 1.0) == 0.25
+
+
+@pytest.mark.parametrize(
+    ("step", "ends"),
+    [([0.3, -0.2], [0.3, -0.2]), ([2.0, -0.5], [1.0, -0.25]), ([-1.0, -4.0], [-0.5, -2.0]), ([0.0, 5.0], [0.0, 2.0])],
+)
+def test_a_step_ends_on_the_first_bound_in_its_own_direction(step, ends):
+    found = _bounded(np.zeros(2), np.array(step), np.array([-1.0, -2.0]), np.array([1.0, 2.0]))
+    assert found == pytest.approx(ends)
+
+
+def test_numbers_at_a_bound_that_would_leave_it_and_held_ones_stay():
+    low, high = np.array([-9.0, 0.0]), np.array([9.0, 9.0])
+    u = np.zeros(2)
+    uphill = J.T @ R
+    free, newton = _step(u, R, J, 100.0, (low - 1.0, high, None))
+    assert (free == pytest.approx(NEWTON), newton) == (True, True)
+    assert uphill[0] > 0
+    assert NEWTON[1] > 0
+    alone = -(J[:, 0] @ R) / (J[:, 0] @ J[:, 0])
+    assert _step(u, R, J, 100.0, (low, high, 1))[0] == pytest.approx([alone, 0.0])
+    below = _step(np.array([0.0, 9.0]), R, J, 100.0, (low, high, None))[0]
+    assert below == pytest.approx([alone, 0.0]), "Newton would push it over its upper bound"
+    assert _step(np.array([-9.0, 0.0]), R, J, 100.0, (low, high, 1)) == (pytest.approx([0.0, 0.0]), True)
+
+
+# --- curves beside the model -----------------------------------------------------------------------------------------
+
+
+def test_a_process_follows_what_it_sees_smooths_noise_and_ends_at_the_mean():
+    x = np.linspace(-1.0, 1.0, 40)[:, None]
+    wave = 5.0 + 0.01 * np.sin(3.0 * x[:, 0])
+    assert gaussian_process(x, wave, x + 0.02) == pytest.approx(5.0 + 0.01 * np.sin(3.0 * (x[:, 0] + 0.02)), abs=2e-4)
+    noisy = wave + 0.003 * np.random.default_rng(0).normal(size=40)
+    assert np.std(gaussian_process(x, noisy, x) - wave) < 0.0015
+    assert gaussian_process(x, noisy, np.array([[900.0]])) == pytest.approx([noisy.mean()])
+
+
+def test_a_quadratic_is_least_squares_in_all_products():
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(-1, 1, (30, 2)), rng.normal(size=30)
+    terms = np.column_stack([np.ones(30), x, x[:, 0] ** 2, x[:, 0] * x[:, 1], x[:, 1] ** 2])
+    assert terms.T @ (quadratic(x, y, x) - y) == pytest.approx(np.zeros(6), abs=1e-10)
