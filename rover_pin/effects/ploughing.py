@@ -52,7 +52,7 @@ class Ploughing(Effect):
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Return the contact on what is left to carry, without the rear that is lost."""
         soil, lost = softer(contact, -self.a_b * x[0]), self.e_b * self._pushed(x[0])
-        ratio = ca.fmin(ca.fmax(soil.exit_ratio - lost, -FOREMOST), 1.0)
+        ratio = ca.fmax(soil.exit_ratio - lost, -FOREMOST)
         theta_2 = ca.fmin(soil.theta_2 + lost * soil.theta_1, FOREMOST * soil.theta_1)
         return contact._replace(soil=soil.replace(exit_ratio=ratio, theta_2=theta_2))
 

@@ -1,6 +1,7 @@
 """Changes of formulas, laws and thresholds that no test notices.
 
     python studies/benchmarks/mutation.py [--rooms soil effects ...] [--files NAME ...] [--sample N] [--minutes M]
+                                          [--tally studies/results/mutation.csv]
 
 Operators are swapped, terms dropped, constants changed by a tenth, comparisons turned, branches exchanged, one at a
 time, in a copy of the tree. Each is tried on the tests that run its statement, those first that noticed others of its
@@ -28,7 +29,8 @@ from typing import NamedTuple
 
 from changes import c, python
 from changes.equivalent import EQUIVALENT
-from changes.kept import Kept, digest
+from changes.kept import Kept
+from changes.tally import Row, commit, put
 from changes.trial import OPTIONS, Trial
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -94,6 +96,7 @@ def main() -> None:
     options.add_argument("--minutes", type=float, default=math.inf, help="none is begun after so long")
     options.add_argument("--keep", type=lambda name: Path(name).resolve(), default=KEEP, help="file of what is known")
     options.add_argument("--killers", action="store_true", help="print what noticed each change")
+    options.add_argument("--tally", type=lambda name: Path(name).resolve(), help="table to which whole rooms are put")
     options.add_argument("--quick", action="store_true", help=f"{QUICK} changes of Eq (1)")
     asked = options.parse_args()
     if asked.quick:
@@ -105,17 +108,15 @@ def main() -> None:
         end, kept = time.monotonic() + 60 * asked.minutes, Kept(Path(folder) / "kept" if asked.quick else asked.keep)
         for room in asked.rooms:
             changes = mutants(tree, room)
-            sources = digest(*sorted(covered(tree, room)))
             chosen = [each for each in changes if not asked.files or each[0].name in asked.files]
             random.Random(asked.seed).shuffle(chosen)
             child = os.fork()
             if child == 0:
-                tried(
-                    tree,
-                    room,
-                    Trial(tree, sources, chosen[: asked.sample or None], kept, (asked.longest, end)),
-                    asked.killers,
-                )
+                trial = Trial(tree, chosen[: asked.sample or None], kept, (asked.longest, end))
+                tried(tree, room, trial, asked.killers)
+                if asked.tally and len(trial.tried) == len(changes):
+                    noticed = sum(bool(one.killer) for one in trial.tried)
+                    put(asked.tally, Row(room, len(changes), noticed, excused(tree, room), commit(ROOT)))
                 os._exit(0)
             if os.waitpid(child, 0)[1]:
                 raise SystemExit(f"{room}: the run ended early.")
@@ -150,12 +151,6 @@ def tried(tree: Path, room: str, trial: Trial, killers: bool) -> None:
         raise SystemExit(f"pytest: {code}")
 
 
-def covered(tree: Path, room: str) -> set[Path]:
-    """Return all files whose lines the tests of a room are asked for: those of every room that has the same tests."""
-    alike = [each for each in ROOMS.values() if each.tests == ROOMS[room].tests]
-    return {path for each in alike for pattern in each.files for path in tree.glob(pattern)}
-
-
 def copied(tree: Path) -> Path:
     """Return a copy of what the tests need."""
     ignored = shutil.ignore_patterns("__pycache__", ".*", "out")
@@ -168,11 +163,20 @@ def copied(tree: Path) -> Path:
 
 def mutants(tree: Path, room: str) -> list[tuple[Path, python.Mutant]]:
     """Return the changes of a room's files, but those that change no result."""
+    return [(path, one) for path, one in made(tree, room) if (str(path.relative_to(tree)), one.said) not in EQUIVALENT]
+
+
+def excused(tree: Path, room: str) -> int:
+    """Return how many of a room's changes change no result."""
+    return len(made(tree, room)) - len(mutants(tree, room))
+
+
+def made(tree: Path, room: str) -> list[tuple[Path, python.Mutant]]:
+    """Return all changes of a room's files."""
     found: list[tuple[Path, python.Mutant]] = []
     for path in sorted(each for pattern in ROOMS[room].files for each in tree.glob(pattern)):
-        text, name = path.read_text(encoding="latin-1"), str(path.relative_to(tree))
-        made = c.changes(text) if path.suffix == ".c" else python.changes(text)
-        found += [(path, one) for one in made if (name, one.said) not in EQUIVALENT]
+        text = path.read_text(encoding="latin-1")
+        found += [(path, one) for one in (c.changes(text) if path.suffix == ".c" else python.changes(text))]
     return found
 
 

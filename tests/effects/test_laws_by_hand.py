@@ -9,14 +9,16 @@ from scipy.integrate import quad
 from rover_pin.contact import Load, Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.digging_memory import DiggingMemory
-from rover_pin.effects.effect import Body
+from rover_pin.effects.effect import Body, SensorEffect
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.grousers import Grousers
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.ploughing import Ploughing
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import NODES, SoilTraction
+from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
+from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.motion.effect_files import package_effects
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.combined import combined_forces
@@ -127,6 +129,17 @@ def test_a_rim_that_turns_on_the_spot_loosens_a_fiftieth_of_its_way(patch, x, S,
         assert rate == pytest.approx(0.02 * 0.08 * max(state - x, 0.0) / 0.05)
 
 
+@pytest.mark.parametrize("v", [0.005, 0.05, -0.02])
+def test_a_ploughed_rut_is_paid_for_where_the_form_leaves_it_out(patch, v):
+    """Bekker's b int p dz at h in what is left of the sand, less that of the shallower rut in whole sand."""
+    effect, soil, x, rest = Ploughing(a_b=0.7, share=0.0, e_b=0.0), Soil(c=0.0, n=1.0), 0.9, math.exp(-0.63)
+    contact = patch(S=-0.7, h=0.004, v_x=v, soil=soil, uncompacted=1.0)
+    found = effect.load(effect.amend(contact, (x,)), Load(f_n=9.0), (x,))
+    shallow = 0.004 * rest ** (1 / 1.5)  # W as h^(n + 1/2) at a small sinkage
+    work = [soil.k_1 * share * (h * (1 - soil.exit_ratio**2)) ** 2 / 2 for share, h in ((rest, 0.004), (1.0, shallow))]
+    assert float(found.f_t) == pytest.approx(-(work[0] - work[1]) * v / math.hypot(v, 0.005), rel=0.02)
+
+
 # --- what hangs on the kind alone ------------------------------------------------------------------------------------
 
 
@@ -135,6 +148,28 @@ def test_a_tether_begins_where_the_drive_begins():
     assert (begun.x_0, begun.y_0) == (4.0, -3.0)
     body = Body(7.0, 1.0, *[0.0] * 10, (), (), ())._replace(v_x=1.0)
     assert float(begun.push(body).f_x) == pytest.approx(-(0.5 + 0.2 * 5.0), rel=1e-5)
+
+
+def test_what_a_sensor_misreads_can_be_undone():
+    t = np.arange(0.0, 1.0, 0.1)
+    channels = {"wheel_rate_fl": 1.0 + t, "wheel_rate_ml": 2.0 - t, "body_x": t}
+    for sensor in (TachoScale(e=0.3), TachoScale(e=-0.2, wheel="ml")):
+        read = channels | sensor.read(t, channels)
+        assert {name: list(values) for name, values in sensor.undone(t, read).items()} == {
+            name: pytest.approx(channels[name]) for name in sensor.read(t, channels)
+        }
+
+
+@pytest.mark.parametrize("kind", [kind for kind in package_effects() if issubclass(kind, SensorEffect)])
+def test_a_sensor_at_its_neutral_values_reads_what_is(kind):
+    t = np.arange(0.0, 1.0, 0.1)
+    channels = {name: np.sin(7 * t) for name in ("wheel_rate_fl", "body_x", "body_vx", "body_pitch")}
+    for name, values in kind().replace(**kind.neutral).read(t, channels).items():
+        assert values == pytest.approx(channels[name], abs=1e-15)
+
+
+def test_a_weak_motor_is_the_first_unless_it_is_named():
+    assert WeakMotor().wheel == 0
 
 
 def kinds(flag):

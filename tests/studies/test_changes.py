@@ -83,3 +83,13 @@ def test_what_is_kept_outlives_a_run_that_was_killed_while_it_wrote(loaded, tmp_
     assert again.values == {"one": ["a test", "digest"], "two": []}
     again.put("three", 3)
     assert loaded("kept").Kept(file).get("three") == 3
+
+
+def test_a_rooms_tally_takes_the_place_of_its_last(loaded, tmp_path):
+    tally, file = loaded("tally"), tmp_path / "tally.csv"
+    for row in (("soil", 9, 7, 2, "abc"), ("effects", 5, 5, 0, "abc"), ("soil", 9, 9, 3, "def+")):
+        tally.put(file, tally.Row(*row))
+    assert file.read_text().splitlines() == [
+        "room,tried,noticed,survived,excused,commit", "effects,5,5,0,0,abc", "soil,9,9,0,3,def+",
+    ]  # fmt: skip
+    assert tally.commit(ROOT).rstrip("+").isalnum()

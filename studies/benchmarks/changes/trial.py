@@ -59,10 +59,9 @@ class Trial:
     `limits` are the CPU time [s] of the longest test that is asked, and when to begin no further change.
     """
 
-    def __init__(
-        self, tree: Path, sources: str, changes: Sequence[tuple[Path, Mutant]], kept: Kept, limits: tuple[float, float]
-    ):
-        self.tree, self.changes, self.kept, self.sources = tree, changes, kept, sources
+    def __init__(self, tree: Path, changes: Sequence[tuple[Path, Mutant]], kept: Kept, limits: tuple[float, float]):
+        self.tree, self.changes, self.kept = tree, changes, kept
+        self.sources = {str(path.relative_to(tree)): digest(path) for path, _ in changes}
         self.longest, self.end = limits
         self.failed, self.tried, self.broken = False, list[Tried](), list[str]()
         self.kills: Counter[tuple[Path, str]] = Counter()
@@ -86,13 +85,17 @@ class Trial:
 
     def _learnt(self, item: pytest.Item) -> list[Any]:
         """Return CPU time and lines of a test; a time below 0 where it fails on the code as it is."""
-        key = f"{item.nodeid} {digest(item.path)} {self.sources}"
-        found = self.kept.get(key)
-        if found is None:
+        key = f"{item.nodeid} {digest(item.path)}"
+        taken, lines, seen = self.kept.get(key) or (-1.0, {}, None)
+        if (
+            seen is None
+            or taken < 0.0
+            or any(self.sources[file] != seen.get(file) for file in lines if file in self.sources)
+        ):
             code, said = forked(lambda tell: tell(json.dumps(self._covered(item))), LONGEST)
-            found = json.loads(said) if code == 0 and said else [-1.0, {}]
-            self.kept.put(key, found)
-        return list(found)
+            taken, lines = json.loads(said) if code == 0 and said else [-1.0, {}]
+            self.kept.put(key, [taken, lines, {file: digest(self.tree / file) for file in lines}])
+        return [taken, lines]
 
     def _covered(self, item: pytest.Item) -> list[Any]:
         import coverage
