@@ -129,6 +129,13 @@ def test_a_rim_that_turns_on_the_spot_loosens_a_fiftieth_of_its_way(patch, x, S,
         assert rate == pytest.approx(0.02 * 0.08 * max(state - x, 0.0) / 0.05)
 
 
+@pytest.mark.parametrize(("S", "ahead"), [(-0.4, -math.log(0.6)), (-1.0, -math.log(0.05)), (0.3, 0.0)])
+@pytest.mark.parametrize("x", [0.0, 0.2])
+def test_a_skid_is_followed_over_a_length_of_travel_up_to_a_twentieth_of_rolling(patch, S, ahead, x):
+    rate = float(Ploughing(length=0.05).rate(patch(S=S, v_x=-0.03, rim=0.0), Load(), (x,))[0])
+    assert rate == pytest.approx((ahead - x) * 0.03 / 0.05)
+
+
 @pytest.mark.parametrize("v", [0.005, 0.05, -0.02])
 def test_a_ploughed_rut_is_paid_for_where_the_form_leaves_it_out(patch, v):
     """Bekker's b int p dz at h in what is left of the sand, less that of the shallower rut in whole sand."""

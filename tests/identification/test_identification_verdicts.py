@@ -8,16 +8,18 @@ import pytest
 from scipy.stats import chi2 as chi2_law
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import ParameterError
+from rover_pin.errors import OptimisationError, ParameterError
 from rover_pin.estimation.coordinates import Axis, Linear, Space
 from rover_pin.estimation.covariance import covariance
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import Best, Interval
+from rover_pin.identification import posterior as sampling
 from rover_pin.identification.identifiability import refuse_untold
 from rover_pin.identification.identify import Ended, Search, _agreement, _channel_fits, misfit, scatter
 from rover_pin.identification.judge import judge
-from rover_pin.identification.posterior import Chain, _walkers
+from rover_pin.identification.posterior import Chain, Posterior, _walkers, log_density
 from rover_pin.identification.result import Verdict
+from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.quantity import quantities
 
 KNOWN = ("k", "phi", "n")
@@ -65,7 +67,7 @@ def verdict(made, index=1, interval=CLOSED, misfit=1.0):
 @pytest.mark.parametrize(("sd", "found"), [(1.02, True), (0.98, False), (0.3, False)])
 def test_data_must_give_half_of_what_is_known_of_a_number_with_a_prior(sd, found):
     """One value of SD 1 and a prior of SD s: the data give s^2 / (1 + s^2) of the information."""
-    made = verdict(problem([[0, 1, 0]], [0.5], ("phi",), {"phi": Prior(0.5, sd)}), 0)
+    made = verdict(problem([[0, 1, 0]], [0.5], ("phi",), {"phi": Prior(0.5, sd)}, scale=0.2), 0)
     assert made.verdict is (Verdict.FOUND if found else Verdict.HELD_AT_PRIOR)
     assert made.sd == pytest.approx(sd / math.hypot(1, sd))
     assert made.value == pytest.approx(0.5)
@@ -97,8 +99,8 @@ PLAIN = problem(np.eye(3), [0.01, 0.5, 1.0])
 @pytest.mark.parametrize(
     ("interval", "why"),
     [
-        (Interval(0.0, WIDEST - 1e-6, True, True), ""),
-        (Interval(0.0, WIDEST + 1e-6, True, True), "the 95 % interval is too wide to call it found"),
+        (Interval(0.3, WIDEST + 0.3 - 1e-6, True, True), ""),
+        (Interval(-0.3, WIDEST - 0.3 + 1e-6, True, True), "the 95 % interval is too wide to call it found"),
         (Interval(0.3, 0.5, False, True), "the 95 % interval is open at its lower bound"),
         (Interval(0.3, 0.5, True, False), "the 95 % interval is open at its upper bound"),
         (Interval(0.3, 0.5, False, False), "the 95 % interval is open at its lower and upper bound"),
@@ -146,7 +148,7 @@ def refused(X, free=("k", "phi"), **how):
     return ""
 
 
-@pytest.mark.parametrize(("moves", "seen"), [(1.1e-3, True), (-1.1e-3, True), (0.9e-3, False)])
+@pytest.mark.parametrize(("moves", "seen"), [(1.05e-3, True), (-1.05e-3, True), (0.95e-3, False)])
 def test_a_number_that_moves_nothing_by_a_thousandth_of_an_sd_is_refused(moves, seen):
     said = refused([[1, 0, 0], [0, moves, 0], [0, 0, 0]])
     assert said == "" if seen else said.startswith("phi is not identifiable: it moves nothing in channel 0; a direct")
@@ -161,6 +163,77 @@ def test_a_number_that_others_reproduce_to_1e_5_is_refused(own, seen):
 def test_a_number_with_a_prior_may_stay_untold():
     made = problem([[1, 0, 0], [0, 0, 0]], [0.0, 0.0], ("k", "phi"), {"phi": Prior(0.5, 0.1)})
     refuse_untold(made, [made.space.start()])
+
+
+def two_starts(*moves, spread=1.0, free=("k", "phi")):
+    """A problem in which phi moves a value by so much at each start, over the spread of the starts."""
+    made = problem(np.eye(3), np.zeros(3), free)
+    axes = [axis._replace(coordinate=Linear(1.0, WIDEST, spread)) for axis in made.space.axes]
+    rows = iter([np.array([[1.0, 0.0], [0.0, each], [0.0, 0.0]]) for each in moves])
+    space = Space(tuple(axes), BASE, KNOWN)
+    return SimpleNamespace(space=space, priors={}, data=made.data, evaluate=lambda u: (np.zeros(3), next(rows)))
+
+
+def test_what_shows_at_any_start_is_told():
+    nowhere, starts = "phi is not identifiable: it moves nothing", [BASE[:2], BASE[:2]]
+    for moves in ((1.0, 1e-9), (1e-9, 1.0), (np.nan, 1.0), (np.nan, np.nan)):
+        refuse_untold(two_starts(*moves), starts)
+    for moves in ((1e-9, 1e-8), (np.nan, 1e-9)):
+        with pytest.raises(ParameterError, match=nowhere):
+            refuse_untold(two_starts(*moves), starts)
+    refuse_untold(two_starts(1e-4, 1e-4, spread=20.0), starts)
+    with pytest.raises(ParameterError, match=nowhere):
+        refuse_untold(two_starts(5e-3, 5e-3, spread=0.1), starts)
+
+
+def test_one_start_at_which_others_do_not_do_the_same_is_enough():
+    for order in (1, -1):
+        made = problem(np.eye(3), np.zeros(3), ("k", "phi"))
+        rows = iter([np.array([[3.0, 1.0], [0.0, own], [0.0, 0.0]]) for own in (1.0, 1e-9)[::order]])
+        found = SimpleNamespace(
+            space=made.space, priors={}, data=made.data, evaluate=lambda u, rows=rows: (0, next(rows))
+        )
+        refuse_untold(found, [BASE[:2], BASE[:2]])
+
+
+def with_data(free, *data):
+    about = quantities(Soil)
+    axes = tuple(Axis(name, about[name], Linear(1.0, WIDEST), -50.0, 50.0) for name in free)
+    for one in data:
+        one.predictor = lambda asked: lambda fields: (np.zeros(3), np.eye(3)[:, : len(free)])
+    return Problem(list(data), Space(axes, np.ones(len(free)), free), {})
+
+
+def refusal(made):
+    try:
+        refuse_untold(made, [made.space.start()])
+    except ParameterError as error:
+        return str(error)
+    return ""
+
+
+def test_one_set_that_tells_a_number_is_enough():
+    silent, telling = (Measured(np.eye(3), np.zeros(3)) for _ in range(2))
+    silent.tells = frozenset({"k"})
+    assert refusal(with_data(("n",), silent, telling)) == ""
+    assert refusal(with_data(("n",), silent)).startswith("n is not identifiable from made data, which tells k only: ")
+    silent.tells = frozenset({"k", "phi", "theta_1"})
+    assert refusal(with_data(("n",), silent)).startswith("n is not identifiable from made data: sinkage under")
+
+
+def test_c_and_phi_need_loads_and_two_moduli_two_widths():
+    bare, plain, wide = (
+        Measured(np.eye(3), np.zeros(3), loads=()),
+        *(Measured(np.eye(3), np.zeros(3)) for _ in range(2)),
+    )
+    assert "from one load (no load is known)" in refusal(with_data(("c", "phi"), bare))
+    single = Measured(np.eye(3), np.zeros(3), loads=(5.0,))
+    assert "from one load (all runs carry about 5 N)" in refusal(with_data(("c", "phi"), single))
+    assert refusal(with_data(("c", "n"), bare)) == ""
+    wide.wheel = Wheel(b=0.08)
+    assert "from one wheel width (0.05 m)" in refusal(with_data(("k_1", "k_2"), plain))
+    assert refusal(with_data(("k_1", "k_2"), plain, wide)) == ""
+    assert refusal(with_data(("k_1", "n"), plain)) == ""
 
 
 @pytest.mark.parametrize(("ratio", "one"), [(1.49, True), (1.51, False)])
@@ -234,3 +307,59 @@ def test_walkers_start_as_the_fit_scatters_within_the_bounds():
     sd = 0.25
     assert held.min() == pytest.approx(1e-3 * sd)
     assert held.max() == pytest.approx(1.2 - 1e-3 * sd)
+
+
+# --- sampling --------------------------------------------------------------------------------------------------------
+
+
+def test_an_interval_of_samples_leaves_out_as_many_on_either_side():
+    found = Posterior(("k", "phi"), np.column_stack([np.zeros(1001), np.arange(1001.0)]), 1.0, 0.5)
+    assert found.interval("phi") == pytest.approx((25.0, 975.0))
+    assert found.interval("phi", 0.5) == pytest.approx((250.0, 750.0))
+
+
+def test_the_density_is_nothing_where_any_number_is_out_of_its_bounds():
+    inside = PLAIN.space.start()
+    for at, side in ((0, 60.0), (1, -60.0), (2, 60.0)):
+        outside = inside.copy()
+        outside[at] = side
+        assert log_density(PLAIN, outside) == -math.inf
+    assert log_density(PLAIN, inside) == 0.0
+
+
+class Sampler:
+    """What of emcee is used: a chain of `memory` steps whose samples count up."""
+
+    memory = 0.0
+
+    def __init__(self, walkers, numbers, density):
+        self.shape, self.acceptance_fraction = (walkers, numbers), np.array([0.2, 0.4])
+
+    def run_mcmc(self, start, steps):
+        assert start.shape == self.shape
+        self.steps = steps
+
+    def get_autocorr_time(self, quiet, tol):
+        assert quiet, "a short chain is judged here"
+        assert tol == 0
+        return np.array([1.0, self.memory])
+
+    def get_chain(self, discard, flat):
+        assert flat
+        walkers, numbers = self.shape
+        return np.zeros((walkers * (self.steps - discard), numbers))
+
+
+@pytest.mark.parametrize(("memory", "enough"), [(49.9, True), (50.1, False)])
+def test_a_chain_is_ten_times_its_memory_after_the_burn_in(monkeypatch, memory, enough):
+    monkeypatch.setattr(sampling, "_emcee", lambda: SimpleNamespace(EnsembleSampler=Sampler))
+    monkeypatch.setattr(Sampler, "memory", memory)
+    data = TractionPoints([0.1, 0.3, 0.5, 0.8], [0.02, 0.05, 0.08, 0.1], 0.03)
+    chain = Chain(walkers=8, steps=600, burn_in=100)
+    if enough:
+        found = sampling.posterior(data, Soil(), ("phi",), chain=chain)
+        assert (found.samples.shape, found.autocorrelation) == ((8 * 500, 1), memory)
+        assert found.acceptance == pytest.approx(0.3)
+    else:
+        with pytest.raises(OptimisationError, match="its memory is 50 of 600 steps; give at least 1002"):
+            sampling.posterior(data, Soil(), ("phi",), chain=chain)
