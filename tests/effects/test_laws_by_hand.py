@@ -191,10 +191,11 @@ def test_what_kinds_say_of_themselves():
 
 
 @pytest.mark.parametrize("kind", [kind for kind in package_effects() if getattr(kind, "states", ()) and kind.neutral])
-def test_at_its_neutral_values_a_kind_with_a_memory_never_acts(kind, patch, drive):
+@pytest.mark.parametrize("S", [0.6, -0.4])
+def test_at_its_neutral_values_a_kind_with_a_memory_never_acts(kind, S, patch, drive):
     """Its state may move; what it has come to changes neither contact nor load."""
     effect, x = kind().replace(**kind.neutral), [0.0 for _ in kind.states]
-    contact, motor = patch(S=0.6, v_x=0.03, rim=0.08), drive(bus_current=0.4)
+    contact, motor = patch(S=S, v_x=0.03, rim=0.08), drive(bus_current=0.4)
     before = Load(f_t=1.0, f_y=0.1, f_n=8.0, torque=0.05)
     turning = hasattr(effect, "load")
     for _ in range(20):

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import ast
-import contextlib
 import json
 import math
 import os
-import resource
-import select
 import signal
 import sys
 import time
@@ -19,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from changes.fork import forked
 from changes.graft import UngraftableError, grafted
 from changes.kept import Kept, digest
 from changes.python import Mutant
@@ -30,7 +28,6 @@ QUICK = 0.05
 """Tests of so little CPU [s] are asked of a change outside of functions though they run no line of its file."""
 LONGEST = 1800.0
 """Time [s] after which a change counts as one that hangs, whatever it waits for."""
-MEMORY = 6 << 30
 UNGRAFTED = 98
 """Exit code of a fork that could not put a change into loaded modules."""
 
@@ -244,50 +241,6 @@ class First:
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         """Note a file that cannot be collected."""
         self.failed = self.failed or (f"{report.nodeid} (it cannot be collected)" if report.failed else "")
-
-
-def forked(work: Callable[[Callable[[str], None]], None], limit: float) -> tuple[int, str]:
-    """Return exit code and words of `work(tell)` in a fork of its own group, ended after `limit` [s]."""
-    read, write = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.close(read)
-        _alone()
-        code = 99
-        try:
-            work(lambda words: _write(write, words))
-            code = 0
-        finally:
-            os._exit(code)
-    os.close(write)
-    said, status, end = b"", None, time.monotonic() + limit
-    while status is None and time.monotonic() < end:
-        if select.select([read], [], [], 0.5)[0]:
-            part = os.read(read, 1 << 16)
-            said += part
-            status = None if part else os.waitpid(child, 0)[1]
-        else:  # one of its own children may hold the pipe
-            done, ended = os.waitpid(child, os.WNOHANG)
-            status = ended if done else None
-    os.close(read)
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(child, signal.SIGKILL)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1] if status is None else status), said.decode()
-
-
-def _alone() -> None:
-    """Make this fork a group of its own, silent and bounded in memory."""
-    os.setsid()
-    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
-    silence = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(silence, 1)
-    os.dup2(silence, 2)
-
-
-def _write(file: int, words: str) -> None:
-    content = words.encode()
-    while content:
-        content = content[os.write(file, content) :]
 
 
 def lines_of(text: str, mutant: Mutant) -> set[int] | None:
