@@ -18,6 +18,8 @@ SETTLED = 0.3
 """A turn that lowers chi2 by less than this is the last."""
 RENEWALS = 2
 """How often the slopes are computed again within a fit, at most."""
+TO_THE_END = 40, 12
+"""Turns and renewals of a fit that is to reach its end: down a bent valley each step is short."""
 SHORTER = 3
 """How often a step that does not help is cut to a third."""
 STRETCH = 8
@@ -172,8 +174,9 @@ def fit(
 
     Descends robust chi2(rows) + sum of the priors' u^2 by Gauss-Newton with Huber weights. Slopes serve, the given ones
     first, until a step lowers the objective by less than STALE of what it promised; then they are computed again, with
-    `reuse` only those that were not given. The fit ends where no step of new slopes helps; given slopes that are
-    `stale` only start it, and new ones end it. A fit that the experiment has kept is not made again.
+    `reuse` only those that were not given. The fit ends where no step of new slopes helps, or after TURNS and RENEWALS;
+    given slopes that are `stale` only start it, new ones end it, and it may go on for longer, TO_THE_END. A fit that
+    the experiment has kept is not made again.
     """
     given = dict(slopes or {})
     asked = (task.noise, model, tuple(parameters), start, given, reuse, stale)
@@ -200,8 +203,9 @@ def _descended(
     missing = [one for one, each in enumerate(parameters) if each.name not in known]
     known |= _slopes(task, model, parameters, u, missing)
     predicted = task.experiment.predict([at(task, model, parameters, u)])[0]
-    was, fresh, renewals = objective(task.rows(predicted), u, parameters), len(missing) == len(own), RENEWALS
-    for _ in range(TURNS):
+    was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(own)
+    turns, renewals = TO_THE_END if stale else (TURNS, RENEWALS)
+    for _ in range(turns):
         columns = task.columns([known[one.name] for one in parameters])
         step, promised = _step(columns, task.rows(predicted), u, parameters)
         u, predicted, now = _searched(task, model, parameters, (u, predicted, was), step)

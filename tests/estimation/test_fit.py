@@ -1,0 +1,59 @@
+"""How far a fit descends: in a bent valley the usual turns do not reach the end, those of a leader do."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.fit import TURNS, Task, fit
+from rover_pin.estimation.noise import declared_noise
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.quantity import Record, quantity
+
+WALL = 1.0
+
+
+@dataclass(frozen=True)
+class Valley(Record):
+    """Rosenbrock's rows: WALL (b - a^2) and a."""
+
+    a: float = quantity(-3.0, "", "made up", -20.0, 20.0, "a")
+    b: float = quantity(9.0, "", "made up", -400.0, 400.0, "b")
+
+
+class Rosenbrock(Experiment):
+    """One fold of one channel with two samples: 0 and 3 were measured."""
+
+    channels, folds = ("row",), ("all",)
+    observed = np.array([[[0.0, 3.0]]])
+
+    def predict(self, models):
+        return np.array([[[[WALL * (one.b - one.a**2), one.a]]] for one in models])
+
+    def records(self, model):
+        return {"valley": model}
+
+    def replaced(self, model, owner, record):
+        return record
+
+
+def task():
+    bed = Rosenbrock()
+    return Task(bed, declared_noise(np.array([0.3]), bed.observed))
+
+
+NUMBERS = tuple(Parameter(f"valley.{name}", 0.0, 1.0, -400.0, 400.0, prior=False, fd=1e-5) for name in "ab")
+START = np.array([-3.0, 9.0])
+
+
+def test_a_leader_is_fitted_to_the_end_of_a_bent_valley():
+    end = fit(task(), Valley(), NUMBERS, START, fit(task(), Valley(), NUMBERS, START).slopes, stale=True)
+    assert [end.model.a, end.model.b] == pytest.approx([3.0, 9.0], abs=1e-3)
+    assert end.chi2 < 1.0
+
+
+def test_the_usual_turns_do_not_get_there():
+    short = fit(task(), Valley(), NUMBERS, START)
+    assert TURNS < 10
+    assert short.chi2 > 10.0
