@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import atexit
 import dataclasses
-import gc
 import logging
 import math
 import sys
@@ -28,14 +26,9 @@ app = typer.Typer(
     cls=Speaking, rich_markup_mode=None, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__
 )
 
-SELDOM = (50_000, 20, 100)
-"""When garbage is collected: importing makes much and drops little, and the process's end frees all at once."""
-
 
 def main() -> None:
     """Run the command line; one clear sentence and exit code 2 on what is refused."""
-    gc.set_threshold(*SELDOM)
-    atexit.register(gc.freeze)
     try:
         app()
     except RoverPinError as error:

@@ -5,7 +5,6 @@ A message says what is wrong (name, value with unit), where it comes from, what 
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Collection, Iterable
 from typing import Any
 
@@ -82,6 +81,8 @@ def closest(name: Any, known: Iterable[Any]) -> str:
     name, known = str(name), sorted(map(str, known))
     if not known:
         return "there is none."
+    import difflib
+
     near = difflib.get_close_matches(name, known, n=8, cutoff=0.5)
     alike = bool(near) and difflib.SequenceMatcher(None, name, near[0]).ratio() > 0.6
     if len(known) <= MOST_NAMES:

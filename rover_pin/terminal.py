@@ -137,20 +137,15 @@ def shown(value: Any) -> str:
     return str(value)
 
 
-class progress:
-    """A progress bar over simulated seconds on a terminal; nothing where it would clutter."""
+@contextmanager
+def progress(what: str, total: float, silent: bool) -> Iterator[Callable[[float], None]]:
+    """Show a progress bar over simulated seconds on a terminal; nothing where it would clutter."""
+    if silent or not sys.stderr.isatty() or logging.getLogger("rover_pin").level > logging.INFO:
+        yield lambda done: None
+        return
+    from rich.progress import Progress
 
-    def __init__(self, what: str, total: float, silent: bool):
-        from rich.progress import Progress
-
-        columns = (plain_column("{task.description}"), *Progress.get_default_columns()[1:])
-        quiet = silent or not sys.stderr.isatty() or logging.getLogger("rover_pin").level > logging.INFO
-        self.bar = Progress(*columns, console=plain_console(stderr=True), transient=True, disable=quiet)
-        self.task = self.bar.add_task(what, total=total)
-
-    def __enter__(self) -> Callable[[float], None]:
-        self.bar.start()
-        return lambda done: self.bar.update(self.task, completed=done)
-
-    def __exit__(self, *_: object) -> None:
-        self.bar.stop()
+    columns = (plain_column("{task.description}"), *Progress.get_default_columns()[1:])
+    with Progress(*columns, console=plain_console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)

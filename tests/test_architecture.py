@@ -17,7 +17,7 @@ GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "s
 ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control",
          "estimation", "measurements", "identification", "discrepancy", "experiments", "report", "loop",
          "vehicle", "controls", "scenes", "scenarios", "catalogue", "plot", "view", "sweep", "tuning",
-         "comparison", "terminal", "commands", "cli")  # fmt: skip
+         "comparison", "terminal", "commands", "cli", "__main__")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.
 
 `scenarios`, `plot`, `sweep` have this order among themselves: figures and sweeps are made of ready-made drives.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from enum import StrEnum
-from importlib.resources import files
 from pathlib import Path
 from string import Template
 from typing import Annotated
@@ -31,6 +30,8 @@ def new_effect(
     as_json: AsJson = False,
 ) -> None:
     """Write an effect of your own to start from, and a test that it keeps the contract of effects."""
+    from importlib.resources import files
+
     from rover_pin.columns import replace_file
 
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import webbrowser
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -55,6 +54,8 @@ def view(
 
 def open_page(out: Path) -> None:
     """Open the page that was written to a folder in the browser of this machine, if it has one."""
+    import webbrowser
+
     if (out / PAGE).is_file():
         webbrowser.open((out / PAGE).resolve().as_uri())
 

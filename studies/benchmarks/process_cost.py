@@ -20,6 +20,16 @@ from former import ROOT, checkout
 
 BEFORE = "f624ee7"
 """The version before commands were made cheap."""
+PROGRAM = """
+import sys
+try:
+    from rover_pin.__main__ import main
+except ImportError:
+    from rover_pin.cli import main
+sys.argv[0] = "rover-pin"
+main()
+"""
+"What the installed script runs, or ran."
 COMMANDS = {"--help": (), "drive flat": ("--out", "drive"), "curve": ("--out", "curve"), "bounds": ()}
 
 
@@ -51,9 +61,8 @@ def compared(words: list[str], earlier: Path, out: str, runs: int) -> tuple[floa
 def cpu_seconds(words: list[str], package: Path, out: str) -> float:
     """Return the CPU time [s] of one command of the package in this folder."""
     before = children()
-    code = "import sys; from rover_pin.cli import main; sys.argv[0] = 'rover-pin'; main()"
     subprocess.run(
-        [sys.executable, "-c", code, *words],
+        [sys.executable, "-c", PROGRAM, *words],
         cwd=out,
         env={**os.environ, "PYTHONPATH": str(package)},
         stdout=subprocess.DEVNULL,
