@@ -238,7 +238,7 @@ def tune(
     asked = (asked if model is None else asked.on_model(model)).trusting(Trust.of(effects, trust))
     for line in cautions((*asked.training, *asked.held_out)):
         log.warning("%s", line)
-    with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv")):
+    with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png")):
         result = tune_gains(asked, out, stage, workers or None, scheduler or None)
     report(result.summary(), as_json)
 

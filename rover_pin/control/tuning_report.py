@@ -15,7 +15,8 @@ from rover_pin.control.drive_score import Cost, Score
 from rover_pin.control.gains_file import save_gains
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.tuning_study import ESTIMATES, TuningStudy
-from rover_pin.plot import write_csv
+from rover_pin.plot import save, write_csv
+from rover_pin.plot.tuning import tuning_figure
 
 ALIKE = 1e-3
 """Costs closer than this count as equal."""
@@ -178,8 +179,13 @@ def _warning(after: Digest, constant: Digest) -> str:
     return f", stuck {100 * after.stuck:.0f} % against {100 * constant.stuck:.0f} %."
 
 
+def _title(result: TuningResult) -> str:
+    free = ", ".join(f"{name} = {float(getattr(result.gains, name)):.3g}" for name in result.study.free)
+    return f"{result.study.name}: tuned with {result.study.estimate} slip to {free}"
+
+
 def write_result(result: TuningResult, out: Path) -> TuningResult:
-    """Write gains.toml, drives.csv and candidates.csv into `out`; return the result with their paths."""
+    """Write gains.toml, drives.csv, candidates.csv and drives.png into `out`; return the result with their paths."""
     import pandas as pd
 
     study = result.study
@@ -191,5 +197,6 @@ def write_result(result: TuningResult, out: Path) -> TuningResult:
         save_gains(result.gains, out / "gains.toml", about),
         write_csv(result.table(), out / "drives.csv"),
         write_csv(pd.DataFrame(rows, columns=names), out / "candidates.csv"),
+        save(tuning_figure(result.table(), _title(result)), out / "drives.png"),
     )
     return dataclasses.replace(result, files=files)

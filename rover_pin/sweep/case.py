@@ -20,8 +20,12 @@ LEADING = ("case", "repeat", "seed", "key")
 
 
 def drive_case(study: Study, case: Case) -> Mapping[str, Any]:
-    """Return the summary of the study's scenario, driven with the case's values; `stop` says why it ended."""
-    return scenario_of(study, case).drive().summary()
+    """Return the summary of the study's scenario, driven with the case's values; `stop` says why it ended.
+
+    Sentences, such as warnings, stand in one cell.
+    """
+    summary = scenario_of(study, case).drive().summary()
+    return {name: "; ".join(value) if isinstance(value, list | tuple) else value for name, value in summary.items()}
 
 
 def scenario_of(study: Study, case: Case) -> Any:

@@ -10,13 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.cluster import refuse_both
+from rover_pin.errors import RoverPinError
 from rover_pin.results_folder import alone_in
+from rover_pin.sweep.axis import LogRange
 from rover_pin.sweep.case import CaseFunction, Row, check_names, drive_case, run_case
 from rover_pin.sweep.progress import progress
 from rover_pin.sweep.spread import on_cluster, on_cores
 from rover_pin.sweep.store import CSV, RESULTS, Store
 from rover_pin.sweep.study import Case, Study
 from rover_pin.workers import ending_workers
+
+PICTURE = "summary.png"
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,7 @@ class Results:
         """Return how many cases there are, how many failed and most often why, and the files."""
         errors = self.table["error"].dropna()
         reasons = {str(reason): int(count) for reason, count in errors.value_counts().head(3).items()}
-        files = [str(self.folder / name) for name in (RESULTS, CSV)]
+        files = [str(self.folder / name) for name in (RESULTS, CSV, PICTURE) if (self.folder / name).is_file()]
         counts = {"cases": len(self.table), "taken_over": self.taken_over, "failed": len(errors)}
         return {"study": self.name, **counts, "reasons": reasons, "files": files}
 
@@ -53,7 +57,7 @@ def sweep(
     study : Study
         From `read_study` or made in Python.
     folder : path, optional
-        Where `results.parquet` and `results.csv` go; by default `out/<name of the study>`.
+        Where `results.parquet`, `results.csv` and `summary.png` go; by default `out/<name of the study>`.
     workers : int, optional
         Processes on this machine; by default one a core.
     scheduler : str, optional
@@ -87,7 +91,32 @@ def sweep(
         if left and case_function is drive_case:
             check_names(study, left)
         _run(store, left, partial(run_case, study, case_function), workers, scheduler)
-        return Results(study.name, store.finish(), store.folder, len(before))
+        results = Results(study.name, store.finish(), store.folder, len(before))
+        _draw(study, results)
+        return results
+
+
+def _draw(study: Study, results: Results) -> None:
+    """Draw the summary, unless every case failed."""
+    from rover_pin.plot.sheet import save
+    from rover_pin.plot.study import study_figure
+
+    if results.table["error"].isna().any():
+        logarithmic = [name for name, axis in study.parameters.items() if isinstance(axis, LogRange)]
+        figure = study_figure(study.name, results.table, _units(study), logarithmic)
+        save(figure, results.folder / PICTURE)
+
+
+def _units(study: Study) -> dict[str, str]:
+    """Return the parameters with their units, as far as the scenario knows them."""
+    from rover_pin.scenarios import settings_of
+
+    try:
+        first = next(iter(study.cases())).values
+        known = {each.name: each.unit for each in settings_of(study.scenario, **{**study.settings, **first})}
+    except RoverPinError:  # a function of the user's own drives something else
+        known = {}
+    return {name: known.get(name, "") for name in study.parameters}
 
 
 def _run(

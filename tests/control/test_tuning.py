@@ -73,7 +73,7 @@ def test_the_report_holds_both_estimates_before_and_after_and_the_check(tuned):
     assert summary["reduced model on flat"]["slip RMSE"] < 0.02
     assert summary["reduced model on flat"]["speed RMSE [mm/s]"] < 3.0
     assert len(tuned[0].table()) == 6 * 3
-    assert {file.name for file in tuned[0].files} == {"gains.toml", "drives.csv", "candidates.csv"}
+    assert {file.name for file in tuned[0].files} == {"gains.toml", "drives.csv", "candidates.csv", "drives.png"}
     assert all(file.exists() for file in tuned[0].files)
 
 

@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from rover_pin.errors import ParameterError
 from rover_pin.sweep import Grid, Range, Study, Values, drive_case, read_study, sweep
@@ -29,6 +30,17 @@ def test_a_drive_that_cannot_be_is_a_row_with_its_reason(tmp_path):
     table = sweep(study, tmp_path / "out", workers=1).table
     assert table["error"][0].startswith("ParameterError: The ditch's walls at 5.7")
     assert table["stop"][1] == "duration"
+
+
+def test_a_drive_with_a_warning_is_no_failure_and_the_study_is_drawn(tmp_path):
+    """Down a wall wheels brake at S < 0, where the torque form gives energy: a sentence, no reason to lose a row."""
+    changed = {"scenario": "ditch", "parameters": {"soil.k": Values([0.005, 0.010])}, "duration": 8.0}
+    results = sweep(dataclasses.replace(FLAT, **changed), tmp_path / "out", workers=1)
+    assert results.table["error"].isna().all()
+    assert results.table["warnings"].str.contains("from nowhere").any()
+    with Image.open(tmp_path / "out" / "summary.png") as picture:
+        assert picture.width > 1000
+    assert str(tmp_path / "out" / "summary.png") in results.summary()["files"]
 
 
 @pytest.mark.parametrize(

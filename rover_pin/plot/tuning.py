@@ -1,0 +1,65 @@
+"""What tuned gains are worth at a glance: the cost of every drive under each control, training and held out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rover_pin.motion.draw import COLOURS
+
+LOOKS = {
+    "constant duty": ("|", "#000000"),
+    "torque check": ("s", COLOURS[1]),
+    "before": ("^", COLOURS[3]),
+    "tuned": ("o", COLOURS[0]),
+}
+"""Mark and colour of a control, by how its name begins; hollow with Eq 9."""
+
+
+def tuning_figure(table: Any, title: str) -> Figure:
+    """Return the figure of a tuning's table.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With a row for every drive under every control: `set`, `drive`, `control`, `cost`.
+    title : str
+        What was tuned, and to what.
+
+    Returns
+    -------
+    Figure
+        A panel a set with a line a drive; left is better. A drive's line spans its controls.
+    """
+    sets = list(dict.fromkeys(table["set"]))
+    drives = {each: list(dict.fromkeys(table[table["set"] == each]["drive"])) for each in sets}
+    heights = [len(names) + 1 for names in drives.values()]
+    figure = Figure(figsize=(10.0, 1.6 + 0.32 * sum(heights)), layout="constrained")
+    figure.suptitle(title, fontsize=10)
+    panels = figure.subplots(len(sets), 1, height_ratios=heights, sharex=True, squeeze=False)[:, 0]
+    for axes, name in zip(panels, sets, strict=True):
+        _panel(axes, table[table["set"] == name], drives[name])
+        axes.set_title(name, fontsize=9, loc="left")
+    panels[-1].set_xlabel("cost of the drive (less is better)")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
+    return figure
+
+
+def _panel(axes: Axes, rows: Any, drives: list[str]) -> None:
+    places = {drive: -n for n, drive in enumerate(drives)}
+    for drive, own in rows.groupby("drive"):
+        axes.plot([own["cost"].min(), own["cost"].max()], [places[drive]] * 2, color="#cccccc", lw=1, zorder=1)
+    for control in dict.fromkeys(rows["control"]):
+        own = rows[rows["control"] == control]
+        marker, colour = next(look for start, look in LOOKS.items() if control.startswith(start))
+        fed = control.endswith("eq9")
+        axes.plot(
+            own["cost"], [places[drive] for drive in own["drive"]], ls="", label=control, marker=marker, ms=7,
+            mec=colour, mfc="none" if fed else colour, mew=1.5, zorder=2,
+        )  # fmt: skip
+    axes.set_yticks(list(places.values()), list(places), fontsize=8)
+    axes.set_ylim(-len(drives) + 0.4, 0.6)
+    axes.grid(alpha=0.3, axis="x")
