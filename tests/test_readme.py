@@ -100,7 +100,7 @@ def test_the_further_tables_are_those_of_a_rovers_toml():
 
 def test_the_files_that_the_texts_name_are_there():
     text = "".join(path.read_text(encoding="utf-8") for path in [ROOT / "README.md", *DOCS.glob("*.md")])
-    named = set(re.findall(r"(?:studies|urdf|tests|docs|rover_pin)/[\w./-]*\w", text))
+    named = set(re.findall(r"(?:studies|urdf|tests|docs|notebooks|rover_pin)/[\w./-]*\w", text))
     named |= {
         f"rover_pin/{path}" for path in re.findall(r"`((?:soil|effects|body|motion|control)/[\w./]*\.(?:py|c))", text)
     }

@@ -99,6 +99,7 @@ COMMANDS = {
         Claim(rf"k between {NUMBER} and {NUMBER} mm and phi between {NUMBER} and {NUMBER} deg",
               rf"net 50 (?:{WORD} ){{3}}{NUMBER} {NUMBER} {NUMBER} {NUMBER} none"),
     )),
+    "rover-pin compare out/drive/log other/log": Command(needs=(DITCH, "rover-pin drive ditch --out other")),
     "rover-pin view out/drive/log --compare other/log --gif": Command(
         needs=(DITCH, "rover-pin drive ditch --out other")
     ),

@@ -185,14 +185,14 @@ class Trace(Mapping[str, np.ndarray]):
         *names : str
             Channels, or what all wheels share of one (`slip`, `duty`, `current`); the slip of all wheels if none.
         ax : matplotlib axes, optional
-            Where to draw; a new figure's, if none.
+            Where to draw; those of a new figure of pyplot's, if none, which a notebook or `pyplot.show()` shows.
         """
         from rover_pin.motion.draw import draw
 
         if ax is None:
-            from matplotlib.figure import Figure
+            from matplotlib import pyplot
 
-            ax = Figure(figsize=(8.0, 3.0), layout="constrained").subplots()
+            ax = pyplot.subplots(figsize=(8.0, 3.0), layout="constrained")[1]
         return draw(self, names or ("slip",), ax)
 
     def _repr_html_(self) -> str:

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
 from matplotlib.patches import Circle, Polygon
 
 from rover_pin.errors import MissingExtraError, ParameterError
@@ -93,7 +94,9 @@ def test_a_trace_draws_itself_on_axes_that_are_given(ditch):
     axes = history(trace).axes[-1]
     assert trace.plot("body_x", "body_z", ax=axes) is axes
     assert axes.get_ylabel() == "body_x, body_z [m]"
-    assert len(trace.plot().lines) == 3
+    alone = trace.plot()
+    assert len(alone.lines) == 3
+    assert alone.figure.number in pyplot.get_fignums()  # which notebooks and `pyplot.show()` show
     assert trace.plot("slip", "body_pitch").get_ylabel() == "slip, body_pitch [- or rad]"
     with pytest.raises(ParameterError, match="did you mean 'body_x'"):
         trace.plot("body_xx")
