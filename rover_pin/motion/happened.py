@@ -45,7 +45,8 @@ def happened(trace: Trace) -> Happened | None:
 
     - ended: stopped before its time, as `attrs["stop"]` says;
     - slid back: more than a radius behind the furthest place, in the sense of its duty;
-    - stalled: driven, but the motors turn at less than 5 % of their speed without a load, and no wheel by a tenth of r;
+    - stalled: driven, but the motors turn at less than 5 % of their speed without a load, and no wheel by a tenth of r
+      over the last tenth of the drive; that they creep is said with their share of that speed;
     - stuck: over every last radius that the rims turn, the wheels travel less than a tenth of it;
     - held, slid: never driven, and moved by less than r / 10, or by more;
     - stopped: no longer driven at the end;
@@ -124,9 +125,22 @@ def _stalled(trace: Trace, ways: _Ways) -> Happened | None:
     if not still.size or not still[-1]:
         return None
     first = _last_stretch(still)
-    duty = float(np.mean(np.abs(trace.stack("duty")[-1])))
-    told = f"stalled {_since(ways, first)}: no wheel turns at a duty of {duty:.2g}, {_place(trace, -1)}"
+    told = f"{_not_turning(trace, ways, first)}, {_place(trace, -1)}{_turned(trace)}"
     return Happened("stalled", float(ways.t[first]), told)
+
+
+def _not_turning(trace: Trace, ways: _Ways, first: int) -> str:
+    """Return how far from turning the wheels are since this row: not at all, or at so much of what is asked."""
+    since, duty = _since(ways, first), float(np.mean(np.abs(trace.stack("duty")[-1])))
+    crept = float(ways.turned[-1] - ways.turned[first])
+    if crept < SHORT * ways.r:
+        return f"stalled {since}: no wheel turns at a duty of {duty:.2g}"
+    gave, took = (float(trace[name][-1] - trace[name][first]) for name in ("energy_motor", "energy_electric"))
+    pace, share = 1e3 * crept / float(ways.t[-1] - ways.t[first]), 100.0 * abs(gave) / took
+    return (
+        f"all but stalled {since}: the wheels creep at {pace:.2g} mm/s, {share:.2g} % of their speed without a load "
+        f"at a duty of {duty:.2g}"
+    )
 
 
 def _stuck(trace: Trace, ways: _Ways) -> Happened | None:
@@ -145,9 +159,7 @@ def _driving(trace: Trace, ways: _Ways) -> Happened:
     window = max(1, len(ways.t) // 20)
     speed = (ways.moved[-1] - ways.moved[-1 - window]) / (ways.t[-1] - ways.t[-1 - window])
     kind, word = ("driving", "drives on") if last >= 0.5 else ("creeping", "creeps on")
-    turn = math.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0]) if "body_yaw" in trace else 0.0
-    turned = f", turned by {turn:.0f} deg" if abs(turn) > 5.0 else ""
-    return Happened(kind, math.nan, f"{word} at {speed:.2g} m/s, {_place(trace, -1)}{turned}")
+    return Happened(kind, math.nan, f"{word} at {speed:.2g} m/s, {_place(trace, -1)}{_turned(trace)}")
 
 
 def _grip(ways: _Ways) -> np.ndarray:
@@ -171,6 +183,11 @@ def _place(trace: Trace, row: int) -> str:
     x, y = (round(float(trace[name][row]), 2) + 0.0 for name in ("body_x", "body_y"))
     beside = f", y = {y:.2f} m" if y else ""
     return f"at x = {x:.2f} m{beside}"
+
+
+def _turned(trace: Trace) -> str:
+    turn = math.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0]) if "body_yaw" in trace else 0.0
+    return f", turned by {turn:.0f} deg" if abs(turn) > 5.0 else ""
 
 
 def _length(length: float) -> str:

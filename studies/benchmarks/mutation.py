@@ -71,11 +71,20 @@ DECISIONS = (
 )
 LAWS = ("tests/effects/test_[!e]*.py", *_named("effects", "every_effect exit_angle"))
 """All but whole drives with every effect, which take minutes and say little of one law."""
+STEP = (
+    "kernel_twin rigid_body elimination stiff_motor lanes native_ground native_control compiled_loop going_on failure "
+    "resolution simulate independent"
+)
+"""Tests that run the compiled step: its twin first, then what is known of it otherwise."""
 ROOMS = {
     "soil": Room(("rover_pin/soil/*.py",), ("tests/soil/test_*.py",)),
     "effects": Room(("rover_pin/effects/*.py",), LAWS),
-    "body": Room(("rover_pin/body/*.py",), ("tests/body/test_*.py", "tests/oracle/test_oracle_dynamics.py")),
-    "motion": Room(("rover_pin/motion/*.py", "rover_pin/motion/native/*.c"), ("tests/motion/test_*.py",)),
+    "body": Room(
+        ("rover_pin/body/*.py",),
+        ("tests/body/test_*.py", "tests/oracle/test_oracle_dynamics.py", "tests/motion/test_native_ground.py"),
+    ),
+    "motion": Room(("rover_pin/motion/*.py",), ("tests/motion/test_*.py",)),
+    "step": Room(("rover_pin/motion/native/*.c",), _named("motion", STEP)),
     "estimation": Room(("rover_pin/estimation/*.py",), DECISIONS),
     "discrepancy": Room(("rover_pin/discrepancy/*.py", "rover_pin/loop/*.py"), DECISIONS),
     "identification": Room(("rover_pin/identification/*.py",), DECISIONS),

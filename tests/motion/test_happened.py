@@ -31,6 +31,12 @@ CASES = {
         "stalled from the start: no wheel turns",
     ),
     "slip control": ("ditch", {"control": "true"}, "stalled", "no wheel turns at a duty of 0.0"),
+    "skid-steer on the spot": (
+        "point-turn",
+        {"rover": "cart", "duration": 33.0},
+        "stalled",
+        "all but stalled since 2.7 s: the wheels creep at 1.4 mm/s, 1.8 % of their speed without a load",
+    ),
     "on the spot": ("point-turn", {"duration": 10.0}, "driving", "at x = 0.00 m, turned by 9"),
     "buried": ("flat", {"soil.k_1": 8e3}, "ended", "buried: "),
 }
@@ -71,6 +77,20 @@ def test_stuck_since_is_when_the_body_stopped(traces):
     before, after = np.interp([since - 1.0, since], trace.t, trace["body_x"])
     assert after - before > 0.01
     assert abs(trace["body_x"][-1] - after) < 0.01
+
+
+def test_wheels_that_creep_are_told_by_their_way_and_their_share_of_the_speed_asked_for(traces):
+    trace = traces["skid-steer on the spot"]
+    late, r = trace.t >= happened(trace).since, float(np.mean(trace.attrs["wheel_radii_m"]))
+    rate = np.mean(np.abs(trace.stack("wheel_rate")[late]))
+    said = trace.attrs["happened"]
+    assert 1e3 * r * rate == pytest.approx(1.4, abs=0.06)
+    motor = scenario("flat", rover="cart").model.motor
+    share = rate / (0.55 * float(motor.no_load_rate))
+    assert 100.0 * share == pytest.approx(1.8, abs=0.1)
+    turn = np.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0])
+    assert said.endswith(f"turned by {turn:.0f} deg")
+    assert "no wheel turns" not in said
 
 
 def test_a_pause_at_the_end_is_no_stall():

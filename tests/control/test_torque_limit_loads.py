@@ -1,0 +1,61 @@
+"""The torque limit's loads: how far those at the body's pitch are off, and what link angles would change of a drive."""
+
+import numpy as np
+import pytest
+
+from rover_pin.body.driven_loads import configuration, driven_loads
+from rover_pin.body.statics import wheel_loads
+from rover_pin.control.bounds import TorqueBounds
+from rover_pin.control.torque_limit import LOST_SLIP
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.motion.command import Command
+from rover_pin.motion.failure import suspension_of
+from rover_pin.motion.simulate import simulate
+from rover_pin.scenarios import scenario
+
+DRIVES = {
+    "hills": ("hills", {}, (0.10, 0.01)),
+    "incline": ("incline", {"terrain.angle_deg": 8.0, "soil.k": 0.01}, (0.02, 0.01)),
+    "one-sided bump": ("one-sided-bump", {}, (0.05, 0.03)),
+    "ditch": ("ditch", {}, (0.26, 0.38)),
+    "ditch, passed": ("ditch", {"soil.k": 0.01}, (0.29, 0.34)),
+}
+SETTLED = 4
+"""Controls after which a drive is no longer starting."""
+
+
+class ByLinks:
+    """The limit at a slip with loads from attitude, link angles and torques, as section 4 has them."""
+
+    def __init__(self, model):
+        self.model, self.rover = model, model.rover.under(model.gravity)
+        wheels = [mount.wheel for mount in model.rover.wheels]
+        self.bounds = TorqueBounds(wheels, model.soils[0], LOST_SLIP, model.effect(SoilTraction).angles)
+        self.places = suspension_of(model).places
+        self.errors = []
+
+    def __call__(self, reading):
+        motor = self.model.motor
+        q = configuration(self.rover, reading.attitude, {})
+        q[self.places] = reading.suspension
+        by_links = driven_loads(self.rover, q, float(motor.constant) * reading.current)
+        by_pitch = wheel_loads(self.rover, -reading.attitude[1], gravity=self.model.gravity)
+        normal = np.where(reading.truth.normal > 0.2, reading.truth.normal, np.nan)
+        self.errors.append([each / normal - 1.0 for each in (by_pitch, by_links)])
+        most = self.bounds(np.maximum(by_links, 0.0)).limit / float(motor.stall_torque)
+        return Command(np.clip(most + reading.wheel_rate / float(motor.no_load_rate), 0.0, 0.55))
+
+
+@pytest.mark.parametrize(
+    "name", ["incline", *(pytest.param(each, marks=pytest.mark.slow) for each in DRIVES if each != "incline")]
+)
+def test_the_loads_at_the_pitch_are_off_as_is_told_and_the_drive_ends_alike(name):
+    scene, settings, expected = DRIVES[name]
+    drive = scenario(scene, control="limit", duration=20.0, **settings)
+    by_pitch, by_links = drive.drive(), ByLinks(drive.model)
+    other = simulate(drive.model, by_links, 20.0, drive.start, drive.timing, symmetric=drive.symmetric)
+    off = np.sqrt(np.nanmean(np.square(by_links.errors[SETTLED:]), axis=(0, 2)))
+    assert off == pytest.approx(expected, rel=0.15, abs=0.005)
+    first, second = (each.attrs["happened"].split(" ")[0] for each in (by_pitch, other))
+    assert first == second
+    assert other["body_x"][-1] == pytest.approx(by_pitch["body_x"][-1], abs=0.09)
