@@ -39,12 +39,10 @@ LIBRARIES = ("numpy", "scipy.optimize", "scipy.stats", "casadi", "pinocchio", "m
 KEEP = ROOT / "out" / "mutation.json"
 QUICK = 4
 
-DECIDING = (
-    "drive_anchor drive_blocks drive_candidates drive_checks drive_decisions drive_declared drive_left_out drive_noise "
-    "drive_nonsense drive_place descent evidence_fit evidence_posterior evidence_profile loop_first_steps "
-    "loop_rig_checks residual_sign rig_decisions rig_physics rig_thresholds uncertain_slip wording"
-)
-"""Tests of what the loop decides, by what limits."""
+LINEAR = "drive_anchor drive_decisions drive_left_out rig_decisions"
+"""Tests of what the loop decides on linear models, whose answers are known."""
+DRIVEN = "drive_blocks drive_candidates drive_declared drive_experiment drive_place drive_rows loop_first_steps"
+"""Tests of what a drive log is taken for."""
 
 
 class Room(NamedTuple):
@@ -63,12 +61,7 @@ def _files(folder: str, names: str) -> tuple[str, ...]:
 
 
 DRIVE_LOG = "calibrate candidates contrast experiment features free_runs parameters places verdict"
-WHEEL_RIG = "calibrate candidates checks compare held_out reselect residual_tests screen verdict"
 """What decides; the other files read, predict, design and describe."""
-DECISIONS = (
-    *_named("evidence", DECIDING),
-    *("tests/discrepancy/test_*.py", "tests/estimation/test_*.py", "tests/identification/test_*.py"),
-)
 LAWS = ("tests/effects/test_[!e]*.py", *_named("effects", "every_effect exit_angle"))
 """All but whole drives with every effect, which take minutes and say little of one law."""
 STEP = (
@@ -85,11 +78,18 @@ ROOMS = {
     ),
     "motion": Room(("rover_pin/motion/*.py",), ("tests/motion/test_*.py",)),
     "step": Room(("rover_pin/motion/native/*.c",), _named("motion", STEP)),
-    "estimation": Room(("rover_pin/estimation/*.py",), DECISIONS),
-    "discrepancy": Room(("rover_pin/discrepancy/*.py", "rover_pin/loop/*.py"), DECISIONS),
-    "identification": Room(("rover_pin/identification/*.py",), DECISIONS),
-    "drive_log": Room(_files("experiments/drive_log", DRIVE_LOG), DECISIONS),
-    "wheel_rig": Room(_files("experiments/wheel_rig", WHEEL_RIG), DECISIONS),
+    "estimation": Room(
+        ("rover_pin/estimation/*.py",),
+        ("tests/estimation/test_*.py", *_named("evidence", f"descent drive_noise evidence_profile wording {LINEAR}")),
+    ),
+    "identification": Room(
+        ("rover_pin/identification/*.py",),
+        ("tests/identification/test_*.py", *_named("evidence", "evidence_fit evidence_profile uncertain_slip")),
+    ),
+    "discrepancy": Room(
+        ("rover_pin/discrepancy/*.py",), ("tests/discrepancy/test_*.py", *_named("evidence", f"drive_place {LINEAR}"))
+    ),
+    "drive_log": Room(_files("experiments/drive_log", DRIVE_LOG), _named("evidence", DRIVEN)),
     "quick": Room(("rover_pin/soil/slip.py",), _named("soil", "soil_slip")),
 }
 

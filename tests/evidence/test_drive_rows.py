@@ -1,0 +1,182 @@
+"""Which rows of a drive log are compared and what is made of them, on made-up channels whose answers are plain."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy.place import FIRST, LAST, placed
+from rover_pin.effects.hard_patch import HardPatch
+from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.effects.wheel_scale import WheelScale
+from rover_pin.experiments.drive_log.candidates import _places, candidate_of, shows
+from rover_pin.experiments.drive_log.features import LoggedRun, comparable, comparable_rows, driven, leaky, levelled
+from rover_pin.experiments.drive_log.free_runs import free_runs
+from rover_pin.experiments.drive_log.places import neighbours
+
+T = np.arange(0.0, 12.0, 0.1)
+
+
+def compared(rates, duty=0.5, held=False, t=T):
+    """The times at which two wheels with these rates, and duties of one sign, are compared."""
+    rows = [np.broadcast_to(each, t.shape).astype(float) for each in rates]
+    run = SimpleNamespace(t=t, duty=np.broadcast_to(np.c_[duty, duty], (len(t), 2)), held=held)
+    return t[comparable_rows(run, rows)]
+
+
+def test_the_first_second_is_not_compared():
+    assert compared([1.0, 1.0])[0] == pytest.approx(1.0)
+    assert compared([1.0, 1.0], t=5.0 + T)[0] == pytest.approx(6.0)
+    assert compared([1.0, 1.0])[-1] == T[-1]
+
+
+@pytest.mark.parametrize(("rate", "duty"), [(0.19, 0.5), (-0.19, -0.5), (-1.0, 0.5), (1.0, -0.5)])
+def test_a_rover_that_stands_or_turns_round_is_compared_again_a_second_and_a_half_later(rate, duty):
+    """Below 0.2 rad/s in the mean of its wheels, or against its duty; from 4 to 5 s."""
+    usual = math.copysign(1.0, duty)
+    row = np.where((T > 3.95) & (T < 5.05), rate, usual)
+    found = compared([row, row], duty)
+    gap = np.diff(found)
+    assert found[np.argmax(gap)] == pytest.approx(3.9)
+    assert found[np.argmax(gap) + 1] == pytest.approx(6.6)
+    assert np.sum(gap > 0.15) == 1
+
+
+@pytest.mark.parametrize(("rates", "count"), [((0.21, 0.21), True), ((0.1, 0.31), True), ((0.1, 0.29), False)])
+def test_standing_is_told_by_the_mean_of_the_wheels(rates, count):
+    assert bool(len(compared(rates))) == count
+
+
+@pytest.mark.parametrize(("usual", "slow", "stands"), [(1.0, 0.09, True), (1.0, 0.11, False), (5.0, 0.21, False)])
+def test_held_wheels_stand_below_a_tenth_of_their_fastest_whichever_way_they_turn(usual, slow, stands):
+    """And never above 0.2 rad/s; a rover that turns on the spot drives."""
+    size = np.where((T > 3.95) & (T < 5.05), slow, usual)
+    found = compared([size, -size], held=True)
+    assert (np.max(np.diff(found)) > 1.5) == stands
+
+
+# --- what is made of the channels ------------------------------------------------------------------------------------
+
+
+def test_way_and_drift_are_along_and_across_the_heading_and_fade_in_two_seconds():
+    heading = np.full(len(T), 0.3)
+    along, across = 0.05, -0.02
+    x = (along * math.cos(0.3) - across * math.sin(0.3)) * T
+    y = (along * math.sin(0.3) + across * math.cos(0.3)) * T
+    vx, vy = np.gradient(x, T), np.gradient(y, T)
+    made = driven(
+        {"body_x": x, "body_y": y, "body_yaw": 0.1 * T, "body_vx": vx, "body_vy": vy}, heading, 0.1, np.ones(len(T))
+    )
+    for name, speed in (("path", along), ("drift", across), ("heading", 0.1)):
+        summed = sum(0.1 * speed * math.exp(-0.1 * k / 2.0) for k in range(len(T) - 1))
+        assert made[name][-1] == pytest.approx(summed), name
+        assert made[name][0] == 0.0
+    assert made["speed"] == pytest.approx(np.full(len(T), along))
+    assert set(driven({"body_yaw": T}, heading, 0.1, np.ones(len(T)))) == {"heading"}
+
+
+def test_what_is_driven_uncompared_is_in_no_sum():
+    counted = (T < 5.0) | (T > 8.0)
+    jump = np.where(T > 6.0, 9.0, 0.0)
+    made = driven({"body_x": jump, "body_y": jump, "body_yaw": jump}, 0.0 * T, 0.1, counted)
+    assert all(np.all(row == 0.0) for row in made.values())
+    assert leaky(np.eye(1, 3)[0], 2.0) == pytest.approx([1.0, math.exp(-1.0), math.exp(-2.0)])
+
+
+def test_only_a_height_is_levelled_by_what_is_compared():
+    block, use = np.array([1.0, 2.0, 4.0, np.nan]), np.array([False, True, True, True])
+    assert levelled("body_z", block, use)[:3] == pytest.approx([-2.0, -1.0, 1.0])
+    assert levelled("body_pitch", block, use) is block
+    assert levelled("body_z", block, np.zeros(4, dtype=bool)) is block
+    assert levelled("body_z", block, np.array([False, False, False, True])) is block
+
+
+def test_a_block_is_compared_where_all_its_rows_are():
+    counted = np.ones(120, dtype=bool)
+    counted[27] = False
+    run = LoggedRun("", SimpleNamespace(t=T, period=0.1), ("body_z", "none"), np.zeros((2, 24)), 0 * T, {}, counted)
+    assert np.flatnonzero(~run.usable).tolist() == [5]
+    height = np.where(counted, T, 1e3)
+    seen = run.features({"body_z": height})
+    assert seen[0][run.usable].mean() == pytest.approx(0.0, abs=1e-12)
+    assert np.all(seen[1] == 0.0), "what a replay does not tell stays still"
+    assert run.times[:2] == pytest.approx([0.2, 0.7])
+
+
+def test_what_a_model_predicts_is_compared():
+    told = ["wheel_rate_fl", "current_fl_A", "rocker_l", "bogie_r", "body_x", "battery_V"]
+    assert [name for name in (*told, "duty_fl", "battery_A", "steer_fl", "t_s") if comparable(name)] == told
+
+
+# --- places ----------------------------------------------------------------------------------------------------------
+
+
+def patch(begin=1.0, length=0.3):
+    return candidate_of(HardPatch(x_from=begin, length=length))
+
+
+def test_each_edge_of_a_patch_is_moved_either_way_unless_too_little_is_left():
+    found = neighbours(patch(), 0.1)
+    ends = [(one.effect.x_from, one.effect.x_from + one.effect.length) for one in found]
+    assert ends == [pytest.approx(each) for each in ((0.9, 1.3), (1.1, 1.3), (1.0, 1.2), (1.0, 1.4))]
+    assert [one.place for one in found] == ["0.900", "1.100", "1.000", "1.000"]
+    assert len(neighbours(patch(length=0.14), 0.1)) == 2
+    assert len(neighbours(patch(length=0.16), 0.1)) == 4
+    assert neighbours(candidate_of(SupplySag()), 0.1) == []
+
+
+def test_a_patch_may_begin_all_along_the_way_by_fifteen_centimetres():
+    place = np.array([[0.5, 0.0], [np.nan, 0.0], [1.9, 0.0]])
+    runs = [SimpleNamespace(commands=SimpleNamespace(place=each)) for each in (place, place - 0.1)]
+    found = _places(SimpleNamespace(runs=runs), 0.4)
+    assert found[0] == pytest.approx(0.4 - 0.1 - 0.1), "a quarter of its length before the first"
+    assert np.diff(found) == pytest.approx(np.full(len(found) - 1, 0.15))
+    assert found[-1] + 0.1 < 1.9 + 0.1 <= found[-1] + 0.1 + 0.15
+
+
+def test_motors_show_nothing_where_wheels_are_held():
+    for held in (True, False):
+        experiment = SimpleNamespace(held=held)
+        assert shows(SupplySag(), experiment) == (not held)
+        assert shows(WheelScale(), experiment)
+
+
+def test_an_edge_is_moved_by_ever_smaller_steps_while_that_gains(monkeypatch):
+    """A gain that is greatest at 0.53: from 0.4 two steps of 80 mm forward, then one of 40 back, and no finer."""
+    asked = []
+
+    def moved(row, step):
+        asked.append(step)
+        return [row - step, row + step]
+
+    module = "rover_pin.discrepancy.place"
+    monkeypatch.setattr(f"{module}.signatures", lambda base, near: near)
+    made = lambda at: SimpleNamespace(candidate=at, gain=-abs(at - 0.53))  # noqa: E731
+    monkeypatch.setattr(f"{module}.score", lambda base, near: [made(at) for at in near])
+    base = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(neighbours=moved)))
+    found = placed(base, made(0.4))
+    assert found.candidate == pytest.approx(0.52)
+    assert asked == pytest.approx([0.08, 0.08, 0.08, 0.04, 0.04])
+    assert (FIRST, LAST) == (0.08, 0.02)
+
+
+# --- free runs -------------------------------------------------------------------------------------------------------
+
+
+def test_a_free_run_strays_by_the_rms_of_its_distance():
+    place = np.column_stack([0.05 * T, 0.02 * T, 0.0 * T])
+    place[7] = np.nan
+    run = SimpleNamespace(name="run-1", commands=SimpleNamespace(t=T, period=0.1, place=place))
+    off = {"before": (0.3, -0.4), "after": (0.0, 0.1)}
+
+    def replays(model):
+        x, y = off[model]
+        return [SimpleNamespace(channels={"body_x": 0.05 * T + x, "body_y": 0.02 * T + y})]
+
+    experiment = SimpleNamespace(runs=(run,), free=SimpleNamespace(replays=replays))
+    (found,) = free_runs(experiment, "before", "after")
+    assert (found.run, found.before, found.after) == ("run-1", pytest.approx(0.5), pytest.approx(0.1))
+    assert found.distance == pytest.approx(math.hypot(0.05, 0.02) * 11.0)
+    experiment.free = SimpleNamespace(replays=lambda model: [SimpleNamespace(channels={})])
+    assert math.isnan(free_runs(experiment, "before", "after")[0].before)
