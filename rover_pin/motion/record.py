@@ -8,6 +8,10 @@ from typing import Any
 import numpy as np
 
 from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.effects.ploughing import Ploughing
+from rover_pin.effects.skid_sinkage import SkidSinkage
+from rover_pin.effects.slip_sinkage import SlipSinkage
+from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.motion.body_law import elastic_energy
 from rover_pin.motion.model import Model
@@ -93,7 +97,11 @@ def about(model: Model) -> dict[str, Any]:
 
 
 def notes(model: Model) -> list[str]:
-    """Return what a reader of the drive should know of its model: where sinking costs nothing."""
+    """Return what a reader of the drive should know of its model: where sinking, or rising again, costs nothing."""
+    return [*_unpaid(model), *_lifted(model)]
+
+
+def _unpaid(model: Model) -> list[str]:
     tractions = [effect for effect in model.effects if isinstance(effect, SoilTraction)]
     unpaid = [type(effect).__name__ for effect in model.effects if effect.unpaid]
     if not unpaid or not any(traction.leaves_compaction_out for traction in tractions):
@@ -103,3 +111,18 @@ def notes(model: Model) -> list[str]:
         f"{who} how deep wheels stand, and the {form} form lets that cost or save nothing: R stays; form=net with "
         "angles=sinkage pays for it."
     ]
+
+
+def _lifted(model: Model) -> list[str]:
+    found = [
+        (type(effect).__name__, PAYING[type(effect)].__name__) for effect in model.effects if type(effect) in PAYING
+    ]
+    return [
+        f"{name} lifts a wheel whose slip falls as a spring would, by what it sank: sand gives nothing back; {other} "
+        "pays for the lift."
+        for name, other in found
+    ]
+
+
+PAYING: dict[type, type] = {SlipSinkage: SlipSoftening, SkidSinkage: Ploughing}
+"""Laws of the slip of now, and those of the same thing that pay for the way up."""

@@ -14,12 +14,14 @@ from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.grousers import Grousers
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.ploughing import Ploughing
+from rover_pin.effects.slip_sinkage import HIGHEST_EXPONENT, LOWEST_EXPONENT
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import NODES, SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.motion.effect_files import package_effects
+from rover_pin.quantity import quantities
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.combined import combined_forces
 from rover_pin.soil.traction import FORMS
@@ -177,6 +179,17 @@ def test_a_sensor_at_its_neutral_values_reads_what_is(kind):
 
 def test_a_weak_motor_is_the_first_unless_it_is_named():
     assert WeakMotor().wheel == 0
+
+
+def test_exponents_end_where_those_of_a_soil_do():
+    about = quantities(Soil)["n"]
+    assert (about.low, about.high) == (LOWEST_EXPONENT, HIGHEST_EXPONENT)
+
+
+def test_only_slips_turn_their_sign_with_the_travel():
+    """What digs, loosens, ploughs or heats is alike forwards and back."""
+    odd = {state.name for kind in package_effects() for state in getattr(kind, "states", ()) if state.odd}
+    assert odd == {"S", "S_y"}
 
 
 def kinds(flag):

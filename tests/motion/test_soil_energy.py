@@ -77,11 +77,14 @@ def test_the_net_form_gives_nothing_at_any_slip():
         ),
         ("MultiPass", {"form": "net", "angles": "sinkage"}, []),
         ("DiggingMemory", {}, []),
-        ("SlipSinkage", {"form": "gross"}, []),
+        ("SlipSinkage", {"form": "gross"}, ["SlipSinkage lifts a wheel whose slip falls as a spring would"]),
+        ("SkidSinkage", {"form": "net"}, ["SkidSinkage lifts a wheel whose slip falls as a spring would"]),
+        ("SlipSoftening", {}, []),
+        ("Ploughing", {}, []),
         ("LoadExponent", {"form": "net"}, ["LoadExponent changes how deep wheels stand, and the net form"]),
     ],
 )
-def test_a_drive_notes_where_sinking_costs_nothing(add, settings, told):
+def test_a_drive_notes_where_sinking_or_rising_costs_nothing(add, settings, told):
     notes = scenario("flat", duration=0.5, add=add, **settings).drive().summary().get("notes", [])
     assert len(notes) == len(told)
     assert all(words in note for words, note in zip(told, notes, strict=True))

@@ -24,7 +24,7 @@ from changes.recompile import recompiled
 
 PATIENCE, LEAST = 10.0, 5.0
 """A test may take so many times what it takes on the code as it is, and so much more [s of CPU]."""
-QUICK = 0.05
+QUICK = 0.3
 """Tests of so little CPU [s] are asked of a change outside of functions though they run no line of its file."""
 LONGEST = 1800.0
 """Time [s] after which a change counts as one that hangs, whatever it waits for."""
