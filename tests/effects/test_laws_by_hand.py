@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from rover_pin.contact import Load, Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.digging_memory import DiggingMemory
-from rover_pin.effects.effect import Body, SensorEffect
+from rover_pin.effects.effect import Ballast, Body, Drive, Push, SensorEffect
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.grousers import Grousers
 from rover_pin.effects.lug_excavation import LugExcavation
@@ -179,6 +179,11 @@ def test_a_sensor_at_its_neutral_values_reads_what_is(kind):
 
 def test_a_weak_motor_is_the_first_unless_it_is_named():
     assert WeakMotor().wheel == 0
+
+
+@pytest.mark.parametrize("made", [Ballast, Body, Drive, Push, Load])
+def test_what_is_not_said_is_nothing(made):
+    assert set(made._field_defaults.values()) <= {0.0, ()}
 
 
 def test_exponents_end_where_those_of_a_soil_do():

@@ -25,6 +25,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "NODES = 12: 12 -> 13",
     ): "a node more than is needed",
     (
+        "rover_pin/effects/weak_motor.py",
+        "return ca.if_else(ca.fabs(drive.wheel - self.wheel) < 0.5, -self.g * torque, 0.0): 0.5 -> 0.55",
+    ): "wheels are counted in whole numbers",
+    (
         "rover_pin/estimation/noise.py",
         "steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho): 0.0 -> 0.1",
     ): "what is not compared is read by no row: a block after a gap begins anew",
