@@ -13,10 +13,11 @@ STUDIES = sorted((ROOT / "studies").rglob("*.py"))
 LONGEST = 300
 
 GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "settings", "paths", "results_folder",
-          "workers", "trust", "bounded", "parquet", "console", "private_folders", "remembered", "cluster")  # fmt: skip
+          "workers", "trust", "bounded", "parquet", "formula", "console", "private_folders", "remembered",
+          "cluster")  # fmt: skip
 ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control",
          "estimation", "measurements", "identification", "discrepancy", "experiments", "report", "loop",
-         "vehicle", "controls", "scenes", "scenarios", "catalogue", "plot", "view", "sweep", "tuning",
+         "importing", "vehicle", "controls", "scenes", "scenarios", "catalogue", "plot", "view", "sweep", "tuning",
          "comparison", "terminal", "commands", "cli", "__main__")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.
 

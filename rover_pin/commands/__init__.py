@@ -10,6 +10,7 @@ from rover_pin.commands import (
     compare,
     curve,
     export,
+    import_log,
     init,
     listing,
     new_effect,
@@ -28,5 +29,6 @@ def add_to(app: typer.Typer) -> None:
     app.command()(compare.compare)
     app.command("check-data")(check_data.check_data)
     app.command()(init.init)
+    app.command("import-log")(import_log.import_log)
     app.command("new-effect")(new_effect.new_effect)
     app.command("new-rover")(new_rover.new_rover)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import pinocchio as pin
 
 from rover_pin.body.rover import Rover
+from rover_pin.body.wheel_base import wheel_places
 from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Command, Reading
 from rover_pin.motion.native.control import Commands
@@ -84,10 +84,3 @@ def turning_places(rover: Rover) -> np.ndarray:
     fixed = [places[wheel.name][0] for wheel in rover.wheels if wheel.steer_dof is None]
     level = float(np.mean(fixed or [place[0] for place in places.values()]))
     return np.array([(places[wheel.name][0] - level, places[wheel.name][1]) for wheel in rover.wheels])
-
-
-def wheel_places(rover: Rover) -> dict[str, np.ndarray]:
-    """Return the place of each wheel's centre in the base frame, all joints at zero [m]."""
-    data = rover.model.createData()
-    pin.forwardKinematics(rover.model, data, pin.neutral(rover.model))
-    return {wheel.name: np.array(data.oMi[wheel.joint].translation) for wheel in rover.wheels}

@@ -22,9 +22,10 @@
     file = "climb.csv"
     start = { x = 0.0, y = 0.0, yaw = 0.0 }
     purpose = "climb until it stops"
+    terrain = { slope = { value = 12, unit = "deg" } }   # of this run, see run_terrain
     units = { wheel_rate_fl = "rpm" }     # of columns that are not in the unit that their name tells
 
-For ROS bags see `bag_columns`.
+`column_map` says how columns of other names, units and forms are read, `bag_columns` the same of ROS bags.
 """
 
 from __future__ import annotations
@@ -37,12 +38,15 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.body.rover import Rover, load_named
+from rover_pin.body.shapes import flat
 from rover_pin.body.terrain import Terrain
 from rover_pin.columns import Columns, columns_text, read_columns, replace_file
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.channels import DUTIES, RATES, WHEELS, unit_of
+from rover_pin.motion.column_map import mapped
 from rover_pin.motion.log_terrain import terrain_from
 from rover_pin.motion.ros_bag import is_bag, read_bag
+from rover_pin.motion.run_terrain import is_of_run, run_terrain
 from rover_pin.motion.trace import Trace
 from rover_pin.motion.trace_files import run_from
 from rover_pin.parameters.gravity import EARTH, gravity_from
@@ -52,7 +56,7 @@ from rover_pin.toml_file import read_toml, toml_text
 from rover_pin.trust import Trust
 
 FILE, KIND = "drive.toml", "drive-log"
-RUN_KEYS = ("file", "start", "purpose", "units", "attrs")
+RUN_KEYS = ("file", "start", "purpose", "units", "attrs", "terrain")
 START_KEYS = ("x", "y", "yaw")
 
 
@@ -112,8 +116,27 @@ class DriveLog:
         raise ParameterError(f"{self.folder}: there is no run '{name}': {closest(name, stems)}")
 
     def terrain(self) -> Terrain:
-        """Return the terrain that the log declares."""
-        return terrain_from(self.about.terrain, self.folder, self.trust)
+        """Return the terrain that the log declares for all runs; flat ground where each run has its own."""
+        if self.about.terrain and not is_of_run(self.about.terrain):
+            return terrain_from(self.about.terrain, self.folder, self.trust)
+        return flat()
+
+    def terrain_of(self, run: Trace) -> Terrain | None:
+        """Return the terrain of a run that has its own: declared, a slope, or estimated; None where it has the log's.
+
+        Where nothing is declared at all it is estimated, as far as the run tells it.
+        """
+        table = run.attrs.get("terrain") or self.about.terrain or {"estimated": True}
+        if run.attrs.get("terrain") is None and not is_of_run(table):
+            return None
+        if not is_of_run(table):
+            return terrain_from(table, self.folder, self.trust)
+        return run_terrain(table, run, self.load_rover(), f"{self.folder}: {run.attrs.get('file', 'run')}: terrain")
+
+    def is_estimated(self, run: Trace) -> bool:
+        """Return whether the ground under a run is told by the run itself."""
+        table = run.attrs.get("terrain") or self.about.terrain
+        return not table or bool(table.get("estimated"))
 
     def load_rover(self) -> Rover:
         """Return the rover that the log names."""
@@ -216,7 +239,7 @@ def _run(file: Path, about: About, at: int, entry: dict[str, Any], trust: Trust)
     for key in entry:
         if key not in RUN_KEYS:
             raise DataError(f"{file}: run {at} has an unknown key '{key}': {closest(key, RUN_KEYS)}")
-    for key in ("units", "attrs"):
+    for key in ("units", "attrs", "terrain"):
         if not isinstance(entry.get(key, {}), dict):
             raise DataError(f"{file}: run {at} has {key} = {entry[key]!r}: give a table.")
     name = entry.get("file")
@@ -228,6 +251,7 @@ def _run(file: Path, about: About, at: int, entry: dict[str, Any], trust: Trust)
     told = {"file": name, "rover": about.rover, "gravity_mps2": about.gravity, "wheels": list(about.wheels)}
     told |= {"start": _start(file, at, entry["start"])} if "start" in entry else {}
     told |= {"input": about.input} if about.input else {}
+    told |= {"terrain": entry["terrain"]} if "terrain" in entry else {}
     told |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
     trace = run_from(_table(file, about, path, trust), about.wheels, units=entry.get("units", {}))
     return Trace(trace.channels, trace.units, {**told, **trace.attrs, **entry.get("attrs", {})})
@@ -235,7 +259,8 @@ def _run(file: Path, about: About, at: int, entry: dict[str, Any], trust: Trust)
 
 def _table(file: Path, about: About, run: Path, trust: Trust) -> Columns:
     if not is_bag(run):
-        return read_columns(run)
+        table = read_columns(run)
+        return mapped(table, about.columns, str(file)) if about.columns else table
     for part in run.iterdir() if is_folder(run) else [run]:
         if not is_file(trust.within(file.parent, str(part.relative_to(file.parent)), str(file))):
             raise DataError(f"{file}: {part} is no file, so that {run.name} is no bag: give one of regular files.")

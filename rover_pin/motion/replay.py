@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.body.terrain import Terrain
 from rover_pin.errors import DataError
 from rover_pin.motion.failure import failure, suspension_of
 from rover_pin.motion.kernel import Kernel
@@ -50,6 +51,12 @@ class Commands:
     place: np.ndarray
     start: Start
     rate: np.ndarray | None = None
+    terrain: Terrain | None = None
+    "the ground of this run alone, instead of the model's"
+
+    def on(self, model: Model) -> Model:
+        """Return a model on the ground of this run."""
+        return model if self.terrain is None else model.replace(terrain=self.terrain)
 
     @property
     def held(self) -> bool:
@@ -150,6 +157,7 @@ def replay(model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState
     SimulationError
         The rover does not settle at the start, or the ground is too stiff for any step.
     """
+    model = run.on(model)
     state = settled(model, run.start) if rest is None else _taken_over(model, rest)
     model = model.begun(run.start.x, run.start.y)
     dt = DT / parts(model, state, DT)

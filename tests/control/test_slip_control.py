@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 
 from rover_pin.body.rover import load_rover
 from rover_pin.body.statics import wheel_loads
+from rover_pin.body.wheel_base import wheel_places
 from rover_pin.contact import Wheel
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.slip_control import FADE, Gains, SlipControl, pi_law
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
-from rover_pin.control.steering import Turn, wheel_places
+from rover_pin.control.steering import Turn
 from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
 from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Command, Reading, Truth

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rover_pin.body.rover import load_rover
-from rover_pin.control.steering import wheel_places
+from rover_pin.body.wheel_base import wheel_places
 from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.checks.driven import Driven
 from rover_pin.experiments.drive_log.checks.excitation import levels

@@ -12,6 +12,7 @@ import numpy as np
 
 from rover_pin.discrepancy.candidate import SPACING, Candidate
 from rover_pin.effects.effect import MotorEffect
+from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
@@ -22,6 +23,8 @@ from rover_pin.quantity import quantities
 
 BIASED = ("body_roll", "body_pitch", "rocker_", "bogie_", "current_")
 """Channels whose zero may be wrong; those of rates are the tachogenerators' gains."""
+MOST_PLACES = 60
+"""Places at which a patch is tried, of those where more than one run has been."""
 SMOOTHING = (".x_0", ".y_0", ".v_0", ".w_s", ".theta_c", ".relaxation")
 """Quantities that round a law off at standstill, or say where a run began: no data tell them, so they stay."""
 
@@ -54,8 +57,14 @@ def candidates(
 
 
 def shows(effect: AnyEffect, experiment: DriveExperiment) -> bool:
-    """Return whether an effect can show in such logs: wheels held to their rates hide what acts in the motors."""
-    return not (experiment.held and isinstance(effect, MotorEffect))
+    """Return whether an effect can show in such logs.
+
+    Wheels held to their rates hide what acts in the motors; where each run tells its own ground, no tilt of all shows.
+    """
+    own_ground = any(run.commands.terrain is not None for run in experiment.runs)
+    return not (experiment.held and isinstance(effect, MotorEffect)) and not (
+        own_ground and type(effect) is GravityTilt
+    )
 
 
 def candidate_of(effect: AnyEffect) -> Candidate:
@@ -100,8 +109,23 @@ def _wheel_names(model: Model) -> list[Any]:
 
 
 def _places(experiment: DriveExperiment, length: float) -> list[float]:
-    """Return where a patch may begin: all along the ground that the runs have driven."""
+    """Return where a patch may begin: all along the ground that the runs have driven.
+
+    Where that is too long, only on what more than one run has passed: a patch that one run met is that run's ground.
+    """
     xs = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
     low, high = float(np.nanmin(xs)) - 0.1, float(np.nanmax(xs)) + 0.1
     count = max(1, math.ceil((high - low) / SPACING))
-    return [low + SPACING * at - length / 4 for at in range(count)]
+    places = range(count) if count <= MOST_PLACES else _passed_twice(experiment, low, count)
+    return [low + SPACING * at - length / 4 for at in places]
+
+
+def _passed_twice(experiment: DriveExperiment, low: float, count: int) -> list[int]:
+    """Return at most MOST_PLACES of the places that more than one run has passed."""
+    passed = np.zeros(count, dtype=int)
+    for run in experiment.runs:
+        x = run.commands.place[:, 0]
+        at = np.unique(np.floor((x[np.isfinite(x)] - low) / SPACING).astype(int))
+        passed[np.clip(at, 0, count - 1)] += 1
+    shared = np.flatnonzero(passed > 1)
+    return [int(at) for at in shared[:: max(1, math.ceil(len(shared) / MOST_PLACES))]]

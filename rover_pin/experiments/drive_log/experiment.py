@@ -157,7 +157,7 @@ def _free(run: LoggedRun) -> LoggedRun:
 
 def _rest(model: Model, run: Commands) -> DriveState | None:
     try:
-        return settled(model, run.start)
+        return settled(run.on(model), run.start)
     except SimulationError:
         return None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -171,7 +171,19 @@ def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
 def logged_runs(log: DriveLog, rover: Rover) -> tuple[LoggedRun, ...]:
     """Return all runs of a log; currents at held wheels tell something only where the torque constant is declared."""
     told = {"k_t", "gear"} <= log.about.motor.keys()
-    return tuple(logged_run(trace, rover, told or not trace.held) for trace in log.runs)
+    return tuple(_on_its_ground(log, trace, logged_run(trace, rover, told or not trace.held)) for trace in log.runs)
+
+
+TELL_GROUND = ("body_pitch", "body_roll", "body_z")
+"""Channels that tell the ground where it is estimated: comparing them again would count them twice."""
+
+
+def _on_its_ground(log: DriveLog, trace: Trace, run: LoggedRun) -> LoggedRun:
+    """Return the run on the ground of its own, if it has one, without the channels that this was estimated from."""
+    kept = [name not in TELL_GROUND or not log.is_estimated(trace) for name in run.channels]
+    names = tuple(name for name, keep in zip(run.channels, kept, strict=True) if keep)
+    commands = replace(run.commands, terrain=log.terrain_of(trace))
+    return replace(run, commands=commands, channels=names, seen=run.seen[np.array(kept, dtype=bool)])
 
 
 def _is_current(name: str) -> bool:

@@ -36,6 +36,8 @@ UNDECLARED = 2.0
 """How much wider the prior of a constant is that the log does not declare at all."""
 MOTOR_SD = {"gear": 0.04, "resistance": 0.04}
 """Relative SD of a motor constant that is declared without one (assumed: data sheets)."""
+LEVEL_SD = math.tan(math.radians(1.0))
+"""SD of the slope of a ground that a log's own level told: its zero is off by a degree (assumed), as if R differed."""
 RESISTANCE_SD = 0.25
 """Relative SD of a motion resistance that is declared without one, or not at all (assumed)."""
 
@@ -109,6 +111,7 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
     found += _of_motors(log, model) if not held(log) else []
     for R in (float(one.R) for one in model.effects if isinstance(one, MotionResistance) and one.R):
         sd = _sd(log.folder, log.about.resistance, "R", "", RESISTANCE_SD * R, widen=False)
+        sd = math.hypot(sd, LEVEL_SD) if any(log.is_estimated(run) for run in log.runs) else sd
         found.append(parameter(model, "MotionResistance.R", sd / R, log=True))
     return (*found, *(parameter(model, f"TachoScale[{one.name}].e", TACHO_TO_TACHO) for one in model.rover.wheels))
 

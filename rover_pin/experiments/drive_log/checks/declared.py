@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from rover_pin.body.terrain import Terrain
 from rover_pin.body.terrain_files import LARGEST
 from rover_pin.contact import Wheel
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
-from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.experiments.drive_log.model import held, usual_motor, usual_soil
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.drive_log import FILE, DriveLog
 from rover_pin.motion.motor import Motor
@@ -56,10 +57,12 @@ def rover_faults(log: DriveLog) -> Iterator[Finding]:
 
 def declared_findings(log: DriveLog) -> Iterator[Finding]:
     """Yield soil and motor constants that the log leaves to the package's assumptions."""
-    for title, table, names, record in (
-        ("soil", log.about.soil, SOIL, DRIVEN_SAND),
-        ("motor", log.about.motor, MOTOR, Motor()),
-    ):
+    rover = log.load_rover()
+    kinds: list[tuple[str, Mapping[str, Any], tuple[str, ...], Record]] = [
+        ("soil", log.about.soil, SOIL, usual_soil(rover)),
+        ("motor", log.about.motor, MOTOR, Motor() if log.about.motor else usual_motor(rover)),
+    ]
+    for title, table, names, record in kinds[:1] if held(log) else kinds:
         left = [name for name in names if name not in table]
         if left:
             what = f"[{title}] does not declare {', '.join(left)}, so {_values(record, left)} are assumed"

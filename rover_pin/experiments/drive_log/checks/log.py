@@ -8,11 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import numpy as np
-
 from rover_pin.body.terrain import Terrain
+from rover_pin.body.wheel_base import base_of
 from rover_pin.contact import Wheel
-from rover_pin.control.steering import wheel_places
 from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.checks import excitation as drive_excitation
 from rover_pin.experiments.drive_log.checks.columns import absurd_faults, column_faults, column_findings, gap_findings
@@ -34,6 +32,7 @@ from rover_pin.experiments.drive_log.checks.units import unit_faults
 from rover_pin.measurements.finding import Finding, gathered
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.motor import Motor
+from rover_pin.motion.run_terrain import is_of_run
 from rover_pin.quantity import quantities, record_from
 
 
@@ -95,7 +94,7 @@ def _of_run(run: Driven, motor: Motor | None, terrain: Terrain | None, length: f
 
 def _length(log: DriveLog) -> float:
     """Return the length from the rear to the front axle of the rover [m]."""
-    return float(np.ptp([place[0] for place in wheel_places(log.load_rover()).values()]))
+    return base_of(log.load_rover()).length
 
 
 def findings(log: DriveLog) -> tuple[Finding, ...]:
@@ -149,4 +148,4 @@ def _whole_motor(log: DriveLog) -> Motor | None:
 
 
 def _terrain(log: DriveLog) -> Terrain | None:
-    return log.terrain() if log.about.terrain else None
+    return log.terrain() if log.about.terrain and not is_of_run(log.about.terrain) else None

@@ -1,0 +1,96 @@
+"""A recording as it stands in its files: columns of numbers by their own names, one clock in seconds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from rover_pin.errors import DataError
+from rover_pin.importing.bags import bag_table
+from rover_pin.importing.matlab import mat_table
+from rover_pin.importing.text_table import text_table
+from rover_pin.motion.ros_bag import is_bag
+from rover_pin.parquet import unpacked
+from rover_pin.paths import exists
+
+
+class Raw(NamedTuple):
+    """One recording: its file, a table of numbers, and what was done to read it."""
+
+    path: Path
+    table: pd.DataFrame
+    notes: tuple[str, ...] = ()
+
+
+def read_raw(path: Path) -> Raw:
+    """Return a recording of any kind that is known by its suffix, text where it is not.
+
+    Raises
+    ------
+    DataError
+        The file is missing or cannot be read, or has fewer than two columns of numbers.
+    MissingExtraError
+        A bag without the extra that reads it.
+    """
+    if not exists(path):
+        raise DataError(f"{path}: there is no such file: give recordings as CSV, Parquet, .mat, .bag, .db3 or .mcap.")
+    table, notes = _table(path)
+    numbers, dropped = _numbers(table)
+    if numbers.shape[1] < 2 or len(numbers) < 2:
+        raise DataError(
+            f"{path}: {numbers.shape[1]} columns of numbers in {len(numbers)} rows: a recording needs a time and what "
+            "was measured, in two rows at least."
+        )
+    left = (f"columns without numbers are left out: {', '.join(dropped)}",) if dropped else ()
+    return Raw(path, numbers, (*notes, *left))
+
+
+def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    if is_bag(path):
+        return bag_table(path)
+    if path.suffix == ".mat":
+        return mat_table(path), ()
+    if path.suffix in (".parquet", ".pq"):
+        return _parquet(path), ()
+    return text_table(path)
+
+
+def _parquet(path: Path) -> pd.DataFrame:
+    from rover_pin.bounded import content
+
+    try:
+        return unpacked(content(path)).to_pandas()
+    except Exception as error:  # whatever pyarrow raises for bytes that are no Parquet
+        raise DataError(f"{path}: the file is not Parquet: {error}".rstrip(". \n") + ".") from error
+
+
+def _numbers(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Return the columns of numbers, dates as nanoseconds, and the names of those without any."""
+    kept, dropped = {}, []
+    for name in table.columns:
+        column = _as_numbers(table[name])
+        if column is None or not np.isfinite(np.asarray(column, dtype=float)).any():
+            dropped.append(str(name))
+        else:
+            kept[str(name)] = column
+    return pd.DataFrame(kept), dropped
+
+
+def _as_numbers(column: pd.Series) -> pd.Series | None:
+    if pd.api.types.is_bool_dtype(column):
+        return column.astype(float)
+    if pd.api.types.is_numeric_dtype(column):
+        return column
+    if pd.api.types.is_datetime64_any_dtype(column):
+        return column.dt.as_unit("ns").astype("int64")
+    numbers = pd.to_numeric(column, errors="coerce")
+    if numbers.notna().sum() > 0.5 * column.notna().sum():
+        return numbers
+    try:
+        dates = pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
+    except (ValueError, TypeError, OverflowError):
+        return None
+    return dates.dt.as_unit("ns").astype("int64") if dates.notna().mean() > 0.99 else None

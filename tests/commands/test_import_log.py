@@ -1,0 +1,53 @@
+"""`import-log` by its command: what it prints, what it says is missing, and errors in one sentence."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import pytest
+
+_spec = importlib.util.spec_from_file_location("recordings", Path(__file__).parents[1] / "importing" / "recordings.py")
+recordings = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(recordings)
+
+
+def test_a_recording_becomes_a_log_that_check_data_takes(run):
+    recordings.german(recordings.truth(), Path())
+    code, out, err = run("import-log", "Messung.csv", "--rover", "cart", "--json")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert told["next"] == "rover-pin close-loop Messung"
+    assert "Messung.csv: columns between semicolons, decimal comma" in told["notes"]
+    assert any("no duties" in each for each in told["lacks"])
+    assert run("check-data", "Messung")[0] == 0
+
+
+def test_odometry_is_written_down_and_then_refused(run):
+    import numpy as np
+
+    seen = recordings.truth()
+    rim = recordings.R * np.mean([seen[f"wheel_rate_{wheel}"] for wheel in ("fl", "fr", "bl", "br")], axis=0)
+    for name, each in (("body_x", np.cos), ("body_y", np.sin)):
+        seen[name] = np.cumsum(0.1 * rim * each(seen["body_yaw"]))
+    recordings.plain(seen, Path())
+    code, out, err = run("import-log", "plain.csv", "--rover", "cart")
+    assert code == 2
+    assert "written" in out
+    assert "they are the wheels' odometry" in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--column", "body_x"), "give NAME=FORMULA"),
+        (("--column", "body_x=open('x')"), "there is no function 'open'"),
+        (("--rover", "nowhere.toml"), "nowhere"),
+    ],
+)
+def test_errors_are_one_sentence(run, words, said):
+    recordings.plain(recordings.truth(), Path())
+    code, _, err = run("import-log", "plain.csv", "--rover", "cart", *words)
+    assert code == 2
+    assert said in err
+    assert err.count("\n") == 1

@@ -1,0 +1,152 @@
+"""One drive of the cart as other people record it: the same truth in many habits of files, names, units and frames."""
+
+import math
+
+import numpy as np
+import pandas as pd
+
+R, HALF = 0.11, 0.26
+"""Wheel radius and half the track of the cart [m]."""
+EPOCH = 1_700_000_000_000_000_000
+"""Begin of the recordings [ns since 1970]."""
+DEG = math.pi / 180.0
+
+
+def truth(seconds=70.0, rate=10.0, seed=3):
+    """A drive in SI by a drive log's names: curves, slopes, slip that grows with them, a stop of 6 s, noise."""
+    random = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    drives = ~((t > 30.0) & (t < 36.0))
+    pitch = -0.12 * np.sin(0.15 * t) * drives
+    slip = np.where(drives, 0.12 - 0.8 * pitch, 0.0)
+    rim = 0.16 * drives * (1.0 + 0.3 * np.sin(0.4 * t))
+    turn = 0.08 * np.cos(0.1 * t) * drives
+    yaw = 0.4 + np.cumsum(turn) / rate
+    speed = rim * (1.0 - slip)
+    x, y = (np.cumsum(speed * np.cos(pitch) * each) / rate for each in (np.cos(yaw), np.sin(yaw)))
+    z = np.cumsum(-speed * np.sin(pitch)) / rate
+    noise = [random.normal(0.0, sd, len(t)) for sd in (0.002, 0.002, 0.003, 0.002, 0.002, 0.002)]
+    pose = {"x": x, "y": y, "z": z, "yaw": yaw, "pitch": pitch, "roll": 0.0 * t}
+    made = {"t_s": t} | {f"body_{name}": values + own for (name, values), own in zip(pose.items(), noise, strict=True)}
+    for wheel, side in (("fl", -1), ("fr", 1), ("bl", -1), ("br", 1)):
+        made[f"wheel_rate_{wheel}"] = (rim + side * HALF * turn * drives) / R + random.normal(0.0, 0.003, len(t))
+    return made
+
+
+def quaternion(seen):
+    """x, y, z, w of the attitude."""
+    from scipy.spatial.transform import Rotation
+
+    angles = np.column_stack([seen["body_yaw"], seen["body_pitch"], seen["body_roll"]])
+    return Rotation.from_euler("ZYX", angles).as_quat().T
+
+
+def plain(seen, folder):
+    """Commas and points, names that say everything, SI."""
+    names = {"t_s": "time [s]", "body_x": "x [m]", "body_y": "y [m]", "body_z": "z [m]", "body_yaw": "yaw [rad]"}
+    names |= {"body_pitch": "pitch [rad]", "body_roll": "roll [rad]"}
+    names |= {f"wheel_rate_{wheel}": f"wheel_{wheel}_speed [rad/s]" for wheel in ("fl", "fr", "bl", "br")}
+    path = folder / "plain.csv"
+    pd.DataFrame({new: seen[old] for old, new in names.items()}).to_csv(path, index=False)
+    return path
+
+
+def german(seen, folder):
+    """Semicolons, decimal comma, byte-order mark, preamble, a row of units: degrees, rpm, mm, ms of the epoch."""
+    columns = {
+        ("Zeitstempel", "ms"): np.round(EPOCH // 1_000_000 + 1e3 * seen["t_s"]),
+        ("Position X", "mm"): 1e3 * seen["body_x"],
+        ("Position Y", "mm"): 1e3 * seen["body_y"],
+        ("Höhe", "mm"): 1e3 * seen["body_z"],
+        ("Gierwinkel", "°"): seen["body_yaw"] / DEG,
+        ("Nickwinkel", "°"): seen["body_pitch"] / DEG,
+        ("Rollwinkel", "°"): seen["body_roll"] / DEG,
+    }
+    places = {"fl": "vorne links", "fr": "vorne rechts", "bl": "hinten links", "br": "hinten rechts"}
+    columns |= {
+        (f"Drehzahl {word}", "U/min"): seen[f"wheel_rate_{wheel}"] * 30 / math.pi for wheel, word in places.items()
+    }
+    lines = ["Messfahrt im Sandkasten;;;", "Bediener;Müller;;"]
+    lines += [";".join(name for name, _ in columns), ";".join(f"[{unit}]" for _, unit in columns)]
+    for row in zip(*columns.values(), strict=True):
+        lines.append(
+            ";".join(f"{value:.9g}".replace(".", ",") if abs(value) < 1e9 else f"{value:.0f}" for value in row)
+        )
+    path = folder / "Messung.csv"
+    path.write_text("\ufeff" + "\r\n".join(lines) + "\r\n", encoding="utf-8")
+    return path
+
+
+def nanoseconds(seen, folder):
+    """Tabs, ns of the epoch, a quaternion, wheel speeds without a unit in rpm, the right side mounted the other way."""
+    columns = {"stamp": [str(EPOCH + round(1e9 * t)) for t in seen["t_s"]]}
+    columns |= {f"pose.position.{axis}": seen[f"body_{axis}"] for axis in "xyz"}
+    columns |= {f"pose.orientation.{axis}": each for axis, each in zip("xyzw", quaternion(seen), strict=True)}
+    for wheel, name in (
+        ("fl", "motorFrontLeft"),
+        ("fr", "motorFrontRight"),
+        ("bl", "motorRearLeft"),
+        ("br", "motorRearRight"),
+    ):
+        columns[f"{name}.velocity"] = (-1 if wheel.endswith("r") else 1) * seen[f"wheel_rate_{wheel}"] * 30 / math.pi
+    path = folder / "robot_log.tsv"
+    pd.DataFrame(columns).to_csv(path, sep="\t", index=False)
+    return path
+
+
+def geographic(seen, folder):
+    """Latitude and longitude, a compass in degrees clockwise from north, speeds of the two sides in m/s, ISO dates."""
+    lat = 48.1 + seen["body_y"] / 111_200.4
+    lon = 11.5 + seen["body_x"] / (111_412.84 * math.cos(48.1 * DEG) - 93.5 * math.cos(3 * 48.1 * DEG))
+    columns = {
+        "timestamp": [f"2026-05-01T10:{int(t // 60):02d}:{t % 60:06.3f}Z" for t in seen["t_s"]],
+        "gps_latitude": lat,
+        "gps_longitude": lon,
+        "heading_deg": 90.0 - seen["body_yaw"] / DEG,
+        "imu_pitch_deg": seen["body_pitch"] / DEG,
+        "speed_left_mps": R * seen["wheel_rate_fl"],
+        "speed_right_mps": R * seen["wheel_rate_fr"],
+        "mode": "auto",
+    }
+    path = folder / "gps.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    return path
+
+
+def parquet(seen, folder):
+    """A Parquet file with a date column, odometry beside the tracker's pose, commands beside measured rates."""
+    columns = {"time": pd.to_datetime(EPOCH + np.round(1e9 * seen["t_s"]).astype("int64"), utc=True)}
+    columns |= {f"odom_{axis}": 1.2 * seen[f"body_{axis}"] for axis in "xy"}
+    columns |= {f"mocap_{axis}": seen[f"body_{axis}"] for axis in "xyz"}
+    columns |= {f"mocap_{angle}": seen[f"body_{angle}"] for angle in ("roll", "pitch", "yaw")}
+    for wheel in ("fl", "fr", "bl", "br"):
+        columns[f"cmd_wheel_vel_{wheel}"] = np.round(seen[f"wheel_rate_{wheel}"])
+        columns[f"wheelVel{wheel.upper()}"] = seen[f"wheel_rate_{wheel}"]
+    path = folder / "log.parquet"
+    pd.DataFrame(columns).to_parquet(path)
+    return path
+
+
+def matlab(seen, folder):
+    """A struct in a .mat, time in its own vector, wheels as the columns of a matrix."""
+    from scipy.io import savemat
+
+    path = folder / "log.mat"
+    wheels = np.column_stack([seen[f"wheel_rate_{wheel}"] for wheel in ("fl", "fr", "bl", "br")])
+    pose = {name: seen[f"body_{name}"] for name in ("x", "y", "z", "roll", "pitch", "yaw")}
+    savemat(path, {"log": {"t": seen["t_s"], "pose": pose, "wheel_omega": wheels}})
+    return path
+
+
+def twist(seen, folder):
+    """Blanks, a comment for a header, no wheels: forward speed and turn as the odometry has them, no yaw."""
+    left, right = R * seen["wheel_rate_fl"], R * seen["wheel_rate_fr"]
+    columns = {"t": seen["t_s"], "x": seen["body_x"], "y": seen["body_y"], "z": seen["body_z"]}
+    columns |= {"odom_v": (left + right) / 2, "odom_omega": (right - left) / (2 * HALF), "pitch": seen["body_pitch"]}
+    path = folder / "run1.txt"
+    rows = "\n".join(" ".join(f"{value:.7g}" for value in row) for row in zip(*columns.values(), strict=True))
+    path.write_text(f"# {' '.join(columns)}\n{rows}\n")
+    return path
+
+
+HABITS = {each.__name__: each for each in (plain, german, nanoseconds, geographic, parquet, matlab, twist)}

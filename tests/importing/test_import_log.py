@@ -1,0 +1,191 @@
+"""Recordings in other people's habits become the drive log of the same drive."""
+
+import importlib.util
+import math
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rover_pin.body.rover import load_rover
+from rover_pin.errors import DataError
+from rover_pin.experiments.drive_log.checks.log import check, faults
+from rover_pin.importing.import_log import import_log
+from rover_pin.motion.drive_log import read_drive_log
+
+_spec = importlib.util.spec_from_file_location("recordings", Path(__file__).parent / "recordings.py")
+recordings = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(recordings)
+
+TOLERANCES = {"body_x": 2e-3, "body_y": 2e-3, "body_z": 1e-6, "body_pitch": 1e-6, "body_roll": 1e-6, "body_yaw": 1e-6}
+LACKS = {"geographic": ("body_z", "body_roll"), "twist": ("body_roll",)}
+
+
+@pytest.fixture(scope="module")
+def seen():
+    return recordings.truth()
+
+
+def imported(path, folder, **options):
+    made = import_log([path], "cart", folder / "log", **options)
+    return made, read_drive_log(folder / "log")
+
+
+@pytest.mark.parametrize("habit", recordings.HABITS)
+def test_the_same_drive_comes_out_of_every_habit(habit, seen, tmp_path):
+    made, log = imported(recordings.HABITS[habit](seen, tmp_path), tmp_path)
+    assert len(log.runs) >= 2
+    begins = [float(line.split(" s from ")[1].split(" s of ")[0]) for line in made.runs]
+    for run, begin in zip(log.runs, begins, strict=True):
+        at = int(np.argmin(np.abs(seen["t_s"] - begin)))
+        rows = slice(at, at + len(run.t))
+        for name, values in seen.items():
+            if name in LACKS.get(habit, ()) or name == "t_s":
+                continue
+            own, true = run[name], values[rows]
+            if name in ("body_x", "body_y"):
+                own, true = own - own[0], true - true[0]
+            if name == "body_yaw":
+                own = own - 2 * math.pi * np.round((own[0] - true[0]) / (2 * math.pi))
+            tolerance = TOLERANCES.get(name, 1e-4)
+            if habit in ("geographic", "twist") and name.startswith("wheel_rate"):
+                tolerance = 0.02
+            if habit == "twist" and name == "body_yaw":
+                tolerance = 0.1
+            if habit == "geographic" and name in ("body_x", "body_y"):
+                tolerance = 1e-2
+            assert own == pytest.approx(true, abs=tolerance), name
+
+
+@pytest.mark.parametrize("habit", recordings.HABITS)
+def test_an_imported_log_passes_the_checks_of_the_loop(habit, seen, tmp_path):
+    _, log = imported(recordings.HABITS[habit](seen, tmp_path), tmp_path)
+    assert faults(log) == ()
+    assert "held to their measured rates" in " ".join(map(str, check(log).found))
+
+
+@pytest.mark.parametrize("habit", recordings.HABITS)
+def test_what_is_guessed_is_marked_in_the_toml_once(habit, seen, tmp_path):
+    made, _ = imported(recordings.HABITS[habit](seen, tmp_path), tmp_path)
+    text = (tmp_path / "log" / "drive.toml").read_text()
+    columns = tomllib.loads(text)["columns"]
+    told = [line.split(" = ")[0] for line in made.columns]
+    assert len(told) == len(set(told))
+    assert set(columns) <= set(told)
+    for line in made.columns:
+        name = line.split(" = ")[0]
+        (own,) = [each for each in text.splitlines() if each.startswith(f"{name} = ")] or [""]
+        assert ("GUESSED" in line) == ("GUESSED" in own)
+
+
+def test_a_stop_and_a_gap_part_runs_and_what_stands_is_left_out(seen, tmp_path):
+    table = pd.read_csv(recordings.plain(seen, tmp_path))
+    cut = table[(table["time [s]"] < 50.0) | (table["time [s]"] > 55.0)]
+    cut.to_csv(tmp_path / "cut.csv", index=False)
+    _, log = imported(tmp_path / "cut.csv", tmp_path)
+    for run in log.runs:
+        assert np.max(np.diff(run.t)) < 1.0
+        rates = np.mean([np.abs(run[f"wheel_rate_{wheel}"]) for wheel in ("fl", "fr", "bl", "br")], axis=0)
+        assert np.mean(rates < 0.1) < 0.2
+    assert sum(float(run.t[-1]) for run in log.runs) < 62.0
+
+
+def test_of_a_long_recording_the_most_telling_parts_are_kept_and_that_is_said(tmp_path):
+    long = recordings.truth(seconds=900.0)
+    made, log = imported(recordings.plain(long, tmp_path), tmp_path, most=4)
+    assert len(log.runs) == 4
+    assert any("4 of " in note and "those that tell most" in note for note in made.notes)
+    reached = [float(np.ptp(run["body_pitch"])) for run in log.runs]
+    assert max(reached) > 0.2
+
+
+def test_a_user_may_say_what_a_column_is(seen, tmp_path):
+    table = pd.read_csv(recordings.plain(seen, tmp_path)).rename(columns={"yaw [rad]": "blau"})
+    table["blau"] += 0.001
+    table.to_csv(tmp_path / "own.csv", index=False)
+    made, log = imported(tmp_path / "own.csv", tmp_path, told={"body_yaw": "blau - 0.001"})
+    assert "body_yaw = blau - 0.001" in made.columns
+    assert log.runs[0]["body_yaw"][:5] == pytest.approx(seen["body_yaw"][:5], abs=0.2)
+
+
+def test_odometry_alone_is_taken_marked_and_then_refused(seen, tmp_path):
+    table = pd.read_csv(recordings.plain(seen, tmp_path))
+    rim = recordings.R * np.mean([table[f"wheel_{wheel}_speed [rad/s]"] for wheel in ("fl", "fr", "bl", "br")], axis=0)
+    yaw = table["yaw [rad]"].to_numpy()
+    table["odom_x"], table["odom_y"] = (np.cumsum(0.1 * rim * each) for each in (np.cos(yaw), np.sin(yaw)))
+    table.drop(columns=["x [m]", "y [m]", "z [m]"]).to_csv(tmp_path / "odom.csv", index=False)
+    made, log = imported(tmp_path / "odom.csv", tmp_path)
+    assert any("odom_x" in line and "odometry" in line for line in made.columns)
+    assert "they are the wheels' odometry" in str(faults(log)[0])
+
+
+def without(names):
+    def write(seen, folder):
+        table = pd.read_csv(recordings.plain(seen, folder))
+        table.drop(columns=[name for name in table if name.startswith(names)]).to_csv(folder / "less.csv", index=False)
+        return folder / "less.csv"
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("x [m]", "y [m]"), "no column is known as where the rover was.*say --column body_x='FORMULA'"),
+        (("wheel_",), "no column is known as the rate of wheel fl"),
+        (("wheel_bl",), "no column is known as the rate of wheel fl"),
+        (("time",), "no column is a clock"),
+    ],
+)
+def test_what_is_needed_and_missing_is_one_sentence_with_the_columns_there_are(names, said, seen, tmp_path):
+    with pytest.raises(DataError, match=said) as error:
+        imported(without(names)(seen, tmp_path), tmp_path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("none.csv", None, "there is no such file"),
+        ("empty.csv", b"", "no lines of numbers in columns"),
+        ("text.csv", b"Dear all,\nplease find attached\n", "no lines of numbers in columns"),
+        ("one.csv", b"t\n1\n2\n", "no lines of numbers in columns"),
+        ("bytes.mat", b"\x00\x01", "no .mat that can be read"),
+        ("bytes.parquet", b"PAR1", "is not Parquet"),
+        ("bytes.bag", b"\x00\x01", "bag cannot be read"),
+        (
+            "still.csv",
+            b"t,x,y,yaw,w_fl,w_fr,w_bl,w_br\n" + b"".join(b"%d,0,0,0,0,0,0,0\n" % k for k in range(50)),
+            "never turn",
+        ),
+    ],
+)
+def test_a_file_that_is_no_recording_is_refused_in_one_sentence(name, content, said, tmp_path):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(DataError, match=said) as error:
+        imported(tmp_path / name, tmp_path)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "log").exists()
+
+
+def test_nothing_is_written_over(seen, tmp_path):
+    path = recordings.plain(seen, tmp_path)
+    imported(path, tmp_path)
+    with pytest.raises(DataError, match="is already there; give another folder"):
+        imported(path, tmp_path)
+
+
+def test_the_rover_of_a_log_is_found_from_its_folder(seen, tmp_path):
+    import shutil
+
+    from rover_pin.description.layout import rover_folder
+
+    for name in ("cart.toml", "cart.urdf"):
+        shutil.copy(rover_folder() / name, tmp_path / name)
+    import_log([recordings.plain(seen, tmp_path)], tmp_path / "cart.toml", tmp_path / "log")
+    log = read_drive_log(tmp_path / "log")
+    assert log.about.rover == "../cart.toml"
+    assert log.load_rover().mass == load_rover("cart").mass
