@@ -201,7 +201,7 @@ def identify(
 ) -> None:
     """Fit soil parameters to measured data, and say which of them the data tell."""
     from rover_pin.identification.identify import identify as fit
-    from rover_pin.measurements.reading import read_evidence
+    from rover_pin.loop.data_check import checked_evidence
     from rover_pin.parameters import soil_named
     from rover_pin.settings import Settings
 
@@ -210,7 +210,10 @@ def identify(
     start = start.replace(**given.record("soil", start))
     given.finish()
     names = tuple(name.strip() for name in free.split(",") if name.strip())
-    found = fit(read_evidence(data, Trust(everything=trust)), start, names, priors(prior))
+    evidence, findings = checked_evidence(data, Trust(everything=trust))
+    for finding in findings:
+        log.warning("%s", finding)
+    found = fit(evidence, start, names, priors(prior))
     print(json_text(found.as_dict()) if as_json else found.report())
 
 

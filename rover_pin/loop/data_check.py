@@ -11,8 +11,11 @@ from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_p
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.close import read_data
+from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.drive_log import DriveLog
+from rover_pin.measurements.reading import read_evidence
+from rover_pin.motion.drive_log import DriveLog, read_drive_log
+from rover_pin.paths import is_file
 from rover_pin.trust import Trust
 
 
@@ -45,6 +48,25 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
     refuse_unfit(data)
     uncertain, _ = nuisances(data, RigModel(data.rig.wheel, data.soil()))
     return DataCheck("wheel-rig", _holds(data), tuple(findings(data)), too_poor(data, len(uncertain)))
+
+
+def checked_evidence(path: str | Path, trust: Trust = Trust()) -> tuple[Evidence, tuple[Finding, ...]]:
+    """Return measured data to fit parameters to, and what their check found: a drive log is checked as by the loop.
+
+    Parameters
+    ----------
+    path : str or Path
+        As `read_evidence` takes it.
+
+    Raises
+    ------
+    DataError
+        What `read_evidence` refuses, and a drive log that would mislead whatever the model.
+    """
+    found: tuple[Finding, ...] = ()
+    if is_file(Path(path) / "drive.toml") and not is_file(Path(path) / "rig.toml"):
+        found = check_log(read_drive_log(path, trust)).found
+    return read_evidence(path, trust), found
 
 
 def _holds(data: RigSet) -> str:
