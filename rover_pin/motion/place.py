@@ -13,7 +13,7 @@ import pinocchio as pin
 from rover_pin.effects.effect import BodyEffect
 from rover_pin.errors import SimulationError
 from rover_pin.motion.model import Model
-from rover_pin.motion.relaxation import AT_REST, Relaxation
+from rover_pin.motion.relaxation import Rest, relaxed
 from rover_pin.motion.state import DriveState
 from rover_pin.quantity import Angle, Length
 
@@ -70,19 +70,13 @@ def set_down(model: Model, start: Start, symmetric: bool = False) -> SetDown:
     """
     model = dataclasses.replace(model, body_effects=tuple(map(_at_rest, model.body_effects)))
     state = hovering(model, start)
-    held = Relaxation(model, state, start.yaw, symmetric)
-    if held.in_hand() > AT_REST:
+    rest = relaxed(model, state, start.yaw, symmetric)
+    if rest is Rest.NEVER:
         raise SimulationError(
             f"The rover does not settle at x = {start.x:g} m, y = {start.y:g} m: it tips or sinks there; "
             "start on gentler ground or on stiffer soil."
         )
-    in_hand = state.copy()
-    held.let_go()
-    if held.unbalanced() <= AT_REST:
-        return SetDown(in_hand, RESTS)
-    if model.slip.states and held.on_the_soil() <= AT_REST:
-        return SetDown(state, RESTS)
-    return SetDown(in_hand, SLIDES)
+    return SetDown(state, RESTS if rest is Rest.RESTS else SLIDES)
 
 
 def _at_rest(effect: BodyEffect) -> BodyEffect:

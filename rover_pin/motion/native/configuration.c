@@ -59,6 +59,15 @@ static void drift(const Drive *d) {
   }
 }
 
+/* Turn the base about the vertical through itself. */
+static void turn_base(double *q, double turn) {
+  const double c = cos(0.5 * turn), s = sin(0.5 * turn), x = q[3], y = q[4], z = q[5], w = q[6];
+  q[3] = c * x - s * y;
+  q[4] = c * y + s * x;
+  q[5] = c * z + s * w;
+  q[6] = c * w - s * z;
+}
+
 static void mirror_speeds(const Drive *d) {
   double image[MAX_DOF];
   for (integer i = 0; i < d->nv; ++i) image[i] = d->mirror_sign[i] * d->v[d->mirror_index[i]];

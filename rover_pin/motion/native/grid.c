@@ -16,7 +16,7 @@ typedef struct { Row height, slope_x, slope_y; Cells cell; } Below;
 
 static inline Row row_where(Cells m, Row a, Row b) { return (Row)((m & (Cells)a) | (~m & (Cells)b)); }
 static inline Row within(Row x, double most) {
-  x = row_where(x < 0.0, (Row){0}, x);
+  x = row_where(x > 0.0, x, (Row){0}); /* not a number: 0 */
   return row_where(x > most, (Row){0} + most, x);
 }
 

@@ -25,6 +25,7 @@ def library() -> ctypes.CDLL:
     made.rover_pin_run.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
     made.rover_pin_row.argtypes = [ctypes.c_void_p] * 3
     made.rover_pin_row.restype = None
+    made.rover_pin_set_down.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
     made.rover_pin_sizes.argtypes = [ctypes.c_void_p]
     made.rover_pin_sizes.restype = None
     assert sizes(made).drive == ctypes.sizeof(DriveStruct), "this compiler lays the struct Drive out otherwise"

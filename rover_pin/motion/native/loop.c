@@ -44,12 +44,8 @@ static void draw(Drive *d, Loop *l, const double *place) {
     }
   if (!isfinite(place[2])) return;
   find_attitude(q, attitude);
-  const double turn = l->share * remainder(place[2] - attitude[2], 2.0 * PI), c = cos(0.5 * turn), s = sin(0.5 * turn);
-  const double x = q[3], y = q[4], z = q[5], w = q[6];
-  q[3] = c * x - s * y;
-  q[4] = c * y + s * x;
-  q[5] = c * z + s * w;
-  q[6] = c * w - s * z;
+  const double turn = l->share * remainder(place[2] - attitude[2], 2.0 * PI);
+  turn_base(q, turn);
   l->moved[2] += turn;
 }
 

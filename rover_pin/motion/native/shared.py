@@ -135,10 +135,34 @@ LOOP_FIELDS: list[tuple[Any, dict[str, str], str]] = [
 ]
 
 
+SETTLING_FIELDS: list[tuple[Any, dict[str, str], str]] = [
+    (ctypes.c_int64, {"n_slip": ""}, "integer {}"),
+    (ctypes.c_double, {"yaw gravity radius most_slid": "most_slid: change of a slip in one step"}, "double {}"),
+    (
+        ctypes.c_void_p,
+        {
+            "place rise": "x, y, and the ground's slope there",
+            "lengths": "what makes each speed one of a wheel; 0 where it is locked",
+            "free_lengths free_rotors": "of the slide, for when it is let go",
+            "most_shear": "of each slip",
+            "before looked in_hand": "room for a state each",
+        },
+        "double *{}",
+    ),
+    (ctypes.c_void_p, {"slip": "their places among a wheel's states"}, "integer *{}"),
+]
+
+
 class LoopStruct(ctypes.Structure):
     """The struct Loop."""
 
     _fields_ = [(name, kind) for kind, lines, _ in LOOP_FIELDS for names in lines for name in names.split()]
+
+
+class SettlingStruct(ctypes.Structure):
+    """The struct Settling."""
+
+    _fields_ = [(name, kind) for kind, lines, _ in SETTLING_FIELDS for names in lines for name in names.split()]
 
 
 class DriveStruct(ctypes.Structure):
@@ -163,8 +187,9 @@ def header() -> str:
     lines += [f"#define N_FACET {N_FACET}", f"#define N_PATCH {N_PATCH}"]
     lines += [_places(table, names) for table, names in tables.items()]
     lines += [f"#define {name} {value!r}" for name, value in PACE.items()]
-    structs = ["typedef struct {", *_members(FIELDS), "} Drive;", "typedef struct {", *_members(LOOP_FIELDS), "} Loop;"]
-    return "\n".join([*lines, *structs, ""])
+    for name, fields in {"Drive": FIELDS, "Loop": LOOP_FIELDS, "Settling": SETTLING_FIELDS}.items():
+        lines += ["typedef struct {", *_members(fields), f"}} {name};"]
+    return "\n".join([*lines, ""])
 
 
 def _names(record: type[Record]) -> Sequence[str]:

@@ -1,0 +1,75 @@
+"""Setting down in one call of the compiled step, against the same method step by step in Python."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.body.terrain import HeightGrid
+from rover_pin.effects.point_mass import PointMass
+from rover_pin.errors import SimulationError
+from rover_pin.motion.place import Start, hovering, settled
+from rover_pin.motion.relaxation import Rest, relaxed
+from rover_pin.scenarios import scenario
+
+_spec = importlib.util.spec_from_file_location("plain_relaxation", Path(__file__).parent / "plain_relaxation.py")
+plain = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(plain)
+
+CASES = {
+    "flat": ("flat", {}, Start()),
+    "ditch, with the front wheels in it": ("ditch", {}, Start(0.45, 0.0, 0.0)),
+    "ditch, aslant": ("ditch", {}, Start(0.4, 0.0, 0.7)),
+    "stiff shear": ("flat", {"soil.k": 0.0005}, Start(0.0, 0.0, 0.2)),
+    "soft ground": ("flat", {"soil.k_1": 2e4}, Start()),
+    "a slope that holds": ("incline", {"terrain.angle_deg": 5.0}, Start()),
+    "a slope that does not": ("park", {"terrain.angle_deg": 25.0}, Start()),
+    "across a slope": ("incline", {"terrain.angle_deg": 4.0}, Start(0.0, 0.0, 1.2)),
+    "cart": ("flat", {"rover": "cart"}, Start(0.0, 0.0, -0.4)),
+    "rocks": ("rocks", {}, Start(0.7, 0.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_call_comes_to_the_rest_of_the_method_in_python(name):
+    shape, options, start = CASES[name]
+    model = scenario(shape, **options).model
+    ends, how = [], []
+    for rest in (relaxed, plain.set_down):
+        state = hovering(model, start)
+        how.append(rest(model, state, start.yaw, False))
+        ends.append(state)
+    assert Rest(how[0]).name == how[1]
+    for part in ("q", "v", "contact", "motor"):
+        assert getattr(ends[0], part) == pytest.approx(getattr(ends[1], part), rel=0.0, abs=1e-11), part
+
+
+def test_every_way_to_stand_is_met():
+    found = set()
+    for shape, options, start in CASES.values():
+        model = scenario(shape, **options).model
+        found.add(relaxed(model, hovering(model, start), start.yaw, False))
+    assert found == {Rest.RESTS, Rest.SLIDES}
+
+
+def test_a_rover_that_cannot_stand_is_refused_by_both():
+    model = scenario("flat").model
+    heavy = model.having(PointMass(m=20.0, shift_x=0.9))
+    state, other = hovering(heavy, Start()), hovering(heavy, Start())
+    assert relaxed(heavy, state, 0.0, False) is Rest.NEVER
+    assert plain.set_down(heavy, other, 0.0, False) == "NEVER"
+    with pytest.raises(SimulationError, match="does not settle"):
+        settled(heavy, Start())
+
+
+def test_heights_that_overflow_are_no_crash():
+    """A place is looked up in a grid although the rover was thrown away by a step: it is taken again, shorter."""
+    model = scenario("flat").model
+    z = np.zeros((40, 40))
+    z[::2] = 1e-3
+    grid = dataclasses.replace(model, terrain=HeightGrid(-1.0, -1.0, 0.05, 0.05, z))
+    assert np.isfinite(settled(grid, Start()).q).all()
