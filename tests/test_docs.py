@@ -1,5 +1,6 @@
 """The pages do what they say: their Python runs, their commands and options are there, what they quote comes out."""
 
+import importlib.util
 import re
 import shlex
 from pathlib import Path
@@ -70,6 +71,26 @@ def test_the_pictures_and_pages_it_names_are_there():
         for target in re.findall(r"\]\(([\w/.-]+\.(?:png|gif|md|cff))(?:#[\w-]+)?\)", text):
             made = target.startswith("catalogue/") or target in ("api.md", "commands.md")
             assert made or (home / target).is_file(), f"{name}: {target}"
+
+
+def test_the_gallery_shows_what_its_study_draws():
+    shown = dict(re.findall(r"`rover-pin drive ([^`]+)`\n\n!\[[^]]+\]\(([\w-]+\.png)\)", PAGES["gallery.md"]))
+    assert shown == {words: picture for picture, words in gallery().PICTURES.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(set(SCENES) - {"polyline", "grid"}))
+def test_the_gallery_says_what_becomes_of_the_rover(name):
+    (said,) = re.findall(rf"^\| `rover-pin drive {name}` \| (.+) \|$", PAGES["gallery.md"], re.MULTILINE)
+    assert scenario(name).drive().attrs["happened"] == said
+
+
+def gallery():
+    """The study of the gallery, as a module."""
+    spec = importlib.util.spec_from_file_location("gallery", ROOT / "studies" / "gallery.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def test_every_page_is_found_from_the_list_of_pages():

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from rover_pin.motion.draw import COLOURS, draw_lines, wheel_lines
 from rover_pin.motion.trace import Trace
-from rover_pin.plot.sheet import sheet
+from rover_pin.plot.sheet import in_lines, sheet
 from rover_pin.plot.snapshots import title_of
 
 Panel = Callable[[Axes], None]
@@ -23,13 +23,12 @@ STILL = 1e-3
 def history(trace: Trace) -> Figure:
     """Return slip, speed, sinkage, suspension angles, heading and duty against time; what stays as it is, is said."""
     panels, constant = _panels(trace)
-    figure, axes = sheet(len(panels), size=(9.0, 0.8 + 1.9 * len(panels)), sharex=True, squeeze=False)
+    figure, axes = sheet(len(panels), size=(9.0, 1.0 + 1.9 * len(panels)), sharex=True, squeeze=False)
     for (label, draw), each in zip(panels.items(), axes[:, 0], strict=True):
         draw(each)
         each.set_ylabel(label)
         each.grid(alpha=0.3)
-    said = "   ".join([title_of(trace), *constant])
-    axes[0, 0].set_title(said, fontsize=8 if len(said) < 150 else 7)
+    axes[0, 0].set_title(in_lines([*title_of(trace), *constant]), fontsize=8)
     axes[-1, 0].set_xlabel("t [s]")
     return figure
 

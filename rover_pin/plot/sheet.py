@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,20 @@ from matplotlib.figure import Figure
 
 from rover_pin.columns import replace_file
 
-MARGINS = (0.75, 0.15, 0.5, 0.3)
+MARGINS = (0.75, 0.15, 0.5, 0.5)
 """Left, right, bottom and top of the axes [in]: a layout that measures every text costs as much as the drawing."""
+
+LONGEST = 110
+"""Letters of a title's line that fit above a sheet's axes."""
+
+
+def in_lines(parts: Sequence[str]) -> str:
+    """Return the parts of a title side by side, in as many lines as they need to be read whole."""
+    lines = [""]
+    for part in parts:
+        longer = f"{lines[-1]}   {part}".strip()
+        lines[-1:] = [longer] if len(longer) <= LONGEST or not lines[-1] else [lines[-1], part]
+    return "\n".join(lines)
 
 
 def save(figure: Figure, file: Path) -> Path:

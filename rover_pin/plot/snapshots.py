@@ -13,7 +13,7 @@ from rover_pin.body.rover import Rover
 from rover_pin.motion.model import Model
 from rover_pin.motion.poses import on_the_ground
 from rover_pin.motion.trace import Trace
-from rover_pin.plot.sheet import MARGINS, sheet
+from rover_pin.plot.sheet import MARGINS, in_lines, sheet
 from rover_pin.plot.side import Pose, draw_above, draw_ground, draw_heights, draw_rover, poses
 
 FURTHEST_APART = 0.5
@@ -46,12 +46,12 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
         views.append(_Above(shown, model, trace))
     heights = [view.height for view in views]
     figure, axes = sheet(
-        len(views), (WIDTH, sum(heights) + 0.8 + 0.5 * (len(views) - 1)), squeeze=False, height_ratios=heights
+        len(views), (WIDTH, sum(heights) + 1.0 + 0.5 * (len(views) - 1)), squeeze=False, height_ratios=heights
     )
     figure.subplots_adjust(hspace=0.25)
     for view, each in zip(views, axes[:, 0], strict=True):
         view.draw(each)
-    axes[0, 0].set_title(title_of(trace), fontsize=9)
+    axes[0, 0].set_title(in_lines(title_of(trace)), fontsize=9)
     return figure
 
 
@@ -145,8 +145,8 @@ def _labels(shown: list[Pose], span: tuple[float, float]) -> Iterator[tuple[floa
         yield x, ends if len(group) == 1 else f"{group[0].t:.1f} to {ends}", line
 
 
-def title_of(trace: Trace) -> str:
-    """Return what a figure says of its drive."""
+def title_of(trace: Trace) -> list[str]:
+    """Return what a figure says of its drive, part by part."""
     attrs = trace.attrs
     words = [
         str(attrs.get("scenario", "drive")),
@@ -154,7 +154,7 @@ def title_of(trace: Trace) -> str:
         f"control: {attrs.get('control', '-')}",
         f"g = {float(attrs.get('gravity_mps2', float('nan'))):.2f} m/s²",
     ]
-    return "   ".join([*words, *_deepest(trace)])
+    return [*words, *_deepest(trace)]
 
 
 def _deepest(trace: Trace) -> Iterator[str]:

@@ -89,6 +89,18 @@ def test_what_stands_still_is_said_and_not_drawn(ditch):
     assert "duty [-]" in [axes.get_ylabel() for axes in history(turned).axes]
 
 
+@pytest.mark.parametrize("name", ["one-sided-bump", "park", "field"])
+def test_a_title_is_read_whole(name):
+    """The longest: turned, with what is constant."""
+    _, trace = driven(name, duration=12.0)
+    for figure in (snapshots(trace, scenario(name).model), history(trace)):
+        figure.draw_without_rendering()
+        box = figure.axes[0].title.get_window_extent()
+        assert box.x0 >= 0.0
+        assert box.x1 <= figure.bbox.x1
+        assert box.y1 <= figure.bbox.y1
+
+
 def test_a_trace_draws_itself_on_axes_that_are_given(ditch):
     _, trace = ditch
     axes = history(trace).axes[-1]
