@@ -8,6 +8,7 @@ from scipy.integrate import quad
 
 from rover_pin.contact import Load, Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
+from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.effect import Ballast, Body, Drive, Push, SensorEffect
 from rover_pin.effects.flank_pressure import FlankPressure
@@ -147,6 +148,31 @@ def test_a_ploughed_rut_is_paid_for_where_the_form_leaves_it_out(patch, v):
     shallow = 0.004 * rest ** (1 / 1.5)  # W as h^(n + 1/2) at a small sinkage
     work = [soil.k_1 * share * (h * (1 - soil.exit_ratio**2)) ** 2 / 2 for share, h in ((rest, 0.004), (1.0, shallow))]
     assert float(found.f_t) == pytest.approx(-(work[0] - work[1]) * v / math.hypot(v, 0.005), rel=0.02)
+
+
+# --- the differential ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("compliance", "backlash"), [(0.005, 0.0), (0.004, 0.02), (0.0, 0.02)])
+@pytest.mark.parametrize("twist", [0.03, -0.03, 0.011, 0.005])
+def test_a_twisted_differential_gives_back_what_it_holds(compliance, backlash, twist):
+    """The torque on either rocker is -dE/d(twist) of what is stored beyond half the play, and damps besides."""
+    effect = DifferentialCompliance(compliance=compliance, backlash=backlash, relaxation=0.02)
+    made = lambda e, rate=0.0: Body(*[0.0] * 12, (), (), (), twist=e, twist_rate=rate)  # noqa: E731
+    stiffness, over = 1 / max(compliance, 1e-6), max(abs(twist) - backlash / 2, 0.0)
+    assert float(effect.stored(made(twist))) == pytest.approx(over**2 * stiffness / 2)
+    slope = (float(effect.stored(made(twist + 1e-7))) - float(effect.stored(made(twist - 1e-7)))) / 2e-7
+    assert float(effect.push(made(twist)).differential) == pytest.approx(-slope, rel=1e-4, abs=1e-9)
+    damping = float(effect.push(made(twist, 0.3)).differential) - float(effect.push(made(twist)).differential)
+    assert damping == pytest.approx(-0.02 * 0.3 * stiffness * (over > 0.0))
+
+
+def test_a_rigid_differential_holds_by_itself():
+    effect, body = DifferentialCompliance(compliance=0.0, backlash=0.0), Body(*[0.0] * 12, (), (), (), twist=0.1)
+    assert (float(effect.stored(body)), float(effect.push(body).differential)) == (0.0, 0.0)
+    assert not effect.frees_differential
+    for size in ("compliance", "backlash"):
+        assert DifferentialCompliance(**{"compliance": 0.0, "backlash": 0.0, size: 1e-3}).frees_differential
 
 
 # --- what hangs on the kind alone ------------------------------------------------------------------------------------
