@@ -21,6 +21,7 @@ from rover_pin.effects.soil_traction import NODES, SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.effects.winding_heating import WindingHeating
 from rover_pin.motion.effect_files import package_effects
 from rover_pin.quantity import quantities
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
@@ -63,6 +64,13 @@ def test_a_trench_is_cut_by_the_pockets_and_left_by_the_travel_either_way(patch,
     assert float(effect.rate(contact, Load(), (cut,))[0]) == pytest.approx(expected)
     paid = -float(effect.load(contact, Load(f_n=9.0), (cut,)).f_t) * v
     assert paid == pytest.approx(9.0 * max(-expected, 0.0), rel=1e-3)
+
+
+def test_a_lift_that_the_wheel_hardly_drives_through_stays_finite(patch):
+    """-dD/dt over v, halved at 0.1 mm/s and nothing at rest."""
+    for v, share in ((1e-4, 0.5), (0.0, 0.0)):
+        lift = float(LugExcavation(length=0.05).load(patch(rim=0.0, v_x=v), Load(f_n=9.0), (0.003,)).f_t)
+        assert lift == pytest.approx(-share * 9.0 * 0.003 / 0.05)
 
 
 def test_lugs_add_the_shear_between_rim_and_their_own_radius(patch):
@@ -148,6 +156,12 @@ def test_a_ploughed_rut_is_paid_for_where_the_form_leaves_it_out(patch, v):
     shallow = 0.004 * rest ** (1 / 1.5)  # W as h^(n + 1/2) at a small sinkage
     work = [soil.k_1 * share * (h * (1 - soil.exit_ratio**2)) ** 2 / 2 for share, h in ((rest, 0.004), (1.0, shallow))]
     assert float(found.f_t) == pytest.approx(-(work[0] - work[1]) * v / math.hypot(v, 0.005), rel=0.02)
+
+
+def test_a_warm_winding_resists_as_copper_does(drive):
+    """3.93 per mille a kelvin, IEC 60028: 2 W through 25 K/W are 50 K."""
+    found = WindingHeating(R_th=25.0).amend(drive(resistance=24.0), (2.0,))
+    assert float(found.resistance) == pytest.approx(24.0 * (1 + 0.00393 * 50.0))
 
 
 # --- the differential ------------------------------------------------------------------------------------------------
