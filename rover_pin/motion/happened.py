@@ -19,6 +19,8 @@ SPEED_SHARE = 0.05
 """Mechanical over electric energy, which is the wheels' speed over that without a load, below which motors stall."""
 SHORT = 0.1
 """Share of a wheel's radius that counts as standing still."""
+LEAST_CROSSINGS = 4
+"""Changes of a wheel's sense in the later half of a drive from which it swings."""
 
 
 class Happened(NamedTuple):
@@ -89,10 +91,27 @@ def _held_sense(duty: np.ndarray) -> np.ndarray:
 def _parked(trace: Trace, ways: _Ways) -> Happened:
     x, y = trace["body_x"] - trace["body_x"][0], trace["body_y"] - trace["body_y"][0]
     far = float(np.max(np.hypot(x, y)))
+    swing = _swinging(trace, ways)
     if far < SHORT * ways.r:
-        return Happened("held", math.nan, f"held: not driven, it stood still to {1e3 * far:.2g} mm")
+        return Happened("held", math.nan, f"held: not driven, it stood still to {1e3 * far:.2g} mm{swing}")
     way = "forwards" if ways.moved[-1] > 0.0 else "back"
-    return Happened("slid", math.nan, f"slid {way} by {_length(far)} without being driven, {_place(trace, -1)}")
+    return Happened("slid", math.nan, f"slid {way} by {_length(far)} without being driven, {_place(trace, -1)}{swing}")
+
+
+def _swinging(trace: Trace, ways: _Ways) -> str:
+    """Return that the wheels of a rover that is not driven turn to and fro, where they do in its later half.
+
+    A soil whose traction at no slip exceeds the resistance, F(0) > R, drives wheels that stand: no rest is stable.
+    """
+    late = np.arange(len(ways.t)) >= len(ways.t) // 2
+    rates = trace.stack("wheel_rate")[late]
+    to_and_fro = float(ways.turned[-1] - ways.turned[late][0])
+    net = ways.r * float(np.mean(np.abs(np.trapezoid(rates, ways.t[late], axis=0))))
+    crossings = float(np.mean(np.sum(np.diff(np.sign(rates), axis=0) != 0.0, axis=0)))
+    if to_and_fro < SHORT * ways.r or net > 0.5 * to_and_fro or crossings < LEAST_CROSSINGS:
+        return ""
+    rate = 0.5 * crossings / float(ways.t[-1] - ways.t[late][0])
+    return f"; its wheels swing to and fro at {rate:.1f} Hz, which the soil drives: F(0) > R"
 
 
 def _slid_back(trace: Trace, ways: _Ways) -> Happened | None:

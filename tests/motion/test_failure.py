@@ -1,4 +1,4 @@
-"""When a drive cannot go on: each limit just within and just beyond it."""
+"""When a drive cannot go on: each limit just within and just beyond it, in Python and in the compiled loop."""
 
 import math
 from types import SimpleNamespace
@@ -9,24 +9,45 @@ import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.motion.failure import failure, suspension_of
+from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import BURIED
+from rover_pin.motion.native.loop import Loop, Outcome
 from rover_pin.motion.native.shared import RECORD
+from rover_pin.motion.place import Start, hovering
+from rover_pin.scenarios import scenario
 
 ROVER = load_rover("nexus6")
 MODEL = SimpleNamespace(rover=ROVER, buried=BURIED)
 SUSPENSION = suspension_of(MODEL)
 
 
-def asked(roll=0.0, pitch=0.0, yaw=0.0, speed=0.0, depth=0.0, joint=0.0):
+AT_ONCE = 1e-12
+"""A step [s] in which nothing moves."""
+
+
+def compiled(q, v, height=50.0):
+    """What the compiled loop says of this state at this height [m], after a step in which nothing moves."""
+    model = scenario("flat").model
+    state = hovering(model, Start())
+    state.q[3:], state.v[:] = q[3:], v
+    state.q[2] = height
+    loop = Loop(Kernel(model, state, AT_ONCE, symmetric=False), AT_ONCE, 1, 1)
+    return loop.run(1), loop.rows[0]
+
+
+def asked(roll=0.0, pitch=0.0, yaw=0.0, speed=0.0, depth=0.0, joint=0.0, way=1):
     """Why a rover fails that stands so, rolls so, is so fast [m/s] backwards, whose third wheel has sunk so far [r]."""
     q, v = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv)
     q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([roll, pitch, yaw]))).coeffs()
-    v[1] = -speed
+    v[way] = -speed
     place = SUSPENSION.places[1]
     q[place] = (SUSPENSION.limits[1][1] + joint) if joint >= 0 else (SUSPENSION.limits[0][1] + joint)
     record = np.zeros((6, len(RECORD)))
     record[2, RECORD.index("sinkage")] = depth * float(ROVER.wheels[2].wheel.r)
-    return failure(MODEL, SimpleNamespace(q=q, v=v), record, SUSPENSION)
+    reason = failure(MODEL, SimpleNamespace(q=q, v=v), record, SUSPENSION)
+    if depth == 0.0 and math.isfinite(speed):
+        assert compiled(q, v)[0] is (Outcome.FAILS if reason else Outcome.DONE)
+    return reason
 
 
 def test_a_rover_within_all_limits_goes_on():
@@ -54,13 +75,27 @@ def test_a_wheel_is_buried_beyond_half_its_radius():
     assert asked(depth=0.51) == f"buried: wheel {name} has sunk by {510 * r:.0f} mm, over 0.5 r"
 
 
+@pytest.mark.parametrize("depth", [0.49, 0.51])
+def test_the_compiled_loop_measures_what_has_sunk_by_the_wheel_s_radius(depth):
+    q, v, r = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv), float(ROVER.wheels[0].wheel.r)
+    at = RECORD.index("sinkage")
+    touching = 0.1
+    sunk = compiled(q, v, touching)[1]["record"][:, at].max()
+    outcome, row = compiled(q, v, touching + sunk - depth * r)
+    assert row["record"][:, at].max() == pytest.approx(depth * r, rel=1e-6)
+    assert outcome is (Outcome.FAILS if depth > 0.5 else Outcome.DONE)
+
+
 def test_a_joint_may_go_10_deg_past_its_stop():
     for side in (1, -1):
         assert asked(joint=side * math.radians(9.5)) is None
         assert asked(joint=side * math.radians(10.6)) == "folded: a suspension joint is 11 deg past its stop"
 
 
-def test_a_rover_faster_than_10_m_s_has_diverged():
-    assert asked(speed=9.9) is None
-    assert asked(speed=10.1) == "diverged: the rover is faster than any rover"
+@pytest.mark.parametrize("way", [0, 1, 2])
+def test_a_rover_faster_than_10_m_s_has_diverged(way):
+    assert asked(speed=9.9, way=way) is None
+    assert asked(speed=-9.9, way=way) is None
+    assert asked(speed=-10.1, way=way).startswith("diverged")
+    assert asked(speed=10.1, way=way) == "diverged: the rover is faster than any rover"
     assert asked(speed=math.nan).startswith("diverged")

@@ -23,6 +23,12 @@ CASES = {
     "steep": ("incline", STEEP, "slid back", "slid back by 0.9"),
     "steep, parked": ("incline", {**STEEP, "control.delta": 0.0}, "slid", "slid back by"),
     "park": ("park", {}, "held", "held: not driven, it stood still to 1"),
+    "park, the soil drives": (
+        "flat",
+        {"control.delta": 0.0, "effect.MotionResistance.R": 0.0, "soil.k": 0.005, "duration": 10.0},
+        "held",
+        "mm; its wheels swing to and fro at 2.1 Hz, which the soil drives: F(0) > R",
+    ),
     "zero duty": ("flat", {"control.delta": 0.0}, "held", "held: not driven"),
     "weak": (
         "flat",
@@ -91,6 +97,16 @@ def test_wheels_that_creep_are_told_by_their_way_and_their_share_of_the_speed_as
     turn = np.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0])
     assert said.endswith(f"turned by {turn:.0f} deg")
     assert "no wheel turns" not in said
+
+
+def test_parked_wheels_swing_at_the_rate_that_is_told_and_only_where_the_soil_drives_them(traces):
+    trace = traces["park, the soil drives"]
+    late = trace.t > 5.0
+    rate = trace["wheel_rate_fl"][late]
+    power = np.abs(np.fft.rfft(rate - rate.mean())) ** 2
+    assert np.fft.rfftfreq(len(rate), 0.05)[power.argmax()] == pytest.approx(2.1, abs=0.2)
+    assert "swing" not in traces["park"].attrs["happened"] + traces["zero duty"].attrs["happened"]
+    assert "swing" not in traces["steep, parked"].attrs["happened"]
 
 
 def test_a_pause_at_the_end_is_no_stall():

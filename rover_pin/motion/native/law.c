@@ -41,10 +41,10 @@ static void ask_about(const Drive *d, Step *s, integer index) {
 }
 
 static void set_lane(const Drive *d, const Spot *spot, Question question, integer lane, double *contact, double *states) {
-  static const double SIGN[N_GEOMETRY] = {[GEOMETRY_V_X] = -1, [GEOMETRY_V_Y] = -1, [GEOMETRY_RIM] = -1};
+  static const int TURNS[N_GEOMETRY] = {[GEOMETRY_V_X] = 1, [GEOMETRY_V_Y] = 1, [GEOMETRY_RIM] = 1};
   const double *own = d->contact_states + spot->wheel * d->n_contact_states;
   for (integer i = 0; i < N_GEOMETRY; ++i)
-    contact[i * LANES + lane] = question.mirrored && SIGN[i] ? -spot->contact[i] : spot->contact[i];
+    contact[i * LANES + lane] = question.mirrored && TURNS[i] ? -spot->contact[i] : spot->contact[i];
   if (question.mirrored) contact[GEOMETRY_AXLE * LANES + lane] = d->n_axles - 1 - spot->contact[GEOMETRY_AXLE];
   if (question.deeper) contact[GEOMETRY_H * LANES + lane] += DEEPER * spot->contact[GEOMETRY_H];
   for (integer i = 0; i < d->n_contact_states; ++i)
