@@ -37,23 +37,27 @@ import math
 import tempfile
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 
+from rover_pin.discrepancy.candidate import plain_candidate
+from rover_pin.discrepancy.exact_refits import judged, paired, variants
+from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.screen import entry_fee
-from rover_pin.experiments.wheel_rig.calibrate import Setting, calibrate, nuisances, remains
+from rover_pin.discrepancy.search import calibrated, fee_after
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import huber_losses
+from rover_pin.estimation.numbers import is_adequate
 from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
-from rover_pin.experiments.wheel_rig.compare import Candidate, Comparison, compare_pairs, compare_singles
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.fit import RigFit
-from rover_pin.experiments.wheel_rig.held_out import loss
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.screen import Screened
-from rover_pin.experiments.wheel_rig.verdict import Verdict
 from rover_pin.loop.close import close_the_loop
+from rover_pin.loop.rig import question_of
 
 GENERATOR = Path(__file__).parents[1] / "tests" / "oracle" / "rig_generator.py"
 
@@ -158,7 +162,7 @@ def case_of(hidden: Hidden) -> Case:
         verdict = close_the_loop(Path(folder))
         base, oracle = true_fits(Path(folder), hidden)
     fresh = make.rig_set(rig, seed=hidden.seed + 500_000, **FRESH)
-    true_model = None if oracle is None else oracle.model
+    true_model = None if oracle is None else oracle.all.model
     return Case(
         f"{hidden.kind.name.lower()} {hidden.seed}",
         hidden.kind,
@@ -195,51 +199,46 @@ def drawn_soil(rng: np.random.Generator) -> dict[str, float]:
     }
 
 
-def true_fits(folder: Path, hidden: Hidden) -> tuple[RigFit, Any]:
+def true_fits(folder: Path, hidden: Hidden) -> tuple[Fit, Oracle | None]:
     """Return the calibrated base and, for listed effects, the true effects refitted."""
     data = read_rig_set(folder)
-    start = RigModel(data.rig.wheel, data.soil())
-    setting = Setting(data, *nuisances(data, start), 0)
-    base = calibrate(setting, start)
+    question = question_of(RigExperiment(data), RigModel(data.rig.wheel, data.soil()))
+    base = calibrated(question.experiment, question.model, question.numbers)
     if hidden.kind not in (Kind.SINGLE, Kind.PAIR):
         return base, None
     kinds = {kind.__name__: kind for kind in rig_kinds()}
-    rows = [Screened(added(kinds[name], base.model), 0.0, 1.0, 0.0, True, "") for name in hidden.truth]
-    singles = compare_singles(setting, base, rows)
+    effects = [plain_candidate(added(kinds[name], base.model)) for name in hidden.truth]
+    tried = [((), one, fitted) for effect in effects for one, fitted in variants(base, effect)]
+    singles = judged(base, tried, fee_after((), len(kinds), 1.0))
     if hidden.kind is Kind.SINGLE:
-        return base, singles.ranked[0].fit
-    pair = compare_pairs(setting, base, singles, rows).ranked
-    return base, Pair(singles, pair[0]) if pair else None
+        return base, Oracle(singles, singles[0].fit)
+    pairs = paired(base, singles, None, lambda said: None)
+    return base, Oracle(singles, pairs[0][2]) if pairs else None
 
 
-class Pair(NamedTuple):
-    """The two true effects refitted, alone and together."""
+class Oracle(NamedTuple):
+    """The true effects refitted, alone and all of them."""
 
-    singles: Comparison
-    both: Candidate
-
-    @property
-    def model(self) -> RigModel:
-        """The model with both."""
-        return self.both.fit.model
+    singles: tuple[Refit, ...]
+    all: Fit
 
 
-def detectable(hidden: Hidden, base: RigFit, oracle: Any) -> bool:
+def detectable(hidden: Hidden, base: Fit, oracle: Oracle | None) -> bool:
     """Return whether the true effect gains more than the luckiest of all candidates by chance; of two, each of them."""
     if hidden.kind is Kind.OFF_LIST:
-        return remains(base)
+        return not is_adequate(base)
     if oracle is None:
         return False
     fee = entry_fee(len(rig_kinds()))
     if hidden.kind is Kind.SINGLE:
-        return bool(base.chi2 - oracle.chi2 > fee)
-    return all(one.fit.chi2 - oracle.both.fit.chi2 > fee for one in oracle.singles.ranked)
+        return bool(base.chi2 - oracle.all.chi2 > fee)
+    return all(one.fit.chi2 - oracle.all.chi2 > fee for one in oracle.singles)
 
 
 def fitted_sizes(hidden: Hidden, sizes: dict[str, float], verdict: Verdict) -> tuple[Size, ...]:
     if {type(effect).__name__ for effect in verdict.effects} != set(hidden.truth) or not hidden.truth:
         return ()
-    found = {one.name: one for one in verdict.after.parameters}
+    found = {one.name: one for one in verdict.after.numbers}
     made = []
     for name in hidden.truth:
         one = found[f"{name}.{LISTED[name].parameter}"]
@@ -252,9 +251,8 @@ def error_of(model: RigModel, runs: dict[str, np.ndarray], sd: tuple[float, ...]
     speeds = np.column_stack([runs["travel_speed_mps"], runs["rim_speed_mps"]])
     found = model.predict(runs["load_N"], runs["slip"], speeds)
     measured = (runs["drawbar_pull_N"], runs["torque_Nm"], runs["sinkage_m"])
-    return loss(
-        np.array([(own - seen) / one for own, seen, one in zip(found[: len(measured)], measured, sd, strict=True)])
-    )
+    rows = [(own - seen) / one for own, seen, one in zip(found[: len(measured)], measured, sd, strict=True)]
+    return float(np.mean(huber_losses(np.array(rows))))
 
 
 if __name__ == "__main__":

@@ -50,18 +50,20 @@ from joblib import Parallel, delayed
 
 from rover_pin.columns import replace_file
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.compare import Refit, refit
-from rover_pin.discrepancy.conclusion import numbers
+from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.cross_validation import left_out
+from rover_pin.discrepancy.judge import graded
+from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.screen import fee_of, score
 from rover_pin.discrepancy.search import Search, search
 from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.numbers import numbers
 from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.experiments.unlisted.remainder import Remainder, describe
-from rover_pin.loop.drive import answer_of
+from rover_pin.loop.drive import left_of
 from rover_pin.motion.drive_log import read_drive_log
 
 MAKE = Path(__file__).parents[1] / "tests" / "oracle" / "blind" / "make.py"
@@ -108,8 +110,9 @@ def answered(folder: Path) -> None:
     tried = candidates(base.model, logged(base), base.parameters, None)
     found = search(base, tried, lambda said: None)
     left = describe(found.last)
-    replace_file(kept, pickle.dumps((answer_of(found, left), found, left)))
-    print(f"{folder.name}: {answer_of(found, left).value} {[one.name for one in found.found]}", flush=True)
+    answer = graded(found, left_of(found, left))
+    replace_file(kept, pickle.dumps((answer, found, left)))
+    print(f"{folder.name}: {answer.value} {[one.name for one in found.found]}", flush=True)
 
 
 def case_of(folder: Path, truth: dict[str, Any]) -> Case:

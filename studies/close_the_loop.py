@@ -51,11 +51,11 @@ import wheel_laws
 from scipy.optimize import minimize_scalar
 
 from rover_pin.contact import Soil
+from rover_pin.discrepancy.cross_validation import models_left_out
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import Outcome
 from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
-from rover_pin.experiments.wheel_rig.fit import RigFit
-from rover_pin.experiments.wheel_rig.held_out import without_level
-from rover_pin.experiments.wheel_rig.verdict import Verdict
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.pressed import press
 
@@ -128,12 +128,11 @@ def transient_runs(path: Path) -> dict[str, pd.DataFrame]:
     return made
 
 
-def held_out_steady(data: RigSet, fit: RigFit) -> dict[str, float]:
+def held_out_steady(data: RigSet, fit: Fit) -> dict[str, float]:
     """Return the steady sinkage of each level [m], by the model fitted to the others."""
     found = {}
-    for number, name in enumerate(data.level_names):
+    for number, (name, model) in enumerate(zip(data.level_names, models_left_out(fit), strict=True)):
         own = data.level == number
-        model = without_level(fit, ~own).model
         found[name] = float(model.predict(data.rig.load[own].mean(), data.rig.slip[own].mean()).sinkage[0])
     return found
 
@@ -235,6 +234,7 @@ def with_authors_exponent(data: RigSet) -> Soil:
 
 def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:
     found = " or ".join(verdict.alike) or verdict.answer.value
+    left = verdict.extra
     return [
         {
             "set": label,
@@ -252,7 +252,7 @@ def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:
             "fitted_after_in_sd": now.rms,
             "said": score.said,
         }
-        for score, was, now in zip(verdict.scores, verdict.before.remainders, verdict.after.remainders, strict=True)
+        for score, was, now in zip(verdict.scores, left.before.remainders, left.after.remainders, strict=True)
     ]
 
 

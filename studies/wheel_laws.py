@@ -53,6 +53,8 @@ import numpy as np
 import pandas as pd
 from forms.sinkage import DingMetres, Exponential, Lyasko, Squared
 
+from rover_pin.discrepancy.cross_validation import refitted_left_out
+from rover_pin.discrepancy.search import calibrated
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.lug_excavation import LugExcavation
@@ -62,10 +64,10 @@ from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.estimation.baselines import gaussian_process, mean, quadratic
-from rover_pin.experiments.wheel_rig.calibrate import Setting, calibrate, nuisances
+from rover_pin.estimation.fit import Fit
+from rover_pin.experiments.wheel_rig.candidates import own_sizes
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
-from rover_pin.experiments.wheel_rig.fit import RigFit
-from rover_pin.experiments.wheel_rig.held_out import held_out
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.plot import write_csv
@@ -188,25 +190,25 @@ def table(quick: bool = False) -> list[Row]:
 
 def compared(name: str, data: RigSet, laws: dict[str, tuple[Effect, ...]], n: float) -> Sequence[Row]:
     """Return one row a law and a baseline."""
-    sd = np.array([channel.sd for channel in data.rig.channels])
-    rows = []
+    experiment, rows = RigExperiment(data), []
     for law, effects in laws.items():
         fit = fitted(data, effects, n)
-        rows.append(row(name, law, data, held_out(data, fit) * sd, sizes(fit)))
+        rows.append(row(name, law, data, experiment.rows(refitted_left_out(fit)), sizes(fit)))
     return rows + [row(name, law, data, left_out(data, predict)) for law, predict in BASELINES.items()]
 
 
-def fitted(data: RigSet, effects: tuple[Effect, ...], n: float) -> RigFit:
+def fitted(data: RigSet, effects: tuple[Effect, ...], n: float) -> Fit:
     """Return soil and sizes fitted to all levels."""
     soil = data.soil()
     soil = soil.replace(c=0.0, n=n, k_1=soil.k_1 if data.trials else 1e5)
     model = RigModel(data.rig.wheel, soil, (*(ASKEW if data.rig.askew.any() else PAPER), *effects))
-    return calibrate(Setting(data, *nuisances(data, model)), model)
+    experiment = RigExperiment(data)
+    return calibrated(experiment, model, (*experiment.uncertain(model), *own_sizes(model)))
 
 
-def sizes(fit: RigFit) -> str:
+def sizes(fit: Fit) -> str:
     """Return what was fitted, in words."""
-    return ", ".join(f"{name} = {fit.value(name):.3g}" for name in fit.problem.space.names)
+    return ", ".join(f"{one.name} = {fit.value(one.name):.3g}" for one in fit.parameters)
 
 
 def row(name: str, law: str, data: RigSet, error: np.ndarray, said: str = "") -> Row:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.judge import Question
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.parameter import Parameter
@@ -63,3 +64,11 @@ class Bed(Experiment):
     def insufficient(self) -> str:
         """Return why these data cannot tell anything, and what to measure; empty where they can."""
         return ""
+
+
+def question_of(bed: Bed, kinds: Sequence[type]) -> Question:
+    """Return what is asked of a test bed: which of these kinds of effects its model lacks."""
+    model = bed.base_model()
+    return Question(
+        "test-bed", bed.name, bed, model, bed.uncertain(model), lambda base: bed.candidates(base.model, kinds)
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rover_pin.estimation.parameter import Parameter
@@ -33,6 +33,8 @@ class Candidate:
     "where it is: a wheel, a joint, a channel, or the begin of a stretch of the way [m]"
     sought: bool = False
     "whether that place was sought along the way, so that chance had more to choose from"
+    freed: tuple[str, ...] = ()
+    "shapes without a prior, each of which has to pay for itself"
 
     @property
     def name(self) -> str:
@@ -57,8 +59,19 @@ class Candidate:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The free numbers of the effect: sizes without a prior, shapes with one."""
-        return (*map(self.size, self.sizes), *map(self.shape, self.shapes))
+        """The free numbers of the effect: sizes without a prior, shapes with one unless they are freed of it."""
+        loose = (replace(self.shape(name), prior=False) for name in self.freed)
+        return (*map(self.size, self.sizes), *map(self.shape, self.shapes), *loose)
+
+    @property
+    def bare(self) -> Candidate:
+        """The candidate with its law's shapes as published."""
+        return replace(self, shapes=(), freed=())
+
+    @property
+    def loose(self) -> Candidate:
+        """The candidate with its law's shapes freed of any prior."""
+        return replace(self, shapes=(), freed=(*self.shapes, *self.freed))
 
     def size(self, name: str) -> Parameter:
         """Return the parameter of a size: u = 0 is neutral, u = 1 the default; a logarithm where neutral is far off."""

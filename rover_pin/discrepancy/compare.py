@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,6 +11,7 @@ from rover_pin.discrepancy.anchor import Anchor
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.cross_validation import left_out, loss_of, refitted_left_out
 from rover_pin.discrepancy.place import placed
+from rover_pin.discrepancy.refit import ODDS, Fee, Progress, Refit, best_of_each, counted, joined
 from rover_pin.discrepancy.screen import Scored, started
 from rover_pin.estimation.fit import Fit, fit
 from rover_pin.estimation.parameter import Parameter
@@ -29,40 +28,6 @@ POLISHED = 3
 """Leaders that are fitted to the end, every slope computed again."""
 SMALL = 0.1
 """Share of its first size from which a candidate is fitted again, where it did not do better than none."""
-ODDS = 20.0
-"""Candidates within this of the best are not told apart: odds of 1 in 100, chance gaining as much more as it does."""
-
-Progress = Callable[[str], None]
-Fee = Callable[[Candidate], float]
-
-
-@dataclass(frozen=True, eq=False)
-class Refit:
-    """A model with one more candidate, fitted."""
-
-    candidate: Candidate
-    fit: Fit = field(repr=False)
-    gain: float
-    "fall of chi2 from the model without"
-    fee: float
-    "what chance alone would gain"
-    held_out: float
-    "fall of the held-out chi2, each run predicted from the others"
-
-    @property
-    def name(self) -> str:
-        """Name of the candidate."""
-        return self.candidate.name
-
-    @property
-    def net(self) -> float:
-        """Gain minus fee."""
-        return self.gain - self.fee
-
-    @property
-    def accepted(self) -> bool:
-        """Whether it gains more than chance and predicts runs that it has not seen better."""
-        return self.net > 0 and self.held_out > 0
 
 
 def refit(
@@ -88,14 +53,14 @@ def refit(
             progress(f"refitting with {name}, which gained less than promised")
             found[name] = max(found[name], _refit(base, base, row, fee, without, reuse=False), key=lambda one: one.net)
     ranked = sorted([*found.values(), *others], key=lambda one: -one.net)
-    reach = ranked[0].net - 2 * ODDS - NEAR * abs(ranked[0].net) if ranked else 0.0
+    reach = ranked[0].net - 2 * ODDS * base.task.noise.inflation - NEAR * abs(ranked[0].net) if ranked else 0.0
     near = [one for one in ranked if one.net > 0 and max(one.net, promised.get(one.name, 0.0)) > reach]
     leaders = list(dict.fromkeys(one.name for one in near))[:POLISHED]
     for one in near:
         if one.name in leaders:
             progress(f"refitting with {one.name}, every slope anew")
             ranked[ranked.index(one)] = _confirmed(base, _polished(base, one, without))
-    return _best_of_each(ranked)
+    return counted(best_of_each(ranked), fee)
 
 
 def _from_declared(base: Fit, declared: Anchor, fee: Fee, without: np.ndarray, progress: Progress) -> list[Refit]:
@@ -105,14 +70,6 @@ def _from_declared(base: Fit, declared: Anchor, fee: Fee, without: np.ndarray, p
         progress(f"refitting with {row.candidate.name} from the declared numbers")
         found.append(_refit(base, declared.start, row, fee, without))
     return found
-
-
-def _best_of_each(refits: Sequence[Refit]) -> tuple[Refit, ...]:
-    """Return the best refit of each candidate, the best first: from two starts there are two."""
-    best: dict[str, Refit] = {}
-    for one in sorted(refits, key=lambda one: -one.net):
-        best.setdefault(one.name, one)
-    return tuple(best.values())
 
 
 def _chosen(start: Fit, scored: Sequence[Scored], fee: Fee) -> list[Scored]:
@@ -159,15 +116,6 @@ def _small(numbers: Sequence[Parameter], start: np.ndarray, own: int) -> np.ndar
     return start * np.array(shares)
 
 
-def joined(base: Fit, candidate: Candidate, model: Any) -> tuple[tuple[Parameter, ...], np.ndarray]:
-    """Return the base's numbers and the candidate's, and where the fit starts; freed numbers lose their prior."""
-    freed = [] if candidate.effect is not None else list(candidate.sizes)
-    old = [dataclasses.replace(one, prior=False) if one.name in freed else one for one in base.parameters]
-    own = () if candidate.effect is None else candidate.parameters
-    start = [one.u(base.task.experiment.value(model, one.name)) for one in own]
-    return (*old, *own), np.concatenate([base.u, start])
-
-
 def _polished(base: Fit, one: Refit, without: np.ndarray) -> Refit:
     refitted = fit(base.task, one.fit.model, one.fit.parameters, one.fit.u, one.fit.slopes, stale=True)
     return _judged(base, one.candidate, refitted, one.fee, without)
@@ -184,20 +132,3 @@ def _confirmed(base: Fit, one: Refit) -> Refit:
 def _judged(base: Fit, candidate: Candidate, refitted: Fit, fee: float, without: np.ndarray) -> Refit:
     gain = base.chi2 - refitted.chi2
     return Refit(candidate, refitted, gain, fee, float(np.sum(without - left_out(refitted))))
-
-
-def alike(found: Sequence[Refit]) -> tuple[Refit, ...]:
-    """Return the candidates that the data cannot tell from the best, the best first; empty where none is accepted."""
-    accepted = [one for one in found if one.accepted]
-    if not accepted:
-        return ()
-    best = accepted[0]
-    near = [one for one in found if one is not best and one.net > max(0.0, best.net - ODDS)]
-    kinds = {best.candidate.kind + str(best.candidate.sought)}
-    kept = []
-    for one in near:
-        key = one.candidate.kind if one.candidate.sought else one.name
-        if key not in kinds and not (one.candidate.sought and one.candidate.kind == best.candidate.kind):
-            kept.append(one)
-            kinds.add(key)
-    return (best, *kept)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
+from rover_pin.errors import OptimisationError
 from rover_pin.estimation.fit import Fit, Task, fit
 from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.estimation.parameter import Parameter
 
+LOST = 1e3
+"""Residual [SD] of a run that the fit to the others cannot predict at all."""
 FAR = 3.0
 """Default sizes by which a size may move when a run is left out, that the other runs hardly tell."""
 
@@ -27,21 +32,43 @@ def left_out(fitted: Fit) -> np.ndarray:
     return np.array(losses)
 
 
+def losses_of(fitted: Fit) -> np.ndarray:
+    """Return the robust chi2 of every run (runs,) as fits to the others predict it."""
+    rows, owner = fitted.task.noise.white(refitted_left_out(fitted)), run_of_rows(fitted)
+    return np.array([huber(rows[owner == run]) for run in range(len(fitted.predicted))])
+
+
 def refitted_left_out(fitted: Fit) -> np.ndarray:
     """Return the residual (runs, channels, blocks) with every run as a fit to the others predicts it.
 
     The fits descend from the whole one with its slopes; sizes are held near their values by SDs of FAR default sizes.
+    A run that no fit to the others predicts counts as LOST.
     """
-    residual, noise = fitted.residual.copy(), fitted.task.noise
+    residual = fitted.residual.copy()
+    for run, one in enumerate(_fits_left_out(fitted)):
+        residual[run] = LOST * fitted.task.noise.floor[:, None] if one is None else one.residual[run]
+    return residual
+
+
+def models_left_out(fitted: Fit) -> list[Any]:
+    """Return the model as the fit to all runs but one has it, one a run; the whole fit's where there is none."""
+    return [(one or fitted).model for one in _fits_left_out(fitted)]
+
+
+def _fits_left_out(fitted: Fit) -> Iterator[Fit | None]:
+    """Yield the fit to all runs but one, one a run, or None where it does not end."""
+    noise = fitted.task.noise
     held = tuple(_anchored(one, u) for one, u in zip(fitted.parameters, fitted.u, strict=True))
     start = np.array([u if one.prior else 0.0 for one, u in zip(fitted.parameters, fitted.u, strict=True)])
     slopes = {one.name: fitted.slopes[one.name] * (1.0 if one.prior else FAR) for one in fitted.parameters}
-    for run in range(len(residual)):
+    for run in range(len(fitted.predicted)):
         good = noise.good.copy()
         good[run] = False
         task = Task(fitted.task.experiment, dataclasses.replace(noise, good=good))
-        residual[run] = fit(task, fitted.model, held, start, slopes, reuse=True).residual[run]
-    return residual
+        try:
+            yield fit(task, fitted.model, held, start, slopes, reuse=True)
+        except OptimisationError:
+            yield None
 
 
 def loss_of(fitted: Fit, residual: np.ndarray) -> float:

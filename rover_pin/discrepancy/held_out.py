@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rover_pin.discrepancy.cross_validation import refitted_left_out
+from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit
-from rover_pin.estimation.noise import huber_losses
+from rover_pin.estimation.noise import Noise, huber_losses
 from rover_pin.estimation.wording import Change
 
 DRAWS = 2000
@@ -39,18 +40,23 @@ class ChannelScore(NamedTuple):
     high: float
     "ends of the 95 % interval of the change, levels or stretches of runs resampled"
     levels: tuple[LevelError, ...] = ()
-    "of a wheel rig; empty where runs of a drive log were held out"
+    "of every fold"
+    of: str = "runs"
+    "what is resampled: runs, or stretches of them, or whole folds"
 
     @property
     def worded(self) -> Change:
         """The change in words."""
-        of = "levels" if self.levels else "runs"
-        return Change(self.before, self.after, self.low, self.high, self.floor, of)
+        return Change(self.before, self.after, self.low, self.high, self.floor, self.of)
 
     @property
     def said(self) -> str:
         """What may be claimed."""
         return self.worded.said
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return self._asdict() | {"said": self.said, "levels": [one._asdict() for one in self.levels]}
 
 
 class RunScore(NamedTuple):
@@ -77,12 +83,16 @@ class HeldOut(NamedTuple):
     runs: tuple[RunScore, ...]
 
 
-def held_out(before: Fit, after: Fit, seed: int) -> HeldOut:
-    """Return the errors of every run as a fit to the others predicts it, with block bootstraps of the paired change."""
+def held_out(before: Fit, after: Fit, noise: Noise, seed: int) -> HeldOut:
+    """Return the errors of every run as a fit to the others predicts it, with block bootstraps of the paired change.
+
+    Runs are judged by `noise`; the fits descend in their own, which may be wider.
+    """
     first = refitted_left_out(before)
     pair = (first, first if after is before else refitted_left_out(after))
     random = np.random.default_rng(seed)
-    return HeldOut(_by_channel(after, pair, random), _by_run(after, pair, random))
+    experiment = after.task.experiment
+    return HeldOut(_by_channel(experiment, noise, pair, random), _by_run(experiment, noise, pair, random))
 
 
 def together(runs: Sequence[RunScore]) -> tuple[float, float]:
@@ -95,25 +105,37 @@ def together(runs: Sequence[RunScore]) -> tuple[float, float]:
 Pair = tuple[np.ndarray, np.ndarray]
 
 
-def _by_channel(fitted: Fit, pair: Pair, random: np.random.Generator) -> tuple[ChannelScore, ...]:
-    good, noise = fitted.task.noise.good, fitted.task.noise
-    found = []
-    for row, name in enumerate(fitted.task.experiment.channels):
+def _by_channel(
+    experiment: Experiment, noise: Noise, pair: Pair, random: np.random.Generator
+) -> tuple[ChannelScore, ...]:
+    good, found = noise.good, []
+    for row, name in enumerate(experiment.channels):
         squares = [np.where(good, one, 0.0)[:, row] ** 2 for one in pair]
-        low, high = _change(np.array([_summed(each).ravel() for each in squares]), 0.5, random)
+        low, high = _change(np.array([_resampled(experiment, each) for each in squares]), 0.5, random)
         was, now = (float(np.sqrt(each.sum() / max(int(good[:, row].sum()), 1))) for each in squares)
-        unit, change = fitted.task.experiment.unit(name), now / max(was, 1e-300) - 1
-        found.append(ChannelScore(name, unit, float(noise.sd[row]), was, now, change, low, high))
+        unit, change = experiment.unit(name), now / max(was, 1e-300) - 1
+        levels, of = _levels(experiment, noise.good[:, row], squares), "runs" if experiment.is_timed else "folds"
+        found.append(ChannelScore(name, unit, float(noise.floor[row]), was, now, change, low, high, levels, of))
     return tuple(found)
 
 
-def _by_run(fitted: Fit, pair: Pair, random: np.random.Generator) -> tuple[RunScore, ...]:
-    noise = fitted.task.noise
+def _resampled(experiment: Experiment, squares: np.ndarray) -> np.ndarray:
+    """Return the sums of squares (folds, samples) of what hangs together: stretches of a run, or a whole fold."""
+    return _summed(squares).ravel() if experiment.is_timed else squares.sum(axis=1)
+
+
+def _levels(experiment: Experiment, good: np.ndarray, squares: Sequence[np.ndarray]) -> tuple[LevelError, ...]:
+    count = np.maximum(good.sum(axis=1), 1)
+    errors = [np.sqrt(each.sum(axis=1) / count).tolist() for each in squares]
+    return tuple(LevelError(*one) for one in zip(experiment.folds, *errors, strict=True))
+
+
+def _by_run(experiment: Experiment, noise: Noise, pair: Pair, random: np.random.Generator) -> tuple[RunScore, ...]:
     losses = np.zeros((2, *noise.good.shape))
     for side, residual in enumerate(pair):
         losses[side][noise.good] = huber_losses(noise.white(residual))
     found = []
-    for at, run in enumerate(fitted.task.experiment.folds):
+    for at, run in enumerate(experiment.folds):
         count = max(int(noise.good[at].sum()), 1)
         sums = losses[:, at].sum(axis=1)
         low, high = _change(_summed(sums), 1.0, random)

@@ -3,42 +3,88 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
 
 from rover_pin.discrepancy.answer import TAKES_MOST, Answer
-from rover_pin.discrepancy.bed import Bed
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.conclusion import Conclusion
 from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out
 from rover_pin.discrepancy.held_out import ChannelScore, held_out
 from rover_pin.discrepancy.search import Search, again, calibrated, search
+from rover_pin.discrepancy.sentence import sentence
+from rover_pin.discrepancy.verdict import Side, Verdict
+from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit, fit
-from rover_pin.estimation.noise import huber
+from rover_pin.estimation.numbers import AT_BOUND, implausible, intervals, is_adequate, settled
+from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Outcome
 
-SURPRISE = 1e-3
-"""A chi2 less probable than this by the declared noise means that the model's form is not that of the data."""
-AWAY = 5.0
-"""Prior SDs beyond which a number has left what is plausible of it."""
-AT_BOUND = 1e-6
-"""A number this near to a bound, in u, stands at it; at its default, u = 1, a law is as published and not strained."""
+ENOUGH = 0.9
+"""Share of chi2 beyond the noise from which a law holds though more than the noise is left: real laws never hold to
+the last digit."""
+LEFT = 0.01
+"""What is left with less than this probability, beside too small a share, keeps a law from holding."""
+LEADERS = 4
+"""Leading candidates of every round among which a fold chooses again, where a fit is exact."""
+WORSE_BY = 0.05
+"""Share by which a channel that was not fitted must be predicted worse, beyond its scatter, to speak against a name."""
+
+Progress = Callable[[str], None]
 
 
-def concluded(bed: Bed, kinds: Sequence[type], progress: Callable[[str], None], seed: int = 0) -> Conclusion:
-    """Return what the model of a test bed lacks of these kinds of effects, as a graded answer."""
-    model, poor = bed.base_model(), bed.insufficient()
-    if poor:
-        return Conclusion(Answer.CANNOT_TELL, bed.name, poor, model)
+class Left(NamedTuple):
+    """What the last model of a search leaves."""
+
+    unlisted: bool
+    "whether it is more than the noise, and more than the form of a law that holds may leave"
+    said: str = ""
+    "how it acts, in words, where that can be described"
+    described: bool = False
+    "whether it can be described, and drafted as an effect"
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What the loop is asked: which of the candidates the model lacks, its uncertain numbers free."""
+
+    kind: str
+    name: str
+    experiment: Experiment
+    model: Any
+    numbers: tuple[Parameter, ...]
+    candidates: Callable[[Fit], Sequence[Candidate]]
+    "what may be missing of the calibrated model"
+    describes: bool = False
+    "whether what is on no list can be described and drafted"
+
+
+def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
+    """Return what a model lacks, as a graded answer.
+
+    Raises
+    ------
+    OptimisationError
+        The base model cannot be fitted at all.
+    """
     progress("calibrating the base model")
-    base = calibrated(bed, model, bed.uncertain(model))
-    tried = bed.candidates(model, kinds)
+    base = calibrated(question.experiment, question.model, question.numbers, seed)
+    tried = question.candidates(base)
     found = search(base, tried, progress)
     progress("choosing again without each fold")
-    chosen = reselected(found.base, tried)
-    return _judged(bed.name, found, chosen, seed)
+    chosen = reselected(found.base, _leading(found, tried))
+    progress("intervals, and errors on what was left out")
+    return judged((question.kind, question.name), found, chosen, what_is_left(found, question.describes), seed)
+
+
+def _leading(found: Search, tried: Sequence[Candidate]) -> Sequence[Candidate]:
+    """Return the candidates among which a fold chooses: where a fit is exact those that lead on all data, as freed."""
+    if not found.base.task.experiment.is_exact:
+        return tried
+    refits = [one for each in found.rounds for one in each.refits[:LEADERS] if one.net > -one.fee / 2]
+    leaders = {one.name: one for each in refits for one in (*each.instead, each.candidate)}
+    return list(leaders.values())
 
 
 def reselected(base: Fit, tried: Sequence[Candidate]) -> dict[str, str]:
@@ -49,36 +95,71 @@ def reselected(base: Fit, tried: Sequence[Candidate]) -> dict[str, str]:
         good[at] = False
         task = replace(base.task, noise=replace(base.task.noise, good=good))
         without = again(fit(task, base.model, base.parameters, base.u, base.slopes))
-        chosen[name] = " + ".join(one.name for one in search(without, tried, lambda said: None).found)
+        chosen[name] = search(without, tried, lambda said: None).names
     return chosen
 
 
-def _judged(name: str, found: Search, chosen: dict[str, str], seed: int) -> Conclusion:
-    base, last = found.base, found.last
-    scores = held_out(base, last, seed).channels
-    share, named = held_out_share(base, last), tuple(one.name for one in found.found)
-    against = vetoes(found, chosen, scores) if named else []
-    answer = answer_of(found, share, against)
-    alike = tuple(one.name for one in found.rounds[0].alike)
-    if answer is Answer.INADEQUATE:
-        last, named, share = base, (), 0.0
-        scores = held_out(base, base, seed).channels
-    said = sentence(answer, found, share)
-    return Conclusion(
-        answer, name, said, last.model, named, alike, share, base, last, scores, chosen, tuple(against), found
+def side_of(fitted: Fit) -> Side:
+    """Return a model with its numbers and their intervals, in the noise widened to what the model leaves."""
+    wide, numbers = intervals(settled(fitted))
+    return Side(wide.model, numbers, replace(wide, task=fitted.task).misfit, wide)
+
+
+def what_is_left(found: Search, describes: bool = False) -> Left:
+    """Return what is left by the stated noise."""
+    return Left(not (holds(found) if found.found else is_adequate(found.base)), described=describes)
+
+
+def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Left, seed: int) -> Verdict:
+    """Return the verdict of kind and name `of` on what a search found and left."""
+    answer = graded(found, left)
+    if answer is Answer.LIKE:
+        found = first_of(found)
+    last = found.base if answer in (Answer.INADEQUATE, Answer.NONE_FITS) else found.last
+    before = side_of(found.base)
+    after = before if last is found.base else side_of(last)
+    added = found.added if last is not found.base else ()
+    errors = held_out(before.fit, after.fit, found.base.task.noise, seed)
+    share = held_out_share(found.base, last) if added else 0.0
+    against = tuple(vetoes(found, chosen, errors.channels)) if added else ()
+    if answer is Answer.NAMED and against:
+        answer = Answer.LIKE
+    records = after.fit.task.experiment.records(after.model)
+    return Verdict(
+        *of[:1],
+        answer,
+        of[1],
+        sentence(answer, found, share, (left.said, against)),
+        after.model,
+        tuple(records[one.owner] for one in added if one.effect is not None),
+        tuple(one.name for one in added),
+        found.alike,
+        share,
+        before,
+        after,
+        errors.channels,
+        errors.runs,
+        chosen,
+        against,
+        search=found,
     )
 
 
-def is_adequate(fitted: Fit) -> bool:
-    """Return whether what is left is as large as it may be by the declared noise."""
-    free = sum(not one.prior for one in fitted.parameters)
-    return bool(huber(fitted.rows) <= chi2_law.isf(SURPRISE, max(fitted.task.noise.count - free, 1)))
+def first_of(found: Search) -> Search:
+    """Return the search as it stood after its first round, where that found something."""
+    return replace(found, rounds=found.rounds[:1]) if found.rounds[0].alike else found
 
 
-def implausible(fitted: Fit) -> tuple[str, ...]:
-    """Return the numbers that had to leave what is plausible of them."""
-    rows = zip(fitted.parameters, fitted.u, strict=True)
-    return tuple(f"{one.name} {u:+.1f} SD" for one, u in rows if one.prior and abs(u) > AWAY)
+def holds(found: Search) -> bool:
+    """Return whether the law of what was found holds: it leaves the noise, or takes nearly all that was missed."""
+    return is_adequate(found.last, LEFT) or share_taken(found) >= ENOUGH
+
+
+def share_taken(found: Search) -> float:
+    """Return the share of the base's chi2 beyond the noise that what was found takes."""
+    beyond = found.base.chi2 - found.base.freedom
+    taken = found.base.chi2 - found.last.chi2
+    return float(np.clip(taken / beyond, 0.0, 1.0)) if beyond > 0 else float(taken > 0)
 
 
 def held_out_share(base: Fit, last: Fit) -> float:
@@ -93,46 +174,35 @@ def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore]
     last = found.last
     said = []
     for one, u in zip(last.parameters, last.u, strict=True):
-        usual = not one.prior and abs(u - 1.0) <= AT_BOUND
+        usual = not one.prior and abs(u - 1.0) <= AT_BOUND  # at its default a law is as published, not strained
         if min(u - one.bounds[0], one.bounds[1] - u) <= AT_BOUND and not usual:
             said.append(f"{one.name} lies at its bound")
     said += [f"{one} from what is declared of it" for one in implausible(last)]
-    names = " + ".join(one.name for one in found.found)
-    same = sum(set(name.split(" + ")) == set(names.split(" + ")) for name in chosen.values())
-    if 2 * same <= len(chosen):
-        said.append(f"{names} is chosen in {same} of {len(chosen)} folds only")
-    worse = [score.name for score in scores if score.worded.outcome is Outcome.WORSE]
-    return said + [f"{name} is predicted worse where it was not fitted" for name in worse]
+    names = {one.name for one in found.added}
+    same = sum(set(name.split(" + ")) == names for name in chosen.values())
+    if chosen and 2 * same <= len(chosen):
+        said.append(f"{found.names} is chosen in {same} of {len(chosen)} folds only")
+    worse = [one for one in scores if one.worded.outcome is Outcome.WORSE and one.change > WORSE_BY]
+    return said + [f"{one.name} is predicted worse where it was not fitted" for one in worse]
 
 
-def answer_of(found: Search, share: float, against: Sequence[str]) -> Answer:
-    """Return what may be said: a name stands where its law holds, alone where nothing speaks against it."""
+def graded(found: Search, left: Left) -> Answer:
+    """Return what may be said of what was found and left."""
+    alone = held_out_share(found.base, first_of(found).last) if found.found and left.unlisted else 0.0
+    return answer_of(found, left, alone)
+
+
+def answer_of(found: Search, left: Left, alone: float) -> Answer:
+    """Return what may be said: a name stands where its law holds, or is like what is missing where it takes most.
+
+    `alone` is the share that the first effect alone takes of what is missed where it was not fitted: two laws together
+    imitate much.
+    """
+    unlisted = Answer.NONE_FITS if left.described else Answer.INADEQUATE
     if not found.found:
-        fits = is_adequate(found.base) and not implausible(found.base)
-        return Answer.NONE_NEEDED if fits else Answer.INADEQUATE
-    if not is_adequate(found.last):
-        return Answer.LIKE if share >= TAKES_MOST else Answer.INADEQUATE
-    if any(len(each.alike) > 1 for each in found.rounds):
-        return Answer.SET
-    return Answer.LIKE if against else Answer.NAMED
-
-
-def sentence(answer: Answer, found: Search, share: float) -> str:
-    """Return the answer as a sentence for a reader."""
-    names = " and ".join(one.name for one in found.found)
-    takes = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
-    if answer is Answer.NAMED:
-        return f"the data are consistent with {names}, which {takes}."
-    if answer is Answer.SET:
-        alike = "; ".join(" or ".join(one.name for one in each.alike) for each in found.rounds if each.alike)
-        return f"these cannot be distinguished: {alike}; {names} {takes}."
-    if answer is Answer.LIKE:
-        left = f"reduced chi-square {found.base.misfit:.3g} -> {found.last.misfit:.3g}"
-        return f"something like {names} is missing: it {takes} ({left}), but the name does not stand alone."
-    if answer is Answer.INADEQUATE:
-        if is_adequate(found.base):
-            away = ", ".join(implausible(found.base))
-            return f"the base model meets the data only with numbers far from what is declared of them: {away}."
-        missed = f"reduced chi-square {found.base.misfit:.3g}"
-        return f"the base model misses the data by more than their noise ({missed}), and no candidate describes it."
-    return "the base model meets the data within their declared noise, and no candidate gains more than chance."
+        if left.unlisted:
+            return unlisted
+        return Answer.INADEQUATE if implausible(found.base) else Answer.NONE_NEEDED
+    if left.unlisted:
+        return Answer.LIKE if alone >= TAKES_MOST else unlisted
+    return Answer.SET if len(found.alike) > 1 else Answer.NAMED

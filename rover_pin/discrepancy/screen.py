@@ -172,7 +172,8 @@ def fee_of(candidate: Candidate, count: int, taken: float = 0.0, inflation: floa
 
     Beside chance stands what the laws that were added before, which took `taken` of chi2, may leave by their form.
     """
-    white = entry_fee(count) * (SOUGHT if candidate.sought else 1.0) + entry_fee(1) * (len(candidate.sizes) - 1)
+    further = len(candidate.sizes) - 1 + len(candidate.freed)
+    white = entry_fee(count) * (SOUGHT if candidate.sought else 1.0) + entry_fee(1) * further
     return inflation * white + ROUGH * taken
 
 

@@ -1,9 +1,9 @@
-"""The search for what a drive model lacks: calibrate, learn the noise, screen, refit, add, and look again."""
+"""The search for what a model lacks: calibrate, learn the noise, screen, refit, add, and look again."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -11,18 +11,28 @@ import numpy as np
 
 from rover_pin.discrepancy.anchor import anchor, is_bent
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.compare import Fee, Refit, alike, refit
+from rover_pin.discrepancy.compare import refit
+from rover_pin.discrepancy.exact_refits import Tried, exactly_refitted, judged, paired
+from rover_pin.discrepancy.refit import Fee, Refit, alike
 from rover_pin.discrepancy.screen import Scored, Signature, fee_of, saturated, score, signatures, with_noise
+from rover_pin.errors import OptimisationError
+from rover_pin.estimation.exact import scattered
 from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.fit import Fit, Task, fit
+from rover_pin.estimation.fit import Fit, best_of, fit
 from rover_pin.estimation.noise import COLOURED, first_noise
+from rover_pin.estimation.numbers import is_adequate
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.residual import residual
+from rover_pin.estimation.task import Task
 
 MOST = 3
 """Effects that are added at most."""
+FOLDS_EACH = 4
+"""Levels that each effect needs where a fit is exact: on nine levels three laws imitated a drag that is on no list."""
 LEARNT = 2
 """How often noise and base are fitted in turn."""
+STARTS = 6
+"""Starts of the base model's fit where it is exact."""
 LEAST = 1e-6
 """Least SD of a channel's blocks [its unit]: one that never moves has no noise of its own."""
 
@@ -53,8 +63,32 @@ class Search:
 
     @property
     def found(self) -> tuple[Refit, ...]:
-        """What was added, in turn."""
+        """The best of every round that found something, in turn."""
         return tuple(each.alike[0] for each in self.rounds if each.alike)
+
+    @property
+    def added(self) -> tuple[Candidate, ...]:
+        """What was added, in turn."""
+        path: tuple[Candidate, ...] = ()
+        for one in self.found:
+            path = (*(one.instead or path), one.candidate)
+        return path
+
+    @property
+    def names(self) -> str:
+        """What was added, in words; empty where nothing was."""
+        return " + ".join(one.name for one in self.added)
+
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """What was added, then what cannot be distinguished from it; empty where nothing was added."""
+        *firsts, last = [each.alike for each in self.rounds if each.alike] or [()]
+        before = [one.name for one in replace(self, rounds=self.rounds[: len(firsts)]).added]
+        ways = [[*([c.name for c in one.instead] or before), one.candidate.name] for one in last]
+        if not self.base.task.experiment.is_exact:  # else every round but the last was looked at again by pairs
+            rest = self.names.split(" + ")
+            ways += [[*rest[:at], other.name, *rest[at + 1 :]] for at, each in enumerate(firsts) for other in each[1:]]
+        return tuple(" + ".join(way) for way in ways)
 
     @property
     def last(self) -> Fit:
@@ -67,9 +101,21 @@ class Search:
         return len(self.rounds[0].scored) if self.rounds else 0
 
 
-def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter]) -> Fit:
-    """Return the model with its uncertain numbers fitted, the noise as declared, or taken as large as what is left."""
+def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter], seed: int = 0) -> Fit:
+    """Return the model with its uncertain numbers fitted, the noise as declared, or taken as large as what is left.
+
+    Raises
+    ------
+    OptimisationError
+        An exact experiment, and none of several starts ends.
+    """
     declared = experiment.noise()
+    if declared is not None and experiment.is_exact:
+        centre = np.array([one.u(experiment.value(model, one.name)) for one in numbers])
+        found = best_of(Task(experiment, declared), model, numbers, scattered(numbers, centre, STARTS, seed))
+        if found is None:
+            raise OptimisationError(f"{experiment.name}: no start of the fit of the base model converged.", status="")
+        return found
     if declared is not None:
         return again(fit(Task(experiment, declared), model, numbers))
     least = np.full(len(experiment.channels), LEAST)
@@ -90,29 +136,54 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     least = np.full(base.predicted.shape[1], LEAST)
     for _ in range(LEARNT if base.task.experiment.noise() is None else 0):
         base = again(with_noise(base, saturated(base, known), least))
-    rounds: list[Round] = []
-    here = base
-    while len(rounds) <= MOST:
-        rounds.append(_round(here, known, tried, tuple(rounds), progress))
-        if not rounds[-1].alike:
-            break
-        here = rounds[-1].alike[0].fit
-    return Search(base, tuple(rounds), tuple(known))
+    found = Search(base, (), tuple(known))
+    most = _most(base.task.experiment)
+    while len(found.rounds) < most and len(found.found) == len(found.rounds):
+        found = replace(found, rounds=(*found.rounds, _round(found, tried, progress)))
+    if not found.found and most > 1 and base.task.experiment.is_exact and not is_adequate(base):
+        found = replace(found, rounds=(*found.rounds, _pairs(found, len(tried), progress)))
+    return found
 
 
-def _round(
-    here: Fit, known: Sequence[Signature], tried: Sequence[Candidate], before: Sequence[Round], progress: Progress
-) -> Round:
-    added = {each.alike[0].candidate.kind for each in before}
-    left = [each for each in known if each.candidate.kind not in added]
-    scored = score(here, left)
+def _most(experiment: Experiment) -> int:
+    """Return how many rounds there are at most; where a fit is exact, as many effects as there are levels for."""
+    return min(max(len(experiment.folds) // FOLDS_EACH, 1), MOST) if experiment.is_exact else MOST + 1
+
+
+def _round(found: Search, tried: Sequence[Candidate], progress: Progress) -> Round:
+    here, known = found.last, _left(found, tried)
+    scored = tuple(score(here, known))
+    fee = fee_after(found.rounds, len(tried), here.task.noise.inflation)
+    if here.task.experiment.is_exact:
+        return Round(scored, exactly_refitted(here, scored, fee, progress, _second(found, progress)))
     declared = None
     if is_bent(here):
         progress("the numbers had to leave what is declared: scoring every candidate at the declared ones too")
-        declared = anchor(here, [each.candidate for each in left])
-    return Round(
-        tuple(scored), refit(here, scored, fee_after(before, len(tried), here.task.noise.inflation), progress, declared)
-    )
+        declared = anchor(here, [each.candidate for each in known])
+    return Round(scored, refit(here, scored, fee, progress, declared))
+
+
+def _second(found: Search, progress: Progress) -> list[Tried] | None:
+    """Return pairs for the second round, where the first leaves more than the noise; None in the first."""
+    if len(found.rounds) == 1 and not is_adequate(found.last):
+        return paired(found.base, found.rounds[0].refits, found.found[0], progress)
+    return [] if found.rounds else None
+
+
+def _left(found: Search, tried: Sequence[Candidate]) -> Sequence[Signature]:
+    """Return the signatures of what has not been added; where a fit is exact, on the model with what has."""
+    added = {one.kind for one in found.added}
+    if added and found.base.task.experiment.is_exact:
+        return signatures(found.last, [one for one in tried if one.kind not in added])
+    return [each for each in found.known if each.candidate.kind not in added]
+
+
+def _pairs(found: Search, count: int, progress: Progress) -> Round:
+    """Return the round of pairs where no single candidate was accepted: each pays for both."""
+    singles = found.rounds[0].refits
+    first = singles[0].fee / singles[0].unit if singles else 0.0
+    fee = fee_after((), count, found.base.task.noise.inflation)
+    return Round((), judged(found.base, paired(found.base, singles, None, progress), fee, first))
 
 
 def fee_after(before: Sequence[Round], count: int, inflation: float = COLOURED) -> Fee:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rover_pin.estimation.descent import LeastSquares
 from rover_pin.estimation.problem import Problem
 
 
@@ -18,7 +19,7 @@ def own_share(jacobian: np.ndarray, index: int) -> float:
     return float(np.linalg.norm(rest) / length)
 
 
-def covariance(problem: Problem, u: np.ndarray) -> np.ndarray:
+def covariance(problem: LeastSquares, u: np.ndarray) -> np.ndarray:
     """Return (J^T J)^-1 at u; a direction without information gets a huge variance.
 
     Parameters on a bound do not widen the others: those move only one way, and the fit wants the other.

@@ -6,10 +6,11 @@ model and without its overhead near a minimum (tests/evidence/test_descent.py).
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from rover_pin.errors import OptimisationError
-from rover_pin.estimation.problem import Problem
 
 STEPS = 400
 """Most trial steps of one descent."""
@@ -24,7 +25,34 @@ SMALLEST = 1e-10
 """... or where no step longer than this, in u, lowers chi2."""
 
 
-def descend(problem: Problem, u: np.ndarray, held: int | None = None) -> tuple[np.ndarray, float]:
+class Bounds(Protocol):
+    """Names of the free numbers and the bounds of their u."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names."""
+
+    @property
+    def low(self) -> np.ndarray:
+        """Lower bounds."""
+
+    @property
+    def high(self) -> np.ndarray:
+        """Upper bounds."""
+
+
+class LeastSquares(Protocol):
+    """Rows whose squares are to sum to the least, and their Jacobian, in bounded coordinates u."""
+
+    @property
+    def space(self) -> Bounds:
+        """Where u may be."""
+
+    def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return rows and their Jacobian at u."""
+
+
+def descend(problem: LeastSquares, u: np.ndarray, held: int | None = None) -> tuple[np.ndarray, float]:
     """Return the u and chi2 of the nearest minimum inside the bounds, with coordinate `held` kept.
 
     Raises

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,13 @@ from rover_pin.quantity import Quantity, quantities
 Arrays = dict[str, np.ndarray]
 
 
+class Sensitivities(NamedTuple):
+    """A prediction (folds, channels, samples) and its exact slopes d predicted / d u (parameters, folds, ...)."""
+
+    predicted: np.ndarray
+    slopes: np.ndarray
+
+
 class Experiment(ABC):
     """Measurements of something, and a way to predict them from a model; arrays are (folds, channels, samples).
 
@@ -25,6 +32,11 @@ class Experiment(ABC):
     """
 
     name: str = "experiment"
+    is_timed: bool = False
+    "whether samples of a fold follow one another in time, so that neighbours hang together"
+    is_exact: bool = False
+    "whether it has `sensitivities`, at little more than a prediction's cost: fits then start from several points, end \
+at a minimum, and every fold is predicted by whole refits"
 
     if TYPE_CHECKING:  # fields or properties of an implementation, as it likes: a property here would be their default
 
@@ -81,9 +93,9 @@ class Experiment(ABC):
         """Return the noise as it is declared, or as repeats show it; None where it is learnt from what is left."""
         return None
 
-    def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Mapping | None:
-        """Return d predicted / d u by name where it is known exactly; else differences of predictions are taken."""
-        return None
+    def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
+        """Return what the model predicts with the parameters at u, and its exact slopes; where `is_exact`."""
+        raise NotImplementedError(f"{type(self).__name__} is not exact: its slopes are differences of predictions.")
 
     def neighbours(self, candidate: Any, step: float) -> Sequence[Any]:
         """Return a candidate whose place was sought with its edges moved by `step`; none where there is no place."""

@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.estimation.experiment import Arrays, Experiment
-from rover_pin.estimation.noise import Noise, huber, huber_weights
+from rover_pin.errors import OptimisationError
+from rover_pin.estimation.descent import descend
+from rover_pin.estimation.exact import ExactProblem
+from rover_pin.estimation.experiment import Arrays
+from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.residual import residual
+from rover_pin.estimation.task import Task, objective
 
 TURNS = 6
 SETTLED = 0.3
@@ -28,22 +32,6 @@ ROUND_OFF = 1e-13
 """Least eigenvalue of a scaled normal matrix that is not taken for round-off."""
 STALE = 0.5
 """Share of the promised gain below which a Jacobian is computed again."""
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """What stays while models are compared: the experiment, the noise."""
-
-    experiment: Experiment
-    noise: Noise
-
-    def rows(self, predicted: np.ndarray) -> np.ndarray:
-        """Return whitened residuals of features (..., runs, channels, blocks)."""
-        return self.noise.white(residual(self.experiment.observed, predicted))
-
-    def columns(self, slopes: Sequence[np.ndarray]) -> np.ndarray:
-        """Return d rows / d u (n, parameters) from d predicted / d u (runs, channels, blocks) of each parameter."""
-        return -self.noise.white(np.array(slopes)).T if len(slopes) else np.zeros((self.noise.count, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +62,13 @@ class Fit:
 
     @property
     def misfit(self) -> float:
-        """chi2 of the rows alone for each compared block; 1 is the noise."""
-        return huber(self.rows) / max(self.task.noise.count, 1)
+        """Reduced chi-square: robust chi2 of the rows over their degrees of freedom; 1 is the noise."""
+        return huber(self.rows) / self.freedom
+
+    @property
+    def freedom(self) -> int:
+        """Compared blocks minus numbers without a prior."""
+        return max(self.task.noise.count - sum(not one.prior for one in self.parameters), 1)
 
     @property
     def columns(self) -> np.ndarray:
@@ -115,12 +108,6 @@ class Fit:
         return self.parameters[at].value(self.u[at])
 
 
-def objective(rows: np.ndarray, u: np.ndarray, parameters: Sequence[Parameter]) -> float:
-    """Return the robust chi2 with the priors."""
-    held = np.array([one.prior for one in parameters], dtype=bool)
-    return huber(rows) + float(np.sum(np.asarray(u)[held] ** 2))
-
-
 def covariance(columns: np.ndarray, rows: np.ndarray, parameters: Sequence[Parameter]) -> np.ndarray:
     """Return (J^T W J + priors)^-1."""
     weighted = columns * huber_weights(rows)[:, None]
@@ -145,10 +132,10 @@ def at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -
 
 def slopes_at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> dict[str, np.ndarray]:
     """Return d predicted / d u by name: exact where the experiment knows them, else one-sided differences."""
+    if task.experiment.is_exact:
+        exact = task.experiment.sensitivities(model, parameters, u).slopes
+        return dict(zip([one.name for one in parameters], exact, strict=True))
     here = at(task, model, parameters, u)
-    exact = task.experiment.sensitivities(here, parameters, u)
-    if exact is not None:
-        return dict(exact)
     moved = {one.name: _moved(one, x) for one, x in zip(parameters, u, strict=True)}
     shifted = [task.experiment.with_values(here, {name: value}) for name, (value, _) in moved.items()]
     centre, *features = task.experiment.predict([here, *shifted])
@@ -176,14 +163,44 @@ def fit(
     first, until a step lowers the objective by less than STALE of what it promised; then they are computed again, with
     `reuse` only those that were not given. The fit ends where no step of new slopes helps, or after TURNS and RENEWALS;
     given slopes that are `stale` only start it, new ones end it, and it may go on for longer, TO_THE_END. A fit that
-    the experiment has kept is not made again.
+    the experiment has kept is not made again. Where the experiment is exact, `descend` ends at a minimum, and what is
+    known of slopes is not needed.
+
+    Raises
+    ------
+    OptimisationError
+        A descent with exact slopes does not end.
     """
+    if task.experiment.is_exact:
+        return _exactly(task, model, parameters, np.zeros(len(parameters)) if start is None else start)
     given = dict(slopes or {})
     asked = (task.noise, model, tuple(parameters), start, given, reuse, stale)
     found = task.experiment.kept(asked, lambda: _descended(task, model, parameters, start, given, (reuse, stale)))
     u, renewed = found["u"], [parameters[one].name for one in found["renewed"]]
     known = given | dict(zip(renewed, found["slopes"], strict=True))
     return Fit(task, at(task, model, parameters, u), tuple(parameters), u, found["predicted"], known)
+
+
+def best_of(task: Task, model: Any, parameters: Sequence[Parameter], starts: Sequence[np.ndarray]) -> Fit | None:
+    """Return the lowest of the fits from several starts, or None where none of them ends."""
+    found = []
+    for start in starts:
+        try:
+            found.append(fit(task, model, parameters, start))
+        except OptimisationError:
+            continue
+    return min(found, key=lambda one: one.chi2, default=None)
+
+
+def _exactly(task: Task, model: Any, parameters: Sequence[Parameter], start: np.ndarray) -> Fit:
+    problem = ExactProblem(task, model, parameters)
+    try:
+        u, _ = descend(problem, np.clip(start, problem.space.low, problem.space.high))
+    except np.linalg.LinAlgError as error:
+        raise OptimisationError(f"a refit met a singular problem ({error}); free fewer.", status=str(error)) from error
+    predicted, slopes = task.experiment.sensitivities(model, parameters, u)
+    known = dict(zip(problem.space.names, slopes, strict=True))
+    return Fit(task, at(task, model, parameters, u), tuple(parameters), u, predicted, known)
 
 
 def _descended(

@@ -24,8 +24,8 @@ SPREAD = 1.4826
 class Noise:
     """AR(1) blocks with a covariance between channels: r_b = rho r_(b-1) + e_b, e_b = sd sqrt(1 - rho^2) L n_b.
 
-    `sd`, `rho` (channels,), `mixing` the inverse of L (channels, channels); `good` (runs, channels, blocks) says which
-    blocks are compared.
+    `sd` (channels,), or of every block (runs, channels, blocks) where rho = 0; `rho` (channels,), `mixing` the inverse
+    of L (channels, channels); `good` (runs, channels, blocks) says which blocks are compared.
     """
 
     sd: np.ndarray
@@ -36,12 +36,22 @@ class Noise:
     "by how much chi2 by chance, and variances, exceed those of white rows; 1 where the noise is declared white"
 
     @property
+    def floor(self) -> np.ndarray:
+        """RMS of the noise of every channel (channels,)."""
+        if self.sd.ndim == 1:
+            return self.sd
+        squares = np.where(self.good, self.sd, 0.0) ** 2
+        return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(self.good.sum(axis=(0, 2)), 1)))
+
+    @property
     def count(self) -> int:
         """Number of compared blocks of all channels."""
         return int(self.good.sum())
 
     def white(self, residual: np.ndarray) -> np.ndarray:
         """Return residuals (..., runs, channels, blocks) as rows (..., n) of SD 1 without memory or common mode."""
+        if self.sd.ndim > 1:
+            return np.asarray((residual / self.sd)[..., self.good])
         steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho)
         scaled = steps / (self.sd * np.sqrt(1 - self.rho**2))[:, None]
         mixed = np.einsum("ij,...jb->...ib", self.mixing, np.where(self.good, scaled, 0.0))
@@ -66,8 +76,8 @@ def first_noise(residual: np.ndarray, least: np.ndarray) -> Noise:
 
 
 def declared_noise(sd: np.ndarray, observed: np.ndarray) -> Noise:
-    """Return white noise of declared SDs (channels,) on what was observed (folds, channels, samples)."""
-    channels = len(sd)
+    """Return white noise of declared SDs, (channels,) or of each of what was observed (folds, channels, samples)."""
+    channels = observed.shape[1]
     return Noise(np.asarray(sd, float), np.zeros(channels), np.eye(channels), np.isfinite(observed), inflation=1.0)
 
 

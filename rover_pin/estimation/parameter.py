@@ -44,3 +44,10 @@ class Parameter:
     def slope(self, u: float) -> float:
         """Return dx / du."""
         return self.scale * (self.value(u) if self.log else 1.0)
+
+    @property
+    def assumed(self) -> str:
+        """What is assumed of it beforehand, in words; empty without a prior."""
+        if not self.prior:
+            return ""
+        return f"{self.origin:.3g} +- {self.scale:.1%}" if self.log else f"{self.origin:.3g} +- {self.scale:.2g}"

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.errors import OptimisationError
-from rover_pin.estimation.descent import descend
-from rover_pin.estimation.problem import Problem
+from rover_pin.estimation.descent import LeastSquares, descend
 
 NORMAL_95 = 1.959964
 """Root of the rise in chi2 that bounds a 95 % interval of one parameter."""
@@ -63,7 +62,7 @@ class LowerMinimum(Exception):
         self.u = u
 
 
-def interval(problem: Problem, best: Best, index: int) -> Interval:
+def interval(problem: LeastSquares, best: Best, index: int) -> Interval:
     """Return where chi2 has risen by 1.96^2 on both sides, with all other parameters refitted.
 
     Raises
@@ -82,7 +81,7 @@ def interval(problem: Problem, best: Best, index: int) -> Interval:
     return Interval(low, high, closed_low, closed_high, tuple(pinned))
 
 
-def rise(problem: Problem, best: Best, index: int, x: float, guess: np.ndarray) -> tuple[float, np.ndarray]:
+def rise(problem: LeastSquares, best: Best, index: int, x: float, guess: np.ndarray) -> tuple[float, np.ndarray]:
     """Return the root of chi2's rise with coordinate `index` at x, and the refitted u."""
     start = guess.copy()
     start[index] = x
@@ -92,13 +91,13 @@ def rise(problem: Problem, best: Best, index: int, x: float, guess: np.ndarray) 
     return float(np.sqrt(max(chi2 - best.chi2, 0.0))), u
 
 
-def _at_bound(problem: Problem, u: np.ndarray, index: int) -> bool:
+def _at_bound(problem: LeastSquares, u: np.ndarray, index: int) -> bool:
     low, high = problem.space.low[index], problem.space.high[index]
-    near = AT_BOUND * (high - low)
+    near = AT_BOUND * (high - low) if np.isfinite(high - low) else 0.0
     return bool(u[index] <= low + near or u[index] >= high - near)
 
 
-def _end(problem: Problem, best: Best, index: int, side: int, target: float) -> tuple[float, bool, np.ndarray]:
+def _end(problem: LeastSquares, best: Best, index: int, side: int, target: float) -> tuple[float, bool, np.ndarray]:
     """Return one end of the interval, whether chi2 closes it, and u there; a bracketed secant on the rise's root."""
     centre = best.u[index]
     bound = float((problem.space.low, problem.space.high)[side > 0][index])
@@ -143,7 +142,7 @@ def _next(
     return inside[0] + share * (outside[0] - inside[0])
 
 
-def _follow(problem: Problem, best: Best, index: int, x: float) -> np.ndarray:
+def _follow(problem: LeastSquares, best: Best, index: int, x: float) -> np.ndarray:
     """Return where the other parameters go, to first order, when one moves to x."""
     along = best.covariance[:, index] / best.covariance[index, index]
     return np.clip(best.u + along * (x - best.u[index]), problem.space.low, problem.space.high)

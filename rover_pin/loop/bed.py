@@ -10,9 +10,10 @@ from importlib.resources import files
 from pathlib import Path
 
 from rover_pin.columns import replace_file
-from rover_pin.discrepancy.bed import Bed
-from rover_pin.discrepancy.conclusion import Conclusion
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.bed import Bed, question_of
 from rover_pin.discrepancy.judge import concluded
+from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import DataError
 from rover_pin.loop.provenance import provenance
 from rover_pin.motion.effect_files import package_effects, run_file, user_effects
@@ -68,11 +69,15 @@ def close_on_bed(
     progress: Callable[[str], None],
     seed: int,
     repeat: str,
-) -> Conclusion:
+) -> Verdict:
     """Return what the model of a test bed lacks; with `out`, verdict.json is written there."""
     begun = time.monotonic()
     own = {kind.__name__: kind for kind in (*package_effects(), *(user_effects(effects) if effects else ()))}
-    found = concluded(bed, tuple(own.values()), progress, seed)
+    poor = bed.insufficient()
+    if poor:
+        found = Verdict("test-bed", Answer.CANNOT_TELL, bed.name, poor, bed.base_model())
+    else:
+        found = concluded(question_of(bed, tuple(own.values())), progress, seed)
     found.provenance.update(provenance(seed, time.monotonic() - begun, repeat))
     if out is not None:
         text = json.dumps(found.as_dict(), indent=1, default=str)

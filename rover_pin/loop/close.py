@@ -10,13 +10,11 @@ from rover_pin.body.rover import Rover
 from rover_pin.cluster import refuse_both, workers_of
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.bed import Bed
-from rover_pin.discrepancy.conclusion import Conclusion
+from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import DataError, ParameterError
-from rover_pin.experiments.drive_log.verdict import DriveVerdict
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
-from rover_pin.experiments.wheel_rig.verdict import Verdict
 from rover_pin.loop.bed import close_on_bed, read_bed
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
@@ -44,7 +42,7 @@ def close_the_loop(
     jobs: int = 0,
     scheduler: str | None = None,
     experiment: str | Path | None = None,
-) -> Verdict | DriveVerdict | Conclusion:
+) -> Verdict:
     """Find the effect that a model lacks against measured data, add it, and report the error before and after.
 
     Parameters
@@ -71,7 +69,7 @@ def close_the_loop(
 
     Returns
     -------
-    Verdict, DriveVerdict or, of a test bed, Conclusion
+    Verdict
         With `answer`, `summary()`, `model` (the base model with what was added, if anything) and `as_dict()`.
 
     Raises

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rover_pin.experiments.drive_log.checks.log import check as check_log
-from rover_pin.experiments.wheel_rig.calibrate import nuisances
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.close import read_data
 from rover_pin.measurements.channel import Evidence
@@ -46,7 +46,7 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
         holds = f"{len(data.runs)} runs, {seconds:.0f} s, rover {data.about.rover}"
         return DataCheck("drive-log", holds, found.found, found.too_poor)
     refuse_unfit(data)
-    uncertain, _ = nuisances(data, RigModel(data.rig.wheel, data.soil()))
+    uncertain = RigExperiment(data).uncertain(RigModel(data.rig.wheel, data.soil()))
     return DataCheck("wheel-rig", _holds(data), tuple(findings(data)), too_poor(data, len(uncertain)))
 
 

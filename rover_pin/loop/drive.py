@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from rover_pin.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.compare import Refit
-from rover_pin.discrepancy.conclusion import numbers
-from rover_pin.discrepancy.held_out import held_out
+from rover_pin.discrepancy.judge import Left, judged
 from rover_pin.discrepancy.profiles import profiles
+from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Search, search
-from rover_pin.estimation.wording import shown
+from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, too_poor
 from rover_pin.experiments.drive_log.experiment import logged
+from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.experiments.drive_log.model import base_model, held, with_spread
 from rover_pin.experiments.drive_log.resume import Memory, key_of_code
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
-from rover_pin.experiments.drive_log.verdict import DriveVerdict
 from rover_pin.experiments.unlisted.remainder import Remainder, describe
 from rover_pin.loop.drive_written import written
 from rover_pin.loop.provenance import command, provenance
@@ -52,7 +51,7 @@ def close_drive_loop(
     progress: Progress = lambda said: None,
     seed: int = 0,
     jobs: Workers = 1,
-) -> DriveVerdict:
+) -> Verdict:
     """Return what a model of a drive log lacks, with the error before and after; see `close_the_loop`.
 
     Raises
@@ -79,7 +78,7 @@ def close_drive_loop(
 
 def _decided(
     log: DriveLog, start: Model, effects: str | Path | None, memory: Memory, how: tuple[Progress, Workers, int]
-) -> DriveVerdict:
+) -> Verdict:
     progress, jobs, seed = how
     if memory.told:
         progress(f"going on: {memory.told}")
@@ -95,49 +94,31 @@ def _code(model: Model, effects: str | Path | None) -> set[Path]:
     return {file_of(kind) for kind in (*own, *map(type, model.all_effects))}
 
 
-def _poor(log: DriveLog, model: Model, poor: str) -> DriveVerdict:
-    return DriveVerdict(
-        Answer.CANNOT_TELL, log.about.name, poor, model, (), (), 0.0, (), (), (), (), None, findings(log), (), None, {}
-    )
+def _poor(log: DriveLog, model: Model, poor: str) -> Verdict:
+    return Verdict("drive-log", Answer.CANNOT_TELL, log.about.name, poor, model, findings=findings(log))
 
 
-def verdict_on(log: DriveLog, found: Search, left: Remainder, seed: int, progress: Progress) -> DriveVerdict:
+def verdict_on(log: DriveLog, found: Search, left: Remainder, seed: int, progress: Progress) -> Verdict:
     """Return the verdict on what was found in a log and what is left; what is doubtful is not in its model."""
-    best = found.rounds[0].alike
-    answer = answer_of(found, left)
     progress("runs left out, and driven freely")
-    last = found.last if answer is not Answer.NONE_FITS else found.base
-    named = tuple(one.name for one in found.found) if answer is not Answer.NONE_FITS else ()
-    sizes = tuple(name for one in found.found if named for name in one.candidate.sizes)
-    held = held_out(found.base, last, seed)
-    return DriveVerdict(
-        answer=answer,
-        name=log.about.name,
-        sentence=_sentence(answer, found, left),
-        model=last.model,
-        alike=tuple(one.name for one in best),
-        named=named,
-        explained=explained(found),
-        before=numbers(found.base),
-        after=numbers(last),
-        scores=held.channels,
-        free=free_runs(logged(found.base), found.base.model, last.model),
-        remainder=left,
+    verdict = judged(("drive-log", log.about.name), found, {}, left_of(found, left), seed)
+    wheels = [wheel.name for wheel in found.base.model.rover.wheels]
+    added = [one for one in found.added if one.name in verdict.named]
+    sizes = tuple(name for one in added for name in one.sizes)
+    best = found.rounds[0].alike
+    return dataclasses.replace(
+        verdict,
+        sentence=spoken(verdict.sentence, wheels),
         findings=findings(log),
         experiments=_experiments(best, progress),
-        search=found,
-        provenance={},
-        runs=held.runs,
-        profiles=profiles(last, sizes) if sizes else (),
+        profiles=profiles(verdict.after.fit, sizes) if sizes and verdict.after else (),
+        extra=DriveExtra(free_runs(logged(found.base), found.base.model, verdict.model), left),
     )
 
 
-def explained(found: Search) -> float:
-    """Return the share of the base's chi2 beyond the noise that what was added takes."""
-    beyond = found.base.chi2 - found.base.task.noise.count
-    return (
-        float(np.clip((found.base.chi2 - found.last.chi2) / beyond, 0, 1)) if beyond > 0 else float(bool(found.found))
-    )
+def left_of(found: Search, left: Remainder) -> Left:
+    """Return what is left, as it is judged."""
+    return Left(is_unknown(found, left), left.best.said, described=True)
 
 
 def is_unknown(found: Search, left: Remainder) -> bool:
@@ -149,42 +130,13 @@ def is_unknown(found: Search, left: Remainder) -> bool:
     return left.best.strength > max(UNKNOWN, MUCH * taken) and not left.best.is_raking
 
 
-def answer_of(found: Search, left: Remainder) -> Answer:
-    """Return what may be said of the model, given what was found and what is left."""
-    if is_unknown(found, left):
-        return Answer.NONE_FITS
-    if not found.found:
-        return Answer.NONE_NEEDED
-    return Answer.NAMED if all(len(each.alike) == 1 for each in found.rounds if each.alike) else Answer.SET
+def spoken(sentence: str, wheels: Sequence[str]) -> str:
+    """Return a sentence with the wheel's name behind that of a candidate which has the wheel's number only."""
 
+    def with_name(match: re.Match[str]) -> str:
+        return f"{match[0]} (wheel {wheels[int(match[1])]})"
 
-def _sentence(answer: Answer, found: Search, left: Remainder) -> str:
-    wheels = [wheel.name for wheel in found.base.model.rover.wheels]
-    names = " and ".join(spoken(one.name, wheels) for one in found.found)
-    alike = " or ".join(spoken(one.name, wheels) for one in found.rounds[0].alike)
-    share = f"{explained(found):.0%} of what the base model misses beyond the noise{_bent(found)}"
-    if answer is Answer.NAMED:
-        return f"the log is consistent with {names}, which takes {share}."
-    if answer is Answer.SET:
-        return f"the log does not tell {alike} apart; {names} takes {share}."
-    if answer is Answer.NONE_NEEDED:
-        return "the calibrated base model meets the log within its noise, and no candidate gains more than chance."
-    near = f" The nearest of the list, {found.found[0].name}, does not take it." if found.found else ""
-    return f"something acts that is not on the list: it {left.best.said}.{near}"
-
-
-def spoken(name: str, wheels: Sequence[str]) -> str:
-    """Return a candidate's name with its wheel's, where it has a wheel's number only."""
-    number = name.partition("[")[2].rstrip("]")
-    return f"{name} (wheel {wheels[int(number)]})" if number.isdigit() else name
-
-
-def _bent(found: Search) -> str:
-    """Return how far the base model already had to bend the numbers that were freed, if any."""
-    freed = {size for one in found.found if one.candidate.effect is None for size in one.candidate.sizes}
-    bent = [one for one in numbers(found.base) if one.name in freed]
-    told = [f"{one.name} to {shown(one.value, one.unit)}, {one.drift:+.0f} SD from what is declared" for one in bent]
-    return f"; the base model already had to bend {' and '.join(told)}, so its errors are small too" if told else ""
+    return re.sub(r"\w+\[(\d+)\](?!\.)", with_name, sentence)
 
 
 def _experiments(best: tuple[Refit, ...], progress: Progress) -> tuple[SeparatingDrive, ...]:

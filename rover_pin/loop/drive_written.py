@@ -9,7 +9,8 @@ from pathlib import Path
 
 from rover_pin.columns import replace_file
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.experiments.drive_log.verdict import DriveVerdict
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.experiments.unlisted.remainder import draft_effect
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model_toml import write_model
@@ -18,13 +19,14 @@ from rover_pin.report.drive import write_drive_report
 DRAFT = Path("draft_effect") / "measured_remainder.py"
 
 
-def written(verdict: DriveVerdict, log: DriveLog, out: Path) -> DriveVerdict:
+def written(verdict: Verdict, log: DriveLog, out: Path) -> Verdict:
     """Write model.toml, report.html with its figures and verdict.json; return the verdict with their paths."""
     named = Path(log.rover)
     rover = "" if named.suffix == "" else os.path.relpath(named.resolve(), out.resolve())
     files = [write_model(verdict.model, out / "model.toml", verdict.sentence, rover)]
-    if verdict.answer is Answer.NONE_FITS and verdict.remainder is not None:
-        files.append(replace_file(out / DRAFT, draft_effect(verdict.remainder, verdict.name)))
+    left = extra_of(verdict).remainder
+    if verdict.answer is Answer.NONE_FITS and left is not None:
+        files.append(replace_file(out / DRAFT, draft_effect(left, verdict.name)))
     files += write_drive_report(verdict, log, out)
     files.append(out / "verdict.json")
     verdict = dataclasses.replace(verdict, files=tuple(files))

@@ -9,9 +9,10 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import got_worse
-from rover_pin.experiments.drive_log.separating_drive import unseparated
-from rover_pin.experiments.drive_log.verdict import DriveVerdict
+from rover_pin.experiments.drive_log.extra import extra_of
+from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, unseparated
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.report.drive_cautions import cautions, claims
@@ -36,12 +37,12 @@ TERMS, RIVALS = 3, 2
 """Terms whose curves are drawn, and rivals of which it is said that no run tells them apart."""
 
 
-def write_drive_report(verdict: DriveVerdict, log: DriveLog, out: Path) -> list[Path]:
+def write_drive_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
     return write_page(figures(verdict), lambda images: html(verdict, log, images), out)
 
 
-def sides_of(verdict: DriveVerdict) -> Sides | None:
+def sides_of(verdict: Verdict) -> Sides | None:
     """Return the fits before and after; the same where nothing was added, None where nothing could be fitted."""
     if verdict.search is None:
         return None
@@ -49,7 +50,7 @@ def sides_of(verdict: DriveVerdict) -> Sides | None:
     return Sides(verdict.search.base, verdict.search.last if added else verdict.search.base)
 
 
-def figures(verdict: DriveVerdict) -> dict[str, Figure]:
+def figures(verdict: Verdict) -> dict[str, Figure]:
     """Return the figures by name: those for which the verdict has anything."""
     sides = sides_of(verdict)
     found: dict[str, Figure] = {}
@@ -61,15 +62,16 @@ def figures(verdict: DriveVerdict) -> dict[str, Figure]:
         found["free"] = free_figure(sides.experiment, models)
     if verdict.scores:
         found["heldout"] = heldout_figure(verdict.scores, sides is not None and sides.added)
-    if verdict.remainder is not None and not verdict.remainder.is_noise:
-        found["terms"] = terms_figure(verdict.remainder.terms[:TERMS])
+    left = extra_of(verdict).remainder
+    if left is not None and not left.is_noise:
+        found["terms"] = terms_figure(left.terms[:TERMS])
     if verdict.profiles:
-        ends = {one.name: (one.low, one.high) for one in verdict.after}
+        ends = {one.name: (one.low, one.high) for one in (verdict.after.numbers if verdict.after else ())}
         found["profiles"] = profiles_figure(verdict.profiles, [ends[one.name] for one in verdict.profiles])
     return found
 
 
-def html(verdict: DriveVerdict, log: DriveLog, images: dict[str, str]) -> str:
+def html(verdict: Verdict, log: DriveLog, images: dict[str, str]) -> str:
     """Return the page."""
     sides = sides_of(verdict)
     return rendered(
@@ -101,7 +103,7 @@ def html(verdict: DriveVerdict, log: DriveLog, images: dict[str, str]) -> str:
     )
 
 
-def headline(verdict: DriveVerdict) -> str:
+def headline(verdict: Verdict) -> str:
     """Return the verdict in a line."""
     names = " + ".join(verdict.named)
     return HEADLINES[verdict.answer].format(names=names, alike=" / ".join(verdict.alike))
@@ -112,16 +114,16 @@ def paragraphs(text: str) -> list[str]:
     return [part for part in text.split("\n\n") if part.strip()]
 
 
-def experiments(verdict: DriveVerdict) -> list[str]:
+def experiments(verdict: Verdict) -> list[str]:
     """Return what to drive next, and which rivals no run of the menu tells from the best."""
     lines = [one.said for one in verdict.experiments]
-    told = {one.second for one in verdict.experiments}
+    told = {one.second for one in verdict.experiments if isinstance(one, SeparatingDrive)}
     for rival in verdict.alike[1 : 1 + RIVALS]:
         lines += [] if rival in told else [unseparated(verdict.alike[0], rival)]
     return lines
 
 
-def _limits(verdict: DriveVerdict) -> dict[str, Any]:
+def _limits(verdict: Verdict) -> dict[str, Any]:
     """Return what the log cannot tell, and the smallest sizes of what it can."""
     found = sensitivities(verdict.search) if verdict.search else ()
     return {
@@ -130,9 +132,9 @@ def _limits(verdict: DriveVerdict) -> dict[str, Any]:
     }
 
 
-def _left(verdict: DriveVerdict) -> dict[str, Any]:
+def _left(verdict: Verdict) -> dict[str, Any]:
     """Return what the model leaves: sentences, the best terms, and channels with what they go with."""
-    left = verdict.remainder
+    left = extra_of(verdict).remainder
     if left is None:
         return {"left": "", "left_channels": [], "signals": [], "terms": []}
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import together
+from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Outcome
-from rover_pin.experiments.drive_log.verdict import DriveVerdict
+from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.report.drive_rows import at_bound
 from rover_pin.report.drive_runs import Sides
 
@@ -19,7 +20,7 @@ MISSED = 1.3
 """Misfit on runs left out from which more than the noise is left."""
 
 
-def claims(verdict: DriveVerdict, sides: Sides | None) -> list[str]:
+def claims(verdict: Verdict, sides: Sides | None) -> list[str]:
     """Return what may be claimed, and what may not."""
     if sides is None or verdict.search is None:
         return ["Nothing may be claimed of the model: these data do not suffice to judge it."]
@@ -27,7 +28,7 @@ def claims(verdict: DriveVerdict, sides: Sides | None) -> list[str]:
     return [_claim(verdict, tried), *_channels(verdict, sides)]
 
 
-def _claim(verdict: DriveVerdict, tried: int) -> str:
+def _claim(verdict: Verdict, tried: int) -> str:
     names = " and ".join(verdict.named)
     if verdict.answer is Answer.NAMED:
         return (
@@ -50,7 +51,7 @@ def _claim(verdict: DriveVerdict, tried: int) -> str:
     )
 
 
-def _channels(verdict: DriveVerdict, sides: Sides) -> Iterator[str]:
+def _channels(verdict: Verdict, sides: Sides) -> Iterator[str]:
     if not sides.added:
         return
     said = [score.worded.outcome for score in verdict.scores]
@@ -61,12 +62,12 @@ def _channels(verdict: DriveVerdict, sides: Sides) -> Iterator[str]:
     )
 
 
-def cautions(verdict: DriveVerdict, sides: Sides | None) -> list[str]:
+def cautions(verdict: Verdict, sides: Sides | None) -> list[str]:
     """Return what a reader should be wary of."""
     return [] if sides is None else list(_cautions(verdict, sides))
 
 
-def _cautions(verdict: DriveVerdict, sides: Sides) -> Iterator[str]:
+def _cautions(verdict: Verdict, sides: Sides) -> Iterator[str]:
     for one in verdict.drifted:
         yield f"{one.name} sits {one.drift:+.1f} SD from what was declared: it may have absorbed an effect"
     for parameter, u in zip(sides.after.parameters, sides.after.u, strict=True):
@@ -82,10 +83,10 @@ def _cautions(verdict: DriveVerdict, sides: Sides) -> Iterator[str]:
         yield "runs were left out of the fits, not of the choice: the effect was chosen on all of them"
 
 
-def _free(verdict: DriveVerdict, sides: Sides) -> Iterator[str]:
-    lost = [one.run for one in verdict.free if not np.isfinite(one.after)]
+def _free(verdict: Verdict, sides: Sides) -> Iterator[str]:
+    lost = [one.run for one in extra_of(verdict).free if not np.isfinite(one.after)]
     if lost:
         yield f"driven freely, the model does not come to the end of {', '.join(lost)}"
-    further = [one.run for one in verdict.free if sides.added and one.after > one.before]
+    further = [one.run for one in extra_of(verdict).free if sides.added and one.after > one.before]
     if further:
         yield f"driven freely, the model strays further than the base model in {', '.join(further)}"

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from rover_pin.discrepancy.compare import Fee
 from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.refit import Fee
 from rover_pin.discrepancy.screen import Scored
 from rover_pin.discrepancy.search import Round, Search, fee_after
 from rover_pin.estimation.wording import Outcome, in_words

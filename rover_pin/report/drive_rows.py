@@ -8,14 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.discrepancy.compare import Refit
-from rover_pin.discrepancy.conclusion import DRIFTED, Number, numbers
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore, together
+from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Search
+from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation import wording
+from rover_pin.estimation.numbers import DRIFTED, Number, numbers
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Outcome, shown
-from rover_pin.experiments.drive_log.verdict import DriveVerdict
+from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.experiments.unlisted.remainder import Remainder
 from rover_pin.quantity import quantities
 from rover_pin.report.drive_runs import Sides, words_of
@@ -33,7 +34,12 @@ class Row(NamedTuple):
     look: str = ""
 
 
-def summary_rows(verdict: DriveVerdict, sides: Sides) -> list[Row]:
+def numbers_of(side: Side | None) -> tuple[Number, ...]:
+    """Return the numbers of a model; none where the data did not suffice to fit it."""
+    return side.numbers if side else ()
+
+
+def summary_rows(verdict: Verdict, sides: Sides) -> list[Row]:
     """Return what a reader wants first: misfit of runs left out and fitted, and how far free runs stray."""
 
     def row(what: str, before: str, after: str) -> Row:
@@ -45,11 +51,11 @@ def summary_rows(verdict: DriveVerdict, sides: Sides) -> list[Row]:
         ),
         row("misfit of the runs that were fitted", *(f"{one.misfit:.2f}" for one in sides)),
     ]
-    for one in verdict.free:
+    for one in extra_of(verdict).free:
         driven = f"free run {one.run}, {one.distance:.2f} m driven: RMS distance from the logged place"
         rows.append(row(driven, _mm(one.before), _mm(one.after)))
-    if len(verdict.free) > 1:
-        both = np.array([(one.before, one.after) for one in verdict.free])
+    if len(extra_of(verdict).free) > 1:
+        both = np.array([(one.before, one.after) for one in extra_of(verdict).free])
         rows.append(row("all free runs together", *(_mm(float(each)) for each in np.sqrt(np.nanmean(both**2, axis=0)))))
     return rows
 
@@ -105,13 +111,16 @@ def own_numbers(one: Refit) -> list[Number]:
     return [each for each in numbers(one.fit) if each.name in own]
 
 
-def number_rows(verdict: DriveVerdict, sides: Sides) -> list[Row]:
+def number_rows(verdict: Verdict, sides: Sides) -> list[Row]:
     """Return the fitted numbers: those away from what was declared first, then those of what was added."""
-    before = {one.name: one for one in verdict.before}
+    before = {one.name: one for one in numbers_of(verdict.before)}
     about = {one.name: (one, u) for one, u in zip(sides.after.parameters, sides.after.u, strict=True)}
     known = {one.name: one for one in sides.before.parameters}
     rows = []
-    for one in sorted(verdict.after, key=lambda one: (not abs(one.drift) > DRIFTED, one.name in before, -_far(one))):
+    for one in sorted(
+        numbers_of(verdict.after),
+        key=lambda one: (not abs(one.drift) > DRIFTED, one.name in before, -_far(one)),
+    ):
         was = [interval(before[one.name]) if one.name in before else "not in the model"] if sides.added else []
         parameter, u = about[one.name]
         notes = [f"{one.drift:+.1f} SD from what was declared"] if abs(one.drift) > DRIFTED else []
@@ -171,9 +180,9 @@ def left_rows(left: Remainder) -> list[Row]:
     ]
 
 
-def effect_rows(verdict: DriveVerdict, kind: type) -> list[Row]:
+def effect_rows(verdict: Verdict, kind: type) -> list[Row]:
     """Return the parameters of an added effect: fitted or default value, bounds and source."""
-    fitted = {one.name: one for one in verdict.after}
+    fitted = {one.name: one for one in numbers_of(verdict.after)}
     owners = [name.partition("@")[0] for name in verdict.named if name.startswith(kind.__name__)]
     default, rows = kind(), []
     for name, about in quantities(kind).items():
@@ -185,7 +194,7 @@ def effect_rows(verdict: DriveVerdict, kind: type) -> list[Row]:
     return rows
 
 
-def kinds_of(verdict: DriveVerdict) -> list[type]:
+def kinds_of(verdict: Verdict) -> list[type]:
     """Return the classes of what was added."""
     return list(dict.fromkeys(type(effect) for effect in verdict.effects))
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 
+from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Against, got_worse, interval, shown
 from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.left import RigExtra
 from rover_pin.experiments.wheel_rig.residual_tests import BEYOND_CHANCE, ResidualTest
-from rover_pin.experiments.wheel_rig.verdict import Verdict, flag_line
 from rover_pin.report.page import HEADLINES, rendered, write_page
 from rover_pin.report.profiles import profiles_figure
 from rover_pin.report.rig_figures import (
     added_names,
     candidates_figure,
     channels_figure,
+    refits_of,
     residuals_figure,
 )
 
@@ -24,10 +26,10 @@ TEMPLATE = "rig.html"
 def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
     figures = {"channels": channels_figure(verdict, data), "residuals": residuals_figure(verdict, data)}
-    if verdict.singles.ranked:
+    if verdict.search and verdict.search.rounds[0].refits:
         figures["candidates"] = candidates_figure(verdict)
     if verdict.profiles:
-        intervals = [(one.low, one.high) for one in verdict.after.parameters]
+        intervals = [(one.low, one.high) for one in (verdict.after.numbers if verdict.after else ())]
         figures["profiles"] = profiles_figure(verdict.profiles, intervals)
     return write_page(figures, lambda images: html(verdict, data, images), out)
 
@@ -49,7 +51,12 @@ def html(verdict: Verdict, data: RigSet, images: dict[str, str]) -> str:
             "worse": got_worse((one.name, one.worded) for one in verdict.scores),
             "away": Against.AWAY,
             "cautions": verdict.cautions,
-            "flag_line": flag_line,
+            "extra": verdict.extra,
+            "refits": sorted(refits_of(verdict), key=lambda one: one.fit.misfit),
+            "scored": verdict.search.rounds[0].scored if verdict.search else (),
+            "fee": verdict.search.rounds[0].refits[0].fee
+            if verdict.search and verdict.search.rounds[0].refits
+            else 0.0,
             "names": added_names(verdict),
             "about": {type(effect).__name__: inspect.getdoc(type(effect)) for effect in verdict.effects},
         },
@@ -64,7 +71,10 @@ def headline(verdict: Verdict) -> str:
 def channel_rows(verdict: Verdict) -> list[dict[str, str]]:
     """Return one row a channel: fitted and held-out RMSE before and after, the noise, what may be claimed."""
     rows = []
-    for score, was, now in zip(verdict.scores, verdict.before.remainders, verdict.after.remainders, strict=True):
+    extra = verdict.extra
+    if not isinstance(extra, RigExtra):
+        return []
+    for score, was, now in zip(verdict.scores, extra.before.remainders, extra.after.remainders, strict=True):
         rows.append(
             {
                 "name": score.name,
@@ -93,16 +103,16 @@ def level_rows(verdict: Verdict) -> list[list[str]]:
 
 def parameter_rows(verdict: Verdict) -> list[dict[str, str]]:
     """Return one row a parameter: before and after with 95 % intervals."""
-    before = {one.name: one for one in verdict.before.parameters}
+    before = {one.name: one for one in (verdict.before.numbers if verdict.before else ())}
     rows = []
-    for one in verdict.after.parameters:
+    for one in verdict.after.numbers if verdict.after else ():
         was = before.get(one.name)
         rows.append(
             {
                 "name": one.name,
                 "before": interval(was.value, was.low, was.high, was.unit) if was else "not in the model",
                 "after": interval(one.value, one.low, one.high, one.unit),
-                "note": "at its bound" if one.at_bound else "" if one.closed else "not closed by the data",
+                "note": one.note,
                 "prior": one.prior,
             }
         )
@@ -111,7 +121,8 @@ def parameter_rows(verdict: Verdict) -> list[dict[str, str]]:
 
 def correlation_rows(verdict: Verdict) -> list[dict[str, str]]:
     """Return one row a residual test: correlation and p-value before and after."""
-    pairs = zip(verdict.before.tests, verdict.after.tests, strict=True)
+    extra = verdict.extra
+    pairs = zip(extra.before.tests, extra.after.tests, strict=True) if isinstance(extra, RigExtra) else ()
     return [
         {"channel": was.channel, "against": was.against, "before": _test(was), "after": _test(now)}
         for was, now in pairs

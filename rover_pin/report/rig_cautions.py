@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import Against
-from rover_pin.experiments.wheel_rig.calibrate import Fitted, Flag
-from rover_pin.experiments.wheel_rig.compare import Comparison
+from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
+from rover_pin.experiments.wheel_rig.left import Left
 from rover_pin.experiments.wheel_rig.remainder import Remainder
-from rover_pin.experiments.wheel_rig.reselect import NOTHING, Reselected
 from rover_pin.experiments.wheel_rig.residual_tests import BEYOND_CHANCE, ResidualTest
 
 STABLE = 0.8
@@ -18,7 +19,13 @@ FEW_LEVELS = 6
 """Levels below which a bootstrap over levels is coarse."""
 
 
-def of_parameters(fitted: Sequence[Fitted], flags: Sequence[Flag]) -> list[str]:
+def cautions(verdict: Verdict, left: Left) -> tuple[str, ...]:
+    """Return the cautions of a rig's verdict, given what its last model leaves."""
+    numbers = verdict.after.numbers if verdict.after else ()
+    return (*of_parameters(numbers, left.flags), *of_residuals(left.remainders, left.tests), *of_choice(verdict))
+
+
+def of_parameters(fitted: Sequence[Number], flags: Sequence[Flag]) -> list[str]:
     """Return the cautions of fitted values: at a bound, open, away from what is known elsewhere."""
     said = [f"{one.name} lies at its bound: the form of the model is strained" for one in fitted if one.at_bound]
     said += [f"{one.name} is not closed by the data" for one in fitted if not one.closed and not one.at_bound]
@@ -41,17 +48,20 @@ def of_residuals(left: Sequence[Remainder], tests: Sequence[ResidualTest]) -> li
     return said
 
 
-def of_choice(chosen: str, again: Reselected, singles: Comparison) -> list[str]:
+def of_choice(verdict: Verdict) -> list[str]:
     """Return the cautions of the choice: what no held-out level confirms, folds that choose otherwise, few levels."""
+    first = verdict.search.rounds[0].refits if verdict.search and not verdict.named else ()
     said = [
         f"{one.name} gains more than chance but predicts held-out levels no better: it may show in one level only"
-        for one in singles.ranked
-        if chosen == NOTHING and one.net > 0 and not one.accepted
+        for one in first
+        if one.net > 0 and not one.accepted
     ]
-    times, levels = again.times(chosen), len(again.folds)
+    chosen, levels = list(verdict.chosen.values()), len(verdict.chosen)
+    times = sum(set(name.split(" + ")) == set(verdict.named or [""]) for name in chosen)
     if times < STABLE * levels:
-        others = sorted({fold.chosen for fold in again.folds} - {chosen})
-        said.append(f"only {times} of {levels} folds choose {chosen}; the others {', '.join(others)}")
+        others = sorted({name or "no effect" for name in chosen} - {" + ".join(verdict.named) or "no effect"})
+        names = " + ".join(verdict.named) or "no effect"
+        said.append(f"only {times} of {levels} folds choose {names}; the others {', '.join(others)}")
     if levels < FEW_LEVELS:
         said.append(f"{levels} levels are few: the intervals of held-out errors resample {levels} numbers")
     return said

@@ -6,10 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rover_pin.discrepancy.refit import Refit
+from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.fit import ROWS
+from rover_pin.experiments.wheel_rig.experiment import ROWS
+from rover_pin.experiments.wheel_rig.left import Left, RigExtra
 from rover_pin.experiments.wheel_rig.model import UNBALANCED, RigModel, conditions, predictor
-from rover_pin.experiments.wheel_rig.verdict import Side, Verdict
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
 from rover_pin.report.page import AFTER, BEFORE, GREY
@@ -32,9 +34,10 @@ def channels_figure(verdict: Verdict, data: RigSet) -> Figure:
             capsize=2,
             label="measured, +-1 SD",
         )
-        _curves(axis, verdict.before.model, data, channel, (BEFORE, "--", "base model, fitted"))
+        before = verdict.before.model if verdict.before else verdict.model
+        _curves(axis, before, data, channel, (BEFORE, "--", "base model, fitted"))
         if verdict.effects:
-            _curves(axis, verdict.after.model, data, channel, (AFTER, "-", f"with {added_names(verdict)}"))
+            _curves(axis, verdict.model, data, channel, (AFTER, "-", f"with {added_names(verdict)}"))
         axis.set(xlabel="slip ratio S [-]", ylabel=f"{channel.name} [{unit}]")
         axis.grid(alpha=0.25)
     handles = figure.axes[0].get_legend_handles_labels()
@@ -84,9 +87,10 @@ def residuals_figure(verdict: Verdict, data: RigSet) -> Figure:
     """Return the mean of measured - model at each level, in the channel's unit, with its noise, before and after."""
     count = len(data.rig.channels)
     figure = Figure(figsize=(4.6 * count + 0.6, 3.4), layout="constrained")
-    sides = [(verdict.before, BEFORE, "o", "before")]
-    if verdict.effects:
-        sides.append((verdict.after, AFTER, "s", "after"))
+    extra = verdict.extra
+    sides = [(extra.before, BEFORE, "o", "before")] if isinstance(extra, RigExtra) else []
+    if verdict.effects and isinstance(extra, RigExtra):
+        sides.append((extra.after, AFTER, "s", "after"))
     for row, (axis, channel) in enumerate(
         zip(np.atleast_1d(figure.subplots(1, count)), data.rig.channels, strict=True)
     ):
@@ -102,7 +106,7 @@ def residuals_figure(verdict: Verdict, data: RigSet) -> Figure:
     return figure
 
 
-def _levels(axis: Axes, side: Side, row: int, scale: float, style: tuple[str, str, str]) -> None:
+def _levels(axis: Axes, side: Left, row: int, scale: float, style: tuple[str, str, str]) -> None:
     levels = sorted(side.remainders[row].levels, key=lambda level: level.slip)
     colour, marker, label = style
     axis.errorbar(
@@ -113,19 +117,24 @@ def _levels(axis: Axes, side: Side, row: int, scale: float, style: tuple[str, st
     )  # fmt: skip
 
 
+def refits_of(verdict: Verdict) -> list[Refit]:
+    """Return all refits of all rounds."""
+    return [one for each in (verdict.search.rounds if verdict.search else ()) for one in each.refits]
+
+
 def candidates_figure(verdict: Verdict) -> Figure:
-    """Return the net gain of the leading singles and pairs: what they gain beyond chance."""
-    rows = [*verdict.singles.ranked, *verdict.pairs.ranked]
-    pairs = list(verdict.pairs.ranked)
+    """Return reduced chi-square of the leading candidates, those of later rounds hatched."""
+    rows = refits_of(verdict)
+    pairs = rows[len(verdict.search.rounds[0].refits) :] if verdict.search else []
     fits = sorted(rows, key=lambda one: one.fit.misfit)[:MOST_BARS][::-1]
     figure = Figure(figsize=(8.2, 0.42 * max(len(fits), 2) + 1.2), layout="constrained")
     axis = figure.subplots()
-    base = verdict.singles.without
+    base = verdict.search.base.misfit if verdict.search else 1.0
     for place, one in enumerate(fits):
         colour = AFTER if one.name in verdict.alike else "#9fb8c1" if one.accepted else "#cccccc"
         axis.barh(place, one.fit.misfit, color=colour, hatch="//" if one in pairs else None, edgecolor="white")
-        if np.isfinite(one.loss):
-            axis.text(one.fit.misfit, place, f" held-out loss {one.loss:.3g}", va="center", fontsize=8)
+        if one.held_out:
+            axis.text(one.fit.misfit, place, f" held-out chi2 {-one.held_out:+.3g}", va="center", fontsize=8)
     axis.axvline(1.0, color="k", lw=1)
     axis.axvline(base, color=BEFORE, ls="--", lw=1.2)
     axis.set_yticks(range(len(fits)), [one.name for one in fits])

@@ -39,7 +39,7 @@ LIBRARIES = ("numpy", "scipy.optimize", "scipy.stats", "casadi", "pinocchio", "m
 KEEP = ROOT / "out" / "mutation.json"
 QUICK = 4
 
-LINEAR = "drive_anchor drive_decisions drive_left_out rig_decisions"
+LINEAR = "drive_anchor drive_decisions drive_left_out"
 """Tests of what the loop decides on linear models, whose answers are known."""
 DRIVEN = "drive_blocks drive_candidates drive_declared drive_experiment drive_place drive_rows loop_first_steps"
 """Tests of what a drive log is taken for."""
@@ -60,7 +60,7 @@ def _files(folder: str, names: str) -> tuple[str, ...]:
     return tuple(f"rover_pin/{folder}/{name}.py" for name in names.split())
 
 
-DRIVE_LOG = "calibrate candidates contrast experiment features free_runs parameters places verdict"
+DRIVE_LOG = "calibrate candidates contrast experiment features free_runs parameters places"
 """What decides; the other files read, predict, design and describe."""
 LAWS = ("tests/effects/test_[!e]*.py", *_named("effects", "every_effect exit_angle"))
 """All but whole drives with every effect, which take minutes and say little of one law."""

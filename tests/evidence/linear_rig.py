@@ -1,17 +1,18 @@
 """A wheel-rig set whose channels are exactly linear in the fit's coordinates u: every decision in milliseconds.
 
-The model, its effects, the fits and the comparison are the package's own; only the prediction of the rig is a stub.
+The model, its effects, the fits and the search are the package's own; only the prediction of the rig is a stub.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.estimation.problem import Prior
-from rover_pin.experiments.wheel_rig.calibrate import Setting
+from rover_pin.discrepancy.candidate import plain_candidate
+from rover_pin.estimation.experiment import Sensitivities
+from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.wheel_rig.data import as_rig_set
-from rover_pin.experiments.wheel_rig.fit import rig_space
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
 from rover_pin.measurements.wheel_rig import WheelRig
@@ -20,72 +21,58 @@ LEVELS, REPEATS = 8, 3
 RUNS = LEVELS * REPEATS
 SD, DEPTH = (0.1, 1e-3), 0.015
 MODEL = RigModel(Wheel(), Soil())
-FREE = ("phi", "exit_ratio")
-PRIOR = {"exit_ratio": Prior(float(Soil().exit_ratio), 0.1)}
+FREE = ("soil.phi", "soil.exit_ratio")
 
 
 @dataclass(frozen=True)
 class Law:
-    """rows [SD] = slope (u - zero) for one number, in a coordinate that no fit moves."""
+    """rows [SD] = slope u for one number, u as its parameter has it."""
 
-    coordinate: object
-    zero: float
+    parameter: Parameter
     slope: np.ndarray
 
 
-@dataclass(frozen=True)
-class LinearEvidence:
+@dataclass(frozen=True, eq=False)
+class LinearRig(RigExperiment):
     """Channels that are linear in u of each number that has a law; the others, and absent effects, move nothing."""
 
-    rig: WheelRig
-    model: RigModel
-    laws: dict
+    laws: dict = field(default_factory=dict)
+    free: tuple = FREE
 
-    @property
-    def channels(self):
-        return self.rig.channels
+    def uncertain(self, model):
+        return tuple(one for one in super().uncertain(model) if one.name in self.free)
 
-    @property
-    def rows(self):
-        return [0, 2]
-
-    def predictor(self, free):
-        names, sd = self.model.names, np.concatenate([channel.sd for channel in self.channels])
-
-        def channels(fields):
-            values, jacobian = np.repeat([0.0, DEPTH], sd.size // 2), np.zeros((sd.size, len(free)))
-            for name, law in self.laws.items():
-                if name in names:
-                    u = law.coordinate.u(fields[names.index(name)])
-                    values += sd * law.slope * (u - law.zero)
-                    if name in free:
-                        jacobian[:, free.index(name)] = sd * law.slope / law.coordinate.slope(u)
-            return values, jacobian
-
-        return channels
+    def sensitivities(self, model, parameters, u):
+        values = {one.name: one.value(x) for one, x in zip(parameters, u, strict=True)}
+        rows = np.zeros(2 * RUNS)
+        for name, law in self.laws.items():
+            if name.rpartition(".")[0] in model.records:
+                rows += law.slope * law.parameter.u(values.get(name, self.value(model, name)))
+        known = [(self.laws.get(one.name), one.slope(x)) for one, x in zip(parameters, u, strict=True)]
+        none = np.zeros(2 * RUNS)
+        slopes = np.array([none if law is None else law.slope * s / law.parameter.slope(0.0) for law, s in known])
+        return Sensitivities(
+            self.table(in_units(rows, (0.0, DEPTH))), self.table(in_units(slopes.reshape(-1, 2 * RUNS)))
+        )
 
 
-@dataclass(frozen=True, eq=False)
-class LinearSetting(Setting):
-    """What stays the same, on the linear rig."""
-
-    laws: dict | None = None
-
-    def evidence(self, model, speeds):
-        return LinearEvidence(self.data.rig, model, self.laws)
+def in_units(rows, at=(0.0, 0.0)):
+    """Rows [..., 2 RUNS] in SDs as channels (..., channels, runs) in their units, about `at`."""
+    channels = rows.reshape(*rows.shape[:-1], 2, RUNS)
+    return np.array(SD)[:, None] * channels + np.array(at)[:, None]
 
 
-def law_of(name, slope, model=MODEL):
-    """Return the law of a number of the model, zero at the value that it has there."""
-    (axis,) = rig_space(model, (name,)).axes
-    return Law(axis.coordinate, axis.coordinate.u(float(model.vector()[model.names.index(name)])), slope)
+def law_of(name, slope):
+    """Return the law of an uncertain number of the model, zero at the value that it has there."""
+    (one,) = [one for one in RigExperiment(rig_set(np.zeros(2 * RUNS))).uncertain(MODEL) if one.name == name]
+    return Law(one, slope)
 
 
-def law_of_size(effect, slope, model=MODEL):
+def law_of_size(effect, slope):
     """Return the law of an effect's only size, zero at its neutral value; u = 1 is the default size."""
-    (name,) = effect.neutral
-    (axis,) = rig_space(model.having(effect), (f"{type(effect).__name__}.{name}",)).axes
-    return {axis.name: Law(axis.coordinate, axis.coordinate.u(effect.neutral[name]), slope)}
+    candidate = plain_candidate(effect)
+    (name,) = candidate.sizes
+    return {name: Law(candidate.size(name), slope)}
 
 
 def slip():
@@ -96,48 +83,36 @@ def rig_set(rows):
     """The set that shows `rows` [2 RUNS] in SDs: drawbar pull about 0, then sinkage about DEPTH."""
     pull, depth = rows.reshape(2, RUNS)
     channels = (DrawbarPull(SD[0] * pull, np.full(RUNS, SD[0])), Sinkage(DEPTH + SD[1] * depth, np.full(RUNS, SD[1])))
-    return as_rig_set(WheelRig(Wheel(), slip(), 15.0, channels, name="linear"))
+    rig = WheelRig(Wheel(), slip(), 15.0, channels, name="linear")
+    return as_rig_set(rig, speeds=np.column_stack([0.05 * (1 - slip()), np.full(RUNS, 0.05)]))
 
 
-def setting(rows, laws, free=FREE, priors=PRIOR):
-    return LinearSetting(rig_set(rows), free, priors, 0, laws)
+def made(rows, laws, free=FREE):
+    """The experiment that shows rows [2 RUNS] in SDs, with these laws."""
+    return LinearRig(rig_set(rows), laws, free)
 
 
 @dataclass(frozen=True)
 class Gaussian:
-    """rows = X u + noise of SD 1; u_j is normal about m_j with SD s_j, or anything where s_j is infinite."""
+    """rows = X u + noise of SD 1; u_j is standard normal where it is known beforehand, or anything."""
 
     X: np.ndarray
     y: np.ndarray
-    mean: np.ndarray
-    sd: np.ndarray
+    known: np.ndarray
 
     def solved(self, keep=slice(None)):
         """Return u of least squares on some rows, and chi2 with the priors."""
-        known = np.isfinite(self.sd)
-        matrix = np.vstack([self.X[keep], np.diag(1 / self.sd)[known]])
-        right = np.concatenate([self.y[keep], self.mean[known] / self.sd[known]])
+        matrix = np.vstack([self.X[keep], np.eye(len(self.known))[self.known]])
+        right = np.concatenate([self.y[keep], np.zeros(self.known.sum())])
         u = np.linalg.lstsq(matrix, right, rcond=None)[0]
         rest = right - matrix @ u
         return u, float(rest @ rest)
 
-    def covariance(self):
-        return np.linalg.inv(self.X.T @ self.X + np.diag(self.sd**-2.0))
-
-    def held_out(self, level):
-        """Return the residual of each level, as least squares on the others predict it [channels, runs]."""
-        levels, rest = np.tile(level, 2), np.zeros(self.y.size)
-        for one in np.unique(level):
-            u, _ = self.solved(levels != one)
-            rest[levels == one] = self.y[levels == one] - self.X[levels == one] @ u
-        return rest.reshape(2, -1)
+    def covariance(self, misfit=1.0):
+        return np.linalg.inv(self.X.T @ self.X / misfit + np.diag(self.known.astype(float)))
 
 
-def gaussian(rows, laws, names, priors=PRIOR):
+def gaussian(rows, laws, names):
     """The closed form of a fit of `names` to rows [SD]."""
-    columns = [laws[name].slope for name in names]
-    zero = sum(laws[name].slope * laws[name].zero for name in names)
-    scale = {name: laws[name].coordinate.slope(0.0) for name in names}
-    mean = [priors[name].mean / scale[name] if name in priors else 0.0 for name in names]
-    sd = [priors[name].sd / scale[name] if name in priors else np.inf for name in names]
-    return Gaussian(np.array(columns).T, rows + zero, np.array(mean), np.array(sd))
+    known = np.array([laws[name].parameter.prior for name in names])
+    return Gaussian(np.array([laws[name].slope for name in names]).T, rows, known)

@@ -42,12 +42,13 @@ def test_a_hidden_sag_is_named_with_its_size_and_its_error_falls(loop):
     verdict, _ = loop
     assert verdict.answer is Answer.NAMED, verdict.summary()
     assert verdict.named == ("SupplySag",)
-    size = next(one for one in verdict.after if one.name == "SupplySag.R_b")
+    size = next(one for one in verdict.after.numbers if one.name == "SupplySag.R_b")
     assert size.low < 2.5 < size.high
     assert size.value == pytest.approx(2.5, rel=0.1)
     battery = next(score for score in verdict.scores if score.name == "battery_V")
     assert battery.after < 0.3 * battery.before
-    assert sum(one.after for one in verdict.free) < 1.05 * sum(one.before for one in verdict.free)  # voltage, not way
+    free = verdict.extra.free
+    assert sum(one.after for one in free) < 1.05 * sum(one.before for one in free)  # voltage, not way
 
 
 @pytest.mark.slow
@@ -113,7 +114,7 @@ def test_a_log_too_poor_says_so_instead_of_answering(tmp_path):
     verdict = close_the_loop(folder)
     assert verdict.answer is Answer.CANNOT_TELL
     assert verdict.sentence
-    assert (verdict.named, verdict.explained) == ((), 0.0)
+    assert (verdict.named, verdict.share) == ((), 0.0)
 
 
 def test_a_log_of_ones_own_rover_gives_a_model_that_reads_back_from_anywhere(tmp_path, monkeypatch):

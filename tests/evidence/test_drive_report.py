@@ -12,12 +12,12 @@ from rover_pin.body.rover import load_rover
 from rover_pin.body.shapes import flat
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.compare import Refit
-from rover_pin.discrepancy.conclusion import numbers
 from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out
 from rover_pin.discrepancy.held_out import held_out, together
+from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.screen import Scored, Signature, fee_of
 from rover_pin.discrepancy.search import Round, Search
+from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.supply_sag import SupplySag
@@ -26,13 +26,14 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.effects.winding_heating import WindingHeating
 from rover_pin.estimation.fit import Fit, Task, slopes_at
 from rover_pin.estimation.noise import first_noise, noise_of
+from rover_pin.estimation.numbers import numbers
 from rover_pin.estimation.profile import Profile
 from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.extra import DriveExtra, extra_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.experiments.drive_log.verdict import DriveVerdict
 from rover_pin.experiments.unlisted.actions import FORCE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
 from rover_pin.experiments.unlisted.remainder import ChannelRemainder, Remainder
@@ -144,21 +145,22 @@ def left(gain=200.0):
 @pytest.fixture(scope="module")
 def verdict(made):
     _, before, after = made
-    held = held_out(before, after, 0)
-    return DriveVerdict(
+    held = held_out(before, after, before.task.noise, 0)
+    return Verdict(
+        kind="drive-log",
         answer=Answer.NAMED,
         name="small",
         sentence="the log is consistent with SupplySag, which takes 99% of it.",
         model=after.model,
         alike=("SupplySag",),
+        effects=tuple(one for one in after.model.all_effects if isinstance(one, SupplySag)),
         named=("SupplySag",),
-        explained=0.99,
-        before=numbers(before),
-        after=numbers(after),
+        share=0.99,
+        before=Side(before.model, numbers(before), before.misfit, before),
+        after=Side(after.model, numbers(after), after.misfit, after),
         scores=held.channels,
         runs=held.runs,
-        free=free_runs(before.task.experiment, before.model, after.model),
-        remainder=left(),
+        extra=DriveExtra(free_runs(before.task.experiment, before.model, after.model), left()),
         findings=(Finding("no low duty", "small", "add one"),),
         experiments=(),
         search=looked(before, after),
@@ -168,8 +170,9 @@ def verdict(made):
 
 def poor(verdict):
     """A verdict on data that do not suffice: everything is empty."""
-    empty = dict.fromkeys(("alike", "named", "before", "after", "scores", "free", "experiments"), ())
-    return dataclasses.replace(verdict, answer=Answer.CANNOT_TELL, remainder=None, search=None, provenance={}, **empty)
+    empty = dict.fromkeys(("alike", "effects", "named", "scores", "experiments"), ())
+    none = dict.fromkeys(("before", "after", "extra", "search"))
+    return dataclasses.replace(verdict, answer=Answer.CANNOT_TELL, provenance={}, **empty, **none)
 
 
 def answered(verdict, answer):
@@ -179,10 +182,17 @@ def answered(verdict, answer):
         Answer.NAMED: verdict,
         Answer.SET: dataclasses.replace(verdict, answer=answer, alike=("SupplySag", "PeakStress")),
         Answer.NONE_NEEDED: dataclasses.replace(
-            verdict, answer=answer, named=(), alike=(), after=verdict.before, search=none, model=search.base.model
+            verdict,
+            answer=answer,
+            effects=(),
+            named=(),
+            alike=(),
+            after=verdict.before,
+            search=none,
+            model=search.base.model,
         ),
         Answer.NONE_FITS: dataclasses.replace(
-            verdict, answer=answer, named=(), after=verdict.before, model=search.base.model
+            verdict, answer=answer, effects=(), named=(), after=verdict.before, model=search.base.model
         ),
         Answer.CANNOT_TELL: poor(verdict),
     }[answer]
@@ -240,13 +250,13 @@ def test_a_page_of_poor_data_has_nothing_but_the_check(made, verdict):
 
 
 def test_without_a_remainder_nothing_is_said_of_it(made, verdict):
-    one = dataclasses.replace(verdict, remainder=None)
+    one = dataclasses.replace(verdict, extra=DriveExtra(extra_of(verdict).free))
     assert "terms" not in figures(one)
     assert "What is left" not in headings(html(one, made[0], {}))
 
 
 def test_a_remainder_that_is_noise_has_no_curves(made, verdict):
-    one = dataclasses.replace(verdict, remainder=left(gain=13.0))
+    one = dataclasses.replace(verdict, extra=DriveExtra(extra_of(verdict).free, left(gain=13.0)))
     assert "terms" not in figures(one)
     assert "Nothing is left that any term describes" in html(one, made[0], {})
 
@@ -262,7 +272,7 @@ def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
     one = dataclasses.replace(
         verdict,
         name="<b>small</b>",
-        free=tuple(free._replace(run=odd) for free in verdict.free),
+        extra=DriveExtra(tuple(free._replace(run=odd) for free in extra_of(verdict).free), left()),
         search=dataclasses.replace(search, base=base_fit),
     )
     page = write_drive_report(one, log, tmp_path)[0].read_text(encoding="utf-8")
@@ -316,8 +326,8 @@ def test_adding_what_was_hidden_lowers_every_number_at_the_top(verdict):
 
 def test_numbers_that_drifted_or_lie_at_a_bound_stand_first(made, verdict):
     sides = sides_of(verdict)
-    moved = tuple(one._replace(drift=4.0) if one.name == "soil.phi" else one for one in verdict.after)
-    rows = number_rows(dataclasses.replace(verdict, after=moved), sides)
+    moved = tuple(one._replace(drift=4.0) if one.name == "soil.phi" else one for one in verdict.after.numbers)
+    rows = number_rows(dataclasses.replace(verdict, after=verdict.after._replace(numbers=moved)), sides)
     assert [row.cells[0] for row in rows] == ["soil.phi", "SupplySag.R_b", "WeakMotor[0].g"]
     assert rows[0].cells[3:] == ("30 deg \u00b1 2 deg", "+4.00", "+4.0 SD from what was declared")
     assert rows[1].cells[1] == "not in the model"
@@ -380,6 +390,6 @@ def test_the_channels_that_changed_most_are_of_different_kinds(made):
 def test_free_runs_are_as_far_off_as_the_table_says(made, verdict):
     """But for the tracker's noise, which half-second means leave out."""
     _, before, _ = made
-    for one, off in zip(verdict.free, strayed(before.task.experiment, before.model), strict=True):
+    for one, off in zip(extra_of(verdict).free, strayed(before.task.experiment, before.model), strict=True):
         rms = float(np.sqrt(np.nanmean(off**2)))
         assert 0.5 * one.before < rms < one.before

@@ -1,5 +1,6 @@
 """The loop on wheel-rig sets: hidden effects named, null sets left alone, what is not on the list described."""
 
+import dataclasses
 import importlib.util
 import json
 import math
@@ -17,8 +18,8 @@ from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.candidates import added, effect_kinds, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings
-from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.fit import RigEvidence
+from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
 from rover_pin.experiments.wheel_rig.model_file import read_model, write_model
 from rover_pin.loop.close import close_the_loop
@@ -65,9 +66,13 @@ def test_without_more_effects_it_is_the_law_that_identify_fits():
     model = RigModel(data.wheel, data.declared_soil(Soil()))
     free = ("k", "phi", "k_1", "k_2", "n", "c", "exit_ratio", "r", "b")
     values, jacobian = data.predictor(free)(model.vector())
-    own, slopes = RigEvidence(data, model).predictor(free)(model.vector())
-    np.testing.assert_allclose(own, values, rtol=1e-5, atol=1e-6 * np.abs(values).max())
+    experiment = RigExperiment(as_rig_set(data))
+    named = ["wheel." + name if name in ("r", "b") else "soil." + name for name in free]
+    numbers = [dataclasses.replace(experiment.parameter(model, name, 1.0), prior=False) for name in named]
+    own, slopes = experiment.sensitivities(model, numbers, np.zeros(len(free)))
+    np.testing.assert_allclose(experiment.rows(own).ravel(), values, rtol=1e-5, atol=1e-6 * np.abs(values).max())
     scale = np.abs(jacobian).max(axis=0)
+    slopes = np.array([experiment.rows(each).ravel() for each in slopes]).T
     np.testing.assert_allclose(slopes / scale, jacobian / scale, atol=2e-5)
 
 
@@ -150,7 +155,7 @@ def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
     verdict = close_the_loop(path, out=tmp_path / "out", progress=said.append)
     assert verdict.answer is Answer.NAMED
     assert [type(effect) for effect in verdict.effects] == [SlipSinkage]
-    found = next(one for one in verdict.after.parameters if one.name == "SlipSinkage.n_1")
+    found = next(one for one in verdict.after.numbers if one.name == "SlipSinkage.n_1")
     assert found.low <= 0.6 <= found.high
     assert verdict.effects[0].n_1 == found.value
     for score in verdict.scores:
@@ -163,14 +168,14 @@ def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
     assert "The model lacks SlipSinkage" in page
     assert page.count("data:image/png;base64,") == 4
     assert "No channel got worse" in page
-    assert kept["chosen_again"] == "SlipSinkage chosen in 7 of 7 folds"
+    assert verdict.chosen_again == "SlipSinkage chosen in 7 of 7 folds"
     assert set(kept["folds"].values()) == {"SlipSinkage"}
     sunk = next(one for one in kept["held_out"] if one["name"] == "sinkage")
     assert [one["level"] for one in sunk["levels"]] == list(kept["folds"])
     assert np.mean([one["after"] ** 2 for one in sunk["levels"]]) == pytest.approx(sunk["after"] ** 2)
     profile = next(one for one in kept["profiles"] if one["name"] == "SlipSinkage.n_1")
     assert min(profile["rises"]) == 0 < 3.84 < max(profile["rises"])
-    before, after = (kept[side]["residual_tests"] for side in ("before", "after"))
+    before, after = (kept["extra"][side]["residual_tests"] for side in ("before", "after"))
     against_slip = [one["p"] for one in before if (one["channel"], one["against"]) == ("sinkage", "slip")]
     assert against_slip[0] < 0.01
     assert min(one["p"] for one in after) > 1e-3
@@ -184,7 +189,7 @@ def test_a_null_set_needs_no_effect(tmp_path):
     verdict = close_the_loop(folder(tmp_path, "none", seed=3, nominal=WRONG))
     assert verdict.answer is Answer.NONE_NEEDED
     assert verdict.effects == ()
-    assert all(one.is_noise for one in verdict.after.remainders)
+    assert all(one.is_noise for one in verdict.extra.after.remainders)
 
 
 def test_what_is_on_no_list_is_described_and_its_draft_is_an_effect(tmp_path):
@@ -193,10 +198,10 @@ def test_what_is_on_no_list_is_described_and_its_draft_is_an_effect(tmp_path):
     assert verdict.answer is Answer.NONE_FITS
     assert verdict.effects == ()
     assert "no candidate explains it" in verdict.sentence
-    assert any(not one.is_noise and "smooth fit" in one.said for one in verdict.after.remainders)
+    assert any(not one.is_noise and "smooth fit" in one.said for one in verdict.extra.after.remainders)
     again = close_the_loop(path, effects=tmp_path / "out" / "draft_effect")
     assert again.alike[0] == "MeasuredRemainder"
-    assert again.explained > 0.95
+    assert again.share > 0.95
 
 
 def test_a_users_effect_is_a_file_in_a_folder(tmp_path):
@@ -343,7 +348,7 @@ def test_smooth_wheel_sinks_with_slip():
     assert sunk.after == pytest.approx(1.04e-3, abs=0.15e-3)
     assert sunk.said == "better"
     assert "nothing to claim" in pull.said
-    (before,), (after,) = verdict.before.flags, verdict.after.flags
+    (before,), (after,) = verdict.extra.before.flags, verdict.extra.after.flags
     assert not before.agrees
     assert before.ratio < 0.6
     assert after.agrees

@@ -127,11 +127,11 @@ def test_ding_s_wheel_comes_with_its_cautions(tmp_path):
 
 @pytest.mark.slow
 def test_smooth_wheel_sinks_with_slip_in_every_fold(tmp_path):
-    """By either law of it; some folds add a second effect; the levels are predicted with what each fold chose."""
+    """By either law of it; some folds add a second effect."""
     verdict = close_the_loop(DATA / "cmu-smooth-wheel", out=tmp_path)
-    laws = [{"SlipSinkage", "SlipSoftening"} & set(fold.chosen.split(" + ")) for fold in verdict.folds]
-    assert all(laws), [fold.chosen for fold in verdict.folds]
-    sunk = verdict.reselected[1]
+    laws = [{"SlipSinkage", "SlipSoftening"} & set(chosen.split(" + ")) for chosen in verdict.chosen.values()]
+    assert all(laws), verdict.chosen
+    sunk = verdict.scores[1]
     assert sunk.after < 0.5 * sunk.before
 
 

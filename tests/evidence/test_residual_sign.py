@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Soil, Wheel
+from rover_pin.discrepancy.cross_validation import refitted_left_out
 from rover_pin.estimation.residual import residual
 from rover_pin.experiments.unlisted.remainder import Remainder, channel_remainders
-from rover_pin.experiments.wheel_rig.calibrate import calibrate
-from rover_pin.experiments.wheel_rig.held_out import held_out
 from rover_pin.experiments.wheel_rig.remainder import draft_effect
-from rover_pin.loop.rig import decide
+from rover_pin.loop.rig import on_rig
 from rover_pin.motion.effect_files import user_effects
 from rover_pin.report.drive_rows import left_rows
 from rover_pin.report.drive_runs import Sides, residuals_figure, scale_of
@@ -45,13 +44,15 @@ def deeper():
     rise = 4 * (rig.slip() / 0.35 - 1)
     rows = np.concatenate([np.zeros(rig.RUNS), rise]) + 0.1 * random.normal(size=2 * rig.RUNS)
     alike = np.cos(40 * np.arange(2 * rig.RUNS))
-    setting = rig.setting(rows, {"phi": rig.law_of("phi", alike)}, ("phi",), {})
-    return setting.data, decide(setting, calibrate(setting, rig.MODEL), None, lambda said: None)
+    made = rig.made(rows, {"soil.phi": rig.law_of("soil.phi", alike)}, ("soil.phi",))
+    return made, on_rig(made, rig.MODEL, None, lambda said: None, 0)
 
 
 def test_the_fit_and_the_levels_left_out_have_the_sign(deeper):
-    data, verdict = deeper
-    for rows in (verdict.before.fit.residual, held_out(data, verdict.before.fit)):
+    made, verdict = deeper
+    data, fit = made.data, verdict.before.fit
+    for table in (fit.residual, refitted_left_out(fit)):
+        rows = made.rows(table) / np.array(rig.SD)[:, None]
         assert rows[1, data.level == 0].mean() == pytest.approx(-4, abs=0.3)
         assert rows[1, data.level == rig.LEVELS - 1].mean() == pytest.approx(4, abs=0.3)
 
@@ -64,7 +65,7 @@ def test_the_table_of_what_residuals_go_with_has_the_sign(deeper):
 
 def test_the_words_of_what_is_left_have_the_sign(deeper):
     _, verdict = deeper
-    left = verdict.before.remainders[1]
+    left = verdict.extra.before.remainders[1]
     assert left.with_slip > 0.9
     assert left.levels[0].mean == pytest.approx(-4e-3, abs=3e-4)
     assert left.levels[-1].mean == pytest.approx(4e-3, abs=3e-4)
@@ -72,8 +73,8 @@ def test_the_words_of_what_is_left_have_the_sign(deeper):
 
 
 def test_the_figure_of_what_is_left_has_the_sign(deeper):
-    data, verdict = deeper
-    axis = rig_residuals_figure(verdict, data).axes[1]
+    made, verdict = deeper
+    axis = rig_residuals_figure(verdict, made.data).axes[1]
     assert "measured - model" in axis.get_ylabel()
     drawn = axis.containers[0].lines[0].get_ydata()
     assert drawn[0] == pytest.approx(-4, abs=0.3)
@@ -82,8 +83,8 @@ def test_the_figure_of_what_is_left_has_the_sign(deeper):
 
 def test_the_draft_of_what_is_left_takes_it_away(deeper, tmp_path):
     """Its depth is that of the contact less what is missing: h + (measured - model) is what the rig shows."""
-    data, verdict = deeper
-    (tmp_path / "draft.py").write_text(draft_effect(data, verdict.before.remainders))
+    made, verdict = deeper
+    (tmp_path / "draft.py").write_text(draft_effect(made.data, verdict.extra.before.remainders))
     (kind,) = user_effects(tmp_path / "draft.py")
     contact = Contact(0.7, 0.0, 0.01, 0.05, 0.0, 0.0, 0.06, 0.0, 0.0, Wheel(), Soil())
     assert float(kind().amend(contact, ()).h) == pytest.approx(0.01 - 4e-3, abs=3e-4)

@@ -14,13 +14,11 @@ from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.estimation.fit import covariance
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Against, Change, Outcome, against, got_worse, interval, share, spread
+from rover_pin.experiments.drive_log.extra import free_lines
 from rover_pin.experiments.drive_log.free_runs import FreeRun
-from rover_pin.experiments.drive_log.verdict import free_lines
-from rover_pin.experiments.wheel_rig.calibrate import Flag, calibrate
 from rover_pin.experiments.wheel_rig.data import Independent, read_rig_set
-from rover_pin.experiments.wheel_rig.reselect import Fold
-from rover_pin.experiments.wheel_rig.verdict import flag_line
-from rover_pin.loop.rig import decide
+from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
+from rover_pin.loop.rig import on_rig
 from rover_pin.report.drive_figures import heldout_figure
 from rover_pin.report.drive_rows import run_rows, score_rows
 from rover_pin.report.rig import html
@@ -143,7 +141,7 @@ def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
     assert against(ends, (38.0, 38.0), covered) is says
     flag = Flag("phi", "rad", tuple(np.radians((20.0, *ends))), KNOWN, says)
     assert flag.agrees == (says is Against.AGREES)
-    assert f"deg] {says.value} 38 deg (stated)" in flag_line(flag, "before")
+    assert f"deg] {says.value} 38 deg (stated)" in flag.said
     cautioned = {Against.AWAY: "sits away from", Against.NOTHING: "is not told"}
     (said, *rest) = of_parameters((), [flag]) or [""]
     assert rest == []
@@ -153,20 +151,16 @@ def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
 def test_a_constant_that_the_data_do_not_tell_agrees_with_nothing():
     """phi moves the channels of this set by a thousandth of their noise over all that is allowed of it."""
     random = np.random.default_rng(0)
-    setting = rig.setting(random.normal(size=2 * rig.RUNS), {"phi": rig.law_of("phi", np.full(2 * rig.RUNS, 1e-4))})
-    data = dataclasses.replace(setting.data, rig=dataclasses.replace(setting.data.rig, declared={"phi": 0.6}))
-    verdict = decide(dataclasses.replace(setting, data=data, free=("phi",), priors={}), *started(setting))
-    (flag,) = verdict.before.flags
+    laws = {"soil.phi": rig.law_of("soil.phi", np.full(2 * rig.RUNS, 1e-4))}
+    made = rig.made(random.normal(size=2 * rig.RUNS), laws, ("soil.phi",))
+    data = dataclasses.replace(made.data, rig=dataclasses.replace(made.data.rig, declared={"phi": 0.6}))
+    verdict = on_rig(dataclasses.replace(made, data=data), rig.MODEL, None, lambda said: None, 0)
+    (flag,) = verdict.extra.before.flags
     assert flag.says is Against.NOTHING
     assert "says nothing of 34.38 deg" in verdict.summary()
     assert "phi is not told" in " ".join(verdict.cautions)
-    told = next(one for one in verdict.as_dict()["before"]["flags"])
+    told = next(one for one in verdict.as_dict()["extra"]["before"]["flags"])
     assert (told["agrees"], told["says"]) == (False, "says nothing of")
-
-
-def started(setting):
-    setting = dataclasses.replace(setting, free=("phi",), priors={})
-    return calibrate(setting, rig.MODEL), None, lambda said: None
 
 
 # --- verdicts to which nothing was added -----------------------------------------------------------------------------
@@ -176,10 +170,8 @@ def started(setting):
 def nothing():
     """A rig verdict on noise: no effect is needed."""
     random = np.random.default_rng(0)
-    setting = rig.setting(
-        random.normal(size=2 * rig.RUNS), {"phi": rig.law_of("phi", random.normal(size=2 * rig.RUNS))}
-    )
-    verdict = decide(setting, calibrate(setting, rig.MODEL), None, lambda said: None)
+    rows, slope = (random.normal(size=2 * rig.RUNS) for _ in range(2))
+    verdict = on_rig(rig.made(rows, {"soil.phi": rig.law_of("soil.phi", slope)}), rig.MODEL, None, lambda said: None, 0)
     assert verdict.answer is Answer.NONE_NEEDED
     return verdict
 
@@ -194,8 +186,8 @@ def test_where_nothing_was_added_nothing_changed(nothing):
 
 
 def test_folds_that_chose_something_are_not_said_to_have_chosen_nothing(nothing):
-    folds = [Fold(str(level), chosen) for level, chosen in enumerate(["PeakStress"] * 3 + ["no effect"])]
-    told = dataclasses.replace(nothing, answer=Answer.NONE_FITS, folds=tuple(folds))
+    folds = dict(zip("abcd", ["PeakStress"] * 3 + [""], strict=True))
+    told = dataclasses.replace(nothing, answer=Answer.NONE_FITS, chosen=folds)
     assert told.chosen_again == "chosen in 4 folds: PeakStress in 3, no effect in 1"
 
 

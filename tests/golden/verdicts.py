@@ -62,7 +62,8 @@ MAKERS = FAST | SLOW
 def answer(name, folder):
     """Return the answer of the loop on one set."""
     kept = close_the_loop(MAKERS[name](folder), jobs=1).as_dict()
-    fitted = kept["after"].get("parameters", kept["after"])
+    own = "soil." if kept["kind"] == "wheel-rig" else "."
+    fitted = {key.removeprefix(own): one for key, one in kept["after"].items()}
     sizes = {
         key: [one["value"], one["low"], one["high"]]
         for key, one in fitted.items()

@@ -10,7 +10,7 @@ import pytest
 
 import rover_pin.experiments.motor_brake as shipped
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.conclusion import numbers
+from rover_pin.discrepancy.verdict import SCHEMA
 from rover_pin.errors import DataError
 from rover_pin.experiments.motor_brake import MotorBrake
 from rover_pin.loop.bed import read_bed
@@ -42,12 +42,12 @@ def test_a_hidden_friction_is_named_with_its_size(tmp_path):
     found = closed(tmp_path, seed=0, viscous=0.02)
     assert found.answer is Answer.NAMED, found.summary()
     assert found.named == ("ViscousFriction",)
-    size = {one.name: one for one in numbers(found.after)}["ViscousFriction.b_v"]
+    size = {one.name: one for one in found.after.numbers}["ViscousFriction.b_v"]
     assert size.low < 0.02 < size.high
     assert found.after.misfit < 1.5 < found.before.misfit
     assert set(found.chosen.values()) == {"ViscousFriction"}
     assert found.share > 0.8
-    assert "without at 0.30: ViscousFriction chosen" in found.summary()
+    assert f"ViscousFriction chosen in {len(found.chosen)} of {len(found.chosen)} folds" in found.summary()
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -77,7 +77,7 @@ def test_a_users_copy_is_found_by_its_path_and_the_verdict_is_written(tmp_path):
     found = close_the_loop(folder, experiment=mine, out=out)
     kept = json.loads((out / "verdict.json").read_text())
     assert found.name == "my motor"
-    assert (kept["kind"], kept["schema"], kept["effects"]) == ("verdict", 1, ["ViscousFriction"])
+    assert (kept["kind"], kept["schema"], kept["effects"]) == ("test-bed", SCHEMA, ["ViscousFriction"])
     assert kept["command"] == f"rover-pin close-loop {folder} --out {out} --experiment {mine}"
     assert kept["reduced_chi_square"]["after"] == pytest.approx(found.after.misfit)
 

@@ -41,6 +41,7 @@ class DriveExperiment(Experiment):
     rests: tuple[DriveState | None, ...] = field(repr=False)
     jobs: Workers = 1
     memory: Memory = field(default=Memory(), repr=False)
+    is_timed = True
 
     @cached_property
     def identity(self) -> str:

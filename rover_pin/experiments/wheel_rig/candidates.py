@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import Effect
 from rover_pin.errors import DataError
-from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.experiment import ROWS
+from rover_pin.experiments.wheel_rig.model import ASKEW, NOMINAL, RigModel, conditions, predictor
 from rover_pin.motion.effect_files import AnyEffect, package_effects, reading_traction, user_effects
-from rover_pin.quantity import quantities
+
+OF_SPEED = 0.05
+"""Relative change of an effect's signature with speed from which it needs the speeds."""
 
 
 def effect_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
@@ -52,21 +60,40 @@ def _of_folder(path: Path) -> list[type[Effect]]:
     return kinds
 
 
+def candidates(data: RigSet, model: RigModel, kinds: Sequence[type[Effect]]) -> tuple[Candidate, ...]:
+    """Return what the model may lack of these kinds: what it does not have, and these data can show.
+
+    An effect of speed is left out where the set has no speeds: what was assumed of them would decide.
+    """
+    present = {type(effect).__name__ for effect in model.effects}
+    effects = [added(kind, model) for kind in kinds if kind.__name__ not in present]
+    shown = [effect for effect in effects if data.speeds is not None or not needs_speeds(data, model, effect)]
+    return tuple(plain_candidate(effect) for effect in shown)
+
+
 def added(kind: type[Effect], model: RigModel) -> Effect:
     """Return the effect at its defaults, reading traction as the model's `SoilTraction` does where it asks."""
     return reading_traction(kind(), model.effects)
 
 
-def sizes(effect: Effect) -> tuple[str, ...]:
-    """Return the parameters that make the effect vanish, as a model names them."""
-    return tuple(f"{type(effect).__name__}.{name}" for name in effect.neutral)
+def needs_speeds(data: RigSet, model: RigModel, effect: Effect) -> bool:
+    """Return whether what the effect moves changes with the speed at which the wheel is driven."""
+    slip = np.asarray(data.rig.slip)
+    fast = 4 * NOMINAL * np.column_stack([1 - np.maximum(slip, 0), 1 + np.minimum(slip, 0)])
+    slow_moved, fast_moved = (_moved(data, model, effect, speeds) for speeds in (None, fast))
+    return bool(np.linalg.norm(fast_moved - slow_moved) > OF_SPEED * np.linalg.norm(slow_moved))
 
 
-def shapes(effect: Effect) -> tuple[str, ...]:
-    """Return the parameters that only shape the effect, as a model names them."""
-    return tuple(f"{type(effect).__name__}.{name}" for name in quantities(effect) if name not in effect.neutral)
+def _moved(data: RigSet, model: RigModel, effect: Effect, speeds: np.ndarray | None) -> np.ndarray:
+    """Return what the effect at its default size moves [SD]; 0 where it carries no load."""
+    runs = conditions(data.rig.load, data.rig.slip, speeds, data.rig.slip_angle)
+    rows = [ROWS.index(type(channel)) for channel in data.rig.channels]
+    sd = np.array([channel.sd for channel in data.rig.channels])
+    with_it, without = (predictor(one, (), runs)(one.vector()).values[rows] for one in (model.having(effect), model))
+    return np.nan_to_num((with_it - without) / sd)
 
 
-def vanished(effect: Effect) -> Effect:
-    """Return the effect at its neutral values."""
-    return effect.replace(**effect.neutral)
+def own_sizes(model: RigModel) -> tuple[Parameter, ...]:
+    """Return the sizes of the effects that a model already has, but for what it starts from."""
+    own = [plain_candidate(effect) for effect in model.effects if effect not in ASKEW]
+    return tuple(one.size(name) for one in own for name in one.sizes)

@@ -6,7 +6,7 @@ import numpy as np
 
 from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.fit import ROWS
+from rover_pin.experiments.wheel_rig.experiment import ROWS
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel, SideForce
 from rover_pin.measurements.finding import Finding

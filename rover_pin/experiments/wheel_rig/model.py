@@ -87,6 +87,23 @@ class RigModel:
         return dataclasses.replace(self, effects=(*self.effects, effect))
 
     @property
+    def records(self) -> dict[str, Any]:
+        """Wheel, soil and effects by name."""
+        return {"wheel": self.wheel, "soil": self.soil, **{type(one).__name__: one for one in self.effects}}
+
+    def with_record(self, owner: str, record: Any) -> RigModel:
+        """Return the model with another wheel, soil or effect in the place of the one of this name."""
+        if owner in ("wheel", "soil"):
+            return dataclasses.replace(self, **{owner: record})
+        effects = tuple(record if type(one).__name__ == owner else one for one in self.effects)
+        return dataclasses.replace(self, effects=effects)
+
+    @property
+    def structure(self) -> tuple[Effect, ...]:
+        """The effects with default numbers: what the compiled law depends on."""
+        return tuple(_skeleton(effect) for effect in self.effects)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters: those of wheel and soil, then `Effect.parameter`."""
         own = [f"{type(effect).__name__}.{name}" for effect in self.effects for name in quantities(effect)]
@@ -165,9 +182,8 @@ class RigPredictor:
 
 def predictor(model: RigModel, free: Sequence[str], runs: np.ndarray) -> RigPredictor:
     """Return the predictor of a model's structure at `runs` [runs, 5], with derivatives by the `free` parameters."""
-    shape = tuple(_skeleton(effect) for effect in model.effects)
     different, repeats = np.unique(runs, axis=0, return_inverse=True)
-    return RigPredictor(_mapped(shape, tuple(free), len(different)), different, repeats.ravel(), len(free))
+    return RigPredictor(_mapped(model.structure, tuple(free), len(different)), different, repeats.ravel(), len(free))
 
 
 def _skeleton(effect: Effect) -> Effect:

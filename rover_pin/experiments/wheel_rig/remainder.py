@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.fit import RigFit
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import DrawbarPull, RigChannel, Sinkage, Torque
 
@@ -75,9 +74,9 @@ class Remainder(NamedTuple):
         )
 
 
-def remainders(data: RigSet, fit: RigFit) -> tuple[Remainder, ...]:
-    """Return what every channel leaves."""
-    pairs = zip(data.rig.channels, fit.residual, strict=True)
+def remainders(data: RigSet, residual: np.ndarray) -> tuple[Remainder, ...]:
+    """Return what every channel leaves, given residuals (channels, runs) in stated SDs."""
+    pairs = zip(data.rig.channels, residual, strict=True)
     return tuple(_describe(data, channel, residual) for channel, residual in pairs)
 
 

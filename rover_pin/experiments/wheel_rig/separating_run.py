@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.experiments.wheel_rig.compare import Candidate
+from rover_pin.estimation.exact import SPREAD
+from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.fit import RigFit
+from rover_pin.experiments.wheel_rig.experiment import ROWS, own_name
 from rover_pin.experiments.wheel_rig.model import UNBALANCED, conditions, predictor
 
 SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -36,7 +37,10 @@ class SeparatingRun(NamedTuple):
         )
 
 
-def separating_run(data: RigSet, first: Candidate, second: Candidate) -> SeparatingRun | None:
+Named = tuple[str, Fit]
+
+
+def separating_run(data: RigSet, first: Named, second: Named) -> SeparatingRun | None:
     """Return the run of the menu with the greatest expected information, or None where none can be predicted.
 
     d^T (Sigma + J_1 C_1 J_1^T + J_2 C_2 J_2^T)^-1 d, with d the difference of the two predictions, Sigma the noise and
@@ -44,7 +48,7 @@ def separating_run(data: RigSet, first: Candidate, second: Candidate) -> Separat
     """
     mean = float(np.mean(data.rig.load))
     menu = np.array([(share * mean, slip) for share, slip in itertools.product(LOADS, SLIPS)])
-    sides = [_predicted(data, one.fit, menu) for one in (first, second)]
+    sides = [_predicted(data, fit, menu) for _, fit in (first, second)]
     noise = [float(np.sqrt(np.mean(channel.sd**2))) for channel in data.rig.channels]
     best: SeparatingRun | None = None
     for at, (load, slip) in enumerate(menu):
@@ -56,27 +60,27 @@ def separating_run(data: RigSet, first: Candidate, second: Candidate) -> Separat
         if best is None or expected > best.expected:
             shows = np.abs(difference) / np.sqrt(np.diag(doubt))
             channel = data.rig.channels[int(shows.argmax())].name
-            best = SeparatingRun(first.name, second.name, float(load), float(slip), channel, expected)
+            best = SeparatingRun(first[0], second[0], float(load), float(slip), channel, expected)
     return best
 
 
-def _predicted(data: RigSet, fit: RigFit, menu: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _predicted(data: RigSet, fit: Fit, menu: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return predictions [channels, runs] and their covariance [runs, channels, channels] in units of the noise."""
-    space = fit.problem.space
     runs = conditions(menu[:, 0], menu[:, 1], _speeds(data, menu[:, 1]))
-    values, jacobian, error = predictor(fit.model, space.names, runs)(fit.model.vector())
-    rows = fit.problem.data[0].rows
+    free = [own_name(one.name) for one in fit.parameters]
+    values, jacobian, error = predictor(fit.model, free, runs)(fit.model.vector())
+    rows = [ROWS.index(type(channel)) for channel in data.rig.channels]
     values = np.where(np.abs(error) < UNBALANCED, values, np.nan)[rows]
     noise = np.array([float(np.sqrt(np.mean(channel.sd**2))) for channel in data.rig.channels])
-    slopes = jacobian[rows].transpose(1, 0, 2) * space.slopes(fit.u) / noise[:, None]
+    along = np.array([one.slope(u) for one, u in zip(fit.parameters, fit.u, strict=True)])
+    slopes = jacobian[rows].transpose(1, 0, 2) * along / noise[:, None]
     return values, slopes @ _doubt(fit) @ slopes.transpose(0, 2, 1)
 
 
-def _doubt(fit: RigFit) -> np.ndarray:
+def _doubt(fit: Fit) -> np.ndarray:
     """Return the covariance of u, no wider than the starts of a fit where the data tell nothing."""
-    jacobian = fit.problem.evaluate(fit.u)[1]
-    spread = np.array([axis.coordinate.spread for axis in fit.problem.space.axes])
-    return np.asarray(np.linalg.inv(jacobian.T @ jacobian / max(1.0, fit.misfit) + np.diag(spread**-2.0)))
+    jacobian = fit.columns
+    return np.asarray(np.linalg.inv(jacobian.T @ jacobian / max(1.0, fit.misfit) + np.eye(len(fit.u)) / SPREAD**2))
 
 
 def _speeds(data: RigSet, slip: np.ndarray) -> np.ndarray | None:

@@ -33,15 +33,6 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho): 0.0 -> 0.1",
     ): "what is not compared is read by no row: a block after a gap begins anew",
     (
-        "rover_pin/experiments/wheel_rig/calibrate.py",
-        "seed: int = 0: 0 -> 1",
-    ): "any seed will do",
-    (
-        "rover_pin/loop/rig.py",
-        "added = () if best is None else after.model.effects[len(base.model.effects) :]: () -> "
-        "(after.model.effects[len(base.model.effects) :])",
-    ): "where nothing was added the model after is the base model",
-    (
         "rover_pin/soil/certified.py",
         "NEWTON_STEPS = 12: 12 -> 13",
     ): "a step more than is needed",

@@ -1,0 +1,141 @@
+"""Candidates refitted where a fit is exact and cheap: from several starts, shapes freed, every fold by whole refits."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.cross_validation import losses_of
+from rover_pin.discrepancy.refit import Fee, Progress, Refit, best_of_each, joined
+from rover_pin.discrepancy.screen import Scored, entry_fee
+from rover_pin.estimation.fit import Fit, best_of
+from rover_pin.estimation.parameter import Parameter
+
+LEAST = 5
+"""Candidates that are refitted in the first round, at least."""
+SHARE_REFITTED = 0.25
+"""Share of its threshold that a candidate must promise to be refitted at all, where fits are exact and cheap."""
+MOST_FREE = 0.5
+"""Free numbers without a prior for each compared block, at most."""
+SMALL = 0.05
+"""Share of its default size from which a refit starts, besides the default."""
+PAIRED = 6
+"""Leading candidates from which pairs are made."""
+
+Tried = tuple[tuple[Candidate, ...], Candidate, Fit]
+"""What stands in place of the best before, if anything, the candidate, and the fit with both."""
+
+
+def exactly_refitted(
+    base: Fit, scored: Sequence[Scored], fee: Fee, progress: Progress, pairs: Sequence[Tried] | None = None
+) -> tuple[Refit, ...]:
+    """Return the plausible candidates refitted, the best first: all that promise something.
+
+    `pairs` are those of the round before; in the first round there are none, and a few candidates are refitted at least
+    to be shown.
+    """
+    told, least = [row for row in scored if row.told], LEAST if pairs is None else 0
+    chosen = [
+        row.candidate for at, row in enumerate(told) if at < least or row.gain > SHARE_REFITTED * fee(row.candidate)
+    ]
+    tried = list(pairs or ())
+    for candidate in chosen:
+        progress(f"refitting with {candidate.name}")
+        tried += [((), one, fitted) for one, fitted in variants(base, candidate)]
+    return judged(base, tried, fee)
+
+
+def paired(base: Fit, singles: Sequence[Refit], best: Refit | None, progress: Progress) -> list[Tried]:
+    """Return pairs of the leading single candidates: two effects together may look most like a third.
+
+    `best` is the single that was added; a pair with it is that one's second step.
+    """
+    tried: list[Tried] = []
+    for one, other in itertools.combinations(singles[:PAIRED], 2):
+        first, second = (other, one) if other is best else (one, other)
+        progress(f"refitting with {first.name} + {second.name}")
+        for fitted in _pair(base, first, second):
+            tried.append((() if first is best else (first.candidate,), second.candidate, fitted))
+    return tried
+
+
+def _pair(base: Fit, one: Refit, other: Refit) -> list[Fit]:
+    """Return the refit with what was free in either single; with sizes only where that is more than the data bear."""
+    for first, second in ((one.candidate, other.candidate), (one.candidate.bare, other.candidate.bare)):
+        model = first.on(base.model)
+        numbers, here = joined(base, first, model)
+        model = second.on(model)
+        numbers = (*numbers, *second.parameters)
+        here = np.concatenate([here, [each.u(_value(base, model, each)) for each in second.parameters]])
+        if bearable(base, numbers):
+            starts = [here, *(_of(numbers, each.fit) for each in (one, other))]
+            fitted = best_of(base.task, model, numbers, starts)
+            return [] if fitted is None else [fitted]
+    return []
+
+
+def _value(base: Fit, model: Any, one: Parameter) -> float:
+    return base.task.experiment.value(model, one.name)
+
+
+def variants(base: Fit, candidate: Candidate) -> list[tuple[Candidate, Fit]]:
+    """Return a candidate refitted, and with its law's shapes freed where the data can bear that."""
+    found: list[tuple[Candidate, Fit]] = []
+    for one in (candidate.bare, candidate.loose) if candidate.shapes else (candidate,):
+        model = one.on(base.model)
+        numbers, here = joined(base, one, model)
+        if not bearable(base, numbers):
+            continue
+        starts = _starts(numbers, here, len(base.u))
+        starts += [_of(numbers, fitted) for _, fitted in found]
+        fitted = best_of(base.task, model, numbers, starts)
+        found += [(one, fitted)] if fitted is not None else []
+    return found
+
+
+def bearable(base: Fit, numbers: Sequence[Parameter]) -> bool:
+    """Return whether there are enough data for so many free numbers."""
+    return sum(not one.prior for one in numbers) <= MOST_FREE * base.task.noise.count
+
+
+def _starts(numbers: Sequence[Parameter], here: np.ndarray, own: int) -> list[np.ndarray]:
+    """Return the base's values with the candidate's sizes small, at their default, and, if they may, below neutral."""
+    sizes = np.array([at >= own and not one.log for at, one in enumerate(numbers)])
+    either = any(one.bounds[0] < 0 for one, own_size in zip(numbers, sizes, strict=True) if own_size and not one.prior)
+    return [np.where(sizes, share * here, here) for share in (SMALL, 1.0, *((-SMALL,) if either else ()))]
+
+
+def _of(numbers: Sequence[Parameter], fitted: Fit) -> np.ndarray:
+    """Return where a fit ended; sizes that it does not have are small, shapes as published."""
+    known = dict(zip([one.name for one in fitted.parameters], fitted.u, strict=True))
+    return np.array([known.get(one.name, 0.0 if one.prior or one.log else SMALL) for one in numbers])
+
+
+def judged(base: Fit, tried: Sequence[Tried], fee: Fee, paid: float = 0.0) -> tuple[Refit, ...]:
+    """Return exact refits against a base, the best first; those that gain enough also on every fold left out.
+
+    `paid` is what they pay beside their own thresholds, in units of the noise.
+    """
+    if not tried:
+        return ()
+    unit = max(base.task.noise.inflation, min(fitted.misfit for _, _, fitted in tried))
+    rows = [
+        Refit(one, fitted, base.chi2 - fitted.chi2, _owed((instead, one, fitted), fee, unit, paid), 0.0, unit, instead)
+        for instead, one, fitted in tried
+    ]
+    ranked = best_of_each(rows)
+    paying = [one for one in ranked if one.net > 0]
+    without = float(losses_of(base).sum()) if paying else 0.0
+    kept = [dataclasses.replace(one, held_out=without - float(losses_of(one.fit).sum())) for one in paying]
+    return (*kept, *ranked[len(paying) :])
+
+
+def _owed(tried: Tried, fee: Fee, unit: float, paid: float) -> float:
+    """Return what chance alone gains with it, the freed shapes of what stands in place of the best before included."""
+    instead, one, _ = tried
+    return fee(one, inflation=unit) + unit * (paid + entry_fee(1) * sum(len(other.freed) for other in instead))

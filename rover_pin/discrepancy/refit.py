@@ -1,0 +1,102 @@
+"""A model with one more candidate, fitted: what it gains, what it must, and which cannot be distinguished."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import COLOURED
+from rover_pin.estimation.parameter import Parameter
+
+ODDS = 9.2
+"""Candidates within this of the best, in units of the noise, cannot be distinguished: 2 ln 100, odds of 1 in 100."""
+HALF = 0.5
+"""Share of the best's net gain from which better predictions of what was not fitted make a rival."""
+
+Progress = Callable[[str], None]
+Fee = Callable[..., float]
+"""What chance alone gains with a candidate; `inflation`, a keyword, says by how much more than with white noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A model with one more candidate, fitted."""
+
+    candidate: Candidate
+    fit: Fit = field(repr=False)
+    gain: float
+    "fall of chi2 from the model without"
+    fee: float
+    "what chance alone would gain"
+    held_out: float
+    "fall of the held-out chi2, each run predicted from the others"
+    unit: float = COLOURED
+    "by how much chi2 by chance exceeds that of white noise here: what gains are counted in"
+    instead: tuple[Candidate, ...] = ()
+    "what was added before it, where that is not what the round before found best"
+
+    @property
+    def name(self) -> str:
+        """Name of the candidate, after those that it needs in place of the best before."""
+        return " + ".join(one.name for one in (*self.instead, self.candidate))
+
+    @property
+    def net(self) -> float:
+        """Gain minus fee."""
+        return self.gain - self.fee
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it gains more than chance and predicts runs that it has not seen better."""
+        return self.net > 0 and self.held_out > 0
+
+
+def joined(base: Fit, candidate: Candidate, model: Any) -> tuple[tuple[Parameter, ...], np.ndarray]:
+    """Return the base's numbers and the candidate's, and where the fit starts; freed numbers lose their prior."""
+    freed = [] if candidate.effect is not None else list(candidate.sizes)
+    old = [dataclasses.replace(one, prior=False) if one.name in freed else one for one in base.parameters]
+    own = () if candidate.effect is None else candidate.parameters
+    start = [one.u(base.task.experiment.value(model, one.name)) for one in own]
+    return (*old, *own), np.concatenate([base.u, start])
+
+
+def counted(refits: tuple[Refit, ...], fee: Fee) -> tuple[Refit, ...]:
+    """Return the refits with thresholds in units of what the best one leaves, if that is more than declared noise."""
+    if not refits or refits[0].fit.task.experiment.noise() is None:
+        return refits
+    unit = max(refits[0].fit.task.noise.inflation, min(one.fit.misfit for one in refits))
+    wider = [dataclasses.replace(one, fee=fee(one.candidate, inflation=unit), unit=unit) for one in refits]
+    return tuple(sorted(wider, key=lambda one: -one.net))
+
+
+def best_of_each(refits: Sequence[Refit]) -> tuple[Refit, ...]:
+    """Return the best refit of each candidate, the best first: from two starts there are two."""
+    best: dict[str, Refit] = {}
+    for one in sorted(refits, key=lambda one: -one.net):
+        best.setdefault(one.name, one)
+    return tuple(best.values())
+
+
+def alike(found: Sequence[Refit]) -> tuple[Refit, ...]:
+    """Return the candidates that the data cannot tell from the best, the best first; empty where none is accepted."""
+    accepted = [one for one in found if one.accepted]
+    if not accepted:
+        return ()
+    best = accepted[0]
+    enough = max(0.0, best.net - ODDS * best.unit)
+    better = [one for one in accepted if one.held_out > best.held_out and one.net > HALF * best.net]
+    near = [one for one in found if one is not best and (one.net > enough or one in better)]
+    kinds = {best.candidate.kind + str(best.candidate.sought)}
+    kept = []
+    for one in near:
+        key = one.candidate.kind if one.candidate.sought else one.name
+        if key not in kinds and not (one.candidate.sought and one.candidate.kind == best.candidate.kind):
+            kept.append(one)
+            kinds.add(key)
+    return (best, *kept)

@@ -1,0 +1,208 @@
+"""What the loop says of measurements of any kind: a graded answer, the evidence for it, and what speaks against it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from rover_pin.discrepancy.answer import Answer, plain, score_line
+from rover_pin.discrepancy.held_out import ChannelScore, RunScore
+from rover_pin.discrepancy.refit import Refit
+from rover_pin.discrepancy.search import Round, Search
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.numbers import DRIFTED, Number
+from rover_pin.estimation.profile import Profile
+from rover_pin.estimation.wording import Outcome, got_worse
+
+SCHEMA = 2
+"""Version of the plain values of a verdict, as docs/verdict.md describes them."""
+
+
+class Extra(Protocol):
+    """What only one kind of data has to say besides."""
+
+    def lines(self, added: bool) -> list[str]:
+        """Return lines for a reader, given whether something was added."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+
+
+class Said(Protocol):
+    """Something that a reader is told in a sentence."""
+
+    @property
+    def said(self) -> str:
+        """The sentence."""
+
+
+class Side(NamedTuple):
+    """A model before or after: its fitted numbers, and how well it fits."""
+
+    model: Any
+    numbers: tuple[Number, ...]
+    misfit: float
+    "reduced chi-square; 1 is the noise"
+    fit: Fit
+    "in the noise widened to what it leaves, where that is more than was declared"
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """The result of the loop. `model` carries the fitted numbers and what was added, and predicts or drives at once."""
+
+    kind: str
+    "wheel-rig, drive-log or test-bed"
+    answer: Answer
+    name: str
+    "name of the data"
+    sentence: str
+    model: Any = field(repr=False)
+    effects: tuple[Any, ...] = ()
+    "what was added to the base model, at its fitted values; numbers that were only freed are not among them"
+    named: tuple[str, ...] = ()
+    "what was added, or freed, by name"
+    alike: tuple[str, ...] = ()
+    "what was found best, then what cannot be distinguished from it"
+    share: float = 0.0
+    "of what is missed beyond the noise on data left out, what was added takes so much"
+    before: Side | None = field(default=None, repr=False)
+    after: Side | None = field(default=None, repr=False)
+    scores: tuple[ChannelScore, ...] = field(default=(), repr=False)
+    runs: tuple[RunScore, ...] = field(default=(), repr=False)
+    "held-out errors of every fold"
+    chosen: dict[str, str] = field(default_factory=dict)
+    "what is chosen when each fold is left out of the choice as well; empty: nothing"
+    vetoes: tuple[str, ...] = ()
+    "what keeps a name from standing alone"
+    cautions: tuple[str, ...] = ()
+    findings: tuple[Any, ...] = ()
+    "what the check of the data found"
+    experiments: tuple[Said, ...] = ()
+    "what to measure next"
+    search: Search | None = field(default=None, repr=False)
+    profiles: tuple[Profile, ...] = field(default=(), repr=False)
+    extra: Extra | None = field(default=None, repr=False)
+    files: tuple[Path, ...] = ()
+    provenance: dict[str, Any] = field(default_factory=dict, repr=False)
+    "versions, seed, seconds, the command that repeats it"
+
+    @property
+    def model_said(self) -> str:
+        """What `model` is, in words."""
+        if self.search is None:
+            return "the base model as declared, nothing fitted"
+        added = " + ".join(self.named)
+        return f"the model with {added}" if added else "the fitted base model, to which nothing was added"
+
+    @property
+    def chosen_again(self) -> str:
+        """How many folds choose the same, in words; where nothing was added, what they choose."""
+        if not self.named:
+            kinds = list(dict.fromkeys(self.chosen.values()))
+            times = [f"{name or 'no effect'} in {list(self.chosen.values()).count(name)}" for name in kinds]
+            return f"chosen in {len(self.chosen)} folds: " + ", ".join(times)
+        names = set(self.named)
+        folds = [set(name.split(" + ")) for name in self.chosen.values()]
+        same, more = sum(fold == names for fold in folds), sum(fold > names for fold in folds)
+        among = f", and with another in {more}" if more else ""
+        return f"{' + '.join(self.named)} chosen in {same} of {len(folds)} folds{among}"
+
+    @property
+    def drifted(self) -> tuple[Number, ...]:
+        """Numbers that sit away from what was declared of them."""
+        return tuple(one for one in (self.after.numbers if self.after else ()) if abs(one.drift) > DRIFTED)
+
+    def summary(self) -> str:
+        """Return the verdict in a page of text; angles in degrees."""
+        lines = [f"{self.name}: {self.answer.value}", f"  {self.sentence}"]
+        lines += [f"  check: {finding}" for finding in self.findings]
+        if self.before is not None and self.after is not None:
+            lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
+        lines += [f"  {score_line(score)}" for score in self.scores if is_told(score) or len(self.scores) <= FEW]
+        lines += [f"  {self.chosen_again}"] if self.chosen else []
+        lines += [f"  {got_worse((one.name, one.worded) for one in self.scores)}"] if self.named else []
+        lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
+        lines += [f"  {one.said}" for one in self._worth_a_line()]
+        lines += [f"  against the name: {veto}" for veto in self.vetoes]
+        lines += [f"  caution: {said}" for said in self.cautions]
+        lines += [f"  next: {one.said}" for one in self.experiments]
+        lines += [f"  written: {file}" for file in self.files]
+        return "\n".join(lines)
+
+    def _worth_a_line(self) -> list[Number]:
+        """Return the numbers of a small model, or of a large one those that were added or sit away."""
+        numbers = self.after.numbers if self.after else ()
+        if len(self.scores) <= FEW:
+            return list(numbers)
+        own = tuple(name.partition("@")[0] + "." for name in self.named)
+        return [one for one in numbers if one.name.startswith(own) or one in self.drifted]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the verdict as plain values for JSON; SI units, NaN and infinities as None."""
+        sides = {"before": self.before, "after": self.after}
+        return plain(
+            {
+                "kind": self.kind,
+                "schema": SCHEMA,
+                "name": self.name,
+                "answer": self.answer.value,
+                "sentence": self.sentence,
+                "effects": [type(effect).__name__ for effect in self.effects],
+                "named": list(self.named),
+                "alike": list(self.alike),
+                "share": self.share,
+                "reduced_chi_square": {name: side.misfit for name, side in sides.items() if side is not None},
+                "held_out": [score.as_dict() for score in self.scores],
+                "held_out_folds": [one._asdict() for one in self.runs],
+                "folds": self.chosen,
+                "vetoes": list(self.vetoes),
+                "cautions": list(self.cautions),
+                "findings": [str(finding) for finding in self.findings],
+                **{name: _numbers(side) for name, side in sides.items()},
+                "rounds": [_round(one) for one in (self.search.rounds if self.search else ())],
+                "profiles": [one._asdict() for one in self.profiles],
+                "experiments": [one.said for one in self.experiments],
+                "extra": self.extra.as_dict() if self.extra else {},
+                "files": [str(file) for file in self.files],
+                **self.provenance,
+            }
+        )
+
+
+FEW = 5
+"""Channels up to which a summary has a line for each; of more, those whose change can be claimed."""
+
+
+def is_told(score: ChannelScore) -> bool:
+    """Return whether a channel's change is worth a line: it can be claimed."""
+    return score.worded.outcome in (Outcome.BETTER, Outcome.WORSE)
+
+
+def _numbers(side: Side | None) -> dict[str, Any]:
+    return {} if side is None else {one.name: one.as_dict() for one in side.numbers}
+
+
+def _round(one: Round) -> dict[str, Any]:
+    return {
+        "scored": [
+            {"name": row.candidate.name, "gain": row.gain, "visible": row.visible, "absorbed": row.absorbed}
+            for row in one.scored
+        ],
+        "refits": [_refit(each) for each in one.refits],
+        "alike": [each.name for each in one.alike],
+    }
+
+
+def _refit(one: Refit) -> dict[str, Any]:
+    own = {number.name for number in one.candidate.parameters}
+    return {
+        "name": one.name,
+        "gain": one.gain,
+        "threshold": one.fee,
+        "net": one.net,
+        "held_out_gain": one.held_out,
+        "reduced_chi_square": one.fit.misfit,
+        "values": {each.name: one.fit.value(each.name) for each in one.fit.parameters if each.name in own},
+    }

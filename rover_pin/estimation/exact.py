@@ -1,0 +1,51 @@
+"""The least-squares problem of an experiment with exact sensitivities, as descents and profiles ask for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rover_pin.estimation.noise import STRAY
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.task import Task
+
+SPREAD = 1.0
+"""How far apart, in u, starts are scattered."""
+
+
+class Box(NamedTuple):
+    """Names of the free numbers and the bounds of their u."""
+
+    names: tuple[str, ...]
+    low: np.ndarray
+    high: np.ndarray
+
+
+class ExactProblem:
+    """Rows whose squares sum to the robust chi2 of a model's numbers, the priors' u last, and their Jacobian."""
+
+    def __init__(self, task: Task, model: Any, parameters: Sequence[Parameter]):
+        self.task, self.model, self.parameters = task, model, tuple(parameters)
+        bounds = np.array([one.bounds for one in parameters]).reshape(-1, 2)
+        self.space = Box(tuple(one.name for one in parameters), bounds[:, 0], bounds[:, 1])
+        self._known = np.array([one.prior for one in parameters], dtype=bool)
+
+    def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return rows and their Jacobian at u; beyond STRAY SDs a row grows as the root of what it counts."""
+        found = self.task.experiment.sensitivities(self.model, self.parameters, u)
+        rows, columns = self.task.rows(found.predicted), self.task.columns(found.slopes)
+        size = np.abs(rows)
+        stray = size > STRAY
+        root = np.sqrt(np.where(stray, 2 * STRAY * size - STRAY**2, 1.0))
+        slope = np.where(stray, STRAY / root, 1.0)
+        rows = np.where(stray, np.sign(rows) * root, rows)
+        prior = np.eye(len(u))[self._known]
+        return np.concatenate([rows, u[self._known]]), np.concatenate([columns * slope[:, None], prior])
+
+
+def scattered(parameters: Sequence[Parameter], centre: np.ndarray, count: int, seed: int) -> list[np.ndarray]:
+    """Return `count` starts: the centre, then points scattered around it."""
+    draws = np.random.default_rng(seed).uniform(-SPREAD, SPREAD, (count - 1, len(centre)))
+    return [centre, *(centre + draws)]

@@ -1,0 +1,130 @@
+"""The fitted numbers of a model with their 95 % intervals: profiles where the fit is exact, else SDs about it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import chi2 as chi2_law
+
+from rover_pin.errors import OptimisationError
+from rover_pin.estimation import wording
+from rover_pin.estimation.covariance import covariance
+from rover_pin.estimation.exact import ExactProblem
+from rover_pin.estimation.fit import Fit, fit
+from rover_pin.estimation.noise import huber
+from rover_pin.estimation.profile import NORMAL_95, Best, Interval, LowerMinimum, interval
+
+SURPRISE = 1e-3
+"""A chi2 less probable than this by the stated noise means that more is left than the noise."""
+DRIFTED = 3.0
+"""Prior SDs from which a number is said to sit away from what was declared of it."""
+TURNS = 3
+"""Lower minima found by profiles that are followed."""
+AWAY = 5.0
+"""Prior SDs beyond which a number has left what is plausible of it."""
+AT_BOUND = 1e-6
+"""A number this near to a bound, in u, stands at it."""
+
+
+class Number(NamedTuple):
+    """One fitted number of a model with its 95 % interval [SI]."""
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    drift: float
+    "distance from what was declared, in its SDs; NaN where nothing was"
+    closed: bool = True
+    "whether the data close both ends of the interval"
+    at_bound: bool = False
+    prior: str = ""
+    "what was assumed of it, in words"
+    covered: float = 0.0
+    "share of what is allowed of it, in u, that the interval covers; 0 where that is unbounded"
+
+    @property
+    def note(self) -> str:
+        """What is to be known of it besides."""
+        return "at its bound" if self.at_bound else "" if self.closed else "not closed by the data"
+
+    @property
+    def said(self) -> str:
+        """One line for a reader."""
+        line = f"{self.name} = {wording.interval(self.value, self.low, self.high, self.unit)}"
+        line += f", {self.note}" if self.note else ""
+        return line if not abs(self.drift) > DRIFTED else f"{line}, {self.drift:+.1f} SD from what was declared"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {**self._asdict(), "note": self.note}
+
+
+def is_adequate(fitted: Fit, surprise: float = SURPRISE) -> bool:
+    """Return whether what is left is as large as it may be by the stated noise."""
+    return bool(huber(fitted.rows) <= chi2_law.isf(surprise, fitted.freedom))
+
+
+def implausible(fitted: Fit) -> tuple[str, ...]:
+    """Return the numbers that had to leave what is plausible of them."""
+    rows = zip(fitted.parameters, fitted.u, strict=True)
+    return tuple(f"{one.name} {u:+.1f} SD" for one, u in rows if one.prior and abs(u) > AWAY)
+
+
+def settled(fitted: Fit) -> Fit:
+    """Return an exact fit with the noise widened to what it leaves, where that is more: no model is perfect."""
+    noise = fitted.task.noise
+    if not fitted.task.experiment.is_exact or is_adequate(fitted):
+        return fitted
+    task = replace(fitted.task, noise=replace(noise, sd=noise.sd * math.sqrt(max(fitted.misfit, 1.0))))
+    return fit(task, fitted.model, fitted.parameters, fitted.u)
+
+
+def numbers(fitted: Fit) -> tuple[Number, ...]:
+    """Return all free numbers of a fit, see `intervals`."""
+    return intervals(fitted)[1]
+
+
+def intervals(fitted: Fit) -> tuple[Fit, tuple[Number, ...]]:
+    """Return all free numbers with intervals, and the fit at the lowest minimum that was met on the way.
+
+    Profiles of chi2, all others refitted, where the fit is exact; else `Fit.spread` about the optimum.
+    """
+    if not fitted.task.experiment.is_exact:
+        return fitted, tuple(_about(fitted, at, float(sd)) for at, sd in enumerate(fitted.spread))
+    for _ in range(TURNS):
+        problem = ExactProblem(fitted.task, fitted.model, fitted.parameters)
+        best = Best(fitted.u, fitted.chi2, covariance(problem, fitted.u))
+        try:
+            return fitted, tuple(_profiled(fitted, problem, best, at) for at in range(len(fitted.u)))
+        except LowerMinimum as lower:
+            fitted = fit(fitted.task, fitted.model, fitted.parameters, lower.u)
+    spread = np.sqrt(np.diag(best.covariance))
+    return fitted, tuple(_about(fitted, at, float(sd)) for at, sd in enumerate(spread))
+
+
+def _profiled(fitted: Fit, problem: ExactProblem, best: Best, at: int) -> Number:
+    try:
+        ends = interval(problem, best, at)
+    except OptimisationError:
+        return _about(fitted, at, float(np.sqrt(best.covariance[at, at])))
+    return _number(fitted, at, ends)
+
+
+def _about(fitted: Fit, at: int, sd: float) -> Number:
+    (low, high), u, half = fitted.parameters[at].bounds, float(fitted.u[at]), NORMAL_95 * sd
+    return _number(fitted, at, Interval(max(u - half, low), min(u + half, high), u - half > low, u + half < high))
+
+
+def _number(fitted: Fit, at: int, ends: Interval) -> Number:
+    one, u = fitted.parameters[at], float(fitted.u[at])
+    unit = fitted.task.experiment.quantity(fitted.model, one.name).unit
+    low, high = sorted((one.value(ends.low), one.value(ends.high)))
+    stuck = min(u - one.bounds[0], one.bounds[1] - u) <= AT_BOUND
+    covered = (ends.high - ends.low) / (one.bounds[1] - one.bounds[0])
+    drift, closed = u if one.prior else math.nan, ends.closed_low and ends.closed_high
+    return Number(one.name, unit, one.value(u), low, high, drift, closed, stuck, one.assumed, covered)

@@ -1,0 +1,165 @@
+"""A wheel-rig set as an experiment: levels of slip are its folds, its channels have exact sensitivities."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rover_pin.estimation.experiment import Experiment, Sensitivities
+from rover_pin.estimation.noise import Noise, declared_noise
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.model import UNBALANCED, RigModel, RigPredictor, conditions, predictor
+from rover_pin.identification.identifiability import SAME_LOAD
+from rover_pin.identification.soil_space import MOST_EXIT
+from rover_pin.measurements.channel import DrawbarPull, RigChannel, SideForce, Sinkage, Torque
+
+ROWS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce)
+"""The channels in the order in which a rig model predicts them."""
+LOST = 1e3
+"""What stands for the channels of a run whose load no sinkage carries [channel's unit]: far, but finite."""
+DECADES = math.log(5.0)
+"""How far apart starts of k and k_1 are, in their logarithm."""
+LEAST = 1e-6
+"""A logarithm stops at this share of where it starts."""
+WIDE = 0.25
+"""How far apart starts of phi are, as a share of its range."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigExperiment(Experiment):
+    """The runs of a rig set as arrays (levels, channels, runs of a level); noise as stated with each value."""
+
+    data: RigSet
+    is_exact = True
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Name of the set."""
+        return self.data.rig.name
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the measured channels."""
+        return tuple(channel.name for channel in self.data.rig.channels)
+
+    @property
+    def folds(self) -> tuple[str, ...]:
+        """Names of the levels."""
+        return self.data.level_names
+
+    @cached_property
+    def _place(self) -> np.ndarray:
+        """Which run of its level each run is."""
+        seen = np.zeros(len(self.folds), dtype=int)
+        place = np.zeros(self.data.level.size, dtype=int)
+        for at, level in enumerate(self.data.level):
+            place[at], seen[level] = seen[level], seen[level] + 1
+        return place
+
+    def table(self, rows: np.ndarray) -> np.ndarray:
+        """Return rows (..., channels, runs) as (..., levels, channels, runs of a level), NaN behind a level's end."""
+        rows = np.asarray(rows)
+        whole = np.full((*rows.shape[:-2], len(self.folds), rows.shape[-2], int(self._place.max()) + 1), np.nan)
+        whole[..., self.data.level, :, self._place] = np.moveaxis(rows, -1, 0)
+        return whole
+
+    def rows(self, table: np.ndarray) -> np.ndarray:
+        """Return a table (levels, channels, runs of a level) as rows (channels, runs) in the order of the set."""
+        return np.asarray(table[self.data.level, :, self._place]).T
+
+    @cached_property
+    def observed(self) -> np.ndarray:
+        """What was measured; NaN behind a level's end."""
+        return self.table(np.array([channel.measured for channel in self.data.rig.channels]))
+
+    def noise(self) -> Noise:
+        """Return white noise of the stated SDs."""
+        sd = self.table(np.array([channel.sd for channel in self.data.rig.channels]))
+        return declared_noise(np.where(np.isfinite(sd), sd, 1.0), self.observed)
+
+    @property
+    def sd(self) -> np.ndarray:
+        """RMS of the stated SDs of every channel (channels,)."""
+        return np.array([float(np.sqrt(np.mean(channel.sd**2))) for channel in self.data.rig.channels])
+
+    @cached_property
+    def _given(self) -> np.ndarray:
+        rig = self.data.rig
+        return conditions(rig.load, rig.slip, self.data.speeds, rig.slip_angle)
+
+    @cached_property
+    def _predictors(self) -> dict[Any, RigPredictor]:
+        return {}
+
+    def sensitivities(self, model: RigModel, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
+        """Return the channels and their exact slopes; LOST and 0 where no sinkage carries the load."""
+        free, vector = tuple(map(own_name, (one.name for one in parameters))), model.vector()
+        where = [model.names.index(name) for name in free]
+        vector[where] = [one.value(x) for one, x in zip(parameters, u, strict=True)]
+        key = (model.structure, free)
+        if key not in self._predictors:
+            self._predictors[key] = predictor(model, free, self._given)
+        values, jacobian, error = self._predictors[key](vector)
+        measured = [ROWS.index(type(channel)) for channel in self.data.rig.channels]
+        carried = np.abs(error) < UNBALANCED
+        slopes = np.array([one.slope(x) for one, x in zip(parameters, u, strict=True)])
+        moved = np.where(carried[:, None], jacobian[measured] * slopes, 0.0)
+        found = np.nan_to_num(np.where(carried, values[measured], LOST), nan=LOST)
+        return Sensitivities(self.table(found), self.table(np.nan_to_num(np.moveaxis(moved, -1, 0))))
+
+    def predict(self, models: Sequence[RigModel]) -> np.ndarray:
+        """Return the channels of each model (models, levels, channels, runs of a level)."""
+        return np.array([np.nan_to_num(self.sensitivities(one, (), np.zeros(0)).predicted) for one in models])
+
+    def records(self, model: RigModel) -> Mapping[str, Any]:
+        """Return wheel, soil and effects of a model, by name."""
+        return model.records
+
+    def replaced(self, model: RigModel, owner: str, record: Any) -> RigModel:
+        """Return the model with another record of this name."""
+        return model.with_record(owner, record)
+
+    def unit(self, channel: str) -> str:
+        """Return the unit of a channel."""
+        return next(one.unit for one in self.data.rig.channels if one.name == channel)
+
+    def uncertain(self, model: RigModel) -> tuple[Parameter, ...]:
+        """Return which soil constants are uncertain, and what is assumed of those that these channels tell in part.
+
+        k and phi where a force was measured, k_1 where the sinkage was, with no prior; the exit ratio with SD 0.1;
+        where loads differ n with SD 0.3 and c with 300 Pa or its own size.
+        """
+        kinds, load = {type(channel) for channel in self.data.rig.channels}, self.data.rig.load
+        found: list[Parameter] = []
+        if kinds & {DrawbarPull, Torque}:
+            about = self.quantity(model, "soil.phi")
+            found += [
+                self._loose(model, "soil.k", DECADES, log=True),
+                self._loose(model, "soil.phi", WIDE * (about.high - about.low)),
+            ]
+        if Sinkage in kinds:
+            k_1 = self.value(model, "soil.k_1")
+            found += [self._loose(model, "soil.k_1", DECADES if k_1 > 0 else abs(k_1) or 1e5, log=k_1 > 0)]
+        exit_ratio = self.parameter(model, "soil.exit_ratio", 0.1)
+        found += [dataclasses.replace(exit_ratio, low=0.0, high=MOST_EXIT)]
+        if np.max(load) >= SAME_LOAD * np.min(load):
+            sd = max(300.0, self.value(model, "soil.c"))
+            found += [self.parameter(model, "soil.n", 0.3), self.parameter(model, "soil.c", sd)]
+        return tuple(found)
+
+    def _loose(self, model: RigModel, name: str, scale: float, log: bool = False) -> Parameter:
+        """Return a number without a prior; `scale` is how far apart its starts are."""
+        one = self.parameter(model, name, scale, log)
+        return dataclasses.replace(one, prior=False, low=max(one.low, LEAST * one.origin) if log else one.low)
+
+
+def own_name(name: str) -> str:
+    """Return a parameter's name as a rig model's vector has it: soil and wheel are not said."""
+    return name.removeprefix("soil.").removeprefix("wheel.")

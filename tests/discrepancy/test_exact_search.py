@@ -1,0 +1,362 @@
+"""The search where fits are exact, against the linear Gaussian model in closed form: every decision in milliseconds."""
+
+import dataclasses
+import importlib.util
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2 as chi2_law
+from scipy.stats import norm
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.candidate import plain_candidate
+from rover_pin.discrepancy.cross_validation import FAR, losses_of, refitted_left_out
+from rover_pin.discrepancy.exact_refits import bearable, judged, paired, variants
+from rover_pin.discrepancy.judge import judged as verdict_of
+from rover_pin.discrepancy.judge import reselected, what_is_left
+from rover_pin.discrepancy.refit import Refit, alike
+from rover_pin.discrepancy.screen import entry_fee
+from rover_pin.discrepancy.search import calibrated, fee_after, search
+from rover_pin.effects.bulldozing import Bulldozing
+from rover_pin.effects.exit_angle import ExitAngle
+from rover_pin.effects.load_exponent import LoadExponent
+from rover_pin.effects.skid_sinkage import SkidSinkage
+from rover_pin.effects.slip_sinkage import SlipSinkage
+from rover_pin.errors import OptimisationError
+from rover_pin.estimation import numbers as intervals_module
+from rover_pin.estimation.numbers import intervals, is_adequate, numbers, settled
+from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
+from rover_pin.loop.rig import on_rig
+
+_spec = importlib.util.spec_from_file_location("linear_rig", Path(__file__).parents[1] / "evidence" / "linear_rig.py")
+linear = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(linear)
+
+ROWS, FREE = 2 * linear.RUNS, linear.FREE
+SILENT = lambda said: None  # noqa: E731
+FURTHER, ODDS, HALF = 2 * math.log(20), 9.2, 0.5
+"""The limits as they are stated: to change one is a decision, and a test says so."""
+
+
+def laws_of(random, *effects, size=1.0):
+    """Random laws of the uncertain numbers, and of the sizes of effects: `size` SDs at the default size."""
+    laws = {name: linear.law_of(name, random.normal(size=ROWS)) for name in FREE}
+    for effect in effects:
+        laws |= linear.law_of_size(effect, size * random.normal(size=ROWS))
+    return laws
+
+
+def clipped(random):
+    """Noise without strays: where no row is one, the robust fit is least squares."""
+    return np.clip(random.normal(size=ROWS), -2.2, 2.2)
+
+
+def rows_of(laws, random, **shares):
+    """Noise, and these shares of the default size of effects' sizes."""
+    shown = sum(share * laws[name.replace("__", ".")].slope for name, share in shares.items())
+    return clipped(random) + shown
+
+
+def based(rows, laws):
+    experiment = linear.made(rows, laws)
+    return calibrated(experiment, linear.MODEL, experiment.uncertain(linear.MODEL))
+
+
+def tried(base, *effects):
+    kinds = [type(effect) for effect in effects] or rig_kinds()
+    return candidates(base.task.experiment.data, base.model, kinds)
+
+
+@pytest.fixture(scope="module")
+def made():
+    """A set that hides the default slip-sinkage among two uncertain numbers, one with a prior."""
+    random = np.random.default_rng(5)
+    laws = laws_of(random, SlipSinkage(), ExitAngle(), LoadExponent(), SkidSinkage())
+    rows = rows_of(laws, random, SlipSinkage__n_1=1.0)
+    return based(rows, laws), rows, laws
+
+
+def closed(made, *names):
+    _, rows, laws = made
+    return linear.gaussian(rows, laws, (*FREE, *names))
+
+
+# --- fits ------------------------------------------------------------------------------------------------------------
+
+
+def test_the_fit_is_least_squares_with_priors(made):
+    base = made[0]
+    u, chi2 = closed(made).solved()
+    np.testing.assert_allclose(base.u, u, atol=1e-5)
+    assert base.chi2 == pytest.approx(chi2, rel=1e-8)
+    assert base.freedom == ROWS - 1
+    assert base.misfit == pytest.approx((chi2 - base.u[1] ** 2) / (ROWS - 1))
+
+
+def test_levels_left_out_are_predicted_by_least_squares_on_the_others(made):
+    """What has no prior is held near the whole fit by FAR of its scale: hardly at all."""
+    base, rows, _ = made
+    exact = closed(made)
+    whole, _ = exact.solved()
+    level = np.tile(base.task.experiment.data.level, 2)
+    left = base.task.experiment.rows(refitted_left_out(base)) / np.array(linear.SD)[:, None]
+    for one in np.unique(level):
+        keep = level != one
+        anchored = np.diag([FAR**-2, 1.0])
+        u = np.linalg.solve(
+            exact.X[keep].T @ exact.X[keep] + anchored, exact.X[keep].T @ rows[keep] + [whole[0] * FAR**-2, 0.0]
+        )
+        np.testing.assert_allclose(left.ravel()[~keep], rows[~keep] - exact.X[~keep] @ u, atol=1e-4)
+    assert losses_of(base).sum() == pytest.approx(np.sum(left**2), rel=0.2)
+
+
+def widths(base):
+    return np.array([one.high - one.low for one in intervals(settled(base))[1]])
+
+
+def test_intervals_are_those_of_the_noise_and_widened_where_more_is_left():
+    """Half-width 1.96 SD of the posterior; where more than the noise is left, in noise as large as that."""
+    random = np.random.default_rng(2)
+    laws = laws_of(random)
+    noise = clipped(random)
+    scale = np.array([laws[name].parameter.slope(0.0) for name in FREE])
+    sd = np.sqrt(np.diag(linear.gaussian(noise, laws, FREE).covariance())) * scale
+    np.testing.assert_allclose(widths(based(noise, laws)), 2 * norm.ppf(0.975) * sd, rtol=2e-3)
+    poor = based(1.6 * noise, laws)
+    assert not is_adequate(poor)
+    wide = np.sqrt(np.diag(linear.gaussian(1.6 * noise, laws, FREE).covariance(poor.misfit))) * scale
+    np.testing.assert_allclose(widths(poor), 2 * norm.ppf(0.975) * wide, rtol=2e-2)
+
+
+def test_noise_by_chance_a_little_large_does_not_widen_an_interval():
+    random = np.random.default_rng(2)
+    laws = laws_of(random)
+    base = based(1.15 * clipped(random), laws)
+    assert base.misfit > 1.0
+    assert settled(base) is base
+
+
+def test_where_no_profile_ends_the_interval_is_that_of_the_covariance(made, monkeypatch):
+    def fails(*asked):
+        raise OptimisationError("no end")
+
+    profiled = numbers(made[0])
+    monkeypatch.setattr(intervals_module, "interval", fails)
+    for one, other in zip(numbers(made[0]), profiled, strict=True):
+        assert (one.low, one.high) == pytest.approx((other.low, other.high), rel=1e-3)
+        assert one.closed
+
+
+def test_chi2_is_a_surprise_where_its_law_says_so(made):
+    base = made[0]
+    rows = float(np.sum(base.rows**2))
+    for limit, said in ((1e-3, ()), (0.01, (0.01,))):
+        for factor in (0.999, 1.001):
+            noise = base.task.noise
+            scale = math.sqrt(rows / (factor * chi2_law.isf(limit, base.freedom)))
+            task = dataclasses.replace(base.task, noise=dataclasses.replace(noise, sd=noise.sd * scale))
+            assert is_adequate(dataclasses.replace(base, task=task), *said) == (factor < 1)
+
+
+# --- refits ----------------------------------------------------------------------------------------------------------
+
+
+def refits(base, *effects):
+    found = [((), one, fitted) for each in tried(base, *effects) for one, fitted in variants(base, each)]
+    return judged(base, found, fee_after((), len(effects), base.task.noise.inflation))
+
+
+def test_a_single_gains_the_exact_fall_and_predicts_better(made):
+    base = made[0]
+    best, *others = refits(base, SlipSinkage(), ExitAngle(), LoadExponent())
+    _, chi2 = closed(made, "SlipSinkage.n_1").solved()
+    assert best.name == "SlipSinkage"
+    assert best.gain == pytest.approx(base.chi2 - chi2, rel=1e-4)
+    assert best.fee == pytest.approx(max(1.0, best.fit.misfit) * entry_fee(3))
+    assert best.held_out == pytest.approx(losses_of(base).sum() - losses_of(best.fit).sum())
+    assert best.accepted
+    assert not any(one.accepted for one in others)
+
+
+def test_gains_count_in_units_of_what_the_best_leaves():
+    random = np.random.default_rng(7)
+    laws = laws_of(random, SlipSinkage(), ExitAngle())
+    base = based(6 * clipped(random) + 8 * laws["SlipSinkage.n_1"].slope, laws)
+    found = refits(base, SlipSinkage(), ExitAngle())
+    left = min(one.fit.misfit for one in found)
+    assert left > 10
+    assert [one.unit for one in found] == pytest.approx([left] * 2)
+    assert [one.fee for one in found] == pytest.approx([left * entry_fee(2)] * 2)
+
+
+@pytest.mark.parametrize(("amplitude", "freed"), [(0.0, ()), (1.5, ("Bulldozing.gamma", "Bulldozing.v_0"))])
+def test_a_shape_is_freed_only_where_it_gains_more_than_its_threshold(amplitude, freed):
+    random = np.random.default_rng(3)
+    laws = laws_of(random, Bulldozing())
+    shape = plain_candidate(Bulldozing()).loose
+    laws["Bulldozing.gamma"] = linear.Law(shape.shape("Bulldozing.gamma"), random.normal(size=ROWS))
+    rows = rows_of(laws, random, Bulldozing__share=2.0) + amplitude * laws["Bulldozing.gamma"].slope
+    (best,) = refits(based(rows, laws), Bulldozing())
+    assert best.candidate.freed == freed
+    assert best.fee == pytest.approx(max(1.0, best.fit.misfit) * (entry_fee(1) + FURTHER * len(freed)))
+
+
+def test_a_set_too_small_for_its_numbers_refits_none(made):
+    base = made[0]
+    few = dataclasses.replace(base.task.noise, good=np.zeros_like(base.task.noise.good))
+    few.good[:2, 0, :] = True
+    small = dataclasses.replace(base, task=dataclasses.replace(base.task, noise=few))
+    (one,) = tried(base, SlipSinkage())
+    loose = [dataclasses.replace(each, prior=False) for each in (*base.parameters, *one.parameters) * 2]
+    assert bearable(small, loose[:3])
+    assert not bearable(small, loose[:4])
+
+
+def test_two_effects_that_look_most_like_a_third_are_found_as_a_pair():
+    """The third is added first; of the pairs of leading singles the true one leaves least."""
+    random = np.random.default_rng(11)
+    laws = laws_of(random, SlipSinkage(), ExitAngle())
+    both = laws["SlipSinkage.n_1"].slope + laws["ExitAngle.e_1"].slope
+    laws |= linear.law_of_size(LoadExponent(), both + 1.0 * random.normal(size=ROWS))
+    base = based(rows_of(laws, random, SlipSinkage__n_1=2.0, ExitAngle__e_1=2.0), laws)
+    found = search(base, tried(base, SlipSinkage(), ExitAngle(), LoadExponent()), SILENT)
+    assert found.rounds[0].alike[0].name == "LoadExponent"
+    assert {one.name for one in found.added} == {"SlipSinkage", "ExitAngle"}
+    assert set(found.names.split(" + ")) == {"SlipSinkage", "ExitAngle"}
+    pairs = paired(base, found.rounds[0].refits, found.rounds[0].alike[0], SILENT)
+    assert len(pairs) == 3
+    assert [instead == () for instead, _, _ in pairs].count(True) == 2
+
+
+def test_what_only_a_pair_shows_pays_for_both():
+    random = np.random.default_rng(4)
+    laws = laws_of(random, SlipSinkage(), ExitAngle())
+    base = based(clipped(random), laws)
+    singles = refits(base, SlipSinkage(), ExitAngle())
+    ((_, one, fitted),) = paired(base, singles, None, SILENT)
+    fee = fee_after((), 2, 1.0)
+    (pair,) = judged(base, [((singles[0].candidate,), one, fitted)], fee, singles[0].fee / singles[0].unit)
+    assert pair.fee == pytest.approx(2 * entry_fee(2), rel=0.05)
+
+
+# --- what cannot be distinguished ------------------------------------------------------------------------------------
+
+
+def made_refit(name, net, held_out=50.0, unit=1.0):
+    candidate = dataclasses.replace(plain_candidate(SlipSinkage()), kind=name)
+    return Refit(candidate, None, net + 10.0, 10.0, held_out, unit)
+
+
+def names(*found):
+    return "".join(one.name for one in alike(found))
+
+
+def test_the_set_of_rivals():
+    best = made_refit("A", 100.0)
+    assert names(best, made_refit("B", 100.0 - ODDS + 0.1)) == "AB"
+    assert names(best, made_refit("B", 100.0 - ODDS - 0.1)) == "A"
+    assert names(made_refit("A", 100.0, unit=3.0), made_refit("B", 100.0 - 3 * ODDS + 0.1)) == "AB"
+    assert names(made_refit("A", 100.0, -1.0), made_refit("B", 20.0)) == "BA", "the best is the first accepted"
+    assert names(made_refit("A", -1.0)) == ""
+
+
+def test_a_rival_may_gain_less_where_it_predicts_better():
+    best = made_refit("A", 100.0, 50.0)
+    assert names(best, made_refit("B", 100.0 * HALF + 1, 50.1)) == "AB"
+    assert names(best, made_refit("B", 100.0 * HALF + 1, 49.9)) == "A"
+    assert names(best, made_refit("B", 100.0 * HALF - 1, 60.0)) == "A"
+
+
+# --- answers ---------------------------------------------------------------------------------------------------------
+
+
+def answered(rows, laws):
+    return on_rig(linear.made(rows, laws), linear.MODEL, None, SILENT, 0)
+
+
+def test_a_hidden_effect_is_named_in_every_fold_and_its_errors_fall():
+    random = np.random.default_rng(8)
+    laws = laws_of(random, SlipSinkage(), ExitAngle())
+    found = answered(rows_of(laws, random, SlipSinkage__n_1=2.0), laws)
+    assert (found.answer, found.named, found.vetoes) == (Answer.NAMED, ("SlipSinkage",), ())
+    assert found.share > 0.8
+    size = next(one for one in found.after.numbers if one.name == "SlipSinkage.n_1")
+    assert size.low < 1.0 < size.high
+    assert all(score.after < score.before for score in found.scores)
+    assert set(found.chosen.values()) == {"SlipSinkage"}
+    assert found.chosen_again == "SlipSinkage chosen in 8 of 8 folds"
+    assert [one.level for one in found.scores[0].levels] == list(found.chosen)
+
+
+def test_two_that_do_the_same_are_a_set():
+    random = np.random.default_rng(9)
+    laws = laws_of(random, SlipSinkage())
+    same = laws["SlipSinkage.n_1"].slope
+    laws |= linear.law_of_size(ExitAngle(), same + 1e-3 * random.normal(size=ROWS))
+    found = answered(rows_of(laws, random, SlipSinkage__n_1=2.0), laws)
+    assert found.answer is Answer.SET
+    assert set(found.alike) == {"SlipSinkage", "ExitAngle"}
+    assert "these cannot be distinguished" in found.sentence
+
+
+def test_what_is_on_no_list_is_none_of_these_and_nothing_is_added():
+    random = np.random.default_rng(10)
+    laws = laws_of(random, SlipSinkage())
+    found = answered(clipped(random) + 4 * random.normal(size=ROWS), laws)
+    assert (found.answer, found.named, found.share) == (Answer.NONE_FITS, (), 0.0)
+    assert found.model is found.before.model
+    assert "no candidate explains it" in found.sentence
+
+
+@pytest.mark.parametrize(("beside", "answer"), [(0.7, Answer.LIKE), (3.0, Answer.NONE_FITS)])
+def test_an_effect_that_takes_two_thirds_is_what_is_missing_in_another_law(beside, answer):
+    random = np.random.default_rng(12)
+    laws = laws_of(random, SlipSinkage())
+    rest = beside * 2.0 * random.normal(size=ROWS)
+    found = answered(rows_of(laws, random, SlipSinkage__n_1=3.0) + rest, laws)
+    assert found.answer is answer
+    if answer is Answer.LIKE:
+        assert "something like SlipSinkage is missing" in found.sentence
+        assert "its law does not hold exactly" in found.sentence
+        assert found.share >= 2 / 3
+
+
+def test_a_size_at_its_bound_does_not_stand_alone():
+    random = np.random.default_rng(13)
+    laws = laws_of(random, SlipSinkage())
+    found = answered(rows_of(laws, random, SlipSinkage__n_1=4.3), laws)
+    assert found.answer is Answer.LIKE
+    assert "SlipSinkage.n_1 lies at its bound" in found.vetoes
+    assert "does not stand alone: SlipSinkage.n_1 lies at its bound" in found.sentence
+
+
+def test_a_choice_that_most_folds_do_not_make_does_not_stand_alone(made):
+    found = search(made[0], tried(made[0]), SILENT)
+    again = reselected(found.base, tried(made[0], SlipSinkage(), ExitAngle()))
+    assert set(again.values()) == {"SlipSinkage"}
+    for times, answer in ((5, Answer.NAMED), (4, Answer.LIKE)):
+        chosen = {name: "SlipSinkage" if at < times else "ExitAngle" for at, name in enumerate(again)}
+        one = verdict_of(("wheel-rig", "linear"), found, chosen, what_is_left(found), 0)
+        assert one.answer is answer
+    assert one.vetoes == ("SlipSinkage is chosen in 4 of 8 folds only",)
+
+
+def test_an_effect_of_one_level_is_not_chosen_without_it():
+    random = np.random.default_rng(14)
+    laws = laws_of(random)
+    slope = np.zeros((2, linear.LEVELS, linear.REPEATS))
+    slope[:, -1] = 2.0
+    laws |= linear.law_of_size(SlipSinkage(), slope.ravel())
+    base = based(rows_of(laws, random, SlipSinkage__n_1=4.0), laws)
+    assert list(reselected(base, tried(base, SlipSinkage())).values())[-1] == ""
+
+
+def test_noise_needs_no_effect_and_chooses_nothing_in_any_fold():
+    random = np.random.default_rng(15)
+    laws = laws_of(random, SlipSinkage(), ExitAngle(), LoadExponent())
+    found = answered(clipped(random), laws)
+    assert (found.answer, found.named) == (Answer.NONE_NEEDED, ())
+    assert set(found.chosen.values()) == {""}
+    assert "no effect in 8" in found.chosen_again
