@@ -10,7 +10,7 @@ from rover_pin.contact import Load, Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.digging_memory import DiggingMemory
-from rover_pin.effects.effect import Ballast, Body, Drive, Push, SensorEffect
+from rover_pin.effects.effect import Ballast, Body, BodyEffect, Drive, Push, SensorEffect
 from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.effects.grousers import Grousers
 from rover_pin.effects.lug_excavation import LugExcavation
@@ -219,6 +219,12 @@ def test_a_sensor_at_its_neutral_values_reads_what_is(kind):
 
 def test_a_weak_motor_is_the_first_unless_it_is_named():
     assert WeakMotor().wheel == 0
+
+
+@pytest.mark.parametrize("kind", [kind for kind in package_effects() if issubclass(kind, BodyEffect)])
+def test_only_what_is_bent_holds_energy(kind):
+    body = Body(*[0.1] * 12, (0.2, -0.1), (0.3, 0.0), (0.3, 0.0), twist=0.2, names=("rocker_l", "rocker_r"))
+    assert (float(kind().stored(body)) > 0.0) == (kind.__name__ in ("DifferentialCompliance", "SpringDamper"))
 
 
 @pytest.mark.parametrize("made", [Ballast, Body, Drive, Push, Load])

@@ -9,6 +9,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "return sorted(best.values(), key=lambda row: -row.gain if row.told else 0.0): 0.0 -> 0.1",
     ): "moves what cannot be told behind what gains nothing: neither is refitted",
     (
+        "rover_pin/effects/grousers.py",
+        "faster = q * (1.0 + ca.fmin(S, 0.0)): 0.0 -> 0.1",
+    ): "what is worked out of it is read where S < 0 only",
+    (
         "rover_pin/effects/pivot_friction.py",
         "x = ca.sqrt((rate / self.w_s) ** 2 + TINY**2): ** -> *",
     ): NOT_ZERO,
