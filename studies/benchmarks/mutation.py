@@ -84,7 +84,10 @@ ROOMS = {
     ),
     "identification": Room(
         ("rover_pin/identification/*.py",),
-        ("tests/identification/test_*.py", *_named("evidence", "evidence_fit evidence_profile uncertain_slip")),
+        (
+            "tests/identification/test_*.py",
+            *_named("evidence", "evidence_fit evidence_posterior evidence_profile uncertain_slip"),
+        ),
     ),
     "discrepancy": Room(
         ("rover_pin/discrepancy/*.py",), ("tests/discrepancy/test_*.py", *_named("evidence", f"drive_place {LINEAR}"))

@@ -15,10 +15,10 @@ from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import Best, Interval
 from rover_pin.identification import posterior as sampling
 from rover_pin.identification.identifiability import refuse_untold
-from rover_pin.identification.identify import Ended, Search, _agreement, _channel_fits, misfit, scatter
+from rover_pin.identification.identify import Ended, Search, _agreement, _channel_fits, build, misfit, profile, scatter
 from rover_pin.identification.judge import judge
 from rover_pin.identification.posterior import Chain, Posterior, _walkers, log_density
-from rover_pin.identification.result import Verdict
+from rover_pin.identification.result import Estimate, Identification, Starts, Verdict, _line
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.quantity import quantities
 
@@ -273,6 +273,9 @@ def test_starts_are_the_soil_and_points_within_the_spread_and_the_bounds():
     off = np.array(drawn) - BASE
     assert np.abs(off).max(axis=0) == pytest.approx([1.0] * 3, abs=0.02)
     assert off.mean(axis=0) == pytest.approx([0.0] * 3, abs=0.1)
+    wide = tuple(axis._replace(coordinate=Linear(1.0, WIDEST, spread=3.0)) for axis in PLAIN.space.axes)
+    far = np.array(scatter(SimpleNamespace(space=Space(wide, BASE, KNOWN)), Search(starts=400, seed=1))[1:])
+    assert far - BASE == pytest.approx(3.0 * off)
     narrow = SimpleNamespace(space=PLAIN.space)
     narrow.space = Space(tuple(axis._replace(low=0.0, high=1.2) for axis in PLAIN.space.axes), BASE, KNOWN)
     held = np.array(scatter(narrow, Search(starts=50)))
@@ -307,6 +310,42 @@ def test_walkers_start_as_the_fit_scatters_within_the_bounds():
     sd = 0.25
     assert held.min() == pytest.approx(1e-3 * sd)
     assert held.max() == pytest.approx(1.2 - 1e-3 * sd)
+
+
+def test_the_pressure_is_that_of_the_narrowest_wheel():
+    """It must be positive under all of them, where k_2 stands for it."""
+    slips, factors = [0.1, 0.3, 0.5], [0.02, 0.05, 0.08]
+    data = [TractionPoints(slips, factors, 0.03, wheel=Wheel(b=b)) for b in (0.08, 0.03, 0.05)]
+    found = build(data, Soil(k_1=2e4, k_2=5e5), ("k_1",), {"k_1": Prior(2e4, 1e3)}).space
+    assert found.start() == pytest.approx([math.log(2e4 + 5e5 * 0.03)])
+
+
+@pytest.mark.parametrize("values", [[0.01, 20.0], [1e-9, 0.01]])
+def test_a_profile_keeps_within_the_bounds_at_all_its_values(values):
+    data = TractionPoints([0.1, 0.3, 0.5, 0.8], [0.02, 0.05, 0.08, 0.1], 0.03)
+    with pytest.raises(ParameterError, match="the profile of k leaves"):
+        profile(data, Soil(), ("k",), "k", np.array(values))
+
+
+@pytest.mark.parametrize(("widened", "said"), [(1.0, False), (1.5, True)])
+def test_a_report_says_that_its_intervals_are_widened(widened, said):
+    one = Estimate("k", "m", 1.0, 0.1, 0.5, 1.5, Verdict.FOUND, "found")
+    ones = (np.eye(1), np.ones(1), np.eye(1), ())
+    made = Identification((one,), *ones, 3.0, 2, widened, Starts(1, 1, 1, ()), Soil())
+    assert ("intervals are widened 1.5 times" in made.report()) == said
+    assert made.as_dict()["parameters"]["k"]["verdict"] == "found"
+
+
+@pytest.mark.parametrize(
+    ("unit", "said"),
+    [
+        ("rad", "x = 57.3 +- 5.7 deg, 95 % in [28.65, 85.94]: found"),
+        ("m", "x = 1 +- 0.1 m, 95 % in [0.5, 1.5]: found"),
+        ("", "x = 1 +- 0.1 , 95 % in [0.5, 1.5]: found"),
+    ],
+)
+def test_a_line_of_a_report_is_in_the_readers_unit(unit, said):
+    assert _line(Estimate("x", unit, 1.0, 0.1, 0.5, 1.5, Verdict.FOUND, "found")) == said
 
 
 # --- sampling --------------------------------------------------------------------------------------------------------

