@@ -38,10 +38,6 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho): 0.0 -> 0.1",
     ): "what is not compared is read by no row: a block after a gap begins anew",
     (
-        "rover_pin/experiments/wheel_rig/calibrate.py",
-        "seed: int = 0: 0 -> 1",
-    ): "any seed will do",
-    (
         "rover_pin/identification/identifiability.py",
         'hint = f", which tells {told} only" if len(told) < 8 else "": 8 -> 9',
     ): "how many words a hint has",
