@@ -15,9 +15,11 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
+from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.plain import Plain
 from rover_pin.parameters.hard import HARD_GROUND
@@ -55,13 +57,16 @@ CASES = {
         dataclasses.replace(model(shapes.bump(at=0.2), RelaxedSlip()), motor=Motor(resistance=0.5, rotor_inertia=3e-9)),
         Start(),
     ),
+    "astride-an-edge": (model(shapes.one_sided_bump(0.01, 6.0, -3.0), RelaxedSlip()), Start(y=0.155, yaw=0.02)),
+    "light": (dataclasses.replace(model(shapes.bump(0.01, at=0.05), AlgebraicSlip()), gravity=0.02), Start()),
     "held": (model(shapes.incline(math.radians(6.0), -2.0), RelaxedSlip()), Start()),
     "held, eq-1": (model(shapes.cross_slope(math.radians(9.0)), AlgebraicSlip(v_0=0.02)), Start(yaw=0.7)),
     "sprung, in its ruts": (
         model(shapes.step(0.02, at=0.3), RelaxedSlip())
         .having(MultiPass())
         .having(SupplySag())
-        .having(SpringDamper(k_s=0.6, d=0.02, q_0=0.1)),
+        .having(SpringDamper(k_s=0.6, d=0.02, q_0=0.1))
+        .having(TetherDrag()),
         Start(x=0.6, yaw=math.pi),
     ),
     "past its stops": (model(shapes.flat(), RelaxedSlip()), Start()),
@@ -123,6 +128,24 @@ def test_steps_agree(name):
             assert plain.differential == pytest.approx(kernel.differential, rel=1e-8, abs=1e-9)
         else:
             assert kernel.step() == 0
+    assert kernel.pivoted == 0, "rows were exchanged, which hides what the elimination does"
+
+
+def test_the_cases_meet_what_they_are_for():
+    """A lane's edge that pushes a wheel sideways, and forces that turn under loads of some mN."""
+    made, start = CASES["astride-an-edge"]
+    kernel = Kernel(made, settled(made, start), 0.005, symmetric=False)
+    kernel.step()
+    assert np.abs(kernel.record[:, RECORD.index("lateral")]).max() > 0.05 * kernel.record[:, 3].max()
+    made, start = CASES["light"]
+    kernel = Kernel(made, settled(made, start), 0.005, symmetric=False)
+    kernel.duty[:] = 0.9
+    worst = 0.0
+    for _ in range(100):
+        kernel.step()
+        worst = max(worst, kernel.misjudged)
+    assert kernel.record[:, 3].max() < 0.1
+    assert worst > 1e-3
 
 
 @pytest.mark.parametrize("kind", [Kernel, Plain])
