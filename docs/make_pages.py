@@ -46,9 +46,10 @@ def _entries(title: str, entries: list[Any], command: str) -> str:
     parts = [f"# {title}\n\nMade from the package, as `rover-pin list {title.lower()}` prints it.\n"]
     for each in entries:
         example = "" if each.facts.get("acts") == "sensor" else f"\n\n`{command.format(each.name)}`"
-        parts.append(f"\n## {each.name}\n\n{_plain(each.about)}.{example}\n")
+        title = f"{each.name}: {each.facts['title']}" if each.facts.get("title") else each.name
+        parts.append(f"\n## {_plain(title)}\n\n{_plain(each.about)}.{example}\n")
         for name, value in each.facts.items():
-            if name != "file" and (value or value == 0):
+            if name not in ("file", "title") and (value or value == 0):
                 parts.append(f"\n- {name.replace('_', ' ')}: `{_fact(value)}`")
         parts.append(f"\n\n{_table(each.numbers)}\n" if each.numbers else "\n")
     return "".join(parts)

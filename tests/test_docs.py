@@ -1,5 +1,6 @@
 """The pages do what they say: their Python runs, their commands and options are there, what they quote comes out."""
 
+import ast
 import importlib.util
 import re
 import shlex
@@ -71,6 +72,26 @@ def test_the_pictures_and_pages_it_names_are_there():
         for target in re.findall(r"\]\(([\w/.-]+\.(?:png|gif|md|cff))(?:#[\w-]+)?\)", text):
             made = target.startswith("catalogue/") or target in ("api.md", "commands.md")
             assert made or (home / target).is_file(), f"{name}: {target}"
+
+
+def measured_against_the_paper():
+    """What stands at every strict expected failure in `tests/paper`: a reason, or the argument of a mark's helper."""
+    for file in (ROOT / "tests" / "paper").glob("test_*.py"):
+        for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if not isinstance(call, ast.Call):
+                continue
+            name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+            said = [each.value for each in call.keywords if each.arg == "reason"] if name == "xfail" else []
+            said += call.args[1:2] if name in ("differs", "contradicts") else []
+            yield from (each.value for each in said if isinstance(each, ast.Constant))
+
+
+def test_the_page_of_the_paper_has_every_contradiction_and_no_other():
+    section = PAGES["paper.md"].partition("## Where the paper contradicts itself")[2].partition("\n## ")[0]
+    said = [line.split("|")[3].strip() for line in section.splitlines() if line.startswith("| ")][2:]
+    found = set(measured_against_the_paper())
+    assert len(found) > 15
+    assert set(said) == found
 
 
 def test_the_gallery_shows_what_its_study_draws():

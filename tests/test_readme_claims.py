@@ -50,7 +50,12 @@ LOOP = "rover-pin close-loop studies/data/cmu-smooth-wheel"
 DITCH = "rover-pin drive ditch --set soil.k=10mm --open"
 NEW = "rover-pin new-rover my_rover.urdf"
 INIT = "rover-pin init mine.csv --r 45mm --b 50mm --noise drawbar_pull=0.5N --noise sinkage=0.5mm"
+IMPORT = (
+    "rover-pin import-log studies/data/steepening-slope/climb-1.csv studies/data/steepening-slope/flat-steps.csv "
+    "--out imported"
+)
 COMMANDS = {
+    "rover-pin check-data imported": Command(needs=(IMPORT,)),
     DITCH: Command((Claim(rf"climbs out and `drives on at {NUMBER} m/s`", rf"drives on at {NUMBER} m/s"),)),
     "rover-pin check-urdf urdf/cart.toml": Command((
         Claim(r"`stands` and whether its motors move it: (yes), and (yes)", r"stands (yes): .* moves (yes): "),
