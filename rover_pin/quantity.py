@@ -6,6 +6,7 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Annotated, Any, NamedTuple, Self
 
 import casadi as ca
@@ -118,9 +119,13 @@ class Record:
 
 def quantities(record: Record | type[Record]) -> dict[str, Quantity]:
     """Return name -> Quantity of a record or of its class, in order of definition."""
-    return {
-        field.name: field.metadata["quantity"] for field in dataclasses.fields(record) if "quantity" in field.metadata
-    }
+    kind: Any = record if isinstance(record, type) else type(record)
+    return dict(_declared(kind))
+
+
+@lru_cache(maxsize=1024)
+def _declared(kind: Any) -> dict[str, Quantity]:
+    return {each.name: each.metadata["quantity"] for each in dataclasses.fields(kind) if "quantity" in each.metadata}
 
 
 def check(owner: str, name: str, value: Any, about: Quantity) -> None:

@@ -50,7 +50,7 @@ class Kernel:
         self.record = np.zeros((len(rover.wheels), len(RECORD)))
         self.loads, self.foreseen = np.zeros((len(rover.wheels), 6)), np.zeros((len(rover.wheels), 4))
         self.energy, self.impulse, self.differential = np.zeros(len(ENERGY)), np.zeros(3), np.zeros(1)
-        self._set(dt=dt, direction_speed=direction_speed, symmetric=int(symmetric))
+        self._set(dt=dt, direction_speed=direction_speed, symmetric=int(symmetric), accounts=1)
         self._bind_body(rover)
         self._bind_rigid_body()
         self._bind_springs(rover)
@@ -93,6 +93,10 @@ class Kernel:
     def pivoted(self) -> int:
         """How many steps had to exchange rows to solve for their speeds."""
         return int(self.struct.pivoted)
+
+    def unaccounted(self) -> None:
+        """Keep no account of energies and impulses from now on: a replay has no use for them."""
+        self.struct.accounts = 0
 
     def resoil(self, soils: np.ndarray) -> None:
         """Let the soils have these constants from now on: (soils, quantities), in the order of `Soil`'s fields."""

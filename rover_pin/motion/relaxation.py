@@ -49,6 +49,7 @@ def relaxed(model: Model, state: DriveState, yaw: float, symmetric: bool) -> Res
     Source: pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35 (1998) 508).
     """
     kernel = Kernel(model, state, 1.0, symmetric, UNDECIDED)
+    kernel.unaccounted()
     struct, keep = SettlingStruct(), dict[str, Any]()
     fill(struct, keep, {"yaw": yaw, **_fields(model, state, kernel)})
     made = library().rover_pin_set_down(ctypes.addressof(kernel.struct), ctypes.addressof(struct))

@@ -162,6 +162,7 @@ def replay(model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState
     model = model.begun(run.start.x, run.start.y)
     dt = DT / parts(model, state, DT)
     kernel = Kernel(model, state, dt, symmetric=False)
+    kernel.unaccounted()
     per_row = round(run.period / dt)
     loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, nudge))
     if run.rate is not None:

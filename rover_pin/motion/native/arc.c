@@ -32,26 +32,26 @@ static Arc arc_of(double h, double radius) {
   return (Arc){acos(1.0 - depth), 1.0 - depth, sqrt(depth * (2.0 - depth))};
 }
 
-/* int_theta^theta_0 (cos t - cos theta_0)^n {cos t, 1} dt, nodes graded by u^2 towards the singular end theta_0. */
-static void depth_integrals(double theta, const Arc *arc, double n, double out[2]) {
-  const double length = arc->theta - theta;
-  double depth[N_GAUSS];
-  out[0] = out[1] = 0.0;
-  if (length <= 0.0) return;
-  for (int i = 0; i < N_GAUSS; ++i) {
-    double u = GAUSS_NODE[i], s, c;
-    sine_cosine(0.5 * length * u * u, &s, &c);
-    depth[i] = 2.0 * (arc->sine * c - arc->cosine * s) * s; /* cos(theta_0 - 2 half) - cos(theta_0), without the loss */
-  }
-  for (int i = 0; i < N_GAUSS; ++i) {
-    double part = GAUSS_WEIGHT[i] * 2.0 * length * GAUSS_NODE[i] * power(depth[i], n);
-    out[0] += part * (arc->cosine + depth[i]);
-    out[1] += part;
-  }
-}
+#define N_ENDS 3 /* integrals that are worked out together */
 
-/* The same from any theta >= -theta_0, given the integrals from 0: the integrand is even. */
-static void integrals_from(double theta, const Arc *arc, double n, const double half[2], double out[2]) {
-  depth_integrals(fabs(theta), arc, n, out);
-  if (theta < 0.0) for (int i = 0; i < 2; ++i) out[i] = 2.0 * half[i] - out[i];
+/* int_theta^theta_0 (cos t - cos theta_0)^n {cos t, 1} dt for some ends theta in [0, theta_0], nodes graded by u^2 towards
+   the singular end theta_0. */
+static void depth_integrals(const double theta[N_ENDS], const Arc *arc, double n, double out[N_ENDS][2]) {
+  double back[N_ENDS * N_GAUSS], depth[N_ENDS * N_GAUSS];
+  for (int k = 0; k < N_ENDS; ++k)
+    for (int i = 0; i < N_GAUSS; ++i) back[k * N_GAUSS + i] = 0.5 * (arc->theta - theta[k]) * GAUSS_NODE[i] * GAUSS_NODE[i];
+  for (int i = 0; i < N_ENDS * N_GAUSS; ++i) {
+    double s, c;
+    sine_cosine(back[i], &s, &c);
+    depth[i] = 2.0 * (arc->sine * c - arc->cosine * s) * s; /* cos(theta_0 - 2 back) - cos(theta_0), without the loss */
+  }
+  for (int k = 0; k < N_ENDS; ++k) {
+    out[k][0] = out[k][1] = 0.0;
+    for (int i = 0; i < N_GAUSS; ++i) {
+      const double here = depth[k * N_GAUSS + i];
+      const double part = GAUSS_WEIGHT[i] * 2.0 * (arc->theta - theta[k]) * GAUSS_NODE[i] * power(here, n);
+      out[k][0] += part * (arc->cosine + here);
+      out[k][1] += part;
+    }
+  }
 }

@@ -26,17 +26,23 @@ static int clip_at(const Corner *corner, double r, double side, double *low, dou
   return *low < *high;
 }
 
-/* What share of a facet's plane lies between the angles low and high. */
+/* What share of a facet's plane lies between the angles low and high; the integrand is even. */
 static void share_out(double low, double high, const Arc *arc, double h, double radius, double n, Patch *patch) {
-  double own[2], whole[2], upper[2], lower[2];
-  depth_integrals(0.0, arc, n, own);
-  memcpy(whole, own, sizeof whole);
+  double of[N_ENDS][2], *half = of[0], *lower = of[1], *upper = of[2], whole[2];
+  const double ends[N_ENDS] = {0.0, smaller(fabs(low), arc->theta), smaller(fabs(high), arc->theta)};
+  depth_integrals(ends, arc, n, of);
+  memcpy(whole, half, sizeof whole);
   if (patch->sinkage < h) {
     const Arc held = arc_of(patch->sinkage, radius);
-    depth_integrals(0.0, &held, n, whole);
+    const double from_0[N_ENDS] = {0.0, held.theta, held.theta};
+    double sunk[N_ENDS][2];
+    depth_integrals(from_0, &held, n, sunk);
+    memcpy(whole, sunk[0], sizeof whole);
   }
-  integrals_from(low, arc, n, own, lower);
-  integrals_from(high, arc, n, own, upper);
+  for (int i = 0; i < 2; ++i) {
+    if (low < 0.0) lower[i] = 2.0 * half[i] - lower[i];
+    if (high < 0.0) upper[i] = 2.0 * half[i] - upper[i];
+  }
   patch->share = 0.5 * (lower[0] - upper[0]) / whole[0];
   patch->turn = 0.5 * (lower[1] - upper[1]) / whole[1];
   double from = larger(cos(low) - arc->cosine, 0.0), to = larger(cos(high) - arc->cosine, 0.0);

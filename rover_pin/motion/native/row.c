@@ -21,8 +21,8 @@ static void find_velocity(const double *q, const double *v, double *velocity) {
 }
 
 void rover_pin_row(const Drive *d, const Loop *l, double *row) {
-  double mechanical[2], attitude[3], velocity[3];
-  rover_pin_energies(d, mechanical);
+  double mechanical[2] = {0.0, 0.0}, attitude[3], velocity[3];
+  if (d->accounts) rover_pin_energies(d, mechanical);
   find_attitude(d->q, attitude);
   find_velocity(d->q, d->v, velocity);
   *row++ = l->begin + l->k * l->dt;

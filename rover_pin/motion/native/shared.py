@@ -28,7 +28,7 @@ ENERGY = ("motor", "soil", "stops", "servos", "electric", "body")
 
 INTEGERS = (
     "nq nv n_inertia n_wheels n_cols n_axles n_contact_states n_motor_states n_joints n_servos n_stops n_body n_lanes "
-    "grid_nx grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling n_free pivoted"
+    "grid_nx grid_ny n_soils n_kinds n_held differential_left n_coupled symmetric settling accounts n_free pivoted"
 ).split()
 NUMBERS = "dt direction_speed grid_x0 grid_y0 grid_per_x grid_per_y wheel_share misjudged".split()
 ARRAYS = {

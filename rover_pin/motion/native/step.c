@@ -65,7 +65,7 @@ int rover_pin_step(Drive *d) {
   int status = solve_speeds(d, &s->system);
   if (status != OK) return status;
   for (integer w = 0; w < d->n_wheels; ++w) end_wheel(d, w, s->wheels + w, s->loads + w);
-  account(d, s);
+  if (d->accounts) account(d, s);
   *d->differential = differential_torque(d, &s->system, &s->push);
   end_motors(d, s);
   if (d->held_rate) end_held(d, &s->system);
