@@ -1,0 +1,232 @@
+"""The rules of the answer at their limits, on searches made by hand: what holds, what is like, what speaks against."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2 as chi2_law
+
+from rover_pin.discrepancy import judge
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.judge import Left, _leading, answer_of, graded, held_out_share, holds, share_taken, vetoes
+from rover_pin.estimation.numbers import Number, implausible, is_adequate
+from rover_pin.estimation.parameter import Parameter
+
+
+def parameter(name="soil.phi", prior=True, low=-50.0, high=50.0):
+    return Parameter(name, 0.0, 1.0, low, high, prior=prior)
+
+
+def fitted(rows_chi2=50.0, freedom=50, u=(), parameters=(), **more):
+    """A fit whose rows' chi2 is this, with as many numbers as u has."""
+    rows = np.full(100, math.sqrt(rows_chi2 / 100))
+    given = parameters or tuple(parameter(f"n.{at}") for at in range(len(u)))
+    return SimpleNamespace(rows=rows, chi2=rows_chi2, freedom=freedom, parameters=given, u=np.array(u), **more)
+
+
+def found(*names, base=None, last=None, alike=None):
+    effects = tuple(SimpleNamespace(name=name) for name in names)
+    return SimpleNamespace(
+        found=effects,
+        added=effects,
+        names=" + ".join(names),
+        alike=alike or names,
+        base=base or fitted(),
+        last=last or fitted(),
+    )
+
+
+PLAUSIBLE, BENT = fitted(u=(4.9, -4.9)), fitted(u=(0.0, -5.1))
+
+
+@pytest.mark.parametrize(
+    ("search", "left", "alone", "answer"),
+    [
+        (found(base=PLAUSIBLE), Left(False), 0.0, Answer.NONE_NEEDED),
+        (found(base=BENT), Left(False), 0.0, Answer.INADEQUATE),
+        (found(base=PLAUSIBLE), Left(True), 1.0, Answer.INADEQUATE),
+        (found(base=PLAUSIBLE), Left(True, described=True), 1.0, Answer.NONE_FITS),
+        (found("A"), Left(False), 0.0, Answer.NAMED),
+        (found("A", base=BENT), Left(False), 0.0, Answer.NAMED),
+        (found("A", alike=("A", "B")), Left(False), 0.0, Answer.SET),
+        (found("A"), Left(True), 0.67, Answer.LIKE),
+        (found("A"), Left(True), 0.66, Answer.INADEQUATE),
+        (found("A"), Left(True, described=True), 0.67, Answer.LIKE),
+        (found("A", alike=("A", "B")), Left(True, described=True), 0.66, Answer.NONE_FITS),
+    ],
+)
+def test_the_answer(search, left, alone, answer):
+    assert answer_of(search, left, alone) is answer
+
+
+def test_what_the_first_takes_alone_counts_only_where_something_is_left(monkeypatch):
+    monkeypatch.setattr(judge, "first_of", lambda search: search)
+    monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.9)
+    assert graded(found("A"), Left(True)) is Answer.LIKE
+    assert graded(found("A"), Left(False)) is Answer.NAMED
+    assert graded(found(base=PLAUSIBLE), Left(True)) is Answer.INADEQUATE
+
+
+# --- what holds ------------------------------------------------------------------------------------------------------
+
+
+def test_what_is_left_is_a_surprise_once_in_a_thousand():
+    limit = chi2_law.isf(1e-3, 50)
+    assert is_adequate(fitted(0.999 * limit))
+    assert not is_adequate(fitted(1.001 * limit))
+    assert is_adequate(fitted(1.001 * chi2_law.isf(0.01, 50)))
+    assert not is_adequate(fitted(1.001 * chi2_law.isf(0.01, 50)), 0.01)
+
+
+@pytest.mark.parametrize(("taken", "law"), [(0.901, True), (0.899, False)])
+def test_a_law_holds_that_takes_nine_tenths_or_leaves_no_more_than_one_in_a_hundred(taken, law):
+    base = fitted(1050.0)
+    assert holds(found("A", base=base, last=fitted(1050.0 - 1000.0 * taken))) == law
+    limit = chi2_law.isf(0.01, 50)
+    assert holds(found("A", base=fitted(limit + 1), last=fitted(0.999 * limit)))
+    assert not holds(found("A", base=fitted(limit + 1), last=fitted(1.001 * limit)))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "share"),
+    [
+        (150.0, 50.0, 1.0),
+        (150.0, 100.0, 0.5),
+        (150.0, 30.0, 1.0),
+        (150.0, 160.0, 0.0),
+        (50.0, 49.0, 1.0),
+        (40.0, 41.0, 0.0),
+    ],
+)
+def test_the_share_that_is_taken_is_of_what_is_beyond_the_noise(before, after, share):
+    """Of 50 rows more than numbers."""
+    assert share_taken(found("A", base=fitted(before), last=fitted(after))) == pytest.approx(share)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "share"),
+    [
+        (300.0, 100.0, 1.0),
+        (300.0, 200.0, 0.5),
+        (300.0, 400.0, 0.0),
+        (300.0, 50.0, 1.0),
+        (100.0, 99.0, 1.0),
+        (90.0, 91.0, 0.0),
+    ],
+)
+def test_on_held_out_folds_too(monkeypatch, before, after, share):
+    """Of 100 compared blocks."""
+    monkeypatch.setattr(judge, "refitted_left_out", lambda one: one.loss)
+    monkeypatch.setattr(judge, "loss_of", lambda base, loss: loss)
+    base, last = (fitted(loss=loss, task=SimpleNamespace(noise=SimpleNamespace(count=100))) for loss in (before, after))
+    assert held_out_share(base, last) == pytest.approx(share)
+
+
+# --- what speaks against a lone name ---------------------------------------------------------------------------------
+
+
+def against(u=0.5, one=None, chosen=None, scores=(), names=("A",)):
+    last = fitted(u=(u,), parameters=(one or parameter("A.size", prior=False, low=-2.0, high=3.0),))
+    return vetoes(found(*names, last=last), chosen or {}, scores)
+
+
+@pytest.mark.parametrize(
+    ("u", "stuck"), [(3.0, True), (3.0 - 0.9e-6, True), (3.0 - 1.1e-6, False), (-2.0, True), (-2.0 + 0.9e-6, True)]
+)
+def test_a_size_within_a_millionth_of_its_bound_stands_at_it(u, stuck):
+    assert against(u) == (["A.size lies at its bound"] if stuck else [])
+
+
+@pytest.mark.parametrize(
+    ("high", "u", "prior", "stuck"), [(1.0, 1.0, False, False), (1.0, 1.0, True, True), (1.1, 1.1, False, True)]
+)
+def test_a_law_as_published_is_not_strained_by_the_bound_it_has_there(high, u, prior, stuck):
+    one = parameter("A.share", prior=prior, low=0.0, high=high)
+    assert against(u, one) == (["A.share lies at its bound"] if stuck else [])
+
+
+def test_a_number_five_sd_from_what_is_declared_speaks_against():
+    for u, said in (
+        (5.1, ["soil.phi +5.1 SD from what is declared of it"]),
+        (-4.9, []),
+        (-5.1, ["soil.phi -5.1 SD from what is declared of it"]),
+    ):
+        assert against(u, parameter()) == said
+    assert implausible(fitted(u=(9.0,), parameters=(parameter(prior=False),))) == ()
+
+
+@pytest.mark.parametrize(
+    ("chosen", "said"),
+    [
+        ("AAB", []),
+        ("AABB", ["A is chosen in 2 of 4 folds only"]),
+        ("ABB", ["A is chosen in 1 of 3 folds only"]),
+        ("", []),
+    ],
+)
+def test_a_name_is_chosen_in_more_than_half_of_the_folds(chosen, said):
+    assert against(chosen=dict(enumerate(chosen))) == said
+
+
+def test_two_that_were_added_are_chosen_in_either_order():
+    chosen = {"a": "B + A", "b": "A + B", "c": "A"}
+    assert against(chosen=chosen, names=("A", "B")) == []
+    assert against(chosen={**chosen, "d": ""}, names=("A", "B")) == ["A + B is chosen in 2 of 4 folds only"]
+
+
+def score(change, low, high, floor=0.1):
+    return ChannelScore("sinkage", "m", floor, 1.0, 1.0 + change, change, low, high)
+
+
+@pytest.mark.parametrize(
+    ("made", "worse"),
+    [
+        (score(0.06, 0.01, 0.1), True),
+        (score(0.04, 0.01, 0.1), False),
+        (score(0.06, -0.01, 0.1), False),
+        (score(-0.2, -0.3, -0.1), False),
+    ],
+)
+def test_a_channel_that_is_predicted_worse_by_a_twentieth_speaks_against(made, worse):
+    assert against(scores=[made]) == (["sinkage is predicted worse where it was not fitted"] if worse else [])
+
+
+# --- what a fold chooses from ----------------------------------------------------------------------------------------
+
+
+def test_where_fits_are_exact_a_fold_chooses_among_the_leaders_as_freed():
+    """Four of each round, but for those that would gain less than half of their threshold."""
+
+    def refit(name, net, instead=()):
+        return SimpleNamespace(candidate=SimpleNamespace(name=name), net=net, fee=10.0, instead=instead)
+
+    replaced = SimpleNamespace(name="first of a pair")
+    rounds = [
+        SimpleNamespace(refits=[refit("A", 9.0), refit("B", -4.9), refit("C", -5.1), refit("D", 0.0), refit("E", 0.0)]),
+        SimpleNamespace(refits=[refit("F", 1.0, (replaced,))]),
+    ]
+    made = lambda exact: SimpleNamespace(  # noqa: E731
+        base=SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(is_exact=exact))), rounds=rounds
+    )
+    assert [one.name for one in _leading(made(True), ["all"])] == ["A", "B", "D", "first of a pair", "F"]
+    assert _leading(made(False), ["all"]) == ["all"]
+
+
+# --- a number in words -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("drift", "more", "end"),
+    [
+        (2.9, {}, "1 m [0.5 m, 1.5 m]"),
+        (3.1, {}, "1 m [0.5 m, 1.5 m], +3.1 SD from what was declared"),
+        (-3.1, {}, "1 m [0.5 m, 1.5 m], -3.1 SD from what was declared"),
+        (math.nan, {"closed": False}, "1 m [0.5 m, 1.5 m], not closed by the data"),
+        (0.0, {"closed": False, "at_bound": True}, "1 m [0.5 m, 1.5 m], at its bound"),
+    ],
+)
+def test_a_number_says_what_is_to_be_known_of_it(drift, more, end):
+    said = Number("k", "N", 1.0, 0.5, 1.5, drift, **more).said
+    assert said == f"k = {end.replace(' m', ' N')}"
