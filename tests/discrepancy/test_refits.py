@@ -1,0 +1,308 @@
+"""What a search adds, pairs, confirms and calls alike, on refits made by hand."""
+
+import importlib.util
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy import compare, exact_refits, search
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.profiles import profiles
+from rover_pin.discrepancy.refit import Refit, alike
+from rover_pin.discrepancy.screen import ABSORBED, STILL, Scored, Signature, _freed, started
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.quantity import Record, quantity
+
+_spec = importlib.util.spec_from_file_location(
+    "linear_drive", Path(__file__).parents[1] / "evidence" / "linear_drive.py"
+)
+linear = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(linear)
+
+NOTHING = Signature(Candidate("A", object(), ()), {}, np.zeros(1))
+
+
+def named(name):
+    return Candidate(name, object(), ())
+
+
+def refit(name, *instead, net=1.0, held_out=1.0):
+    return Refit(named(name), SimpleNamespace(), net + 10.0, 10.0, held_out, instead=tuple(map(named, instead)))
+
+
+def searched(*rounds, exact=True):
+    base = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(is_exact=exact)))
+    return search.Search(base, tuple(SimpleNamespace(alike=each) for each in rounds), ())
+
+
+# --- what a search says of itself ------------------------------------------------------------------------------------
+
+
+def test_what_was_added_is_the_best_of_each_round_or_what_stands_in_its_place():
+    assert searched((refit("A"), refit("E")), (refit("B"),), ()).names == "A + B"
+    assert searched((refit("A"),), (refit("B", "D"),)).names == "D + B"
+    assert searched((refit("A"),), (refit("B", "D"),), (refit("C"),)).names == "D + B + C"
+    assert searched(()).names == searched().names == ""
+    assert searched(()).alike == searched().alike == ()
+
+
+def test_rivals_of_the_last_round_stand_for_the_whole():
+    assert searched((refit("A"), refit("E"))).alike == ("A", "E")
+    assert searched((refit("A"),), (refit("B"), refit("C", "D"), refit("F")), ()).alike == ("A + B", "D + C", "A + F")
+
+
+def test_rivals_of_earlier_rounds_are_rivals_where_no_pairs_were_tried():
+    rounds = ((refit("A"), refit("E")), (refit("B"), refit("F")))
+    assert searched(*rounds).alike == ("A + B", "A + F")
+    assert searched(*rounds, exact=False).alike == ("A + B", "A + F", "E + B")
+
+
+def test_an_exact_experiment_is_calibrated_from_several_starts(monkeypatch):
+    seen = []
+    monkeypatch.setattr(search, "scattered", lambda numbers, centre, starts, seed: [(starts, seed, *centre)])
+    monkeypatch.setattr(search, "best_of", lambda task, model, numbers, starts: seen.append(starts[0]) or "best")
+    monkeypatch.setattr(search, "fit", lambda task, model, numbers: "once")
+    monkeypatch.setattr(search, "again", lambda fitted: f"{fitted} more")
+    experiment = lambda exact: SimpleNamespace(is_exact=exact, noise=lambda: "declared", value=lambda model, name: 3.0)  # noqa: E731
+    one = Parameter("k", 1.0, 0.5, 0.0, 9.0)
+    assert search.calibrated(experiment(True), "model", [one], 7) == "best"
+    assert seen == [(search.STARTS, 7, 4.0)]
+    assert search.calibrated(experiment(False), "model", [one], 7) == "once more"
+
+
+# --- what is tried ---------------------------------------------------------------------------------------------------
+
+
+def test_pairs_are_made_of_the_six_that_lead_the_added_one_first(monkeypatch):
+    monkeypatch.setattr(exact_refits, "_pair", lambda base, one, other: [one.name + other.name])
+    singles = [refit(name) for name in "ABCDEFGH"]
+    tried = exact_refits.paired(None, singles, singles[1], lambda said: None)
+    pairs = [fitted for *_, fitted in tried]
+    assert len(pairs) == 15
+    assert set("".join(pairs)) == set("ABCDEF")
+    assert {pair for pair in pairs if "B" in pair} == {"BA", "BC", "BD", "BE", "BF"}
+    for instead, candidate, fitted in tried:
+        assert candidate.name == fitted[1]
+        assert [one.name for one in instead] == ([] if fitted[0] == "B" else [fitted[0]])
+
+
+def test_a_second_start_has_the_sizes_small_and_all_else_as_it_was():
+    kinds = ({"prior": True}, {"prior": False}, {"prior": True}, {"prior": False, "log": True})
+    numbers = [Parameter("x", 1.0, 0.5, 0.1, 9.0, **kind) for kind in ({"prior": False}, *kinds)]
+    assert compare._small(numbers, np.full(5, 2.0), 1) == pytest.approx([2.0, 2.0, 0.2, 2.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("net", "held_out", "again"), [(5.0, -1.0, True), (5.0, 0.0, True), (5.0, 1.0, False), (-5.0, -1.0, False)]
+)
+def test_one_that_pays_and_does_harm_to_first_order_is_refitted_on_every_fold(monkeypatch, net, held_out, again):
+    monkeypatch.setattr(compare, "refitted_left_out", lambda fitted: fitted)
+    monkeypatch.setattr(compare, "loss_of", lambda base, fitted: 100.0 if fitted == "base" else 97.0)
+    one = Refit(named("A"), "fit", net + 10.0, 10.0, held_out)
+    assert compare._confirmed("base", one).held_out == (3.0 if again else held_out)
+
+
+def scored(name, gain, place="", fee=10.0, told=True):
+    one = Candidate(name, object(), (), place=place, sought=bool(place))
+    return Scored(one, NOTHING, gain, 1.0, 1.0 if told else 0.0, 0.0)
+
+
+def test_two_places_of_a_kind_and_five_candidates_at_most_are_refitted(monkeypatch):
+    monkeypatch.setattr(compare, "placed", lambda start, row: row)
+    rows = [scored("P", 100.0 - at, f"{at}") for at in range(4)] + [scored(name, 50.0) for name in "ABCD"]
+    chosen = compare._chosen(None, rows, lambda one: 10.0)
+    assert [row.candidate.name for row in chosen] == ["P@0", "P@1", "A", "B", "C"]
+
+
+@pytest.mark.parametrize(
+    ("gain", "best", "enough"), [(4.1, 9.0, True), (3.9, 9.0, False), (9.9, 500.0, False), (10.1, 500.0, True)]
+)
+def test_a_candidate_must_promise_four_tenths_of_its_fee_and_a_fiftieth_of_the_best(monkeypatch, gain, best, enough):
+    monkeypatch.setattr(compare, "placed", lambda start, row: row)
+    rows = [scored("A", best), scored("B", gain), scored("C", 1e9, told=False)]
+    chosen = [row.candidate.name for row in compare._chosen(None, rows, lambda one: 10.0)]
+    assert chosen == (["A", "B"] if enough else ["A"])
+
+
+def polished_of(monkeypatch, *nets, inflation=2.25, promised=()):
+    """The candidates that are fitted to the end, of refits A, B, ... with these net gains."""
+    rows = [scored(name, 10.0 + gain) for name, gain in zip("ABCDEF", promised or nets, strict=False)]
+    made = {row.candidate.name: refit(row.candidate.name, net=net) for row, net in zip(rows, nets, strict=True)}
+    said = []
+    patches = {
+        "left_out": lambda base: 0.0,
+        "_chosen": lambda base, scored, fee: rows,
+        "_refit": lambda base, start, row, fee, without, reuse=True: made[row.candidate.name],
+        "_polished": lambda base, one, without: one,
+        "_confirmed": lambda base, one: one,
+        "counted": lambda refits, fee: refits,
+    }
+    for name, instead in patches.items():
+        monkeypatch.setattr(compare, name, instead)
+    base = SimpleNamespace(task=SimpleNamespace(noise=SimpleNamespace(inflation=inflation)))
+    compare.refit(base, rows, lambda one: 10.0, said.append)
+    return "".join(line.split()[2].rstrip(",") for line in said if line.endswith("every slope anew"))
+
+
+def test_those_within_reach_of_the_best_are_fitted_to_the_end(monkeypatch):
+    """By twice the odds in units of the noise, 2 x 9.2 x 2.25 = 41.4, and a tenth of the best besides: 138.6 of 200."""
+    assert polished_of(monkeypatch, 200.0, 139.0, 138.0) == "AB"
+    assert polished_of(monkeypatch, 200.0, 162.0, 161.0, inflation=1.0) == "AB"
+    assert polished_of(monkeypatch, 200.0, 190.0, 180.0, 170.0) == "ABC", "three at most"
+    assert polished_of(monkeypatch, 20.0, 1.0, -1.0) == "AB", "what does not pay is left"
+    assert polished_of(monkeypatch, 200.0, 100.0, promised=(200.0, 150.0)) == "AB", "or by what was promised"
+
+
+def test_a_few_candidates_are_refitted_at_least_once_then_those_that_promise_a_quarter(monkeypatch):
+    monkeypatch.setattr(exact_refits, "variants", lambda base, candidate: [(candidate, "fit")])
+    monkeypatch.setattr(exact_refits, "judged", lambda base, tried, fee: [one.name for _, one, _ in tried])
+    rows = [scored(name, gain) for name, gain in zip("ABCDEFG", (9.0, 2.6, 2.4, 1.0, 0.5, 0.4, 2.7), strict=True)]
+    rows.insert(1, scored("untold", 50.0, told=False))
+
+    def chosen(pairs):
+        said = exact_refits.exactly_refitted(None, rows, lambda one: 10.0, lambda line: None, pairs)
+        return "".join(said)
+
+    assert chosen(None) == "ABCDEG"
+    assert chosen([]) == "ABG"
+
+
+@pytest.mark.parametrize(
+    ("chi2", "started_with", "kept"),
+    [((90.0,), [1.0], 90.0), ((110.0, 95.0), [1.0, 0.1], 95.0), ((110.0, 120.0), [1.0, 0.1], 110.0)],
+)
+def test_a_refit_that_does_no_better_than_none_starts_again_near_nothing(monkeypatch, chi2, started_with, kept):
+    made, starts, slopes = iter(chi2), [], []
+
+    def fit(task, model, numbers, here, given, reuse):
+        starts.append(here[-1])
+        slopes.append(given)
+        return SimpleNamespace(chi2=next(made))
+
+    one = Candidate("Kind", made_kind(0.2, 0.0, 0.0, 9.0), ("Kind.x",))
+    monkeypatch.setattr(compare, "fit", fit)
+    monkeypatch.setattr(compare, "started", lambda row, start: {})
+    monkeypatch.setattr(compare, "left_out", lambda fitted: np.zeros(2))
+    model = SimpleNamespace(having=lambda effect: model)
+    experiment = SimpleNamespace(with_values=lambda model, values: model, value=lambda model, name: 0.2)
+    base = SimpleNamespace(
+        task=SimpleNamespace(experiment=experiment), model=model, parameters=(), u=np.zeros(0), chi2=100.0, slopes="old"
+    )
+    row = Scored(one, NOTHING, 1.0, 1.0, 1.0, 0.0)
+    for reuse, given in ((True, "old"), (False, None)):
+        made, starts[:], slopes[:] = iter(chi2), [], []
+        found = compare._refit(base, base, row, lambda candidate: 7.0, np.array([3.0, 1.0]), reuse)
+        assert (found.gain, found.fee, found.held_out) == (100.0 - kept, 7.0, 4.0)
+        assert starts == pytest.approx(started_with)
+        assert set(slopes) == {given}
+
+
+@pytest.mark.parametrize(("share", "value"), [(0.5, 0.85), (-0.5, 1.15), (9.0, 0.1), (-9.0, 1.9)])
+def test_a_refit_starts_where_the_best_signature_takes_the_gain_up_to_three_of_its_sizes(share, value):
+    signature = Signature(named("A"), {"A.m": 0.7}, np.zeros(1), {"A.m": 1.0})
+    assert started(Scored(named("A"), signature, 1.0, share, 1.0, 0.0), None) == {"A.m": pytest.approx(value)}
+    far = Signature(named("A"), {"A.m": 0.7}, np.zeros(1), {"A.m": 36.0})
+    assert started(Scored(named("A"), far, 1.0, share, 1.0, 0.0), None) == {"A.m": 0.7}
+    near = Signature(named("A"), {"A.m": 0.7}, np.zeros(1), {"A.m": 34.0})
+    assert started(Scored(named("A"), near, 1.0, 0.5, 1.0, 0.0), None) == {"A.m": pytest.approx(17.35)}
+
+
+def test_a_rival_of_a_weak_best_gains_something():
+    """Nine units of the noise below the best, or nothing, whichever is more."""
+    names = lambda *made: [one.name for one in alike(made)]  # noqa: E731
+    assert names(refit("A", net=5.0), refit("B", net=0.05), refit("C", net=-0.05)) == ["A", "B"]
+    assert names(refit("A", net=30.0), refit("B", net=9.4), refit("C", net=9.2)) == ["A", "B"]
+
+
+# --- what can be told ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("visible", "left", "told"),
+    [
+        (1.01 * STILL, 1.0, True),
+        (0.99 * STILL, 1.0, False),
+        (9.0, 1.01 * ABSORBED**2, True),
+        (9.0, 0.99 * ABSORBED**2, False),
+    ],
+)
+def test_a_candidate_is_told_that_shows_and_that_the_numbers_cannot_imitate(visible, left, told):
+    assert Scored(NOTHING.candidate, NOTHING, 1.0, 1.0, visible, 1 - left).told == told
+    assert (STILL, ABSORBED) == (0.3, 0.02)
+
+
+def test_a_freed_number_moves_by_one_sd_of_its_prior():
+    one = Parameter("g", 0.1, 0.02, -1.0, 1.0)
+    base = SimpleNamespace(
+        parameters=(Parameter("k", 1.0, 0.5, 0.0, 9.0), one), u=np.array([0.0, 1.5]), slopes={"g": np.ones(3)}
+    )
+    made = _freed(base, Candidate("A", None, ("g",)))
+    assert made.neutral == {"g": pytest.approx(0.13)}
+    assert made.sizes == {"g": pytest.approx(0.15)}
+    assert made.moved is base.slopes["g"]
+
+
+# --- coordinates of sizes and shapes ---------------------------------------------------------------------------------
+
+
+def made_kind(default, neutral, low, high, unit="m"):
+    @dataclass(frozen=True)
+    class Kind(Record):
+        """An effect of one number."""
+
+        x: float = quantity(default, unit, "made", low, high, "x")
+        neutral: ClassVar[dict[str, float]] = {"x": 0.0}
+
+    Kind.neutral = {"x": neutral}
+    return Kind()
+
+
+@pytest.mark.parametrize(
+    ("default", "neutral", "log", "scale"),
+    [(0.1, 10.0, True, 1.0), (10.0, 100.0, False, -90.0), (0.3, 0.0, False, 0.3), (0.0, 0.0, False, 0.01)],
+)
+def test_a_size_is_counted_from_neutral_to_default_or_by_ratios_where_neutral_is_far_off(default, neutral, log, scale):
+    """Far off is beyond fifty times the default; a size without a default goes by a hundredth."""
+    effect = made_kind(default, neutral, 0.0, 1e3)
+    found = Candidate("Kind", effect, ("Kind.x",)).size("Kind.x")
+    assert (found.log, found.scale, found.prior) == (log, pytest.approx(scale), False)
+    assert found.value(0.0) == (default if log else neutral)
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "log", "sd"),
+    [
+        (0.5, 0.0, True, 0.5),
+        (2.0, 0.0, True, 0.5),
+        (0.0, 0.0, False, 0.3),
+        (0.5, -1.0, False, 0.15),
+        (-0.5, -1.0, False, 0.15),
+    ],
+)
+def test_a_shape_is_known_to_half_of_its_logarithm_or_three_tenths_of_its_size(value, low, log, sd):
+    effect = made_kind(0.1, 0.0, low, 9.0).replace(x=value)
+    found = Candidate("Kind", effect, (), ("Kind.x",)).shape("Kind.x")
+    assert (found.log, found.scale, found.prior) == (log, pytest.approx(sd), True)
+    assert found.value(0.0) == value
+
+
+# --- profiles --------------------------------------------------------------------------------------------------------
+
+
+def test_a_profile_is_the_parabola_of_a_linear_fit():
+    """rise = (u - u_best)^2 / variance over the noise's inflation and a misfit above 1."""
+    random, free = np.random.default_rng(3), linear.nuisances()
+    columns = linear.slopes(random, free)
+    for size in (1.0, 2.5):
+        fitted = linear.fitted(np.clip(size * random.normal(size=linear.SHAPE), -2.2, 2.2), columns)
+        for at, one in enumerate(fitted.parameters):
+            (found,) = profiles(fitted, (one.name,))
+            off = np.array([one.u(value) for value in found.values]) - fitted.u[at]
+            half = 1.959964 * fitted.spread[at]
+            assert off == pytest.approx(half * np.array([-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5]), abs=1e-9)
+            unit = fitted.task.noise.inflation * max(fitted.misfit, 1.0)
+            assert found.rises == pytest.approx(off**2 / fitted.covariance[at, at] / unit, rel=1e-5, abs=1e-8)
