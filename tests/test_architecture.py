@@ -16,8 +16,8 @@ GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "s
           "workers", "trust", "bounded", "parquet", "formula", "console", "private_folders", "remembered",
           "cluster")  # fmt: skip
 ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control",
-         "estimation", "measurements", "identification", "discrepancy", "experiments", "report", "loop",
-         "importing", "vehicle", "controls", "scenes", "scenarios", "catalogue", "plot", "view", "sweep", "tuning",
+         "estimation", "measurements", "identification", "discrepancy", "experiments", "view", "report", "loop",
+         "importing", "vehicle", "controls", "scenes", "scenarios", "catalogue", "plot", "sweep", "tuning",
          "comparison", "terminal", "commands", "cli", "__main__")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.
 

@@ -35,8 +35,8 @@ def export(
     """Write a drive as a table, for Foxglove (MCAP), or for Rerun."""
     if to in (Kind.MCAP, Kind.RERUN) and find_spec(to.value) is None:
         raise MissingExtraError(f"Exporting to {to.value} needs it: pip install 'rover-pin[{to.value}]'.")
+    from rover_pin.commands.subject import read_subject
     from rover_pin.view import export as writing
-    from rover_pin.view.subject import read_subject
 
     subject = read_subject(path, run, Trust(everything=trust))
     write = getattr(writing, f"write_{to.value}")

@@ -36,7 +36,7 @@ def view(
     as_json: AsJson = False,
 ) -> None:
     """Show a drive in 3D: one page that needs no network, with ground, slip, forces, tracks and a time slider."""
-    from rover_pin.view.subject import read_subject
+    from rover_pin.commands.subject import read_subject
 
     subject = read_subject(path, run, Trust(everything=trust))
     other = None if compare is None else read_subject(compare, run, Trust(everything=trust))

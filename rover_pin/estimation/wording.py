@@ -121,7 +121,7 @@ class Change(NamedTuple):
         at_floor = self.before <= AT_FLOOR * self.floor
         if at_floor and self.after <= AT_FLOOR * self.floor:
             return Outcome.AT_FLOOR
-        if self.none:
+        if self.none or (abs(self.share) < SAME and self.low * self.high >= 0):
             return Outcome.NONE
         if self.told and (self.high < 0 or self.low > 0):
             return Outcome.BETTER if self.high < 0 else Outcome.WORSE
@@ -144,7 +144,7 @@ class Change(NamedTuple):
 
 def got_worse(changes: Iterable[tuple[str, Change]]) -> str:
     """Return which of the named errors grew, in a sentence; those that did not grow beyond the scatter apart."""
-    rows = [(name, change) for name, change in changes if change.share > 0 and not change.none]
+    rows = [(name, change) for name, change in changes if change.share >= SAME]
     beyond = [f"{name} by {share(one.share).lstrip('+')}" for name, one in rows if one.outcome is Outcome.WORSE]
     within = [f"{name} by {share(one.share).lstrip('+')}" for name, one in rows if one.outcome is not Outcome.WORSE]
     said = f"Got worse: {', '.join(beyond)}." if beyond else "No channel got worse beyond its scatter."

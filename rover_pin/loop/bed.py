@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import json
 import time
@@ -18,6 +19,7 @@ from rover_pin.errors import DataError
 from rover_pin.loop.provenance import provenance
 from rover_pin.motion.effect_files import package_effects, run_file, user_effects
 from rover_pin.paths import is_file
+from rover_pin.report.bed.report import write_report
 
 OWN = ("motor_brake",)
 """The package's own test beds, by the name of their file."""
@@ -70,7 +72,7 @@ def close_on_bed(
     seed: int,
     repeat: str,
 ) -> Verdict:
-    """Return what the model of a test bed lacks; with `out`, verdict.json is written there."""
+    """Return what the model of a test bed lacks; with `out`, report.html and verdict.json are written there."""
     begun = time.monotonic()
     own = {kind.__name__: kind for kind in (*package_effects(), *(user_effects(effects) if effects else ()))}
     poor = bed.insufficient()
@@ -80,6 +82,7 @@ def close_on_bed(
         found = concluded(question_of(bed, tuple(own.values())), progress, seed)
     found.provenance.update(provenance(seed, time.monotonic() - begun, repeat))
     if out is not None:
-        text = json.dumps(found.as_dict(), indent=1, default=str)
-        replace_file(Path(out) / "verdict.json", text + "\n")
+        files = (*write_report(found, bed, Path(out)), Path(out) / "verdict.json")
+        found = dataclasses.replace(found, files=files)
+        replace_file(files[-1], json.dumps(found.as_dict(), indent=1, default=str) + "\n")
     return found

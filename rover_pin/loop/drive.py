@@ -30,6 +30,7 @@ from rover_pin.loop.provenance import command, provenance
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.effect_files import file_of, user_effects
 from rover_pin.motion.model import Model
+from rover_pin.report.drive.cautions import cautions
 
 RIVALS = 2
 """Rivals of the best for which a separating run is proposed."""
@@ -106,13 +107,15 @@ def verdict_on(log: DriveLog, found: Search, left: Remainder, seed: int, progres
     added = [one for one in found.added if one.name in verdict.named]
     sizes = tuple(name for one in added for name in one.sizes)
     best = found.rounds[0].alike
+    free = free_runs(logged(found.base), found.base.model, verdict.model)
     return dataclasses.replace(
         verdict,
         sentence=spoken(verdict.sentence, wheels),
         findings=findings(log),
         experiments=_experiments(best, progress),
         profiles=profiles(verdict.after.fit, sizes) if sizes and verdict.after else (),
-        extra=DriveExtra(free_runs(logged(found.base), found.base.model, verdict.model), left),
+        cautions=(*verdict.cautions, *cautions(verdict, free)),
+        extra=DriveExtra(free, left),
     )
 
 

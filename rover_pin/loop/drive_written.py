@@ -14,7 +14,7 @@ from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.experiments.unlisted.remainder import draft_effect
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model_toml import write_model
-from rover_pin.report.drive import write_drive_report
+from rover_pin.report.drive.report import write_report
 
 DRAFT = Path("draft_effect") / "measured_remainder.py"
 
@@ -27,7 +27,7 @@ def written(verdict: Verdict, log: DriveLog, out: Path) -> Verdict:
     left = extra_of(verdict).remainder
     if verdict.answer is Answer.NONE_FITS and left is not None:
         files.append(replace_file(out / DRAFT, draft_effect(left, verdict.name)))
-    files += write_drive_report(verdict, log, out)
+    files += write_report(verdict, log, out)
     files.append(out / "verdict.json")
     verdict = dataclasses.replace(verdict, files=tuple(files))
     replace_file(out / "verdict.json", json.dumps(verdict.as_dict(), indent=1, default=str) + "\n")

@@ -29,8 +29,8 @@ from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
 from rover_pin.loop.provenance import command, provenance
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.report.rig import write_report
-from rover_pin.report.rig_cautions import cautions
+from rover_pin.report.rig.cautions import cautions
+from rover_pin.report.rig.report import write_report
 
 RIVALS = 3
 """Rivals of the best for which a separating run is proposed."""

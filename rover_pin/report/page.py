@@ -1,56 +1,78 @@
-"""What all reports share: colours, figures as PNG files and inline, and a page that needs nothing else."""
+"""A report as one HTML page that needs nothing else, with its figures as PNG files beside it."""
 
 from __future__ import annotations
 
-import base64
-import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from markupsafe import Markup, escape
 
 from rover_pin.columns import replace_file
-from rover_pin.discrepancy.answer import Answer
-from rover_pin.estimation.wording import shown
+from rover_pin.report.section import Picture, Section
+from rover_pin.report.svg import png, svg
 
-BEFORE, AFTER, GREY = "#b3541e", "#1f6f8b", "#8a8a8a"
-"""Colours of the model before and after, and of what is neither; the first two differ for the colour-blind too."""
-DPI = 130
-
-HEADLINES = {
-    Answer.NAMED: "The model lacks {names}",
-    Answer.SET: "The model lacks one of {alike}",
-    Answer.LIKE: "Something like {names} is missing",
-    Answer.INADEQUATE: "The base model does not describe these data",
-    Answer.NONE_NEEDED: "No effect needed",
-    Answer.NONE_FITS: "None of the known effects fits",
-    Answer.CANNOT_TELL: "These data cannot tell",
-}
-"""A verdict in a line."""
+PAGE = "page.html"
 
 
-def png(figure: Figure) -> bytes:
-    """Return a figure as a PNG file."""
-    FigureCanvasAgg(figure)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI)
-    return buffer.getvalue()
+class Head(NamedTuple):
+    """What stands above all sections."""
+
+    name: str
+    "of the data"
+    kicker: str
+    "what they are, in a few words"
+    title: str
 
 
-def write_page(figures: Mapping[str, Figure], page: Callable[[dict[str, str]], str], out: Path) -> list[Path]:
-    """Write report.html and NAME.png of each figure; `page` is given the images as data URIs by name."""
-    images = {name: png(figure) for name, figure in figures.items()}
-    files = [replace_file(out / f"{name}.png", image) for name, image in images.items()]
-    inline = {name: "data:image/png;base64," + base64.b64encode(image).decode() for name, image in images.items()}
-    return [replace_file(out / "report.html", page(inline)), *files]
+def write_page(head: Head, sections: Sequence[Section], out: Path) -> list[Path]:
+    """Write report.html and NAME.png of every picture, and return their paths, the page's first."""
+    shown, files = [], []
+    for section in sections:
+        content = section.content()
+        if content is None:
+            continue
+        pictures = section.pictures()
+        inline = {name: _inline(name, picture) for name, picture in pictures.items()}
+        shown.append((section, rendered(section.template, {**content, "pictures": inline})))
+        files += [
+            replace_file(out / file, image)
+            for name, picture in pictures.items()
+            for file, image in _files(name, picture)
+        ]
+    return [replace_file(out / "report.html", rendered(PAGE, {"head": head, "sections": shown})), *files]
 
 
-def rendered(template: str, content: Mapping[str, Any]) -> str:
-    """Return a page from a template of this folder; whatever a name holds is shown as text."""
+def _files(name: str, picture: Picture) -> list[tuple[str, bytes]]:
+    many = len(picture.panels) > 1
+    return [(f"{name}-{at}.png" if many else f"{name}.png", png(panel)) for at, panel in enumerate(picture.panels, 1)]
+
+
+def _inline(name: str, picture: Picture) -> dict[str, Any]:
+    """Return a picture for the page: its panels side by side where there is room; the first says what all show."""
+    panels = [
+        Markup(svg(panel, f"{name}{at}", picture.alt if not at else f"{picture.alt} (panel {at + 1})"))
+        for at, panel in enumerate(picture.panels)
+    ]
+    return {"panels": panels, "caption": picture.caption}
+
+
+def marked(text: str) -> Markup:
+    """Return a docstring's paragraph with what stands in backticks as code."""
+    parts = [escape(part) for part in text.split("`")]
+    return Markup("").join(Markup(f"<code>{part}</code>") if at % 2 else part for at, part in enumerate(parts))
+
+
+@lru_cache(maxsize=1)
+def _pages() -> jinja2.Environment:
     loader = jinja2.PackageLoader("rover_pin.report", "")
     pages = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    pages.filters["shown"] = shown
-    return pages.get_template(template).render(**content)
+    pages.filters["marked"] = marked
+    return pages
+
+
+def rendered(template: str, content: Mapping[str, Any]) -> Markup:
+    """Return a page, or a part of one, from a template of this room; whatever a name holds is shown as text."""
+    return Markup(_pages().get_template(template).render(**content))

@@ -139,7 +139,7 @@ class Film:
         )
         return np.asarray(self.tracks + out[:, None] * self.left)
 
-    def refuse_other(self, ghost: Film | None) -> None:
+    def refuse_other(self, ghost: Film) -> None:
         """Refuse a ghost of another rover, which could not be drawn with this one's shapes.
 
         Raises
@@ -147,7 +147,7 @@ class Film:
         DataError
             Its links are others.
         """
-        if ghost is not None and set(ghost.links) != set(self.links):
+        if set(ghost.links) != set(self.links):
             raise DataError(
                 f"Rover '{ghost.rover.name}' cannot be the ghost of '{self.rover.name}': compare drives of one rover."
             )

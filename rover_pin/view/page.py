@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import io
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,10 @@ from rover_pin.columns import replace_file
 from rover_pin.view.colours import css_gradient
 from rover_pin.view.film import Film
 from rover_pin.view.shapes import shapes_of
-from rover_pin.view.stage import Stage
+from rover_pin.view.stage import BLUE, ORANGE, Ghost, Stage
 from rover_pin.view.subject import Subject
+
+COLOURS = {"blue": BLUE, "orange": ORANGE}
 
 
 def write_page(file: Path, subject: Subject, other: Subject | None = None) -> Path:
@@ -28,19 +30,37 @@ def write_page(file: Path, subject: Subject, other: Subject | None = None) -> Pa
     DataError
         A trace in which there is nothing to see, or the file cannot be written.
     """
+    return replace_file(file, page_of(subject, () if other is None else ((other, "blue"),)))
+
+
+def page_of(subject: Subject, others: Sequence[tuple[Subject, str]] = ()) -> str:
+    """Return a drive, and others as its ghosts, each with the word for its colour, as an HTML page.
+
+    Raises
+    ------
+    DataError
+        A trace in which there is nothing to see, or a ghost of another rover.
+    """
     film = Film.of(subject.trace, subject.rover, subject.terrain)
-    ghost = None if other is None else Film.of(other.trace, other.rover, other.terrain)
-    film.refuse_other(ghost)
+    ghosts = ghosts_of(film, others)
     with server() as viser:
         look_from(viser, film)
         recorder = viser.get_scene_serializer()
-        stage = Stage(viser.scene, film, shapes_of(subject.rover, subject.meshes), ghost)
+        stage = Stage(viser.scene, film, shapes_of(subject.rover, subject.meshes), ghosts)
         for frame, wait in enumerate(np.append(np.diff(film.t), 0.0)):
             stage.show(frame)
             recorder.insert_sleep(float(wait))
         page = recorder.as_html()
     end = page.rindex("</body>")
-    return replace_file(file, page[:end] + _legend(subject, other, film) + page[end:])
+    return str(page[:end] + _legend(subject, others, film) + page[end:])
+
+
+def ghosts_of(film: Film, others: Sequence[tuple[Subject, str]]) -> list[Ghost]:
+    """Return others as ghosts beside a film, each in the colour of its word; see `Film.refuse_other`."""
+    ghosts = [Ghost(Film.of(each.trace, each.rover, each.terrain), COLOURS[word]) for each, word in others]
+    for ghost in ghosts:
+        film.refuse_other(ghost.film)
+    return ghosts
 
 
 @contextmanager
@@ -71,13 +91,15 @@ def look_from(viser: Any, film: Film) -> None:
     viser.initial_camera.look_at = tuple(middle)
 
 
-def _legend(subject: Subject, other: Subject | None, film: Film) -> str:
+def _legend(subject: Subject, others: Sequence[tuple[Subject, str]], film: Film) -> str:
     """Return what stands over the scene: what is seen, what happened, what the colours and arrows mean."""
     said = [f"<b>{html.escape(subject.name)}</b>"]
     happened = subject.trace.attrs.get("happened") or subject.trace.attrs.get("stop")
     said += [html.escape(str(happened))] if happened else []
-    if other is not None:
-        said.append(html.escape(f"ghost, in blue: {other.name}, {other.trace.attrs.get('happened', '')}".rstrip(", ")))
+    for other, word in others:
+        said.append(
+            html.escape(f"ghost, in {word}: {other.name}, {other.trace.attrs.get('happened', '')}".rstrip(", "))
+        )
     said += [_bar()] if film.slip is not None else ["slip was not recorded: wheels have their own colours"]
     said += ["green arrows: the soil's force on each wheel"] if film.forces is not None else []
     missing = [name for name in ("body_z", "body_pitch", "body_roll") if name not in subject.trace]

@@ -1,8 +1,9 @@
-"""The scene: ground, rover, ghost, arrows and tracks as viser's nodes, set to any frame."""
+"""The scene: ground, rover, ghosts, arrows and tracks as viser's nodes, set to any frame."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,26 +14,31 @@ from rover_pin.view.shapes import Shape
 
 SOILS = ((201, 176, 130), (128, 124, 122), (176, 140, 110), (150, 160, 140))
 """Colours of the soils by index: sand, hard ground, others."""
-GHOST = (70, 110, 190)
+BLUE, ORANGE = (70, 110, 190), (205, 100, 40)
+"""Colours of ghosts."""
 FORCE = (20, 120, 80)
 PIECES = 60
 """Pieces in which a track is laid behind its wheel."""
 
 
-class Stage:
-    """A film in a scene of viser, and another one as its ghost."""
+class Ghost(NamedTuple):
+    """Another film of the same rover, seen through in its colour."""
 
-    def __init__(self, scene: Any, film: Film, shapes: list[Shape], ghost: Film | None = None):
-        self.scene, self.film, self.ghost = scene, film, ghost
+    film: Film
+    colour: tuple[int, int, int] = BLUE
+
+
+class Stage:
+    """A film in a scene of viser, and others as its ghosts."""
+
+    def __init__(self, scene: Any, film: Film, shapes: list[Shape], ghosts: Sequence[Ghost] = ()):
+        self.scene, self.film, self.ghosts = scene, film, tuple(ghosts)
         self.shown: dict[str, tuple[int, int, int]] = {}
         scene.set_up_direction("+z")
         self._ground(film)
         self.frames = {name: scene.add_frame(f"/rover/{name}", show_axes=False) for name in film.links}
         self.rims = self._rover("/rover", shapes, None)
-        self.ghosts: dict[str, Any] = {}
-        if ghost is not None:
-            self.ghosts = {name: scene.add_frame(f"/ghost/{name}", show_axes=False) for name in ghost.links}
-            self._rover("/ghost", shapes, 0.35)
+        self.ghost_frames = [self._ghost(f"/ghost{number}", shapes, ghost) for number, ghost in enumerate(self.ghosts)]
         self.tracks = self._tracks(film)
         self.arrows = (
             None
@@ -45,8 +51,8 @@ class Stage:
     def show(self, frame: int) -> None:
         """Set everything to a frame."""
         _place(self.frames, self.film, frame)
-        if self.ghost is not None:
-            _place(self.ghosts, self.ghost, self.ghost.frame_at(float(self.film.t[frame])))
+        for ghost, frames in zip(self.ghosts, self.ghost_frames, strict=True):
+            _place(frames, ghost.film, ghost.film.frame_at(float(self.film.t[frame])))
         if self.film.slip is not None:
             for wheel, slip in zip(self.film.rover.wheels, self.film.slip[frame], strict=True):
                 self._colour(wheel.name, in_bytes(slip_colour(float(slip))))
@@ -69,18 +75,23 @@ class Stage:
             "/ground/lines", ruled(film.terrain, film.box).astype(np.float32), (120, 100, 70), thickness=0.0015
         )
 
-    def _rover(self, root: str, shapes: list[Shape], opacity: float | None) -> dict[str, list[Any]]:
+    def _ghost(self, root: str, shapes: list[Shape], ghost: Ghost) -> dict[str, Any]:
+        frames = {name: self.scene.add_frame(f"{root}/{name}", show_axes=False) for name in ghost.film.links}
+        self._rover(root, shapes, ghost.colour)
+        return frames
+
+    def _rover(self, root: str, shapes: list[Shape], ghostly: tuple[int, int, int] | None) -> dict[str, list[Any]]:
         rims: dict[str, list[Any]] = {}
         for number, shape in enumerate(shapes):
             mesh = self.scene.add_mesh_simple(
                 f"{root}/{shape.link}/{number}",
                 shape.vertices.astype(np.float32),
                 shape.faces.astype(np.uint32),
-                color=GHOST if opacity else in_bytes(shape.colour),
-                opacity=opacity,
+                color=ghostly or in_bytes(shape.colour),
+                opacity=0.35 if ghostly else None,
                 flat_shading=True,
                 side="double",
-                cast_shadow=not opacity,
+                cast_shadow=not ghostly,
             )
             if shape.wheel:
                 rims.setdefault(shape.wheel, []).append(mesh)

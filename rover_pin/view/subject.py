@@ -1,22 +1,15 @@
-"""What is to be seen: a trace with the rover that drove it and the ground, from a file, a drive log or a scenario."""
+"""What is to be seen: a trace with the rover that drove it and the ground."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.terrain import Terrain
 from rover_pin.description.layout import rover_folder
-from rover_pin.errors import DataError
-from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
-from rover_pin.motion.saved import load_trace
+from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.trace import Trace
-from rover_pin.paths import is_file
-from rover_pin.scenarios import scenario
-from rover_pin.scenes import SCENES
-from rover_pin.trust import Trust
 
 
 @dataclass(frozen=True)
@@ -30,37 +23,8 @@ class Subject:
     meshes: Path | None
 
 
-def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
-    """Return what a drive log or a trace's file shows; a log's first run unless another is named.
-
-    The file of a trace alone names the scenario that made it, whose rover and ground are taken.
-
-    Raises
-    ------
-    DataError
-        It is neither, the log has no such run, or the trace tells no scenario.
-    """
-    if is_file(path / FILE):
-        return _of_log(read_drive_log(path, trust), run)
-    if path.suffix != ".parquet":
-        raise DataError(f"{path}: give the folder of a drive log ({FILE}), or a trace that was saved as .parquet.")
-    trace = load_trace(path)
-    settings = trace.attrs.get("settings", {})
-    name = str(trace.attrs.get("scenario", ""))
-    if name not in SCENES:
-        raise DataError(
-            f"{path}: the trace says no scenario, so its ground is not known; save it as a drive log: "
-            "`Scenario.write_log`."
-        )
-    made = scenario(name, **_plain(settings), trust=trust).model
-    return Subject(path.stem, trace, made.rover, made.terrain, mesh_folder(str(settings.get("rover", "nexus6"))))
-
-
-def _plain(settings: Any) -> dict[str, Any]:
-    return {str(name): value for name, value in dict(settings).items()}
-
-
-def _of_log(log: DriveLog, run: str) -> Subject:
+def subject_of_log(log: DriveLog, run: str = "") -> Subject:
+    """Return what a run of a drive log shows; its first unless another is named."""
     trace = log.run(run) if run else log.runs[0]
     name = Path(str(trace.attrs.get("file", log.about.name))).stem
     return Subject(

@@ -43,7 +43,7 @@ from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.loop.drive import is_unknown, verdict_on
-from rover_pin.report.drive import sides_of
+from rover_pin.report.drive.report import sides_of
 
 
 def module(name):

@@ -26,7 +26,7 @@ from rover_pin.experiments.wheel_rig.residual_tests import (
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.report.rig_cautions import of_residuals
+from rover_pin.report.rig.cautions import of_residuals
 
 STUDIES = Path(__file__).parents[2] / "studies"
 DATA = STUDIES / "data"

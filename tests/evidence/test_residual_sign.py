@@ -14,10 +14,10 @@ from rover_pin.experiments.unlisted.remainder import Remainder, channel_remainde
 from rover_pin.experiments.wheel_rig.remainder import draft_effect
 from rover_pin.loop.rig import on_rig
 from rover_pin.motion.effect_files import user_effects
-from rover_pin.report.drive_rows import left_rows
-from rover_pin.report.drive_runs import Sides, residuals_figure, scale_of
-from rover_pin.report.rig import correlation_rows
-from rover_pin.report.rig_figures import residuals_figure as rig_residuals_figure
+from rover_pin.report.drive.left import channel_table
+from rover_pin.report.drive.runs import Sides, residual_panels, scale_of, worst_runs
+from rover_pin.report.rig.figures import residual_panels as rig_residual_panels
+from rover_pin.report.rig.report import test_table as table_of_tests
 
 
 def loaded(name):
@@ -58,8 +58,9 @@ def test_the_fit_and_the_levels_left_out_have_the_sign(deeper):
 
 
 def test_the_table_of_what_residuals_go_with_has_the_sign(deeper):
-    row = next(one for one in correlation_rows(deeper[1]) if (one["channel"], one["against"]) == ("sinkage", "slip"))
-    assert float(row["before"].split()[0]) > 0.9
+    rows = table_of_tests(deeper[1].extra, False).rows
+    (row,) = [one for one in rows if one.cells[:2] == ("sinkage", "slip")]
+    assert float(row.cells[2].split()[0]) > 0.9
     assert any("sinkage hangs together with slip (r = +" in said for said in deeper[1].cautions)
 
 
@@ -74,7 +75,7 @@ def test_the_words_of_what_is_left_have_the_sign(deeper):
 
 def test_the_figure_of_what_is_left_has_the_sign(deeper):
     made, verdict = deeper
-    axis = rig_residuals_figure(verdict, made.data).axes[1]
+    (axis,) = rig_residual_panels(made.data, verdict.extra.before, None)[1].axes
     assert "measured - model" in axis.get_ylabel()
     drawn = axis.containers[0].lines[0].get_ydata()
     assert drawn[0] == pytest.approx(-4, abs=0.3)
@@ -118,17 +119,16 @@ def test_the_table_of_a_drive_has_the_sign(faster):
     left = channel_remainders(scene)
     assert left[1].correlations["duty"] > 0.99
     assert "duty (correlation +1.00)" in left[1].said
-    rows = left_rows(Remainder((), left, (), ()))
-    assert rows[0].cells[0] == "current_fl_A"
+    rows = channel_table(Remainder((), left, (), ())).rows
+    assert rows[0].cells[0] == "current fl"
     assert float(rows[0].cells[3]) > 0.99
 
 
 def test_the_figure_of_a_drive_has_the_sign(faster):
     fitted, duty = faster
-    figure = residuals_figure(Sides(fitted, fitted))
-    titles = [axis.get_title() for axis in figure.axes[:2]]
+    run, figure = worst_runs(fitted)[0], residual_panels(Sides(fitted, fitted))[0]
     axis = next(one for one in figure.axes if one.get_ylabel().startswith("current"))
     drawn = axis.lines[-1].get_ydata() / scale_of("current_fl_A")[0]
-    run = [one.name for one in fitted.task.experiment.runs].index(titles[0])
     assert np.corrcoef(drawn, duty[run])[0, 1] > 0.99
-    assert figure.legends[0].get_title().get_text() == "measured - model"
+    name = fitted.task.experiment.runs[run].name
+    assert figure.legends[0].get_title().get_text() == f"{name}: measured - model"

@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
+from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.fit import covariance
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Against, Change, Outcome, against, got_worse, interval, share, spread
@@ -19,10 +20,11 @@ from rover_pin.experiments.drive_log.free_runs import FreeRun
 from rover_pin.experiments.wheel_rig.data import Independent, read_rig_set
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
 from rover_pin.loop.rig import on_rig
-from rover_pin.report.drive_figures import heldout_figure
-from rover_pin.report.drive_rows import run_rows, score_rows
-from rover_pin.report.rig import html
-from rover_pin.report.rig_cautions import of_parameters
+from rover_pin.report.figures import heldout_panels
+from rover_pin.report.rig.cautions import of_parameters
+from rover_pin.report.rig.report import write_report
+from rover_pin.report.sections.held_out import HeldOut, channel_table
+from rover_pin.report.words import Manner
 
 
 def module(name, file):
@@ -45,6 +47,7 @@ rig = module("linear_rig", Path(__file__).parent / "linear_rig.py")
 
 
 AT_FLOOR = 1.25
+MANNER = Manner("on runs it never saw", "runs")
 
 
 # --- changes ---------------------------------------------------------------------------------------------------------
@@ -219,25 +222,32 @@ def test_a_logarithm_that_nothing_tells_ends_at_its_bounds():
 
 def test_rows_of_a_drive_report_word_changes_alike():
     score = ChannelScore("body_x", "m", 1e-3, 5e-3, 5e-3, 0.0, 0.0, 0.0)
-    assert score_rows([score], True)[0].cells[-2:] == ("unchanged", "unchanged")
+    (row,) = channel_table([score], True, MANNER).rows
+    assert (row.cells[3], row.cells[-1]) == ("unchanged", "unchanged")
     lost = ChannelScore("body_x", "m", 1e-3, 5e-3, 6e-3, 0.2, 0.1, 0.3)
-    (row,) = score_rows([lost], True)
+    (row,) = channel_table([lost], True, MANNER).rows
     assert (row.cells[-1], row.look) == ("worse", "away")
-    assert run_rows([RunScore("run-0", 40, 2.0, 1.0, -0.6, -0.4)], True)[0].cells[-1] == "-50%, 95 % [-60%, -40%]"
-    assert run_rows([RunScore("run-0", 4, 2.0, 1.0, -0.5, -0.5)], True)[0].cells[-1] == "-50%, no interval"
+    runs = (RunScore("run-0", 40, 2.0, 1.0, -0.6, -0.4), RunScore("run-1", 4, 2.0, 1.0, -0.5, -0.5))
+    verdict = Verdict("drive-log", Answer.NAMED, "x", "", None, named=("ExitAngle",), scores=(score, lost), runs=runs)
+    parts = HeldOut(verdict, MANNER).content()["parts"]
+    assert [row.cells[-1] for row in parts.rows] == ["-50%, 95 % [-60%, -40%]", "-50%, no interval"]
+
+
+def test_a_change_that_no_table_shows_is_none_whatever_its_interval():
+    """An elevation from 0.41420 to 0.41421 mm on every run is no channel that got worse."""
+    tiny = change(1.0, 1.0 + 1e-6, 5e-7, 7e-5, floor=0.5)
+    assert tiny.outcome is Outcome.NONE
+    assert got_worse([("elevation", tiny)]) == "No channel got worse beyond its scatter."
 
 
 # --- pages and pictures ----------------------------------------------------------------------------------------------
 
 
-def test_a_rigs_page_says_what_is_in_its_model_file(nothing):
+def test_a_rigs_page_says_what_is_in_its_model_file(nothing, tmp_path):
     told = {"command": "rover-pin close-loop x", "seconds": 1.0, "seed": 0, "versions": {"numpy": "2"}}
-    page = html(
-        dataclasses.replace(nothing, provenance=told),
-        rig.rig_set(np.zeros(2 * rig.RUNS)),
-        {"channels": "", "residuals": ""},
-    )
-    assert "is the fitted base model, to which nothing was added" in page
+    verdict = dataclasses.replace(nothing, provenance=told)
+    page = write_report(verdict, rig.rig_set(np.zeros(2 * rig.RUNS)), tmp_path)[0].read_text()
+    assert "is the fitted base model, to which nothing was added" in " ".join(page.split())
     assert "+0%" not in page
     assert ">worse<" not in page
 
@@ -253,7 +263,7 @@ def scores():
 
 
 def test_the_picture_of_runs_left_out_draws_no_change_that_is_not_claimed():
-    left = heldout_figure(scores(), True).axes[0]
+    left = heldout_panels(scores(), True, MANNER)[0].axes[0]
     drawn = [line for line in left.collections if isinstance(line, LineCollection)]
     assert len(drawn[0].get_segments()) == 2
     hollow = next(line for line in left.lines if "no change to claim" in line.get_label())

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from rover_pin.commands.subject import read_subject
 from rover_pin.motion.saved import save_trace
 from rover_pin.scenarios import scenario
 from rover_pin.view.animation import COLOURS, MOST_PICTURES, PICTURES_PER_SECOND, write_animation
 from rover_pin.view.film import Film
-from rover_pin.view.subject import read_subject
 
 WORDS = ("--set", "duration=1.2", "--set", "soil.k=10mm")
 

@@ -18,17 +18,23 @@ from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEAK
 from rover_pin.motion.channels import unit_of, wheel_of
 from rover_pin.motion.model import Model
 from rover_pin.motion.replay import Commands
-from rover_pin.report.page import AFTER, BEFORE, GREY
+from rover_pin.report.svg import AFTER, BEFORE, GREY, NOISE
+from rover_pin.report.words import as_text
 
-CHANNELS, OF_A_KIND, RUNS, ACROSS = 5, 2, 2, 3
-"""Channels that are drawn, and of one kind; runs that are drawn, and free runs side by side."""
-MADE_WORDS = {
-    PATH: f"way ahead, last {LEAK:g} s",
-    DRIFT: f"way aside, last {LEAK:g} s",
-    HEADING: f"turn, last {LEAK:g} s",
+CHANNELS, OF_A_KIND, RUNS = 5, 2, 2
+"""Channels that are drawn, and of one kind; runs that are drawn."""
+LOOKS = ((BEFORE, "--", "base model"), (AFTER, "-", "with what was added"))
+WORDS = {
+    PATH: f"way ahead in {LEAK:g} s",
+    DRIFT: f"way aside in {LEAK:g} s",
+    HEADING: f"turn in {LEAK:g} s",
     SPEED: "speed ahead",
+    "body_z": "elevation",
+    "body_roll": "roll",
+    "body_pitch": "pitch",
+    "battery_V": "bus voltage",
 }
-"""What the features made of several channels are, for a reader."""
+"""What channels that are of no wheel or joint are, for a reader."""
 
 
 class Sides(NamedTuple):
@@ -49,13 +55,8 @@ class Sides(NamedTuple):
 
 
 def words_of(channel: str) -> str:
-    """Return a channel's name for a reader."""
-    return MADE_WORDS.get(channel, channel)
-
-
-def as_text(name: str) -> str:
-    """Return a name as matplotlib shows it letter by letter: a dollar sign starts no formula."""
-    return name.replace("$", r"\$")
+    """Return a channel's name for a reader: wheel_rate_fl is 'wheel rate fl'."""
+    return WORDS.get(channel, channel.removesuffix("_A").replace("_", " "))
 
 
 def scale_of(channel: str) -> tuple[float, str]:
@@ -92,30 +93,39 @@ def _rms(fit: Fit) -> np.ndarray:
     noise = fit.task.noise
     squares = np.where(noise.good, fit.residual, 0.0) ** 2
     count = np.maximum(noise.good.sum(axis=(0, 2)), 1)
-    return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / count) / noise.sd)
+    return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / count) / noise.floor)
 
 
-def residuals_figure(sides: Sides) -> Figure:
-    """Return measured - model of the telling channels against time for the worst runs, before and after."""
-    figure, panels = _grid(sides)
-    for axis, run, row, factor in panels:
-        noise = factor * float(sides.before.task.noise.sd[row])
-        axis.axhspan(-noise, noise, color="#d9c9a5", alpha=0.5, lw=0, label="+-1 SD of the noise")
+def residual_panels(sides: Sides) -> tuple[Figure, ...]:
+    """Return measured - model of the telling channels against time, a panel for each of the worst runs."""
+    return tuple(_residuals(sides, run) for run in worst_runs(sides.before))
+
+
+def _residuals(sides: Sides, run: int) -> Figure:
+    figure, rows = _column(sides, run, telling_channels(sides))
+    for axis, row, factor in rows:
+        noise = factor * float(sides.before.task.noise.floor[row])
+        axis.axhspan(-noise, noise, color=NOISE, alpha=0.6, lw=0, label="±1 SD of the noise")
         axis.axhline(0, color="k", lw=0.7)
         for fit, look in _looks(sides):
             _line(axis, sides.experiment, run, factor * fit.residual[run, row], look)
-    return _finished(figure, "measured - model")
+    return _finished(figure, f"{sides.experiment.runs[run].name}: measured - model")
 
 
-def measured_figure(sides: Sides) -> Figure:
-    """Return the telling channels as measured and as modelled, before and after, for the worst runs."""
-    figure, panels = _grid(sides)
-    for axis, run, row, factor in panels:
+def measured_panels(sides: Sides, channels: Sequence[int] = (), runs: Sequence[int] = ()) -> tuple[Figure, ...]:
+    """Return channels as measured and as modelled, before and after; the telling ones of the worst runs if not said."""
+    rows = list(channels) or telling_channels(sides)
+    return tuple(_measured(sides, run, rows) for run in runs or worst_runs(sides.before))
+
+
+def _measured(sides: Sides, run: int, channels: Sequence[int]) -> Figure:
+    figure, rows = _column(sides, run, channels)
+    for axis, row, factor in rows:
         black = {"color": "k", "marker": "o", "ms": 2.2, "ls": "", "label": "measured"}
         _line(axis, sides.experiment, run, factor * sides.experiment.observed[run, row], black)
         for fit, look in _looks(sides):
             _line(axis, sides.experiment, run, factor * fit.predicted[run, row], look)
-    return _finished(figure, "")
+    return _finished(figure, sides.experiment.runs[run].name)
 
 
 def _looks(sides: Sides) -> list[tuple[Fit, dict[str, Any]]]:
@@ -124,25 +134,21 @@ def _looks(sides: Sides) -> list[tuple[Fit, dict[str, Any]]]:
     return [(sides.before, before), *([(sides.after, after)] if sides.added else [])]
 
 
-Panel = tuple[Axes, int, int, float]
+Panel = tuple[Axes, int, float]
 
 
-def _grid(sides: Sides) -> tuple[Figure, list[Panel]]:
-    """Return a figure of the telling channels by the worst runs, what is not compared shaded."""
-    runs, rows = worst_runs(sides.before), telling_channels(sides)
-    figure = Figure(figsize=(4.9 * len(runs) + 0.6, 1.55 * len(rows) + 0.8), layout="constrained")
-    axes = figure.subplots(len(rows), len(runs), sharex="col", sharey="row", squeeze=False)
+def _column(sides: Sides, run: int, channels: Sequence[int]) -> tuple[Figure, list[Panel]]:
+    """Return a figure of channels of a run, one above the other, what is not compared shaded."""
+    figure = Figure(figsize=(4.9, 1.5 * len(channels) + 1.1), layout="constrained")
+    axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     panels = []
-    for line, row in enumerate(rows):
+    for axis, row in zip(axes, channels, strict=True):
         name = sides.experiment.channels[row]
         factor, unit = scale_of(name)
-        axes[line, 0].set_ylabel(f"{as_text(words_of(name))}\n[{unit or '-'}]", fontsize=8.5)
-        for column, run in enumerate(runs):
-            _shaded(axes[line, column], sides.experiment, run, row)
-            panels.append((axes[line, column], run, row, factor))
-    for column, run in enumerate(runs):
-        axes[0, column].set_title(as_text(sides.experiment.runs[run].name), fontsize=10)
-        axes[-1, column].set_xlabel("time [s]")
+        axis.set_ylabel(f"{as_text(words_of(name))}\n[{unit or '-'}]", fontsize=8.5)
+        _shaded(axis, sides.experiment, run, row)
+        panels.append((axis, row, factor))
+    axes[-1].set_xlabel("time [s]")
     return figure, panels
 
 
@@ -168,9 +174,8 @@ def _finished(figure: Figure, title: str) -> Figure:
     handles = {
         label: handle for axis in figure.axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
     }
-    figure.legend(
-        list(handles.values()), list(handles), loc="outside upper center", ncols=4, frameon=False, title=title or None
-    )
+    figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=2, frameon=False,
+                  title=as_text(title), fontsize=8.5)  # fmt: skip
     return figure
 
 
@@ -187,22 +192,23 @@ def _off(run: Commands, channels: dict[str, np.ndarray]) -> np.ndarray:
     return np.asarray(np.hypot(x, y))
 
 
-def free_figure(experiment: DriveExperiment, models: Sequence[Model]) -> Figure:
-    """Return how far free simulations stray from the log over time: the base model, perhaps the one after."""
-    count = len(experiment.runs)
-    lines, across = -(-count // ACROSS), min(count, ACROSS)
-    figure = Figure(figsize=(3.6 * across + 0.4, 2.5 * lines + 0.5), layout="constrained")
-    axes = figure.subplots(lines, across, sharey=True, squeeze=False)
-    looks = ((BEFORE, "--", "base model"), (AFTER, "-", "with what was added"))
-    for model, (colour, style, label) in zip(models, looks, strict=False):
-        for axis, run, off in zip(axes.ravel(), experiment.runs, strayed(experiment, model), strict=False):
-            axis.plot(run.times, 1e3 * off, color=colour, ls=style, lw=1.4, label=label)
-            axis.set_title(as_text(run.name), fontsize=10)
-            axis.set_xlabel("time [s]")
-            axis.grid(alpha=0.25)
-    for axis in axes.ravel()[count:]:
-        axis.set_axis_off()
-    for axis in axes[:, 0]:
-        axis.set_ylabel("distance from the\nlogged place [mm]")
-        axis.set_ylim(bottom=0)
-    return _finished(figure, "")
+def free_panels(experiment: DriveExperiment, models: Sequence[Model]) -> tuple[Figure, ...]:
+    """Return how far free simulations stray from the log over time, a panel a run: the base model, and that after."""
+    ways = [strayed(experiment, model) for model in models]
+    highest = max((1e3 * float(np.nanmax(way)) for each in ways for way in each if np.isfinite(way).any()), default=1.0)
+    return tuple(
+        _strayed_panel(run.name, run.times, [each[at] for each in ways], 1.05 * highest)
+        for at, run in enumerate(experiment.runs)
+    )
+
+
+def _strayed_panel(name: str, times: np.ndarray, ways: Sequence[np.ndarray], highest: float) -> Figure:
+    figure = Figure(figsize=(3.2, 2.4), layout="constrained")
+    axis = figure.subplots()
+    for off, (colour, style, label) in zip(ways, LOOKS, strict=False):
+        axis.plot(times, 1e3 * off, color=colour, ls=style, lw=1.4, label=label)
+    axis.set(xlabel="time [s]", ylabel="distance from the\nlogged place [mm]", ylim=(0, highest))
+    axis.set_title(as_text(name), fontsize=10)
+    axis.legend(fontsize=7, frameon=False)
+    axis.grid(alpha=0.25)
+    return figure

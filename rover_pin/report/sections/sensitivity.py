@@ -1,26 +1,28 @@
-"""What a drive log cannot tell: candidates that do not show or are imitated, and from what size they would show."""
+"""What the data could not tell, and from what size they would have: so that 'nothing found' has a number."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 from rover_pin.discrepancy.candidate import FAR_FROM
 from rover_pin.discrepancy.screen import STILL, Scored, fee_of
 from rover_pin.discrepancy.search import Search
-from rover_pin.estimation.experiment import find
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import shown
-from rover_pin.experiments.drive_log.parameters import owners
-from rover_pin.motion.model import Model
 from rover_pin.quantity import Quantity, quantities
+from rover_pin.report.section import Row, Section, Table
+from rover_pin.report.words import full, kinds_of
 
 IMITATED = 0.98
 """Share of a signature's sum of squares from which it counts as one that the uncertain numbers imitate."""
 
 
 class Sensitivity(NamedTuple):
-    """What a log says of one kind of candidate, at the wheel, channel or place where it would show best."""
+    """What data say of one kind of candidate, at the wheel, channel or place where it would show best."""
 
     name: str
     places: int
@@ -41,8 +43,34 @@ class Sensitivity(NamedTuple):
         return "" if self.threshold else f"{self.share:.2g}"
 
 
+@dataclass(frozen=True, eq=False)
+class Untold(Section):
+    """What could not be told, and from what size the rest would show."""
+
+    verdict: Verdict
+    title: ClassVar[str] = "What could not be told"
+    template: ClassVar[str] = "sections/sensitivity.html"
+
+    def content(self) -> Mapping[str, Any] | None:
+        """Return the two tables; None where nothing was scored."""
+        found = sensitivities(self.verdict.search) if self.verdict.search else ()
+        if not found:
+            return None
+        kinds = kinds_of(self.verdict)
+
+        def name(one: Sensitivity) -> str:
+            return full(one.name, kinds) + (f", {one.places} places" if one.places > 1 else "")
+
+        untold = [Row((name(one), one.why, one.size)) for one in found if not one.told]
+        told = [Row((name(one), one.size, one.usual)) for one in found if one.told]
+        return {
+            "untold": Table(("candidate", "why not", "would show from about"), tuple(untold)),
+            "told": Table(("candidate", "would show from about", "of its usual size"), tuple(told)),
+        }
+
+
 def sensitivities(search: Search) -> tuple[Sensitivity, ...]:
-    """Return what the log says of every kind of candidate, what it tells least last."""
+    """Return what the data say of every kind of candidate, what they tell least last."""
     kinds: dict[str, list[Scored]] = {}
     for row in search.rounds[0].scored if search.rounds else ():
         kinds.setdefault(row.candidate.kind, []).append(row)
@@ -56,7 +84,7 @@ def _of_kind(kind: str, rows: Sequence[Scored], search: Search) -> Sensitivity:
     share = best.smallest(fee[best.candidate.name])
     why = _why(best, share)
     far = any(_far(best, name) for name in best.signature.sizes)
-    return Sensitivity(kind, len(rows), share, _size(best, share, search.base.model), not why, why, far)
+    return Sensitivity(kind, len(rows), share, _size(best, share, search.base), not why, why, far)
 
 
 def _far(row: Scored, name: str) -> bool:
@@ -73,13 +101,13 @@ def _why(row: Scored, share: float) -> str:
     return f"would show from {share:.1f} times its usual size only" if share > 1 else ""
 
 
-def _size(row: Scored, share: float, model: Model) -> str:
+def _size(row: Scored, share: float, base: Fit) -> str:
     """Return the size from which a candidate would show: a share of the way from neutral to its signature's size."""
     if not math.isfinite(share):
         return "none"
     sizes = []
     for name, size in row.signature.sizes.items():
-        neutral, about = row.signature.neutral[name], _about(row, name, model)
+        neutral, about = row.signature.neutral[name], _about(row, name, base)
         own = name.rpartition(".")[2]
         if size == neutral:
             continue
@@ -97,7 +125,7 @@ def _bounded(own: str, value: float, about: Quantity) -> str:
     return f"{own} = {shown(value, about.unit)}" + ("" if within else ", beyond its bounds")
 
 
-def _about(row: Scored, name: str, model: Model) -> Quantity:
+def _about(row: Scored, name: str, base: Fit) -> Quantity:
     if row.candidate.effect is None:
-        return find(owners(model), name)[2]
+        return base.task.experiment.quantity(base.model, name)
     return quantities(row.candidate.effect)[name.rpartition(".")[2]]

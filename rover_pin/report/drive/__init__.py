@@ -1,0 +1,1 @@
+"""The report of a drive log: start at `report.write_report`."""

@@ -1,0 +1,46 @@
+"""What a reader of a drive verdict should be wary of: one sentence each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rover_pin.discrepancy.held_out import together
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.experiments.drive_log.free_runs import FreeRun
+
+FEW_RUNS = 4
+"""Runs below which those left out say little."""
+MISSED = 1.3
+"""Misfit on runs left out from which more than the noise is left."""
+
+
+def cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> tuple[str, ...]:
+    """Return what a reader should be wary of, given how far free runs stray."""
+    return tuple(_cautions(verdict, free)) if verdict.after is not None else ()
+
+
+def _cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
+    for one in verdict.drifted:
+        yield f"{one.name} sits {one.drift:+.1f} SD from what was declared: it may have absorbed an effect"
+    for one in verdict.after.numbers if verdict.after else ():
+        if one.at_bound:
+            yield f"{one.name} lies at its bound: the form of the model is strained"
+    misfit = together(verdict.runs)[1]
+    if misfit > MISSED:
+        yield f"runs left out are missed by {misfit:.1f} times the noise: more than noise is left"
+    if len(verdict.runs) < FEW_RUNS:
+        yield f"{len(verdict.runs)} runs are few: what holds on one left out may not hold on the next"
+    yield from _free(free, bool(verdict.named))
+    if verdict.named:
+        yield "runs were left out of the fits, not of the choice: the effect was chosen on all of them"
+
+
+def _free(free: tuple[FreeRun, ...], added: bool) -> Iterator[str]:
+    lost = [one.run for one in free if not np.isfinite(one.after)]
+    if lost:
+        yield f"driven freely, the model does not come to the end of {', '.join(lost)}"
+    further = [one.run for one in free if added and one.after > one.before]
+    if further:
+        yield f"driven freely, the model strays further than the base model in {', '.join(further)}"

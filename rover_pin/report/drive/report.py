@@ -1,0 +1,181 @@
+"""A drive log's verdict as a page: the sections that any verdict has, its runs along time, and free runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.experiments.drive_log.extra import extra_of
+from rover_pin.experiments.drive_log.free_runs import FreeRun
+from rover_pin.motion.drive_log import DriveLog
+from rover_pin.report.drive.full_duty import at_full_duty
+from rover_pin.report.drive.ghost import Ghosts
+from rover_pin.report.drive.left import LeftOver
+from rover_pin.report.drive.runs import (
+    Sides,
+    free_panels,
+    measured_panels,
+    residual_panels,
+    telling_channels,
+    words_of,
+    worst_runs,
+)
+from rover_pin.report.first_screen import FirstScreen
+from rover_pin.report.headline import headline
+from rover_pin.report.page import Head, write_page
+from rover_pin.report.section import AWAY, Picture, Row, Section, Table
+from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
+from rover_pin.report.sections.held_out import HeldOut
+from rover_pin.report.sections.numbers import Numbers
+from rover_pin.report.sections.physics import Physics
+from rover_pin.report.sections.sensitivity import Untold
+from rover_pin.report.sections.which_effect import WhichEffect
+from rover_pin.report.words import Manner, brief, listing, pair
+
+SHOWN = 2
+"""Channels in the picture of the first screen."""
+
+
+def manner_of(verdict: Verdict) -> Manner:
+    """Return what a drive log calls its parts, and what its free runs say."""
+    return Manner(
+        "on runs it never saw",
+        "runs",
+        words_of,
+        evidence=tuple(_free_said(extra_of(verdict).free) if verdict.named else ()),
+    )
+
+
+def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
+    """Write report.html and its figures, and return their paths."""
+    manner, sides = manner_of(verdict), sides_of(verdict)
+    seconds = sum(float(trace.t[-1] - trace.t[0]) for trace in log.runs if len(trace.t))
+    sections = [
+        FirstScreen(verdict, manner, _picture(sides), "worst_run"),
+        FreeRuns(verdict),
+        Ghosts(verdict, log, sides),
+        HeldOut(verdict, manner),
+        WhereItIsWrong(verdict),
+        Physics(verdict, manner, lambda effect: at_full_duty(verdict.model, effect)),
+        WhichEffect(verdict, manner),
+        Numbers(verdict),
+        LeftOver(verdict),
+        Untold(verdict),
+        Warnings(verdict, manner),
+        DataCheck(verdict, log.about.source),
+        Repeat(verdict),
+    ]
+    head = Head(log.about.name, f"{len(log.runs)} runs, {seconds:.0f} s", headline(verdict, manner))
+    return write_page(head, sections, out)
+
+
+def sides_of(verdict: Verdict) -> Sides | None:
+    """Return the fits before and after; the same where nothing was added, None where nothing could be fitted."""
+    if verdict.before is None or verdict.after is None:
+        return None
+    return Sides(verdict.before.fit, verdict.after.fit if verdict.named else verdict.before.fit)
+
+
+def _picture(sides: Sides | None) -> Picture | None:
+    """Return the channels that changed most on the run that the base model misses most."""
+    if sides is None:
+        return None
+    run, channels = worst_runs(sides.before)[0], telling_channels(sides)[:SHOWN]
+    names = listing(words_of(sides.experiment.channels[row]) for row in channels)
+    alt = f"{names} of run {sides.experiment.runs[run].name}, measured and modelled before" + " and after" * sides.added
+    panels = tuple(figure for row in channels for figure in measured_panels(sides, [row], [run]))
+    caption = "The run that the base model misses most, in half-second means; shaded is not compared."
+    return Picture(panels, f"{alt}.", caption)
+
+
+def _together(free: tuple[FreeRun, ...]) -> tuple[float, float]:
+    """Return the RMS distance of all free runs from the logged place, before and after [m]."""
+    rows = np.array([(one.before, one.after) for one in free])
+    was, now = (float(np.sqrt(np.nanmean(side**2))) if np.isfinite(side).any() else float("nan") for side in rows.T)
+    return was, now
+
+
+def _free_said(free: tuple[FreeRun, ...]) -> list[str]:
+    if not free:
+        return []
+    was, now = _together(free)
+    if was == now or not np.isfinite([was, now]).all():
+        return []
+    before, after = pair(was, now, "m")
+    word = "closer" if now < was else "further off"
+    return [
+        f"left to drive by the logged commands alone it stays {word}: {after} from the measured place, not {before}"
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class FreeRuns(Section):
+    """How far simulations stray that are given the logged commands and nothing else."""
+
+    verdict: Verdict
+    title: ClassVar[str] = "Driven freely"
+    template: ClassVar[str] = "drive/free_runs.html"
+
+    def content(self) -> Mapping[str, Any] | None:
+        """Return the distances; None where nothing was driven."""
+        free = extra_of(self.verdict).free
+        if not free:
+            return None
+        added = bool(self.verdict.named)
+        rows = [_free_row(one.run, f"{one.distance:.2f} m", one.before, one.after, added) for one in free]
+        if len(free) > 1:
+            rows.append(_free_row("all runs together", "", *_together(free), added))
+        heads = ("run", "driven", *(("before", "after") if added else ("base model",)))
+        return {"table": Table(heads, tuple(rows), "RMS distance from the logged place")}
+
+    def pictures(self) -> Mapping[str, Picture]:
+        """Return the distance over time."""
+        sides = sides_of(self.verdict)
+        if sides is None:
+            return {}
+        models = [sides.before.model, *([sides.after.model] if sides.added else [])]
+        before, after = (brief(each, "m") for each in _together(extra_of(self.verdict).free))
+        alt = f"Distance of free simulations from the logged place over time: {before} RMS" + (
+            f" before and {after} after." if sides.added else "."
+        )
+        return {"free": Picture(free_panels(sides.experiment, models), alt)}
+
+
+def _free_row(run: str, driven: str, before: float, after: float, added: bool) -> Row:
+    cells = (run, driven, _mm(before), *((_mm(after),) if added else ()))
+    return Row(cells, AWAY * (added and not after <= before))
+
+
+def _mm(distance: float) -> str:
+    return f"{1e3 * distance:.1f} mm" if np.isfinite(distance) else "did not drive"
+
+
+@dataclass(frozen=True, eq=False)
+class WhereItIsWrong(Section):
+    """Measured and modelled channels, and what is left of them, along the runs that are missed most."""
+
+    verdict: Verdict
+    title: ClassVar[str] = "Where the model is wrong"
+    template: ClassVar[str] = "drive/where_it_is_wrong.html"
+
+    def content(self) -> Mapping[str, Any] | None:
+        """Return whether anything was added; None where nothing was fitted."""
+        return None if sides_of(self.verdict) is None else {"added": bool(self.verdict.named)}
+
+    def pictures(self) -> Mapping[str, Picture]:
+        """Return residuals and channels against time."""
+        sides = sides_of(self.verdict)
+        assert sides is not None
+        names = listing(words_of(sides.experiment.channels[row]) for row in telling_channels(sides))
+        after = " and after" * sides.added
+        return {
+            "residuals": Picture(
+                residual_panels(sides), f"Measured minus model of {names} against time, before{after}."
+            ),
+            "measured": Picture(measured_panels(sides), f"Measured and modelled {names} against time, before{after}."),
+        }

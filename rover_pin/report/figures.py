@@ -1,0 +1,144 @@
+"""Pictures that the report of any data has: gains of the candidates, and errors of many channels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.refit import Fee
+from rover_pin.discrepancy.screen import Scored
+from rover_pin.discrepancy.search import Round, Search, fee_after
+from rover_pin.effects.names import spoken
+from rover_pin.estimation.wording import Outcome
+from rover_pin.report.svg import AFTER, BEFORE, GREY
+from rover_pin.report.words import Manner, as_text, listing
+
+FIRST, LATER = 14, 6
+"""Candidates that are drawn of the first look, and of each later one."""
+LEAST_GAIN = 0.1
+"""Gain in chi2 at which the axis begins."""
+BEATEN, REFUSED = "#8fb4c2", "#b9bdbf"
+"""Colours of what was accepted and beaten, and of what was not accepted."""
+
+
+def candidates_figure(search: Search, kinds: Iterable[type]) -> Figure:
+    """Return the gain of the leading candidates of every look against what chance gives the best of them."""
+    rows = [leaders(look, FIRST if not number else LATER) for number, look in enumerate(search.rounds)]
+    heights = [len(each) + 1.2 for each in rows]
+    figure = Figure(figsize=(6.2, 0.3 * sum(heights) + 1.5), layout="constrained")
+    axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
+    for number, (axis, look, shown) in enumerate(zip(axes, search.rounds, rows, strict=True)):
+        _candidates(
+            axis, look, shown[::-1], fee_after(search.rounds[:number], search.count, search.base.task.noise.inflation)
+        )
+        names = [as_text(spoken(row.candidate.name, kinds)) for row in shown[::-1]]
+        axis.set_yticks(range(len(names)), names, fontsize=8.5)
+        base = listing(spoken(one.name, kinds) for one in search.found[:number]) or "the base model"
+        axis.set_title(f"added to {as_text(base)}", fontsize=9.5, loc="left")
+    axes[-1].set_xlabel("gain in chi2")
+    figure.legend(handles=_signs(), loc="outside upper left", ncols=2, frameon=False, fontsize=8.5)
+    return figure
+
+
+def leaders(look: Round, most: int) -> list[Scored]:
+    """Return the leading candidates of a look and all refitted ones, by refitted or else promised gain.
+
+    Of an effect that was sought all over the ground only the best place, unless another was refitted.
+    """
+    refitted = {one.name: one.gain for one in look.refits}
+    kept: list[Scored] = []
+    places = set()
+    for row in look.scored:
+        name, kind = row.candidate.name, row.candidate.kind
+        if name not in refitted and (not row.told or ("@" in name and kind in places) or len(kept) >= most):
+            continue
+        places.add(kind)
+        kept.append(row)
+    return sorted(kept, key=lambda row: -refitted.get(row.candidate.name, row.gain))
+
+
+def _candidates(axis: Axes, look: Round, rows: Sequence[Scored], must_gain: Fee) -> None:
+    refits = {one.name: one for one in look.refits}
+    for place, row in enumerate(rows):
+        one = refits.get(row.candidate.name)
+        gain = row.gain if one is None else one.gain
+        colour = AFTER if one in look.alike else BEATEN if one is not None and one.accepted else REFUSED
+        if gain > LEAST_GAIN:
+            axis.barh(place, gain - LEAST_GAIN, left=LEAST_GAIN, color=colour, height=0.7)
+        if one is not None:
+            axis.plot(max(gain, LEAST_GAIN), place, "D", color="k", ms=4, clip_on=False)
+        fee = must_gain(row.candidate) if one is None else one.fee
+        axis.plot([fee, fee], [place - 0.45, place + 0.45], color=BEFORE, lw=1.8)
+    axis.set_ylim(-0.7, len(rows) - 0.3)
+    axis.set_xscale("log")
+    axis.set_xlim(left=LEAST_GAIN)
+    axis.grid(alpha=0.25, axis="x")
+
+
+def _signs() -> list[Line2D]:
+    return [
+        Line2D([], [], color=AFTER, lw=7, label="accepted: the best, or not told from it"),
+        Line2D([], [], color=BEATEN, lw=7, label="accepted, but beaten"),
+        Line2D([], [], color=REFUSED, lw=7, label="not accepted, or promised only"),
+        Line2D([], [], color="k", marker="D", ms=4, ls="", label="refitted"),
+        Line2D([], [], color=BEFORE, lw=1.8, label="what it must gain"),
+    ]
+
+
+def heldout_panels(scores: Sequence[ChannelScore], added: bool, manner: Manner) -> tuple[Figure, ...]:
+    """Return each channel's held-out error in times its noise, and the change of each with the 95 % interval."""
+    ranked = sorted(scores, key=lambda one: one.before / max(one.floor, 1e-300))
+    panels = [_panel(ranked, manner) for _ in range(2 if added else 1)]
+    _errors(panels[0].axes[0], ranked, added)
+    if added:
+        _changes(panels[1].axes[0], ranked)
+    for figure in panels:
+        handles = figure.axes[0].get_legend_handles_labels()
+        figure.legend(*handles, loc="outside upper center", ncols=2, frameon=False, fontsize=8.5)
+    return tuple(panels)
+
+
+def _panel(ranked: Sequence[ChannelScore], manner: Manner) -> Figure:
+    figure = Figure(figsize=(4.9, 0.24 * len(ranked) + 1.3), layout="constrained")
+    axis = figure.subplots()
+    axis.set_yticks(range(len(ranked)), [as_text(manner.channel(one.name)) for one in ranked], fontsize=8.5)
+    axis.grid(alpha=0.25)
+    return figure
+
+
+def _errors(axis: Axes, ranked: Sequence[ChannelScore], added: bool) -> None:
+    places = np.arange(len(ranked))
+    floor = np.array([max(one.floor, 1e-300) for one in ranked])
+    before, after = (np.array(side) / floor for side in ([one.before for one in ranked], [one.after for one in ranked]))
+    axis.axvline(1, color="k", lw=0.8)
+    axis.plot(before, places, "o", color=BEFORE, ms=5, label="base model")
+    if added:
+        told = np.array([one.worded.outcome in (Outcome.BETTER, Outcome.WORSE) for one in ranked], dtype=bool)
+        axis.hlines(places[told], before[told], after[told], color=GREY, lw=1, zorder=1)
+        axis.plot(after[told], places[told], "s", color=AFTER, ms=5, label="with what was added")
+        axis.plot(after[~told], places[~told], "s", color=AFTER, mfc="none", ms=5, label="no change to claim")
+    axis.set_xscale("log")
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.set_xlabel("held-out RMSE / noise")
+
+
+def _changes(axis: Axes, ranked: Sequence[ChannelScore]) -> None:
+    labels = {Outcome.BETTER: "better", Outcome.WORSE: "worse"}
+    colours = {Outcome.BETTER: AFTER, Outcome.WORSE: BEFORE}
+    said = set()
+    for place, one in enumerate(ranked):
+        outcome = one.worded.outcome
+        colour, label = colours.get(outcome, GREY), labels.get(outcome, "no change to claim")
+        axis.plot([100 * one.low, 100 * one.high], [place, place], color=colour, lw=2)
+        axis.plot(100 * one.change, place, "o", color=colour, ms=4, label=None if label in said else label)
+        said.add(label)
+    axis.axvline(0, color="k", lw=0.8)
+    axis.set_xlabel("change of the RMSE [%], 95 % interval")

@@ -1,0 +1,1 @@
+"""The report of a wheel-rig set: start at `report.write_report`."""

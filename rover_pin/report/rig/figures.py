@@ -1,0 +1,158 @@
+"""The pictures of a rig's report: channels against slip, measured, before and after, and what each model leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.experiment import ROWS
+from rover_pin.experiments.wheel_rig.left import Left
+from rover_pin.experiments.wheel_rig.model import UNBALANCED, RigModel, conditions, predictor
+from rover_pin.identification.identifiability import SAME_LOAD
+from rover_pin.measurements.channel import RigChannel
+from rover_pin.report.svg import AFTER, BEFORE, GREY
+
+PANEL = (4.6, 3.7)
+POINTS = 80
+
+
+class Look(NamedTuple):
+    """How one model is drawn."""
+
+    model: RigModel
+    colour: str
+    line: str
+    label: str
+
+
+def looks(before: RigModel, after: RigModel | None, added: str) -> list[Look]:
+    """Return the models that are drawn: the base model, and that with what was added."""
+    found = [Look(before, BEFORE, "--", "base model, fitted")]
+    return found if after is None else [*found, Look(after, AFTER, "-", f"with {added}")]
+
+
+def channel_panels(data: RigSet, shown: Sequence[Look]) -> tuple[Figure, ...]:
+    """Return one panel a channel: measured points with their noise, and the models under the load of each point."""
+    return tuple(_panel(data, channel, shown) for channel in data.rig.channels)
+
+
+def _panel(data: RigSet, channel: RigChannel, shown: Sequence[Look]) -> Figure:
+    figure = Figure(figsize=PANEL, layout="constrained")
+    axis, (scale, unit) = figure.subplots(), scale_of(channel)
+    measured, sd = scale * channel.measured, scale * channel.sd
+    axis.errorbar(data.rig.slip, measured, sd, fmt="ko", ms=4, capsize=2, label="measured, ±1 SD")
+    for look in shown:
+        for number, (slip, values, said) in enumerate(_curves(look.model, data, channel)):
+            axis.plot(slip, scale * values, look.line, color=look.colour, label=None if number else look.label)
+            if said and look is shown[-1] and np.isfinite(values).any():
+                end = np.flatnonzero(np.isfinite(values))[-1]
+                axis.annotate(said, (slip[end], scale * values[end]), fontsize=7.5, xytext=(3, 0),
+                              textcoords="offset points", va="center")  # fmt: skip
+    axis.set(xlabel="slip ratio S [-]", ylabel=f"{channel.name} [{unit}]")
+    axis.margins(x=0.09)
+    axis.grid(alpha=0.25)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=8.5)
+    return figure
+
+
+def scale_of(channel: RigChannel) -> tuple[float, str]:
+    """Return the factor to, and the name of, the unit in which a channel is drawn."""
+    return (1e3, "mm") if channel.unit == "m" else (1.0, channel.unit)
+
+
+Curve = tuple[np.ndarray, np.ndarray, str]
+
+
+def _curves(model: RigModel, data: RigSet, channel: RigChannel) -> Iterator[Curve]:
+    """Yield the model against slip, what its channel is, and what the curve is of: an angle, a load, or nothing."""
+    angles = np.round(np.asarray(data.rig.slip_angle), 2)
+    for angle in np.unique(angles):
+        own = data.rows(angles == angle)
+        of = f"{np.degrees(angle):.0f} deg" if np.ptp(angles) > 0 else ""
+        for load, said in _loads(own):
+            slip = np.linspace(min(0.0 if angle == 0.0 else 1.0, own.rig.slip.min()), own.rig.slip.max(), POINTS)
+            under = _along(own, slip, np.asarray(own.rig.load)) if load is None else np.full(slip.size, load)
+            runs = conditions(under, slip, _speeds(own, slip), np.mean(own.rig.slip_angle))
+            values, _, error = predictor(model, (), runs)(model.vector())
+            carried = np.abs(error) < UNBALANCED
+            yield (
+                slip,
+                np.where(carried, values[ROWS.index(type(channel))], np.nan),
+                ", ".join(filter(None, (of, said))),
+            )
+
+
+def _loads(data: RigSet) -> list[tuple[float | None, str]]:
+    """Return the loads of curves: three where several were set, else that of the points at each slip."""
+    load = np.asarray(data.rig.load)
+    if load.max() < SAME_LOAD * load.min() or not _set_apart(data):
+        return [(None, "")]
+    return [(float(each), f"{each:.3g} N") for each in np.unique(np.quantile(load, [0.0, 0.5, 1.0], method="nearest"))]
+
+
+def _set_apart(data: RigSet) -> bool:
+    """Return whether loads differ at one slip: then they were set, and no curve through them has a meaning."""
+    slip, load = np.asarray(data.rig.slip), np.asarray(data.rig.load)
+    near = np.abs(slip[:, None] - slip) < 0.02
+    return bool(np.any(near & (load[:, None] >= SAME_LOAD * load)))
+
+
+def _along(data: RigSet, slip: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the mean of a quantity at the levels, between them in a straight line."""
+    levels = [data.level == number for number in range(len(data.level_names))]
+    at = np.array([np.mean(np.asarray(data.rig.slip)[each]) for each in levels])
+    means = np.array([np.mean(values[each], axis=0) for each in levels])
+    order = np.argsort(at)
+    return np.asarray(np.interp(slip, at[order], means[order]))
+
+
+def _speeds(data: RigSet, slip: np.ndarray) -> np.ndarray | None:
+    if data.speeds is None:
+        return None
+    return np.column_stack([_along(data, slip, np.asarray(data.speeds)[:, i]) for i in range(2)])
+
+
+def load_caption(data: RigSet) -> str:
+    """Return under which load the models are drawn."""
+    load = np.asarray(data.rig.load)
+    if len(_loads(data)) > 1:
+        return "The models are drawn at three of the loads that were set, as written at their ends."
+    if np.ptp(load) < 0.01 * load.mean():
+        return f"The models are drawn under the mean load, {load.mean():.3g} N."
+    return f"The models are drawn under the load that each level had: {load.min():.3g} to {load.max():.3g} N."
+
+
+def residual_panels(data: RigSet, before: Left, after: Left | None) -> tuple[Figure, ...]:
+    """Return one panel a channel: the mean of measured - model at each level, with its noise, before and after."""
+    return tuple(_left(row, channel, before, after) for row, channel in enumerate(data.rig.channels))
+
+
+def _left(row: int, channel: RigChannel, before: Left, after: Left | None) -> Figure:
+    figure = Figure(figsize=(PANEL[0], 3.1), layout="constrained")
+    axis, (scale, unit) = figure.subplots(), scale_of(channel)
+    noise = scale * float(np.sqrt(np.mean(channel.sd**2)))
+    axis.axhspan(-noise, noise, color=GREY, alpha=0.2, lw=0, label="±1 SD of one run")
+    _levels(axis, before, row, scale, (BEFORE, "o", "before"))
+    if after is not None:
+        _levels(axis, after, row, scale, (AFTER, "s", "after"))
+    axis.axhline(0, color="k", lw=0.8)
+    axis.set(xlabel="slip ratio S [-]", ylabel=f"{channel.name}:\nmeasured - model [{unit}]")
+    axis.grid(alpha=0.25)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8.5)
+    return figure
+
+
+def _levels(axis: Axes, side: Left, row: int, scale: float, style: tuple[str, str, str]) -> None:
+    levels = sorted(side.remainders[row].levels, key=lambda level: level.slip)
+    colour, marker, label = style
+    axis.errorbar(
+        [level.slip for level in levels],
+        [scale * level.mean for level in levels],
+        [scale * level.noise for level in levels],
+        color=colour, marker=marker, ms=5, lw=1.2, capsize=2, label=label,
+    )  # fmt: skip

@@ -1,0 +1,143 @@
+"""A wheel-rig set's verdict as a page: the sections that any verdict has, and where its error lives against slip."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.wording import Against
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.left import RigExtra
+from rover_pin.experiments.wheel_rig.residual_tests import BEYOND_CHANCE, ResidualTest
+from rover_pin.report.first_screen import FirstScreen
+from rover_pin.report.headline import headline
+from rover_pin.report.page import Head, write_page
+from rover_pin.report.rig.figures import channel_panels, load_caption, looks, residual_panels
+from rover_pin.report.rig.levels import meanings
+from rover_pin.report.section import AWAY, Picture, Row, Section, Table
+from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
+from rover_pin.report.sections.held_out import HeldOut
+from rover_pin.report.sections.numbers import Numbers
+from rover_pin.report.sections.physics import Physics
+from rover_pin.report.sections.sensitivity import Untold
+from rover_pin.report.sections.which_effect import WhichEffect
+from rover_pin.report.words import Manner, kinds_of, listing, spoken
+
+
+def manner_of(data: RigSet) -> Manner:
+    """Return what a rig set calls its parts."""
+    said = meanings(data)
+    return Manner("on slips it never saw", "levels of slip", fold=lambda name: said.get(name, name))
+
+
+def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
+    """Write report.html and its figures, and return their paths."""
+    manner = manner_of(data)
+    kicker = f"{data.rig.slip.size} runs at {len(data.level_names)} levels of slip"
+    sections = [
+        FirstScreen(verdict, manner, _picture(verdict, data), "channels"),
+        HeldOut(verdict, manner),
+        WhereItLives(verdict, data),
+        Physics(verdict, manner),
+        WhichEffect(verdict, manner),
+        Numbers(verdict),
+        Elsewhere(verdict),
+        Untold(verdict),
+        Warnings(verdict, manner),
+        DataCheck(verdict, data.source),
+        Repeat(verdict),
+    ]
+    return write_page(Head(data.rig.name, kicker, headline(verdict, manner)), sections, out)
+
+
+def _added(verdict: Verdict) -> str:
+    return listing(spoken(name, kinds_of(verdict)) for name in verdict.named)
+
+
+def _picture(verdict: Verdict, data: RigSet) -> Picture:
+    before = verdict.before.model if verdict.before else verdict.model
+    after = verdict.model if verdict.named else None
+    shown = looks(before, after, _added(verdict)) if verdict.before else []
+    alt = f"Measured {listing(channel.name for channel in data.rig.channels)} against slip" + (
+        ", with the base model" if shown else ""
+    ) + (f" and the model with {_added(verdict)}" if after else "")  # fmt: skip
+    errors = [
+        f"{one.name} is missed by {one.before:.2g} before and {one.after:.2g} {one.unit} after"
+        for one in verdict.scores
+    ]
+    caption = load_caption(data) if shown else ""
+    return Picture(channel_panels(data, shown), f"{alt}. {listing(errors) if after else ''}".strip(), caption)
+
+
+@dataclass(frozen=True, eq=False)
+class WhereItLives(Section):
+    """What each model leaves at each level, and what that goes with."""
+
+    verdict: Verdict
+    data: RigSet
+    title: ClassVar[str] = "Where the error lives"
+    template: ClassVar[str] = "rig/where_it_lives.html"
+
+    @property
+    def sides(self) -> RigExtra:
+        """What the two models leave."""
+        assert isinstance(self.verdict.extra, RigExtra)
+        return self.verdict.extra
+
+    def content(self) -> Mapping[str, Any] | None:
+        """Return what is left in words, and the tests of residuals; None where nothing was fitted."""
+        if not isinstance(self.verdict.extra, RigExtra):
+            return None
+        added = bool(self.verdict.named)
+        lines = [f"Before, {one.said}." for one in self.sides.before.remainders]
+        lines += [f"After, {one.said}." for one in self.sides.after.remainders] if added else []
+        return {"lines": lines, "tests": test_table(self.sides, added), "limit": BEYOND_CHANCE}
+
+    def pictures(self) -> Mapping[str, Picture]:
+        """Return the mean residual of each level."""
+        added = bool(self.verdict.named)
+        panels = residual_panels(self.data, self.sides.before, self.sides.after if added else None)
+        said = [
+            f"{was.name} {was.rms:.1f} times its noise" + (f" before and {now.rms:.1f} after" if added else "")
+            for was, now in zip(self.sides.before.remainders, self.sides.after.remainders, strict=True)
+        ]
+        return {"residuals": Picture(panels, f"Measured minus model at each level of slip; left is {listing(said)}.")}
+
+
+def test_table(sides: RigExtra, added: bool) -> Table:
+    """Return what the residuals go with, before and after: the sign is that of measured - model, as in the picture."""
+    heads = ("channel", "goes with", *(("before", "after") if added else ("base model",)))
+    rows = [
+        Row((was.channel, was.against, _test(was), *((_test(now),) if added else ())), AWAY * now.beyond_chance)
+        for was, now in zip(sides.before.tests, sides.after.tests, strict=True)
+    ]
+    return Table(heads, tuple(rows), "What measured - model goes with")
+
+
+def _test(test: ResidualTest) -> str:
+    return f"{test.correlation:+.2f} (p = {test.p:.2g})" + (" *" if test.beyond_chance else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Elsewhere(Section):
+    """Fitted constants against other measurements of them."""
+
+    verdict: Verdict
+    title: ClassVar[str] = "Against other measurements"
+    template: ClassVar[str] = "rig/elsewhere.html"
+
+    def content(self) -> Mapping[str, Any] | None:
+        """Return every constant that is known from elsewhere; None where none is."""
+        extra = self.verdict.extra
+        if not isinstance(extra, RigExtra) or not extra.before.flags:
+            return None
+        sides = [("before", extra.before), *([("after", extra.after)] if self.verdict.named else [])]
+        rows = [
+            Row((when, flag.said), AWAY if flag.says is Against.AWAY else "")
+            for when, side in sides
+            for flag in side.flags
+        ]
+        return {"table": Table(("model", "constant, its 95 % interval, and what is known of it"), tuple(rows))}

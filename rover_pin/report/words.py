@@ -1,0 +1,96 @@
+"""How a report speaks: human names for classes, short numbers, and what one kind of data calls its parts."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.effects.names import meaning_of, spoken, title_of
+from rover_pin.estimation.wording import in_words
+from rover_pin.motion.effect_files import package_effects
+
+
+def _same(name: str) -> str:
+    return name
+
+
+class Manner(NamedTuple):
+    """What one kind of data calls what it has."""
+
+    unseen: str
+    "where it predicts what it was not fitted to, as 'on slips it never saw'"
+    folds: str
+    "what is left out, in the plural"
+    channel: Callable[[str], str] = _same
+    "a channel's name for a reader"
+    fold: Callable[[str], str] = _same
+    "the meaning of a fold's name, as 'S = 0.5'"
+    evidence: tuple[str, ...] = ()
+    "what only this kind of data can say for a verdict"
+
+
+def brief(value: float, unit: str, digits: int = 2) -> str:
+    """Return a number with few digits, in a reader's unit and never as a power of ten."""
+    factor, name = in_words(unit)
+    if not math.isfinite(value):
+        return "unknown"
+    size = factor * value
+    places = max(digits - 1 - math.floor(math.log10(abs(size))), 0) if size else 0
+    return f"{float(f'{size:.{digits}g}'):.{places}f} {name}".rstrip()
+
+
+def pair(before: float, after: float, unit: str) -> tuple[str, str]:
+    """Return two numbers in as few digits as tell them apart."""
+    for digits in (2, 3, 4):
+        said = brief(before, unit, digits), brief(after, unit, digits)
+        if said[0] != said[1]:
+            break
+    return said
+
+
+def kinds_of(verdict: Verdict) -> tuple[type, ...]:
+    """Return the classes of effects that a verdict may name: the package's, what it added, what was tried."""
+    tried = [row.candidate.effect for each in (verdict.search.rounds if verdict.search else ()) for row in each.scored]
+    own = [type(effect) for effect in (*verdict.effects, *tried) if effect is not None]
+    return tuple(dict.fromkeys([*package_effects(), *own]))
+
+
+def human(text: str, kinds: Iterable[type]) -> str:
+    """Return a text with its effects' human names in the place of their classes'."""
+    known = {kind.__name__: title_of(kind) for kind in kinds}
+    return re.sub(r"\b[A-Z]\w+\b(?!\.)", lambda found: known.get(found[0], found[0]), text)
+
+
+def cause(name: str, kinds: Iterable[type]) -> str:
+    """Return what was found as a clause that follows 'because', its name in brackets."""
+    kind = {each.__name__: each for each in kinds}.get(re.split(r"[\[@]", name)[0])
+    if kind is None:
+        return f"{name} is not what was declared"
+    where = re.fullmatch(r"\w+(?:\[(.*)\])?(?:@(.*))?", name)
+    place = "" if where is None else f", {where[1]}" if where[1] else f", at x = {where[2]} m" if where[2] else ""
+    return f"{meaning_of(kind)} ({title_of(kind)}{place})"
+
+
+def listing(parts: Iterable[str], last: str = "and") -> str:
+    """Return parts as in a sentence: a, b and c."""
+    parts = list(parts)
+    return f" {last} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
+
+
+def capital(text: str) -> str:
+    """Return a text that begins a sentence."""
+    return text[:1].upper() + text[1:]
+
+
+def full(name: str, kinds: Iterable[type]) -> str:
+    """Return a candidate's human name with its class and place behind it: 'digging (DiggingMemory)'."""
+    said = spoken(name, kinds)
+    return said if said == name else f"{said} ({name})"
+
+
+def as_text(name: str) -> str:
+    """Return a name as matplotlib shows it letter by letter: a dollar sign starts no formula."""
+    return name.replace("$", r"\$")

@@ -1,0 +1,112 @@
+"""The page in a real browser: nothing in its console, nothing asked for outside, no sideways scrolling on a phone."""
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from rover_pin.report.drive.report import write_report
+
+pytestmark = pytest.mark.slow
+
+WIDTHS = (1200, 768, 375)
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
+SECONDS = 120
+
+
+def found():
+    """Return the browser on the path; a test that has none is skipped, and says so."""
+    program = next((shutil.which(name) for name in NAMES if shutil.which(name)), None)
+    if program is None:
+        pytest.skip(f"no browser on the path: none of {', '.join(NAMES)}")
+    return program
+
+
+def ran(*words, profile):
+    """Run it until it ends by itself; return what it printed and what it logged."""
+    still = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
+             "--disable-background-networking", "--virtual-time-budget=3000")  # fmt: skip
+    done = subprocess.run(
+        [found(), *still, f"--user-data-dir={profile}", *words],
+        capture_output=True, text=True, timeout=SECONDS, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout, done.stderr
+
+
+def shot(page, out, width, height, profile, *words):
+    """Write a picture of a page as wide as this; a phone's is narrower than a window of Chromium may be."""
+    ran(f"--screenshot={out}", f"--window-size={width},{height}", *words, Path(page).as_uri(), profile=profile)
+    return Path(out)
+
+
+def framed(page, width, height):
+    """Return a page that shows another as wide as a phone, and writes how far that one reaches and what it loads."""
+    script = """
+    const frame = document.getElementById('f'), said = document.createElement('pre');
+    said.id = 'said'; document.body.append(said);
+    frame.onload = () => {
+      const inside = frame.contentDocument, root = inside.documentElement;
+      const wide = [...inside.querySelectorAll('body *')].filter(
+        each => each.getBoundingClientRect().right > root.clientWidth + 1 && !each.closest('svg'));
+      said.textContent = JSON.stringify({
+        reach: root.scrollWidth, room: root.clientWidth, wide: wide.map(each => each.tagName + ' ' + each.className),
+        loaded: frame.contentWindow.performance.getEntriesByType('resource').map(each => each.name)});
+    };
+    """
+    return (
+        f"<!doctype html><title>frame</title><body style='margin:0'><iframe id=f style='border:0' width={width} "
+        f"height={height} src='{Path(page).as_uri()}'></iframe><script>{script}</script>"
+    )
+
+
+@pytest.fixture(scope="module")
+def page(made, verdict, tmp_path_factory):
+    found()
+    return write_report(verdict, made[0], tmp_path_factory.mktemp("report"))[0]
+
+
+def test_it_says_nothing_in_the_console_and_loads_nothing(page, tmp_path):
+    frame = tmp_path / "frame.html"
+    frame.write_text(framed(page, 1200, 2000))
+    words = ("--allow-file-access-from-files", "--enable-logging=stderr", "--dump-dom", frame.as_uri())
+    out, log = ran(*words, profile=tmp_path / "profile")
+    console = [line for line in log.splitlines() if ":CONSOLE" in line]
+    assert not console
+    said = json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
+    assert [name for name in said["loaded"] if not name.startswith("data:")] == []
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_it_does_not_scroll_sideways(page, tmp_path, width):
+    frame = tmp_path / "frame.html"
+    frame.write_text(framed(page, width, 3000))
+    words = ("--allow-file-access-from-files", "--dump-dom", f"--window-size={max(width, 500)},3000", frame.as_uri())
+    out, _ = ran(*words, profile=tmp_path / "profile")
+    said = json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', out, re.DOTALL)[1]))
+    assert said["room"] == width
+    assert said["wide"] == []
+    assert said["reach"] <= width
+
+
+def test_pictures_for_looking_are_not_empty(page, tmp_path, tmp_path_factory):
+    """They lie in the folder that pytest names with --basetemp: in the light, the dark and narrow."""
+    folder = tmp_path_factory.mktemp("looks")
+    for width in (1200, 768, 500):
+        for words in ((), ("--force-dark-mode", "--blink-settings=preferredColorScheme=0")):
+            name = folder / f"{width}{'-dark' if words else ''}.png"
+            shot(page, name, width, 2400, tmp_path / "profile", *words)
+            with Image.open(name) as picture:
+                assert picture.width == width
+                assert len(picture.convert("RGB").getcolors(1 << 24)) > 50
+
+
+def test_it_prints_on_paper(page, tmp_path):
+    out = tmp_path / "report.pdf"
+    ran(f"--print-to-pdf={out}", "--no-pdf-header-footer", page.as_uri(), profile=tmp_path / "profile")
+    assert out.read_bytes().startswith(b"%PDF")

@@ -1,0 +1,240 @@
+"""The page of a drive log's verdict: what stands in it for every answer, and what its tables and pictures say."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out
+from rover_pin.discrepancy.held_out import together
+from rover_pin.discrepancy.refit import Refit
+from rover_pin.estimation.profile import Profile
+from rover_pin.experiments.drive_log.extra import DriveExtra, extra_of
+from rover_pin.report.drive import ghost
+from rover_pin.report.drive.cautions import cautions
+from rover_pin.report.drive.full_duty import at_full_duty
+from rover_pin.report.drive.ghost import Ghosts
+from rover_pin.report.drive.left import LeftOver
+from rover_pin.report.drive.report import FreeRuns, manner_of, sides_of, write_report
+from rover_pin.report.drive.runs import Sides, strayed, telling_channels, worst_runs
+from rover_pin.report.practical import sizes
+from rover_pin.report.sections.held_out import HeldOut
+from rover_pin.report.sections.numbers import Numbers, number_table
+from rover_pin.report.sections.physics import Physics
+from rover_pin.report.sections.sensitivity import sensitivities
+from rover_pin.report.sections.which_effect import WhichEffect, judged, own_text
+
+SECTIONS = [
+    "Driven freely", "Seen in 3D", "Error on data that were not fitted", "Where the model is wrong",
+    "What was added, and how much it does", "Which effect", "Fitted numbers", "What is left", "What could not be told",
+    "Warnings", "The data check", "To repeat it",
+]  # fmt: skip
+
+
+def headings(page):
+    return re.findall(r"<h2>(.*?)</h2>\n", page)
+
+
+def page_of(made, one, out):
+    return write_report(one, made[0], out)[0].read_text(encoding="utf-8")
+
+
+def test_the_page_holds_everything(made, verdict, tmp_path):
+    page = page_of(made, verdict, tmp_path)
+    assert [each for each in headings(page) if each in SECTIONS] == SECTIONS
+    for said in ("no low duty", "made here", "SupplySag.R_b", "GearFriction", "seed 0", "numpy 2", "ohmic source"):
+        assert said in page
+
+
+@pytest.mark.parametrize("answer", Answer)
+def test_every_answer_has_its_page(made, answered, answer, tmp_path, monkeypatch):
+    monkeypatch.setattr(ghost, "find_spec", lambda name: None)  # the scene has a test of its own
+    one = answered(answer)
+    page = page_of(made, one, tmp_path)
+    assert f"<b>{answer.value[0].upper()}{answer.value[1:]}.</b>" in page
+    added = answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
+    assert ('<th scope="col">after</th>' in page) == added
+    assert ("draft_effect" in page) == (answer is Answer.NONE_FITS)
+    assert ("the model with supply sag" in page) == added
+    assert ("What was added" in page) == added
+    assert "+0%" not in page
+
+
+def test_a_page_of_poor_data_has_nothing_but_the_check(made, answered, tmp_path):
+    page = page_of(made, answered(Answer.CANNOT_TELL), tmp_path)
+    assert [each for each in headings(page) if each in SECTIONS] == ["Warnings", "The data check"]
+    assert [each.name for each in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
+    odd = "a_$x^$ <i>b</i>"
+    extra = extra_of(verdict)
+    free = tuple(each._replace(run=odd) for each in extra.free)
+    one = dataclasses.replace(verdict, name="<b>small</b>", extra=DriveExtra(free, extra.remainder))
+    log = dataclasses.replace(made[0], about=dataclasses.replace(made[0].about, name="<b>small</b>"))
+    content = FreeRuns(one).content()
+    assert content["table"].rows[0].cells[0] == odd
+    no_scene = dataclasses.replace(one, extra=DriveExtra((), extra.remainder))
+    page = page_of((log,), no_scene, tmp_path)
+    assert "&lt;b&gt;small&lt;/b&gt;" in page
+    assert "<b>small" not in page
+
+
+def test_the_scene_is_of_the_run_that_strays_furthest(made, verdict):
+    pytest.importorskip("viser")
+    content = Ghosts(verdict, made[0], sides_of(verdict)).content()
+    worst = max(extra_of(verdict).free, key=lambda one: one.before)
+    assert content["run"] == worst.run
+    assert "ghost, in orange: base model" in content["page"]
+    assert "ghost, in blue: with what was added" in content["page"]
+    assert not re.findall(r'(?:src|href)="(https?://[^"]+)"', content["page"])
+
+
+def test_without_viser_there_is_no_scene(made, verdict, monkeypatch):
+    monkeypatch.setattr(ghost, "find_spec", lambda name: None)
+    assert Ghosts(verdict, made[0], sides_of(verdict)).content() is None
+
+
+def test_a_later_candidate_must_gain_a_share_of_what_was_taken_before(verdict):
+    """The mark of what is not refitted is the fee that decides: in the second round 1 % of the first gain further."""
+    (figure,) = WhichEffect(verdict, manner_of(verdict)).pictures()["candidates"].panels
+    marks = [
+        sorted(line.get_xdata()[0] for line in look.lines if line.get_linestyle() == "-")[-1] for look in figure.axes
+    ]
+    (taken,) = (one.gain for one in verdict.search.found)
+    assert marks[1] == pytest.approx(marks[0] + 0.01 * taken)
+
+
+def test_profiles_are_drawn_where_there_are_any(verdict):
+    shape = Profile("SupplySag.R_b", "ohm", (1.8, 2.0, 2.2), (4.0, 0.0, 4.0))
+    assert "profiles" in Numbers(dataclasses.replace(verdict, profiles=(shape,))).pictures()
+    assert not Numbers(verdict).pictures()
+
+
+def test_a_remainder_that_is_noise_has_no_curves(verdict):
+    extra = extra_of(verdict)
+    terms = tuple(dataclasses.replace(each, gain=13.0) for each in extra.remainder.terms)
+    quiet = dataclasses.replace(extra.remainder, terms=terms)
+    one = dataclasses.replace(verdict, extra=extra._replace(remainder=quiet))
+    assert not LeftOver(one).pictures()
+    assert "Nothing is left that any term describes" in LeftOver(one).content()["left"]
+    assert LeftOver(dataclasses.replace(verdict, extra=DriveExtra(extra.free))).content() is None
+
+
+def test_every_run_left_out_has_its_line(made, verdict):
+    """The misfit of all runs is that of their blocks, and falls with the effect; the interval holds the change."""
+    _, before, after = made
+    was, now = together(verdict.runs)
+    count = sum(one.blocks for one in verdict.runs)
+    assert count == before.task.noise.count
+    assert was * count == pytest.approx(loss_of(before, refitted_left_out(before)))
+    assert now * count == pytest.approx(loss_of(after, refitted_left_out(after)))
+    assert now < was
+    for one in verdict.runs:
+        assert one.low <= one.after / one.before - 1 <= one.high
+    parts = HeldOut(verdict, manner_of(verdict)).content()["parts"]
+    assert [row.cells[0] for row in parts.rows] == [one.run for one in verdict.runs]
+
+
+def test_numbers_that_drifted_or_lie_at_a_bound_stand_first(verdict):
+    moved = tuple(
+        one._replace(drift=4.0) if one.name == "soil.phi" else one._replace(at_bound=one.name == "SupplySag.R_b")
+        for one in verdict.after.numbers
+    )
+    one = dataclasses.replace(verdict, after=verdict.after._replace(numbers=moved))
+    rows = number_table(one).rows
+    assert [row.cells[0] for row in rows] == ["soil.phi", "SupplySag.R_b", "WeakMotor[0].g"]
+    assert rows[0].cells[3:] == ("30 deg \u00b1 2 deg", "+4.00", "+4.0 SD from what was declared")
+    assert rows[1].cells[1] == "not in the model"
+    assert "at its bound" in rows[1].cells[-1]
+    said = cautions(one, extra_of(one).free)
+    assert any("lies at its bound" in line for line in said)
+    assert any("soil.phi sits +4.0 SD from what was declared" in line for line in said)
+
+
+def test_free_runs_that_stray_further_are_a_caution(verdict):
+    free = tuple(each._replace(after=2.0 * each.before) for each in extra_of(verdict).free)
+    assert any("strays further than the base model in run_1" in line for line in cautions(verdict, free))
+    lost = tuple(each._replace(after=float("nan")) for each in free)
+    assert any("does not come to the end of run_1" in line for line in cautions(verdict, lost))
+
+
+@pytest.mark.parametrize(
+    ("gain", "held_out", "said"),
+    [
+        (50.0, 5.0, "accepted"),
+        (10.0, 5.0, "gains no more than chance"),
+        (50.0, -5.0, "no better where it was not fitted"),
+        (-50.0, -5.0, "its refit did not settle"),
+    ],
+)
+def test_what_a_refit_is_worth(verdict, made, gain, held_out, said):
+    one = Refit(verdict.search.found[0].candidate, made[2], gain, 14.0, held_out)
+    assert judged(one) == said
+    assert own_text(one).startswith("R_b = 2 ohm [")
+
+
+def test_sizes_that_would_show(verdict):
+    found = {one.name: one for one in sensitivities(verdict.search)}
+    assert found["SupplySag"].told
+    assert found["SupplySag"].size == "R_b = 1 ohm"
+    assert found["SupplySag"].usual == "0.5"
+    assert found["TorqueSaturation"].size == "i_max near 0.03 A"
+    assert found["TorqueSaturation"].usual == ""
+    assert found["GearFriction"].why == "the uncertain numbers imitate 99.0% of what it does"
+    assert found["WeakMotor"].why.startswith("would show from 4.6 times")
+    assert found["WeakMotor"].size.startswith("g off")
+    assert found["WindingHeating"].why == "moves nothing that was measured here"
+    assert found["WindingHeating"].size.endswith("beyond its bounds")
+
+
+def test_how_much_an_effect_does_is_what_the_model_predicts_without_it(made, verdict):
+    """The bus voltage falls by R_b times the current of all motors: Ohm's law, not the package's sum."""
+    experiment, after = made[1].task.experiment, made[2]
+    first = sizes(after, "SupplySag")[0]
+    assert first.channel == "battery_V"
+    assert first.without == pytest.approx(7.2)
+    run = experiment.folds.index(first.fold)
+    currents = [row for row, name in enumerate(experiment.channels) if name.startswith("current_")]
+    duty = [trace for trace in made[0].runs][run]
+    drawn = np.nansum(after.predicted[run][currents], axis=0).max() * max(float(duty["duty_fl"].max()), 0.0)
+    assert first.without - first.with_it == pytest.approx(2.0 * drawn, rel=0.1)
+    said = Physics(verdict, manner_of(verdict)).content()["effects"][0]["does"][0]
+    assert said.startswith("With it bus voltage is ")
+
+
+def test_at_full_duty_the_bus_drops_and_the_rover_slows(verdict):
+    (effect,) = verdict.effects
+    said = at_full_duty(verdict.model, effect)
+    found = re.fullmatch(r"At full duty on level ground speed goes from (.*) m/s to (.*) m/s \((.*)%\) and "
+                         r"bus voltage goes from 7.2 V to (.*) V \((.*)%\)\.", said)  # fmt: skip
+    assert found, said
+    assert float(found[2]) < float(found[1])
+    assert float(found[4]) < 7.2
+    assert at_full_duty(verdict.model, effect.replace(R_b=0.0)) == ""  # nothing where nothing acts
+
+
+def test_the_run_that_is_missed_most_comes_first(made):
+    _, before, _ = made
+    for run in (0, 1):
+        off = before.predicted.copy()
+        off[run] += 50 * before.task.noise.sd[:, None]
+        assert worst_runs(dataclasses.replace(before, predicted=off))[0] == run
+
+
+def test_the_channels_that_changed_most_are_of_different_kinds(made):
+    _, before, after = made
+    names = [before.task.experiment.channels[row] for row in telling_channels(Sides(before, after))]
+    assert "battery_V" in names
+    assert sum(name.startswith("wheel_rate_") for name in names) <= 2
+    assert len(names) == 5
+
+
+def test_free_runs_are_as_far_off_as_the_table_says(made, verdict):
+    """But for the tracker's noise, which half-second means leave out."""
+    _, before, _ = made
+    for one, off in zip(extra_of(verdict).free, strayed(before.task.experiment, before.model), strict=True):
+        rms = float(np.sqrt(np.nanmean(off**2)))
+        assert 0.5 * one.before < rms < one.before

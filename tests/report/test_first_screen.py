@@ -1,0 +1,150 @@
+"""The first screen: one sentence with numbers, reasons for and against, what to drive next; no class as headline."""
+
+import dataclasses
+import re
+
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.motion.effect_files import package_effects
+from rover_pin.report.drive.report import manner_of
+from rover_pin.report.first_screen import FirstScreen, first_lines
+from rover_pin.report.headline import headline
+from rover_pin.report.reasons import believe, doubt, next_run
+from rover_pin.report.words import Manner, brief, cause, human, listing, pair
+
+RIG = Manner("on slips it never saw", "levels of slip")
+
+
+def score(name, unit, before, after, low, high, floor=1e-4):
+    return ChannelScore(name, unit, floor, before, after, after / before - 1, low, high)
+
+
+SINKAGE = score("sinkage", "m", 0.0055, 0.0013, -0.85, -0.7)
+PULL = score("drawbar pull", "N", 0.75, 0.55, -0.6, 0.4, floor=0.3)
+
+
+@pytest.fixture
+def rig(verdict):
+    """A rig's verdict as the sentence needs it."""
+    named = {"named": ("SlipSinkage",), "alike": ("SlipSinkage",), "effects": ()}
+    return dataclasses.replace(verdict, kind="wheel-rig", scores=(PULL, SINKAGE), **named)
+
+
+def test_the_sentence_of_a_rig_says_what_was_wrong_by_how_much_and_why(rig):
+    assert headline(rig, RIG) == (
+        "Sinkage was wrong by 5.5 mm and is now wrong by 1.3 mm on slips it never saw, because sand gives way as the "
+        "wheel slips (slip-sinkage); drawbar pull: no claim."
+    )
+
+
+def test_what_got_worse_stands_in_the_sentence(rig):
+    worse = score("drawbar pull", "N", 0.5, 0.6, 0.1, 0.3, floor=0.1)
+    said = headline(dataclasses.replace(rig, scores=(worse, SINKAGE)), RIG)
+    assert said.endswith("; drawbar pull got worse, from 0.50 N to 0.60 N.")
+
+
+def test_without_a_better_channel_nothing_is_claimed(rig):
+    said = headline(dataclasses.replace(rig, scores=(PULL,)), RIG)
+    assert said.startswith("No channel is predicted better on slips it never saw beyond its scatter")
+
+
+@pytest.mark.parametrize("answer", Answer)
+def test_every_answer_has_its_sentence_reasons_and_next_step(answered, answer):
+    one = answered(answer)
+    manner = manner_of(one)
+    said = headline(one, manner)
+    assert said[0].isupper()
+    assert said.endswith(".")
+    assert re.search(r"\d", said)
+    lines = [said, *believe(one, manner), *doubt(one, manner), *next_run(one)]
+    names = {kind.__name__ for kind in package_effects()} - {"Grousers", "Bulldozing", "Ploughing"}
+    for line in lines:
+        assert not names & set(re.findall(r"\w+", line)), line
+        assert line.endswith(".")
+        assert ".." not in line
+    assert doubt(one, manner)
+    assert next_run(one)
+
+
+def test_answers_that_add_nothing_say_so_and_do_not_claim_a_cause(answered):
+    for answer in (Answer.NONE_NEEDED, Answer.NONE_FITS, Answer.INADEQUATE, Answer.CANNOT_TELL):
+        assert "because" not in headline(answered(answer), manner_of(answered(answer)))
+    assert "do not use the fitted numbers as constants" in headline(answered(Answer.NONE_FITS), RIG)
+    assert "nothing needs to be added" in headline(answered(Answer.NONE_NEEDED), RIG).lower()
+
+
+def test_what_cannot_be_told_apart_is_said_as_either_or(answered):
+    one = answered(Answer.SET)
+    said = headline(one, RIG)
+    assert "because either the bus voltage drops" in said
+    assert "stress peak ahead of the axle), which these data cannot tell" in said
+    assert any("stress peak ahead of the axle cannot be told from it" in line.lower() for line in doubt(one, RIG))
+
+
+def test_vetoes_are_the_first_reason_to_doubt(answered):
+    assert doubt(answered(Answer.LIKE), RIG)[0] == "R_b lies at its bound."
+
+
+def test_folds_that_choose_otherwise_are_a_doubt_those_that_agree_a_reason(verdict):
+    chosen = {"a": "SupplySag", "b": "SupplySag", "c": ""}
+    agrees = dataclasses.replace(verdict, chosen=chosen)
+    line = "It is chosen anew in 2 of 3 cases when one of the levels of slip is left out."
+    assert line in believe(agrees, RIG)
+    assert not any("chosen anew" in line for line in doubt(agrees, RIG))
+    other = dataclasses.replace(verdict, chosen=dict.fromkeys("abc", ""))
+    assert any("chosen anew in 0 of 3" in line for line in doubt(other, RIG))
+    assert not any("chosen anew" in line for line in believe(other, RIG))
+
+
+def test_free_runs_speak_for_a_drive(verdict):
+    manner = manner_of(verdict)
+    assert any(
+        "left to drive by the logged commands alone it stays closer" in line.lower()
+        for line in believe(verdict, manner)
+    )
+
+
+def test_a_terminal_gets_the_same_first_screen(verdict):
+    manner = manner_of(verdict)
+    text = first_lines(verdict, manner)
+    assert text.splitlines()[0] == headline(verdict, manner)
+    content = FirstScreen(verdict, manner).content()
+    for line in (*content["believe"], *content["doubt"], *content["next"]):
+        assert f"  - {line}" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"),
+    [
+        (0.0155, "m", "16 mm"),
+        (0.001, "m", "1.0 mm"),
+        (1234.0, "N", "1200 N"),
+        (0.0, "N", "0 N"),
+        (0.52, "rad", "30 deg"),
+    ],
+)
+def test_numbers_are_short_and_never_powers_of_ten(value, unit, said):
+    assert brief(value, unit) == said
+
+
+def test_two_numbers_have_as_many_digits_as_tell_them_apart():
+    assert pair(0.0123, 0.0124, "m") == ("12.3 mm", "12.4 mm")
+    assert pair(0.02, 0.01, "m") == ("20 mm", "10 mm")
+
+
+def test_causes_have_their_place_and_numbers_their_own_clause():
+    kinds = package_effects()
+    assert cause("HardPatch@1.2", kinds).endswith("(patch of other soil, at x = 1.2 m)")
+    assert cause("WeakMotor[2]", kinds).endswith("(weak motor, 2)")
+    assert cause("soil.k", kinds) == "soil.k is not what was declared"
+
+
+def test_classes_in_prose_become_names_but_not_those_of_parameters():
+    said = human("SlipSinkage gains; SlipSinkage.n_1 = 1", package_effects())
+    assert said == "slip-sinkage gains; SlipSinkage.n_1 = 1"
+
+
+def test_lists_read_as_sentences():
+    assert [listing(parts) for parts in ((), ("a",), ("a", "b"), ("a", "b", "c"))] == ["", "a", "a and b", "a, b and c"]

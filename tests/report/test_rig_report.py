@@ -1,0 +1,90 @@
+"""The page of a rig's verdict: levels by their meaning, models under the load of each point, signs that agree."""
+
+import numpy as np
+import pytest
+
+from rover_pin.contact import Wheel
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.remainder import remainders
+from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
+from rover_pin.parameters import SOILS
+from rover_pin.report.rig.figures import channel_panels, load_caption, looks
+from rover_pin.report.rig.levels import meanings
+
+RIG = """
+kind = "wheel-rig"
+[wheel]
+r = { value = 62.5, unit = "mm" }
+b = { value = 60, unit = "mm" }
+[noise]
+drawbar_pull = { value = 0.3, unit = "N" }
+sinkage = { value = 0.6, unit = "mm" }
+"""
+SLIPS = (-0.7, 0.0, 0.3, 0.6)
+
+
+def written(folder, loads, slips=SLIPS, extra=""):
+    (folder / "rig.toml").write_text(RIG)
+    lines = [f"level,slip,load_N,drawbar_pull_N,sinkage_m{extra and ',slip_angle_rad'}"]
+    lines += [
+        f"lv{number},{slip},{load},1.0,0.01{extra}"
+        for number, (slip, load) in enumerate(zip(slips, loads, strict=True))
+    ]
+    (folder / "points.csv").write_text("\n".join(lines) + "\n")
+    return read_rig_set(folder)
+
+
+def test_levels_are_said_by_what_they_mean(tmp_path):
+    assert meanings(written(tmp_path, (20, 20, 20, 20))) == {
+        "lv0": "S = -0.7", "lv1": "S = 0", "lv2": "S = 0.3", "lv3": "S = 0.6",
+    }  # fmt: skip
+
+
+def test_levels_that_differ_in_load_alone_say_it(tmp_path):
+    said = meanings(written(tmp_path, (20, 40, 20, 40), slips=(0.1, 0.1, 0.3, 0.3)))
+    assert sorted(said.values()) == ["S = 0.1, 20 N", "S = 0.1, 40 N", "S = 0.3, 20 N", "S = 0.3, 40 N"]
+
+
+def test_levels_at_slip_angles_say_them(tmp_path):
+    assert set(meanings(written(tmp_path, (20, 20, 20, 20), extra=",0.1")).values()) == {
+        "S = -0.7", "S = 0", "S = 0.3", "S = 0.6",
+    }  # fmt: skip
+    lines = (tmp_path / "points.csv").read_text().replace("0.3,20,1.0,0.01,0.1", "0.3,20,1.0,0.01,0.2")
+    (tmp_path / "points.csv").write_text(lines)
+    assert "S = 0.3, 11.5 deg" in meanings(read_rig_set(tmp_path)).values()
+
+
+def test_the_model_is_drawn_under_the_load_of_each_point(tmp_path):
+    """At S = -0.7 the load is a third lighter: there the curve is what the model predicts for that load."""
+    data = written(tmp_path, (14.0, 21.0, 21.0, 21.0))
+    model = RigModel(Wheel(), SOILS["dry-sand"])
+    figure = channel_panels(data, looks(model, None, ""))[1]
+    (curve,) = [line for line in figure.axes[0].lines if line.get_label() == "base model, fitted"]
+    drawn = np.interp(-0.7, curve.get_xdata(), curve.get_ydata())
+    assert drawn == pytest.approx(1e3 * model.predict(14.0, -0.7).sinkage[0], rel=1e-6)
+    assert drawn != pytest.approx(1e3 * model.predict(19.25, -0.7).sinkage[0], rel=0.05)
+    assert load_caption(data) == "The models are drawn under the load that each level had: 14 to 21 N."
+
+
+def test_loads_that_were_set_at_one_slip_are_three_labelled_curves(tmp_path):
+    data = written(tmp_path, (20, 40, 20, 40), slips=(0.1, 0.1, 0.3, 0.3))
+    soil = SOILS["dry-sand"]
+    panel = channel_panels(data, looks(RigModel(Wheel(), soil), None, ""))[0]
+    assert {text.get_text() for text in panel.axes[0].texts} == {"20 N", "40 N"}
+    assert "three of the loads" in load_caption(data)
+
+
+def test_the_sign_of_the_table_is_that_of_the_picture(tmp_path):
+    """Both are of measured - model: what rises with slip in the picture has a positive correlation."""
+    data = written(tmp_path, (20, 20, 20, 20))
+    left = np.array([4.0 * (data.rig.slip - data.rig.slip.mean()), -2.0 * data.rig.slip])
+    tests = {(one.channel, one.against): one.correlation for one in residual_tests(data, left, 0)}
+    said = remainders(data, left)
+    assert tests["drawbar pull", "slip"] > 0.99
+    assert tests["sinkage", "slip"] < -0.99
+    for row, one in enumerate(said):
+        levels = sorted(one.levels, key=lambda level: level.slip)
+        rises = levels[-1].mean > levels[0].mean
+        assert rises == (tests[one.name, "slip"] > 0)
+        assert rises == (row == 0)
