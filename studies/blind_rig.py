@@ -26,7 +26,7 @@ What differs
     a straight steady rig on fresh sand cannot show (multi-pass, damping, side shear, places, wheel size) are not
     hidden.
 
-Run: python studies/blind_rig.py [--quick] [--calibrate] [--workers N] [--out DIR]
+Run: python studies/blind_rig.py [--quick] [--every N] [--calibrate] [--workers N] [--out DIR]
 """
 
 from __future__ import annotations
@@ -121,12 +121,13 @@ class Hidden(NamedTuple):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="four sets")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="every Nth set alone, a sample of all kinds")
     parser.add_argument("--calibrate", action="store_true", help="the seeds on which limits are set")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/blind_rig"))
     options = parser.parse_args()
     sets = plan(CALIBRATION if options.calibrate else REPORTED)
-    sets = sets[:: len(sets) // 3] if options.quick else sets
+    sets = sets[:: len(sets) // 3] if options.quick else sets[:: options.every]
     run = Parallel(n_jobs=1 if options.quick else options.workers, verbose=0)
     publish(run(delayed(case_of)(hidden) for hidden in sets), options.out)
 
