@@ -9,6 +9,7 @@ import pytest
 from rover_pin.body import shapes
 from rover_pin.body.rover import load_rover
 from rover_pin.contact import Soil
+from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
@@ -23,6 +24,7 @@ from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.plain import Plain
 from rover_pin.parameters.hard import HARD_GROUND
+from rover_pin.scenarios import scenario
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import NetTraction
 
@@ -69,6 +71,7 @@ CASES = {
         .having(TetherDrag()),
         Start(x=0.6, yaw=math.pi),
     ),
+    "compliant": (model(shapes.one_sided_bump(0.02, at=0.1), RelaxedSlip()).having(DifferentialCompliance()), Start()),
     "past its stops": (model(shapes.flat(), RelaxedSlip()), Start()),
     "two-widths": (model(shapes.bump(at=0.2, ground=1), RelaxedSlip(), rover=narrow_in_front(ROVER)), Start()),
 }
@@ -146,6 +149,14 @@ def test_the_cases_meet_what_they_are_for():
         worst = max(worst, kernel.misjudged)
     assert kernel.record[:, 3].max() < 0.1
     assert worst > 1e-3
+
+
+def test_a_rover_without_a_differential_has_no_torque_in_it():
+    made = scenario("flat", rover="cart").model
+    kernel = Kernel(made, settled(made, Start()), 0.005, symmetric=False)
+    kernel.duty[:] = 0.5
+    assert [kernel.step() for _ in range(20)] == [0] * 20
+    assert kernel.differential.tolist() == [0.0]
 
 
 @pytest.mark.parametrize("kind", [Kernel, Plain])
