@@ -10,6 +10,7 @@ from rover_pin.body import shapes
 from rover_pin.body.rover import load_rover
 from rover_pin.contact import Soil
 from rover_pin.effects.differential_compliance import DifferentialCompliance
+from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
@@ -17,7 +18,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tether_drag import TetherDrag
-from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.kernel import DIRECTION_SPEED, Kernel
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.native.shared import RECORD
@@ -66,6 +67,7 @@ CASES = {
     "sprung, in its ruts": (
         model(shapes.step(0.02, at=0.3), RelaxedSlip())
         .having(MultiPass())
+        .having(DiggingMemory(c_d=0.05))
         .having(SupplySag())
         .having(SpringDamper(k_s=0.6, d=0.02, q_0=0.1))
         .having(TetherDrag()),
@@ -132,6 +134,30 @@ def test_steps_agree(name):
         else:
             assert kernel.step() == 0
     assert kernel.pivoted == 0, "rows were exchanged, which hides what the elimination does"
+
+
+def through_rest(state, share):
+    """Let the rover creep forwards and its wheels turn back, or the other way, at such a share of `direction_speed`."""
+    state.v[:] = 0.0
+    state.v[0] = share * DIRECTION_SPEED
+    for at, wheel in enumerate(ROVER.wheels):
+        state.v[wheel.dof] = (1.0 - 0.35 * at) * share * DIRECTION_SPEED / float(wheel.wheel.r)
+
+
+@pytest.mark.parametrize("name", ["held", "eq-1"])
+def test_steps_agree_through_rest(name):
+    """There the law is a blend of both directions, whose weights a wheel passes in a step or two."""
+    made, start = CASES[name]
+    rest = settled(made, start)
+    for share in np.linspace(-1.5, 1.5, 31):
+        states = [rest.copy(), rest.copy()]
+        for state in states:
+            through_rest(state, share)
+        kernel, plain = (kind(made, state, 0.005, False) for kind, state in zip((Kernel, Plain), states, strict=True))
+        assert (kernel.step(), plain.step()) == (0, 0)
+        assert states[1].v == pytest.approx(states[0].v, abs=1e-11)
+        assert plain.loads == pytest.approx(kernel.loads, rel=1e-8, abs=1e-9)
+        assert plain.foreseen == pytest.approx(kernel.foreseen, rel=1e-8, abs=1e-9)
 
 
 def test_the_cases_meet_what_they_are_for():
