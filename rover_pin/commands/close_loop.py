@@ -10,10 +10,12 @@ from typing import Annotated, Any
 import typer
 
 from rover_pin.commands.options import FAILED, AsJson, Effects, FailOn, Out, Scheduler, Trusted
+from rover_pin.commands.view import open_page
 from rover_pin.terminal import stoppable
 from rover_pin.trust import Trust
 
 log = logging.getLogger(__name__)
+REPORT = "report.html"
 
 
 def close_loop(
@@ -26,6 +28,7 @@ def close_loop(
     scheduler: Scheduler = "",
     experiment: Annotated[str | None, typer.Option(help="Your own test bed: its file, or motor_brake.")] = None,
     fail_on: FailOn = "",
+    open_: Annotated[bool, typer.Option("--open", help="Open the report in your browser.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Find the effect that the model lacks, add it, and report the error before and after; killed, it resumes.
@@ -34,17 +37,23 @@ def close_loop(
     """
     from rover_pin.discrepancy.answer import answers_named
     from rover_pin.loop.close import close_the_loop, read_data, read_start
+    from rover_pin.report.first_screen import first_lines
+    from rover_pin.report.manners import manner_of
 
     failing = answers_named(fail_on)
     start: Any = model if model is None or experiment else read_start(model, data, Trust.of(effects, trust))
     say = (lambda said: None) if as_json else log.info
-    with stoppable(out, ("report.html", "verdict.json", "model.toml", "draft_effect")):
+    with stoppable(out, (REPORT, "verdict.json", "model.toml", "draft_effect")):
         given = read_data(data, Trust(everything=True)) if trust and experiment is None else data
         verdict = close_the_loop(
             given, start, effects, out, say, jobs=workers, scheduler=scheduler or None, experiment=experiment
         )
-    written = out / ("report.html" if experiment is None else "verdict.json")
-    print(json.dumps(verdict.as_dict(), default=str) if as_json else f"{verdict.summary()}\nwritten: {written}")
+    if as_json:
+        print(json.dumps(verdict.as_dict(), default=str))
+    else:
+        print(f"{first_lines(verdict, manner_of(verdict))}\n\n{verdict.summary()}\nwritten: {out / REPORT}")
+    if open_:
+        open_page(out, REPORT)
     if verdict.answer in failing:
         log.warning("the answer '%s' is one of --fail-on %s", verdict.answer.value, fail_on)
         raise typer.Exit(FAILED)

@@ -52,12 +52,12 @@ def view(
         open_page(out)
 
 
-def open_page(out: Path) -> None:
+def open_page(out: Path, name: str = PAGE) -> None:
     """Open the page that was written to a folder in the browser of this machine, if it has one."""
     import webbrowser
 
-    if (out / PAGE).is_file():
-        webbrowser.open((out / PAGE).resolve().as_uri())
+    if (out / name).is_file():
+        webbrowser.open((out / name).resolve().as_uri())
 
 
 def asked_for(view: bool, gif: bool, mp4: bool) -> list[str]:

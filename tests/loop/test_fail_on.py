@@ -42,3 +42,19 @@ def test_a_word_that_is_no_answer_is_refused_before_any_work(run, tmp_path):
 def test_every_answer_has_a_word_that_the_help_names(run, answer):
     assert answers_named(answer.word) == (answer,)
     assert answer.word in "".join(run("close-loop", "--help")[1].split())  # a line may end after a hyphen
+
+
+def test_the_first_screen_stands_first_on_the_terminal_and_can_be_opened(run, tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    _, out, _ = closed(run, tmp_path, "--open", seed=0, viscous=0.02)
+    assert out.startswith("Current was wrong by ")
+    assert "because bearings and grease resist in proportion to speed (viscous friction)" in out.splitlines()[0]
+    for head in ("believe it because:", "doubt it because:", "next:"):
+        assert head in out
+    assert out.rstrip().endswith("written: out/report.html")
+    assert [each.rsplit("/", 1)[1] for each in opened] == ["report.html"]
+    written = sorted(each.name for each in Path("out").iterdir())
+    assert written == ["candidates.png", "points-1.png", "points-2.png", "report.html", "verdict.json"]
+    page = Path("out/report.html").read_text()
+    assert "model.toml" not in page  # nothing of files that were not written

@@ -60,8 +60,8 @@ class Remainder(NamedTuple):
             return f"{self.name}: {self.rms:.1f} times the noise; nothing to describe"
         first, last = self.levels[0], self.levels[-1]
         trend = (
-            f"measured - model goes from {scale * first.mean:+.3g} {unit} at S = {first.slip:.2f} to "
-            f"{scale * last.mean:+.3g} {unit} at S = {last.slip:.2f}"
+            f"measured - model goes from {scale * first.mean:+.3g} {unit} at S = {round(first.slip, 2) + 0.0:g} to "
+            f"{scale * last.mean:+.3g} {unit} at S = {round(last.slip, 2) + 0.0:g}"
         )
         terms = [
             f"{scale * c:+.3g}{'' if i == 0 else ' S' if i == 1 else f' S^{i}'}" for i, c in enumerate(self.powers)

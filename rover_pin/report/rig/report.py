@@ -26,11 +26,13 @@ from rover_pin.report.sections.sensitivity import Untold
 from rover_pin.report.sections.which_effect import WhichEffect
 from rover_pin.report.words import Manner, kinds_of, listing, spoken
 
+UNSEEN = Manner("on slips it never saw", "levels of slip")
+
 
 def manner_of(data: RigSet) -> Manner:
     """Return what a rig set calls its parts."""
     said = meanings(data)
-    return Manner("on slips it never saw", "levels of slip", fold=lambda name: said.get(name, name))
+    return UNSEEN._replace(fold=lambda name: said.get(name, name))
 
 
 def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:

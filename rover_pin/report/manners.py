@@ -1,0 +1,16 @@
+"""How the verdict on each kind of data speaks, for those who have the verdict alone."""
+
+from __future__ import annotations
+
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.report.bed.report import MANNER as BED
+from rover_pin.report.drive.report import manner_of as of_drive
+from rover_pin.report.rig.report import UNSEEN as RIG
+from rover_pin.report.words import Manner
+
+
+def manner_of(verdict: Verdict) -> Manner:
+    """Return what the data of a verdict call their parts; levels of a rig by their names."""
+    if verdict.kind == "drive-log":
+        return of_drive(verdict)
+    return RIG if verdict.kind == "wheel-rig" else BED
