@@ -130,6 +130,22 @@ def test_what_nothing_takes_is_a_base_model_that_does_not_describe_the_data():
     assert "no candidate describes it" in found.sentence
 
 
+def test_what_takes_too_little_is_found_and_not_added():
+    found = answer(bed(lambda x: 0.2 * x**2 + 0.12 * np.sin(14 * x)), (Bend,))
+    assert found.search.names == "Bend"
+    assert (found.answer, found.named, found.effects, found.share) == (Answer.INADEQUATE, (), (), 0.0)
+    assert found.model.effects == ()
+    assert found.vetoes == ()
+
+
+def test_a_summary_tells_of_gains_and_losses_only_where_something_was_added():
+    with_it, without = (answer(bed(lambda x, b=b: b * x**2)).summary() for b in (0.3, 0.0))
+    assert "No channel got worse" in with_it
+    assert "Bend.b = 0.3" in with_it
+    assert "got worse" not in without
+    assert "line.a = 1.02" in without
+
+
 def test_a_size_at_its_bound_does_not_stand_alone():
     found = answer(bed(lambda x: 0.62 * x**2), (Bend,))
     assert found.answer is Answer.LIKE

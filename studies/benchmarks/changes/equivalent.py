@@ -6,6 +6,35 @@ START = "where a start lies within its bounds: the descent comes to the same"
 
 EQUIVALENT: dict[tuple[str, str], str] = {
     (
+        "rover_pin/discrepancy/exact_refits.py",
+        "SMALL = 0.05: 0.05 -> 0.05500000000000001",
+    ): "any small share of a size begins near nothing",
+    (
+        "rover_pin/discrepancy/judge.py",
+        "alone = held_out_share(found.base, first_of(found).last) if found.found and left.unlisted else 0.0: "
+        "0.0 -> 0.1",
+    ): "not read where nothing was found, or nothing left",
+    (
+        "rover_pin/discrepancy/judge.py",
+        "refits = [one for each in found.rounds for one in each.refits[:LEADERS] if one.net > -one.fee / 2]: > -> >=",
+    ): "two numbers that are worked out are never equal",
+    (
+        "rover_pin/discrepancy/profiles.py",
+        "found = fit(fitted.task, held, others, start, fitted.slopes, reuse=True): True -> False",
+    ): "slopes are worked out again: slower, to the same end",
+    (
+        "rover_pin/discrepancy/profiles.py",
+        "reach = np.clip([fitted.u[at] + share * half for share in SHARES], *one.bounds): + -> -",
+    ): "the shares are alike on either side",
+    (
+        "rover_pin/discrepancy/refit.py",
+        "freed = [] if candidate.effect is not None else list(candidate.sizes): [] -> (list(candidate.sizes))",
+    ): "a base has no sizes of an effect that it lacks",
+    (
+        "rover_pin/discrepancy/verdict.py",
+        "if len(self.scores) <= FEW:: <= -> <",
+    ): "how many lines a summary has",
+    (
         "rover_pin/discrepancy/screen.py",
         "return sorted(best.values(), key=lambda row: -row.gain if row.told else 0.0): 0.0 -> 0.1",
     ): "moves what cannot be told behind what gains nothing: neither is refitted",
