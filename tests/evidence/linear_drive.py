@@ -39,6 +39,7 @@ class LinearExperiment(Experiment):
     channels: tuple[str, ...] = CHANNELS
     folds: tuple[str, ...] = tuple(f"run-{run}" for run in range(RUNS))
     length: int = BLOCKS
+    held: bool = False
     asked: list = field(default_factory=list)
 
     def predict(self, models):
@@ -92,7 +93,7 @@ def runs_of(shape):
         t = PERIOD * np.arange(ROWS_A_BLOCK * shape[2])
         duty = np.tile(np.random.default_rng(run).uniform(0.2, 0.9, shape[2]).repeat(ROWS_A_BLOCK)[:, None], (1, 6))
         place = np.column_stack([0.03 * t, 0.0 * t, 0.0 * t])
-        commands = SimpleNamespace(t=t, duty=duty, place=place, period=PERIOD)
+        commands = SimpleNamespace(t=t, duty=duty, place=place, period=PERIOD, terrain=None)
         times = t.reshape(-1, ROWS_A_BLOCK).mean(axis=1)
         made.append(SimpleNamespace(name=f"run-{run}", commands=commands, times=times, measured={}, channels=CHANNELS))
     return tuple(made)

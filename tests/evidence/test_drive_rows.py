@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.place import FIRST, LAST, placed
+from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.wheel_scale import WheelScale
@@ -135,11 +136,14 @@ def test_a_patch_may_begin_all_along_the_way_by_fifteen_centimetres():
     assert found[-1] + 0.1 < 1.9 + 0.1 <= found[-1] + 0.1 + 0.15
 
 
-def test_motors_show_nothing_where_wheels_are_held():
-    for held in (True, False):
-        experiment = SimpleNamespace(held=held)
-        assert shows(SupplySag(), experiment) == (not held)
-        assert shows(WheelScale(), experiment)
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("ground", [None, "its own"])
+def test_held_wheels_hide_motors_and_runs_with_their_own_ground_hide_a_tilt(held, ground):
+    runs = [SimpleNamespace(commands=SimpleNamespace(terrain=each)) for each in (None, ground)]
+    experiment = SimpleNamespace(held=held, runs=runs)
+    assert shows(SupplySag(), experiment) == (not held)
+    assert shows(GravityTilt(), experiment) == (ground is None)
+    assert shows(WheelScale(), experiment)
 
 
 def test_an_edge_is_moved_by_ever_smaller_steps_while_that_gains(monkeypatch):
