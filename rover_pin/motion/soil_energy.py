@@ -14,7 +14,7 @@ WORTH_TELLING = 0.005
 """Share of the drive's greatest energy, or of the weight times a wheel's radius, from which a gift is told."""
 
 AT_SKID = (
-    "at S < 0 it drives wheel and rover at once; cruise_slip=0.05 or a greater R keeps a drive from there, "
+    "at S < 0 it drives wheel and rover at once; a greater R, as of cruise_slip, keeps level driving from there, "
     "form=net pays for it"
 )
 WHY = {"net": "near rest Eq (7)'s compaction pushes, though nothing rolls"}
