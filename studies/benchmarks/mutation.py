@@ -116,7 +116,7 @@ def main() -> None:
     for name in LIBRARIES:
         importlib.import_module(name)
     with tempfile.TemporaryDirectory() as folder:
-        tree = copied(Path(folder) / "tree")
+        tree, at = copied(Path(folder) / "tree"), commit(ROOT)
         end, kept = time.monotonic() + 60 * asked.minutes, Kept(Path(folder) / "kept" if asked.quick else asked.keep)
         for room in asked.rooms:
             changes = mutants(tree, room)
@@ -128,7 +128,7 @@ def main() -> None:
                 tried(tree, room, trial, asked.killers)
                 if asked.tally and len(trial.tried) == len(changes):
                     noticed = sum(bool(one.killer) for one in trial.tried)
-                    put(asked.tally, Row(room, len(changes), noticed, excused(tree, room), commit(ROOT)))
+                    put(asked.tally, Row(room, len(changes), noticed, excused(tree, room), at))
                 os._exit(0)
             if os.waitpid(child, 0)[1]:
                 raise SystemExit(f"{room}: the run ended early.")

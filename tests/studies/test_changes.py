@@ -93,3 +93,13 @@ def test_a_rooms_tally_takes_the_place_of_its_last(loaded, tmp_path):
         "room,tried,noticed,survived,excused,commit", "effects,5,5,0,0,abc", "soil,9,9,0,3,def+",
     ]  # fmt: skip
     assert tally.commit(ROOT).rstrip("+").isalnum()
+
+
+def test_no_change_survives_in_the_last_runs(loaded):
+    """Of rooms with a row; the run says so with the command at the head of studies/benchmarks/mutation.py."""
+    rows = loaded("tally").read(ROOT / "studies" / "results" / "mutation.csv")
+    assert {"soil", "effects"} <= {row["room"] for row in rows}
+    for row in rows:
+        assert int(row["tried"]) == int(row["noticed"]) + int(row["survived"])
+        assert int(row["survived"]) == 0, row["room"]
+        assert int(row["tried"]) > 300, row["room"]
