@@ -1,0 +1,44 @@
+"""Fig 8's end as a closed loop: the model that digs no longer rises, as its log, and the study says so."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+from rover_pin.motion.drive_log import read_drive_log
+
+STUDIES = Path(__file__).parents[2] / "studies"
+_spec = importlib.util.spec_from_file_location("fig8_loop", STUDIES / "fig8_loop.py")
+study = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(study)
+CLIMBS = ["climb-1", "climb-2", "climb-steps", "climb-back"]
+
+
+@pytest.fixture(scope="module")
+def table():
+    log = read_drive_log(STUDIES / "data" / "steepening-slope")
+    return study.rows(study.driven(log, STUDIES / "results" / "steepening-slope")).set_index("run").loc[CLIMBS]
+
+
+def test_the_elevation_stops_only_with_what_was_found(table):
+    logged, found = table["late, log"], table[f"late, {study.FOUND}"]
+    for other in (study.DECLARED, study.FITTED):
+        assert ((table[f"late, {other}"] - logged).abs() > (found - logged).abs()).all()
+        assert (table[f"late, {other}"] > found + 5.0).all()
+    assert (found < 5.0).all()
+    assert (table[f"late, {study.DECLARED}"] > 15.0).all()
+
+
+def test_the_elevation_is_nearer_than_as_declared(table):
+    assert (table[f"off, {study.FOUND}"] < 0.7 * table[f"off, {study.DECLARED}"]).all()
+
+
+def test_the_text_has_the_numbers_of_the_table(table):
+    said = " ".join(study.__doc__.split())
+    first, second = (table.loc[name] for name in CLIMBS[:2])
+    late = [first["late, log"], second["late, log"], *(first[f"late, {each}"] for each in
+            (study.DECLARED, study.FITTED, study.FOUND))]  # fmt: skip
+    assert "the log {:.1f} and {:.1f} mm, as declared {:.1f}".format(*late) in said
+    assert "with all numbers fitted {:.1f}, with what was found {:.1f}".format(*late[3:]) in said
+    off = table[f"off, {study.FOUND}"]
+    assert "{:.1f}, {:.1f}, {:.1f} and {:.1f} mm off in the four climbs".format(*off) in said
