@@ -26,7 +26,9 @@ from rover_pin.experiments.wheel_rig.residual_tests import (
 from rover_pin.loop.close import close_the_loop
 from rover_pin.measurements.channel import DrawbarPull, Sinkage
 from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.motion.effect_files import package_effects
 from rover_pin.report.rig.cautions import of_residuals
+from rover_pin.report.words import human
 
 STUDIES = Path(__file__).parents[2] / "studies"
 DATA = STUDIES / "data"
@@ -122,7 +124,8 @@ def test_ding_s_wheel_comes_with_its_cautions(tmp_path):
     assert any("phi sits away from its independent value" in said for said in verdict.cautions)
     assert any("times its noise" in said for said in verdict.cautions)
     page = html.unescape((tmp_path / "report.html").read_text())
-    assert all(said in page for said in verdict.cautions)
+    kinds = package_effects()
+    assert all(human(said, kinds)[1:] in page for said in verdict.cautions)  # capital letters begin them
 
 
 @pytest.mark.slow

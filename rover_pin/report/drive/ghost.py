@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.errors import DataError
+from rover_pin.errors import RoverPinError
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.motion.drive_log import DriveLog
@@ -41,7 +40,7 @@ class Ghosts(Section):
         worst = max(free, key=lambda one: one.before)
         try:
             return {"run": worst.run, "added": self.sides.added, "page": self._page(self.sides, worst.run)}
-        except DataError:  # a run without the places that a scene needs
+        except RoverPinError:  # a run without the places that a scene needs
             return None
 
     def _page(self, sides: Sides, run: str) -> str:
@@ -55,7 +54,7 @@ class Ghosts(Section):
 
 def driven(experiment: DriveExperiment, model: Model, run: str, beside: Subject, name: str) -> Subject:
     """Return the free simulation of a run as something to be seen beside what was measured."""
-    at = [Path(one.name).stem for one in experiment.runs].index(Path(run).stem)
+    at = [one.name for one in experiment.runs].index(run)
     replay, commands = experiment.free.replays(model)[at], experiment.runs[at].commands
     channels = {name: values for name, values in replay.channels.items() if len(values) == len(commands.t)}
     return replace(

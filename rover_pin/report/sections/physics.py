@@ -41,7 +41,8 @@ class Physics(Section):
         assert self.verdict.after is not None
         kind, fitted = type(effect), self.verdict.after.fit
         records = fitted.task.experiment.records(fitted.model)
-        owner = next(name for name, record in records.items() if record == effect and type(record) is kind)
+        own = [name for name, record in records.items() if type(record) is kind]
+        owner = next((name for name in own if records[name] == effect), own[0])
         said = [practical(fitted, owner, self.manner), self.further(effect)]
         paragraphs = [part for part in (inspect.getdoc(kind) or "").split("\n\n") if part.strip()]
         return {
