@@ -15,7 +15,17 @@ from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import Best, Interval
 from rover_pin.identification import posterior as sampling
 from rover_pin.identification.identifiability import refuse_untold
-from rover_pin.identification.identify import Ended, Search, _agreement, _channel_fits, build, misfit, profile, scatter
+from rover_pin.identification.identify import (
+    Ended,
+    Search,
+    _agreement,
+    _channel_fits,
+    _lowest,
+    build,
+    misfit,
+    profile,
+    scatter,
+)
 from rover_pin.identification.judge import judge
 from rover_pin.identification.posterior import Chain, Posterior, _walkers, log_density
 from rover_pin.identification.result import Estimate, Identification, Starts, Verdict, _line
@@ -283,12 +293,21 @@ def test_starts_are_the_soil_and_points_within_the_spread_and_the_bounds():
 
 
 def test_starts_that_end_within_a_hundredth_of_chi2_agree():
-    ends = [(1.0, 3.0), (1.009, 3.1), (1.02, 7.0), (1.025, 7.1), (4.0, 9.0), (np.inf, None)]
+    ends = [(1.0, 3.0), (1.0095, 3.1), (1.0105, 7.0), (1.02, 7.1), (4.0, 9.0), (np.inf, None)]
     made = [Ended(None if u is None else np.array([0.0, u / 10, 0.0]), chi2, "") for chi2, u in ends]
     found = _agreement(PLAIN, made)
     assert (found.tried, found.converged, found.agreed) == (6, 5, 2)
-    assert [chi2 for chi2, _ in found.others] == [1.02, 4.0]
+    assert [chi2 for chi2, _ in found.others] == [1.0105, 4.0]
     assert found.others[0][1]["phi"] == pytest.approx(0.7)
+
+
+def test_the_fit_is_where_the_lowest_start_ended():
+    ends = [Ended(BASE + 1.0, 7.0, ""), Ended(BASE, 3.0, ""), Ended(None, np.inf, "did not settle")]
+    found = _lowest(PLAIN, ends)
+    assert (found.chi2, found.u) == (3.0, pytest.approx(BASE))
+    assert found.covariance == pytest.approx(np.eye(3))
+    with pytest.raises(OptimisationError, match=r"none of 1 starts converged \(did not settle\)"):
+        _lowest(PLAIN, ends[2:])
 
 
 def test_each_channel_has_its_own_error_and_chi2():
@@ -341,6 +360,7 @@ def test_a_report_says_that_its_intervals_are_widened(widened, said):
     [
         ("rad", "x = 57.3 +- 5.7 deg, 95 % in [28.65, 85.94]: found"),
         ("m", "x = 1 +- 0.1 m, 95 % in [0.5, 1.5]: found"),
+        ("s", "x = 1 +- 0.1 s, 95 % in [0.5, 1.5]: found"),
         ("", "x = 1 +- 0.1 , 95 % in [0.5, 1.5]: found"),
     ],
 )

@@ -39,7 +39,15 @@ def test_what_may_be_nothing_is_fitted_on_a_line(name, value):
 
 def test_a_negative_angle_scatters_by_its_size():
     """theta_2 lies behind the axle."""
-    assert axis("theta_2", Soil(theta_2=-0.08)).coordinate.scale == pytest.approx(0.08)
+    found, about = axis("theta_2", Soil(theta_2=-0.08)).coordinate, ABOUT["theta_2"]
+    assert about.low < 0.0
+    assert found.scale == pytest.approx(0.08)
+    assert found.widest * found.scale == pytest.approx((about.high - about.low) / 4)
+
+
+def test_the_pressure_ends_at_the_bound_of_the_modulus_that_is_free():
+    soil = Soil(k_1=2e4, k_2=5e8)
+    assert axis("k_1", soil).high == pytest.approx(math.log(ABOUT["k_1"].high + 2e7), abs=1e-9)
 
 
 def test_the_exit_ratio_ends_before_a_second_singularity():

