@@ -12,6 +12,7 @@ from rover_pin.errors import OptimisationError
 from rover_pin.estimation.fit import Fit, Task, fit
 from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.task import objective
 
 LOST = 1e3
 """Residual [SD] of a run that the fit to the others cannot predict at all."""
@@ -30,6 +31,16 @@ def left_out(fitted: Fit) -> np.ndarray:
         at = owner == run
         losses.append(huber(rows[at] + columns[at] @ step))
     return np.array(losses)
+
+
+def without_each(fitted: Fit) -> np.ndarray:
+    """Return the robust chi2, priors included, of a fit to all runs but one (runs,), to first order."""
+    rows, owner, columns = fitted.rows, run_of_rows(fitted), fitted.columns
+    found = []
+    for run, step in enumerate(_steps_without(fitted)):
+        at = owner != run
+        found.append(objective((rows + columns @ step)[at], fitted.u + step, fitted.parameters))
+    return np.array(found)
 
 
 def losses_of(fitted: Fit) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.discrepancy.answer import TAKES_MOST, Answer
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out
+from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out, without_each
 from rover_pin.discrepancy.held_out import ChannelScore, held_out
 from rover_pin.discrepancy.search import Search, again, calibrated, search
 from rover_pin.discrepancy.sentence import sentence
@@ -28,6 +28,8 @@ LEFT = 0.01
 """What is left with less than this probability, beside too small a share, keeps a law from holding."""
 LEADERS = 4
 """Leading candidates of every round among which a fold chooses again, where a fit is exact."""
+FEWEST = 3
+"""Folds from which those that choose otherwise speak against a name: of two each has half of the data."""
 WORSE_BY = 0.05
 """Share by which a channel that was not fitted must be predicted worse, beyond its scatter, to speak against a name."""
 
@@ -97,6 +99,27 @@ def reselected(base: Fit, tried: Sequence[Candidate]) -> dict[str, str]:
         without = again(fit(task, base.model, base.parameters, base.u, base.slopes))
         chosen[name] = search(without, tried, lambda said: None).names
     return chosen
+
+
+def chosen_without(found: Search) -> dict[str, str]:
+    """Return what is chosen of the refitted candidates without each fold, to first order: nothing is predicted anew.
+
+    Every round is decided again, by the gain on the other folds beyond the threshold, as long as it decides as on all.
+    """
+    folds = found.base.task.experiment.folds
+    chosen: dict[str, list[str]] = {name: [] for name in folds}
+    going, here = set(folds), found.base
+    for each in found.rounds:
+        was = without_each(here)
+        nets = {one.name: was - without_each(one.fit) - one.fee for one in each.refits if one.net > -one.fee / 2}
+        for at, name in enumerate(folds):
+            best = max(nets, key=lambda one: nets[one][at], default="")
+            if name in going and best and nets[best][at] > 0:
+                chosen[name].append(best)
+            if not each.alike or best != each.alike[0].name:
+                going.discard(name)
+        here = each.alike[0].fit if each.alike else here
+    return {name: " + ".join(names) for name, names in chosen.items()}
 
 
 def side_of(fitted: Fit) -> Side:
@@ -180,7 +203,7 @@ def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore]
     said += [f"{one} from what is declared of it" for one in implausible(last)]
     names = {one.name for one in found.added}
     same = sum(set(name.split(" + ")) == names for name in chosen.values())
-    if chosen and 2 * same <= len(chosen):
+    if len(chosen) >= FEWEST and 2 * same <= len(chosen):
         said.append(f"{found.names} is chosen in {same} of {len(chosen)} folds only")
     worse = [one for one in scores if one.worded.outcome is Outcome.WORSE and one.change > WORSE_BY]
     return said + [f"{one.name} is predicted worse where it was not fitted" for one in worse]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rover_pin.discrepancy.answer import Answer, plain, score_line
+from rover_pin.discrepancy.baselines import Baseline
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Round, Search
@@ -83,6 +84,8 @@ class Verdict:
     "what to measure next"
     search: Search | None = field(default=None, repr=False)
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
+    baselines: tuple[Baseline, ...] = field(default=(), repr=False)
+    "held-out errors of what a user would otherwise take"
     extra: Extra | None = field(default=None, repr=False)
     files: tuple[Path, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
@@ -162,6 +165,7 @@ class Verdict:
                 "findings": [str(finding) for finding in self.findings],
                 **{name: _numbers(side) for name, side in sides.items()},
                 "rounds": [_round(one) for one in (self.search.rounds if self.search else ())],
+                "baselines": [one._asdict() for one in self.baselines],
                 "profiles": [one._asdict() for one in self.profiles],
                 "experiments": [one.said for one in self.experiments],
                 "extra": self.extra.as_dict() if self.extra else {},

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rover_pin.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.judge import Left, judged
+from rover_pin.discrepancy.judge import Left, chosen_without, judged
 from rover_pin.discrepancy.profiles import profiles
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Search, search
@@ -102,7 +102,7 @@ def _poor(log: DriveLog, model: Model, poor: str) -> Verdict:
 def verdict_on(log: DriveLog, found: Search, left: Remainder, seed: int, progress: Progress) -> Verdict:
     """Return the verdict on what was found in a log and what is left; what is doubtful is not in its model."""
     progress("runs left out, and driven freely")
-    verdict = judged(("drive-log", log.about.name), found, {}, left_of(found, left), seed)
+    verdict = judged(("drive-log", log.about.name), found, chosen_without(found), left_of(found, left), seed)
     wheels = [wheel.name for wheel in found.base.model.rover.wheels]
     added = [one for one in found.added if one.name in verdict.named]
     sizes = tuple(name for one in added for name in one.sizes)

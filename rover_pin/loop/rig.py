@@ -13,6 +13,7 @@ import numpy as np
 from rover_pin.columns import replace_file
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.baselines import curves, losses
 from rover_pin.discrepancy.judge import Question, concluded
 from rover_pin.discrepancy.profiles import profiles
 from rover_pin.discrepancy.verdict import Side, Verdict
@@ -60,7 +61,17 @@ def close_rig_loop(
     refuse_unfit(rig_set)
     verdict = on_rig(RigExperiment(rig_set), _start(rig_set, model), effects, progress, seed)
     verdict.provenance.update(provenance(seed, time.monotonic() - begun, command(data, effects, out)))
-    return verdict if out is None else _written(verdict, rig_set, Path(out), progress)
+    if out is None:
+        return verdict
+    progress("errors of what a user would otherwise take")
+    return _written(with_baselines(verdict, RigExperiment(rig_set)), rig_set, Path(out), progress)
+
+
+def with_baselines(verdict: Verdict, experiment: RigExperiment) -> Verdict:
+    """Return the verdict with the errors of curves through the points, and a caution where one predicts better."""
+    channels = [(name, experiment.unit(name)) for name in experiment.channels]
+    found = curves(experiment.observed, experiment.given, channels) if verdict.scores else ()
+    return dataclasses.replace(verdict, baselines=found, cautions=(*verdict.cautions, *losses(verdict.scores, found)))
 
 
 def _rig_set(data: str | Path | WheelRig | RigSet) -> RigSet:

@@ -31,7 +31,7 @@ PERIOD, ROWS_A_BLOCK = 0.05, 10
 class LinearExperiment(Experiment):
     """features = sum over numbers (value - zero) slope; a number of an effect that the model lacks counts nothing."""
 
-    is_timed = True
+    is_timed, held = True, False
     observed: np.ndarray
     slopes: dict[str, tuple[float, np.ndarray]]
     "zero and slope (runs, channels, blocks) by name of the number"

@@ -14,9 +14,9 @@ from scipy.stats import binom
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
-from rover_pin.discrepancy.cross_validation import left_out, loss_of, refitted_left_out
+from rover_pin.discrepancy.cross_validation import left_out, loss_of, refitted_left_out, without_each
 from rover_pin.discrepancy.held_out import held_out, together
-from rover_pin.discrepancy.judge import Left, answer_of, share_taken
+from rover_pin.discrepancy.judge import Left, answer_of, chosen_without, share_taken
 from rover_pin.discrepancy.refit import Refit, alike, joined
 from rover_pin.discrepancy.screen import (
     Signature,
@@ -708,9 +708,30 @@ def test_what_was_found_is_in_the_verdicts_model(log):
     assert [one.name for one in verdict.after.numbers] == ["soil.phi", "WeakMotor[0].g", "ExitAngle.e_1"]
     assert [one.name for one in verdict.profiles] == ["ExitAngle.e_1"]
     assert verdict.sentence.startswith("the data are consistent with ExitAngle, which takes 9")
+    assert set(verdict.chosen.values()) == {"ExitAngle"}
     assert [(one.before, one.after) for one in extra_of(verdict).free] == [pytest.approx((0.01, 0.009))] * linear.RUNS
     before, after = together(verdict.runs)
     assert after < 0.7 * before
+
+
+def test_an_effect_of_one_run_is_not_chosen_without_it(log):
+    """And the name does not stand where most runs choose otherwise; a refit to the others says the same."""
+
+    def laws(random):
+        own = law(random, EXIT)["ExitAngle.e_1"][1]
+        own[1:] *= 0.02
+        return {"ExitAngle.e_1": (0.0, own)}
+
+    found = searched({"ExitAngle.e_1": 1.0}, laws)
+    assert [one.name for one in found.added] == ["ExitAngle"]
+    chosen = chosen_without(found)
+    assert [chosen[name] for name in found.base.task.experiment.folds] == ["", *["ExitAngle"] * (linear.RUNS - 1)]
+    good = found.base.task.noise.good.copy()
+    good[0] = False
+    task = dataclasses.replace(found.base.task, noise=dataclasses.replace(found.base.task.noise, good=good))
+    fits = [fit(task, one.model, one.parameters, one.u, one.slopes) for one in (found.base, found.last)]
+    assert without_each(found.base)[0] == pytest.approx(fits[0].chi2, rel=1e-3)
+    assert fits[0].chi2 - fits[1].chi2 < found.found[0].fee
 
 
 def test_what_takes_most_is_like_what_is_missing_though_more_is_left(log):
@@ -741,6 +762,7 @@ def test_nothing_needed_is_said_and_added(log):
     verdict = verdict_on(log, searched({}, three), QUIET, 0, SILENT)
     assert verdict.answer is Answer.NONE_NEEDED
     assert (verdict.named, verdict.alike, verdict.share) == ((), (), 0.0)
+    assert set(verdict.chosen.values()) == {""}
     assert "no candidate gains more than chance" in verdict.sentence
 
 

@@ -89,6 +89,14 @@ class RigExperiment(Experiment):
         """RMS of the stated SDs of every channel (channels,)."""
         return np.array([float(np.sqrt(np.mean(channel.sd**2))) for channel in self.data.rig.channels])
 
+    @property
+    def given(self) -> np.ndarray:
+        """What was set (levels, runs of a level, inputs): slip, and slip angle and load where they differ."""
+        rig = self.data.rig
+        rows = [rig.slip, *([rig.slip_angle] if rig.askew.any() else [])]
+        rows += [rig.load] if np.max(rig.load) >= SAME_LOAD * np.min(rig.load) else []
+        return np.moveaxis(self.table(np.array(rows)), 1, 2)
+
     @cached_property
     def _given(self) -> np.ndarray:
         rig = self.data.rig
