@@ -11,7 +11,7 @@ from rover_pin.discrepancy.cross_validation import refitted_left_out
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit
 from rover_pin.estimation.noise import Noise, huber_losses
-from rover_pin.estimation.wording import Change
+from rover_pin.estimation.wording import AT_FLOOR, Change
 
 DRAWS = 2000
 """Resamplings of the bootstrap."""
@@ -108,15 +108,42 @@ Pair = tuple[np.ndarray, np.ndarray]
 def _by_channel(
     experiment: Experiment, noise: Noise, pair: Pair, random: np.random.Generator
 ) -> tuple[ChannelScore, ...]:
-    good, found = noise.good, []
+    good, found, floor = noise.good, [], floor_of(experiment, noise)
     for row, name in enumerate(experiment.channels):
         squares = [np.where(good, one, 0.0)[:, row] ** 2 for one in pair]
         low, high = _change(np.array([_resampled(experiment, each) for each in squares]), 0.5, random)
         was, now = (float(np.sqrt(each.sum() / max(int(good[:, row].sum()), 1))) for each in squares)
         unit, change = experiment.unit(name), now / max(was, 1e-300) - 1
         levels, of = _levels(experiment, noise.good[:, row], squares), "runs" if experiment.is_timed else "folds"
-        found.append(ChannelScore(name, unit, float(noise.floor[row]), was, now, change, low, high, levels, of))
+        found.append(ChannelScore(name, unit, float(floor[row]), was, now, change, low, high, levels, of))
     return tuple(found)
+
+
+def floor_of(experiment: Experiment, noise: Noise) -> np.ndarray:
+    """Return what no model beats (channels,): the samples' scatter where that is told, else the noise."""
+    told = experiment.floor()
+    return noise.floor if told is None else np.where(np.nan_to_num(told) > 0, told, noise.floor)
+
+
+class Excess(NamedTuple):
+    """A channel that a model leaves with more than its floor."""
+
+    channel: str
+    times: float
+    "RMS of what is left over the floor"
+    fold: str
+    "where most is left"
+
+
+def beyond_floor(fitted: Fit) -> tuple[Excess, ...]:
+    """Return the channels that a fit leaves with more than AT_FLOOR times what no model beats, the worst first."""
+    experiment, good = fitted.task.experiment, fitted.task.noise.good
+    left, count = np.where(good, fitted.residual, 0.0) ** 2, np.maximum(good.sum(axis=(0, 2)), 1)
+    times = np.sqrt(left.sum(axis=(0, 2)) / count) / np.maximum(floor_of(experiment, fitted.task.noise), 1e-300)
+    worst = np.sqrt(left.sum(axis=2) / np.maximum(good.sum(axis=2), 1)).argmax(axis=0)
+    rows = zip(experiment.channels, times, worst, strict=True)
+    found = [Excess(name, float(one), experiment.folds[at]) for name, one, at in rows if one > AT_FLOOR]
+    return tuple(sorted(found, key=lambda one: -one.times))
 
 
 def _resampled(experiment: Experiment, squares: np.ndarray) -> np.ndarray:

@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.held_out import beyond_floor
 from rover_pin.discrepancy.search import Search
 from rover_pin.estimation.numbers import implausible, is_adequate, numbers
 from rover_pin.estimation.wording import shown
+
+MOST_SAID = 3
+"""Channels that a sentence names."""
 
 
 def sentence(answer: Answer, found: Search, share: float, besides: tuple[str, Sequence[str]]) -> str:
@@ -57,7 +61,15 @@ def _like(found: Search, share: float, left: str, against: Sequence[str]) -> str
 
 
 def _none_needed(found: Search, share: float, left: str, against: Sequence[str]) -> str:
-    return "the calibrated base model meets the data within their noise, and no candidate gains more than chance."
+    over = () if found.base.task.experiment.floor() is None else beyond_floor(found.base)
+    if not over:
+        return "the calibrated base model meets the data within their noise, and no candidate gains more than chance."
+    worst = ", ".join(f"{one.channel} {one.times:.3g} times (most in {one.fold})" for one in over[:MOST_SAID])
+    more = f" and {len(over) - MOST_SAID} channels more" if len(over) > MOST_SAID else ""
+    return (
+        "no candidate gains more than chance, but the calibrated base model leaves more than the samples scatter: "
+        f"{worst}{more}."
+    )
 
 
 def _unlisted(found: Search, share: float, left: str, against: Sequence[str]) -> str:

@@ -93,6 +93,10 @@ at a minimum, and every fold is predicted by whole refits"
         """Return the noise as it is declared, or as repeats show it; None where it is learnt from what is left."""
         return None
 
+    def floor(self) -> np.ndarray | None:
+        """Return the SD of each channel (channels,) that no model beats, as samples show it; None: the noise."""
+        return None
+
     def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
         """Return what the model predicts with the parameters at u, and its exact slopes; where `is_exact`."""
         raise NotImplementedError(f"{type(self).__name__} is not exact: its slopes are differences of predictions.")

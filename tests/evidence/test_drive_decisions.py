@@ -3,6 +3,7 @@
 import dataclasses
 import importlib.util
 import math
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -764,6 +765,20 @@ def test_nothing_needed_is_said_and_added(log):
     assert (verdict.named, verdict.alike, verdict.share) == ((), (), 0.0)
     assert set(verdict.chosen.values()) == {""}
     assert "no candidate gains more than chance" in verdict.sentence
+
+
+@pytest.mark.parametrize(("share", "within"), [(1.0, True), (0.5, False)])
+def test_within_the_noise_is_said_of_the_samples_scatter_not_of_the_misfit(log, monkeypatch, share, within):
+    """The residuals of this set are white with an SD of 1e-3 to 1e-2; the noise is learnt from them, as always."""
+    found = searched({}, three)
+    sd = found.base.residual.std(axis=(0, 2))
+    monkeypatch.setattr(type(found.base.task.experiment), "floor", lambda self: share * sd)
+    verdict = verdict_on(log, found, QUIET, 0, SILENT)
+    assert verdict.answer is Answer.NONE_NEEDED
+    assert ("within their noise" in verdict.sentence) == within
+    assert [score.floor for score in verdict.scores] == pytest.approx(share * sd)
+    if not within:
+        assert re.search(r"more than the samples scatter: \w+ 2[.0-9]* times \(most in run-\d\)", verdict.sentence)
 
 
 @pytest.mark.parametrize("told", [True, False])

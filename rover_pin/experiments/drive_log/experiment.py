@@ -21,6 +21,7 @@ from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.parameters import owners, with_record
 from rover_pin.experiments.drive_log.places import neighbours
 from rover_pin.experiments.drive_log.resume import Memory, digest
+from rover_pin.experiments.drive_log.scatter import scatter
 from rover_pin.motion.channels import unit_of
 from rover_pin.motion.model import Model
 from rover_pin.motion.place import settled
@@ -62,6 +63,10 @@ class DriveExperiment(Experiment):
     def observed(self) -> np.ndarray:
         """Measured features (runs, channels, blocks); not a number where nothing is compared."""
         return self._padded([run.seen for run in self.runs])
+
+    def floor(self) -> np.ndarray:
+        """Return the SD of each feature (channels,) that the scatter of its samples shows."""
+        return scatter(self.runs, self.channels)
 
     @property
     def folds(self) -> tuple[str, ...]:

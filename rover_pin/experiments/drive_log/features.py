@@ -67,6 +67,10 @@ class LoggedRun:
             [levelled(name, blocks(row, self.commands.period), self.usable) for name, row in self._rows(read)]
         )
 
+    def measured_rows(self) -> dict[str, np.ndarray]:
+        """Return the features before they are averaged over blocks, as measured (T,) by name."""
+        return dict(self._rows({name: filled(row) for name, row in self.measured.items()}))
+
     def _rows(self, channels: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
         made = driven(channels, self.heading, self.commands.period, self.counted)
         still = np.zeros(len(self.commands.t))
