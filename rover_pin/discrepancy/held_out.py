@@ -8,11 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.discrepancy.cross_validation import refitted_left_out
+from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit
 from rover_pin.estimation.noise import Noise, huber_losses
-from rover_pin.estimation.wording import AT_FLOOR, Change
+from rover_pin.estimation.wording import AT_FLOOR, Change, shown
 
+LOSES = 0.95
+"""Share of the model's held-out error below which a baseline's is called better."""
 DRAWS = 2000
 """Resamplings of the bootstrap."""
 
@@ -144,6 +147,18 @@ def beyond_floor(fitted: Fit) -> tuple[Excess, ...]:
     rows = zip(experiment.channels, times, worst, strict=True)
     found = [Excess(name, float(one), experiment.folds[at]) for name, one, at in rows if one > AT_FLOOR]
     return tuple(sorted(found, key=lambda one: -one.times))
+
+
+def losses(scores: Sequence[ChannelScore], baselines: Sequence[Baseline]) -> tuple[str, ...]:
+    """Return where a curve predicts what was not fitted better than the model does, one sentence a channel."""
+    said = []
+    for score in scores:
+        own = [one for one in baselines if one.channel == score.name]
+        best = min(own, key=lambda one: one.error, default=None)
+        if best is not None and best.error < LOSES * score.after:
+            errors = f"{shown(best.error, score.unit)} against {shown(score.after, score.unit)}"
+            said.append(f"held out, {score.name} is predicted better by a {best.curve} of what was set ({errors})")
+    return tuple(said)
 
 
 def _resampled(experiment: Experiment, squares: np.ndarray) -> np.ndarray:

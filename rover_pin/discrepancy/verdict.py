@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rover_pin.discrepancy.answer import Answer, plain, score_line
-from rover_pin.discrepancy.baselines import Baseline
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Round, Search
+from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import DRIFTED, Number
 from rover_pin.estimation.profile import Profile

@@ -13,10 +13,11 @@ import numpy as np
 from rover_pin.columns import replace_file
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.baselines import curves, losses
+from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.judge import Question, concluded
 from rover_pin.discrepancy.profiles import profiles
 from rover_pin.discrepancy.verdict import Side, Verdict
+from rover_pin.estimation.baselines import curves
 from rover_pin.experiments.wheel_rig.candidates import candidates, own_sizes, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
