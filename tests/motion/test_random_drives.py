@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rover_pin.body.terrain import Lanes
 from rover_pin.errors import RoverPinError
 from rover_pin.motion.place import RESTS, SLIDES, set_down
 from rover_pin.motion.simulate import Timing
@@ -73,16 +74,18 @@ def of_trace(chosen, trace):
 
 
 def of_load(chosen, trace):
-    """Newton's second law over the whole drive, from rows of the trace alone: coarser than the drive's own account."""
-    if trace.t[-1] < 1.0:
+    """Newton's second law on level ground, from rows of the trace alone: coarser than the drive's own account.
+
+    Elsewhere normal forces have a part along the horizontal: a wheel in a corner is pressed by more than its weight.
+    """
+    level = isinstance(chosen.model.terrain, Lanes) and not any(each.z.any() for each in chosen.model.terrain.profiles)
+    if not level or trace.t[-1] < 1.0 or any(says(trace, what) for what in (LOAD, HALF, BALANCE)):
         return []
     gravity, time = chosen.model.gravity, trace.t[-1] - trace.t[0]
-    load = trace.stack("normal").sum(axis=1).mean() / (gravity * chosen.model.built.mass)
+    loads = trace.stack("normal").sum(axis=1) / (gravity * chosen.model.built.mass)
+    load, sampled = loads.mean(), 3.0 * loads.std() / math.sqrt(len(loads))
     load -= (trace["body_vz"][-1] - trace["body_vz"][0]) / (gravity * time)
-    quiet = max(np.abs(trace[f"body_v{axis}"]).max() for axis in "xyz") < 0.2
-    said = says(trace, LOAD) or says(trace, HALF) or says(trace, BALANCE)
-    level = np.abs(trace["body_pitch"]).max() < 0.3 and np.abs(trace["body_roll"]).max() < 0.3
-    return [f"it carries {load:.2g} times its weight"] if quiet and level and not said and abs(load - 1) > 0.2 else []
+    return [f"it carries {load:.2g} times its weight"] if abs(load - 1.0) > 0.1 + sampled else []
 
 
 def of_stop(chosen, trace):
