@@ -178,6 +178,7 @@ def test_the_mirror_image_accelerates_as_the_mirror_image(rover, random_state, s
         (0, np.zeros(27), "a quaternion .x, y, z, w. must have length 1"),
         (1, np.zeros(27), r"v has shape \(27,\)"),
         (1, np.full(20, np.nan), "v holds a number that is not finite"),
+        (1, np.r_[np.zeros(19), np.inf], "v holds a number that is not finite"),
         (2, np.zeros(6), r"torques has shape \(6,\)"),
         (3, np.zeros((4, 6)), r"wheel_forces has shape \(4, 6\); this rover's must be \(6, 6\)"),
     ],

@@ -30,15 +30,15 @@ static void find_wrenches(const Wheel *w, const Spot *spot, double r, double wre
   cross(arm, N, by_n);
   cross(arm, l, by_y);
   cross(arm, across, by_side);
-  const double off_n = dot(by_n, w->axle), off_y = dot(by_y, w->axle), off_side = dot(by_side, w->axle);
+  const double off_side = dot(by_side, w->axle); /* forces in the patch's plane and normal to it pass through the axle */
   for (int c = 0; c < 3; ++c) {
     const double axle = w->axle[c];
     wrench[0][c] = patch->share * t[c] + patch->tilt * N[c];
     wrench[1][c] = patch->share * l[c];
     wrench[2][c] = patch->share * N[c] - patch->tilt * t[c] + patch->side * across[c];
     wrench[3][c] = wrench[0][3 + c] = 0.0;
-    wrench[1][3 + c] = patch->share * (by_y[c] - off_y * axle);
-    wrench[2][3 + c] = patch->share * (by_n[c] - off_n * axle) + patch->side * (by_side[c] - off_side * axle);
+    wrench[1][3 + c] = patch->share * by_y[c];
+    wrench[2][3 + c] = patch->share * by_n[c] + patch->side * (by_side[c] - off_side * axle);
     wrench[3][3 + c] = -patch->turn * axle;
   }
 }

@@ -12,8 +12,11 @@ SIGNS |= {other: sign for sign, other in SIGNS.items()} | {"= -": "= "}
 TOKEN = re.compile(
     "|".join(re.escape(sign) for sign in sorted(SIGNS, key=len, reverse=True)) + r"|\b\d+\.\d*(?:e-?\d+)?"
 )
-HIDDEN = re.compile(r"/\*.*?\*/|//[^\n]*|^\s*#[^\n]*|\"[^\"\n]*\"|for \([^{\n]*", re.DOTALL | re.MULTILINE)
-"""Comments, directives, strings, and the heads of loops."""
+HIDDEN = re.compile(
+    r"/\*.*?\*/|//[^\n]*|^\s*#[^\n]*|\"[^\"\n]*\"|for \([^{\n]*|\[[^\[\]]*MAX_[^\[\]]*\]|_Alignas[^=;]*;",
+    re.DOTALL | re.MULTILINE,
+)
+"""Comments, directives, strings, the heads of loops, and the room of arrays."""
 
 
 def changes(text: str) -> list[Mutant]:

@@ -1,10 +1,13 @@
 """Changes that no test can notice, because they change no result: file, change as it is told, and the reason."""
 
+from changes.equivalent_motion import MOTION
+
 SHIFT = "the least shift keeps a ratio finite where nothing is sheared; any other does"
 NOT_ZERO = "keeps tanh(x) / x from 0 / 0 at a pivot that stands: any tiny number does"
 START = "where a start lies within its bounds: the descent comes to the same"
 
 EQUIVALENT: dict[tuple[str, str], str] = {
+    **MOTION,
     (
         "rover_pin/discrepancy/exact_refits.py",
         "SMALL = 0.05: 0.05 -> 0.05500000000000001",
