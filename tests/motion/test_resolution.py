@@ -229,6 +229,26 @@ def test_a_step_that_explodes_is_taken_again_until_the_finest():
     assert Pace(Rough((0.0, 1.0), 0.0, explodes=0.0), 64.0).advance() == 1
 
 
+def test_lengths_and_what_is_missed_go_by_the_step_that_was_asked_for():
+    """A stub in 64ths of a step that is half as long: the same steps, and half of what is missed."""
+    stub = Rough((64.0, 65.0), 2.0 * ROUGH * 4.0)
+    pace = Pace(stub, 32.0)
+    stub.dt = 32.0
+    assert [pace.advance(k == 0) for k in range(8)] == [0] * 8
+    assert stub.t[0] == 32.0 * 8
+    assert min(stub.tried) == 0.5
+    assert max(stub.tried) == 32.0
+    assert pace.missed == pytest.approx(2.0 * 0.5 * 2.0 * ROUGH)
+
+
+def test_the_step_s_parts_are_those_of_soils_as_they_are_unless_told():
+    model = scenario("flat", **{"soil.k_1": 1e7}).model
+    state = settled(model, Start())
+    steps = np.linspace(1e-3, 0.1, 60)
+    assert [parts(model, state, dt) for dt in steps] == [parts(model, state, dt, 1.0) for dt in steps]
+    assert [parts(model, state, dt) for dt in steps] != [parts(model, state, dt, 1.1) for dt in steps]
+
+
 def test_what_the_finest_steps_misjudge_is_counted():
     stub = Rough((128.0, 130.0), 2.0 * ROUGH)
     assert driven(stub).missed == pytest.approx(2 * 2.0 * ROUGH)
@@ -290,6 +310,9 @@ def test_a_mean_load_that_is_not_the_weight_is_told(load, told):
     rows = rows_of(model, 60, np.s_[:0])
     rows["impulse"] *= load
     assert bool(load_warning(model, rows)) is told
+    enough = rows_of(model, 60, np.s_[:0], duration=0.51)
+    enough["impulse"] *= 2.0
+    assert load_warning(model, enough) != ""
     short = rows_of(model, 60, np.s_[:0], duration=0.49)
     short["impulse"] *= 2.0
     assert load_warning(model, short) == ""
