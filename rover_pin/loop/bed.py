@@ -16,13 +16,20 @@ from rover_pin.discrepancy.bed import Bed, question_of
 from rover_pin.discrepancy.judge import concluded
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import DataError
+from rover_pin.experiments.slip_slope import FILE as SLOPE_FILE
 from rover_pin.loop.provenance import provenance
 from rover_pin.motion.effect_files import package_effects, run_file, user_effects
 from rover_pin.paths import is_file
 from rover_pin.report.bed.report import write_report
 
-OWN = ("motor_brake",)
+OWN = ("motor_brake", "slip_slope")
 """The package's own test beds, by the name of their file."""
+
+
+def own_kind(data: object) -> str | None:
+    """Return which of the package's own test beds reads a folder, by the file in it; None where none does."""
+    slopes = isinstance(data, (str, Path)) and is_file(Path(data) / SLOPE_FILE)
+    return "slip_slope" if slopes else None
 
 
 def read_bed(data: str | Path, experiment: str | Path) -> Bed:

@@ -15,7 +15,7 @@ from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
-from rover_pin.loop.bed import close_on_bed, read_bed
+from rover_pin.loop.bed import close_on_bed, own_kind, read_bed
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
 from rover_pin.loop.provenance import command
@@ -89,6 +89,7 @@ def close_the_loop(
     refuse_both(jobs or None, scheduler)
     if effects is not None:
         refuse_unfit_effects(effects)
+    experiment = experiment or own_kind(data)
     if isinstance(data, Bed) or experiment is not None:
         if model is not None:
             raise DataError(f"{data}: a test bed starts from the model that its own file declares; leave `model` out.")

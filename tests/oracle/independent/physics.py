@@ -11,8 +11,7 @@ from .rim import Ground, Pieces, Rim
 from .urdf import read
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
-STEERED = (0, 1, 4, 5)
-N = len(WHEELS)
+STEERED = ("fl", "fr", "rl", "rr")
 
 
 @dataclass(frozen=True)
@@ -50,6 +49,12 @@ class World:
     travel_speed: float = 0.005
     "below which driving and reversing are blended [m/s]"
     sideways_share: float = 0.05
+    wheels: tuple = WHEELS
+    "of links wheel_NAME_link on joints wheel_NAME"
+    steered: tuple = STEERED
+    "those of them on joints steer_NAME"
+    own_arc: bool = False
+    "whether the traction too is that of the sinkage's arc, not of the paper's fixed one"
     servo: tuple = (20.0, 0.2)
     stop: tuple = (50.0, 1.0)
 
@@ -81,15 +86,16 @@ class Physics:
     def __init__(self, world):
         self.world = world
         self.tree = tree = read(world.urdf)
-        self.wheel_link = np.array([tree.links.index(f"wheel_{name}_link") for name in WHEELS])
-        self.wheel_angle = np.array([tree.names.index(f"wheel_{name}") for name in WHEELS])
-        self.steer_angle = np.array([tree.names.index(f"steer_{WHEELS[i]}") for i in STEERED])
+        self.wheel_link = np.array([tree.links.index(f"wheel_{name}_link") for name in world.wheels])
+        self.wheel_angle = np.array([tree.names.index(f"wheel_{name}") for name in world.wheels])
+        self.steer_angle = np.array([tree.names.index(f"steer_{name}") for name in world.steered], dtype=int)
+        self.count = len(world.wheels)
         armature = np.zeros(6 + len(tree.names))
         armature[6 + self.wheel_angle] = world.motor.armature
         self.bodies = Bodies(tree, world.gravity, armature)
         self.rim = Rim(world.r)
         self.sprung = np.array([name.startswith(("rocker", "bogie")) for name in tree.joints])
-        self.cuts = np.cumsum([3, 4, len(tree.names), 6 + len(tree.names), N])
+        self.cuts = np.cumsum([3, 4, len(tree.names), 6 + len(tree.names), self.count])
         self.record = {}
 
     def unpack(self, y):
@@ -156,25 +162,25 @@ class Physics:
         moment = share * moment - pieces.turn[:, None] * load.torque[:, None] * axle
         force = np.einsum("pij,pi->j", to_velocity[w], push) + np.einsum("pij,pi->j", to_spin[w], moment)
         weight = np.maximum(pieces.share * load.f_n, 1e-12)
-        total = np.bincount(w, weight, N)
+        total = np.bincount(w, weight, self.count)
 
         def mean(values):
-            return np.bincount(w, weight * values, N) / total
+            return np.bincount(w, weight * values, self.count) / total
 
         self.record = {
             "slip": mean(load.S),
             "travel": mean(speeds[0]),
-            "normal": np.bincount(w, pieces.share * load.f_n, N),
-            "tangential": np.bincount(w, pieces.share * load.f_t, N),
-            "lateral": np.bincount(w, pieces.share * load.f_y, N),
-            "sinkage": np.where(air, 0.0, np.array([pieces.deepest[w == i].max() for i in range(N)])),
+            "normal": np.bincount(w, pieces.share * load.f_n, self.count),
+            "tangential": np.bincount(w, pieces.share * load.f_t, self.count),
+            "lateral": np.bincount(w, pieces.share * load.f_y, self.count),
+            "sinkage": np.where(air, 0.0, np.array([pieces.deepest[w == i].max() for i in range(self.count)])),
         }
         return force, mean(load.along_rate), mean(load.across_rate)
 
     def touching(self, centre, axle):
         """Return the pieces under all wheels; one that does not press stands under a wheel in the air."""
         found = self.rim.contact(self.world.ground, centre, axle)
-        air = np.bincount(found.wheel, minlength=N) == 0
+        air = np.bincount(found.wheel, minlength=self.count) == 0
         if not air.any():
             return found, air
         up = np.array([0.0, 0.0, 1.0]) - axle[air][:, 2:] * axle[air]
@@ -205,7 +211,7 @@ class Physics:
         across_rate = (v_y - np.maximum(rolling, world.sideways_share * np.abs(v_y)) * across) / world.relaxation
         S = np.clip(along + world.ringing * along_rate, -1.0, 1.0)
         S_y = across + world.ringing * across_rate
-        f_n, factor = soils.load_and_factor(S, pieces.h, soil, world.r, world.b)
+        f_n, factor = soils.load_and_factor(S, pieces.h, soil, world.r, world.b, world.own_arc)
         f_n = f_n * np.maximum(0.0, 1.0 + world.damping * approach)
         f_t = factor * f_n - world.resistance * f_n * v / np.hypot(v, world.resistance_speed)
         f_y = self.side_force(S_y, f_n, f_t, pieces.h)

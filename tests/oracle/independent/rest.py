@@ -21,7 +21,7 @@ def rest(physics, x=0.0, y=0.0, yaw=0.0):
     start[:2], start[5] = (x, y), yaw
     start = standing(physics, start)
     down = np.flatnonzero(np.concatenate([[False, False, True, True, True, False], ~spun]))
-    lowered = newton(lambda pose: unbalance(physics, pose, np.zeros((2, 6))), start, down)
+    lowered = newton(lambda pose: unbalance(physics, pose, np.zeros((2, physics.count))), start, down)
     free = np.flatnonzero(np.concatenate([np.ones(6, dtype=bool), ~spun]))
     before = wheels(physics, lowered)
     held = newton(lambda pose: unbalance(physics, pose, dragged(physics, pose, before)), lowered, free)
@@ -56,11 +56,11 @@ def unbalance(physics, pose, slips):
     state = physics.unpack(y)
     motion = physics.bodies.motion(state.place, rotation_of(state.quaternion), state.angles, state.speeds)
     soil, _, _ = physics.contact(0.0, state, motion)
-    return soil + physics.steering(state, np.zeros(4)) + physics.stops(state) - motion.bias
+    return soil + physics.steering(state, np.zeros(len(physics.steer_angle))) + physics.stops(state) - motion.bias
 
 
 def wheels(physics, pose):
-    state = physics.unpack(packed(physics, pose, np.zeros((2, 6))))
+    state = physics.unpack(packed(physics, pose, np.zeros((2, physics.count))))
     rotation, place = physics.bodies.frames(state.place, rotation_of(state.quaternion), state.angles)
     return rotation[physics.wheel_link], place[physics.wheel_link]
 

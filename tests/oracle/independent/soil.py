@@ -52,9 +52,12 @@ def forces(S, theta_1, theta_2, soil, r, b):
     return f_n, r * r * b * np.sum(weight * tau, axis=1)
 
 
-def load_and_factor(S, h, soil, r, b):
-    """Return f_n at the sinkage's own angles, and T / (r f_n) at the paper's fixed ones."""
+def load_and_factor(S, h, soil, r, b, own_arc=False):
+    """Return f_n at the sinkage's own angles, and T / (r f_n) at the paper's fixed ones, or at its own too."""
     theta_1 = entry_angle(h, r)
+    if own_arc:
+        f_n, torque = forces(S, theta_1, -soil.exit_ratio * theta_1, soil, r, b)
+        return f_n, torque / (r * f_n)
     count = len(S)
     fixed = np.full(count, soil.theta_1), np.full(count, soil.theta_2)
     f_n, torque = forces(

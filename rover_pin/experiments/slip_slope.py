@@ -1,0 +1,178 @@
+"""Slip against slope of a whole rover, as most publications have it: steady drives up (or down) slopes, one point each.
+
+DATA is a folder with slope.toml and points.csv. slope.toml as in::
+
+    kind = "slip-slope"
+    name = "our rover on dry sand"
+    rover = "rover.toml"                 # a name, or a TOML beside it
+    gravity = 9.81
+    [soil]                               # what is known of it: { value, unit, sd }
+    phi = { value = 34.0, unit = "deg", sd = 2.0 }
+
+points.csv has the columns run, slope_deg, slip and slip_sd; a run's points are left out together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from rover_pin.body.rover import Rover, load_named
+from rover_pin.body.statics import wheel_loads
+from rover_pin.contact import Soil
+from rover_pin.discrepancy.bed import Bed, Parts
+from rover_pin.discrepancy.candidate import Candidate, plain_candidate
+from rover_pin.effects.effect import Effect
+from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.errors import DataError
+from rover_pin.estimation.noise import Noise, declared_noise
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
+from rover_pin.measurements.folded import read_folded
+from rover_pin.motion.defaults import own_soil, usual_angles
+from rover_pin.motion.effect_files import reading_traction
+from rover_pin.motion.model import base_effects
+from rover_pin.parameters.gravity import EARTH, gravity_from
+from rover_pin.quantity import record_from, to_si
+from rover_pin.soil.traction import TorqueTraction
+from rover_pin.toml_file import read_toml, table_in
+
+FILE, KIND = "slope.toml", "slip-slope"
+KEYS = ("kind", "name", "source", "rover", "gravity", "soil")
+COLUMNS = ("slope_deg", "slip", "slip_sd")
+SLIPS = np.concatenate([np.linspace(-0.5, 0.0, 11)[:-1], np.linspace(0.0, 0.98, 50)])
+"""Slips at which the pull is worked out; between them it is interpolated."""
+STUCK = 1.0
+"""Slip of a rover on a slope that no slip climbs."""
+SD = {"phi": math.radians(4.0), "k": 0.7, "k_1": 0.7, "R": 0.5}
+"""SDs of what is not declared with one, relative but phi's (assumed: nobody dug there)."""
+FEWEST = 4
+
+
+@dataclass(frozen=True, eq=False)
+class SlipSlope(Bed):
+    """The experiment: slopes (folds, samples) [rad], slips observed there (folds, 1, samples), and their SD."""
+
+    rover: Rover
+    soil: Soil
+    gravity: float
+    folds: tuple[str, ...]
+    slopes: np.ndarray
+    observed: np.ndarray
+    sd: np.ndarray
+    declared: Mapping[str, Any] = field(default_factory=dict)
+    name: str = "slip against slope"
+    channels = ("slip",)
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Return the experiment in a folder."""
+        file = path / FILE
+        table = read_toml(file)
+        if table.get("kind") != KIND:
+            raise DataError(f"{file}: kind = {table.get('kind')!r}, but slip against slope has kind = '{KIND}'.")
+        strange = [key for key in table if key not in KEYS]
+        if strange:
+            raise DataError(f"{file}: there is no key '{strange[0]}'; there are {', '.join(KEYS)}.")
+        rover = load_named(str(table.get("rover", "nexus6")), path)
+        declared = table_in(table, "soil", str(file))
+        soil = record_from(Soil, {**own_soil(rover).value.values(), **declared}, f"{file}: [soil]")
+        folds, points = read_folded(path / "points.csv", "run", COLUMNS)
+        slopes, slip, sd = np.radians(points[:, 0]), points[:, 1:2], points[:, 2]
+        _refuse(points, path / "points.csv")
+        mean_sd = np.array([math.sqrt(float(np.nanmean(sd**2)))])
+        gravity = gravity_from(table.get("gravity", EARTH), str(file))
+        name = str(table.get("name", path.name))
+        return cls(rover, soil, gravity, folds, slopes, slip, mean_sd, declared, name)
+
+    def base_model(self) -> Parts:
+        """Return the soil as declared, with the traction and the resistance of a drive of this rover."""
+        traction = SoilTraction(TorqueTraction(), usual_angles(self.rover))
+        kept = [each for each in base_effects(self.soil, self.rover, traction) if isinstance(each, ACTING)]
+        return Parts({"soil": self.soil}, tuple(kept))
+
+    def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
+        """Return phi, k, k_1 and the motion resistance, whose value at S = 0.05 on the flat is an assumption."""
+        found = [self.parameter(model, "soil.phi", self._sd("phi", "rad"))]
+        for name, unit in (("k", "m"), ("k_1", "Pa")):
+            found.append(self.parameter(model, f"soil.{name}", self._sd(name, unit), log=True))
+        return (*found, self.parameter(model, "MotionResistance.R", SD["R"], log=True))
+
+    def _sd(self, name: str, unit: str) -> float:
+        """Return the SD of a soil constant, relative but phi's: as declared, else assumed."""
+        entry = self.declared.get(name)
+        if not isinstance(entry, Mapping) or "sd" not in entry:
+            return SD[name]
+        sd = to_si(entry["sd"], str(entry.get("unit", unit)), unit, f"[soil] {name}: sd")
+        return sd if name == "phi" else sd / abs(float(getattr(self.soil, name)))
+
+    def noise(self) -> Noise:
+        """Return white noise of the declared SDs."""
+        return declared_noise(self.sd, self.observed)
+
+    def insufficient(self) -> str:
+        """Return why too few slopes tell nothing."""
+        count = len(np.unique(np.round(np.degrees(self.slopes[np.isfinite(self.slopes)]), 1)))
+        if count >= FEWEST and len(self.folds) > 1:
+            return ""
+        return f"{count} slopes in {len(self.folds)} runs; measure {FEWEST} slopes or more, in two runs or more."
+
+    def candidates(self, model: Parts, kinds: Sequence[type]) -> tuple[Candidate, ...]:
+        """Return the contact effects that act at a steady wheel, none of a place and none that changes the slip."""
+        mine = [kind for kind in kinds if issubclass(kind, Effect) and kind.neutral and not kind.places]
+        able = [kind for kind in mine if not kind.before_slip and not isinstance(kind(), ACTING)]
+        return tuple(plain_candidate(reading_traction(kind(), model.effects)) for kind in able)
+
+    def predict(self, models: Sequence[Parts]) -> np.ndarray:
+        """Return the slips (models, folds, 1, samples) at which the wheels' pulls carry the rover up each slope.
+
+        sum over the wheels of f_t(S, N_i) = m g sin(slope), the loads N_i across the slope by statics, all wheels at
+        one slip; the least slip that does it, or STUCK.
+        """
+        return np.array([self._slips(model) for model in models])
+
+    def _slips(self, model: Parts) -> np.ndarray:
+        slopes = np.nan_to_num(self.slopes).ravel()
+        found, at = np.unique(slopes, return_inverse=True)
+        loads = [wheel_loads(self.rover, slope, gravity=self.gravity) for slope in found]
+        pulls = np.zeros((len(found), len(SLIPS)))
+        for number, mount in enumerate(self.rover.wheels):
+            one = RigModel(mount.wheel, model.records["soil"], model.effects)
+            load = np.repeat([max(float(each[number]), 1e-3) for each in loads], len(SLIPS))
+            runs = conditions(load, np.tile(SLIPS, len(found)))
+            pulls += predictor(one, (), runs)(one.vector()).values[0].reshape(pulls.shape)
+        asked = self.rover.mass * self.gravity * np.sin(found)
+        slips = np.array([_least(pull, want) for pull, want in zip(pulls, asked, strict=True)])
+        return slips[at].reshape(len(self.folds), 1, -1)
+
+
+ACTING = (SoilTraction, MotionResistance)
+"""What of a drive's base effects acts at a steady wheel that runs straight."""
+
+
+def _least(pull: np.ndarray, asked: float) -> float:
+    """Return the least slip at which the pull is what is asked, straight between the worked-out ones."""
+    enough = np.flatnonzero(np.nan_to_num(pull, nan=-np.inf) >= asked)
+    if not enough.size:
+        return STUCK
+    at = int(enough[0])
+    if at == 0:
+        return float(SLIPS[0])
+    share = (asked - pull[at - 1]) / (pull[at] - pull[at - 1])
+    return float(SLIPS[at - 1] + share * (SLIPS[at] - SLIPS[at - 1]))
+
+
+def _refuse(points: np.ndarray, file: Path) -> None:
+    slope, slip, sd = (points[:, at][np.isfinite(points[:, at])] for at in range(3))
+    if np.max(np.abs(slope)) > 45.0:
+        raise DataError(f"{file}: slope_deg reaches {np.max(np.abs(slope)):g}; give degrees, within 45.")
+    if np.max(np.abs(slip)) > 1.0:
+        raise DataError(f"{file}: slip reaches {np.max(np.abs(slip)):g}; give Eq (1)'s fraction, not percent.")
+    if not np.all(sd > 0.0):
+        raise DataError(f"{file}: slip_sd must be above 0: give the scatter of repeated drives.")

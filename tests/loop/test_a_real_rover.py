@@ -1,0 +1,53 @@
+"""From a URDF and a recording of wheel rates and poses to an answer by four commands, for rovers that nobody here made.
+
+The recordings are of `tests/oracle/field_log.py`, which shares no code with the package: 10 Hz, a pose that drifts, no
+terrain, no duties, no soil.
+"""
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+_file = Path(__file__).parents[1] / "oracle" / "field_log.py"
+_spec = importlib.util.spec_from_file_location("field_log", _file)
+field_log = importlib.util.module_from_spec(_spec)
+sys.modules.setdefault("field_log", field_log)
+_spec.loader.exec_module(field_log)
+
+
+def answered(run, rover, **how):
+    """Run the four commands in an empty folder; return close-loop's exit code, verdict and error."""
+    field_log.write(Path(), rover, **how)
+    assert run("new-rover", "rover.urdf")[0] == 0
+    assert run("check-urdf", "rover.toml")[0] == 0
+    code, out, err = run("import-log", "recording.csv", "--rover", "rover.toml", "--out", "log", "--json")
+    if code:
+        return code, None, err
+    assert json.loads(out)["next"] == "rover-pin close-loop log"
+    code, out, err = run("close-loop", "log", "--out", "out", "--json")
+    return code, json.loads(out) if code == 0 else None, err
+
+
+@pytest.mark.slow
+def test_what_drags_on_a_six_wheeler_without_a_differential_is_named(run):
+    code, verdict, _ = answered(run, field_log.bogies, seconds=30.0, drag=(20.0, 15.0))
+    assert code == 0
+    assert verdict["effects"] == ["TetherDrag"], verdict["sentence"]
+
+
+@pytest.mark.slow
+def test_on_a_skid_steered_cart_with_nothing_hidden_nothing_is_named(run):
+    code, verdict, _ = answered(run, field_log.skid, runs=3, seconds=20.0, seed=2, sides=0.3)
+    assert code == 0
+    assert verdict["answer"] == "no effect needed", verdict["sentence"]
+
+
+@pytest.mark.slow
+def test_a_pose_that_is_odometry_is_refused_in_one_sentence(run):
+    code, _, err = answered(run, field_log.skid, runs=1, seconds=12.0, odometry=True)
+    assert code == 2
+    assert "they are the wheels' odometry" in err
+    assert err.count("\n") == 1

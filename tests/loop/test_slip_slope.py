@@ -1,0 +1,91 @@
+"""Slip against slope of a whole rover: an experiment beside rig sets and drive logs."""
+
+import importlib.util
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.errors import DataError
+from rover_pin.experiments.slip_slope import SlipSlope
+from rover_pin.loop.close import close_the_loop
+from rover_pin.vehicle.new_rover import new_rover
+
+_file = Path(__file__).parents[1] / "oracle" / "slope_generator.py"
+_spec = importlib.util.spec_from_file_location("slope_generator", _file)
+generator = importlib.util.module_from_spec(_spec)
+sys.modules["slope_generator"] = generator
+_spec.loader.exec_module(generator)
+
+TOML = """kind = "slip-slope"
+name = "skid"
+rover = "rover.toml"
+[soil]
+phi = { value = 31.5, unit = "deg", sd = 3.0 }
+k = { value = 40, unit = "mm", sd = 20 }
+k_1 = { value = 65, unit = "kPa", sd = 30 }
+"""
+
+
+def folder(tmp_path, text=TOML, **how):
+    (tmp_path / "rover.urdf").write_text(generator.field_log.skid()[0])
+    new_rover(tmp_path / "rover.urdf")
+    (tmp_path / "slope.toml").write_text(text)
+    generator.write(tmp_path, **how)
+    return tmp_path
+
+
+def test_it_predicts_what_the_plain_generator_finds(tmp_path):
+    bed = SlipSlope.read(folder(tmp_path, repeats=1, sd=0.0))
+    model = bed.with_values(bed.base_model(), {"MotionResistance.R": 0.05})
+    assert bed.predict([model])[0] == pytest.approx(bed.observed, abs=4e-3)
+
+
+def test_a_table_with_nothing_hidden_needs_nothing_and_tells_the_soil(tmp_path):
+    made = folder(tmp_path, TOML.replace("31.5", "33.5"))
+    found = close_the_loop(made)
+    assert found.answer is Answer.NONE_NEEDED, found.summary()
+    told = {one.name: one for one in found.after.numbers}
+    assert told["soil.phi"].low < math.radians(31.5) < told["soil.phi"].high
+    assert found.after.misfit < 1.5
+
+
+def test_a_slope_that_no_slip_climbs_is_stuck(tmp_path):
+    bed = SlipSlope.read(folder(tmp_path, repeats=1))
+    steep = np.where(np.isfinite(bed.slopes), math.radians(40.0), np.nan)
+    bed = SlipSlope(bed.rover, bed.soil, bed.gravity, bed.folds, steep, bed.observed, bed.sd)
+    assert np.all(bed.predict([bed.base_model()])[0] == 1.0)
+
+
+def test_too_few_slopes_cannot_tell(tmp_path):
+    made = folder(tmp_path)
+    rows = (made / "points.csv").read_text().splitlines()
+    (made / "points.csv").write_text(
+        "\n".join([rows[0], *(row for row in rows if ",0," in row or ",3," in row)]) + "\n"
+    )
+    found = close_the_loop(made, experiment="slip_slope")
+    assert found.answer is Answer.CANNOT_TELL
+    assert "2 slopes in 3 runs; measure 4 slopes or more" in found.summary()
+
+
+@pytest.mark.parametrize(
+    ("text", "points", "said"),
+    [
+        (TOML.replace("slip-slope", "slope"), "", "kind = 'slope'"),
+        (TOML + "[motor]\nsupply = 1\n", "", "there is no key 'motor'"),
+        (TOML, "run,slope_deg,slip,slip_sd\na,0.2,55,1\n", "not percent"),
+        (TOML, "run,slope_deg,slip,slip_sd\na,95,0.2,0.1\n", "give degrees, within 45"),
+        (TOML, "run,slope_deg,slip,slip_sd\na,5,0.2,0\n", "slip_sd must be above 0"),
+        (TOML, "run,slope,slip,slip_sd\na,5,0.2,0.1\n", "slope_deg"),
+    ],
+)
+def test_what_is_no_such_table_is_refused_in_one_sentence(tmp_path, text, points, said):
+    made = folder(tmp_path, text, repeats=1)
+    if points:
+        (made / "points.csv").write_text(points)
+    with pytest.raises(DataError, match=said) as error:
+        SlipSlope.read(made)
+    assert "\n" not in str(error.value)
