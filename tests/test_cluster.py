@@ -109,6 +109,29 @@ def test_tuning_and_replays_on_a_cluster_are_those_of_one_core(tmp_path):
     assert far.tobytes() == experiment_of(runs, model, 1).predict([model]).tobytes()
 
 
+@pytest.mark.slow
+def test_a_whole_loop_on_a_cluster_is_that_of_one_core(tmp_path):
+    """From the log to the verdict, one of two workers killed on the way."""
+    log = beside("evidence/drive_sets.py").write(tmp_path / "log", (), runs=3, duration=8.0)
+    with two_workers(tmp_path) as (address, workers, _):
+        said = []
+
+        def told(line):
+            said.append(line)
+            if line.startswith("score test"):
+                os.killpg(workers[0].pid, signal.SIGKILL)
+
+        there = close_the_loop(log, progress=told, scheduler=address)
+    here = close_the_loop(log, jobs=1)
+    assert any(line.startswith("score test") for line in said)
+    assert _told(there) == _told(here)
+
+
+def _told(verdict):
+    """A verdict without when, where and how long."""
+    return {name: value for name, value in verdict.as_dict().items() if name not in ("provenance", "seconds")}
+
+
 @pytest.mark.parametrize("run", [tune_gains, close_the_loop])
 def test_processes_beside_a_scheduler_are_refused(run):
     with pytest.raises(ParameterError, match="workers and scheduler are both given"):

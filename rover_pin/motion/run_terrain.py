@@ -13,8 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, diags, vstack
-from scipy.sparse.linalg import spsolve
+import scipy
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.shapes import flat
@@ -105,12 +104,12 @@ def estimated(run: Trace, rover: Rover) -> Terrain:
         use = np.isfinite(blocks["body_z"])
         rows.append(_level(grid.at(x[use], y[use])) / HEIGHT_SD)
         right.append((blocks["body_z"][use] - np.mean(blocks["body_z"][use])) / HEIGHT_SD)
-    return grid.surface(vstack(rows).tocsr(), np.concatenate(right))
+    return grid.surface(scipy.sparse.vstack(rows).tocsr(), np.concatenate(right))
 
 
-def _level(rows: csr_matrix) -> csr_matrix:
+def _level(rows: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
     """Return the rows less their mean: the zero of the height is the tracker's."""
-    mean = csr_matrix(np.full((rows.shape[0], 1), 1.0)) @ csr_matrix(rows.mean(axis=0))
+    mean = scipy.sparse.csr_matrix(np.full((rows.shape[0], 1), 1.0)) @ scipy.sparse.csr_matrix(rows.mean(axis=0))
     return rows - mean
 
 
@@ -144,7 +143,7 @@ class _Grid:
         nx, ny = (math.ceil((np.ptp(each) + 2.0 * base) / size) + 1 for each in (x, y))
         return cls(float(x.min()) - base, float(y.min()) - base, size, nx, ny)
 
-    def at(self, x: np.ndarray, y: np.ndarray) -> csr_matrix:
+    def at(self, x: np.ndarray, y: np.ndarray) -> scipy.sparse.csr_matrix:
         """Return the rows that interpolate at places, bilinear."""
         u, v = (x - self.x0) / self.size, (y - self.y0) / self.size
         i = np.clip(np.floor(u).astype(int), 0, self.nx - 2)
@@ -153,25 +152,27 @@ class _Grid:
         weights = np.concatenate([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b])
         corner = i * self.ny + j
         columns = np.concatenate([corner, corner + self.ny, corner + 1, corner + self.ny + 1])
-        return coo_matrix((weights, (np.tile(np.arange(len(x)), 4), columns)), (len(x), self.nx * self.ny)).tocsr()
+        return scipy.sparse.coo_matrix(
+            (weights, (np.tile(np.arange(len(x)), 4), columns)), (len(x), self.nx * self.ny)
+        ).tocsr()
 
-    def bends(self) -> csr_matrix:
+    def bends(self) -> scipy.sparse.csr_matrix:
         """Return the second differences along both axes and the mixed one, each over the spacing: bends [rad]."""
-        along = [diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(max(n - 2, 0), n)) for n in (self.nx, self.ny)]
-        step = [diags([-1.0, 1.0], [0, 1], shape=(n - 1, n)) for n in (self.nx, self.ny)]
-        one = [diags([1.0], [0], shape=(n, n)) for n in (self.nx, self.ny)]
+        along = [scipy.sparse.diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(max(n - 2, 0), n)) for n in (self.nx, self.ny)]
+        step = [scipy.sparse.diags([-1.0, 1.0], [0, 1], shape=(n - 1, n)) for n in (self.nx, self.ny)]
+        one = [scipy.sparse.diags([1.0], [0], shape=(n, n)) for n in (self.nx, self.ny)]
         rows = [_kron(along[0], one[1]), _kron(one[0], along[1]), _kron(step[0], step[1]) * math.sqrt(2.0)]
-        return vstack([row for row in rows if row.shape[0]]).tocsr() / self.size
+        return scipy.sparse.vstack([row for row in rows if row.shape[0]]).tocsr() / self.size
 
-    def surface(self, rows: csr_matrix, right: np.ndarray) -> HeightGrid:
+    def surface(self, rows: scipy.sparse.csr_matrix, right: np.ndarray) -> HeightGrid:
         """Return the surface of least squares, its mean height 0."""
         normal = (rows.T @ rows).tocsc()
-        normal = normal + diags(np.full(normal.shape[0], 1e-9 * normal.diagonal().max()))
-        z = np.asarray(spsolve(normal.tocsc(), rows.T @ right)).reshape(self.nx, self.ny)
+        normal = normal + scipy.sparse.diags(np.full(normal.shape[0], 1e-9 * normal.diagonal().max()))
+        z = np.asarray(scipy.sparse.linalg.spsolve(normal.tocsc(), rows.T @ right)).reshape(self.nx, self.ny)
         return HeightGrid(self.x0, self.y0, self.size, self.size, z - z.mean())
 
 
-def _kron(a: Any, b: Any) -> csr_matrix:
+def _kron(a: Any, b: Any) -> scipy.sparse.csr_matrix:
     from scipy.sparse import kron
 
     return kron(a, b).tocsr()

@@ -1,6 +1,6 @@
 """How fast a drive is: 20 s of the ditch on one core, by part, beside the plain reference and MuJoCo on rigid ground.
 
-    python studies/benchmarks/drive_speed.py [--quick]
+    python studies/benchmarks/drive_speed.py [--quick] [--keep]
 
 The ditch has walls of 30 deg, Table 1 in the torque form. Accuracy is the greatest distance in x, over 20 s, from the
 same drive at a sixteenth of the step. Times are CPU seconds of the one thread, the least of several repeats: the wall
@@ -11,7 +11,6 @@ motors and rotors, differential as an equality, over the same ditch of rigid box
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import math
 import os
@@ -25,6 +24,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from speed_table import keep, reader
 
 from rover_pin.motion import driving
 from rover_pin.motion import simulate as motion
@@ -40,9 +40,8 @@ WALL, DEPTH, WIDTH, AT = math.radians(30.0), 0.05, 0.2, 0.5
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="fewer repeats; accuracy against a quarter of the step")
-    quick = parser.parse_args().quick
+    asked = reader(__doc__, "fewer repeats; accuracy against a quarter of the step").parse_args()
+    quick = asked.quick
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     case = scenario("ditch")
@@ -50,17 +49,23 @@ def main() -> None:
     seconds = whole_drive(case, 2 if quick else 15)
     coarse = least(with_step(case, 2.0 * case.timing.dt).drive, 2 if quick else 15)
     print(f"    at twice the step {coarse:.3f} s, {DURATION / coarse:.0f} x real time")
-    accuracy(case, "", 4 if quick else 16)
-    accuracy(
+    off = accuracy(case, "", 4 if quick else 16)
+    off_out = accuracy(
         scenario("ditch", **{"soil.k": 0.010, "cruise_slip": 0.05}),
         "with k = 10 mm, which gets out: ",
         4 if quick else 16,
     )
-    parts(case, 500 if quick else 5000)
-    python_controller(case, 2 if quick else 15)
-    plain(case, 0.2 if quick else 1.0, seconds / DURATION)
-    mujoco_drive(case, 1 if quick else 5, (seconds, coarse))
-    footprint()
+    step = parts(case, 500 if quick else 5000)
+    asking = python_controller(case, 2 if quick else 15)
+    longer = plain(case, 0.2 if quick else 1.0, seconds / DURATION)
+    peers = mujoco_drive(case, 1 if quick else 5, (seconds, coarse))
+    memory = footprint()
+    if asked.keep:
+        keep(
+            {"ditch [s]": seconds, "ditch at 10 ms [s]": coarse, "off [mm]": off[1], "off at 10 ms [mm]": off[0],
+             "off with k = 10 mm [mm]": off_out[1], "step [us]": step, "Python controller [us]": asking,
+             "plain [x]": longer, "memory [MB]": memory, **peers}
+        )  # fmt: skip
     machine, python, cores = platform.machine(), platform.python_version(), os.cpu_count()
     print(f"{machine}, Python {python}, {cores} cores, load {os.getloadavg()[0]:.1f}")
 
@@ -88,15 +93,16 @@ def whole_drive(case: Scenario, repeats: int) -> float:
     return seconds
 
 
-def accuracy(case: Scenario, label: str, finer: int) -> None:
-    """Print the distance in x from the same drive at a finer step."""
+def accuracy(case: Scenario, label: str, finer: int) -> list[float]:
+    """Print and return the distances in x [mm] from the same drive at a finer step: of twice the step, it, and half."""
     reference = at_step(case, case.timing.dt / finer)
+    found = []
     for share in (4, 2, 1):
         dt = case.timing.dt * share / 2
-        off = float(np.max(np.abs(at_step(case, dt) - reference)))
-        print(
-            f"    {label}x at dt = {1e3 * dt:g} ms against dt = {1e3 * case.timing.dt / finer:g} ms: {1e3 * off:.4f} mm"
-        )
+        off = 1e3 * float(np.max(np.abs(at_step(case, dt) - reference)))
+        print(f"    {label}x at dt = {1e3 * dt:g} ms against dt = {1e3 * case.timing.dt / finer:g} ms: {off:.4f} mm")
+        found.append(off)
+    return found
 
 
 def with_step(case: Scenario, dt: float) -> Scenario:
@@ -109,8 +115,8 @@ def at_step(case: Scenario, dt: float) -> np.ndarray:
     return with_step(case, dt).drive()["body_x"]
 
 
-def parts(case: Scenario, count: int) -> None:
-    """Print microseconds by part of a step, in the ditch."""
+def parts(case: Scenario, count: int) -> float:
+    """Print microseconds by part of a step, in the ditch; return those of all."""
     state = settled(case.model, case.start, case.symmetric)
     kernel = Kernel(case.model, state, case.timing.dt, case.symmetric)
     kernel.duty[:] = 0.55
@@ -129,6 +135,7 @@ def parts(case: Scenario, count: int) -> None:
     shares = case.timing.dt / case.timing.control, case.timing.dt / case.timing.sample
     print(f"    a controller asked and obeyed {obey:.1f} us, {obey * shares[0]:.1f} us a step; ", end="")
     print(f"sampling {row:.1f} us a row, {row * shares[1]:.1f} us a step")
+    return whole
 
 
 def each(call: Callable[[], Any], count: int) -> float:
@@ -141,14 +148,15 @@ def each(call: Callable[[], Any], count: int) -> float:
     return least(loop, max(2, count // 50)) / 50
 
 
-def python_controller(case: Scenario, repeats: int) -> None:
-    """Print what a controller in Python, which reads nothing, adds to a drive for each sample."""
+def python_controller(case: Scenario, repeats: int) -> float:
+    """Print and return what a controller in Python, which reads nothing, adds to a drive for each sample [us]."""
     times = [math.inf, math.inf]
     for _ in range(repeats):
         for i, controller in enumerate((case.controller, lambda reading: 0.55)):
             times[i] = min(times[i], least(lambda c=controller: drive_under(case, c), 1))  # type: ignore[misc]
-    samples = DURATION / case.timing.control
-    print(f"    a controller in Python {1e6 * (times[1] - times[0]) / samples:.1f} us a sample, all included")
+    each_sample = 1e6 * (times[1] - times[0]) * case.timing.control / DURATION
+    print(f"    a controller in Python {each_sample:.1f} us a sample, all included")
+    return each_sample
 
 
 def drive_under(case: Scenario, controller: Any) -> None:
@@ -156,8 +164,8 @@ def drive_under(case: Scenario, controller: Any) -> None:
     motion.simulate(case.model, controller, DURATION, case.start, case.timing, symmetric=case.symmetric)
 
 
-def plain(case: Scenario, duration: float, ours: float) -> None:
-    """Print how much longer the plain reference takes, and how far it ends from the kernel's drive."""
+def plain(case: Scenario, duration: float, ours: float) -> float:
+    """Print and return how much longer the plain reference takes, and how far it ends from the kernel's drive."""
     options = {
         "start": settled(case.model, case.start, case.symmetric),
         "timing": case.timing,
@@ -171,15 +179,17 @@ def plain(case: Scenario, duration: float, ours: float) -> None:
         f"plain reference: {seconds / duration:.2f} s a second, {seconds / duration / ours:.0f} times as long; ", end=""
     )
     print(f"x after {duration:g} s differs by {1e3 * off:.1e} mm")
+    return seconds / duration / ours
 
 
-def mujoco_drive(case: Scenario, repeats: int, ours: tuple[float, float]) -> None:
-    """Print the time MuJoCo takes for 20 s over the same ditch, rigid, beside ours at the step and at twice it."""
+def mujoco_drive(case: Scenario, repeats: int, ours: tuple[float, float]) -> dict[str, float]:
+    """Print and return MuJoCo's time for 20 s over the same ditch, rigid, beside ours at the step and twice it."""
     try:
         import mujoco
     except ImportError:
         print("MuJoCo: not installed")
-        return
+        return {}
+    found = {}
     for dt, integrator in ((0.002, "mjINT_IMPLICITFAST"), (0.004, "mjINT_IMPLICITFAST")):
         model = mujoco_model(mujoco, case, dt, getattr(mujoco.mjtIntegrator, integrator))
         ends = []
@@ -191,6 +201,7 @@ def mujoco_drive(case: Scenario, repeats: int, ours: tuple[float, float]) -> Non
             ends.append(float(data.qpos[0]))
 
         seconds = least(run, repeats)
+        found[f"MuJoCo at {1e3 * dt:g} ms [s]"] = seconds
         print(
             f"MuJoCo {mujoco.__version__}, rigid, dt = {1e3 * dt:g} ms: {seconds:.3f} s, {DURATION / seconds:.0f} x ",
             end="",
@@ -199,6 +210,7 @@ def mujoco_drive(case: Scenario, repeats: int, ours: tuple[float, float]) -> Non
             f"real time, {seconds / ours[0]:.1f} times ours, {seconds / ours[1]:.1f} times at twice our step; ", end=""
         )
         print(f"the rover ends at x = {ends[-1]:.2f} m")
+    return found
 
 
 def mujoco_model(mujoco: Any, case: Scenario, dt: float, integrator: Any) -> Any:
@@ -242,13 +254,14 @@ def add_ditch(mujoco: Any, spec: Any) -> None:
         )
 
 
-def footprint() -> None:
-    """Print peak memory of this process without MuJoCo's share, and the time to import the package."""
+def footprint() -> float:
+    """Print and return peak memory of this process without MuJoCo's share, and the time to import the package."""
     code = (
         "import time; t = time.perf_counter(); import rover_pin; a = time.perf_counter() - t\n"
         "from rover_pin.scenarios import scenario; b = time.perf_counter() - t\n"
-        "scenario('ditch').drive(); import resource\n"
-        "print(a, b, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+        "scenario('ditch').drive()\n"
+        "peak = next(line for line in open('/proc/self/status') if line.startswith('VmHWM'))\n"
+        "print(a, b, int(peak.split()[1]) / 1024)"
     )
     got = [
         subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
@@ -257,6 +270,7 @@ def footprint() -> None:
     bare, scenes, memory = np.min([[float(word) for word in line.split()] for line in got], axis=0)
     print(f"import rover_pin {bare:.2f} s, with its scenarios {scenes:.2f} s; peak memory of a drive {memory:.0f} MB")
     print(f"peak memory of this benchmark {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+    return float(memory)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What the ground costs: drives over the ditch as few points, many, or a grid; over rough ground; and a sweep's case.
 
-    python studies/benchmarks/ground_speed.py [--quick]
+    python studies/benchmarks/ground_speed.py [--quick] [--keep]
 
 Each line compares 20 s of the same rover on one core, CPU seconds, the least of several turns, with the six points of
 the ditch. Points on the ditch's own lines are one piece, however many; rough ground has a contact patch for each of its
@@ -9,7 +9,6 @@ facets under a wheel, and costs what they cost. A sweep's case is compared with 
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import os
 import time
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from speed_table import keep, reader
 
 from rover_pin.body.profile import Profile
 from rover_pin.body.terrain import HeightGrid, Lanes, Terrain
@@ -34,13 +34,13 @@ ROUGH = 0.01
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="one turn instead of seven")
-    turns = 1 if parser.parse_args().quick else 7
+    asked = reader(__doc__, "one turn instead of seven").parse_args()
+    turns = 1 if asked.quick else 7
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    compare_grounds(turns)
-    compare_case(turns)
+    found = {**compare_grounds(turns), **compare_case(turns)}
+    if asked.keep:
+        keep(found)
 
 
 def grounds() -> dict[str, Terrain]:
@@ -63,8 +63,8 @@ def grounds() -> dict[str, Terrain]:
     }
 
 
-def compare_grounds(turns: int) -> None:
-    """Print the time of 20 s on each ground, and its ratio to the first."""
+def compare_grounds(turns: int) -> dict[str, float]:
+    """Print and return the time of 20 s on each ground, and its ratio to the first."""
     case = scenario("ditch")
     drives: dict[str, Callable[[], Any]] = {}
     for name, terrain in grounds().items():
@@ -73,11 +73,13 @@ def compare_grounds(turns: int) -> None:
     first, *others = least(drives, turns).items()
     print(f"{first[0]:38s} {1e3 * first[1]:6.1f} ms for 20 s, {20.0 / first[1]:.0f} x real time")
     for name, seconds in others:
-        print(f"{name:38s} {1e3 * seconds:6.1f} ms, {seconds / first[1]:.2f} times the ditch of six points")
+        again = ", driven again at half the step for a warning" if drives[name]().attrs["warnings"] else ""
+        print(f"{name:38s} {1e3 * seconds:6.1f} ms, {seconds / first[1]:.2f} times the ditch of six points{again}")
+    return {f"{name} [x]": seconds / first[1] for name, seconds in others}
 
 
-def compare_case(turns: int) -> None:
-    """Print what cases of a sweep cost beside their drives."""
+def compare_case(turns: int) -> dict[str, float]:
+    """Print and return what cases of a sweep cost beside their drives."""
     study = read_study(STUDY)
     cases = list(study.cases())[:8]
     made = [scenario_of(study, case) for case in cases]
@@ -93,6 +95,10 @@ def compare_case(turns: int) -> None:
         f"a sweep's case: {times['cases'] / times['drives']:.2f} times its drive; "
         f"{seconds * len(cases) / times['cases']:.0f} s of driving a second of one core"
     )
+    return {
+        "case over drive [x]": times["cases"] / times["drives"],
+        "drive-seconds a core-second": seconds * len(cases) / times["cases"],
+    }
 
 
 def _lane(x: np.ndarray, line: Profile) -> Lanes:

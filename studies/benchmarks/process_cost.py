@@ -1,6 +1,6 @@
 """What a command costs from start to end, importing included: CPU seconds beside those of an earlier version.
 
-    python studies/benchmarks/process_cost.py [--quick] [--against COMMIT]
+    python studies/benchmarks/process_cost.py [--quick] [--keep] [--against COMMIT]
 
 User and system time of the whole process, the least of several runs; both versions take turns, on one core, with what
 is compiled and checked kept from an untimed first run. An older version is taken from the repository's history.
@@ -8,7 +8,6 @@ is compiled and checked kept from an untimed first run. An older version is take
 
 from __future__ import annotations
 
-import argparse
 import os
 import resource
 import subprocess
@@ -17,6 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from former import ROOT, checkout
+from speed_table import keep, reader
 
 BEFORE = "f624ee7"
 """The version before commands were made cheap."""
@@ -35,8 +35,7 @@ COMMANDS = {"--help": (), "drive flat": ("--out", "drive"), "curve": ("--out", "
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="two runs of each instead of ten")
+    parser, kept = reader(__doc__, "two runs of each instead of ten"), {}
     parser.add_argument("--against", default=BEFORE, help=f"the earlier version; {BEFORE} unless given")
     asked = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
@@ -45,7 +44,10 @@ def main() -> None:
         for command, more in COMMANDS.items():
             before, now = compared([*command.split(), *more], earlier, out, 2 if asked.quick else 10)
             words = f"rover-pin {command}"
+            kept |= {f"{command} [s]": now, f"{command}, over former [x]": now / before}
             print(f"{words:22s} {now:.3f} s of CPU, {before:.3f} s at {asked.against}: ratio {now / before:.2f}")
+    if asked.keep:
+        keep(kept)
 
 
 def compared(words: list[str], earlier: Path, out: str, runs: int) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """How fast a log of 20 s is driven again, beside the package before its whole step was compiled; and cold compiling.
 
-    python studies/benchmarks/replay_speed.py [--quick]
+    python studies/benchmarks/replay_speed.py [--quick] [--keep]
 
 The log is that of the ready-made drive on the ditch (six points a lane) and on a washboard (a polyline of 243); each
 version replays its own. Times are CPU seconds of one process a version, in turns on one core, the least of several
@@ -10,7 +10,6 @@ machine; the rigid body, once a tree of joints; the laws, once a set of effects.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -21,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from former import ROOT, checkout
+from speed_table import keep, reader
 
 BEFORE = "f624ee7"
 """The last commit whose steps were called one by one, with Pinocchio's matrices and one patch's law at a time."""
@@ -69,9 +69,8 @@ print(json.dumps(told))
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="fewer repeats")
-    rounds, repeats = (1, 3) if parser.parse_args().quick else (3, 10)
+    asked, kept = reader(__doc__, "fewer repeats").parse_args(), {}
+    rounds, repeats = (1, 3) if asked.quick else (3, 10)
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     with checkout(BEFORE) as former, tempfile.TemporaryDirectory() as folder:
@@ -81,6 +80,7 @@ def main() -> None:
                 for package, found in times.items():
                     found.append(_child(package, REPLAY, shape, str(repeats), f"{folder}/{package.name}"))
             before, now = (min(found) for found in times.values())
+            kept |= {f"{shape} [ms]": 1e3 * now, f"{shape}, former over now [x]": before / now}
             off = _apart(*(np.load(f"{folder}/{package.name}.npz") for package in times))
             print(
                 f"{shape}, 20 s replayed: {1e3 * now:.1f} ms, {20.0 / now:.0f} x real time; "
@@ -91,6 +91,8 @@ def main() -> None:
         spent = _child(ROOT, COMPILE, cache=empty)
     told = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in spent.items())
     print(f"compiled cold, CPU with what writes the C: {told}; {sum(spent.values()):.1f} s in all")
+    if asked.keep:
+        keep(kept | {f"compiling {name} [s]": seconds for name, seconds in spent.items()})
 
 
 def _child(package: Path, code: str, *arguments: str, cache: str = "") -> Any:

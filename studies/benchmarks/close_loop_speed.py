@@ -1,0 +1,117 @@
+"""What closing the loop on drive logs costs: 8 runs of 30 s with something hidden, from the command to its report.
+
+    python studies/benchmarks/close_loop_speed.py [--quick] [--keep] [--against COMMIT]
+
+The logs are of the package's own simulator: waves and a slope, duties that differ from wheel to wheel, sensors with
+noise, soil off by what its declared SD allows, and a tether that nobody declared. `rover-pin close-loop` runs as a
+process of its own with two workers. CPU seconds are of the command with its workers; on two free cores it takes about
+half of them, beside other work the time on the clock says little. An earlier version (--against) runs on the same logs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from former import ROOT, checkout
+from process_cost import PROGRAM, children
+from speed_table import keep, reader
+
+from rover_pin.body.profile import Profile
+from rover_pin.body.rover import load_rover
+from rover_pin.body.terrain import Lanes
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.effects.tether_drag import TetherDrag
+from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.motion.command import Reading
+from rover_pin.motion.drive_log import About, write_drive_log
+from rover_pin.motion.log_terrain import write_terrain
+from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.motors import nexus6_motor
+from rover_pin.motion.place import Start
+from rover_pin.motion.sensors import Sensors, measured
+from rover_pin.motion.simulate import simulate
+from rover_pin.quantity import declared
+from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.traction import TorqueTraction
+
+WORKERS = 2
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = reader(__doc__, "2 runs of 6 s")
+    parser.add_argument("--against", help="an earlier version, from the repository's history")
+    asked = parser.parse_args()
+    runs, duration = (2, 6.0) if asked.quick else (8, 30.0)
+    with TemporaryDirectory() as folder:
+        logs = write(Path(folder) / "logs", runs, duration)
+        seconds = report(f"close-loop on {runs} runs of {duration:g} s", ROOT, logs)
+        if asked.against:
+            with checkout(asked.against) as earlier:
+                report(f"the same at {asked.against}", earlier, logs)
+    if asked.keep:
+        keep({"close-loop, CPU [s]": seconds})
+
+
+def write(folder: Path, runs: int, duration: float) -> Path:
+    """Write logs of a rover that drags a tether; return the folder."""
+    random, model = np.random.default_rng(11), declared_model()
+    soil = DRIVEN_SAND.replace(phi=DRIVEN_SAND.phi + math.radians(1.0), k=1.15 * DRIVEN_SAND.k)
+    true = model.replace(soils=(soil,)).having(TetherDrag(f_0=2.0))
+    traces = {}
+    for run in range(runs):
+        start = Start(-1.0, 0.0, 0.0) if run % 2 == 0 else Start(1.0, 0.0, math.pi)
+        driven = simulate(true, plan(random, duration), duration, start)
+        log = measured(driven, Sensors(), run, true.sensor_effects)
+        traces[f"run-{run}"] = dataclasses.replace(log, attrs={"start": dataclasses.asdict(start)})
+    known = {name: declared(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
+    wheels = tuple(wheel.name for wheel in model.rover.wheels)
+    terrain = write_terrain(folder, model.terrain)
+    about = About("tether", rover="nexus6", wheels=wheels, terrain=terrain, soil=known, motor=declared(model.motor))
+    return write_drive_log(folder, traces, about)
+
+
+def declared_model() -> Model:
+    """Return what the logs declare: waves of 24 mm, then a slope of 5 deg, a point every 60 mm."""
+    x = np.arange(-2.0, 2.81, 0.06)
+    z = 0.012 * np.sin(2 * np.pi * x / 0.8) + np.where(x > 0.2, (x - 0.2) * math.tan(math.radians(5.0)), 0.0)
+    rover = load_rover("nexus6")
+    effects = base_effects(DRIVEN_SAND, rover, SoilTraction(TorqueTraction(), FixedAngles()))
+    return Model(rover, Lanes((Profile(x, z),)), (DRIVEN_SAND,), nexus6_motor(), effects=effects)
+
+
+def plan(random: np.random.Generator, duration: float) -> Callable[[Reading], np.ndarray]:
+    """Return a controller: duties held for 1.5 to 3 s, wheels apart from each other."""
+    holds, t = [], 0.0
+    while t < duration:
+        holds.append((t, random.uniform(0.4, 0.85) + random.uniform(-0.09, 0.09, 6)))
+        t += random.uniform(1.5, 3.0)
+    return lambda reading: next(duty for begin, duty in reversed(holds) if begin <= reading.t + 1e-9)
+
+
+def report(label: str, package: Path, logs: Path) -> float:
+    """Print what the loop of a package's version costs on these logs, and what it answers; return its CPU time [s]."""
+    with TemporaryDirectory() as out:
+        before, begin = children(), time.perf_counter()
+        words = [sys.executable, "-c", PROGRAM, "close-loop", str(logs), "--out", out, "--workers", str(WORKERS)]
+        env = {**os.environ, "PYTHONPATH": str(package)}
+        ran = subprocess.run(words, cwd=logs.parent, env=env, check=False, capture_output=True, text=True)
+        seconds, clock = children() - before, time.perf_counter() - begin
+    answer = next((line for line in ran.stdout.splitlines() if "log" in line or "list" in line), ran.stderr[-300:])
+    print(
+        f"{label}: {seconds:.0f} s of CPU, {clock:.0f} s on the clock, load {os.getloadavg()[0]:.1f}; {answer.strip()}"
+    )
+    return seconds
+
+
+if __name__ == "__main__":
+    main()
