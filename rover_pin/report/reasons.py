@@ -72,7 +72,7 @@ def _added(verdict: Verdict, manner: Manner) -> Iterator[str]:
     for each in verdict.search.rounds:
         if each.alike:
             yield (
-                f"{each.alike[0].name} gains {each.alike[0].gain:.3g} in chi2; the luckiest of {verdict.search.count} "
+                f"{each.alike[0].name} gains {each.alike[0].gain:.0f} in chi2; the luckiest of {verdict.search.count} "
                 f"candidates gains {each.alike[0].fee:.2g} by chance"
             )
     yield (

@@ -106,6 +106,14 @@ def test_free_runs_speak_for_a_drive(verdict):
     )
 
 
+def test_free_runs_that_stay_no_closer_are_no_reason_to_believe(verdict):
+    extra = verdict.extra
+    for after in (1.002, 0.995, 2.0, float("nan")):
+        free = tuple(each._replace(after=after * each.before) for each in extra.free)
+        one = dataclasses.replace(verdict, extra=extra._replace(free=free))
+        assert not manner_of(one).evidence
+
+
 def test_a_terminal_gets_the_same_first_screen(verdict):
     manner = manner_of(verdict)
     text = first_lines(verdict, manner)

@@ -26,7 +26,7 @@ from rover_pin.report.drive.runs import (
     worst_runs,
 )
 from rover_pin.report.first_screen import FirstScreen
-from rover_pin.report.headline import headline
+from rover_pin.report.headline import WORTH, headline
 from rover_pin.report.page import Head, write_page
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table
 from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
@@ -101,16 +101,12 @@ def _together(free: tuple[FreeRun, ...]) -> tuple[float, float]:
 
 
 def _free_said(free: tuple[FreeRun, ...]) -> list[str]:
-    if not free:
-        return []
-    was, now = _together(free)
-    if was == now or not np.isfinite([was, now]).all():
+    """Return that free runs stay closer, where they do; where they do not, a caution says so."""
+    was, now = _together(free) if free else (0.0, 0.0)
+    if not now < (1.0 - WORTH) * was:
         return []
     before, after = pair(was, now, "m")
-    word = "closer" if now < was else "further off"
-    return [
-        f"left to drive by the logged commands alone it stays {word}: {after} from the measured place, not {before}"
-    ]
+    return [f"left to drive by the logged commands alone it stays closer: {after} off the measured place, not {before}"]
 
 
 @dataclass(frozen=True, eq=False)
