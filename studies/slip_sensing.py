@@ -19,7 +19,7 @@ Result
 What the paper says
     "The latter is difficult to measure by on-board sensors and an external measurement system will be needed."
 What differs
-    Here the torque is read as slip through the soil's known law, with the load from static balance.
+    Here torque is read as slip through the soil's known law. The numbers are of commit 1c0cdda: docs/results.md.
 
 Run: python studies/slip_sensing.py [--quick] [--out DIR]
 """
