@@ -289,6 +289,7 @@ OF_ITS_OWN = {
     "store": "writes",
     "evaluations": "writes",
     "tables": "text in memory",
+    "text_table": "text in memory, read through the bounds",
 }
 
 

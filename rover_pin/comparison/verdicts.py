@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rover_pin import bounded
 from rover_pin.comparison.side import Comparison, Side, Value, differences, number_rows, word_rows
 from rover_pin.effects.names import spoken
 from rover_pin.errors import DataError
@@ -27,7 +28,7 @@ def read_verdict(path: Path) -> Side:
         Not a verdict, or one that cannot be read.
     """
     try:
-        table = json.loads(path.read_text(encoding="utf-8"))
+        table = json.loads(bounded.text(path))
         words = {
             "data": str(table["name"]),
             "answer": str(table["answer"]),

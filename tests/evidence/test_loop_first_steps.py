@@ -84,12 +84,12 @@ def test_a_folder_that_is_none_is_said_to_be_none(tmp_path):
             close_the_loop(path)
 
 
-def test_a_score_speaks_of_levels_on_a_rig_and_of_runs_on_a_drive_log():
-    """On a rig levels are held out and known to the score, on a drive log runs are."""
+def test_a_score_speaks_of_folds_on_a_rig_and_of_runs_on_a_drive_log():
+    """On a rig whole folds, its levels, are held out and resampled, on a drive log runs are."""
     drive = ChannelScore("body_x", "m", 1e-3, 5e-3, 4e-3, -0.2, -0.4, 0.1)
-    rig = drive._replace(levels=(LevelError("S = 0.1", 5e-3, 4e-3),))
+    rig = drive._replace(levels=(LevelError("S = 0.1", 5e-3, 4e-3),), of="folds")
     assert drive.said == "better, not beyond what the runs scatter: nothing to claim"
-    assert rig.said == "better, not beyond what the levels scatter: nothing to claim"
+    assert rig.said == "better, not beyond what the folds scatter: nothing to claim"
     assert score_line(drive).endswith("better, not beyond what the runs scatter: nothing to claim")
     lost = drive._replace(before=1e-3, after=2e-3, change=1.0)
     assert lost.said == "worse, not beyond what the runs scatter: nothing to claim"

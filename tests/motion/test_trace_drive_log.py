@@ -169,7 +169,7 @@ def test_text_in_parquet_names_the_row(log):
 @pytest.mark.parametrize(
     ("table", "says"),
     [
-        ("", "must have one of polyline, polylines, grid, but it has none"),
+        ("patch = []\n", "must have one of polyline, polylines, grid, but it has none"),
         ('polyline = "a"\ngrid = "b"\n', "but it has polyline, grid"),
         ('polylin = "a"\n', "unknown key 'polylin': did you mean 'polyline'?"),
         ('polylines = "a"\n', "polylines = 'a': give a list"),

@@ -58,7 +58,7 @@ def test_a_motor_that_is_too_weak_is_told_and_stalls(tmp_path, stall, goes):
     assert check.moves.startswith("yes" if goes else "no: its motors stall")
     assert (check.faults == ()) == goes
     told = scenario("flat", rover=str(path), duration=10.0).drive().summary()["happened"]
-    assert told.startswith("drives on" if goes else "stalled")
+    assert told.startswith("drives on" if goes else ("stalled", "all but stalled"))
 
 
 def test_the_slope_that_the_motors_hold_is_that_of_a_drive(tmp_path):
