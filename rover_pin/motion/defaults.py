@@ -11,6 +11,7 @@ from typing import Generic, NamedTuple, TypeVar
 from rover_pin.body.rover import Rover
 from rover_pin.contact import Soil, Wheel
 from rover_pin.description.motor_sheet import MotorSheet
+from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import ParameterError
 from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SPEED
 from rover_pin.motion.motor import Motor
@@ -66,6 +67,12 @@ def has_papers_wheel(rover: Rover) -> bool:
 def usual_angles(rover: Rover) -> FixedAngles | SinkageAngles:
     """Return Table 1's fixed angles for the paper's wheel, the sinkage's own for any other."""
     return FixedAngles() if has_papers_wheel(rover) else SinkageAngles()
+
+
+def usual_slip(rover: Rover) -> RelaxedSlip:
+    """Return the paper's wheels' relaxation, its length in the proportion of the wheel: a contact is as long."""
+    relaxed, size = RelaxedSlip(), scale(rover)
+    return relaxed if size == 1.0 else relaxed.replace(length=size * relaxed.length)
 
 
 def own_motor(rover: Rover) -> Chosen[Motor]:

@@ -12,7 +12,7 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
-from rover_pin.motion.defaults import Chosen, own_motor, own_soil, scale, usual_angles
+from rover_pin.motion.defaults import Chosen, own_motor, own_soil, usual_angles, usual_slip
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.model_toml import is_rig_model, read_model
 from rover_pin.motion.motors import MOTORS, motor_named
@@ -95,10 +95,7 @@ def _on_soil(asked: Settings, rover: Rover, soil: Soil, traction: SoilTraction) 
 
 
 def _slip(asked: Settings, rover: Rover) -> AlgebraicSlip | RelaxedSlip:
-    size, relaxed = scale(rover), RelaxedSlip()
-    if size != 1.0:
-        relaxed = relaxed.replace(length=size * relaxed.length)
     chosen: AlgebraicSlip | RelaxedSlip = asked.choice(
-        "slip", "relaxed", {"relaxed": relaxed, "algebraic": AlgebraicSlip()}
+        "slip", "relaxed", {"relaxed": usual_slip(rover), "algebraic": AlgebraicSlip()}
     )
     return chosen

@@ -10,6 +10,7 @@ from rover_pin.body.rover import load_rover
 from rover_pin.body.terrain import Lanes
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.motion.defaults import usual_angles, usual_slip
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import Model, base_effects
@@ -19,7 +20,6 @@ from rover_pin.motion.place import Start
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.motion.simulate import simulate
 from rover_pin.quantity import declared
-from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 
 
@@ -29,8 +29,8 @@ def base(name="nexus6"):
     z = 0.012 * np.sin(2 * np.pi * x / 0.8) + np.where(x > 0.2, (x - 0.2) * math.tan(math.radians(5)), 0.0)
     rover = load_rover(name)
     motor = nexus6_motor() if name == "nexus6" else Motor(resistance=3.0)
-    effects = base_effects(DRIVEN_SAND, rover, SoilTraction(TorqueTraction(), FixedAngles()))
-    return Model(rover, Lanes((Profile(x, z),), ()), (DRIVEN_SAND,), motor, effects=effects)
+    effects = base_effects(DRIVEN_SAND, rover, SoilTraction(TorqueTraction(), usual_angles(rover)))
+    return Model(rover, Lanes((Profile(x, z),), ()), (DRIVEN_SAND,), motor, usual_slip(rover), effects)
 
 
 def plan(random, duration, wheels=6):

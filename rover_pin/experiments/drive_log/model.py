@@ -15,7 +15,7 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.errors import DataError
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.parameters import parameter
-from rover_pin.motion.defaults import has_papers_wheel, own_motor, own_soil, usual_angles
+from rover_pin.motion.defaults import has_papers_wheel, own_motor, own_soil, usual_angles, usual_slip
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
@@ -64,7 +64,8 @@ def base_model(log: DriveLog) -> Model:
     if most > 1:
         raise DataError(f"{log.folder}: [terrain] has ground {most}: a log knows 0, the [soil], and 1, hard ground.")
     grounds, springs = (soil, HARD_GROUND), rover.springs
-    return Model(rover, terrain, grounds, motor, effects=effects, gravity=log.about.gravity, body_effects=springs)
+    slip, gravity = usual_slip(rover), log.about.gravity
+    return Model(rover, terrain, grounds, motor, slip, effects, gravity=gravity, body_effects=springs)
 
 
 def usual_soil(rover: Rover) -> Soil:
