@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,7 +26,7 @@ from rover_pin.experiments.unlisted.draft import draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
 from rover_pin.experiments.unlisted.remainder import Remainder, describe, draft_effect, replicates
 from rover_pin.experiments.unlisted.term import Term
-from rover_pin.motion.drive_log import About
+from rover_pin.motion.drive_log import About, DriveLog
 from rover_pin.motion.effect_files import user_effects
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
@@ -229,7 +230,7 @@ def test_an_unlisted_eccentric_wheel_is_described_and_its_draft_fits(tmp_path):
     (kind,) = user_effects(file)
     model, logs = drives([kind()])
     model = with_spread(model)
-    free = nuisances(SimpleNamespace(about=About("test"), folder="test"), model)
+    free = nuisances(DriveLog(Path("test"), About("test"), ()), model)
     free = tuple(one for one in free if one.name.split(".")[0] in ("soil", "motor", "MotionResistance"))
     experiment = experiment_of([logged_run(log, model.rover) for log in logs], model)
     least = np.full(len(experiment.channels), 1e-6)
