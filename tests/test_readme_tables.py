@@ -12,6 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FILES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TEXT = " ".join(" ".join(path.read_text(encoding="utf-8") for path in FILES).split())
+README = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
 RESULTS = ROOT / "studies" / "results"
 TABLE = pd.read_csv(RESULTS / "digging.csv").fillna({"R": -1.0})
 N = r"(\d+)"
@@ -74,6 +75,29 @@ def test_what_is_said_in_words():
     assert rescued("tacking")[0] == rescued("tacking")[1]
     climbs = {control: set(of(control, SOFT).there.dropna().index) for control in TABLE.control.unique()}
     assert all(climbs[control] <= climbs["none"] for control in climbs)
+
+
+def test_the_readme_says_where_slip_control_helps():
+    said = re.search(
+        rf"of {N} inclines .*? \(k = {N} and {N} mm\), wheels end buried in {N} at constant duty, in {N} with the true "
+        rf"slip, in {N} with the slip estimated on board, in {N} of {N} with the paper's Eq 9",
+        README,
+    )
+    found = [len(of("none", SOFT)), *(round(1e3 * each) for each in sorted(SOFT.k.unique())), buried("none")]
+    found += [buried("true slip 0.2"), buried("on-board slip 0.2"), buried("Eq 9")]
+    found += [int(of("Eq 9", SOFT).end_x.notna().sum())]
+    assert [int(each) for each in said.groups()] == found
+    said = re.search(
+        rf"Of {N} drives over all grounds the on-board slip buries {N} \(constant duty {N}\) and passes {N} \({N}\)",
+        README,
+    )
+    found = [len(SLIPS), *(int(SLIPS["buried"][each].sum()) for each in ("onboard", "constant"))]
+    found += [int(SLIPS["passed"][each].sum()) for each in ("onboard", "constant")]
+    assert [int(each) for each in said.groups()] == found
+    rising = tried(MAP[~MAP.sand.str.endswith("lost")])
+    stuck = rising[rising.bare == "stuck"]
+    said = re.search(rf"it rescued {N} of {N} ditches", README)
+    assert [int(each) for each in said.groups()] == [(stuck.verdict == "out").sum(), len(stuck)]
 
 
 def test_half_the_step_agrees():

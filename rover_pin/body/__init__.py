@@ -1,1 +1,1 @@
-"""See ARCHITECTURE in README: the body room."""
+"""The rigid rover and the ground: `rover` reads it, `acceleration` is Eq (8), `statics` the loads, `terrain`."""

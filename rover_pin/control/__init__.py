@@ -1,1 +1,1 @@
-"""See ARCHITECTURE in README: the control room."""
+"""Fig 9: slip estimates (`slip_estimate`, `onboard_slip`), `slip_control`, `torque_limit`, `bounds`, `tuning`."""

@@ -1,1 +1,1 @@
-"""What the loop can be closed on: `wheel_rig`, `drive_log`, and descriptions of what is on no list (`unlisted`)."""
+"""What a loop is closed on: `wheel_rig`, `drive_log`, `slip_slope`, `motor_brake`; what is on no list (`unlisted`)."""

@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import re
 import sys
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.errors import DataError
+from rover_pin.experiments import slip_slope
 from rover_pin.experiments.slip_slope import SlipSlope
 from rover_pin.loop.close import close_the_loop
 from rover_pin.vehicle.new_rover import new_rover
@@ -69,6 +71,23 @@ def test_too_few_slopes_cannot_tell(tmp_path):
     found = close_the_loop(made, experiment="slip_slope")
     assert found.answer is Answer.CANNOT_TELL
     assert "2 slopes in 3 runs; measure 4 slopes or more" in found.summary()
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "data-slip-slope.md"
+
+
+def test_the_page_says_what_is_read(tmp_path):
+    """Its description is read, and its columns, bounds and assumed SDs are those of the reader."""
+    said = PAGE.read_text(encoding="utf-8")
+    made = folder(tmp_path, re.findall(r"```toml\n(.*?)```", said, re.DOTALL)[0], repeats=1)
+    assert SlipSlope.read(made).soil.phi == pytest.approx(math.radians(34.0))
+    assert tuple(re.findall(r"^\| `(\w+)` \|", said, re.MULTILINE)) == ("run", *slip_slope.COLUMNS)
+    assert slip_slope.FEWEST == 4
+    assert "Four slopes or more, in two runs or more" in said
+    numbers = re.search(r"within (\d+) deg \(phi\), (\d+) % \(k,\s+k_1\) or (\d+) % \(R\)", said).groups()
+    sd = slip_slope.SD
+    assert sd["k"] == sd["k_1"]
+    assert [int(each) for each in numbers] == [round(math.degrees(sd["phi"])), 100 * sd["k"], 100 * sd["R"]]
 
 
 @pytest.mark.parametrize(
