@@ -1,5 +1,6 @@
 """What must hold of any drive: 1,000 of them at random (slow), and the first 20 in every run."""
 
+import dataclasses
 import importlib.util
 import math
 import re
@@ -81,11 +82,21 @@ def of_load(chosen, trace):
     level = isinstance(chosen.model.terrain, Lanes) and not any(each.z.any() for each in chosen.model.terrain.profiles)
     if not level or trace.t[-1] < 1.0 or any(says(trace, what) for what in (LOAD, HALF, BALANCE)):
         return []
-    gravity, time = chosen.model.gravity, trace.t[-1] - trace.t[0]
-    loads = trace.stack("normal").sum(axis=1) / (gravity * chosen.model.built.mass)
-    load, sampled = loads.mean(), 3.0 * loads.std() / math.sqrt(len(loads))
-    load -= (trace["body_vz"][-1] - trace["body_vz"][0]) / (gravity * time)
-    return [f"it carries {load:.2g} times its weight"] if abs(load - 1.0) > 0.1 + sampled else []
+    if abs(load_left(chosen, trace)) <= 0.1:
+        return []
+    every = chosen.drive(dataclasses.replace(Timing(), sample=Timing().dt))
+    left = load_left(chosen, every)
+    return [f"it carries {1.0 + left:.2g} times its weight"] if abs(left) > 0.1 else []
+
+
+def load_left(chosen, trace):
+    """Return the mean load in weights, less one, less what the body gained in upward momentum.
+
+    A stiff contact rings faster than the usual rows come, and their mean then is not that of the steps.
+    """
+    weight, time = chosen.model.gravity * chosen.model.built.mass, trace.t[-1] - trace.t[0]
+    gained = (trace["body_vz"][-1] - trace["body_vz"][0]) / (chosen.model.gravity * time)
+    return trace.stack("normal").sum(axis=1).mean() / weight - gained - 1.0
 
 
 def of_stop(chosen, trace):
