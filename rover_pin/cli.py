@@ -67,7 +67,7 @@ def drive(
     out: Out = Path("out/drive"),
     as_json: AsJson = False,
 ) -> None:
-    """Drive a scenario; write its trace as a drive log, figures and a summary."""
+    """Drive a scenario: write its drive log, figures and a summary."""
     from rover_pin.scenarios import scenario as ready
 
     given = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
@@ -114,7 +114,7 @@ def check_urdf(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check a rover description: what to mend, whether it stands and moves, and what was assumed for that."""
+    """Check a rover: what to mend, whether it stands and moves. What was assumed for that is said."""
     from rover_pin.body.rover import load_rover
     from rover_pin.body.urdf_check import check_urdf as check
     from rover_pin.vehicle.road_check import road_check
@@ -165,7 +165,7 @@ def bounds(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Print the traction-limited torque of every wheel of a rover on a slope, and the motor's margin.
+    """Print each wheel's traction-limited torque on a slope. The motor's margin is told beside it.
 
     Of a model's effects only the form of its traction counts.
     """
@@ -199,7 +199,7 @@ def identify(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit soil parameters to measured data, and say which of them the data tell."""
+    """Fit soil parameters to data, and say which the data tell."""
     from rover_pin.identification.identify import identify as fit
     from rover_pin.loop.data_check import checked_evidence
     from rover_pin.parameters import soil_named
@@ -228,7 +228,7 @@ def tune(
     out: Out = Path("out/tune"),
     as_json: AsJson = False,
 ) -> None:
-    """Tune the slip control's gains over an ensemble of drives; killed, it resumes where it stopped."""
+    """Tune the slip control's gains over an ensemble of drives. Killed, it resumes where it stopped."""
     from rover_pin.control.tuning import tune_gains
     from rover_pin.control.tuning_drives import cautions
     from rover_pin.control.tuning_study import read_tuning

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import logging
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -11,6 +12,10 @@ from pathlib import Path
 from rover_pin.errors import DataError
 
 LOCK = ".rover_pin.lock"
+OF_A_LOOP = ("report.html", "verdict.json", "model.toml", "draft_effect")
+"""What a run of the loop may leave in its folder, besides pictures."""
+
+log = logging.getLogger(__name__)
 
 
 @contextmanager
@@ -57,6 +62,13 @@ def replacing(folder: str | Path, names: Sequence[str]) -> str:
     there = [name for name in names if (Path(folder) / name).exists()]
     found = f"{folder}: an earlier run's results are there, which this one replaces as it writes its own: "
     return f"{found}{', '.join(there)}." if there else ""
+
+
+def say_what_is_replaced(folder: str | Path | None, names: Sequence[str]) -> None:
+    """Log what of an earlier run a new one may replace; to be called when nothing is left that could refuse the run."""
+    told = "" if folder is None else replacing(folder, names)
+    if told:
+        log.info("rover-pin: %s", told)
 
 
 def _held(file: Path) -> int:

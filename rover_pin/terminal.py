@@ -16,7 +16,7 @@ import typer
 
 from rover_pin.console import plain_column, plain_console
 from rover_pin.errors import ParameterError
-from rover_pin.results_folder import replacing
+from rover_pin.results_folder import say_what_is_replaced
 from rover_pin.workers import Terminated, ending_workers
 
 if TYPE_CHECKING:
@@ -60,9 +60,7 @@ def stoppable(out: Path | None = None, replaced: Sequence[str] = ()) -> Iterator
 
     What of an earlier run it will replace in its folder `out` is said first.
     """
-    told = "" if out is None else replacing(out, replaced)
-    if told:
-        log.info("rover-pin: %s", told)
+    say_what_is_replaced(out, replaced)
     try:
         with ending_workers():
             yield

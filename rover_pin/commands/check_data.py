@@ -17,7 +17,7 @@ def check_data(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check measured data as close-loop would, and fit nothing: units, signs, ranges, gaps, clock, excitation."""
+    """Check measured data as close-loop would, and fit nothing. Units, signs, ranges, gaps, clock, excitation."""
     from rover_pin.loop.data_check import check_data as check
 
     found = check(data, Trust(everything=trust))

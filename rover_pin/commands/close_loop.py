@@ -31,7 +31,7 @@ def close_loop(
     open_: Annotated[bool, typer.Option("--open", help="Open the report in your browser.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the effect that the model lacks, add it, and report the error before and after; killed, it resumes.
+    """Find the effect that the model lacks, add it, and report. The error is told before and after; killed, it resumes.
 
     Exit codes: 0 an answer, whatever it is; 2 data or words that are refused; 3 an answer named by --fail-on.
     """
@@ -43,7 +43,7 @@ def close_loop(
     failing = answers_named(fail_on)
     start: Any = model if model is None or experiment else read_start(model, data, Trust.of(effects, trust))
     say = (lambda said: None) if as_json else log.info
-    with stoppable(out, (REPORT, "verdict.json", "model.toml", "draft_effect")):
+    with stoppable():
         given = read_data(data, Trust(everything=True)) if trust and experiment is None else data
         verdict = close_the_loop(
             given, start, effects, out, say, jobs=workers, scheduler=scheduler or None, experiment=experiment

@@ -26,7 +26,7 @@ def compare(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compare two verdicts, two models or two drives: one sentence, and a table of what differs."""
+    """Compare two verdicts, two models or two drives. One sentence, and a table of what differs."""
     from rover_pin.comparison.compare import compare as compared
 
     found = compared(first, second, run, Trust(everything=trust))

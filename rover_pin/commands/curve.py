@@ -19,7 +19,7 @@ def curve(
     out: Out = Path("out/curve"),
     as_json: AsJson = False,
 ) -> None:
-    """Draw the load-traction factor F(S) against slip, in every form, at the soil's fixed angles."""
+    """Draw the load-traction factor F(S) against slip. In every form, at the soil's fixed angles."""
     from rover_pin import plot
     from rover_pin.parameters import soil_named
     from rover_pin.soil.curves import traction_curves

@@ -11,6 +11,7 @@ import typer
 
 from rover_pin.commands.options import AsJson, Trusted
 from rover_pin.errors import MissingExtraError
+from rover_pin.results_folder import say_what_is_replaced
 from rover_pin.terminal import report
 from rover_pin.trust import Trust
 
@@ -41,4 +42,5 @@ def export(
     subject = read_subject(path, run, Trust(everything=trust))
     write = getattr(writing, f"write_{to.value}")
     file = out / f"{subject.trace.attrs.get('scenario', 'drive')}{'.rrd' if to is Kind.RERUN else f'.{to.value}'}"
+    say_what_is_replaced(out, (file.name,))
     report({"exported": subject.name, "files": [str(write(file, subject))]}, as_json)

@@ -22,7 +22,10 @@ def import_log(
     most: Annotated[int, typer.Option(help="Runs to keep: of more, those that tell most.", min=1)] = 12,
     as_json: AsJson = False,
 ) -> None:
-    """Make a drive log of recordings: guess the columns, cut at stops and gaps, say what is missing; then check it."""
+    """Make a drive log of recordings, and check it.
+
+    Columns are guessed, runs are cut at stops and gaps, what is missing is said.
+    """
     from rover_pin.importing.import_log import import_log as imported
     from rover_pin.loop.data_check import check_data
 

@@ -22,7 +22,7 @@ def init(
     out: Annotated[Path | None, typer.Option(help="Folder for the set; the table's name, if not said.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make a wheel-rig set, which close-loop and identify read, out of a table of your own, and check it."""
+    """Make a wheel-rig set out of a table of your own. It is checked; close-loop and identify read it."""
     from rover_pin.contact import Wheel
     from rover_pin.loop.data_check import check_data
     from rover_pin.measurements.foreign_rig import channel_unit, read_foreign, write_rig_set

@@ -34,7 +34,7 @@ def list_(
     ] = [],  # noqa: B006 - typer wants a list
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
 ) -> None:
-    """List scenarios, soils, rovers, effects or settings, each number with unit, default, bounds and source."""
+    """List scenarios, soils, rovers, effects or settings. Each number has unit, default, bounds and source."""
     from rover_pin import catalogue
 
     if what is What.SETTINGS:

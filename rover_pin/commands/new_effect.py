@@ -29,7 +29,7 @@ def new_effect(
     out: Annotated[Path, typer.Option("--out", help="Folder for the two files.")] = Path("."),
     as_json: AsJson = False,
 ) -> None:
-    """Write an effect of your own to start from, and a test that it keeps the contract of effects."""
+    """Write an effect of your own to start from, and its test. The test says whether it keeps the contract."""
     from importlib.resources import files
 
     from rover_pin.columns import replace_file

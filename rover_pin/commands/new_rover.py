@@ -17,7 +17,7 @@ def new_rover(
     trust: Annotated[bool, typer.Option("--trust", help="Let a .xacro run the code that it holds.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Propose which joint of a URDF plays which part: writes its TOML, every guess marked, and a picture with names."""
+    """Propose which joint of a URDF plays which part. Writes its TOML, every guess marked, and a picture with names."""
     from rover_pin.trust import Trust
     from rover_pin.vehicle.new_rover import new_rover as propose
 

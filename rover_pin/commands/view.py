@@ -35,7 +35,7 @@ def view(
     out: Out = Path("out/view"),
     as_json: AsJson = False,
 ) -> None:
-    """Show a drive in 3D: one page that needs no network, with ground, slip, forces, tracks and a time slider."""
+    """Show a drive in 3D: one page that needs no network. It has ground, slip, forces, tracks and a time slider."""
     from rover_pin.commands.subject import read_subject
 
     subject = read_subject(path, run, Trust(everything=trust))

@@ -21,6 +21,7 @@ from rover_pin.loop.provenance import provenance
 from rover_pin.motion.effect_files import package_effects, run_file, user_effects
 from rover_pin.paths import is_file
 from rover_pin.report.bed.report import write_report
+from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
 
 OWN = ("motor_brake", "slip_slope")
 """The package's own test beds, by the name of their file."""
@@ -83,6 +84,7 @@ def close_on_bed(
     begun = time.monotonic()
     own = {kind.__name__: kind for kind in (*package_effects(), *(user_effects(effects) if effects else ()))}
     poor = bed.insufficient()
+    say_what_is_replaced(out, OF_A_LOOP)
     if poor:
         found = Verdict("test-bed", Answer.CANNOT_TELL, bed.name, poor, bed.base_model())
     else:

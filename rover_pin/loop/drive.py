@@ -31,6 +31,7 @@ from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.effect_files import file_of, user_effects
 from rover_pin.motion.model import Model
 from rover_pin.report.drive.cautions import cautions
+from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
 
 RIVALS = 2
 """Rivals of the best for which a separating run is proposed."""
@@ -65,6 +66,7 @@ def close_drive_loop(
     refuse_unfit(log)
     poor, start = too_poor(log), model or base_model(log)
     folder = None if out is None else Path(out)
+    say_what_is_replaced(folder, OF_A_LOOP)
     memory = Memory(folder, "" if folder is None else key_of_code(_code(start, effects)))
     with memory.noting():
         verdict = _poor(log, start, poor) if poor else _decided(log, start, effects, memory, (progress, jobs, seed))

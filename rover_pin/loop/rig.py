@@ -33,6 +33,7 @@ from rover_pin.loop.provenance import command, provenance
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.report.rig.cautions import cautions
 from rover_pin.report.rig.report import write_report
+from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
 
 RIVALS = 3
 """Rivals of the best for which a separating run is proposed."""
@@ -60,7 +61,9 @@ def close_rig_loop(
     begun = time.monotonic()
     rig_set = _rig_set(data)
     refuse_unfit(rig_set)
-    verdict = on_rig(RigExperiment(rig_set), _start(rig_set, model), effects, progress, seed)
+    start = _start(rig_set, model)
+    say_what_is_replaced(out, OF_A_LOOP)
+    verdict = on_rig(RigExperiment(rig_set), start, effects, progress, seed)
     verdict.provenance.update(provenance(seed, time.monotonic() - begun, command(data, effects, out)))
     if out is None:
         return verdict

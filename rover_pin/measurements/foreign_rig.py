@@ -13,7 +13,7 @@ from rover_pin.columns import replace_file
 from rover_pin.contact import Wheel
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.measurements.tables import read_table
-from rover_pin.measurements.wheel_rig import CHANNELS
+from rover_pin.measurements.wheel_rig import ANGLE, CHANNELS, STRAIGHT, SideForce
 from rover_pin.quantity import to_si
 from rover_pin.toml_file import toml_text
 
@@ -32,9 +32,11 @@ KNOWN = (
     Known("drawbar_pull_N", "N", ("drawbar pull", "drawbar", "dp", "fx", "pull")),
     Known("torque_Nm", "N m", ("torque", "wheel torque", "driving torque", "my", "t")),
     Known("sinkage_m", "m", ("sinkage", "wheel sinkage", "z", "h")),
+    Known("lateral_N", "N", ("lateral", "lateral force", "side force", "fy")),
     Known("drawbar_pull_sd_N", "N", ("drawbar pull sd", "dp sd")),
     Known("torque_sd_Nm", "N m", ("torque sd",)),
     Known("sinkage_sd_m", "m", ("sinkage sd",)),
+    Known("lateral_sd_N", "N", ("lateral sd", "side force sd")),
     Known("travel_speed_mps", "m/s", ("travel speed", "carriage speed", "v", "vx")),
     Known("rim_speed_mps", "m/s", ("rim speed", "circumferential speed")),
     Known("slip_angle_rad", "rad", ("slip angle", "beta")),
@@ -94,6 +96,12 @@ def read_foreign(file: Path) -> Read:
         made[known.column] = _in_si(table[name], unit, known, f"{file}: '{name}'")
         guessed = "" if unit or known.unit in ("", "text") else f", taken as {known.unit}"
         said.append(f"'{name}' is {known.column}{guessed}")
+    if SideForce.column in made and not _askew(made):
+        del made[SideForce.column]
+        said.append(
+            f"{SideForce.column} is not used: a side force is looked at in runs with {ANGLE} above {STRAIGHT} only; "
+            "add that column, positive where the wheel travels to its right"
+        )
     if not any(kind.column in made for kind in CHANNELS):
         raise DataError(f"{file}: nothing that was measured is known: name it drawbar_pull_N, torque_Nm or sinkage_m.")
     missing = [name for name in NEEDED if name not in made]
@@ -103,6 +111,11 @@ def read_foreign(file: Path) -> Read:
             f"torque_Nm, sinkage_m. It has {', '.join(map(str, table.columns))}."
         )
     return Read(pd.DataFrame(made), tuple(said))
+
+
+def _askew(made: Mapping[str, Any]) -> bool:
+    """Return whether a run has a slip angle, without which a set's side force is not looked at."""
+    return ANGLE in made and bool((made[ANGLE].abs() > STRAIGHT).any())
 
 
 def _parts(name: str) -> tuple[str, str]:
@@ -131,7 +144,7 @@ def _in_si(values: Any, unit: str, known: Known, where: str) -> Any:
 
 
 def channel_unit(name: str) -> str:
-    """Return the unit of a channel that can have noise: drawbar_pull, torque, sinkage."""
+    """Return the unit of a channel that can have noise: drawbar_pull, torque, sinkage, lateral."""
     units = {kind.column.rpartition("_")[0]: kind.unit for kind in CHANNELS}
     if name not in units:
         raise ParameterError(f"--noise {name}: there is no such channel: {closest(name, units)}")

@@ -1,4 +1,4 @@
-"""What a drive came to, in one sentence: it drives on, is stuck, stalled, slid back, or held, since when and where.
+"""What a drive came to, in one sentence: it drives on or turns, is stuck, stalled, slid back, or held, since when.
 
 Lengths are told by the wheel's radius r and by how far the rims have turned, times by the drive's own duration, so
 that the same words fit any rover. What a wheel does is counted in the sense in which its motor is driven.
@@ -21,6 +21,8 @@ SHORT = 0.1
 """Share of a wheel's radius that counts as standing still."""
 LEAST_CROSSINGS = 4
 """Changes of a wheel's sense in the later half of a drive from which it swings."""
+ON_THE_SPOT = 0.2
+"""The body's way over that of its wheels, below which a rover that turns does so on the spot."""
 
 
 class Happened(NamedTuple):
@@ -52,7 +54,8 @@ def happened(trace: Trace) -> Happened | None:
     - stuck: over every last radius that the rims turn, the wheels travel less than a tenth of it;
     - held, slid: never driven, and moved by less than r / 10, or by more;
     - stopped: no longer driven at the end;
-    - creeping, driving: the rest, the wheels travelling less than half of what they turn, or more.
+    - creeping, driving: the rest, the wheels travelling less than half of what they turn, or more; on the spot where
+      the body's way is less than a fifth of the wheels'.
     """
     needed = [f"{name}_{wheel}" for name in ("wheel_rate", "travel", "duty") for wheel in trace.wheels]
     if not {*needed, "body_x", "body_y", "energy_motor", "energy_electric"} <= trace.channels.keys():
@@ -178,7 +181,24 @@ def _driving(trace: Trace, ways: _Ways) -> Happened:
     window = max(1, len(ways.t) // 20)
     speed = (ways.moved[-1] - ways.moved[-1 - window]) / (ways.t[-1] - ways.t[-1 - window])
     kind, word = ("driving", "drives on") if last >= 0.5 else ("creeping", "creeps on")
-    return Happened(kind, math.nan, f"{word} at {speed:.2g} m/s, {_place(trace, -1)}{_turned(trace)}")
+    place = f"{_place(trace, -1)}{_turned(trace)}"
+    rate = _rate_on_the_spot(trace, ways, window)
+    if rate:
+        sense, halting = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much"
+        return Happened(kind, math.nan, f"turns {sense} on the spot at {abs(rate):.2g} deg/s{halting}, {place}")
+    return Happened(kind, math.nan, f"{word} at {speed:.2g} m/s, {place}")
+
+
+def _rate_on_the_spot(trace: Trace, ways: _Ways, window: int) -> float:
+    """Return the yaw rate [deg/s] over the last `window` rows of a rover that turns on the spot, else 0."""
+    if "body_yaw" not in trace or not _turned(trace):
+        return 0.0
+    x, y = (np.diff(trace[name][-1 - window :]) for name in ("body_x", "body_y"))
+    wheels = abs(float(ways.moved[-1] - ways.moved[-1 - window]))
+    if float(np.sum(np.hypot(x, y))) > ON_THE_SPOT * wheels:
+        return 0.0
+    turn = math.degrees(float(trace["body_yaw"][-1] - trace["body_yaw"][-1 - window]))
+    return turn / float(ways.t[-1] - ways.t[-1 - window])
 
 
 def _grip(ways: _Ways) -> np.ndarray:

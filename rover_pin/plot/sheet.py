@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,10 @@ def in_lines(parts: Sequence[str]) -> str:
     lines = [""]
     for part in parts:
         longer = f"{lines[-1]}   {part}".strip()
-        lines[-1:] = [longer] if len(longer) <= LONGEST or not lines[-1] else [lines[-1], part]
+        if len(longer) > LONGEST >= len(part):
+            lines.append(part)
+        else:
+            lines[-1:] = textwrap.wrap(longer, LONGEST)
     return "\n".join(lines)
 
 

@@ -24,6 +24,8 @@ SIDEWAYS = math.radians(60.0)
 """Turn from which the side view says nothing any more."""
 WIDTH = 10.0
 PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 1.0}
+A_LABEL = (0.6, 0.2)
+"""Width and height [in] that a label takes, at most about."""
 SAME_PLACE = 0.02
 """Share of the width within which two snapshots have one label."""
 
@@ -51,7 +53,7 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     figure.subplots_adjust(hspace=0.25)
     for view, each in zip(views, axes[:, 0], strict=True):
         view.draw(each)
-    axes[0, 0].set_title(in_lines(title_of(trace)), fontsize=9)
+    axes[0, 0].set_title(in_lines(title_of(trace)), fontsize=8)
     return figure
 
 
@@ -115,9 +117,39 @@ class _Above(_View):
         axes.plot(self.trace["body_x"], self.trace["body_y"], color="#0072b2", lw=1)
         for shade, pose in zip(np.linspace(0.65, 0.0, len(self.shown)), self.shown, strict=True):
             draw_above(axes, self.model.rover, pose, str(shade))
-            x, y = pose.centres[:, :2].mean(axis=0)
-            axes.text(x, y, f"{pose.t:.1f} s", ha="center", va="center", fontsize=8, bbox=PAPER)
+        for (x, y), when in self._times():
+            axes.text(x, y, when, ha="center", va="center", fontsize=8, bbox=PAPER)
         self.frame(axes, ("x", "y"))
+
+    def _times(self) -> Iterator[tuple[np.ndarray, str]]:
+        """Yield place and text of the labels: within a pose, ahead of it where poses overlap, one for those alike."""
+        inch = max((self.high[0] - self.low[0]) / WIDTH, (self.high[1] - self.low[1]) / self.height)
+        apart = inch * np.array(A_LABEL)
+        middles = np.array([pose.centres[:, :2].mean(axis=0) for pose in self.shown])
+        near = (np.abs(middles[:, None] - middles) < apart).all(axis=-1)
+        places = [
+            _ahead(pose, _radius(self.model.rover)) if close.sum() > 1 else middle
+            for pose, close, middle in zip(self.shown, near, middles, strict=True)
+        ]
+        groups: list[list[int]] = []
+        for at, place in enumerate(places):
+            alike = [group for group in groups if (np.abs(places[group[-1]] - place) < apart).all()]
+            if alike:
+                alike[0].append(at)
+            else:
+                groups.append([at])
+        for group in groups:
+            times = [f"{self.shown[at].t:.1f}" for at in group]
+            together = f"{times[0]} to {times[-1]}" if group == [*range(group[0], group[-1] + 1)] else ", ".join(times)
+            within = np.clip(places[group[-1]], np.array(self.low) + apart, np.array(self.high) - apart)
+            yield within, f"{together if len(group) > 1 else times[0]} s"
+
+
+def _ahead(pose: Pose, r: float) -> np.ndarray:
+    """Return the place beyond the foremost wheels, on the middle line."""
+    left = pose.left / max(float(np.linalg.norm(pose.left)), 1e-9)
+    ahead, middle = np.array([left[1], -left[0]]), pose.centres[:, :2].mean(axis=0)
+    return middle + ahead * (float(((pose.centres[:, :2] - middle) @ ahead).max()) + 1.6 * r)
 
 
 def _of_side(rover: Rover, side: str) -> list[int]:

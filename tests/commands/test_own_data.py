@@ -54,6 +54,30 @@ def test_what_makes_no_set_is_said_and_nothing_is_left(run, table, words, senten
     assert not Path("mine").exists()
 
 
+ASKEW = MINE.replace("operator", "Side force [N]").replace("sinkage_mm", "slip_angle_deg").replace("a\n", "8\n")
+
+
+def test_a_side_force_is_kept_with_its_noise_where_the_wheel_ran_askew(run):
+    Path("mine.csv").write_text(ASKEW.replace("b\n", "6\n"))
+    words = ("init", "mine.csv", *WHEEL, "--noise", "drawbar_pull=0.5N")
+    code, _, err = run(*words)
+    assert code == 2
+    assert "add a column lateral_sd_N, or say --noise lateral=1N" in err
+    assert run(*words, "--noise", "lateral=0.5N")[0] == 0
+    rig = read_rig_set("mine").rig
+    side = rig.channels[-1]
+    assert (side.column, side.measured.tolist(), np.max(side.sd)) == ("lateral_N", [8.0, 8.0, 6.0, 6.0], 0.5)
+    assert rig.slip_angle == pytest.approx(np.radians([5.0, 6.5, 8.0, 10.0]))
+
+
+def test_a_side_force_without_a_slip_angle_says_what_to_add(run):
+    Path("mine.csv").write_text(ASKEW.replace("b\n", "6\n").replace("slip_angle_deg", "sinkage_mm"))
+    code, out, _ = run("init", "mine.csv", *WHEEL, *NOISE)
+    assert code == 0
+    assert "lateral_N is not used: a side force is looked at in runs with slip_angle_rad above 0.01 only; add" in out
+    assert "lateral_N" not in Path("mine/points.csv").read_text()
+
+
 def test_a_good_rig_set_is_told_what_it_holds_and_lacks(run):
     code, out, _ = run("check-data", DATA / "cmu-smooth-wheel", "--json")
     told = json.loads(out)

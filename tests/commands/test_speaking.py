@@ -4,11 +4,14 @@ import logging
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 import rover_pin
 from rover_pin.commands.speaking import speak
+
+RIG = Path(__file__).parents[2] / "studies" / "data" / "cmu-smooth-wheel"
 
 
 @pytest.fixture(autouse=True)
@@ -29,6 +32,21 @@ def test_a_quiet_command_says_nothing_on_the_way(run, words):
     run(*words, *more)
     assert run(*words, *more)[2] == ""
     assert "replaces" in run("drive", "flat", *more)[2]
+
+
+def test_a_refused_run_does_not_say_that_it_replaces_anything(run):
+    Path("out").mkdir()
+    Path("out/report.html").write_text("an earlier one")
+    code, _, err = run("close-loop", "README.md", "--out", "out")
+    assert code == 2
+    assert "replaces" not in err
+    assert "report.html." in run("close-loop", RIG, "--out", "out")[2]
+
+
+def test_no_commands_description_is_cut(run):
+    out = run("--help")[1]
+    assert "close-loop  Find the effect" in out
+    assert "..." not in out.partition("Commands:")[2]
 
 
 def test_a_verbose_command_says_what_it_does(run):

@@ -43,7 +43,13 @@ CASES = {
         "stalled",
         "all but stalled since 2.7 s: the wheels creep at 1.4 mm/s, 1.8 % of their speed without a load",
     ),
-    "on the spot": ("point-turn", {"duration": 10.0}, "driving", "at x = 0.00 m, turned by 9"),
+    "on the spot": (
+        "point-turn",
+        {"duration": 10.0},
+        "driving",
+        "turns left on the spot at 9.9 deg/s, at x = 0.00 m, turned by 9",
+    ),
+    "a wide turn": ("turn", {"duration": 8.0}, "driving", "drives on at 0.03"),
     "buried": ("flat", {"soil.k_1": 8e3}, "ended", "buried: "),
 }
 

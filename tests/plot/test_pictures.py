@@ -65,6 +65,25 @@ def test_a_turn_is_seen_from_above():
     assert len([patch for patch in figure.axes[1].patches if isinstance(patch, Polygon)]) >= 6 * 7
 
 
+def test_a_turn_on_the_spot_has_a_time_at_every_pose_and_no_label_hides_another():
+    model, trace = driven("point-turn")
+    (axes,) = snapshots(trace, model).axes
+    assert [text.get_text() for text in axes.texts] == ["0.1 s", "4.0 s", "8.0 s", "12.0 s", "16.0 s", "20.0 s"]
+    axes.figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert not any(one.overlaps(other) for at, one in enumerate(boxes) for other in boxes[:at])
+    frame = axes.get_window_extent()
+    assert all(frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1 for box in boxes)
+
+
+def test_poses_that_are_alike_share_a_label_from_above():
+    model, trace = driven("turn", duration=4.0)
+    still = {name: np.repeat(values[:1], len(values)) for name, values in trace.channels.items() if name != "t_s"}
+    turned = {**still, "t_s": trace.t, "body_yaw": np.linspace(0.0, 1e-3, len(trace.t))}
+    (text,) = snapshots(dataclasses.replace(trace, channels=turned), model).axes[-1].texts[:1]
+    assert text.get_text().endswith(f" to {trace.t[-1]:.1f} s")
+
+
 def test_a_drive_across_hills_is_seen_from_above_alone():
     """From the side its wheels would hover over, or stand in, the ground of another y."""
     model, trace = driven("hills", rover="cart", duration=8.0, **{"terrain.height": 0.15})
@@ -89,11 +108,13 @@ def test_what_stands_still_is_said_and_not_drawn(ditch):
     assert "duty [-]" in [axes.get_ylabel() for axes in history(turned).axes]
 
 
-@pytest.mark.parametrize("name", ["one-sided-bump", "park", "field"])
-def test_a_title_is_read_whole(name):
-    """The longest: turned, with what is constant."""
-    _, trace = driven(name, duration=12.0)
-    for figure in (snapshots(trace, scenario(name).model), history(trace)):
+@pytest.mark.parametrize(
+    ("name", "settings"), [("one-sided-bump", {}), ("park", {}), ("field", {}), ("point-turn", {"rover": "cart"})]
+)
+def test_a_title_is_read_whole(name, settings):
+    """The longest: turned, with what is constant; and a rover that all but stalls."""
+    model, trace = driven(name, duration=12.0, **settings)
+    for figure in (snapshots(trace, model), history(trace)):
         figure.draw_without_rendering()
         box = figure.axes[0].title.get_window_extent()
         assert box.x0 >= 0.0

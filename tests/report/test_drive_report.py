@@ -92,9 +92,11 @@ def test_the_scene_is_of_the_run_that_strays_furthest(made, verdict):
     assert not re.findall(r'(?:src|href)="(https?://[^"]+)"', content["page"])
 
 
-def test_without_viser_there_is_no_scene(made, verdict, monkeypatch):
+def test_without_viser_the_page_says_what_the_scene_takes(made, verdict, monkeypatch, tmp_path):
     monkeypatch.setattr(ghost, "find_spec", lambda name: None)
-    assert Ghosts(verdict, made[0], sides_of(verdict)).content() is None
+    text = page_of(made, verdict, tmp_path)
+    assert "pip install 'rover-pin[view]'" in text
+    assert "<iframe" not in text
 
 
 def test_a_later_candidate_must_gain_a_share_of_what_was_taken_before(verdict):

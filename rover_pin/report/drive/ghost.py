@@ -24,7 +24,7 @@ from rover_pin.view.subject import Subject, mesh_folder
 
 @dataclass(frozen=True, eq=False)
 class Ghosts(Section):
-    """The run on which the base model strays furthest, as a scene within the page; needs viser."""
+    """The run on which the base model strays furthest, as a scene within the page; without viser, how to get it."""
 
     verdict: Verdict
     log: DriveLog
@@ -33,13 +33,16 @@ class Ghosts(Section):
     template: ClassVar[str] = "drive/ghost.html"
 
     def content(self) -> Mapping[str, Any] | None:
-        """Return the scene as a page; None without viser, or where nothing was driven."""
+        """Return the scene as a page, empty without viser; None where nothing was driven."""
         free = [one for one in extra_of(self.verdict).free if np.isfinite(one.before)]
-        if self.sides is None or not free or find_spec("viser") is None:
+        if self.sides is None or not free:
             return None
         worst = max(free, key=lambda one: one.before)
+        shown = {"run": worst.run, "added": self.sides.added}
+        if find_spec("viser") is None:
+            return {**shown, "page": ""}
         try:
-            return {"run": worst.run, "added": self.sides.added, "page": self._page(self.sides, worst.run)}
+            return {**shown, "page": self._page(self.sides, worst.run)}
         except RoverPinError:  # a run without the places that a scene needs
             return None
 
