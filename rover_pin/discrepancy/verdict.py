@@ -200,7 +200,7 @@ def _round(one: Round) -> dict[str, Any]:
 
 
 def _refit(one: Refit) -> dict[str, Any]:
-    own = {number.name for number in one.candidate.parameters}
+    own = {*one.candidate.sizes, *one.candidate.shapes, *one.candidate.freed}
     return {
         "name": one.name,
         "gain": one.gain,

@@ -1,7 +1,7 @@
 """The rules of the graded answer on a bed without any rover: points of a line, and bends of it that may be missing."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -10,7 +10,7 @@ import pytest
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.bed import Bed, Parts, question_of
-from rover_pin.discrepancy.candidate import plain_candidate
+from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.discrepancy.judge import concluded, reselected
 from rover_pin.discrepancy.search import calibrated
 from rover_pin.discrepancy.verdict import SCHEMA
@@ -182,3 +182,16 @@ def test_the_schema_is_the_documented_one():
     assert f"schema {SCHEMA})" in text
     for one in Answer:
         assert f"| {one.value} |" in text
+
+
+def test_a_round_in_which_a_number_was_freed_is_written_too():
+    """A candidate without an effect frees a number of the model; its fitted value is what is said of it."""
+    found = answer(bed(lambda x: 0.3 * x**2))
+    (first, *others), *_ = (one.refits for one in found.search.rounds)
+    number = first.fit.parameters[0].name
+    freed = replace(first, candidate=Candidate(number, None, (number,)))
+    rounds = (replace(found.search.rounds[0], refits=(freed, *others)),)
+    ((said, *_),) = (
+        one["refits"] for one in replace(found, search=replace(found.search, rounds=rounds)).as_dict()["rounds"]
+    )
+    assert said["values"] == {number: first.fit.value(number)}
