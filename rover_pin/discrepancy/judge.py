@@ -154,7 +154,7 @@ def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Lef
         of[1],
         sentence(answer, found, share, (left.said, against)),
         after.model,
-        tuple(records[one.owner] for one in added if one.effect is not None),
+        tuple(records[one.owner] for one in added if hasattr(records.get(one.owner), "neutral")),
         tuple(one.name for one in added),
         found.alike,
         share,

@@ -61,7 +61,7 @@ class Verdict:
     sentence: str
     model: Any = field(repr=False)
     effects: tuple[Any, ...] = ()
-    "what was added to the base model, at its fitted values; numbers that were only freed are not among them"
+    "what was added to the base model, or freed in it, at its fitted values"
     named: tuple[str, ...] = ()
     "what was added, or freed, by name"
     alike: tuple[str, ...] = ()

@@ -126,5 +126,5 @@ def test_a_tilt_is_found_without_duties_and_nothing_where_nothing_is(tmp_path, d
         assert verdict.answer is Answer.NONE_NEEDED
         return
     assert verdict.named == ("GravityTilt",)
-    (tilt,) = (one for one in verdict.after if one.name == "GravityTilt.rise_x")
+    (tilt,) = (one for one in verdict.after.numbers if one.name == "GravityTilt.rise_x")
     assert tilt.low < math.radians(degrees) < tilt.high
