@@ -208,7 +208,7 @@ def error(name, unit):
 
 def strayed(side):
     """RMS distance of free runs from the log [mm]."""
-    return 1e3 * (sum(run[side] ** 2 for run in LOOP["free_runs"]) / len(LOOP["free_runs"])) ** 0.5
+    return 1e3 * (sum(run[side] ** 2 for run in LOOP["extra"]["free_runs"]) / len(LOOP["extra"]["free_runs"])) ** 0.5
 
 
 M = r"([-+]?[\d.]+)"

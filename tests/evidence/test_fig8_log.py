@@ -109,7 +109,7 @@ def test_the_loop_finds_the_digging():
     assert verdict["named"] == before["named"] == ["DiggingMemory"]
     for name, said in before["after"].items():
         assert verdict["after"][name]["value"] == pytest.approx(said["value"], abs=0.3 * (said["high"] - said["low"]))
-    now, then = (np.mean([run["after"] for run in each["free_runs"]]) for each in (verdict, before))
+    now, then = (np.mean([run["after"] for run in each["extra"]["free_runs"]]) for each in (verdict, before))
     assert now == pytest.approx(then, rel=0.3)
 
 
