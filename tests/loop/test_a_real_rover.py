@@ -32,7 +32,7 @@ def answered(run, rover, **how):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=False, reason="with the relaxation of Nexus 6 FlankPressure was named; not run since it scales")
+@pytest.mark.xfail(strict=False, reason="FlankPressure was named; not run since relaxation scales")
 def test_what_drags_on_a_six_wheeler_without_a_differential_is_named(run):
     code, verdict, _ = answered(run, field_log.bogies, seconds=30.0, drag=(20.0, 15.0))
     assert code == 0
