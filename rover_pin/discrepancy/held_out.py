@@ -57,6 +57,10 @@ class ChannelScore(NamedTuple):
         """What may be claimed."""
         return self.worded.said
 
+    def times(self, error: float) -> float:
+        """Return an error of this channel in times its noise."""
+        return error / max(self.floor, 1e-300)
+
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
         return self._asdict() | {"said": self.said, "levels": [one._asdict() for one in self.levels]}

@@ -93,7 +93,7 @@ def _signs() -> list[Line2D]:
 
 def heldout_panels(scores: Sequence[ChannelScore], added: bool, manner: Manner) -> tuple[Figure, ...]:
     """Return each channel's held-out error in times its noise, and the change of each with the 95 % interval."""
-    ranked = sorted(scores, key=lambda one: one.before / max(one.floor, 1e-300))
+    ranked = sorted(scores, key=lambda one: one.times(one.before))
     panels = [_panel(ranked, manner) for _ in range(2 if added else 1)]
     _errors(panels[0].axes[0], ranked, added)
     if added:
@@ -114,8 +114,7 @@ def _panel(ranked: Sequence[ChannelScore], manner: Manner) -> Figure:
 
 def _errors(axis: Axes, ranked: Sequence[ChannelScore], added: bool) -> None:
     places = np.arange(len(ranked))
-    floor = np.array([max(one.floor, 1e-300) for one in ranked])
-    before, after = (np.array(side) / floor for side in ([one.before for one in ranked], [one.after for one in ranked]))
+    before, after = np.array([(one.times(one.before), one.times(one.after)) for one in ranked]).T
     axis.axvline(1, color="k", lw=0.8)
     axis.plot(before, places, "o", color=BEFORE, ms=5, label="base model")
     if added:

@@ -27,12 +27,12 @@ def by_outcome(scores: Sequence[ChannelScore], *outcomes: Outcome) -> list[Chann
     A change that is beyond the scatter and below `WORTH` is in the tables alone.
     """
     found = [one for one in scores if one.worded.outcome in outcomes and abs(one.change) >= WORTH]
-    return sorted(found, key=lambda one: -abs(one.before - one.after) / max(one.floor, 1e-300))
+    return sorted(found, key=lambda one: -one.times(abs(one.before - one.after)))
 
 
 def worst(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
     """Return the channels by how many times its noise each is missed, the most first."""
-    return sorted(scores, key=lambda one: -one.before / max(one.floor, 1e-300))
+    return sorted(scores, key=lambda one: -one.times(one.before))
 
 
 def _changed(verdict: Verdict, manner: Manner, why: str) -> str:
@@ -84,8 +84,8 @@ def _off(verdict: Verdict, manner: Manner) -> str:
     """Return by how much the model misses what it misses most."""
     said = []
     for one in worst(verdict.scores)[:2]:
-        times = one.before / max(one.floor, 1e-300)
-        said.append(f"{_name(one, manner)} is wrong by {brief(one.before, one.unit)}, {times:.2g} times its noise")
+        off = brief(one.before, one.unit)
+        said.append(f"{_name(one, manner)} is wrong by {off}, {one.times(one.before):.2g} times its noise")
     return listing(said)
 
 

@@ -110,7 +110,7 @@ def _doubts(verdict: Verdict, manner: Manner) -> Iterator[str]:
     loud = [one for one in worst(verdict.scores) if one.after > LOUD * one.floor]
     if loud and verdict.named:
         one = loud[0]
-        yield f"{manner.channel(one.name)} is still missed by {one.after / max(one.floor, 1e-300):.2g} times its noise"
+        yield f"{manner.channel(one.name)} is still missed by {one.times(one.after):.2g} times its noise"
     yield from verdict.cautions
     for finding in verdict.findings:
         yield f"the data check says: {finding}"

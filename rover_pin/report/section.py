@@ -50,6 +50,11 @@ CHOSEN, AWAY = "chosen", "away"
 """Looks of a row: what was added, and what the reader should stop at."""
 
 
+def before_and_after(added: bool) -> tuple[str, ...]:
+    """Return the heads of what the models give: both, or the base model alone where nothing was added."""
+    return ("before", "after") if added else ("base model",)
+
+
 class Table(NamedTuple):
     """A table whose first column names its rows."""
 

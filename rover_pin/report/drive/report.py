@@ -28,7 +28,7 @@ from rover_pin.report.drive.runs import (
 from rover_pin.report.first_screen import FirstScreen
 from rover_pin.report.headline import WORTH, headline
 from rover_pin.report.page import Head, write_page
-from rover_pin.report.section import AWAY, Picture, Row, Section, Table
+from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
 from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers
@@ -126,7 +126,7 @@ class FreeRuns(Section):
         rows = [_free_row(one.run, f"{one.distance:.2f} m", one.before, one.after, added) for one in free]
         if len(free) > 1:
             rows.append(_free_row("all runs together", "", *_together(free), added))
-        heads = ("run", "driven", *(("before", "after") if added else ("base model",)))
+        heads = ("run", "driven", *before_and_after(added))
         return {"table": Table(heads, tuple(rows), "RMS distance from the logged place")}
 
     def pictures(self) -> Mapping[str, Picture]:

@@ -17,7 +17,7 @@ from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
 from rover_pin.report.rig.figures import channel_panels, load_caption, looks, residual_panels
 from rover_pin.report.rig.levels import meanings
-from rover_pin.report.section import AWAY, Picture, Row, Section, Table
+from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
 from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
 from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers
@@ -111,7 +111,7 @@ class WhereItLives(Section):
 
 def test_table(sides: RigExtra, added: bool) -> Table:
     """Return what the residuals go with, before and after: the sign is that of measured - model, as in the picture."""
-    heads = ("channel", "goes with", *(("before", "after") if added else ("base model",)))
+    heads = ("channel", "goes with", *before_and_after(added))
     rows = [
         Row((was.channel, was.against, _test(was), *((_test(now),) if added else ())), AWAY * now.beyond_chance)
         for was, now in zip(sides.before.tests, sides.after.tests, strict=True)

@@ -10,7 +10,7 @@ from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Outcome, got_worse, shown
 from rover_pin.report.figures import heldout_panels
-from rover_pin.report.headline import FEW, by_outcome
+from rover_pin.report.headline import FEW, by_outcome, worst
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table
 from rover_pin.report.words import Manner
 
@@ -77,14 +77,13 @@ def _level(each: Any, score: ChannelScore, added: bool) -> str:
 
 def channel_table(scores: Sequence[ChannelScore], added: bool, manner: Manner) -> Table:
     """Return held-out errors by channel, the farthest from its noise first."""
-    ranked = sorted(scores, key=lambda one: -one.before / max(one.floor, 1e-300))
     heads = ("channel", "before", "after", "change, 95 %", "noise", "times the noise", "what may be said")
     rows = []
-    for one in ranked:
-        name, floor, times = manner.channel(one.name), shown(one.floor, one.unit), one.before / max(one.floor, 1e-300)
+    for one in worst(scores):
+        name, floor, times = manner.channel(one.name), shown(one.floor, one.unit), one.times(one.before)
         if added:
             cells = (name, shown(one.before, one.unit), shown(one.after, one.unit), one.worded.text, floor,
-                     f"{times:.1f} to {one.after / max(one.floor, 1e-300):.1f}", one.said)  # fmt: skip
+                     f"{times:.1f} to {one.times(one.after):.1f}", one.said)  # fmt: skip
             rows.append(Row(cells, AWAY * (one.worded.outcome is Outcome.WORSE)))
         else:
             rows.append(Row((name, shown(one.before, one.unit), floor, f"{times:.1f}")))
