@@ -103,7 +103,7 @@ def half_step_change(chosen: Any, trace: Any) -> float:
     """Return the largest distance [m] of the base's x from that of a drive at half the step."""
     import numpy as np
 
-    finer = dataclasses.replace(chosen, timing=chosen.timing.halved()).drive()
+    finer = dataclasses.replace(chosen, timing=chosen.timing.halved()).drive(settle_doubts=False)
     rows = min(len(trace["body_x"]), len(finer["body_x"]))
     return float(np.max(np.abs(trace["body_x"][:rows] - finer["body_x"][:rows])))
 

@@ -54,8 +54,8 @@ class Scenario:
     assumed: tuple[str, ...] = ()
     "what was assumed for the rover, where neither its TOML nor a setting says it"
 
-    def drive(self, progress: Progress | None = None) -> Trace:
-        """Return the trace of the drive."""
+    def drive(self, progress: Progress | None = None, *, settle_doubts: bool = True) -> Trace:
+        """Return the trace of the drive; `settle_doubts` as of `simulate`."""
         trace = simulate(
             self.model,
             self.controller,
@@ -64,6 +64,7 @@ class Scenario:
             self.timing,
             symmetric=self.symmetric,
             progress=progress,
+            settle_doubts=settle_doubts,
         )
         about = {
             "scenario": self.name,

@@ -26,7 +26,6 @@ from rover_pin.control.tuning_study import DriveCase
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.errors import OptimisationError, ParameterError
 from rover_pin.motion.command import Controller
-from rover_pin.motion.simulate import simulate
 from rover_pin.motion.trace import Trace
 from rover_pin.scenarios import Scenario, scenario
 
@@ -112,9 +111,8 @@ def controller_of(case: DriveCase, control: Control) -> Controller:
 
 
 def drive_full(case: DriveCase, controller: Controller) -> Trace:
-    """Return the trace of the full rover under a controller."""
-    scene = built(case)
-    return simulate(scene.model, controller, scene.duration, scene.start, scene.timing, symmetric=scene.symmetric)
+    """Return the trace of the full rover under a controller; its doubts are not settled, since no score reads them."""
+    return dataclasses.replace(built(case), controller=controller).drive(settle_doubts=False)
 
 
 def full_score(case: DriveCase, control: Control) -> list[float]:

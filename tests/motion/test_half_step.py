@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.tuning_drives import drive_full
+from rover_pin.control.tuning_study import DriveCase
 from rover_pin.motion import audit
 from rover_pin.motion.half_step import MOVED, MOVED_SHARE, Halved, halved, repeating, spoken
 from rover_pin.motion.rows import row_type
@@ -102,3 +104,20 @@ def test_the_package_s_controllers_start_anew():
     assert again is not made.controller
     assert np.all(np.asarray(again.integral) == 0.0)
     assert isinstance(repeating(ConstantDuty(0.3), rows_at([0.0]), Timing(control=0.025)), ConstantDuty)
+
+
+def test_where_nobody_reads_a_warning_nothing_is_driven_twice(monkeypatch):
+    monkeypatch.setattr(audit, "MOST_MISSED", -1.0)
+    made = scenario("ditch", duration=1.0)
+    settled = made.drive()
+
+    def refuse(*given):
+        raise AssertionError("driven again")
+
+    monkeypatch.setattr("rover_pin.motion.simulate.halved", refuse)
+    once = made.drive(settle_doubts=False)
+    assert all(once[name].tobytes() == settled[name].tobytes() for name in settled.channels)
+    assert any("compare with half of it" in said for said in once.attrs["warnings"]), "the doubt is told"
+    drive_full(DriveCase("ditch", "ditch", (("duration", 1.0),)), ConstantDuty())
+    with pytest.raises(AssertionError, match="driven again"):
+        made.drive()

@@ -32,7 +32,9 @@ def at_full_duty(model: Model, effect: Any) -> str:
     level = model.replace(terrain=flat())
     bare = level.having(effect.replace(**effect.neutral))
     try:
-        traces = [simulate(each, ConstantDuty(1.0), SECONDS) for each in (bare, level.having(effect))]
+        traces = [
+            simulate(each, ConstantDuty(1.0), SECONDS, settle_doubts=False) for each in (bare, level.having(effect))
+        ]
     except RoverPinError:  # a drive that cannot be driven says nothing of the effect
         return ""
     said = list(_changes(*(_means(trace) for trace in traces)))
