@@ -1,7 +1,5 @@
 """rover-pin: drive a planetary rover on loose soil, and study what its wheels do."""
 
-from __future__ import annotations
-
 import dataclasses
 import logging
 import math

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 import signal
@@ -113,6 +112,7 @@ def allowed(setting: Setting) -> str:
 
 def json_text(result: Mapping[str, Any]) -> str:
     """Return a result as strict JSON: a number that is not finite becomes null."""
+    import json
 
     def strict(value: Any) -> Any:
         if isinstance(value, Mapping):

@@ -1,7 +1,5 @@
 """`rover-pin check-data`: whether measured data can be used, and what they lack, in seconds."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,8 +1,5 @@
 """`rover-pin close-loop`: the loop on a wheel-rig set, a drive log or a test bed, and what is said at its end."""
 
-from __future__ import annotations
-
-import json
 import logging
 from pathlib import Path
 from typing import Annotated, Any
@@ -35,6 +32,8 @@ def close_loop(
 
     Exit codes: 0 an answer, whatever it is; 2 data or words that are refused; 3 an answer named by --fail-on.
     """
+    import json
+
     from rover_pin.discrepancy.answer import answers_named
     from rover_pin.loop.close import close_the_loop, read_data, read_start
     from rover_pin.report.first_screen import first_lines

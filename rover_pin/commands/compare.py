@@ -1,7 +1,5 @@
 """`rover-pin compare`: two verdicts, models or drives as one sentence and one table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,7 +31,7 @@ def compare(
     print(json_text(found.as_dict()) if as_json else table(found, all_))
 
 
-def table(found: Comparison, whole: bool = False) -> str:
+def table(found: "Comparison", whole: bool = False) -> str:
     """Return the sentence and the table of what differs, or of everything."""
     shown = [row for row in found.rows if whole or row.differs]
     lines = [found.sentence, "", f"A  {found.first}", f"B  {found.second}"]

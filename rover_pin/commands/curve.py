@@ -1,7 +1,5 @@
 """`rover-pin curve`: the load-traction factor against slip."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`rover-pin export`: a drive for other tools."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`rover-pin import-log`: a drive log out of somebody's recordings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

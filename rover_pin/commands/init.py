@@ -1,7 +1,5 @@
 """`rover-pin init`: a wheel-rig set out of a CSV of one's own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,8 +1,5 @@
 """`rover-pin list`: what there is to choose from, with unit, bounds, default and source."""
 
-from __future__ import annotations
-
-import json
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -51,11 +48,11 @@ def list_(
         _say_all(entries)
 
 
-def _unknown(what: What, name: str, entries: list[Entry]) -> Any:
+def _unknown(what: What, name: str, entries: list["Entry"]) -> Any:
     raise ParameterError(f"There is no {what.removesuffix('s')} '{name}': {closest(name, (e.name for e in entries))}")
 
 
-def _say_settings(settings: list[Setting], as_json: bool) -> None:
+def _say_settings(settings: list["Setting"], as_json: bool) -> None:
     from rover_pin.catalogue import plain
 
     if as_json:
@@ -65,7 +62,7 @@ def _say_settings(settings: list[Setting], as_json: bool) -> None:
     print("\nGive them as --set NAME=VALUE, with a unit if you like: soil.k=5mm, terrain.wall_angle=40deg.")
 
 
-def _say_all(entries: list[Entry]) -> None:
+def _say_all(entries: list["Entry"]) -> None:
     width = max(len(each.name) for each in entries)
     group = ""
     for each in entries:
@@ -75,7 +72,9 @@ def _say_all(entries: list[Entry]) -> None:
         print(f"{each.name:{width}}  {each.about}")
 
 
-def _say_one(entry: Entry) -> None:
+def _say_one(entry: "Entry") -> None:
+    import json
+
     print(f"{entry.name}: {entry.about}")
     for name, value in entry.facts.items():
         if value or value == 0:

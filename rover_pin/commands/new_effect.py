@@ -1,7 +1,5 @@
 """`rover-pin new-effect`: the file of an effect of one's own, which runs as it stands, and the test of its contract."""
 
-from __future__ import annotations
-
 import re
 from enum import StrEnum
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`rover-pin new-rover`: propose the TOML of a URDF."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """How much a command says on its way: `-q`, `-v` and `--version`, which every command and the program itself take."""
 
-from __future__ import annotations
-
 import copy
 import logging
 import sys

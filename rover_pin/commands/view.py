@@ -1,7 +1,5 @@
 """`rover-pin view`: a drive in 3D, as one page or served, and as a moving picture."""
 
-from __future__ import annotations
-
 import shutil
 from importlib.util import find_spec
 from pathlib import Path
@@ -75,7 +73,7 @@ def asked_for(view: bool, gif: bool, mp4: bool) -> list[str]:
     return [name for name, asked in {PAGE: view, GIF: gif, MP4: mp4}.items() if asked]
 
 
-def write_asked(chosen: Scenario, trace: Trace, wanted: list[str], out: Path) -> list[Path]:
+def write_asked(chosen: "Scenario", trace: "Trace", wanted: list[str], out: Path) -> list[Path]:
     """Write pages and moving pictures of a drive just driven; return their paths, none where it has not moved on."""
     if not wanted or len(trace.t) < 2:
         return []
@@ -86,7 +84,7 @@ def write_asked(chosen: Scenario, trace: Trace, wanted: list[str], out: Path) ->
     return [write_seen(subject, None, out / name) for name in wanted]
 
 
-def write_seen(subject: Subject, other: Subject | None, file: Path) -> Path:
+def write_seen(subject: "Subject", other: "Subject | None", file: Path) -> Path:
     """Write a page or a moving picture, by the file's name; return its path."""
     if file.suffix == ".html":
         from rover_pin.view.page import write_page
@@ -98,7 +96,7 @@ def write_seen(subject: Subject, other: Subject | None, file: Path) -> Path:
     return write_animation(file, Film.of(subject.trace, subject.rover, subject.terrain), subject.name)
 
 
-def _serve(subject: Subject, other: Subject | None, port: int) -> None:
+def _serve(subject: "Subject", other: "Subject | None", port: int) -> None:
     from rover_pin.view.serve import serve
 
     print(f"http://127.0.0.1:{port}", flush=True)

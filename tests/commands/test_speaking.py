@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import rover_pin
+from rover_pin.cli import app
 from rover_pin.commands.speaking import speak
 
 RIG = Path(__file__).parents[2] / "studies" / "data" / "cmu-smooth-wheel"
@@ -81,3 +82,11 @@ def test_paths_are_never_shortened(run, monkeypatch):
     folder = "a-rather-long-name-of-a-folder/" + "and-another-that-is-as-long" * 2
     _, out, _ = run("drive", "flat", "--set", "duration=0.5", "--out", folder)
     assert f"{folder}/snapshots.png" in out.split()
+
+
+def test_a_start_evaluates_no_annotations():
+    """Those of commands as strings made every start an eighth longer."""
+    functions = [each.callback for each in app.registered_commands] + [app.registered_callback.callback]
+    late = {function.__name__ for function in functions if str in map(type, function.__annotations__.values())}
+    assert len(functions) > 15
+    assert late == set()
