@@ -14,10 +14,10 @@ from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import DataError
 from rover_pin.measurements.steady_windows import Steady, Window, steady_windows
 from rover_pin.measurements.traction_points import TractionPoints
+from rover_pin.motion.defaults import usual_angles, usual_slip
 from rover_pin.motion.drive_log import DriveLog, read_drive_log
 from rover_pin.motion.motor import Motor
 from rover_pin.quantity import record_from
-from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 from rover_pin.trust import Trust
 
@@ -88,14 +88,15 @@ def drive_points(log: DriveLog, motor: Motor, sampling: Sampling = SAMPLING) -> 
             f"{log.folder}: the slip of a window of {length:g} s scatters by {scatter:.2g}, more than a class of "
             f"{1.0 / sampling.levels:g}: drive longer at constant duty, or track the rover more finely."
         )
-    classes = classed([pair for windows in runs for pair in instrumented(windows, length, RelaxedSlip())], sampling)
+    lag, angles = usual_slip(rover), usual_angles(rover, log.about.angles)
+    classes = classed([pair for windows in runs for pair in instrumented(windows, length, lag)], sampling)
     if not classes:
         raise DataError(
             f"{log.folder}: no class of slip has {sampling.least} steady windows of {length:g} s: drive longer at "
             "constant duty, over slopes that change the slip."
         )
     slip, factor, sd, *others = points_of(classes, sampling, constant_doubt(log.about.motor)).T
-    return TractionPoints(slip, factor, sd, rover.wheel, TorqueTraction(), FixedAngles(), *others)
+    return TractionPoints(slip, factor, sd, rover.wheel, TorqueTraction(), angles, *others)
 
 
 def instrumented(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> list[tuple[float, Window]]:

@@ -20,7 +20,7 @@ from rover_pin.parameters import NEXUS6_WHEEL, soil_named
 from rover_pin.parameters.bekker import at_width
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.quantity import record_from
-from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.angles import ANGLES, FixedAngles, SinkageAngles
 from rover_pin.soil.traction import wheel_forces
 
 HOLDS = math.radians(25.0)
@@ -64,9 +64,9 @@ def has_papers_wheel(rover: Rover) -> bool:
     return all((float(mount.wheel.r), float(mount.wheel.b)) == own for mount in rover.wheels)
 
 
-def usual_angles(rover: Rover) -> FixedAngles | SinkageAngles:
-    """Return Table 1's fixed angles for the paper's wheel, the sinkage's own for any other."""
-    return FixedAngles() if has_papers_wheel(rover) else SinkageAngles()
+def usual_angles(rover: Rover, told: str = "") -> FixedAngles | SinkageAngles:
+    """Return the angles of this word, else Table 1's fixed ones for the paper's wheel, the sinkage's for any other."""
+    return ANGLES.get(told) or ANGLES["fixed" if has_papers_wheel(rover) else "sinkage"]
 
 
 def usual_slip(rover: Rover) -> RelaxedSlip:

@@ -52,6 +52,7 @@ from rover_pin.motion.trace_files import run_from
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.paths import exists, is_file, is_folder
 from rover_pin.quantity import as_float
+from rover_pin.soil.angles import ANGLES
 from rover_pin.toml_file import read_toml, toml_text
 from rover_pin.trust import Trust
 
@@ -94,7 +95,7 @@ class About:
 
 TABLES = ("terrain", "soil", "wheel", "motor", "resistance", "noise", "columns", "bag")
 TEXTS = ("name", "source", "rover", "licence", "method", "input", "angles")
-WORDS = {"input": ("", DUTIES, RATES), "angles": ("", "fixed", "sinkage")}
+WORDS = {"input": ("", DUTIES, RATES), "angles": ("", *ANGLES)}
 
 
 @dataclass(frozen=True)

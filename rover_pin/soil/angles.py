@@ -41,3 +41,7 @@ class SinkageAngles:
         half_sine = ca.sqrt(ca.fmin(ca.fmax(h / (2 * wheel.r), SHALLOW), 0.5))
         theta_1 = 2 * ca.asin(half_sine)
         return theta_1, -soil.exit_ratio * theta_1
+
+
+ANGLES: dict[str, FixedAngles | SinkageAngles] = {"fixed": FixedAngles(), "sinkage": SinkageAngles()}
+"""What settings and drive logs call them."""

@@ -19,12 +19,11 @@ from rover_pin.motion.motors import MOTORS, motor_named
 from rover_pin.parameters import SOILS
 from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.settings import Settings
-from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.angles import ANGLES
 from rover_pin.soil.traction import FORMS
 from rover_pin.trust import Trust
 
 ROVERS = "rover-pin list rovers, or the path of your own TOML"
-ANGLES: dict[str, FixedAngles | SinkageAngles] = {"fixed": FixedAngles(), "sinkage": SinkageAngles()}
 
 
 class Made(NamedTuple):

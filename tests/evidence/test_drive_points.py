@@ -15,10 +15,12 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Soil, Wheel
+from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import DataError
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.result import Verdict
-from rover_pin.measurements.drive_points import Sampling, classed, drive_points, read_drive_points
+from rover_pin.measurements import drive_points as module
+from rover_pin.measurements.drive_points import Sampling, classed, drive_points, instrumented, read_drive_points
 from rover_pin.measurements.reading import read_evidence
 from rover_pin.measurements.steady_windows import Window, line
 from rover_pin.motion.drive_log import read_drive_log, write_drive_log
@@ -26,6 +28,7 @@ from rover_pin.motion.motor import Motor
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.quantity import record_from
 from rover_pin.scenarios import scenario
+from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import TorqueTraction, load_traction_factor
 
 BLIND = Path(__file__).parents[1] / "oracle" / "blind" / "__init__.py"
@@ -65,6 +68,25 @@ def test_a_log_with_sensors_tells_the_soil_that_made_it(log):
         assert found[name].verdict is Verdict.FOUND
         assert found[name].low < truth < found[name].high
     assert found["k"].high / found["k"].low < 1.6
+
+
+def test_another_rover_has_the_angles_and_the_lag_of_its_own_wheel(tmp_path, monkeypatch):
+    cart, lags = scenario("slope", rover="cart"), []
+    cart.write_log(measured(cart.drive(), Sensors(), seed=0), tmp_path / "log")
+
+    def noted(windows, length, lag):
+        lags.append(lag)
+        return instrumented(windows, length, lag)
+
+    monkeypatch.setattr(module, "instrumented", noted)
+    points, read = read_drive_points(tmp_path / "log"), read_drive_log(tmp_path / "log")
+    assert points.angles == SinkageAngles()
+    assert set(lags) == {cart.model.slip}
+    assert cart.model.slip != RelaxedSlip()
+    fixed = dataclasses.replace(read, about=dataclasses.replace(read.about, angles="fixed"))
+    assert drive_points(fixed, cart.model.motor).angles == FixedAngles()
+    own = (cart.model.soils[0], points.wheel, TorqueTraction(), SinkageAngles())
+    assert points.factor == pytest.approx([float(load_traction_factor(S, *own)) for S in points.slip], rel=0.08)
 
 
 def test_points_follow_the_torque_factor(log):

@@ -21,11 +21,9 @@ from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.hard import HARD_GROUND
 from rover_pin.quantity import record_from, to_si
-from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 
-ANGLES: dict[str, FixedAngles | SinkageAngles] = {"fixed": FixedAngles(), "sinkage": SinkageAngles()}
-"""How `angles` of a log says that the contact arc is found."""
 DRIVEN_SAND = Soil().replace(k=0.005)
 """What stands for constants that a log does not declare: Table 1, with the k at which its rover can drive at all."""
 MOTOR_TO_MOTOR, TACHO_TO_TACHO = 0.02, 0.015
@@ -55,7 +53,7 @@ def base_model(log: DriveLog) -> Model:
     rover = log.load_rover()
     soil = record_from(Soil, {**usual_soil(rover).values(), **log.about.soil}, f"{log.folder}: [soil]")
     motor = record_from(Motor, log.about.motor, f"{log.folder}: [motor]") if log.about.motor else usual_motor(rover)
-    traction = SoilTraction(TorqueTraction(), ANGLES.get(log.about.angles) or usual_angles(rover))
+    traction = SoilTraction(TorqueTraction(), usual_angles(rover, log.about.angles))
     effects, terrain = base_effects(soil, rover, traction), log.terrain()
     if log.about.resistance:
         resistance = record_from(MotionResistance, log.about.resistance, f"{log.folder}: [resistance]")
