@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rover_pin.errors import DataError, MissingExtraError
+from rover_pin.errors import DataError
+from rover_pin.motion.ros_bag import MOST_ROWS, field_names, interpolated, nanoseconds, opened
 
 LONGEST_ARRAY = 16
 """Arrays with more entries, as images, scans and covariances, are left out."""
@@ -18,11 +19,10 @@ FEWEST = 5
 """Messages that a topic needs."""
 FINEST, COARSEST = 0.02, 0.2
 """Bounds of the clock's period [s], between which it is that of the topic in the middle."""
-MISSED = 5.0
-"""Between messages that are this many usual intervals apart nothing is interpolated."""
 CLOCK = "t_s"
 
-Series = dict[str, tuple[list[float], list[float]]]
+Series = dict[str, tuple[list[int], list[float]]]
+"""Field -> times [ns] and values."""
 
 
 def bag_table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -35,22 +35,12 @@ def bag_table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
     MissingExtraError
         The extra `ros` is not installed.
     """
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise MissingExtraError(
-            f"{path}: a ROS bag needs the extra 'ros': pip install 'rover-pin[ros]', or convert it to CSV."
-        ) from error
-    try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as bag:
-            series, skipped = _read(bag)
-    except Exception as error:
-        raise DataError(f"{path}: the bag cannot be read: {(str(error) or repr(error)).splitlines()[0]}") from error
+    with opened(path) as bag:
+        series, skipped = _read(bag)
     series = {name: each for name, each in series.items() if len(each[0]) >= FEWEST}
     if not series:
         raise DataError(f"{path}: no topic of the bag has numbers in {FEWEST} messages or more.")
-    table, period = _on_one_clock(series)
+    table, period = _on_one_clock(path, series)
     left = (f"topics of unknown type are left out: {', '.join(skipped)}",) if skipped else ()
     return table, (f"{len(series)} fields of the bag, interpolated every {period:g} s", *left)
 
@@ -66,7 +56,7 @@ def _read(bag: Any) -> tuple[Series, list[str]]:
         except Exception:
             skipped.add(connection.topic)
             continue
-        at = 1e-9 * _time(message, received)
+        at = _time(message, received)
         for field, value in _leaves(message, ""):
             times, values = series.setdefault(f"{connection.topic}{field}", ([], []))
             if not times or at > times[-1]:
@@ -77,8 +67,7 @@ def _read(bag: Any) -> tuple[Series, list[str]]:
 
 def _time(message: Any, received: int) -> int:
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    told = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) if stamp is not None else 0
-    return told or received
+    return (nanoseconds(stamp) if stamp is not None else 0) or received
 
 
 def _leaves(value: Any, path: str) -> Iterator[tuple[str, float]]:
@@ -87,10 +76,9 @@ def _leaves(value: Any, path: str) -> Iterator[tuple[str, float]]:
         yield path, float(value)
     elif dataclasses.is_dataclass(value):
         names = getattr(value, "name", None)
-        for each in dataclasses.fields(value):
-            if each.name.startswith("__") or each.name in ("header", "name"):
-                continue
-            yield from _member(getattr(value, each.name), f"{path}.{each.name}", names)
+        for own in field_names(value):
+            if own not in ("header", "name"):
+                yield from _member(getattr(value, own), f"{path}.{own}", names)
 
 
 def _member(value: Any, path: str, names: Any) -> Iterator[tuple[str, float]]:
@@ -102,17 +90,23 @@ def _member(value: Any, path: str, names: Any) -> Iterator[tuple[str, float]]:
             yield from _leaves(each, f"{path}[{label}]")
 
 
-def _on_one_clock(series: Series) -> tuple[pd.DataFrame, float]:
-    steps = [float(np.median(np.diff(times))) for times, _ in series.values()]
+def _on_one_clock(path: Path, series: Series) -> tuple[pd.DataFrame, float]:
+    steps = [1e-9 * float(np.median(np.diff(times))) for times, _ in series.values()]
     period = round(float(np.clip(np.median(steps), FINEST, COARSEST)), 3)
-    begin = min(times[0] for times, _ in series.values())
-    t = begin + period * np.arange(int((max(times[-1] for times, _ in series.values()) - begin) / period) + 1)
-    made = {name: _interpolated(t, np.array(times), np.array(values)) for name, (times, values) in series.items()}
-    return pd.DataFrame({CLOCK: t - begin, **made}), period
+    begin, end = min(times[0] for times, _ in series.values()), max(times[-1] for times, _ in series.values())
+    lasts = 1e-9 * (end - begin)
+    rows = int(lasts / period) + 1
+    if rows > MOST_ROWS:
+        raise DataError(
+            f"{path}: its topics span {lasts:.3g} s, {rows} rows, and {MOST_ROWS} are the most: where stamps are "
+            "of different clocks, convert the bag with one."
+        )
+    t = period * np.arange(rows)
+    made = {
+        name: _within(t, (np.array(times) - begin) * 1e-9, np.array(values)) for name, (times, values) in series.items()
+    }
+    return pd.DataFrame({CLOCK: t, **made}), period
 
 
-def _interpolated(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    found = np.interp(t, times, values, left=np.nan, right=np.nan)
-    after = np.clip(np.searchsorted(times, t), 1, len(times) - 1)
-    apart = times[after] - times[after - 1] > MISSED * float(np.median(np.diff(times)))
-    return np.where(apart & (t > times[after - 1]) & (t < times[after]), np.nan, found)
+def _within(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.where((t < times[0]) | (t > times[-1]), np.nan, interpolated(t, times, values))

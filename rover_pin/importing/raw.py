@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from rover_pin.columns import parquet_table
 from rover_pin.errors import DataError
 from rover_pin.importing.bags import bag_table
 from rover_pin.importing.matlab import mat_table
 from rover_pin.importing.text_table import text_table
 from rover_pin.motion.ros_bag import is_bag
-from rover_pin.parquet import unpacked
 from rover_pin.paths import exists
 
 
@@ -54,17 +54,8 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
     if path.suffix == ".mat":
         return mat_table(path), ()
     if path.suffix in (".parquet", ".pq"):
-        return _parquet(path), ()
+        return parquet_table(path).replace_schema_metadata(None).to_pandas(), ()
     return text_table(path)
-
-
-def _parquet(path: Path) -> pd.DataFrame:
-    from rover_pin.bounded import content
-
-    try:
-        return unpacked(content(path)).to_pandas()
-    except Exception as error:  # whatever pyarrow raises for bytes that are no Parquet
-        raise DataError(f"{path}: the file is not Parquet: {error}".rstrip(". \n") + ".") from error
 
 
 def _numbers(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:

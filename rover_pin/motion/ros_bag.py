@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -65,9 +66,36 @@ def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], whe
     for name, (at, own) in values.items():
         source = sources[name]
         seconds = (at - begin) * 1e-9
-        found = _held(t, seconds, own) if source.hold else _interpolated(t, seconds, own)
+        found = _held(t, seconds, own) if source.hold else interpolated(t, seconds, own)
         made[name] = si(name, source, found, where)
     return Columns(path, made, tuple(f"t = {each:.6g} s" for each in t))
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Any]:
+    """Give the reader of a bag; whatever it raises is told in one sentence.
+
+    Raises
+    ------
+    DataError
+        It is no bag, or is damaged.
+    MissingExtraError
+        The extra `ros` is not installed.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{path}: a ROS bag needs the extra 'ros': pip install 'rover-pin[ros]', or convert it to CSV."
+        ) from error
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as bag:
+            yield bag
+    except RoverPinError:
+        raise
+    except Exception as error:
+        raise DataError(f"{path}: the bag cannot be read: {(str(error) or repr(error)).splitlines()[0]}") from error
 
 
 def _held(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -75,7 +103,8 @@ def _held(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.where(before >= 0, values[np.maximum(before, 0)], np.nan)
 
 
-def _interpolated(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+def interpolated(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the values of messages at these times, NaN where they fail to come; beyond the ends the last ones."""
     found = np.interp(t, at, values)
     after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
     apart = (at[after] - at[after - 1]) > MISSED * np.median(np.diff(at))
@@ -93,22 +122,8 @@ class _Messages:
 
     def read(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return name -> (times [ns], values) of every column, times increasing."""
-        try:
-            from rosbags.highlevel import AnyReader
-            from rosbags.typesys import Stores, get_typestore
-        except ImportError as error:
-            raise MissingExtraError(
-                f"{self.path}: a ROS bag needs the extra 'ros': pip install 'rover-pin[ros]', or convert it to CSV."
-            ) from error
-        try:
-            with AnyReader([self.path], default_typestore=get_typestore(Stores.LATEST)) as bag:
-                self._pass(bag)
-        except RoverPinError:
-            raise
-        except Exception as error:
-            raise DataError(
-                f"{self.path}: the bag cannot be read: {(str(error) or repr(error)).splitlines()[0]}"
-            ) from error
+        with opened(self.path) as bag:
+            self._pass(bag)
         return {name: self._arrays(name) for name in self.sources}
 
     def _pass(self, bag: Any) -> None:
@@ -150,14 +165,14 @@ class _Messages:
             raise DataError(
                 f"{self.path}: '{field}' of topic '{self.sources[name].topic}' is no time, as header.stamp."
             )
-        return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        return nanoseconds(stamp)
 
     def _value(self, name: str, message: Any, field: str) -> float | None:
         value = self._follow(name, message, field)
         try:
             return None if value is None else float(value)
         except (TypeError, ValueError):
-            inner = f", but has {', '.join(_names(value))}" if _names(value) else ""
+            inner = f", but has {', '.join(field_names(value))}" if field_names(value) else ""
             raise DataError(
                 f"{self.path}: '{field}' of topic '{self.sources[name].topic}' is no number{inner}: go on for {name}."
             ) from None
@@ -168,7 +183,7 @@ class _Messages:
             matched = PART.fullmatch(part)
             assert matched is not None
             own, index, beside, label = matched.groups()
-            if own in ANGLES and set(_names(value)) == set("xyzw"):
+            if own in ANGLES and set(field_names(value)) == set("xyzw"):
                 value = angle_of(own, value)
                 continue
             parent, value = value, self._member(name, value, own)
@@ -183,8 +198,8 @@ class _Messages:
         return value
 
     def _member(self, name: str, value: Any, own: str) -> Any:
-        if own not in _names(value):
-            known = [*_names(value), *(ANGLES if set(_names(value)) == set("xyzw") else ())]
+        if own not in field_names(value):
+            known = [*field_names(value), *(ANGLES if set(field_names(value)) == set("xyzw") else ())]
             topic = self.sources[name].topic
             raise DataError(f"{self.path}: topic '{topic}' has no field '{own}' for {name}: {closest(own, known)}")
         return getattr(value, own)
@@ -216,7 +231,12 @@ class _Messages:
         return np.array(times, dtype=np.int64), np.unwrap(own) if turns else own
 
 
-def _names(value: Any) -> list[str]:
+def nanoseconds(stamp: Any) -> int:
+    """Return the time of a stamp [ns]."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def field_names(value: Any) -> list[str]:
     """Return the names of a message's fields."""
     fields = dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
     return [each.name for each in fields if not each.name.startswith("__")]
