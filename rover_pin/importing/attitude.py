@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from rover_pin.formula import course, quoted, unwrapped
+from rover_pin.formula import course, evaluate, quoted, unwrapped
 from rover_pin.importing.guess import Guess, Recording, column
 from rover_pin.importing.words import COMPASS, COURSE, NO_ANGLE, ODOMETRY, PITCH, ROLL, YAW, Word
 
@@ -23,7 +23,7 @@ TURNS = {
     "{} - pi / 2": "a quarter of a turn ahead of the course",
     "{} + pi": "half a turn off the course",
 }
-"""Ways to count a heading, the usual ones first."""
+"""Ways to count a heading, the usual ones first, as formulas of it."""
 
 
 def headings(seen: Recording, x: np.ndarray | None, y: np.ndarray | None) -> Iterator[Guess]:
@@ -69,19 +69,11 @@ def _turned(
     usual = _off(told, way)
     if usual < FOLLOWS:
         return Guess("body_yaw", {"formula": angle}, why, sure)
-    others = {form: _off(eval_turn(form, told), way) for form in TURNS}
+    others = {form: _off(evaluate(form.format("told"), {"told": told}, "a heading"), way) for form in TURNS}
     best = min(others, key=lambda form: others[form])
     if others[best] > FOLLOWS or others[best] > 0.5 * usual:
         return Guess("body_yaw", {"formula": angle}, f"{why}; it does not follow the course", False)
     return Guess("body_yaw", {"formula": best.format(angle)}, f"{why}; it follows the course if {TURNS[best]}")
-
-
-def eval_turn(form: str, told: np.ndarray) -> np.ndarray:
-    """Return a heading counted another way."""
-    sign = -1.0 if "-{}" in form.replace(" ", "") else 1.0
-    zero = form.replace(" ", "").replace("-{}", "").replace("{}", "")
-    quarter = {"": 0.0, "pi/2": 0.5 * math.pi, "+pi/2": 0.5 * math.pi, "-pi/2": -0.5 * math.pi, "+pi": math.pi}[zero]
-    return sign * told + quarter
 
 
 def _off(told: np.ndarray, way: np.ndarray) -> float:

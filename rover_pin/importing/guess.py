@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,8 @@ import pandas as pd
 from rover_pin.body.rover import Rover
 from rover_pin.importing.words import Word, word
 from rover_pin.motion.column_map import mapped_column
+
+NOTHING: Mapping[str, np.ndarray] = MappingProxyType({})
 
 
 class Guess(NamedTuple):
@@ -33,9 +36,9 @@ class Recording(NamedTuple):
     words: tuple[Word, ...]
     "of the columns that are not the clock's"
 
-    def values(self, entry: Mapping[str, Any], target: str) -> np.ndarray:
-        """Return what an entry makes of the recording [SI]."""
-        columns = {name: self.table[name].to_numpy(dtype=float) for name in self.table} | {"t_s": self.t}
+    def values(self, entry: Mapping[str, Any], target: str, made: Mapping[str, np.ndarray] = NOTHING) -> np.ndarray:
+        """Return what an entry makes of the recording, and of columns that were `made` of it before [SI]."""
+        columns = {str(name): self.table[name].to_numpy(dtype=float) for name in self.table} | {**made, "t_s": self.t}
         return mapped_column(target, entry, columns, "a guess")
 
     def best(self, score: Callable[[Word], float]) -> Word | None:
@@ -43,12 +46,6 @@ class Recording(NamedTuple):
         scored = [(score(each), -at, each) for at, each in enumerate(self.words)]
         top = max(scored, default=(0.0, 0, None))
         return top[2] if top[0] > 0.0 else None
-
-    def moving(self) -> Iterator[str]:
-        """Yield the names of the columns that change at all."""
-        for each in self.words:
-            if np.nanstd(self.table[each.name].to_numpy(dtype=float)) > 0.0:
-                yield each.name
 
 
 def recording(t: np.ndarray, table: pd.DataFrame, clock: str, rover: Rover) -> Recording:

@@ -51,7 +51,7 @@ def parts(drive: Drive) -> list[Part]:
     whole = [part for part in _driven(drive) if _lasts(drive, part) >= SHORTEST]
     total = sum(_lasts(drive, part) for part in whole)
     longest = min(LONGEST, max(2.0 * SHORTEST, total / WANTED))
-    return [piece for part in whole for piece in _cut(drive.t, part, longest)]
+    return [piece for part in whole for piece in _cut(drive, part, longest)]
 
 
 def _lasts(drive: Drive, part: Part) -> float:
@@ -73,9 +73,9 @@ def _driven(drive: Drive) -> Iterator[Part]:
         yield from (Part(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > 1)
 
 
-def _cut(t: np.ndarray, part: Part, longest: float) -> Iterator[Part]:
+def _cut(drive: Drive, part: Part, longest: float) -> Iterator[Part]:
     """Yield equal parts."""
-    lasts = float(t[part.last - 1] - t[part.first])
+    t, lasts = drive.t, _lasts(drive, part)
     count = max(1, math.ceil(lasts / longest - 0.05))
     edges = np.searchsorted(t, t[part.first] + lasts * np.arange(1, count) / count).tolist()
     ends = [part.first, *edges, part.last]

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.errors import DataError
+from rover_pin.formula import names_in
 from rover_pin.importing.attitude import headings, tilts
 from rover_pin.importing.guess import Guess, Recording
 from rover_pin.importing.pose import places
@@ -66,18 +67,22 @@ def understood(seen: Recording, told: Sequence[Guess], where: str) -> Understood
     _take(found, values, seen, joint_guesses(seen))
     guesses = tuple(each for each in found.values() if each.target in values)
     lacks = tuple(said for start, said in LACKS.items() if not any(name.startswith(start) for name in values))
-    used = " ".join(str(value) for each in guesses for value in each.entry.values())
+    used = {name for each in guesses for name in _sources(each, where)}
     unused = tuple(each.name for each in seen.words if each.name not in used)
     return Understood(guesses, values, lacks, unused)
+
+
+def _sources(each: Guess, where: str) -> tuple[str, ...]:
+    """Return the columns that a guess is made of."""
+    return (each.entry["column"],) if "column" in each.entry else names_in(each.entry["formula"], where)
 
 
 def _take(found: dict[str, Guess], values: dict[str, np.ndarray], seen: Recording, further: Any) -> None:
     for each in list(further):
         if each.target in values or (each.target in found and found[each.target] is not each):
             continue
-        table = seen._replace(table=seen.table.assign(**values))
         found[each.target] = each
-        values[each.target] = table.values(each.entry, each.target)
+        values[each.target] = seen.values(each.entry, each.target, values)
 
 
 def _refuse_without(values: Mapping[str, np.ndarray], needed: Mapping[str, str], seen: Recording, where: str) -> None:

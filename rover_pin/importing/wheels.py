@@ -113,15 +113,16 @@ def _rates(seen: Recording, speed: np.ndarray | None) -> Iterator[Guess]:
         yield from _of_twist(seen)
         return
     unit, sure = _rate_unit(seen, found, speed)
-    radius = float(seen.rover.radii[0])
+    radii = {mount.name: float(mount.wheel.r) for mount in seen.rover.wheels}
     for mount, each in found.items():
         values = seen.table[each.name].to_numpy(dtype=float)
         turned = _against(values, speed)
         why = "its name" + (f"; taken as {unit} by the speed of the rover" if not each.unit else "")
         why += "; turned round, as it runs against the travel" if turned else ""
-        own = float(seen.rover.radii[[one.name for one in seen.rover.wheels].index(mount)]) if radius else radius
         exact = each.name == f"wheel_rate_{mount}" and not turned
-        yield Guess(f"wheel_rate_{mount}", _entry(each, unit, own, turned), why, exact or (sure and not turned))
+        yield Guess(
+            f"wheel_rate_{mount}", _entry(each, unit, radii[mount], turned), why, exact or (sure and not turned)
+        )
 
 
 def _is_rate(each: Word) -> bool:

@@ -110,6 +110,13 @@ def test_a_user_may_say_what_a_column_is(seen, tmp_path):
     assert log.runs[0]["body_yaw"][:5] == pytest.approx(seen["body_yaw"][:5], abs=0.2)
 
 
+def test_a_column_is_used_by_its_name_and_not_by_a_letter_of_others(seen, tmp_path):
+    table = pd.read_csv(recordings.plain(seen, tmp_path))
+    table.assign(w=1.0, e=2.0).to_csv(tmp_path / "more.csv", index=False)
+    made, _ = imported(tmp_path / "more.csv", tmp_path)
+    assert "more.csv: not used: w, e" in made.notes
+
+
 def test_odometry_alone_is_taken_marked_and_then_refused(seen, tmp_path):
     table = pd.read_csv(recordings.plain(seen, tmp_path))
     rim = recordings.R * np.mean([table[f"wheel_{wheel}_speed [rad/s]"] for wheel in ("fl", "fr", "bl", "br")], axis=0)
