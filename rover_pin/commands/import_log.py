@@ -27,9 +27,12 @@ def import_log(
     from rover_pin.importing.import_log import import_log as imported
     from rover_pin.loop.data_check import check_data
 
-    told = dict(each.split("=", 1) for each in column if "=" in each)
-    if len(told) < len(column):
-        raise ParameterError(f"--column {column[0]}: give NAME=FORMULA, as body_x='x / 1000', once a name.")
+    told: dict[str, str] = {}
+    for each in column:
+        name, equals, formula = each.partition("=")
+        if not equals or name in told:
+            raise ParameterError(f"--column {each}: give NAME=FORMULA, as body_x='x / 1000', once a name.")
+        told[name] = formula
     made = imported(files, rover, out, told, most)
     folder = made.files[-1].parent
     said: dict[str, Any] = {

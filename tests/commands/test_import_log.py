@@ -41,6 +41,8 @@ def test_odometry_is_written_down_and_then_refused(run):
     ("words", "said"),
     [
         (("--column", "body_x"), "give NAME=FORMULA"),
+        (("--column", "body_x=x", "--column", "body_z"), "--column body_z: give NAME=FORMULA"),
+        (("--column", "body_x=x", "--column", "body_x=y"), "--column body_x=y: give NAME=FORMULA"),
         (("--column", "body_x=open('x')"), "there is no function 'open'"),
         (("--rover", "nowhere.toml"), "nowhere"),
     ],
