@@ -127,12 +127,11 @@ class DriveLog:
 
         Where nothing is declared at all it is estimated, as far as the run tells it.
         """
-        table = run.attrs.get("terrain") or self.about.terrain or {"estimated": True}
-        if run.attrs.get("terrain") is None and not is_of_run(table):
-            return None
-        if not is_of_run(table):
-            return terrain_from(table, self.folder, self.trust)
-        return run_terrain(table, run, self.load_rover(), f"{self.folder}: {run.attrs.get('file', 'run')}: terrain")
+        own = run.attrs.get("terrain")
+        table = own or self.about.terrain or {"estimated": True}
+        if is_of_run(table):
+            return run_terrain(table, run, self.load_rover(), f"{self.folder}: {run.attrs.get('file', 'run')}: terrain")
+        return None if own is None else terrain_from(table, self.folder, self.trust)
 
     def is_estimated(self, run: Trace) -> bool:
         """Return whether the ground under a run is told by the run itself."""

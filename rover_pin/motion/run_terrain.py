@@ -93,7 +93,8 @@ def estimated(run: Trace, rover: Rover) -> Terrain:
     x, y, yaw = blocks["body_x"], blocks["body_y"], blocks["body_yaw"]
     grid = _Grid.around(x, y, max(length, track))
     ahead, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
-    rows, right = [grid.bends() * (max(length, track) / grid.size / BEND_SD)], [np.zeros(grid.bends().shape[0])]
+    bends = grid.bends()
+    rows, right = [bends * (max(length, track) / grid.size / BEND_SD)], [np.zeros(bends.shape[0])]
     for name, sign, way, over in (("body_pitch", -1.0, ahead, length), ("body_roll", 1.0, left, track)):
         if name in blocks:
             use = np.isfinite(blocks[name])
