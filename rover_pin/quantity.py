@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple, Self
 import casadi as ca
 import numpy as np
 
-from rover_pin.errors import ParameterError, closest
+from rover_pin.errors import DataError, ParameterError, closest
 
 UNITS: dict[str, tuple[str, float]] = {
     "m": ("m", 1.0),
@@ -224,6 +224,24 @@ def refuse_strange(entry: Mapping[str, Any], where: str) -> None:
     for key in entry:
         if key not in ENTRY:
             raise ParameterError(f"{where} has no key '{key}': {closest(key, ENTRY)}")
+
+
+def declared_sd(entry: Any, unit: str, where: str) -> float | None:
+    """Return the SD that a quantity's entry states, in the SI unit; None where it states none.
+
+    Raises
+    ------
+    DataError
+        It is no positive number.
+    ParameterError
+        An unknown unit, or one of another kind.
+    """
+    if not isinstance(entry, Mapping) or "sd" not in entry:
+        return None
+    sd = entry["sd"]
+    if isinstance(sd, bool) or not isinstance(sd, (int, float)) or not 0.0 < sd < math.inf:
+        raise DataError(f"{where} is {sd!r}: give a positive number in the unit of its value, or leave it out.")
+    return to_si(sd, str(entry.get("unit", unit)), unit, where)
 
 
 def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> Any:

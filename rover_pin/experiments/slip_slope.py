@@ -39,7 +39,7 @@ from rover_pin.motion.defaults import own_soil, usual_angles
 from rover_pin.motion.effect_files import reading_traction
 from rover_pin.motion.model import base_effects
 from rover_pin.parameters.gravity import EARTH, gravity_from
-from rover_pin.quantity import record_from, to_si
+from rover_pin.quantity import declared_sd, record_from
 from rover_pin.soil.traction import TorqueTraction
 from rover_pin.toml_file import read_toml, table_in
 
@@ -106,10 +106,9 @@ class SlipSlope(Bed):
 
     def _sd(self, name: str, unit: str) -> float:
         """Return the SD of a soil constant, relative but phi's: as declared, else assumed."""
-        entry = self.declared.get(name)
-        if not isinstance(entry, Mapping) or "sd" not in entry:
+        sd = declared_sd(self.declared.get(name), unit, f"[soil]: the sd of '{name}'")
+        if sd is None:
             return SD[name]
-        sd = to_si(entry["sd"], str(entry.get("unit", unit)), unit, f"[soil] {name}: sd")
         return sd if name == "phi" else sd / abs(float(getattr(self.soil, name)))
 
     def noise(self) -> Noise:

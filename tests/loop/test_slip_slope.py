@@ -73,6 +73,13 @@ def test_too_few_slopes_cannot_tell(tmp_path):
     assert "2 slopes in 3 runs; measure 4 slopes or more" in found.summary()
 
 
+@pytest.mark.parametrize("sd", ["0", "-3.0", "'3 deg'", "inf"])
+def test_an_uncertainty_that_is_none_is_refused(sd, tmp_path):
+    bed = SlipSlope.read(folder(tmp_path, TOML.replace("sd = 3.0", f"sd = {sd}"), repeats=1))
+    with pytest.raises(DataError, match=r"the sd of 'phi' is .*: give a positive number in the unit of its value"):
+        bed.uncertain(bed.base_model())
+
+
 PAGE = Path(__file__).parents[2] / "docs" / "data-slip-slope.md"
 
 

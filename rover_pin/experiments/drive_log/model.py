@@ -20,7 +20,7 @@ from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.hard import HARD_GROUND
-from rover_pin.quantity import record_from, to_si
+from rover_pin.quantity import declared_sd, record_from
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 
@@ -128,9 +128,5 @@ def _of_motors(log: DriveLog, model: Model) -> list[Parameter]:
 def _sd(folder: Any, table: Mapping[str, Any], name: str, unit: str, default: float, widen: bool = True) -> float:
     """Return the SD that a table of the log declares of a constant, or the default; wider where it is not declared."""
     entry = table.get(name)
-    if isinstance(entry, Mapping) and "sd" in entry:
-        where, sd = f"{folder}: the sd of '{name}'", entry["sd"]
-        if isinstance(sd, bool) or not isinstance(sd, (int, float)) or not 0.0 < sd < math.inf:
-            raise DataError(f"{where} is {sd!r}: give a positive number in the unit of its value, or leave it out.")
-        return to_si(sd, str(entry.get("unit", unit)), unit, where)
-    return default * (UNDECLARED if widen and entry is None else 1.0)
+    declared = declared_sd(entry, unit, f"{folder}: the sd of '{name}'")
+    return default * (UNDECLARED if widen and entry is None else 1.0) if declared is None else declared
