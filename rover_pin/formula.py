@@ -24,18 +24,23 @@ Array = np.ndarray
 
 def roll(x: Array, y: Array, z: Array, w: Array) -> Array:
     """Return the roll [rad] of a quaternion (world z-y-x)."""
-    return np.asarray(np.arctan2(2 * (w * x + y * z), w * w + z * z - x * x - y * y))
+    return np.asarray(np.arctan2(2 * (w * x + y * z), _square(x, y, z, w) - 2 * (x * x + y * y)))
 
 
 def pitch(x: Array, y: Array, z: Array, w: Array) -> Array:
     """Return the pitch [rad] of a quaternion (world z-y-x), nose down positive."""
-    square = w * w + x * x + y * y + z * z
-    return np.asarray(np.arcsin(np.clip(2 * (w * y - z * x) / np.where(square > 0, square, np.nan), -1, 1)))
+    return np.asarray(np.arcsin(np.clip(2 * (w * y - z * x) / _square(x, y, z, w), -1, 1)))
 
 
 def yaw(x: Array, y: Array, z: Array, w: Array) -> Array:
     """Return the yaw [rad] of a quaternion (world z-y-x), unwrapped."""
-    return unwrapped(np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))
+    return unwrapped(np.arctan2(2 * (w * z + x * y), _square(x, y, z, w) - 2 * (y * y + z * z)))
+
+
+def _square(x: Array, y: Array, z: Array, w: Array) -> Array:
+    """Return the squared length of a quaternion, NaN of one that is lost: all zeros are no attitude."""
+    square = w * w + x * x + y * y + z * z
+    return np.where(square > 0, square, np.nan)
 
 
 def unwrapped(angle: Array) -> Array:
@@ -68,13 +73,18 @@ def course(x: Array, y: Array, t: Array) -> Array:
     known = np.isfinite(x + y)
     if known.sum() < 2:
         return np.full(len(t), np.nan)
-    ahead, behind = t + 0.5, t - 0.5
-    dx, dy = (np.interp(ahead, t[known], each[known]) - np.interp(behind, t[known], each[known]) for each in (x, y))
+    dx, dy = (change(each, t, known) for each in (x, y))
     way = np.hypot(dx, dy)
     use = way > 0.3 * np.median(way[way > 0]) if np.any(way > 0) else way > 0
     if not use.any():
         return np.zeros(len(t))
     return np.asarray(np.interp(t, t[use], np.unwrap(np.arctan2(dy, dx)[use])))
+
+
+def change(value: Array, t: Array, known: Array) -> Array:
+    """Return by how much a value changes over the second around each row, straight between its `known` rows."""
+    ahead, behind = (np.interp(at, t[known], value[known]) for at in (t + 0.5, t - 0.5))
+    return np.asarray(ahead - behind)
 
 
 def rate(value: Array, t: Array) -> Array:

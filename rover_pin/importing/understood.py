@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.errors import DataError
-from rover_pin.formula import names_in
+from rover_pin.formula import change, names_in
 from rover_pin.importing.attitude import headings, tilts
 from rover_pin.importing.guess import Guess, Recording
 from rover_pin.importing.pose import places
@@ -98,8 +98,7 @@ def along(t: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the speed along the heading [m/s], over the second around each row."""
     x, y, yaw = (values[f"body_{name}"] for name in ("x", "y", "yaw"))
     known = np.isfinite(x + y)
-    dx, dy = (np.interp(t + 0.5, t[known], each[known]) - np.interp(t - 0.5, t[known], each[known]) for each in (x, y))
-    lasts = np.interp(t + 0.5, t[known], t[known]) - np.interp(t - 0.5, t[known], t[known])
+    dx, dy, lasts = (change(each, t, known) for each in (x, y, t))
     return np.asarray((np.cos(yaw) * dx + np.sin(yaw) * dy) / np.maximum(lasts, 1e-6))
 
 

@@ -73,6 +73,14 @@ def test_angles_of_a_quaternion_are_those_of_the_rotation(roll, pitch, yaw):
         assert evaluate(f"{name}(x, y, z, w)", columns, "here") == pytest.approx([angle], abs=1e-12)
 
 
+@pytest.mark.parametrize("name", ["roll", "pitch", "yaw"])
+def test_a_lost_quaternion_has_no_angle(name):
+    columns = {each: np.array([0.0, value]) for each, value in zip("xyzw", (0.1, 0.2, 0.3, 0.9), strict=True)}
+    lost, known = evaluate(f"{name}(x, y, z, w)", columns, "here")
+    assert math.isnan(lost)
+    assert math.isfinite(known)
+
+
 def test_places_on_earth_become_metres():
     """A degree of latitude at 48 deg is 111.2 km, one of longitude 74.6 km (WGS 84's series, to 0.1 %)."""
     lat, lon = np.array([48.0, 48.001, 48.0]), np.array([11.0, 11.0, 11.001])
