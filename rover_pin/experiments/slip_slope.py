@@ -30,7 +30,7 @@ from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import DataError
+from rover_pin.errors import DataError, closest
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
@@ -77,9 +77,9 @@ class SlipSlope(Bed):
         table = read_toml(file)
         if table.get("kind") != KIND:
             raise DataError(f"{file}: kind = {table.get('kind')!r}, but slip against slope has kind = '{KIND}'.")
-        strange = [key for key in table if key not in KEYS]
-        if strange:
-            raise DataError(f"{file}: there is no key '{strange[0]}'; there are {', '.join(KEYS)}.")
+        for key in table:
+            if key not in KEYS:
+                raise DataError(f"{file}: there is no key '{key}': {closest(key, KEYS)}")
         rover = load_named(str(table.get("rover", "nexus6")), path)
         declared = table_in(table, "soil", str(file))
         soil = record_from(Soil, {**own_soil(rover).value.values(), **declared}, f"{file}: [soil]")

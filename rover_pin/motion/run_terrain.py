@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+from scipy.sparse import kron
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.shapes import flat
@@ -162,7 +163,7 @@ class _Grid:
         along = [scipy.sparse.diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(max(n - 2, 0), n)) for n in (self.nx, self.ny)]
         step = [scipy.sparse.diags([-1.0, 1.0], [0, 1], shape=(n - 1, n)) for n in (self.nx, self.ny)]
         one = [scipy.sparse.diags([1.0], [0], shape=(n, n)) for n in (self.nx, self.ny)]
-        rows = [_kron(along[0], one[1]), _kron(one[0], along[1]), _kron(step[0], step[1]) * math.sqrt(2.0)]
+        rows = [kron(along[0], one[1]), kron(one[0], along[1]), kron(step[0], step[1]) * math.sqrt(2.0)]
         return scipy.sparse.vstack([row for row in rows if row.shape[0]]).tocsr() / self.size
 
     def surface(self, rows: scipy.sparse.csr_matrix, right: np.ndarray) -> HeightGrid:
@@ -171,9 +172,3 @@ class _Grid:
         normal = normal + scipy.sparse.diags(np.full(normal.shape[0], 1e-9 * normal.diagonal().max()))
         z = np.asarray(scipy.sparse.linalg.spsolve(normal.tocsc(), rows.T @ right)).reshape(self.nx, self.ny)
         return HeightGrid(self.x0, self.y0, self.size, self.size, z - z.mean())
-
-
-def _kron(a: Any, b: Any) -> scipy.sparse.csr_matrix:
-    from scipy.sparse import kron
-
-    return kron(a, b).tocsr()
