@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.terrain import Terrain
+from rover_pin.body.wheel_base import wheel_places
 from rover_pin.motion.trace import Trace
 
 
@@ -54,9 +55,7 @@ def on_the_ground(trace: Trace, rover: Rover, terrain: Terrain) -> Trace:
         return trace
     x, y = (np.nan_to_num(trace[f"body_{axis}"]) for axis in "xy")
     yaw = np.nan_to_num(trace.get("body_yaw", np.zeros(x.size)))
-    data = rover.model.createData()
-    pin.forwardKinematics(rover.model, data, pin.neutral(rover.model))
-    places = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels])
+    places = np.array(list(wheel_places(rover).values()))
     radii = np.array([float(wheel.wheel.r) for wheel in rover.wheels])
     stood = [_stood(terrain, places, radii, *each) for each in zip(x, y, yaw, strict=True)]
     found = dict(zip(("body_z", "body_roll", "body_pitch"), np.array(stood).T, strict=True))

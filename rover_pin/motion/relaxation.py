@@ -7,8 +7,8 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
+from rover_pin.body.wheel_base import wheel_places
 from rover_pin.effects.slip import SIDEWAYS_SHARE
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model
@@ -63,7 +63,8 @@ def _fields(model: Model, state: DriveState, kernel: Kernel) -> dict[str, Any]:
     locked = SLIDE + [wheel.dof for wheel in model.rover.wheels]
     lengths[locked], kernel.armature[locked] = 0.0, LOCKED
     radius = min(float(wheel.wheel.r) for wheel in model.rover.wheels)
-    rooms = {name: np.zeros(sum(each.size for each in state_of(state))) for name in ("before", "looked", "in_hand")}
+    size = sum(each.size for each in (state.q, state.v, state.contact, state.motor))
+    rooms = {name: np.zeros(size) for name in ("before", "looked", "in_hand")}
     return {
         **free,
         **rooms,
@@ -79,18 +80,10 @@ def _fields(model: Model, state: DriveState, kernel: Kernel) -> dict[str, Any]:
     }
 
 
-def state_of(state: DriveState) -> tuple[np.ndarray, ...]:
-    """Return the arrays of a state."""
-    return state.q, state.v, state.contact, state.motor
-
-
 def _lengths(model: Model) -> np.ndarray:
     """Return what makes each speed one of a wheel [m/s]: 1, or for an angle how far the furthest wheel is away."""
-    rover = model.rover
-    data = rover.model.createData()
-    pin.forwardKinematics(rover.model, data, pin.neutral(rover.model))
-    reach = max(float(np.linalg.norm(data.oMi[wheel.joint].translation)) for wheel in rover.wheels)
-    return np.array([1.0] * 3 + [reach] * (rover.model.nv - 3))
+    reach = max(float(np.linalg.norm(place)) for place in wheel_places(model.rover).values())
+    return np.array([1.0] * 3 + [reach] * (model.rover.model.nv - 3))
 
 
 def _slip_columns(model: Model) -> list[int]:

@@ -10,9 +10,9 @@ from typing import ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 
 from rover_pin.body.rover import Rover
+from rover_pin.body.wheel_base import wheel_places
 from rover_pin.contact import Contact, Scalar
 from rover_pin.effects.effect import Effect, SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
@@ -152,9 +152,7 @@ class Scene:
 
 def wheels_ahead(rover: Rover) -> dict[str, float]:
     """Return how far each wheel's centre is ahead of the base's origin [m], the joints at 0."""
-    data = rover.model.createData()
-    pin.forwardKinematics(rover.model, data, pin.neutral(rover.model))
-    return {wheel.name: float(data.oMi[wheel.joint].translation[0]) for wheel in rover.wheels}
+    return {name: float(place[0]) for name, place in wheel_places(rover).items()}
 
 
 def _gains(sensors: Sequence[SensorEffect], channels: Mapping[str, np.ndarray]) -> dict[str, float]:
