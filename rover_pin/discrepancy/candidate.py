@@ -58,6 +58,11 @@ class Candidate:
         return {name: self.effect.neutral[name.rpartition(".")[2]] for name in self.sizes}
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """The names of its own numbers: sizes, and shapes, freed or not."""
+        return (*self.sizes, *self.shapes, *self.freed)
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The free numbers of the effect: sizes without a prior, shapes with one unless they are freed of it."""
         loose = (replace(self.shape(name), prior=False) for name in self.freed)

@@ -200,7 +200,7 @@ def _round(one: Round) -> dict[str, Any]:
 
 
 def _refit(one: Refit) -> dict[str, Any]:
-    own = {*one.candidate.sizes, *one.candidate.shapes, *one.candidate.freed}
+    own = one.candidate.names
     return {
         "name": one.name,
         "gain": one.gain,

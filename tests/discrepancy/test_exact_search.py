@@ -29,6 +29,7 @@ from rover_pin.estimation import numbers as intervals_module
 from rover_pin.estimation.numbers import intervals, is_adequate, numbers, settled
 from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
 from rover_pin.loop.rig import on_rig
+from rover_pin.report.sections.which_effect import own_text
 
 _spec = importlib.util.spec_from_file_location("linear_rig", Path(__file__).parents[1] / "evidence" / "linear_rig.py")
 linear = importlib.util.module_from_spec(_spec)
@@ -201,6 +202,8 @@ def test_a_shape_is_freed_only_where_it_gains_more_than_its_threshold(amplitude,
     (best,) = refits(based(rows, laws), Bulldozing())
     assert best.candidate.freed == freed
     assert best.fee == pytest.approx(max(1.0, best.fit.misfit) * (entry_fee(1) + FURTHER * len(freed)))
+    told = {f"Bulldozing.{part.partition(' = ')[0]}" for part in own_text(best).split("; ")}
+    assert told == {"Bulldozing.share", *freed}, "a shape that was freed is told with the size"
 
 
 def test_a_set_too_small_for_its_numbers_refits_none(made):

@@ -86,7 +86,7 @@ def judged(one: Refit) -> str:
 
 def own_text(one: Refit) -> str:
     """Return the candidate's own numbers in words; of an exact fit without intervals, whose profiles take long."""
-    own = (*one.candidate.sizes, *one.candidate.shapes)
+    own = one.candidate.names
     if one.fit.task.experiment.is_exact:
         free = [each.name for each in one.fit.parameters if each.name in own]
         quantity = one.fit.task.experiment.quantity
