@@ -36,6 +36,9 @@ INVISIBLE = 1e-3
 ALIKE = 1e-5
 """A parameter whose effect is reproduced by others to this share is not told from them."""
 
+FEW = 2
+"""Parameters up to which a refusal lists what the data tell instead."""
+
 
 def refuse_untold(problem: Problem, starts: Sequence[np.ndarray]) -> None:
     """Refuse a free parameter that these channels cannot tell, whatever their noise; one with a prior may stay.
@@ -61,8 +64,8 @@ def advice(name: str) -> str:
 def _refuse_kind(name: str, data: Sequence[Evidence]) -> None:
     if not any(name in one.tells for one in data):
         told_by = " and ".join(sorted({one.told_by for one in data}))
-        told = ", ".join(sorted(frozenset().union(*(one.tells for one in data)))[:4])
-        hint = f", which tells {told} only" if len(told) < 8 else ""
+        told = sorted(frozenset().union(*(one.tells for one in data)))
+        hint = f", which tells {', '.join(told)} only" if 0 < len(told) <= FEW else ""
         raise ParameterError(f"{name} is not identifiable from {told_by}{hint}: {advice(name)}")
 
 

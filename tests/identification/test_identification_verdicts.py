@@ -231,6 +231,21 @@ def test_one_set_that_tells_a_number_is_enough():
     assert refusal(with_data(("n",), silent)).startswith("n is not identifiable from made data: sinkage under")
 
 
+@pytest.mark.parametrize(
+    ("tells", "said"),
+    [
+        ((), ""),
+        (("exit_ratio",), ", which tells exit_ratio only"),
+        (("k_1", "k_2"), ", which tells k_1, k_2 only"),
+        (("k_1", "k_2", "c"), ""),
+    ],
+)
+def test_a_refusal_lists_what_is_told_by_how_many_they_are_not_by_how_long_their_names(tells, said):
+    silent = Measured(np.eye(3), np.zeros(3))
+    silent.tells = frozenset(tells)
+    assert refusal(with_data(("n",), silent)).startswith(f"n is not identifiable from made data{said}: sinkage under")
+
+
 def test_c_and_phi_need_loads_and_two_moduli_two_widths():
     bare, plain, wide = (
         Measured(np.eye(3), np.zeros(3), loads=()),
