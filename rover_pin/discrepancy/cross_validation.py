@@ -67,12 +67,15 @@ def models_left_out(fitted: Fit) -> list[Any]:
 
 
 def _fits_left_out(fitted: Fit) -> Iterator[Fit | None]:
-    """Yield the fit to all runs but one, one a run, or None where it does not end."""
+    """Yield the fit to all runs but one, one a run, or None where it does not end; as it is for a run it has not."""
     noise = fitted.task.noise
     held = tuple(_anchored(one, u) for one, u in zip(fitted.parameters, fitted.u, strict=True))
     start = np.array([u if one.prior else 0.0 for one, u in zip(fitted.parameters, fitted.u, strict=True)])
     slopes = {one.name: fitted.slopes[one.name] * (1.0 if one.prior else FAR) for one in fitted.parameters}
     for run in range(len(fitted.predicted)):
+        if not noise.good[run].any():
+            yield fitted
+            continue
         good = noise.good.copy()
         good[run] = False
         task = Task(fitted.task.experiment, dataclasses.replace(noise, good=good))

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.noise import STRAY
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.task import Task
@@ -31,10 +32,17 @@ class ExactProblem:
         bounds = np.array([one.bounds for one in parameters]).reshape(-1, 2)
         self.space = Box(tuple(one.name for one in parameters), bounds[:, 0], bounds[:, 1])
         self._known = np.array([one.prior for one in parameters], dtype=bool)
+        self._last: tuple[np.ndarray, Sensitivities] | None = None
+
+    def sensitivities(self, u: np.ndarray) -> Sensitivities:
+        """Return the prediction at u and its slopes; where the last was asked for again, as they were."""
+        if self._last is None or not np.array_equal(self._last[0], u):
+            self._last = u.copy(), self.task.experiment.sensitivities(self.model, self.parameters, u)
+        return self._last[1]
 
     def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return rows and their Jacobian at u; beyond STRAY SDs a row grows as the root of what it counts."""
-        found = self.task.experiment.sensitivities(self.model, self.parameters, u)
+        found = self.sensitivities(u)
         rows, columns = self.task.rows(found.predicted), self.task.columns(found.slopes)
         size = np.abs(rows)
         stray = size > STRAY

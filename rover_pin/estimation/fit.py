@@ -198,7 +198,7 @@ def _exactly(task: Task, model: Any, parameters: Sequence[Parameter], start: np.
         u, _ = descend(problem, np.clip(start, problem.space.low, problem.space.high))
     except np.linalg.LinAlgError as error:
         raise OptimisationError(f"a refit met a singular problem ({error}); free fewer.", status=str(error)) from error
-    predicted, slopes = task.experiment.sensitivities(model, parameters, u)
+    predicted, slopes = problem.sensitivities(u)
     known = dict(zip(problem.space.names, slopes, strict=True))
     return Fit(task, at(task, model, parameters, u), tuple(parameters), u, predicted, known)
 

@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import chi2 as chi2_law
 from scipy.stats import norm
 
+from rover_pin.discrepancy import cross_validation
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.cross_validation import FAR, losses_of, refitted_left_out
@@ -18,7 +19,7 @@ from rover_pin.discrepancy.judge import judged as verdict_of
 from rover_pin.discrepancy.judge import reselected, what_is_left
 from rover_pin.discrepancy.refit import Refit, alike
 from rover_pin.discrepancy.screen import entry_fee
-from rover_pin.discrepancy.search import calibrated, fee_after, search
+from rover_pin.discrepancy.search import again, calibrated, fee_after, search
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.load_exponent import LoadExponent
@@ -26,6 +27,7 @@ from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.errors import OptimisationError
 from rover_pin.estimation import numbers as intervals_module
+from rover_pin.estimation.fit import fit
 from rover_pin.estimation.numbers import intervals, is_adequate, numbers, settled
 from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
 from rover_pin.loop.rig import on_rig
@@ -111,6 +113,32 @@ def test_levels_left_out_are_predicted_by_least_squares_on_the_others(made):
         )
         np.testing.assert_allclose(left.ravel()[~keep], rows[~keep] - exact.X[~keep] @ u, atol=1e-4)
     assert losses_of(base).sum() == pytest.approx(np.sum(left**2), rel=0.2)
+
+
+def test_a_level_that_a_fit_has_not_is_not_fitted_without(made, monkeypatch):
+    base = made[0]
+    good = base.task.noise.good.copy()
+    good[2] = False
+    task = dataclasses.replace(base.task, noise=dataclasses.replace(base.task.noise, good=good))
+    fits = []
+    monkeypatch.setattr(cross_validation, "fit", lambda *a, **k: fits.append(a) or fit(*a, **k))
+    losses = losses_of(again(dataclasses.replace(base, task=task)))
+    assert len(fits) == len(good) - 1
+    assert [at for at, one in enumerate(losses) if one == 0.0] == [2]
+
+
+def test_a_descent_predicts_where_it_ended_once(made, monkeypatch):
+    base, asked = made[0], []
+    plain = linear.LinearRig.sensitivities
+
+    def noted(self, model, parameters, u):
+        asked.append(u.tobytes())
+        return plain(self, model, parameters, u)
+
+    monkeypatch.setattr(linear.LinearRig, "sensitivities", noted)
+    end = fit(base.task, base.model, base.parameters, base.u + 0.5)
+    assert end.u.tobytes() == asked[-1]
+    assert len(set(asked)) == len(asked)
 
 
 def widths(base):
