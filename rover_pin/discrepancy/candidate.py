@@ -107,6 +107,11 @@ def plain_candidate(effect: Any) -> Candidate:
     return Candidate(own, effect, tuple(f"{own}.{name}" for name in effect.neutral), shapes)
 
 
+def is_effect(record: Any) -> bool:
+    """Return whether a record of a model is an effect: it names the values at which it vanishes."""
+    return hasattr(record, "neutral")
+
+
 def _reach(unit: str) -> float:
     """Return a size of one unit for an effect whose default for it is none: a hundredth [m, rad, ...]."""
     return {"m": 0.01, "rad": 0.01}.get(unit, 0.05)

@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.discrepancy.answer import TAKES_MOST, Answer
-from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.candidate import Candidate, is_effect
 from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out, without_each
 from rover_pin.discrepancy.held_out import ChannelScore, held_out
+from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.search import Search, again, calibrated, search
 from rover_pin.discrepancy.sentence import sentence
 from rover_pin.discrepancy.verdict import Side, Verdict
@@ -32,8 +33,6 @@ FEWEST = 3
 """Folds from which those that choose otherwise speak against a name: of two each has half of the data."""
 WORSE_BY = 0.05
 """Share by which a channel that was not fitted must be predicted worse, beyond its scatter, to speak against a name."""
-
-Progress = Callable[[str], None]
 
 
 class Left(NamedTuple):
@@ -135,7 +134,7 @@ def what_is_left(found: Search, describes: bool = False) -> Left:
 
 def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Left, seed: int) -> Verdict:
     """Return the verdict of kind and name `of` on what a search found and left."""
-    answer = graded(found, left)
+    (kind, name), answer = of, graded(found, left)
     if answer is Answer.LIKE:
         found = first_of(found)
     last = found.base if answer in (Answer.INADEQUATE, Answer.NONE_FITS) else found.last
@@ -149,12 +148,12 @@ def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Lef
         answer = Answer.LIKE
     records = after.fit.task.experiment.records(after.model)
     return Verdict(
-        *of[:1],
+        kind,
         answer,
-        of[1],
+        name,
         sentence(answer, found, share, (left.said, against)),
         after.model,
-        tuple(records[one.owner] for one in added if hasattr(records.get(one.owner), "neutral")),
+        tuple(records[one.owner] for one in added if is_effect(records[one.owner])),
         tuple(one.name for one in added),
         found.alike,
         share,

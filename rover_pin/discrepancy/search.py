@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -13,7 +13,7 @@ from rover_pin.discrepancy.anchor import anchor, is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.exact_refits import Tried, exactly_refitted, judged, paired
-from rover_pin.discrepancy.refit import Fee, Refit, alike
+from rover_pin.discrepancy.refit import Fee, Progress, Refit, alike
 from rover_pin.discrepancy.screen import Scored, Signature, fee_of, saturated, score, signatures, with_noise
 from rover_pin.errors import OptimisationError
 from rover_pin.estimation.exact import scattered
@@ -35,8 +35,6 @@ STARTS = 6
 """Starts of the base model's fit where it is exact."""
 LEAST = 1e-6
 """Least SD of a channel's blocks [its unit]: one that never moves has no noise of its own."""
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
-import json
 import time
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
-from rover_pin.columns import replace_file
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.bed import Bed, question_of
 from rover_pin.discrepancy.judge import concluded
@@ -18,6 +15,7 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import DataError
 from rover_pin.experiments.slip_slope import FILE as SLOPE_FILE
 from rover_pin.loop.provenance import provenance
+from rover_pin.loop.verdict_file import written_last
 from rover_pin.motion.effect_files import package_effects, run_file, user_effects
 from rover_pin.paths import is_file
 from rover_pin.report.bed.report import write_report
@@ -91,7 +89,5 @@ def close_on_bed(
         found = concluded(question_of(bed, tuple(own.values())), progress, seed)
     found.provenance.update(provenance(seed, time.monotonic() - begun, repeat))
     if out is not None:
-        files = (*write_report(found, bed, Path(out)), Path(out) / "verdict.json")
-        found = dataclasses.replace(found, files=files)
-        replace_file(files[-1], json.dumps(found.as_dict(), indent=1, default=str) + "\n")
+        found = written_last(found, write_report(found, bed, Path(out)), Path(out))
     return found

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import os
 from pathlib import Path
 
@@ -12,6 +10,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.experiments.unlisted.remainder import draft_effect
+from rover_pin.loop.verdict_file import written_last
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model_toml import write_model
 from rover_pin.report.drive.report import write_report
@@ -27,8 +26,4 @@ def written(verdict: Verdict, log: DriveLog, out: Path) -> Verdict:
     left = extra_of(verdict).remainder
     if verdict.answer is Answer.NONE_FITS and left is not None:
         files.append(replace_file(out / DRAFT, draft_effect(left, verdict.name)))
-    files += write_report(verdict, log, out)
-    files.append(out / "verdict.json")
-    verdict = dataclasses.replace(verdict, files=tuple(files))
-    replace_file(out / "verdict.json", json.dumps(verdict.as_dict(), indent=1, default=str) + "\n")
-    return verdict
+    return written_last(verdict, (*files, *write_report(verdict, log, out)), out)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,6 +29,7 @@ from rover_pin.experiments.wheel_rig.remainder import draft_effect, remainders
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
 from rover_pin.loop.provenance import command, provenance
+from rover_pin.loop.verdict_file import written_last
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.report.rig.cautions import cautions
 from rover_pin.report.rig.report import write_report
@@ -151,8 +151,4 @@ def _written(verdict: Verdict, data: RigSet, out: Path, progress: Progress) -> V
     left = verdict.extra.after.remainders if isinstance(verdict.extra, RigExtra) else ()
     if verdict.answer in (Answer.NONE_FITS, Answer.LIKE) and any(not one.is_noise for one in left):
         files.append(replace_file(out / "draft_effect" / "measured_remainder.py", draft_effect(data, left)))
-    files += write_report(verdict, data, out)
-    files.append(out / "verdict.json")
-    verdict = dataclasses.replace(verdict, files=tuple(files))
-    replace_file(out / "verdict.json", json.dumps(verdict.as_dict(), indent=1, default=str) + "\n")
-    return verdict
+    return written_last(verdict, (*files, *write_report(verdict, data, out)), out)

@@ -10,7 +10,7 @@ import numpy as np
 from rover_pin.estimation.exact import SPREAD
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.experiment import ROWS, own_name
+from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment, own_name
 from rover_pin.experiments.wheel_rig.model import UNBALANCED, conditions, predictor
 
 SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -48,8 +48,8 @@ def separating_run(data: RigSet, first: Named, second: Named) -> SeparatingRun |
     """
     mean = float(np.mean(data.rig.load))
     menu = np.array([(share * mean, slip) for share, slip in itertools.product(LOADS, SLIPS)])
-    sides = [_predicted(data, fit, menu) for _, fit in (first, second)]
-    noise = [float(np.sqrt(np.mean(channel.sd**2))) for channel in data.rig.channels]
+    noise = RigExperiment(data).sd
+    sides = [_predicted(data, fit, menu, noise) for _, fit in (first, second)]
     best: SeparatingRun | None = None
     for at, (load, slip) in enumerate(menu):
         difference = (sides[0][0][:, at] - sides[1][0][:, at]) / noise
@@ -64,14 +64,13 @@ def separating_run(data: RigSet, first: Named, second: Named) -> SeparatingRun |
     return best
 
 
-def _predicted(data: RigSet, fit: Fit, menu: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _predicted(data: RigSet, fit: Fit, menu: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return predictions [channels, runs] and their covariance [runs, channels, channels] in units of the noise."""
     runs = conditions(menu[:, 0], menu[:, 1], _speeds(data, menu[:, 1]))
     free = [own_name(one.name) for one in fit.parameters]
     values, jacobian, error = predictor(fit.model, free, runs)(fit.model.vector())
     rows = [ROWS.index(type(channel)) for channel in data.rig.channels]
     values = np.where(np.abs(error) < UNBALANCED, values, np.nan)[rows]
-    noise = np.array([float(np.sqrt(np.mean(channel.sd**2))) for channel in data.rig.channels])
     along = np.array([one.slope(u) for one, u in zip(fit.parameters, fit.u, strict=True)])
     slopes = jacobian[rows].transpose(1, 0, 2) * along / noise[:, None]
     return values, slopes @ _doubt(fit) @ slopes.transpose(0, 2, 1)
