@@ -148,7 +148,10 @@ def _parsed(text: str, where: str) -> ast.expr:
     try:
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise DataError(f"{where}: {text!r} is no formula; write one as in 0.5 * (a + b) or raw * 0.01 - 3.") from None
+        raise DataError(
+            f"{where}: {text!r} is no formula; write one as in 0.5 * (a + b), raw * 0.01 - 3 or "
+            f'{COLUMN}("any name [rpm]") / 9.55.'
+        ) from None
 
 
 def _names(node: ast.expr) -> Iterator[str]:

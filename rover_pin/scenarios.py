@@ -26,6 +26,7 @@ from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import Progress, Timing, simulate
 from rover_pin.motion.trace import Trace
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
+from rover_pin.paths import is_file
 from rover_pin.quantity import declared, written
 from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, Settings
@@ -165,6 +166,11 @@ def mirrored(model: Model) -> bool:
 def _terrain(scene: Scene, asked: Settings, size: float) -> Terrain:
     usual = scaled(scene.terrain, scene.terrain_settings, size)
     given = asked.arguments("terrain", scene.terrain, usual)
+    if "path" in usual and "path" not in given and not is_file(Path(usual["path"])):
+        raise ParameterError(
+            f"terrain.path names no file yet, and there is no {usual['path']} here: set terrain.path=FILE to that of "
+            "your own ground."
+        )
     terrain = scene.terrain(**{**usual, **given})
     patch = asked.arguments("patch", shapes.with_ground, {"x_from": -math.inf, "x_to": math.inf}, ("x_from", "x_to"))
     if patch:

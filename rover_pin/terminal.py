@@ -74,7 +74,7 @@ def report(result: Mapping[str, Any], as_json: bool) -> None:
     if as_json:
         print(json_text(result))
         return
-    lines = [(name.replace("_", " "), shown(value).split("\n")) for name, value in result.items()]
+    lines = [(name.replace("_", " "), (shown(value) or "none").split("\n")) for name, value in result.items()]
     width = max((len(name) for name, _ in lines), default=0)
     for name, (first, *more) in lines:  # never folded nor shortened: paths are to be copied
         print(f"{name:{width}}  {first}".rstrip())

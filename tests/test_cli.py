@@ -1,6 +1,7 @@
 """Every command: what it prints and writes, and one clear sentence with a non-zero exit for what it refuses."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -123,6 +124,10 @@ def test_check_urdf_tells_facts_of_a_good_file(run):
     assert any("5.8 kg" in fact for fact in told["facts"])
 
 
+def test_check_urdf_says_of_a_good_file_that_there_is_no_fault(run):
+    assert re.search(r"^faults +none$", run("check-urdf", ROOT / "urdf" / "nexus6.toml")[1], re.MULTILINE)
+
+
 def test_check_urdf_fails_on_a_broken_file(run):
     text = (ROOT / "urdf" / "cart.urdf").read_text()
     Path("cart.urdf").write_text(text.replace('<mass value="', '<mass value="-'))
@@ -240,6 +245,9 @@ REFUSED = [
     ("drive flat --set rover=broken.toml", "broken.toml: the file is not TOML"),
     ("drive polyline --set terrain.path=gone.csv", "gone.csv: the file cannot be read"),
     ("drive polyline --set terrain.path=3", "the file cannot be read"),
+    ("drive polyline", "there is no terrain.csv here: set terrain.path=FILE"),
+    ("drive grid", "there is no terrain.npz here: set terrain.path=FILE"),
+    ("close-loop empty.toml", "empty.toml: this is a file, there is no such folder; give that of a wheel-rig set"),
     ("drive flat --set duration=0.5 --out broken.toml", "broken.toml"),
     ("curve --soil xx", "no soil is named 'xx'"),
     ("curve --k -1", "Soil.k = -1 m is not allowed"),

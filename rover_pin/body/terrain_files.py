@@ -12,7 +12,7 @@ from rover_pin.body.profile import Profile
 from rover_pin.body.terrain import HeightGrid, Lanes
 from rover_pin.bounded import arrays
 from rover_pin.columns import Columns, columns_text, read_columns, replace_file
-from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.errors import DataError, ParameterError
 
 LARGEST = 1000.0
 """A coordinate beyond this [m] is taken for a mistake of units."""
@@ -86,7 +86,11 @@ def _npz_grid(path: Path) -> HeightGrid:
         ) from error
     for name in ("x0", "y0", "dx", "dy", "z"):
         if name not in found:
-            raise DataError(f"{path}: there is no array '{name}': {closest(name, found)}")
+            there = ", ".join(sorted(found)) or "none"
+            raise DataError(
+                f"{path}: there is no array '{name}', only {there}: give the corner x0, y0 "
+                "and the steps dx, dy [m], one number each, and the heights z (nx, ny) [m]."
+            )
     fields: dict[str, Any] = {name: found[name] for name in ("x0", "y0", "dx", "dy", "z", "ground") if name in found}
     grid = HeightGrid(**fields)
     _refuse_large(path, "z", grid.z)

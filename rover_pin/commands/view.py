@@ -1,6 +1,7 @@
 """`rover-pin view`: a drive in 3D, as one page or served, and as a moving picture."""
 
 import shutil
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -54,8 +55,8 @@ def open_page(out: Path, name: str = PAGE) -> None:
     """Open the page that was written to a folder in the browser of this machine, if it has one."""
     import webbrowser
 
-    if (out / name).is_file():
-        webbrowser.open((out / name).resolve().as_uri())
+    if (out / name).is_file() and webbrowser.open((out / name).resolve().as_uri()) is False:
+        print(f"rover-pin: no browser was found on this machine; open {out / name} in one.", file=sys.stderr)
 
 
 def asked_for(view: bool, gif: bool, mp4: bool) -> list[str]:

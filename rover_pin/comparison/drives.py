@@ -94,7 +94,9 @@ def compare_drives(first: tuple[str, Trace], second: tuple[str, Trace]) -> Compa
 
 
 def _words(trace: Trace) -> dict[str, str]:
-    told = {"rover": trace.attrs.get("rover"), "what happened": trace.attrs.get("happened") or trace.attrs.get("stop")}
+    told = {name: trace.attrs.get(name) for name in ("scenario", "rover", "control")}
+    told |= {f"set {name}": value for name, value in dict(trace.attrs.get("settings") or {}).items()}
+    told["what happened"] = trace.attrs.get("happened") or trace.attrs.get("stop")
     return {name: str(value) for name, value in told.items() if value}
 
 

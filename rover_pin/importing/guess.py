@@ -39,7 +39,7 @@ class Recording(NamedTuple):
     def values(self, entry: Mapping[str, Any], target: str, made: Mapping[str, np.ndarray] = NOTHING) -> np.ndarray:
         """Return what an entry makes of the recording, and of columns that were `made` of it before [SI]."""
         columns = {str(name): self.table[name].to_numpy(dtype=float) for name in self.table} | {**made, "t_s": self.t}
-        return mapped_column(target, entry, columns, "a guess")
+        return mapped_column(target, entry, columns, f"the column {target}")
 
     def best(self, score: Callable[[Word], float]) -> Word | None:
         """Return the column that scores highest above 0; of equals the first."""

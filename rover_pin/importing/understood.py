@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.errors import DataError
-from rover_pin.formula import change, names_in
+from rover_pin.formula import change, names_in, quoted
 from rover_pin.importing.attitude import headings, tilts
 from rover_pin.importing.guess import Guess, Recording
 from rover_pin.importing.pose import places
@@ -90,7 +90,7 @@ def _refuse_without(values: Mapping[str, np.ndarray], needed: Mapping[str, str],
         if name not in values or not np.isfinite(values[name]).any():
             raise DataError(
                 f"{where}: no column is known as {what}: say --column {name}='FORMULA' of its columns, which are "
-                f"{', '.join(each.name for each in seen.words)}."
+                f"{', '.join(map(quoted, (each.name for each in seen.words)))}."
             )
 
 

@@ -8,7 +8,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Outcome, share
 from rover_pin.report.headline import by_outcome, worst
-from rover_pin.report.words import Manner, capital, human, kinds_of, listing
+from rover_pin.report.words import Manner, capital, human, kinds_of, listing, two_digits
 
 MOST = 4
 """Reasons on the first screen; all of them stand further below."""
@@ -73,18 +73,16 @@ def _added(verdict: Verdict, manner: Manner) -> Iterator[str]:
         if each.alike:
             yield (
                 f"{each.alike[0].name} gains {each.alike[0].gain:.0f} in chi2; the luckiest of {verdict.search.count} "
-                f"candidates gains {each.alike[0].fee:.2g} by chance"
+                f"candidates gains {two_digits(each.alike[0].fee)} by chance"
             )
-    yield (
-        f"chi2 for each number measured falls from {verdict.before.misfit:.2g} to {verdict.after.misfit:.2g}; 1 is the "
-        "noise"
-    )
+    before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)
+    yield f"chi2 for each number measured falls from {before} to {after}; 1 is the noise"
 
 
 def _nothing_added(verdict: Verdict, manner: Manner) -> Iterator[str]:
     if verdict.named or verdict.before is None or verdict.search is None:
         return
-    yield f"chi2 for each number measured is {verdict.before.misfit:.2g}, where 1 is the noise"
+    yield f"chi2 for each number measured is {two_digits(verdict.before.misfit)}, where 1 is the noise"
     yield f"{verdict.search.count} candidates were tried, each with all uncertain numbers free"
     if verdict.answer is not Answer.NONE_NEEDED and verdict.search.alike:
         yield f"the nearest, {verdict.search.alike[0]}, does not take what is left"
@@ -110,7 +108,8 @@ def _doubts(verdict: Verdict, manner: Manner) -> Iterator[str]:
     loud = [one for one in worst(verdict.scores) if one.after > LOUD * one.floor]
     if loud and verdict.named:
         one = loud[0]
-        yield f"{manner.channel(one.name)} is still missed by {one.times(one.after):.2g} times its noise"
+        times = two_digits(one.times(one.after))
+        yield f"{manner.channel(one.name)} is still missed by {times} times its noise"
     yield from verdict.cautions
     for finding in verdict.findings:
         yield f"the data check says: {finding}"

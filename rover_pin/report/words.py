@@ -80,8 +80,16 @@ def listing(parts: Iterable[str], last: str = "and") -> str:
     return f" {last} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
 
 
+def two_digits(value: float) -> str:
+    """Return a number to two digits, without an exponent up to a million: 280, not 2.8e+02."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def capital(text: str) -> str:
-    """Return a text that begins a sentence."""
+    """Return a text that begins a sentence; a parameter's or a column's name, as soil.k, stays as it is."""
+    first = text.partition(" ")[0].rstrip(".,:;")
+    if "." in first or "_" in first:
+        return text
     return text[:1].upper() + text[1:]
 
 

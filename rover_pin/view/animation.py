@@ -155,6 +155,7 @@ def footprint(film: Film, frame: int, n: int) -> np.ndarray:
 def _slip(axes: Axes, film: Film) -> Draw:
     assert film.slip is not None
     wheel_lines(axes, film.trace, "slip")
+    axes.get_legend().set_loc("upper left")  # "best" would jump as the cursor passes
     axes.set(xlabel="t [s]", ylabel="slip S [-]", xlim=(film.t[0], film.t[-1]))
     axes.grid(alpha=0.3)
     cursor = axes.axvline(film.t[0], color="k", lw=1)

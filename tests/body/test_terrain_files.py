@@ -141,3 +141,9 @@ def test_a_file_that_cannot_be_written(tmp_path, write):
     with pytest.raises(DataError, match="cannot be written"):
         to_polyline(blocked, shapes.flat().profiles[0])
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_grid_that_lacks_an_array_is_told_what_a_grid_has(tmp_path):
+    np.savez(tmp_path / "mine.npz", x=np.arange(3.0), y=np.arange(3.0), z=np.zeros((3, 3)))
+    with pytest.raises(DataError, match=r"no array 'x0', only x, y, z: give the corner x0, y0 and the steps dx, dy"):
+        from_grid(tmp_path / "mine.npz")

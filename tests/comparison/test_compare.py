@@ -158,3 +158,11 @@ def test_an_unreadable_model_is_refused(tmp_path, run):
     code, _, err = run("compare", tmp_path / "a.toml", tmp_path / "b.toml")
     assert code == 2
     assert "is not a driving rover's model" in err
+
+
+def test_drives_that_were_set_otherwise_say_what_was_set(tmp_path):
+    files = [
+        save_trace(scenario("flat", duration=0.2, **{"soil.k": k}).drive(), tmp_path / f"{k}.parquet")
+        for k in ("10mm", "50mm")
+    ]
+    assert row(compare(*files), "set soil.k")[1:3] == ("10mm", "50mm")

@@ -168,6 +168,13 @@ def without(run, *starts):
     return {name: values for name, values in run.items() if not name.startswith(starts)}
 
 
+def test_a_current_that_one_run_lacks_is_named_and_the_others_are_not_denied():
+    wheel = next(name for name in GOOD[0] if name.startswith("current_"))
+    said = [each.what for each in findings(log_of(without(GOOD[0], wheel), *GOOD[1:]))]
+    assert any(line.startswith(f"{wheel} of ") and " is not recorded, so friction" in line for line in said)
+    assert not any("motor currents are not recorded" in line for line in said)
+
+
 FLAT = {"constant": 0.55, "hill": 0.0}
 
 

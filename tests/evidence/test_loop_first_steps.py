@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rover_pin.body.rover import load_rover
@@ -12,6 +13,7 @@ from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.separating_run import separating_run
 from rover_pin.loop.close import close_the_loop, read_start
 from rover_pin.loop.drive import spoken
 from rover_pin.motion.drive_log import About, DriveLog
@@ -106,3 +108,18 @@ def test_a_wheel_that_has_a_number_only_is_said_by_its_name():
     assert spoken("WeakMotor[2]", ["fl", "fr", "ml"]) == "WeakMotor[2] (wheel ml)"
     assert spoken("TachoScale[ml]", ["fl", "fr", "ml"]) == "TachoScale[ml]"
     assert spoken("SupplySag", ["fl", "fr", "ml"]) == "SupplySag"
+
+
+def test_a_column_that_lacks_is_told_which_one_to_rename(tmp_path):
+    with pytest.raises(DataError, match=r"no column 'slip': did you mean 'slpi'\? then call it 'slip' there\. Known: "):
+        read_rig_set(written(tmp_path, "slpi,load_N,drawbar_pull_N,sinkage_m"))
+
+
+@pytest.mark.parametrize(("off", "proposed"), [(1e-5, False), (2.0, True)])
+def test_a_run_that_would_tell_two_candidates_apart_by_nothing_is_not_proposed(tmp_path, monkeypatch, off, proposed):
+    def predicted(data, fit, menu):
+        return np.full((2, len(menu)), fit), np.zeros((len(menu), 2, 2))
+
+    monkeypatch.setattr("rover_pin.experiments.wheel_rig.separating_run._predicted", predicted)
+    data = read_rig_set(written(tmp_path, "slip,load_N,drawbar_pull_N,sinkage_m"))
+    assert (separating_run(data, ("A", 0.0), ("B", off)) is not None) == proposed

@@ -101,3 +101,8 @@ def test_every_function_takes_gaps_and_keeps_the_length():
         columns = {letter: gaps + at for at, letter in enumerate("abcd")} | {"t": np.arange(5.0)}
         letters = "abt" if name == "course" else "at" if name == "rate" else "abcd"[:count]
         assert evaluate(f"{name}({', '.join(letters)})", columns, "here").shape == (5,)
+
+
+def test_a_name_that_is_no_word_is_shown_how_to_be_quoted():
+    with pytest.raises(DataError, match=r'is no formula; write one as in .* or col\("any name \[rpm\]"\) / 9\.55\.$'):
+        evaluate("`Drehzahl VL [U/min]` / 9.55", COLUMNS, "the column wheel_rate_fl")

@@ -12,7 +12,7 @@ from rover_pin.report.drive.report import manner_of
 from rover_pin.report.first_screen import FirstScreen, first_lines
 from rover_pin.report.headline import headline
 from rover_pin.report.reasons import believe, doubt, next_run
-from rover_pin.report.words import Manner, brief, cause, human, listing, pair
+from rover_pin.report.words import Manner, brief, capital, cause, human, listing, pair, two_digits
 
 RIG = Manner("on slips it never saw", "levels of slip")
 
@@ -156,3 +156,13 @@ def test_classes_in_prose_become_names_but_not_those_of_parameters():
 
 def test_lists_read_as_sentences():
     assert [listing(parts) for parts in ((), ("a",), ("a", "b"), ("a", "b", "c"))] == ["", "a", "a and b", "a, b and c"]
+
+
+@pytest.mark.parametrize(("value", "said"), [(282.4, "280"), (18.66, "19"), (1.73, "1.7"), (0.034, "0.034")])
+def test_numbers_of_two_digits_have_no_exponent(value, said):
+    assert two_digits(value) == said
+
+
+def test_a_parameter_that_begins_a_sentence_keeps_its_name():
+    assert capital("soil.exit_ratio lies at its bound") == "soil.exit_ratio lies at its bound"
+    assert capital("slip-sinkage cannot be told from it.") == "Slip-sinkage cannot be told from it."

@@ -5,12 +5,15 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 
 from rover_pin.body.rover import load_rover
 from rover_pin.errors import DataError
 from rover_pin.motion.poses import configuration, on_the_ground, wheel_angles
 from rover_pin.motion.trace import Trace
 from rover_pin.scenarios import scenario
+from rover_pin.view.animation import _slip
 from rover_pin.view.film import MOST_FRAMES, Film
 from rover_pin.view.shapes import shapes_of
 
@@ -143,3 +146,15 @@ def test_a_mesh_is_read_from_the_rovers_folder_and_nowhere_else(tmp_path, caplog
     drawn = shapes_of(dataclasses.replace(rover, urdf=outside), tmp_path / "own")
     assert not any(np.allclose(np.ptp(shape.vertices, axis=0), [1.0, 2.0, 3.0]) for shape in drawn)
     assert "the mesh ../outside.stl is not in the rover's folder, and is left out" in caplog.text
+
+
+def test_the_legend_of_slip_stays_where_it_is_while_the_cursor_passes(driven):
+    axes = Figure().add_subplot()
+    draw, legend = _slip(axes, film_of(driven)), axes.get_legend()
+    places = []
+    for frame in (0, -1):
+        draw(frame)
+        axes.figure.canvas.draw()
+        places.append(legend.get_window_extent().bounds)
+    assert legend._get_loc() != Legend.codes["best"]
+    assert places[0] == pytest.approx(places[1])

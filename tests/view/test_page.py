@@ -41,6 +41,13 @@ def test_the_page_of_a_drive_is_opened_in_the_browser(run, monkeypatch):
     assert opened == [Path("out/drive/view.html").resolve().as_uri()]
 
 
+def test_where_there_is_no_browser_it_is_said(run, monkeypatch):
+    monkeypatch.setattr("webbrowser.open", lambda page: False)
+    code, _, err = run("drive", "flat", "--set", "duration=0.2", "--open")
+    assert code == 0
+    assert "no browser was found on this machine; open out/drive/view.html in one." in err
+
+
 @pytest.mark.slow
 def test_a_long_moving_picture_is_shown_faster_and_stays_small(tmp_path):
     made = scenario("flat", duration=25.0)

@@ -16,6 +16,8 @@ from rover_pin.experiments.wheel_rig.model import UNBALANCED, conditions, predic
 SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 LOADS = (0.5, 1.0, 2.0)
 """Loads of the menu, as multiples of the mean load."""
+TELLS = 9.0
+"""Expected chi2 from which a run tells two candidates apart: 3 standard deviations."""
 
 
 class SeparatingRun(NamedTuple):
@@ -41,7 +43,7 @@ Named = tuple[str, Fit]
 
 
 def separating_run(data: RigSet, first: Named, second: Named) -> SeparatingRun | None:
-    """Return the run of the menu with the greatest expected information, or None where none can be predicted.
+    """Return the run of the menu with the greatest expected information, or None where none tells the two apart.
 
     d^T (Sigma + J_1 C_1 J_1^T + J_2 C_2 J_2^T)^-1 d, with d the difference of the two predictions, Sigma the noise and
     C the covariance of each fit.
@@ -61,7 +63,7 @@ def separating_run(data: RigSet, first: Named, second: Named) -> SeparatingRun |
             shows = np.abs(difference) / np.sqrt(np.diag(doubt))
             channel = data.rig.channels[int(shows.argmax())].name
             best = SeparatingRun(first[0], second[0], float(load), float(slip), channel, expected)
-    return best
+    return best if best is not None and best.expected >= TELLS else None
 
 
 def _predicted(data: RigSet, fit: Fit, menu: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ Which effects look alike without what is measured in trials: a lumped six-wheel 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -193,14 +193,27 @@ def _wheels(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
 
 
 def _electric(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    if not all(f"current_{wheel}_A" in run.trace for run in runs for wheel in run.wheels):
+    currents = _lacking(runs, lambda run: [f"current_{wheel}_A" for wheel in run.wheels], "motor currents are")
+    if currents:
         yield (
-            "motor currents are not recorded, so friction of the gear and dead band, a weak motor and its "
+            f"{currents} not recorded, so friction of the gear and dead band, a weak motor and its "
             "tachometer's scale look alike, and viscous friction is hidden",
             "record current_WHEEL_A",
         )
-    if not all("battery_V" in run.trace for run in runs):
-        yield "battery_V is not recorded, so sag and run-down of the supply show in the wheel rates only", "record it"
+    supply = _lacking(runs, lambda run: ["battery_V"], "battery_V is")
+    if supply:
+        yield f"{supply} not recorded, so sag and run-down of the supply show in the wheel rates only", "record it"
+
+
+def _lacking(runs: Sequence[Driven], wanted: Callable[[Driven], list[str]], all_of_them: str) -> str:
+    """Return what of the wanted columns is missing, with its verb: `all_of_them`, those of some runs, or nothing."""
+    missing = [
+        (name, str(run.trace.attrs.get("file"))) for run in runs for name in wanted(run) if name not in run.trace
+    ]
+    if not missing or len(missing) == sum(len(wanted(run)) for run in runs):
+        return all_of_them if missing else ""
+    names, files = (", ".join(dict.fromkeys(each[at] for each in missing)) for at in (0, 1))
+    return f"{names} of {files} {'is' if len(missing) == 1 else 'are'}"
 
 
 def _runs(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
