@@ -117,7 +117,7 @@ def test_a_column_that_lacks_is_told_which_one_to_rename(tmp_path):
 
 @pytest.mark.parametrize(("off", "proposed"), [(1e-5, False), (2.0, True)])
 def test_a_run_that_would_tell_two_candidates_apart_by_nothing_is_not_proposed(tmp_path, monkeypatch, off, proposed):
-    def predicted(data, fit, menu):
+    def predicted(data, fit, menu, noise):
         return np.full((2, len(menu)), fit), np.zeros((len(menu), 2, 2))
 
     monkeypatch.setattr("rover_pin.experiments.wheel_rig.separating_run._predicted", predicted)

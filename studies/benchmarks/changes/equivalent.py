@@ -70,14 +70,6 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho): 0.0 -> 0.1",
     ): "what is not compared is read by no row: a block after a gap begins anew",
     (
-        "rover_pin/identification/identifiability.py",
-        'hint = f", which tells {told} only" if len(told) < 8 else "": 8 -> 9',
-    ): "how many words a hint has",
-    (
-        "rover_pin/identification/identifiability.py",
-        'hint = f", which tells {told} only" if len(told) < 8 else "": < -> <=',
-    ): "how many words a hint has",
-    (
         "rover_pin/identification/identify.py",
         "index = problem.space.names.index(name) if name in problem.space.names else -1: 1 -> 2",
     ): "any negative number stands for none",
