@@ -44,6 +44,13 @@ def draw_lines(
     axes: Axes, t: np.ndarray, lines: Mapping[str, np.ndarray], looks: Mapping[str, Mapping[str, Any]]
 ) -> None:
     """Draw lines over time; those that look the same are one, and its label says so."""
+    for group in alike(lines):
+        axes.plot(t, lines[group[0]], lw=1.2, label=" = ".join(group), **looks[group[0]])
+    axes.legend(fontsize=7, ncols=3, loc="best")
+
+
+def alike(lines: Mapping[str, np.ndarray]) -> list[list[str]]:
+    """Return the names of the lines in groups of those that are one to the eye."""
     seen = np.concatenate([each[np.isfinite(each)] for each in lines.values()]) if lines else np.zeros(0)
     near = max(ALIKE * float(np.ptp(seen)) if seen.size else 0.0, 1e-9)
     groups: list[list[str]] = []
@@ -51,9 +58,7 @@ def draw_lines(
         same = (each for each in groups if np.allclose(lines[each[0]], own, rtol=0.0, atol=near, equal_nan=True))
         found = next(same, None)
         groups.append([name]) if found is None else found.append(name)
-    for group in groups:
-        axes.plot(t, lines[group[0]], lw=1.2, label=" = ".join(group), **looks[group[0]])
-    axes.legend(fontsize=7, ncols=3, loc="best")
+    return groups
 
 
 def _look(trace: Trace, name: str, number: int) -> dict[str, Any]:

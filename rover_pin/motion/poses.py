@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.rover import Rover
+from rover_pin.body.rover import Rover, WheelMount
 from rover_pin.body.terrain import Terrain
 from rover_pin.body.wheel_base import wheel_places
 from rover_pin.motion.trace import Trace
@@ -43,6 +43,21 @@ def wheel_angles(trace: Trace, wheels: tuple[str, ...]) -> np.ndarray:
     dt = np.diff(trace.t, prepend=trace.t[:1])
     rates = [np.nan_to_num(trace.get(f"wheel_rate_{name}", np.zeros(dt.size))) for name in wheels]
     return np.cumsum(np.column_stack(rates) * dt[:, None], axis=0)
+
+
+def place_links(rover: Rover, data: pin.Data, q: np.ndarray) -> np.ndarray:
+    """Set the places of all joints in `data`; return each wheel's axle, steered as it is (wheels, 3), to the left."""
+    pin.computeJointJacobians(rover.model, data, q)
+    axles = np.array([data.J[3:, mount.dof] for mount in rover.wheels])
+    return np.asarray(axles / np.linalg.norm(axles, axis=1, keepdims=True))
+
+
+def footprint(mount: WheelMount, centre: np.ndarray, axle: np.ndarray) -> np.ndarray:
+    """Return the corners (4, 2) of a wheel seen from above [m]."""
+    left = axle[:2] / max(float(np.linalg.norm(axle[:2])), 1e-9)
+    ahead = np.array([left[1], -left[0]])
+    along, across = float(mount.wheel.r) * ahead, 0.5 * float(mount.wheel.b) * left
+    return centre[:2] + np.array([along + across, along - across, -along - across, -along + across])
 
 
 def on_the_ground(trace: Trace, rover: Rover, terrain: Terrain) -> Trace:

@@ -2,30 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import textwrap
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_pin.motion.draw import COLOURS, draw_lines, wheel_lines
+from rover_pin.motion.draw import COLOURS, alike, draw_lines, wheel_lines
 from rover_pin.motion.trace import Trace
 from rover_pin.plot.sheet import in_lines, sheet
 from rover_pin.plot.snapshots import title_of
 
 Panel = Callable[[Axes], None]
-OF_WHEELS = (("slip", "slip S [-]", 1.0), ("sinkage", "sinkage [mm]", 1e3), ("duty", "duty [-]", 1.0))
-"""Channel, label, and what it is multiplied by."""
+
+
+class OfWheels(NamedTuple):
+    """A channel of the wheels: its name, unit, and what it is multiplied by."""
+
+    channel: str
+    name: str
+    unit: str
+    scale: float = 1.0
+
+    @property
+    def label(self) -> str:
+        """Name and unit."""
+        return f"{self.name} [{self.unit or '-'}]"
+
+
+SLIP = OfWheels("slip", "slip S", "")
+SINKAGE = OfWheels("sinkage", "sinkage", "mm", 1e3)
+DUTY = OfWheels("duty", "duty", "")
 STILL = 1e-3
-"""Change of an angle [deg] or a duty [-] below which it is said in words instead of being drawn."""
+"""Change [label's unit] below which a wheel's channel is said in words instead of being drawn."""
+STILL_DEG = 0.05
+"""The same of an angle [deg]."""
+SIZE, LEGEND = (9.8, 1.9), 1.3
+"""Width, height of a panel, and width of the legends beside them [in], which so hide no line."""
 
 
 def history(trace: Trace) -> Figure:
-    """Return slip, speed, sinkage, suspension angles, heading and duty against time; what stays as it is, is said."""
+    """Return slip, speed, sinkage, angles, heading and duty against time; what stays as it is, is said."""
     panels, constant = _panels(trace)
-    figure, axes = sheet(len(panels), size=(9.0, 1.0 + 1.9 * len(panels)), sharex=True, squeeze=False)
+    size = (SIZE[0], 1.0 + SIZE[1] * len(panels))
+    figure, axes = sheet(len(panels), size=size, sharex=True, squeeze=False)
+    figure.subplots_adjust(right=1.0 - LEGEND / SIZE[0])
     for (label, draw), each in zip(panels.items(), axes[:, 0], strict=True):
         draw(each)
+        _legend_beside(each)
         each.set_ylabel(label)
         each.grid(alpha=0.3)
     axes[0, 0].set_title(in_lines([*title_of(trace), *constant]), fontsize=8)
@@ -33,32 +59,45 @@ def history(trace: Trace) -> Figure:
     return figure
 
 
+def _legend_beside(axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    wrapped = [textwrap.fill(label, 20) for label in labels]
+    axes.legend(handles, wrapped, fontsize=7, loc="upper left", bbox_to_anchor=(1.003, 1.0), borderaxespad=0.0)
+
+
 def _panels(trace: Trace) -> tuple[dict[str, Panel], list[str]]:
     """Return the panels by their label, and what is constant in words."""
     drawn: dict[str, Panel] = {}
     constant = []
-    for channel, label, scale in (
-        ("slip", "slip S [-]", 1.0),
-        ("sinkage", "sinkage [mm]", 1e3),
-        ("duty", "duty [-]", 1.0),
-    ):
-        values = [trace[f"{channel}_{wheel}"] for wheel in trace.wheels if f"{channel}_{wheel}" in trace]
-        if values and np.nanmax(values) - np.nanmin(values) > STILL / scale:
-            drawn[label] = lambda axes, channel=channel, scale=scale: _wheels(axes, trace, channel, scale)  # type: ignore[misc]
+    for each in (SLIP, SINKAGE, DUTY):
+        values = _values(trace, each)
+        if any(np.nanmax(own) - np.nanmin(own) > STILL for own in values.values()):
+            drawn[each.label] = lambda axes, each=each: wheel_lines(axes, trace, each.channel, each.scale)  # type: ignore[misc]
         elif values:
-            constant.append(f"{channel} {scale * float(np.nanmean(values)):.3g}")
+            constant.append(_in_words(each, values))
     if {"body_vx", "body_vy"} <= trace.channels.keys():
         drawn["speed [mm/s]"] = lambda axes: _speed(axes, trace)
-    if _angles(trace):
-        drawn["angle [deg]"] = lambda axes: _draw_angles(axes, trace)
+    for label, angles in _angles(trace).items():
+        drawn[label] = lambda axes, angles=angles: _draw_angles(axes, trace, angles)  # type: ignore[misc]
     if not drawn:
-        drawn["slip S [-]"] = lambda axes: _wheels(axes, trace, "slip", 1.0)
-    order = ("slip S [-]", "speed [mm/s]", "sinkage [mm]", "angle [deg]", "duty [-]")
+        drawn[SLIP.label] = lambda axes: wheel_lines(axes, trace, SLIP.channel)
+    order = (SLIP.label, "speed [mm/s]", SINKAGE.label, ANGLES, HEADING, DUTY.label)
     return {label: drawn[label] for label in order if label in drawn}, constant
 
 
-def _wheels(axes: Axes, trace: Trace, channel: str, scale: float) -> None:
-    wheel_lines(axes, trace, channel, scale)
+def _values(trace: Trace, each: OfWheels) -> dict[str, np.ndarray]:
+    """Return what was recorded of a channel by wheel, in the label's unit."""
+    names = {wheel: f"{each.channel}_{wheel}" for wheel in trace.wheels}
+    own = {wheel: each.scale * trace[name] for wheel, name in names.items() if name in trace}
+    return {wheel: values for wheel, values in own.items() if np.any(np.isfinite(values))}
+
+
+def _in_words(each: OfWheels, values: Mapping[str, np.ndarray]) -> str:
+    """Return what is constant as "duty 0.55", or as "duty 0.55 (fr, rr), 0.4 (fl, rl)" where wheels differ."""
+    groups = [(float(np.nanmean(values[group[0]])), group) for group in alike(values)]
+    unit = f" {each.unit}" if each.unit else ""
+    said = [f"{value:.3g}{unit}" + (f" ({', '.join(group)})" if len(groups) > 1 else "") for value, group in groups]
+    return f"{each.name} {', '.join(said)}"
 
 
 def _speed(axes: Axes, trace: Trace) -> None:
@@ -72,16 +111,21 @@ def _speed(axes: Axes, trace: Trace) -> None:
     draw_lines(axes, trace.t, lines, {name: {"color": COLOURS[n]} for n, name in enumerate(lines)})
 
 
-def _angles(trace: Trace) -> dict[str, np.ndarray]:
-    names = [
-        name for name in trace.channels if name.startswith(("rocker", "bogie")) or name[5:] in ("pitch", "roll", "yaw")
-    ]
-    degrees = {name.replace("_", " "): np.degrees(trace[name]) for name in names}
-    return {name: values for name, values in degrees.items() if np.nanmax(values) - np.nanmin(values) > 50 * STILL}
+ANGLES, HEADING = "angle [deg]", "heading [deg]"
 
 
-def _draw_angles(axes: Axes, trace: Trace) -> None:
-    lines = _angles(trace)
+def _angles(trace: Trace) -> dict[str, dict[str, np.ndarray]]:
+    """Return the angles that change [deg], by panel: a turn would flatten what the suspension does."""
+    kinds = {ANGLES: ("rocker", "bogie", "body_pitch", "body_roll"), HEADING: ("body_yaw",)}
+    found: dict[str, dict[str, np.ndarray]] = {}
+    for label, starts in kinds.items():
+        own = {name.replace("_", " "): np.degrees(trace[name]) for name in trace.channels if name.startswith(starts)}
+        own = {name: values for name, values in own.items() if np.nanmax(values) - np.nanmin(values) > STILL_DEG}
+        found |= {label: own} if own else {}
+    return found
+
+
+def _draw_angles(axes: Axes, trace: Trace, lines: Mapping[str, np.ndarray]) -> None:
     looks = {
         name: {"color": COLOURS[n % len(COLOURS)], "ls": "-" if n < len(COLOURS) else ":"}
         for n, name in enumerate(lines)

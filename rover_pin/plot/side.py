@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Polygon
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.terrain import Terrain
-from rover_pin.motion.poses import configuration
+from rover_pin.motion.poses import configuration, footprint, place_links
 from rover_pin.motion.trace import Trace
 
 SAND, EDGE = "#d9c9a5", "#8a7340"
@@ -25,6 +25,8 @@ class Pose(NamedTuple):
     q: np.ndarray
     centres: np.ndarray
     "of the wheels [m] (W, 3)"
+    axles: np.ndarray
+    "of the wheels, to the left, as they are steered (W, 3)"
     left: np.ndarray
     "direction to the left of the base, seen from above (2,)"
 
@@ -34,9 +36,9 @@ def poses(trace: Trace, rover: Rover, rows: Sequence[int] | np.ndarray) -> list[
     data, made = rover.model.createData(), []
     for row in rows:
         q = configuration(rover, trace, int(row))
-        pin.forwardKinematics(rover.model, data, q)
+        axles = place_links(rover, data, q)
         centres = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels])
-        made.append(Pose(float(trace.t[row]), q, centres, np.array(data.oMi[1].rotation[:2, 1])))
+        made.append(Pose(float(trace.t[row]), q, centres, axles, np.array(data.oMi[1].rotation[:2, 1])))
     return made
 
 
@@ -75,16 +77,12 @@ def draw_ground(axes: Axes, terrain: Terrain, span: tuple[float, float], under: 
 
 
 def draw_above(axes: Axes, rover: Rover, pose: Pose, colour: Any) -> None:
-    """Draw a rover from above: its wheels, straight ahead, and the line around them."""
+    """Draw a rover from above: its wheels as they are steered, and the line around them."""
     sides = [[n for n, wheel in enumerate(rover.wheels) if wheel.side == side] for side in "lr"]
     around = pose.centres[sides[0] + sides[1][::-1], :2]
     axes.add_patch(Polygon(around, fc="none", ec=colour, lw=0.8))
-    left = pose.left / max(float(np.linalg.norm(pose.left)), 1e-9)
-    ahead = np.array([left[1], -left[0]])
-    for wheel, centre in zip(rover.wheels, pose.centres, strict=True):
-        along, across = float(wheel.wheel.r) * ahead, 0.5 * float(wheel.wheel.b) * left
-        corners = [along + across, along - across, -along - across, -along + across]
-        axes.add_patch(Polygon(centre[:2] + np.array(corners), fc="none", ec=colour, lw=1.2))
+    for wheel, centre, axle in zip(rover.wheels, pose.centres, pose.axles, strict=True):
+        axes.add_patch(Polygon(footprint(wheel, centre, axle), fc="none", ec=colour, lw=1.2))
 
 
 def draw_heights(axes: Axes, terrain: Terrain, box: tuple[float, float, float, float]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -183,7 +184,7 @@ def title_of(trace: Trace) -> list[str]:
     words = [
         str(attrs.get("scenario", "drive")),
         str(attrs.get("happened") or f"stop: {attrs.get('stop', '-')}"),
-        f"control: {attrs.get('control', '-')}",
+        f"control: {re.sub(r'(?<=[a-z])(?=[A-Z])', ' ', str(attrs.get('control', '-'))).lower()}",
         f"g = {float(attrs.get('gravity_mps2', float('nan'))):.2f} m/s²",
     ]
     return [*words, *_deepest(trace)]

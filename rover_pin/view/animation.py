@@ -16,6 +16,7 @@ from PIL import Image, ImageSequence
 
 from rover_pin.columns import replace_file
 from rover_pin.motion.draw import wheel_lines
+from rover_pin.motion.poses import footprint
 from rover_pin.view.colours import slip_colour
 from rover_pin.view.film import Film
 
@@ -128,7 +129,7 @@ def _above(axes: Axes, film: Film) -> Draw:
     def draw(frame: int) -> None:
         for n in wheels:
             lines[n].set_data(film.centres[: frame + 1, n, 0], film.centres[: frame + 1, n, 1])
-            rims[n].set_xy(footprint(film, frame, n))
+            rims[n].set_xy(footprint(film.rover.wheels[n], film.centres[frame, n], film.left[frame, n]))
             rims[n].set_facecolor(_colour(film, frame, n))
         hull.set_xy(film.centres[frame][_around(film), :2])
 
@@ -139,17 +140,6 @@ def _around(film: Film) -> list[int]:
     """Return the wheels in order around the rover."""
     left = [n for n, wheel in enumerate(film.rover.wheels) if wheel.side == "l"]
     return left + [n for n, wheel in enumerate(film.rover.wheels) if wheel.side == "r"][::-1]
-
-
-def footprint(film: Film, frame: int, n: int) -> np.ndarray:
-    """Return the corners (4, 2) of a wheel seen from above [m]."""
-    wheel = film.rover.wheels[n].wheel
-    left = film.left[frame, n, :2] / max(float(np.linalg.norm(film.left[frame, n, :2])), 1e-9)
-    ahead = np.array([left[1], -left[0]])
-    corners = [(1, 1), (1, -1), (-1, -1), (-1, 1)]
-    return np.array(
-        [film.centres[frame, n, :2] + a * float(wheel.r) * ahead + b * 0.5 * float(wheel.b) * left for a, b in corners]
-    )
 
 
 def _slip(axes: Axes, film: Film) -> Draw:

@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.rover import Rover, WheelMount
+from rover_pin.body.rover import Rover
 from rover_pin.body.terrain import Extent, Terrain
 from rover_pin.errors import DataError
-from rover_pin.motion.poses import configuration, on_the_ground, wheel_angles
+from rover_pin.motion.poses import configuration, on_the_ground, place_links, wheel_angles
 from rover_pin.motion.trace import Trace
 
 FRAMES_PER_SECOND = 20.0
@@ -32,6 +32,8 @@ class Film:
         Of every link in the world.
     centres : array (F, W, 3)
         Of the wheels [m].
+    left : array (F, W, 3)
+        Along the wheels' axles, as they are steered.
     rows : array (F,)
         The rows of the trace.
     """
@@ -42,6 +44,7 @@ class Film:
     t: np.ndarray
     links: dict[str, tuple[np.ndarray, np.ndarray]]
     centres: np.ndarray
+    left: np.ndarray
     rows: np.ndarray
 
     @classmethod
@@ -62,15 +65,16 @@ class Film:
         angles = wheel_angles(trace, names)
         data, model = rover.model.createData(), rover.model
         bodies = [i for i, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
-        places, turns, centres = [], [], []
+        places, turns, centres, axles = [], [], [], []
         for row in rows:
-            pin.framesForwardKinematics(model, data, configuration(rover, trace, int(row), angles[row]))
+            axles.append(place_links(rover, data, configuration(rover, trace, int(row), angles[row])))
+            pin.updateFramePlacements(model, data)
             places.append([np.array(data.oMf[i].translation) for i in bodies])
             turns.append([np.roll(pin.Quaternion(data.oMf[i].rotation).coeffs(), 1) for i in bodies])
             centres.append([np.array(data.oMi[wheel.joint].translation) for wheel in rover.wheels])
         where, turned = np.array(places), np.array(turns)
         links = {str(model.frames[i].name): (where[:, n], turned[:, n]) for n, i in enumerate(bodies)}
-        return cls(rover, terrain, trace, trace.t[rows], links, np.array(centres), rows)
+        return cls(rover, terrain, trace, trace.t[rows], links, np.array(centres), np.array(axles), rows)
 
     @cached_property
     def slip(self) -> np.ndarray | None:
@@ -127,11 +131,6 @@ class Film:
         return np.concatenate(parts, axis=1)
 
     @cached_property
-    def left(self) -> np.ndarray:
-        """The direction to the left of each wheel (F, W, 3)."""
-        return np.stack([_left(self, wheel) for wheel in self.rover.wheels], axis=1)
-
-    @cached_property
     def beside(self) -> np.ndarray:
         """The ground just outside of each wheel (F, W, 3) [m], where an arrow is not hidden."""
         out = np.array(
@@ -161,15 +160,3 @@ def _rows(t: np.ndarray) -> np.ndarray:
     """Return the rows that are shown: evenly in time, the first and the last among them."""
     count = int(np.clip((t[-1] - t[0]) * FRAMES_PER_SECOND + 1, 2, MOST_FRAMES))
     return np.unique(np.clip(np.searchsorted(t, np.linspace(t[0], t[-1], count)), 0, t.size - 1))
-
-
-def _left(film: Film, wheel: WheelMount) -> np.ndarray:
-    """Return the direction to the left of a wheel (F, 3), that of the link on which it turns."""
-    model = film.rover.model
-    carrier = next(
-        str(frame.name)
-        for frame in model.frames
-        if frame.type == pin.FrameType.BODY and frame.parentJoint == model.parents[wheel.joint]
-    )
-    w, x, y, z = film.links[carrier][1].T
-    return np.column_stack([2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)])

@@ -8,9 +8,12 @@ from matplotlib import pyplot
 from matplotlib.patches import Circle, Polygon
 
 from rover_pin.errors import MissingExtraError, ParameterError
+from rover_pin.motion.poses import footprint
 from rover_pin.motion.trace import Trace
 from rover_pin.plot import history, snapshots
+from rover_pin.plot.side import poses
 from rover_pin.scenarios import scenario
+from rover_pin.view.film import Film
 
 
 def driven(name, **settings):
@@ -104,8 +107,50 @@ def test_what_stands_still_is_said_and_not_drawn(ditch):
     figure = history(trace)
     assert "duty [-]" not in [axes.get_ylabel() for axes in figure.axes]
     assert "duty 0.55" in figure.axes[0].get_title()
-    turned = driven("turn", duration=2.0)[1]
-    assert "duty [-]" in [axes.get_ylabel() for axes in history(turned).axes]
+    assert "control: constant duty" in figure.axes[0].get_title()
+
+
+def test_a_channel_whose_wheels_differ_but_stand_still_is_said_wheel_by_wheel():
+    trace = driven("point-turn", duration=2.0)[1]
+    figure = history(trace)
+    assert [axes.get_ylabel() for axes in figure.axes if "duty" in axes.get_ylabel()] == []
+    title = figure.axes[0].get_title().replace("\n", " ")
+    assert "duty -0.55 (fl, rl), 0.55 (fr, rr), -0.401 (ml), 0.401 (mr)" in title
+    changed = {**trace.channels, "duty_ml": np.linspace(0.0, 0.1, trace.t.size)}
+    assert "duty [-]" in [axes.get_ylabel() for axes in history(dataclasses.replace(trace, channels=changed)).axes]
+    flat = {
+        name: np.full(trace.t.size, 2e-3) if name.startswith("sinkage") else values for name, values in changed.items()
+    }
+    assert "sinkage 2 mm" in history(dataclasses.replace(trace, channels=flat)).axes[0].get_title()
+
+
+@pytest.mark.parametrize("name", ["turn", "ditch"])
+def test_no_legend_hides_a_line_and_none_is_cut(name):
+    figure = history(driven(name, duration=3.0)[1])
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        box = axes.get_legend().get_window_extent()
+        assert box.x0 >= axes.get_window_extent().x1
+        assert box.x1 <= figure.bbox.x1
+        assert box.height <= axes.get_window_extent().height
+
+
+def test_wheels_are_seen_from_above_as_they_are_steered():
+    """About a turn's centre, every wheel's axle points at it: of the rover that drives, and in the moving picture."""
+    model, trace = driven("turn", duration=2.0)
+    pose = poses(trace, model.rover, [trace.t.size - 1])[0]
+    film = Film.of(trace, model.rover, model.terrain)
+    assert film.left[-1] == pytest.approx(pose.axles)
+    yaw = trace["body_yaw"][-1]
+    centre = pose.q[:2] + 1.0 * np.array([-np.sin(yaw), np.cos(yaw)])  # of the scenario's 1 m radius
+    for wheel, at, axle in zip(model.rover.wheels, pose.centres, pose.axles, strict=True):
+        towards = (centre - at[:2]) / np.linalg.norm(centre - at[:2])
+        assert float(towards @ axle[:2]) == pytest.approx(1.0, abs=2e-3), wheel.name
+        ends = footprint(wheel, at, axle)
+        assert ends.mean(axis=0) == pytest.approx(at[:2])
+        assert float(np.linalg.norm(ends[0] - ends[1])) == pytest.approx(float(wheel.wheel.b))
+        assert abs(float((ends[0] - ends[3]) @ towards)) < 0.05 * float(wheel.wheel.r)
+    assert abs(np.degrees(trace["steer_fl"][-1])) > 5.0
 
 
 @pytest.mark.parametrize(
