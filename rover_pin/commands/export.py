@@ -33,7 +33,8 @@ def export(
 ) -> None:
     """Write a drive as a table, for Foxglove (MCAP), or for Rerun."""
     if to in (Kind.MCAP, Kind.RERUN) and find_spec(to.value) is None:
-        raise MissingExtraError(f"Exporting to {to.value} needs it: pip install 'rover-pin[{to.value}]'.")
+        name = {Kind.MCAP: "MCAP needs the package mcap", Kind.RERUN: "Rerun needs the package rerun-sdk"}[to]
+        raise MissingExtraError(f"Exporting to {name}: pip install 'rover-pin[{to.value}]'.")
     from rover_pin.commands.subject import read_subject
     from rover_pin.view import export as writing
 

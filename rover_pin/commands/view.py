@@ -94,7 +94,8 @@ def write_seen(subject: "Subject", other: "Subject | None", file: Path) -> Path:
     from rover_pin.view.animation import write_animation
     from rover_pin.view.film import Film
 
-    return write_animation(file, Film.of(subject.trace, subject.rover, subject.terrain), subject.name)
+    film, *ghosts = (Film.of(each.trace, each.rover, each.terrain) for each in (subject, other) if each is not None)
+    return write_animation(file, film, subject.name, *ghosts)
 
 
 def _serve(subject: "Subject", other: "Subject | None", port: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +12,29 @@ from rover_pin.body.rover import Rover, WheelMount
 from rover_pin.body.terrain import Terrain
 from rover_pin.body.wheel_base import wheel_places
 from rover_pin.motion.trace import Trace
+
+
+class Turned(NamedTuple):
+    """How far a drive turns [rad], and goes across its first heading [m]: what says from where it is to be seen."""
+
+    turn: float
+    across: float
+
+    @classmethod
+    def of(cls, trace: Trace) -> Turned:
+        """Return what a trace turned; one without heading went straight on."""
+        x, y, yaw = (np.nan_to_num(trace.get(f"body_{name}", np.zeros(trace.t.size))) for name in ("x", "y", "yaw"))
+        return cls(float(np.ptp(yaw)), float(np.ptp(np.cos(yaw[0]) * y - np.sin(yaw[0]) * x)))
+
+    @property
+    def from_above(self) -> bool:
+        """Whether it turns by more than 10 deg or goes 5 cm across, so that the view from above says something."""
+        return not self.side_tells or self.turn > math.radians(10.0) or self.across > 0.05
+
+    @property
+    def side_tells(self) -> bool:
+        """Whether it turns by less than 60 deg: beyond, the view from the side says nothing any more."""
+        return self.turn < math.radians(60.0)
 
 
 def configuration(rover: Rover, trace: Trace, row: int, turned: np.ndarray | None = None) -> np.ndarray:

@@ -12,17 +12,13 @@ from matplotlib.figure import Figure
 
 from rover_pin.body.rover import Rover
 from rover_pin.motion.model import Model
-from rover_pin.motion.poses import on_the_ground
+from rover_pin.motion.poses import Turned, on_the_ground
 from rover_pin.motion.trace import Trace
 from rover_pin.plot.sheet import MARGINS, in_lines, sheet
 from rover_pin.plot.side import Pose, draw_above, draw_ground, draw_heights, draw_rover, poses
 
 FURTHEST_APART = 0.5
 """Way [m] between two snapshots of a rover, about."""
-TURNED, ACROSS = math.radians(10.0), 0.05
-"""Turn [rad], or way across the first heading [m], from which a drive is shown from above."""
-SIDEWAYS = math.radians(60.0)
-"""Turn from which the side view says nothing any more."""
 WIDTH = 10.0
 PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 1.0}
 A_LABEL = (0.6, 0.2)
@@ -38,14 +34,13 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     dashed. A drive that turns is shown from above, too; only so where the wheels leave the ground that would be drawn.
     """
     trace = on_the_ground(trace, model.rover, model.terrain)
-    x, y, yaw = (trace.get(f"body_{name}", np.zeros(trace.t.size)) for name in ("x", "y", "yaw"))
+    x, y = (trace.get(f"body_{name}", np.zeros(trace.t.size)) for name in "xy")
     way = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
     rows = np.linspace(0, trace.t.size - 1, max(count, round((0.6 + way) / FURTHEST_APART))).astype(int)
     shown = poses(trace, model.rover, rows)
-    turn, across = float(np.ptp(yaw)), float(np.ptp(np.cos(yaw[0]) * y - np.sin(yaw[0]) * x))
-    side = _Side(shown, model)
-    views: list[_Side | _Above] = [side] if turn < SIDEWAYS and side.stands else []
-    if not views or turn > TURNED or across > ACROSS:
+    turned, side = Turned.of(trace), _Side(shown, model)
+    views: list[_Side | _Above] = [side] if turned.side_tells and side.stands else []
+    if not views or turned.from_above:
         views.append(_Above(shown, model, trace))
     heights = [view.height for view in views]
     figure, axes = sheet(

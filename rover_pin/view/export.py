@@ -49,7 +49,9 @@ def write_mcap(file: Path, subject: Subject) -> Path:
     messages: list[tuple[Any, str, Any]] = [
         (t, "/trace", _row(subject.trace, row)) for row, t in enumerate(subject.trace.t)
     ]
-    messages += [(t, "/tf", {"transforms": _frames(film, frame, float(t))}) for frame, t in enumerate(film.t)]
+    messages += [
+        (t, "/tf", {"transforms": _frames(film, frame, float(t - film.t[0]))}) for frame, t in enumerate(film.t)
+    ]
     for t, topic, message in sorted(messages, key=lambda each: float(each[0])):
         at = round(NANO * (float(t) - float(subject.trace.t[0])))
         writer.add_message(ids[topic], log_time=at, publish_time=at, data=json.dumps(message).encode())

@@ -41,6 +41,9 @@ def test_mcap_has_every_row_and_every_link(run, log):
     rows = [json.loads(message.data) for _, channel, message in messages if channel.topic == "/trace"]
     assert [row["body_x"] for row in rows] == list(log["body_x"])
     frames = [json.loads(message.data)["transforms"] for _, channel, message in messages if channel.topic == "/tf"]
+    logged = [message.log_time for _, channel, message in messages if channel.topic == "/tf"]
+    stamps = [frame[0]["timestamp"] for frame in frames]
+    assert [stamp["sec"] * 10**9 + stamp["nsec"] for stamp in stamps] == pytest.approx(logged, abs=2)
     base = frames[-1][0]
     assert base["translation"]["x"] == pytest.approx(log["body_x"][-1])
     assert sum(each**2 for each in base["rotation"].values()) == pytest.approx(1.0)
@@ -48,5 +51,5 @@ def test_mcap_has_every_row_and_every_link(run, log):
 
 def test_what_is_missing_is_said(run, log, monkeypatch):
     monkeypatch.setattr("rover_pin.commands.export.find_spec", lambda name: None)
-    assert "needs it: pip install 'rover-pin[rerun]'" in run("export", "log", "--to", "rerun")[2]
-    assert "needs it: pip install 'rover-pin[mcap]'" in run("export", "log", "--to", "mcap")[2]
+    assert "needs the package rerun-sdk: pip install 'rover-pin[rerun]'" in run("export", "log", "--to", "rerun")[2]
+    assert "needs the package mcap: pip install 'rover-pin[mcap]'" in run("export", "log", "--to", "mcap")[2]

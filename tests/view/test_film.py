@@ -1,19 +1,22 @@
 """A drive as it is shown: links where kinematics have them, wheels that turn, forces that carry the weight."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
+from matplotlib.patches import Circle
 
 from rover_pin.body.rover import load_rover
 from rover_pin.errors import DataError
-from rover_pin.motion.poses import configuration, on_the_ground, wheel_angles
+from rover_pin.motion.poses import Turned, configuration, on_the_ground, wheel_angles
 from rover_pin.motion.trace import Trace
 from rover_pin.scenarios import scenario
-from rover_pin.view.animation import _slip
+from rover_pin.view.animation import _figure, _slip, write_animation
+from rover_pin.view.colours import slip_colour
 from rover_pin.view.film import MOST_FRAMES, Film
 from rover_pin.view.shapes import shapes_of
 
@@ -150,7 +153,7 @@ def test_a_mesh_is_read_from_the_rovers_folder_and_nowhere_else(tmp_path, caplog
 
 def test_the_legend_of_slip_stays_where_it_is_while_the_cursor_passes(driven):
     axes = Figure().add_subplot()
-    draw, legend = _slip(axes, film_of(driven)), axes.get_legend()
+    draw, legend = _slip(axes, film_of(driven), None), axes.get_legend()
     places = []
     for frame in (0, -1):
         draw(frame)
@@ -158,3 +161,51 @@ def test_the_legend_of_slip_stays_where_it_is_while_the_cursor_passes(driven):
         places.append(legend.get_window_extent().bounds)
     assert legend._get_loc() != Legend.codes["best"]
     assert places[0] == pytest.approx(places[1])
+
+
+def test_a_ghost_is_in_the_moving_picture_at_the_same_time(driven):
+    made, trace = driven
+    late = dataclasses.replace(trace, channels={**trace.channels, "body_x": trace["body_x"] - 0.1})
+    film, ghost = film_of(driven), Film.of(late, made.model.rover, made.model.terrain)
+    figure, draws = _figure(film, ghost)
+    for draw in draws:
+        draw(film.t.size - 1)
+    rims = [patch for patch in figure.axes[0].patches if isinstance(patch, Circle)]
+    own, other = (sorted(rim.center[0] for rim in rims if rim.get_facecolor()[3] == alpha) for alpha in (1, 0))
+    assert np.array(own) - np.array(other) == pytest.approx(0.1)
+    assert "outlines: the ghost" in [text.get_text() for axes in figure.axes for text in _words(axes)]
+    with pytest.raises(DataError, match="compare drives of one rover"):
+        write_animation(
+            Path("never.gif"), film, "drive", Film.of(trace, load_rover(OTHER[film.rover.name]), ghost.terrain)
+        )
+
+
+def _words(axes):
+    return axes.get_legend().get_texts() if axes.get_legend() else ()
+
+
+OTHER = {"nexus6": "cart", "nexus6_links": "cart", "cart": "nexus6"}
+
+
+@pytest.mark.parametrize(
+    ("turn", "across", "side", "above"),
+    [(0.0, 0.0, True, False), (0.0, 0.1, True, True), (0.3, 0.0, True, True), (1.5, 0.0, False, True)],
+)
+def test_a_drive_that_turns_is_seen_from_above(turn, across, side, above):
+    t = np.linspace(0.0, 1.0, 30)
+    trace = Trace({"t_s": t, "body_x": t, "body_y": across * t, "body_yaw": turn * t})
+    turned = Turned.of(trace)
+    assert (turned.side_tells, turned.from_above) == (side, above)
+    film = Film.of(trace, load_rover("cart"), scenario("flat").model.terrain)
+    assert [axes.get_ylabel() for axes in _figure(film, None)[0].axes] == ["z [m]"] * side + ["y [m]"] * above
+
+
+def test_the_colours_of_the_wheels_are_explained_beside_their_slip(driven):
+    axes = Figure().add_subplot()
+    _slip(axes, film_of(driven), None)
+    (strip,) = axes.child_axes
+    low, high = axes.get_ylim()
+    (image,) = strip.images
+    row = int((0.0 - low) / (high - low) * 100)
+    assert tuple(image.get_array()[row, 0]) == pytest.approx(slip_colour(low + (row + 0.5) * (high - low) / 100))
+    assert strip.get_ylim() == (low, high)
