@@ -191,27 +191,33 @@ def identify(
         Path, typer.Argument(help="Folder with rig.toml or drive.toml, or a CSV of slip, traction_factor, sd.")
     ],
     free: Annotated[str, typer.Option(help="Parameters to find, as k,phi,k_1; angles in rad.")] = "k,phi",
-    soil: SoilName = "table-1",
+    soil: SoilName = "",
     set_: Set = [],  # noqa: B006
     prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, what is known of a parameter, repeatable.")] = [],  # noqa: B006
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit soil parameters to data, and say which the data tell."""
+    """Fit soil parameters to data, and say which the data tell.
+
+    The rest is --set's, --soil's, the data's or Table 1's; k_1 is uncertain where it decides and nothing measured it.
+    """
+    from rover_pin.identification.arc_doubt import with_arc_doubt
     from rover_pin.identification.identify import identify as fit
     from rover_pin.loop.data_check import checked_evidence
     from rover_pin.parameters import soil_named
     from rover_pin.settings import Settings
 
-    given = Settings({f"soil.{name.removeprefix('soil.')}": value for name, value in assignments(set_).items()})
-    start = soil_named(soil)
-    start = start.replace(**given.record("soil", start))
+    said = {name.removeprefix("soil."): value for name, value in assignments(set_).items()}
+    given = Settings({f"soil.{name}": value for name, value in said.items()})
+    start = soil_named(soil or "table-1")
+    changes = given.record("soil", start)
     given.finish()
-    names = tuple(name.strip() for name in free.split(",") if name.strip())
     evidence, findings = checked_evidence(data, Trust(everything=trust))
+    start = (start if soil else evidence.declared_soil(start)).replace(**changes)
+    names = tuple(name.strip() for name in free.split(",") if name.strip())
     for finding in findings:
         log.warning("%s", finding)
-    found = fit(evidence, start, names, priors(prior))
+    found = fit(evidence, start, *with_arc_doubt(evidence, start, names, priors(prior), frozenset(said)))
     print(json_text(found.as_dict()) if as_json else found.report())
 
 

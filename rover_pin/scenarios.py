@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,9 +16,10 @@ from rover_pin.controls import controller_from
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import RelaxedSlip
+from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.command import Controller
-from rover_pin.motion.defaults import pace, scale
+from rover_pin.motion.defaults import pace, scale, usual_angles
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.effect_words import having, words_of
 from rover_pin.motion.log_terrain import write_terrain
@@ -30,6 +32,8 @@ from rover_pin.paths import is_file
 from rover_pin.quantity import declared, written
 from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, Settings
+from rover_pin.soil.angles import ANGLES
+from rover_pin.toml_file import read_toml
 from rover_pin.trust import Trust
 from rover_pin.vehicle.composed import Made, composed
 from rover_pin.vehicle.scene import scaled
@@ -77,11 +81,18 @@ class Scenario:
         return dataclasses.replace(trace, attrs={**trace.attrs, **about})
 
     def write_log(self, trace: Trace, folder: str | Path) -> Path:
-        """Write a drive of this scenario as a drive log that declares its terrain, soil, wheel, motor, resistance."""
+        """Write a drive of this scenario as a drive log that declares its terrain, soil, wheel, motor, resistance.
+
+        A rover of one's own is named by the way from the folder to its TOML; contact angles that are not the usual ones
+        of its wheels are declared.
+        """
         model = self.model
         resistance = [declared(each) for each in model.effects if isinstance(each, MotionResistance)]
+        about = About.of(trace, self.name)
         about = dataclasses.replace(
-            About.of(trace, self.name),
+            about,
+            rover=self._rover_from(Path(folder)) or about.rover,
+            angles=_told_angles(model),
             terrain=write_terrain(folder, model.terrain),
             soil=declared(model.soils[0]),
             wheel=declared(model.rover.wheels[0].wheel),
@@ -89,6 +100,21 @@ class Scenario:
             resistance=resistance[0] if resistance else {},
         )
         return write_drive_log(folder, {"run": trace}, about)
+
+    def _rover_from(self, folder: Path) -> str:
+        """Return the way from a folder to the TOML of a rover of one's own; nothing for one of the package's."""
+        rover = Path(str(self.settings.get("rover", "")))
+        if "model" in self.settings and "rover" not in self.settings:
+            file = Path(str(self.settings["model"]))
+            rover = file.parent / str(read_toml(file).get("rover", ""))
+        return os.path.relpath(rover.resolve(), folder.resolve()) if is_file(rover) else ""
+
+
+def _told_angles(model: Model) -> str:
+    """Return the word for the contact angles; nothing for those that are usual for the rover's wheels."""
+    tractions = [each for each in model.effects if isinstance(each, SoilTraction)]
+    usual = usual_angles(model.rover)
+    return next((word for each in tractions for word, one in ANGLES.items() if usual != each.angles == one), "")
 
 
 def scenario(name: str, /, **settings: Any) -> Scenario:

@@ -13,6 +13,12 @@ from rover_pin.body.acceleration import constraint_rows, wheel_jacobians
 from rover_pin.body.rover import Rover
 from rover_pin.errors import ParameterError, closest
 
+SLIDING = (0, 1, 5)
+"""Base velocities along which the ground resists besides: their balance tells no load."""
+UNTOLD = 1e-6
+"""Singular value over the greatest below which a combination of loads moves no balance."""
+SHARED = 0.1
+"""Share of such a combination of unit length up to which a load, or the sum of an axle, counts as told."""
 SHARES = 4
 """Rounds in which the shares of resistance and side force are found; each is some ten times nearer."""
 
@@ -125,10 +131,9 @@ def driven_loads(rover: Rover, q: np.ndarray, torque: np.ndarray) -> np.ndarray:
 
 
 def loads_on(rover: Rover, q: np.ndarray, torque: np.ndarray, foot: Footing, jacobians: np.ndarray) -> np.ndarray:
-    """Return `driven_loads` where the footing is known already."""
+    """Return `driven_loads` where the footing is known already; of loads that statics leave open, the least."""
     r = np.array([float(mount.wheel.r) for mount in rover.wheels])
-    held = {mount.dof for mount in rover.wheels} | {mount.steer_dof for mount in rover.wheels}
-    free = [place for place in range(rover.model.nv) if place not in held]
+    free = _free_places(rover)
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     pull = (torque / r)[:, None] * foot.forward
     known = np.einsum("nij,ni->j", jacobians, np.hstack([pull, -torque[:, None] * foot.left]))
@@ -147,6 +152,36 @@ def loads_on(rover: Rover, q: np.ndarray, torque: np.ndarray, foot: Footing, jac
         rho, eta = (-float(lacking @ _mean(axes, load)) / max(float(np.sum(load)), 1e-9)
                     for axes in (foot.forward, foot.left))  # fmt: skip
     return np.array(load)
+
+
+def told_together(rover: Rover, foot: Footing, jacobians: np.ndarray) -> list[tuple[int, ...]]:
+    """Return the wheels whose loads statics tell one by one, else axles whose sum they tell, else all the others.
+
+    A rigid chassis on four wheels shares its weight over the diagonals as the ground's warp has it, which no balance
+    knows: (+, -, -, +) over its wheels changes neither the sum of an axle nor a moment.
+    """
+    push = np.hstack([foot.normal, 0.0 * foot.normal])
+    upright = [place for place in _free_places(rover) if place not in SLIDING]
+    lifts = np.einsum("nij,ni->jn", jacobians, push)[upright]
+    _, sizes, directions = np.linalg.svd(np.column_stack([lifts, constraint_rows(rover).T[upright]]))
+    open_ = directions[int(np.sum(sizes > UNTOLD * sizes[0])) :, : len(rover.wheels)].T
+    groups: list[tuple[int, ...]] = []
+    others: list[int] = []
+    for axle in dict.fromkeys(wheel.axle for wheel in rover.wheels):
+        wheels = tuple(i for i, wheel in enumerate(rover.wheels) if wheel.axle == axle)
+        if np.all(np.abs(open_[list(wheels)]) < SHARED):
+            groups += [(i,) for i in wheels]
+        elif np.all(np.abs(open_[list(wheels)].sum(axis=0)) < SHARED):
+            groups.append(wheels)
+        else:
+            others += wheels
+    return [*groups, tuple(others)] if others else groups
+
+
+def _free_places(rover: Rover) -> list[int]:
+    """Return the degrees of freedom that no motor holds."""
+    held = {mount.dof for mount in rover.wheels} | {mount.steer_dof for mount in rover.wheels}
+    return [place for place in range(rover.model.nv) if place not in held]
 
 
 def _mean(axes: np.ndarray, load: np.ndarray) -> np.ndarray:

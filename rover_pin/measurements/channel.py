@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
@@ -16,6 +16,9 @@ from rover_pin.soil.traction import WheelForces
 
 FIELDS: tuple[str, ...] = (*quantities(Wheel), *quantities(Soil))
 """Every parameter that can be free, in the order in which a predictor takes them."""
+
+DECLARED_SD, UNDECLARED_SD = 0.35, 0.7
+"""Relative SD of a modulus that is declared without one (bench tests), or not at all: assumed, as in the loop."""
 
 Predictor = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Values of `FIELDS` -> predictions [m] and their Jacobian with respect to the free ones [m, p], channel by channel."""
@@ -133,6 +136,17 @@ class Evidence(Protocol):
     @property
     def channels(self) -> tuple[Channel, ...]:
         """The measured channels."""
+
+    @property
+    def declared(self) -> Mapping[str, float]:
+        """Soil constants that come with the data, by name (SI)."""
+
+    @property
+    def doubts(self) -> Mapping[str, float]:
+        """The SDs that are stated with them, by name (SI)."""
+
+    def declared_soil(self, soil: Soil) -> Soil:
+        """Return `soil` with what the data declare of it."""
 
     @property
     def loads(self) -> np.ndarray:

@@ -10,14 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.body.rover import Rover
+from rover_pin.contact import Soil
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import DataError
+from rover_pin.measurements.channel import UNDECLARED_SD
 from rover_pin.measurements.steady_windows import Steady, Window, steady_windows
 from rover_pin.measurements.traction_points import TractionPoints
-from rover_pin.motion.defaults import usual_angles, usual_slip
+from rover_pin.motion.defaults import has_papers_wheel, own_soil, usual_angles, usual_slip
 from rover_pin.motion.drive_log import DriveLog, read_drive_log
 from rover_pin.motion.motor import Motor
-from rover_pin.quantity import record_from
+from rover_pin.quantity import declared_sd, quantities, record_from
+from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import TorqueTraction
 from rover_pin.trust import Trust
 
@@ -27,13 +31,15 @@ class Sampling:
     """How windows are gathered, and what does not average out over them (all assumed).
 
     The shortest of `lengths` [s] is taken whose slips scatter by less than half a class of 1 / `levels`; a class has
-    `least` windows. `load_error` is the relative error of all loads and torques together: where the ground bends within
-    a wheelbase the static balance misses by 1 %, motor constants are known to 1 or 2 %. `wheel_error` is the relative
-    error of one wheel's rate and radius.
+    `least` windows, of loads within a factor exp(`loads`) where the arc follows from the load. `load_error` is the
+    relative error of all loads and torques together: where the ground bends within a wheelbase the static balance
+    misses by 1 %, motor constants are known to 1 or 2 %. `wheel_error` is the relative error of one wheel's rate and
+    radius.
     """
 
     lengths: tuple[float, ...] = (2.0, 4.0, 8.0)
     levels: int = 20
+    loads: float = 0.25
     least: int = 3
     load_error: float = 0.02
     wheel_error: float = 0.01
@@ -89,14 +95,34 @@ def drive_points(log: DriveLog, motor: Motor, sampling: Sampling = SAMPLING) -> 
             f"{1.0 / sampling.levels:g}: drive longer at constant duty, or track the rover more finely."
         )
     lag, angles = usual_slip(rover), usual_angles(rover, log.about.angles)
-    classes = classed([pair for windows in runs for pair in instrumented(windows, length, lag)], sampling)
+    by_load = sampling.loads if isinstance(angles, SinkageAngles) else math.inf
+    classes = classed([pair for windows in runs for pair in instrumented(windows, length, lag)], sampling, by_load)
     if not classes:
         raise DataError(
             f"{log.folder}: no class of slip has {sampling.least} steady windows of {length:g} s: drive longer at "
             "constant duty, over slopes that change the slip."
         )
     slip, factor, sd, *others = points_of(classes, sampling, constant_doubt(log.about.motor)).T
-    return TractionPoints(slip, factor, sd, rover.wheel, TorqueTraction(), angles, *others)
+    declared, doubts = declared_soil(log, rover)
+    slip_sd, shared, slip_shared, load = others
+    return TractionPoints(
+        slip, factor, sd, rover.wheel, TorqueTraction(), angles, slip_sd, shared, slip_shared, load, declared, doubts
+    )
+
+
+def declared_soil(log: DriveLog, rover: Rover) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the soil constants of a log's [soil], and the SDs that it states.
+
+    A wheel that is not the paper's needs a k_1 that carries it: one that is not declared is `own_soil`'s.
+    """
+    where, table = f"{log.folder}: [soil]", log.about.soil
+    soil = record_from(Soil, table, where)
+    stated = {name: declared_sd(table[name], quantities(Soil)[name].unit, where) for name in table}
+    known, doubts = {name: getattr(soil, name) for name in table}, {name: sd for name, sd in stated.items() if sd}
+    if has_papers_wheel(rover) or {"k_1", "k_2"}.intersection(table):
+        return known, doubts
+    k_1 = float(own_soil(rover).value.k_1)
+    return {"k_1": k_1, **known}, {"k_1": UNDECLARED_SD * k_1, **doubts}
 
 
 def instrumented(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> list[tuple[float, Window]]:
@@ -123,16 +149,17 @@ def _start(window: Window) -> float:
     return window.start
 
 
-def classed(pairs: Sequence[tuple[float, Window]], sampling: Sampling) -> list[list[Window]]:
-    """Return the classes of windows that are full enough, by what stands beside them."""
-    classes: dict[int, list[Window]] = {}
+def classed(pairs: Sequence[tuple[float, Window]], sampling: Sampling, by_load: float = math.inf) -> list[list[Window]]:
+    """Return the classes of windows that are full enough, by what stands beside them and by ln W in steps `by_load`."""
+    classes: dict[tuple[int, int], list[Window]] = {}
     for beside, window in pairs:
-        classes.setdefault(math.floor(beside * sampling.levels), []).append(window)
+        key = (math.floor(beside * sampling.levels), math.floor(math.log(window.load) / by_load))
+        classes.setdefault(key, []).append(window)
     return [windows for _, windows in sorted(classes.items()) if len(windows) >= sampling.least]
 
 
 def points_of(classes: Sequence[Sequence[Window]], sampling: Sampling, constant: float) -> np.ndarray:
-    """Return mean slip and factor, SDs of factor and slip, and the SDs that all classes share of both [classes, 6].
+    """Return mean slip and factor, SDs of factor and slip, the SDs that all classes share of both, W [classes, 7].
 
     The scatter of windows is pooled over the classes, as is that between wheels, which wins where wheels differ among
     themselves. What all classes share does not average over them: the loads' error, the torque `constant`'s relative
@@ -148,7 +175,8 @@ def points_of(classes: Sequence[Sequence[Window]], sampling: Sampling, constant:
         wheel_error = sampling.wheel_error / math.sqrt(wheels)
         shared = math.hypot(sampling.load_error * factor, constant * (factor + lean), lean * wheel_error)
         slip_sd = rms([window.slip_sd for window in windows]) / math.sqrt(count)
-        rows.append((slip, factor, math.hypot(own, noise), slip_sd, shared, (1.0 - slip) * wheel_error))
+        load = float(np.mean([window.load for window in windows]))
+        rows.append((slip, factor, math.hypot(own, noise), slip_sd, shared, (1.0 - slip) * wheel_error, load))
     return np.array(rows)
 
 

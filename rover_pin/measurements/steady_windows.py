@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.body.driven_loads import configuration, footing, loads_on, turning, wheel_mounts
+from rover_pin.body.driven_loads import configuration, footing, loads_on, told_together, turning, wheel_mounts
 from rover_pin.body.rover import Rover
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.trace import Trace
@@ -24,7 +24,7 @@ class Steady:
     """What counts as steady: not the first `settle` s, nor rims slower than `slowest` m/s.
 
     Over a window the duty moves by `duty` at most, the rim speed by the share `rim` and the slip by `slip`, or by
-    three SDs of its own noise.
+    three SDs of its own noise. Slips of wheels whose loads are told together only differ by `alike` at most.
     """
 
     settle: float = 2.0
@@ -32,12 +32,14 @@ class Steady:
     duty: float = 0.02
     rim: float = 0.1
     slip: float = 0.1
+    alike: float = 0.05
 
 
 class Window(NamedTuple):
-    """One wheel over one window; SDs are of means, from how the rows scatter."""
+    """One wheel, or wheels that are told together, over one window; SDs are of means, from how the rows scatter."""
 
     wheel: int
+    "the first of those that are told together"
     start: float
     "s"
     slip: float
@@ -49,6 +51,8 @@ class Window(NamedTuple):
     "by how much the factor falls where the measured rate is too high by its own size; 0 where the current was measured"
     rim: float
     "m/s"
+    load: float
+    "a wheel's W [N]"
 
 
 class Mean(NamedTuple):
@@ -61,7 +65,7 @@ class Mean(NamedTuple):
 
 
 def steady_windows(trace: Trace, rover: Rover, motor: Motor, length: float, steady: Steady) -> list[Window]:
-    """Return the steady windows of `length` [s] of a run, of all wheels.
+    """Return the steady windows of `length` [s] of a run, of each wheel, or axle where statics tell its load alone.
 
     T = K i of the measured current, or K (delta V - K omega) / R of duty and wheel rate where none is logged. W
     balances attitude, link angles and torques (`driven_loads`). S is Eq (1) of the rim and of the wheel centre's own
@@ -126,7 +130,7 @@ class _Run:
         torques = [self._torque(t, rows, i) for i in range(len(self.rover.wheels))]
         loads = loads_on(self.rover, q, np.array([torque.middle for torque in torques]), foot, jacobians)
         stiff = 0.0 if self.by_current else float(motor.constant) ** 2 / float(motor.resistance)
-        found = []
+        found: dict[int, Window] = {}
         for i, mount in enumerate(self.rover.wheels):
             r, rate, torque = float(mount.wheel.r), rates[i], torques[i]
             path = line(t, centres[:, i] @ ahead[i])
@@ -139,8 +143,10 @@ class _Run:
                 continue
             share = 1.0 / (r * float(loads[i]))
             factor = (share * torque.middle, share * torque.sd, share * stiff * rate.middle)
-            found.append(Window(i, float(t[0]), slip, slip_sd, *factor, rim))
-        return found
+            found[i] = Window(i, float(t[0]), slip, slip_sd, *factor, rim, float(loads[i]))
+        together = told_together(self.rover, foot, jacobians)
+        groups = [[found[i] for i in group] for group in together if all(i in found for i in group)]
+        return [pooled(group) for group in groups if np.ptp([each.slip for each in group]) <= steady.alike]
 
     def _mounts(self, row: int) -> tuple[np.ndarray, np.ndarray]:
         attitude = (float(self.roll[row]), float(self.pitch[row]), float(self.yaw[row]))
@@ -150,6 +156,24 @@ class _Run:
     def _torque(self, t: np.ndarray, rows: np.ndarray, wheel: int) -> Mean:
         drive = self.motor.drive(self.duty[rows, wheel], self.rate[rows, wheel])
         return line(t, drive.constant * (self.current[rows, wheel] if self.by_current else drive.current))
+
+
+def pooled(group: Sequence[Window]) -> Window:
+    """Return the window of wheels whose loads are told together, which roll on wheels of one size.
+
+    With T_i = F(S_i) r W_i the loads weigh the means of S and of F = T / (r W): of F by the sum of the loads alone, of
+    S to first order in how slips and loads differ.
+    """
+    if len(group) == 1:
+        return group[0]
+    loads = np.array([each.load for each in group])
+    share = loads / loads.sum()
+    table = np.array([each[2:-1] for each in group])
+    means, sds = share @ table, np.sqrt(share**2 @ table**2)
+    slip, _, factor, _, per_rate, rim = (float(value) for value in means)
+    return Window(
+        group[0].wheel, group[0].start, slip, float(sds[1]), factor, float(sds[3]), per_rate, rim, float(loads.mean())
+    )
 
 
 def line(t: np.ndarray, values: np.ndarray) -> Mean:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import casadi as ca
@@ -18,7 +20,8 @@ from rover_pin.measurements.checks import column, not_negative, positive, same_l
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.tables import read_table
 from rover_pin.parameters import NEXUS6_WHEEL
-from rover_pin.soil.angles import Angles, FixedAngles
+from rover_pin.soil.angles import Angles, FixedAngles, SinkageAngles
+from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import NetTraction, TractionForm, load_traction_factor
 
 FORM, ANGLES = NetTraction(), FixedAngles()
@@ -41,11 +44,15 @@ class FactorLaw:
 
     form: TractionForm
     angles: Angles
+    loaded: bool = False
+    "whether theta_1 balances f_n against the point's load; else it is the soil's"
 
     def build(self, condition: Any, wheel: Wheel, soil: Soil, free: Any) -> tuple[Any, Any]:
-        """Return (F - F_m) / s, 1 / s, F' / s [3] and their Jacobian for `condition`: S, its SD a, F_m, its SD b."""
-        S, a, measured, b = condition[0], condition[1], condition[2], condition[3]
+        """Return (F - F_m) / s, 1 / s, F' / s [3] and their Jacobian for `condition`: S, its SD a, F_m, its SD b, W."""
+        S, a, measured, b, load = (condition[i] for i in range(5))
         slip = ca.SX.sym("S")
+        if self.loaded:
+            soil = soil.replace(theta_1=entry_angle(load, slip, wheel, soil))
         law = load_traction_factor(slip, soil, wheel, self.form, self.angles)
         factor, slope = (ca.substitute(each, slip, S) for each in (law, ca.jacobian(law, slip)))
         weight = 1.0 / ca.sqrt(b * b + (slope * a) ** 2)
@@ -62,8 +69,10 @@ class UncertainSlip:
     """
 
     def __init__(self, points: TractionPoints, free: tuple[str, ...]):
-        conditions = np.column_stack([points.slip, points.slip_sd, points.factor, points.sd])
-        self.rows = CompiledPrediction(FactorLaw(points.form, points.angles), conditions, points.wheel, free)
+        loaded = bool(points.loads.size)
+        load = points.loads if loaded else np.zeros(len(points.slip))
+        conditions = np.column_stack([points.slip, points.slip_sd, points.factor, points.sd, load])
+        self.rows = CompiledPrediction(FactorLaw(points.form, points.angles, loaded), conditions, points.wheel, free)
         self.measured, self.sd = points.factor, points.sd
         self.shared = np.array([points.shared, points.slip_shared])
 
@@ -116,6 +125,13 @@ class TractionPoints:
         signs say which way each goes with the others.
     slip_shared : float or array [points]
         The same of all slip ratios: a wrong radius.
+    load : array [points], optional
+        W [N] of each point, where `angles` follow the sinkage: its arc carries W, as far as k_1, k_2 and n have it.
+        Without it the arc is that of the soil's theta_1.
+    declared : mapping
+        name -> value (SI) of soil constants that come with the data.
+    doubts : mapping
+        name -> SD (SI) that is declared with one of them.
 
     Raises
     ------
@@ -132,6 +148,9 @@ class TractionPoints:
     slip_sd: Any = field(default=0.0, repr=False)
     shared: Any = field(default=0.0, repr=False)
     slip_shared: Any = field(default=0.0, repr=False)
+    load: Any = field(default=(), repr=False)
+    declared: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    doubts: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     tells: ClassVar[frozenset[str]] = frozenset({"k", "phi"})
     told_by: ClassVar[str] = "the traction factor F(S) alone"
@@ -147,6 +166,10 @@ class TractionPoints:
         not_negative(self.slip_sd, "slip_sd", "", where)
         object.__setattr__(self, "factor", channel.measured)
         object.__setattr__(self, "sd", channel.sd)
+        if len(self.load):
+            object.__setattr__(self, "load", column(self.load, "load", where))
+            same_length(where, slip=self.slip, load=self.load)
+            positive(self.load, "load", "N", where)
 
     @classmethod
     def from_scatter(cls, slip: Any, factor: Any, wheel: Wheel = NEXUS6_WHEEL, form: TractionForm = FORM) -> Self:
@@ -178,8 +201,12 @@ class TractionPoints:
 
     @property
     def loads(self) -> np.ndarray:
-        """Nothing: the angles are given, whatever the load."""
-        return np.empty(0)
+        """W [N] where the arc follows from it; nothing where the angles are given, whatever the load."""
+        return np.asarray(self.load) if isinstance(self.angles, SinkageAngles) else np.empty(0)
+
+    def declared_soil(self, soil: Soil) -> Soil:
+        """Return `soil` with what the data declare of it."""
+        return soil.replace(**self.declared)
 
     def predictor(self, free: tuple[str, ...]) -> Predictor:
         """Return F and its Jacobian at the measured slips."""

@@ -20,7 +20,7 @@ from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
 from rover_pin.measurements.tables import read_table
 from rover_pin.parameters.bekker import bekker
-from rover_pin.quantity import quantities, record_from, refuse_strange, to_si
+from rover_pin.quantity import declared_sd, quantities, record_from, refuse_strange, to_si
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import wheel_forces
 from rover_pin.toml_file import read_toml, table_in, text_in
@@ -76,6 +76,8 @@ class WheelRig:
         name -> value (SI) of soil constants that come with the data from another measurement.
     levels : array [points]
         Label of repeats, or None.
+    doubts : mapping
+        name -> SD (SI) that is declared with a constant of `declared`.
     slip_angle : float or array [points]
         Angle between heading and travel, positive to the wheel's right [rad].
 
@@ -93,6 +95,7 @@ class WheelRig:
     wheel_range: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     declared: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     levels: np.ndarray | None = field(default=None, repr=False)
+    doubts: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     slip_angle: Any = field(default=0.0, repr=False)
 
     tells: ClassVar[frozenset[str]] = frozenset(FIELDS) - {"theta_1", "theta_2"}
@@ -189,6 +192,7 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
             wheel_range=_ranges(wheel_table, where),
             declared=_declared(table_in(about, "soil", where), where),
             levels=table["level"].to_numpy() if "level" in table else None,
+            doubts=_doubts(table_in(about, "soil", where), where),
             slip_angle=slip_angles(table, f"{folder.name}/{points.name}"),
         )
     except ParameterError as error:
@@ -244,6 +248,12 @@ def _ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, floa
             unit, place = entry.get("unit", "m"), f"{where}: {name}"
             ranges[name] = (to_si(entry["low"], unit, "m", place), to_si(entry["high"], unit, "m", place))
     return ranges
+
+
+def _doubts(table: Mapping[str, Any], where: str) -> dict[str, float]:
+    known = {name: about.unit for name, about in quantities(Soil).items() if name in table}
+    stated = {name: declared_sd(table[name], unit, f"{where}: the sd of '{name}'") for name, unit in known.items()}
+    return {name: sd for name, sd in stated.items() if sd}
 
 
 def _declared(table: Mapping[str, Any], where: str) -> dict[str, float]:

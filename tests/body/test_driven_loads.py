@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.body.driven_loads import configuration, driven_loads, footing
+from rover_pin.body.driven_loads import configuration, driven_loads, footing, told_together
 from rover_pin.body.rover import load_rover
 from rover_pin.body.statics import wheel_loads
 from rover_pin.errors import ParameterError
@@ -83,3 +83,49 @@ def test_four_wheels_on_a_rigid_body_share_what_balances():
     cart = load_rover("cart")
     loads = driven_loads(cart, pin.neutral(cart.model), np.zeros(4))
     assert loads == pytest.approx(wheel_loads(cart, 0.0), rel=1e-9)
+
+
+def rigid(wheels):
+    """Return a chassis with pairs of wheels at these places along it, no suspension."""
+    sides = [(name, x, side, y) for name, x in wheels for side, y in (("l", 0.3), ("r", -0.3))]
+    return "".join(
+        f'<link name="w{name}{side}"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" '
+        f'izz="0.01"/></inertial></link><joint name="{name}{side}" type="continuous"><parent link="hull"/>'
+        f'<child link="w{name}{side}"/><origin xyz="{x} {y} -0.1"/><axis xyz="0 1 0"/></joint>'
+        for name, x, side, y in sides
+    )
+
+
+HULL = (
+    '<robot name="rigid"><link name="hull"><inertial><mass value="20"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" '
+    'iyz="0" izz="1"/></inertial></link>'
+)
+
+
+def rigid_rover(folder, wheels):
+    (folder / "rigid.urdf").write_text(HULL + rigid(wheels) + "</robot>")
+    axles = "".join(f'{name} = ["{name}l", "{name}r"]\n' for name, _ in wheels)
+    size = "[wheel]\nr = { value = 0.1, unit = 'm' }\nb = { value = 0.1, unit = 'm' }\n"
+    (folder / "rigid.toml").write_text(f'name = "rigid"\nurdf = "rigid.urdf"\nbase = "hull"\n[wheels]\n{axles}{size}')
+    return load_rover(folder / "rigid.toml")
+
+
+@pytest.mark.parametrize(
+    ("wheels", "groups"),
+    [
+        ((("front", 0.3), ("back", -0.3)), [(0, 1), (2, 3)]),
+        ((("front", 0.3), ("middle", 0.0), ("back", -0.3)), [(0, 1, 2, 3, 4, 5)]),
+    ],
+)
+def test_a_rigid_chassis_leaves_loads_open(tmp_path, wheels, groups):
+    """Over four wheels the diagonals' share; over six also that of the middle axle: only the weight is told."""
+    rover = rigid_rover(tmp_path, wheels)
+    for attitude in ((0.0, 0.0, 0.0), (0.1, -0.2, 0.4)):
+        assert told_together(rover, *footing(rover, configuration(rover, attitude, {}))) == groups
+
+
+@pytest.mark.parametrize("name", ["nexus6", "nexus6_links"])
+def test_a_suspension_tells_every_wheel_s_load(name):
+    rover = load_rover(name)
+    posture = configuration(rover, (0.05, -0.1, 0.3), dict.fromkeys(rover.angles, 0.0))
+    assert told_together(rover, *footing(rover, posture)) == [(i,) for i in range(6)]

@@ -15,20 +15,30 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Soil, Wheel
+from rover_pin.description.layout import rover_folder
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import DataError
+from rover_pin.identification.arc_doubt import with_arc_doubt
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.result import Verdict
 from rover_pin.measurements import drive_points as module
-from rover_pin.measurements.drive_points import Sampling, classed, drive_points, instrumented, read_drive_points
+from rover_pin.measurements.drive_points import (
+    Sampling,
+    classed,
+    declared_soil,
+    drive_points,
+    instrumented,
+    read_drive_points,
+)
 from rover_pin.measurements.reading import read_evidence
-from rover_pin.measurements.steady_windows import Window, line
+from rover_pin.measurements.steady_windows import Window, line, pooled
 from rover_pin.motion.drive_log import read_drive_log, write_drive_log
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.quantity import record_from
 from rover_pin.scenarios import scenario
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import TorqueTraction, load_traction_factor
 
 BLIND = Path(__file__).parents[1] / "oracle" / "blind" / "__init__.py"
@@ -85,8 +95,92 @@ def test_another_rover_has_the_angles_and_the_lag_of_its_own_wheel(tmp_path, mon
     assert cart.model.slip != RelaxedSlip()
     fixed = dataclasses.replace(read, about=dataclasses.replace(read.about, angles="fixed"))
     assert drive_points(fixed, cart.model.motor).angles == FixedAngles()
-    own = (cart.model.soils[0], points.wheel, TorqueTraction(), SinkageAngles())
-    assert points.factor == pytest.approx([float(load_traction_factor(S, *own)) for S in points.slip], rel=0.08)
+    soil, rows = cart.model.soils[0], zip(points.slip, points.load, strict=True)
+    carrying = [(S, soil.replace(theta_1=entry_angle(W, S, points.wheel, soil))) for S, W in rows]
+    law = (points.wheel, TorqueTraction(), SinkageAngles())
+    assert points.factor == pytest.approx([float(load_traction_factor(S, own, *law)) for S, own in carrying], rel=0.05)
+
+
+def cart_log(folder, ground="slope", seed=0, **settings):
+    cart = scenario(ground, rover="cart", **settings)
+    cart.write_log(measured(cart.drive(), Sensors(), seed=seed), folder)
+    return cart.model.soils[0]
+
+
+def test_a_wheel_whose_arc_carries_its_load_tells_the_soil(tmp_path):
+    """The law at the soil's theta_1, whatever the load, said k = 34 mm [27, 45], phi = 23 deg [20, 27], both found."""
+    soil = cart_log(tmp_path)
+    points = read_drive_points(tmp_path)
+    assert np.ptp(np.log(points.load)) > 0.3
+    for begun in (Soil(), Soil(k=0.002, phi=0.7)):
+        found = identify(points, points.declared_soil(begun).replace(k=begun.k, phi=begun.phi), search=TWO)
+        for name in ("k", "phi"):
+            assert found[name].low < float(getattr(soil, name)) < found[name].high
+    assert found["k"].verdict is Verdict.FOUND
+
+
+def test_loads_that_statics_leave_open_mislead_nobody(tmp_path):
+    """Wheel by wheel, hills under a rigid chassis said phi = 9.1 deg [6.5, 17.3], found; the truth is 30."""
+    soil = cart_log(tmp_path, "hills")
+    points = read_drive_points(tmp_path)
+    found = identify(points, points.declared_soil(Soil()), search=TWO)
+    for name in ("k", "phi"):
+        assert found[name].low < float(getattr(soil, name)) < found[name].high
+
+
+def test_a_modulus_that_nobody_measured_is_uncertain_with_the_rest(tmp_path):
+    """Held at twice the truth, k_1 halves k and takes 7 deg off phi, and the fit is good."""
+    truth = cart_log(tmp_path)
+    points = read_drive_points(tmp_path)
+    wrong = points.declared_soil(Soil()).replace(k_1=2.0 * float(truth.k_1))
+    held = identify(points, wrong, search=TWO)
+    assert held["phi"].high < truth.phi
+    assert held["phi"].verdict is Verdict.FOUND
+    found = identify(points, wrong, *with_arc_doubt(points, wrong, ("k", "phi"), {}), search=TWO)
+    for name in ("k", "phi"):
+        assert found[name].low < float(getattr(truth, name)) < found[name].high
+        assert found[name].verdict is not Verdict.FOUND
+
+
+def test_a_log_says_what_it_knows_of_its_soil(tmp_path):
+    cart_log(tmp_path, "flat")
+    log = read_drive_log(tmp_path)
+    known, doubts = declared_soil(log, log.load_rover())
+    assert (known["k"], doubts) == (0.05, {})
+    stated = {"k_1": {"value": 50.0, "unit": "kPa", "sd": 5.0}}
+    about = dataclasses.replace(log.about, soil=stated)
+    assert declared_soil(dataclasses.replace(log, about=about), log.load_rover()) == ({"k_1": 5e4}, {"k_1": 5e3})
+    about = dataclasses.replace(log.about, soil={})
+    known, doubts = declared_soil(dataclasses.replace(log, about=about), log.load_rover())
+    assert known == {"k_1": pytest.approx(46750.5, rel=1e-5)}
+    assert doubts == {"k_1": pytest.approx(0.7 * known["k_1"])}
+    assert declared_soil(dataclasses.replace(log, about=about), scenario("flat").model.rover) == ({}, {})
+
+
+def test_angles_and_rovers_of_ones_own_are_written_into_a_log(tmp_path):
+    """Without the angles k and phi of such a log were both found wrong; without the way no command could read it."""
+    drive = scenario("flat", angles="sinkage", duration=1.0)
+    drive.write_log(drive.drive(), tmp_path / "log")
+    assert read_drive_log(tmp_path / "log").about.angles == "sinkage"
+    for end in ("toml", "urdf"):
+        (tmp_path / f"cart.{end}").write_text((rover_folder() / f"cart.{end}").read_text())
+    own = scenario("flat", rover=str(tmp_path / "cart.toml"), duration=1.0)
+    own.write_log(own.drive(), tmp_path / "own")
+    read = read_drive_log(tmp_path / "own")
+    assert (read.about.rover, read.about.angles) == ("../cart.toml", "")
+    assert read.load_rover().name == "cart"
+
+
+def test_wheels_told_together_weigh_by_their_loads():
+    """Two wheels on one straight F(S) = S, loads 10 and 30 N that are guessed 20 and 20: F is their torques' alone."""
+    guessed = [Window(0, 1.0, 0.10, 0.01, 0.10 * 10 / 20, 0.02, 0.0, 0.05, 20.0)]
+    guessed += [Window(1, 1.0, 0.12, 0.01, 0.12 * 30 / 20, 0.02, 0.0, 0.06, 20.0)]
+    window = pooled(guessed)
+    assert (window.wheel, window.start, window.load) == (0, 1.0, 20.0)
+    assert window.factor == pytest.approx((0.10 * 10 + 0.12 * 30) / 40)
+    assert window.slip == pytest.approx(0.11)
+    assert (window.slip_sd, window.factor_sd) == pytest.approx((0.01 / math.sqrt(2), 0.02 / math.sqrt(2)))
+    assert pooled(guessed[:1]) == guessed[0]
 
 
 def test_points_follow_the_torque_factor(log):
@@ -172,9 +266,12 @@ def test_a_path_that_is_no_data_is_refused(tmp_path):
 
 def test_windows_are_classed_by_what_stands_beside_them():
     """Grouped by its own noisy slip, a window comes out of its class as the noise left it."""
-    window = Window(0, 0.0, 0.31, 0.01, 0.2, 0.01, 0.0, 0.05)
+    window = Window(0, 0.0, 0.31, 0.01, 0.2, 0.01, 0.0, 0.05, 10.0)
     assert classed([(0.12, window)] * 3, Sampling()) == [[window] * 3]
     assert classed([(0.12, window)] * 2, Sampling()) == []
+    heavy = window._replace(load=14.0)
+    assert classed([(0.12, window), (0.12, heavy)] * 3, Sampling()) == [[window, heavy] * 3]
+    assert classed([(0.12, window), (0.12, heavy)] * 3, Sampling(), 0.25) == [[window] * 3, [heavy] * 3]
 
 
 def test_the_line_through_noise_knows_its_doubt():

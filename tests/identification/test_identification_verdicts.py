@@ -1,5 +1,6 @@
 """The verdict on a fitted number, and what is refused before a fit: linear data with a known posterior."""
 
+import dataclasses
 import math
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ from rover_pin.estimation.covariance import covariance
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import Best, Interval
 from rover_pin.identification import posterior as sampling
+from rover_pin.identification.arc_doubt import with_arc_doubt
 from rover_pin.identification.identifiability import refuse_untold
 from rover_pin.identification.identify import (
     Ended,
@@ -29,7 +31,9 @@ from rover_pin.identification.identify import (
 from rover_pin.identification.judge import judge
 from rover_pin.identification.posterior import Chain, Posterior, _walkers, log_density
 from rover_pin.identification.result import Estimate, Identification, Starts, Verdict, _line
+from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.traction_points import TractionPoints
+from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.quantity import quantities
 
 KNOWN = ("k", "phi", "n")
@@ -437,3 +441,24 @@ def test_a_chain_is_ten_times_its_memory_after_the_burn_in(monkeypatch, memory, 
     else:
         with pytest.raises(OptimisationError, match="its memory is 50 of 600 steps; give at least 1002"):
             sampling.posterior(data, Soil(), ("phi",), chain=chain)
+
+
+@pytest.mark.parametrize(
+    ("channels", "exact", "prior"),
+    [
+        ((DrawbarPull, Torque), (), (50e3, 35e3)),
+        ((DrawbarPull, Torque), ("k_1",), None),
+        ((DrawbarPull, Sinkage), (), None),
+    ],
+)
+def test_a_modulus_is_uncertain_where_the_arc_hangs_on_it_and_nothing_measures_it(channels, exact, prior):
+    """A 60 mm wheel without sinkage said phi = 14.1 deg [13.7, 14.7], found, at Table 1's k_1; it is [11, 20] of it."""
+    ones = np.ones(4)
+    rig = WheelRig(Wheel(0.06, 0.05), 0.2 * ones, 10.0, tuple(channel(ones * 0.01, 0.01) for channel in channels))
+    soil = Soil(k_1=50e3, k_2=0.0)
+    free, priors = with_arc_doubt(rig, soil, ("k", "phi"), {}, frozenset(exact))
+    assert free == (("k", "phi", "k_1") if prior else ("k", "phi"))
+    assert priors == ({"k_1": Prior(*prior)} if prior else {})
+    assert with_arc_doubt(rig, soil, ("k", "n"), {})[0] == ("k", "n")
+    known = with_arc_doubt(dataclasses.replace(rig, declared={"k_1": 50e3}), soil, ("k",), {})[1]
+    assert known == ({"k_1": Prior(50e3, 17.5e3)} if Sinkage not in channels else {})
