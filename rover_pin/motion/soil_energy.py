@@ -48,7 +48,10 @@ def gift(model: Model, trace: Trace) -> Gift:
             pull = pull + float(effect.R) * load * v / np.hypot(v, float(effect.v_0))
     taken = np.sum(torque * rate - pull * v, axis=1)
     power = np.gradient(trace["energy_motor"], trace.t)
-    lost = trace["energy_soil"] - np.sum(load * trace.stack("sinkage"), axis=1) / (float(model.soils[0].n) + 1.5)
+    held = np.sum(load * trace.stack("sinkage"), axis=1) / (float(model.soils[0].n) + 1.5)
+    # Before the first row a rover that was set down has had nothing, and its wheels held no more than they do later.
+    start = [-float(np.max(held))] if "set_down" in trace.attrs else []
+    lost = np.array([*start, *(trace["energy_soil"] - held)])
     fall = float(np.max(np.maximum.accumulate(lost) - lost))
     return Gift(float(-np.minimum(taken, 0.0) @ dt), fall, float(power[taken < 0.0] @ dt[taken < 0.0]))
 

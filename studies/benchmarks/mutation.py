@@ -1,14 +1,15 @@
 """Changes of formulas, laws and thresholds that no test notices.
 
-    python studies/benchmarks/mutation.py [--rooms soil effects ...] [--files NAME ...] [--sample N] [--minutes M]
-                                          [--tally studies/results/mutation.csv]
+    python studies/benchmarks/mutation.py [--rooms soil effects ...] [--files NAME[:LINE] ...] [--sample N]
+                                          [--longest S] [--minutes M] [--tally studies/results/mutation.csv]
 
 Operators are swapped, terms dropped, constants changed by a tenth, comparisons turned, branches exchanged, one at a
-time, in a copy of the tree. Each is tried on the tests that run its statement, those first that noticed others of its
-file, until one fails. What survives is printed with its place and the change, with `--killers` also what noticed the
-others; what changes no result stands in changes/equivalent.py with the reason. Numbers inside `quantity(...)` are
-declarations, not laws, and are left alone, as are messages and types. Results are kept in `--keep` and hold as long as
-the changed file and the tests are the same, so that a run that was stopped goes on. `--quick` tries a few of Eq (1).
+time, in a copy of the tree. Each is tried on the tests that run its statement, those first that cost least for what
+they noticed of its file, until one fails. What survives is printed with its place and change, with `--killers` also
+what noticed the others; what changes no result stands in changes/equivalent.py with the reason. Numbers inside `quantity(...)` are
+declarations, not laws, and are left alone, as are messages and types. Results are kept in `--keep`, good as long as
+the changed file and the test that noticed are the same (of what survives: all tests), so that a run that was stopped
+goes on; `--tally` puts into a table what is known of each room and what was not tried. `--quick` tries a few of Eq (1).
 """
 
 from __future__ import annotations
@@ -101,14 +102,20 @@ def main() -> None:
     """Change, test, and print what survives."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--rooms", nargs="*", choices=list(ROOMS)[:-1], default=list(ROOMS)[:-1])
-    options.add_argument("--files", nargs="*", default=[], help="only files of these names, as traction.py")
+    options.add_argument(
+        "--files", nargs="*", default=[], help="only files of these names, or lines: slip.py slip.py:40"
+    )
     options.add_argument("--sample", type=int, default=0, help="changes of a room that are tried; 0 for all")
     options.add_argument("--seed", type=int, default=0, help="of the order in which they are tried")
     options.add_argument("--longest", type=float, default=math.inf, help="only tests that take less, in s of CPU")
-    options.add_argument("--minutes", type=float, default=math.inf, help="none is begun after so long")
+    options.add_argument(
+        "--minutes", type=float, default=math.inf, help="none is begun after so long; 0: tell what is kept"
+    )
     options.add_argument("--keep", type=lambda name: Path(name).resolve(), default=KEEP, help="file of what is known")
     options.add_argument("--killers", action="store_true", help="print what noticed each change")
-    options.add_argument("--tally", type=lambda name: Path(name).resolve(), help="table to which whole rooms are put")
+    options.add_argument(
+        "--tally", type=lambda name: Path(name).resolve(), help="table into which each room's row is put"
+    )
     options.add_argument("--quick", action="store_true", help=f"{QUICK} changes of Eq (1)")
     asked = options.parse_args()
     if asked.quick:
@@ -120,15 +127,14 @@ def main() -> None:
         end, kept = time.monotonic() + 60 * asked.minutes, Kept(Path(folder) / "kept" if asked.quick else asked.keep)
         for room in asked.rooms:
             changes = mutants(tree, room)
-            chosen = [each for each in changes if not asked.files or each[0].name in asked.files]
+            chosen = [each for each in changes if not asked.files or {*_names(each)} & {*asked.files}]
             random.Random(asked.seed).shuffle(chosen)
             child = os.fork()
             if child == 0:
                 trial = Trial(tree, chosen[: asked.sample or None], kept, (asked.longest, end))
                 tried(tree, room, trial, asked.killers)
-                if asked.tally and len(trial.tried) == len(changes):
-                    noticed = sum(bool(one.killer) for one in trial.tried)
-                    put(asked.tally, Row(room, len(changes), noticed, excused(tree, room), at))
+                if asked.tally:
+                    put(asked.tally, row_of(tree, room, trial, at))
                 os._exit(0)
             if os.waitpid(child, 0)[1]:
                 raise SystemExit(f"{room}: the run ended early.")
@@ -171,6 +177,21 @@ def copied(tree: Path) -> Path:
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / name, tree)
     return tree
+
+
+def _names(change: tuple[Path, python.Mutant]) -> tuple[str, str]:
+    path, mutant = change
+    return path.name, f"{path.name}:{mutant.line}"
+
+
+def row_of(tree: Path, room: str, trial: Trial, at: str) -> Row:
+    """Return a room's row of the table: what a run tried, and what it left."""
+    every = Counter(path.name for path, _ in mutants(tree, room))
+    every.subtract(one.path.name for one in trial.tried)
+    untried = " ".join(f"{name}:{count}" for name, count in sorted(every.items()) if count)
+    noticed, longest = sum(bool(one.killer) for one in trial.tried), trial.longest
+    told = "" if longest == math.inf else f"{longest:g}"
+    return Row(room, len(trial.tried), noticed, excused(tree, room), every.total(), untried, told, at)
 
 
 def mutants(tree: Path, room: str) -> list[tuple[Path, python.Mutant]]:

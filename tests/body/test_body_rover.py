@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.body.acceleration import forward_dynamics
-from rover_pin.body.rover import load_rover
+from rover_pin.body.rover import load_named, load_rover
 from rover_pin.description import layout
 from rover_pin.errors import ParameterError, UrdfError
 
@@ -152,3 +152,25 @@ def test_the_rovers_are_found_inside_an_installed_package(tmp_path, monkeypatch)
     assert layout.rover_folder() == tmp_path / "rover_pin" / "urdf"
     (tmp_path / "rover_pin" / "urdf").rmdir()
     assert layout.rover_folder() == tmp_path / "urdf"
+
+
+def test_a_model_names_a_rover_beside_it_elsewhere_or_of_the_package(tmp_path):
+    """What makes no rover is told in full only where it is the model's own: it may name any file of the machine."""
+    beside, away = tmp_path / "beside", tmp_path / "away"
+    for folder in (beside, away):
+        folder.mkdir()
+        for name in ("cart.toml", "cart.urdf"):
+            shutil.copy(URDF / name, folder / name)
+    (beside / "cart.toml").write_text((URDF / "cart.toml").read_text().replace('name = "cart"', 'name = "own cart"'))
+    assert load_named("cart.toml", beside).name == "own cart"
+    assert load_named(str(away / "cart.toml"), beside).name == "cart"
+    assert load_named("nexus6", beside).name == "nexus6"
+    for folder in (beside, away):
+        (folder / "secret.toml").write_text("password = 1")
+    for own in ("secret.toml", str(beside / "secret.toml"), "nexus7"):
+        with pytest.raises(UrdfError) as told:
+            load_named(own, beside)
+        assert "lies elsewhere" not in str(told.value)
+    with pytest.raises(UrdfError, match="lies elsewhere and makes no rover: try `rover-pin check-urdf` on it") as told:
+        load_named(str(away / "secret.toml"), beside)
+    assert "password" not in str(told.value)

@@ -117,6 +117,7 @@ def test_without_its_differential_the_rover_cannot_stand():
         ((2.0,), r"slope = 114.592 deg is not allowed: it must lie in \[-80, 80\] deg"),
         ((0.0, float("nan")), "side_slope = nan deg is not allowed"),
         ((0.0, 0.0, 0.0), "gravity = 0 m/s.2 is not allowed"),
+        ((0.0, 0.0, 100.1), "gravity = 100.1 m/s.2 is not allowed"),
     ],
 )
 def test_refusals(arguments, words):

@@ -129,3 +129,15 @@ def test_a_suspension_tells_every_wheel_s_load(name):
     rover = load_rover(name)
     posture = configuration(rover, (0.05, -0.1, 0.3), dict.fromkeys(rover.angles, 0.0))
     assert told_together(rover, *footing(rover, posture)) == [(i,) for i in range(6)]
+
+
+@pytest.mark.parametrize("gravity", [1e-4, 90.0])
+def test_loads_grow_as_the_weight_does(gravity):
+    """Torques in proportion: no load [N] is a measure of its own. On bent ground a wheel is lifted, and none counts."""
+    rover = load_rover("nexus6")
+    q = configuration(rover, (0.1, 0.35, 0.2), {"bogie_l": 0.6, "bogie_r": -0.3, "rocker_l": 0.3, "rocker_r": -0.3})
+    torque = np.array([0.3, -0.2, 0.2, 0.1, 0.4, 0.3])
+    loads = driven_loads(rover, q, torque)
+    assert loads.min() < 0.0
+    scaled = driven_loads(rover.under(gravity), q, torque * gravity / 9.81)
+    assert scaled == pytest.approx(loads * gravity / 9.81, rel=1e-9)

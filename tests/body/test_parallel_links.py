@@ -1,6 +1,9 @@
 """A parallel link as joints that follow: the loop closes, moves as a loop does, and both steps hold it."""
 
+import dataclasses
 import re
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -32,6 +35,20 @@ def posture(rover, seed):
         for each in rover.couplings:
             vector[each.follower] = each.ratio * vector[each.leader]
     return pin.integrate(rover.model, pin.neutral(rover.model), step), v, rng
+
+
+def test_joints_that_follow_are_known_by_their_places_in_speeds_and_angles(tmp_path):
+    for name in ("nexus6_links.toml", "nexus6_links.urdf"):
+        shutil.copy(Path(__file__).parents[2] / "urdf" / name, tmp_path / name)
+    rover = load_rover(tmp_path / "nexus6_links.toml")
+    joints = {name: rover.model.joints[rover.model.getJointId(name)] for name in rover.model.names}
+    followers = [f"{part}_{side}" for side in "lr" for part in ("lower", "upright_m", "upright_r")]
+    followers = [name.replace("_m_", "_m").replace("_r_", "_r") for name in followers]
+    found = {(each.follower, each.q_follower, each.leader, each.q_leader) for each in rover.couplings}
+    leaders = [joints[f"bogie_{name[-1]}"] for name in followers]
+    wanted = zip(followers, leaders, strict=True)
+    assert found == {(joints[name].idx_v, joints[name].idx_q, each.idx_v, each.idx_q) for name, each in wanted}
+    assert {each.ratio for each in rover.couplings} == {1.0, -1.0}
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -87,6 +104,39 @@ def test_it_accelerates_as_the_closed_loop_does(seed):
     loop = closed_loop_acceleration(LINKS, q, v, torques)
     assert fast.a == pytest.approx(loop, abs=1e-5 * np.abs(loop).max())
     assert constraint_rows(LINKS) @ fast.a == pytest.approx(0.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("route", [forward_dynamics, forward_dynamics_aba])
+def test_what_is_violated_comes_back_each_at_its_own_place(route):
+    """phi'' = -2 w phi' - w^2 phi for the differential and for each joint that follows, w = 20 1/s."""
+    q, v, rng = posture(LINKS, 5)
+    both, follow = LINKS.differential, LINKS.couplings
+    q[both.q_left] += 0.02
+    v[both.left] += 0.3
+    for each in follow:
+        q[each.q_follower] += rng.uniform(-0.02, 0.02)
+        v[each.follower] += rng.uniform(-0.3, 0.3)
+    a = route(LINKS, q, v, rng.normal(size=LINKS.model.nv), np.zeros((6, 6))).a
+    parts = [(both.left, both.right, both.q_left, both.q_right, -1.0)]
+    parts += [(each.follower, each.leader, each.q_follower, each.q_leader, each.ratio) for each in follow]
+    for i, j, q_i, q_j, ratio in parts:
+        wanted = -40.0 * (v[i] - ratio * v[j]) - 400.0 * (q[q_i] - ratio * q[q_j])
+        assert a[i] - ratio * a[j] == pytest.approx(wanted, rel=1e-8), (i, j)
+
+
+def test_the_differential_s_torque_is_what_equation_8_lacks_at_a_rocker():
+    """No other constraint acts on a rocker's row; without a differential there is none, though others hold."""
+    q, v, rng = posture(LINKS, 6)
+    torques, none = rng.normal(size=LINKS.model.nv), np.zeros((6, 6))
+    found = forward_dynamics(LINKS, q, v, torques, none)
+    lacks = pin.rnea(LINKS.model, LINKS.model.createData(), q, v, found.a) - torques
+    assert found.differential_torque == pytest.approx(lacks[LINKS.differential.left], rel=1e-8)
+    assert found.differential_torque == pytest.approx(lacks[LINKS.differential.right], rel=1e-8)
+    assert abs(found.differential_torque) > 0.01
+    for loose in (dataclasses.replace(LINKS, differential=None), load_rover("cart")):
+        state = pin.neutral(loose.model), np.zeros(loose.model.nv), np.ones(loose.model.nv)
+        for route in (forward_dynamics, forward_dynamics_aba):
+            assert route(loose, *state, np.zeros((len(loose.wheels), 6))).differential_torque == 0.0
 
 
 def test_compiled_and_plain_step_agree_and_hold_the_links():

@@ -87,19 +87,51 @@ def test_what_is_kept_outlives_a_run_that_was_killed_while_it_wrote(loaded, tmp_
 
 def test_a_rooms_tally_takes_the_place_of_its_last(loaded, tmp_path):
     tally, file = loaded("tally"), tmp_path / "tally.csv"
-    for row in (("soil", 9, 7, 2, "abc"), ("effects", 5, 5, 0, "abc"), ("soil", 9, 9, 3, "def+")):
+    rows = (
+        ("soil", 9, 7, 2, 1, "arc.py:1", "", "abc"),
+        ("effects", 5, 5, 0, 0, "", "2", "abc"),
+        ("soil", 10, 10, 3, 0, "", "", "d+"),
+    )
+    for row in rows:
         tally.put(file, tally.Row(*row))
     assert file.read_text().splitlines() == [
-        "room,tried,noticed,survived,excused,commit", "effects,5,5,0,0,abc", "soil,9,9,0,3,def+",
+        "room,tried,noticed,survived,excused,left,untried,longest,commit",
+        "effects,5,5,0,0,0,,2,abc", "soil,10,10,0,3,0,,,d+",
     ]  # fmt: skip
     assert tally.commit(ROOT).rstrip("+").isalnum()
 
 
+def test_a_test_is_known_by_its_own_text_and_what_it_shares(loaded, tmp_path):
+    """A test that comes beside it, or changes, leaves what it noticed standing."""
+    digest, shared = loaded("kept").test_digest, "import os\n\n\ndef helps():\n    return {}\n"
+    other = "\n\n@mark\ndef test_other(a):\n    assert {}\n"
+    own = "\n\ndef test_own():\n    assert {}\n"
+    texts = {
+        "as it is": shared.format(1) + other.format(1) + own.format(1),
+        "another": shared.format(1) + other.format(2) + own.format(1),
+        "before": shared.format(1) + own.format(1) + other.format(1),
+        "alone": shared.format(1) + own.format(1),
+        "changed": shared.format(1) + other.format(1) + own.format(2),
+        "helped": shared.format(2) + other.format(1) + own.format(1),
+    }
+    found = {}
+    for name, text in texts.items():
+        file = tmp_path / f"test_{name}.py"
+        file.write_text(text)
+        found[name] = digest(file, "test_own")
+    assert found["as it is"] == found["another"] == found["before"] == found["alone"]
+    assert len({found["as it is"], found["changed"], found["helped"]}) == 3
+
+
 def test_no_change_survives_in_the_last_runs(loaded):
-    """Of rooms with a row; the run says so with the command at the head of studies/benchmarks/mutation.py."""
+    """Of what a row says was tried; the run says so with the command at the head of studies/benchmarks/mutation.py."""
     rows = loaded("tally").read(ROOT / "studies" / "results" / "mutation.csv")
     assert {"soil", "effects"} <= {row["room"] for row in rows}
     for row in rows:
         assert int(row["tried"]) == int(row["noticed"]) + int(row["survived"])
         assert int(row["survived"]) == 0, row["room"]
         assert int(row["tried"]) > 300, row["room"]
+        untried = [int(each.rpartition(":")[2]) for each in row["untried"].split()]
+        assert int(row["left"]) == sum(untried), row["room"]
+        if row["room"] in ("soil", "effects"):
+            assert not untried, row["room"]

@@ -4,6 +4,7 @@ from changes.equivalent_motion import MOTION
 
 SHIFT = "the least shift keeps a ratio finite where nothing is sheared; any other does"
 NOT_ZERO = "keeps tanh(x) / x from 0 / 0 at a pivot that stands: any tiny number does"
+WORDS = "how many words a hint has"
 START = "where a start lies within its bounds: the descent comes to the same"
 
 EQUIVALENT: dict[tuple[str, str], str] = {
@@ -69,6 +70,10 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "rover_pin/estimation/noise.py",
         "steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho): 0.0 -> 0.1",
     ): "what is not compared is read by no row: a block after a gap begins anew",
+    (
+        "rover_pin/identification/identifiability.py",
+        """hint = f", which tells {', '.join(told)} only" if 0 < len(told) <= FEW else "": <= -> <""",
+    ): WORDS,
     (
         "rover_pin/identification/identify.py",
         "index = problem.space.names.index(name) if name in problem.space.names else -1: 1 -> 2",

