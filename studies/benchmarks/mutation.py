@@ -6,10 +6,11 @@
 Operators are swapped, terms dropped, constants changed by a tenth, comparisons turned, branches exchanged, one at a
 time, in a copy of the tree. Each is tried on the tests that run its statement, those first that cost least for what
 they noticed of its file, until one fails. What survives is printed with its place and change, with `--killers` also
-what noticed the others; what changes no result stands in changes/equivalent.py with the reason. Numbers inside `quantity(...)` are
-declarations, not laws, and are left alone, as are messages and types. Results are kept in `--keep`, good as long as
-the changed file and the test that noticed are the same (of what survives: all tests), so that a run that was stopped
-goes on; `--tally` puts into a table what is known of each room and what was not tried. `--quick` tries a few of Eq (1).
+what noticed the others; what changes no result stands in changes/equivalent.py with the reason. Numbers inside
+`quantity(...)` are declarations, not laws, and are left alone, as are messages and types. Results are kept in `--keep`,
+good as long as the changed file and the test that noticed are the same (of what survives: all tests), so that a run
+that was stopped goes on; `--tally` puts into a table what is known of each room and what was not tried. `--quick` tries
+a few of Eq (1).
 """
 
 from __future__ import annotations
