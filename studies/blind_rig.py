@@ -88,8 +88,28 @@ LISTED = {
     "InterfaceFriction": Listed("interface_friction", "m", 0.5, 0.95),
     "LoadExponent": Listed("load_exponent", "n_h", 0.15, 1.5),
     "SkidSinkage": Listed("skid_sinkage", "n_s", 0.15, 1.5),
+    "SlipSoftening": Listed("slip_softening", "a", 0.1, 1.0),
+    "Ploughing": Listed("ploughing", "a_b", 0.15, 1.5),
+    "LugExcavation": Listed("lug_trench", "h_l", 0.0005, 0.005),
 }
 """What a straight steady rig on fresh sand can show; multi-pass, damping and side shear move nothing there."""
+
+DIGS = ("SlipSinkage", "SlipSoftening", "DiggingMemory", "LugExcavation")
+OTHER_LAWS = {
+    "lyasko_sinkage": (0.1, 1.0, DIGS),
+    "even_softening": (0.2, 2.0, (*DIGS, "SkidSinkage", "Ploughing")),
+    "bounded_hole": (0.02, 0.2, DIGS),
+    "strain_softening": (0.08, 0.8, ("PostPeak",)),
+    "power_rate": (0.03, 0.3, ("RateDependence",)),
+    "viscous_drag": (0.01, 0.1, ("MotionResistance", "Bulldozing")),
+    "exit_root": (0.04, 0.4, ("ExitAngle",)),
+    "early_peak": (0.1, 1.0, ("PeakStress",)),
+    "stiff_layer": (0.15, 1.5, ("LoadExponent",)),
+}
+"""Causes of the list by laws that are not the package's, the range of their sizes, and the effects that are right:
+sinkage by Lyasko's (1 + S) / (1 - S / 2); stiffness that falls with |S|; a hole that levels off; strength lost with the
+shear displacement of each point; rate as a power; drag that grows with speed; exit with the root of slip; a peak that
+lies and moves otherwise; an exponent that rises with depth and levels off."""
 
 OFF_LIST = {
     "slip_squared_drag": (0.03, 0.15),
@@ -103,8 +123,11 @@ OFF_LIST = {
 """Drag with slip squared; sinkage that waves with slip; a load cell whose gain drifts from run to run; one whose offset
 hangs on the load; a bin's floor that is felt from a depth on; a sinkage sensor that waves; sand stiffer on day two."""
 
-COUNTS = {Kind.SINGLE: 7, Kind.PAIR: 24, Kind.NULL: 80, Kind.OFF_LIST: 5}
-"""Sets: of each listed effect, of pairs, of nothing, of each effect on no list."""
+COUNTS = {Kind.SINGLE: 7, Kind.PAIR: 24, Kind.NULL: 80, Kind.OFF_LIST: 5, Kind.OTHER_LAW: 7}
+"""Sets: of each listed effect, of pairs, of nothing, of each effect on no list, of each other law."""
+UNKIND = {Kind.NULL: 0.5}
+"""Share of sets whose noise is not white and as stated; of other kinds ELSE_UNKIND."""
+ELSE_UNKIND = 0.25
 
 SLIPS = (-0.3, -0.15, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85)
 FRESH = {"loads": (20.0, 32.0), "slips": (-0.1, 0.05, 0.15, 0.28, 0.42, 0.6, 0.78), "repeats": 1, "speeds": (0.03,)}
@@ -112,11 +135,17 @@ WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
 
 
 class Hidden(NamedTuple):
-    """What is to be hidden: names of listed effects, or of one that is on no list."""
+    """What is to be hidden: names of listed effects, or of one that is on no list or has another law."""
 
     kind: Kind
-    truth: tuple[str, ...]
+    hidden: tuple[str, ...]
     seed: int
+    noise: str
+
+    @property
+    def truth(self) -> tuple[str, ...]:
+        """What it is right to answer; of another law any of these."""
+        return OTHER_LAWS[self.hidden[0]][2] if self.kind is Kind.OTHER_LAW else self.hidden
 
 
 def main() -> None:
@@ -143,7 +172,12 @@ def plan(first: int) -> list[Hidden]:
     truths += [(Kind.PAIR, pair) for pair in pairs]
     truths += [(Kind.NULL, ())] * COUNTS[Kind.NULL]
     truths += [(Kind.OFF_LIST, (name,)) for name in OFF_LIST for _ in range(COUNTS[Kind.OFF_LIST])]
-    return [Hidden(kind, truth, first + 1 + at) for at, (kind, truth) in enumerate(truths)]
+    truths += [(Kind.OTHER_LAW, (name,)) for name in OTHER_LAWS for _ in range(COUNTS[Kind.OTHER_LAW])]
+    unkind = [rng.choice(generator().NOISES[1:]) for _ in truths]
+    return [
+        Hidden(kind, truth, first + 1 + at, str(noise) if rng.uniform() < UNKIND.get(kind, ELSE_UNKIND) else "white")
+        for at, ((kind, truth), noise) in enumerate(zip(truths, unkind, strict=True))
+    ]
 
 
 def generator() -> ModuleType:
@@ -158,7 +192,7 @@ def case_of(hidden: Hidden) -> Case:
     make, rng = generator(), np.random.default_rng(hidden.seed)
     sizes = drawn_sizes(hidden, rng)
     rig = make.Rig(sizes=sizes or {"none": 0.0}, **drawn_soil(rng))
-    runs = make.rig_set(rig, slips=SLIPS, speeds=(0.02, 0.04), seed=hidden.seed, mixed=True)
+    runs = make.rig_set(rig, slips=SLIPS, speeds=(0.02, 0.04), seed=hidden.seed, mixed=True, noise=hidden.noise)
     with tempfile.TemporaryDirectory() as folder:
         make.write(Path(folder), rig, runs, WRONG if hidden.seed % 2 else None)
         verdict = close_the_loop(Path(folder))
@@ -166,7 +200,7 @@ def case_of(hidden: Hidden) -> Case:
     fresh = make.rig_set(rig, seed=hidden.seed + 500_000, **FRESH)
     true_model = None if oracle is None else oracle.all.model
     return Case(
-        f"{hidden.kind.name.lower()} {hidden.seed}",
+        f"{' + '.join(hidden.hidden) or 'nothing'}, {hidden.noise}, {hidden.seed}",
         hidden.kind,
         hidden.truth,
         verdict.answer,
@@ -180,9 +214,9 @@ def case_of(hidden: Hidden) -> Case:
 
 
 def drawn_sizes(hidden: Hidden, rng: np.random.Generator) -> dict[str, float]:
-    if hidden.kind is Kind.OFF_LIST:
-        low, high = OFF_LIST[hidden.truth[0]]
-        return {hidden.truth[0]: float(np.exp(rng.uniform(np.log(low), np.log(high))))}
+    if hidden.kind in (Kind.OFF_LIST, Kind.OTHER_LAW):
+        low, high, *_ = {**OFF_LIST, **OTHER_LAWS}[hidden.hidden[0]]
+        return {hidden.hidden[0]: float(np.exp(rng.uniform(np.log(low), np.log(high))))}
     listed = [LISTED[name] for name in hidden.truth]
     # each of two is drawn from the upper half: a pair of which one drowns is a single
     share = rng.uniform(0.5 if len(listed) == 2 else 0.0, 1.0, len(listed))
@@ -206,13 +240,13 @@ def true_fits(folder: Path, hidden: Hidden) -> tuple[Fit, Oracle | None]:
     data = read_rig_set(folder)
     question = question_of(RigExperiment(data), RigModel(data.rig.wheel, data.soil()))
     base = calibrated(question.experiment, question.model, question.numbers)
-    if hidden.kind not in (Kind.SINGLE, Kind.PAIR):
+    if hidden.kind in (Kind.NULL, Kind.OFF_LIST):
         return base, None
     kinds = {kind.__name__: kind for kind in rig_kinds()}
     effects = [plain_candidate(added(kinds[name], base.model)) for name in hidden.truth]
     tried = [((), one, fitted) for effect in effects for one, fitted in variants(base, effect)]
     singles = judged(base, tried, fee_after((), len(kinds), 1.0))
-    if hidden.kind is Kind.SINGLE:
+    if hidden.kind is not Kind.PAIR:
         return base, Oracle(singles, singles[0].fit)
     pairs = paired(base, singles, None, lambda said: None)
     return base, Oracle(singles, pairs[0][2]) if pairs else None
@@ -232,13 +266,14 @@ def detectable(hidden: Hidden, base: Fit, oracle: Oracle | None) -> bool:
     if oracle is None:
         return False
     fee = entry_fee(len(rig_kinds()))
-    if hidden.kind is Kind.SINGLE:
+    if hidden.kind is not Kind.PAIR:
         return bool(base.chi2 - oracle.all.chi2 > fee)
     return all(one.fit.chi2 - oracle.all.chi2 > fee for one in oracle.singles)
 
 
 def fitted_sizes(hidden: Hidden, sizes: dict[str, float], verdict: Verdict) -> tuple[Size, ...]:
-    if {type(effect).__name__ for effect in verdict.effects} != set(hidden.truth) or not hidden.truth:
+    own = hidden.kind in (Kind.SINGLE, Kind.PAIR)
+    if not own or {type(effect).__name__ for effect in verdict.effects} != set(hidden.truth):
         return ()
     found = {one.name: one for one in verdict.after.numbers}
     made = []

@@ -74,7 +74,7 @@ def _pair(base: Fit, one: Refit, other: Refit) -> list[Fit]:
         here = np.concatenate([here, [each.u(_value(base, model, each)) for each in second.parameters]])
         if bearable(base, numbers):
             starts = [here, *(_of(numbers, each.fit) for each in (one, other))]
-            fitted = best_of(base.task, model, numbers, starts)
+            fitted = best_of(base.task, model, numbers, starts if is_whole(base) else starts[:2])
             return [] if fitted is None else [fitted]
     return []
 
@@ -91,7 +91,7 @@ def variants(base: Fit, candidate: Candidate) -> list[tuple[Candidate, Fit]]:
         numbers, here = joined(base, one, model)
         if not bearable(base, numbers):
             continue
-        starts = _starts(numbers, here, len(base.u))
+        starts = _starts(numbers, here, len(base.u)) if is_whole(base) else [here]
         starts += [_of(numbers, fitted) for _, fitted in found]
         fitted = best_of(base.task, model, numbers, starts)
         found += [(one, fitted)] if fitted is not None else []
@@ -110,6 +110,11 @@ def _starts(numbers: Sequence[Parameter], here: np.ndarray, own: int) -> list[np
     return [np.where(sizes, share * here, here) for share in (SMALL, 1.0, *((-SMALL,) if either else ()))]
 
 
+def is_whole(base: Fit) -> bool:
+    """Return whether no fold is left out; else candidates start from what they are on all data."""
+    return bool(base.task.noise.good.any(axis=(1, 2)).all())
+
+
 def _of(numbers: Sequence[Parameter], fitted: Fit) -> np.ndarray:
     """Return where a fit ended; sizes that it does not have are small, shapes as published."""
     known = dict(zip([one.name for one in fitted.parameters], fitted.u, strict=True))
@@ -119,7 +124,8 @@ def _of(numbers: Sequence[Parameter], fitted: Fit) -> np.ndarray:
 def judged(base: Fit, tried: Sequence[Tried], fee: Fee, paid: float = 0.0) -> tuple[Refit, ...]:
     """Return exact refits against a base, the best first; those that gain enough also on every fold left out.
 
-    `paid` is what they pay beside their own thresholds, in units of the noise.
+    `paid` is what they pay beside their own thresholds, in units of the noise. Where a fold is already left out, only
+    the best is asked for: the rest is tried on folds only until one holds.
     """
     if not tried:
         return ()
@@ -131,8 +137,11 @@ def judged(base: Fit, tried: Sequence[Tried], fee: Fee, paid: float = 0.0) -> tu
     ranked = best_of_each(rows)
     paying = [one for one in ranked if one.net > 0]
     without = float(losses_of(base).sum()) if paying else 0.0
-    kept = [dataclasses.replace(one, held_out=without - float(losses_of(one.fit).sum())) for one in paying]
-    return (*kept, *ranked[len(paying) :])
+    kept: list[Refit] = []
+    for one in paying:
+        if is_whole(base) or not any(each.accepted for each in kept):
+            kept.append(dataclasses.replace(one, held_out=without - float(losses_of(one.fit).sum())))
+    return (*kept, *ranked[len(kept) :])
 
 
 def _owed(tried: Tried, fee: Fee, unit: float, paid: float) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from rover_pin.discrepancy.answer import TAKES_MOST, Answer
 from rover_pin.discrepancy.candidate import Candidate, is_effect
 from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out, without_each
+from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
 from rover_pin.discrepancy.held_out import ChannelScore, held_out
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.search import Search, again, calibrated, search
@@ -27,6 +28,8 @@ ENOUGH = 0.9
 the last digit."""
 LEFT = 0.01
 """What is left with less than this probability, beside too small a share, keeps a law from holding."""
+SCATTER = 4.0
+"""Reduced chi-square up to which what has no pattern is scatter: noise declared too small by a factor of two."""
 LEADERS = 4
 """Leading candidates of every round among which a fold chooses again, where a fit is exact."""
 FEWEST = 3
@@ -43,7 +46,7 @@ class Left(NamedTuple):
     said: str = ""
     "how it acts, in words, where that can be described"
     described: bool = False
-    "whether it can be described, and drafted as an effect"
+    "whether it can be described, and drafted as an effect that holds up when it is tried"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +60,8 @@ class Question:
     numbers: tuple[Parameter, ...]
     candidates: Callable[[Fit], Sequence[Candidate]]
     "what may be missing of the calibrated model"
-    describes: bool = False
-    "whether what is on no list can be described and drafted"
+    draft: Callable[[Fit], Drafted | None] | None = None
+    "what a fit leaves as a drafted effect, where that can be described"
 
 
 def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
@@ -71,21 +74,64 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     """
     progress("calibrating the base model")
     base = calibrated(question.experiment, question.model, question.numbers, seed)
-    tried = question.candidates(base)
-    found = search(base, tried, progress)
+    candidates = question.candidates(base)
+    found = search(base, candidates, progress)
     progress("choosing again without each fold")
-    chosen = reselected(found.base, _leading(found, tried))
+    chosen = reselected(found.base, _leading(found, candidates))
+    left, draft = described(question, found, progress)
     progress("intervals, and errors on what was left out")
-    return judged((question.kind, question.name), found, chosen, what_is_left(found, question.describes), seed)
+    verdict = judged((question.kind, question.name), found, chosen, left, seed)
+    if verdict.answer is Answer.LIKE and left.unlisted:
+        draft = drafted(question, first_of(found).last, progress)
+    return with_draft(verdict, draft, seed)
+
+
+def described(question: Question, found: Search, progress: Progress) -> tuple[Left, Draft | None]:
+    """Return what a search leaves, and what the base leaves as a draft that was tried, if an effect may be unlisted.
+
+    What a found law leaves is more than its form's if a draft describes it; without a pattern it is scatter.
+    """
+    left = what_is_left(found)
+    if question.draft is None or not left.unlisted:
+        return left, None
+    if found.found and found.last.misfit < SCATTER:
+        rest = drafted(question, found.last, progress)
+        if rest is None or not rest.accepted:
+            return Left(False), None
+    draft = drafted(question, found.base, progress)
+    return left._replace(described=draft is not None and draft.accepted), draft
+
+
+def with_draft(verdict: Verdict, draft: Draft | None, seed: int) -> Verdict:
+    """Return a verdict with the draft of what its model leaves, beside whose errors the draft's stand."""
+    if draft is None or verdict.after is None or verdict.answer not in (Answer.NONE_FITS, Answer.LIKE):
+        return verdict
+    return replace(verdict, draft=scored(draft, verdict.after.fit, seed))
+
+
+def drafted(question: Question, here: Fit, progress: Progress) -> Draft | None:
+    """Return the draft of what a fit leaves as it was tried; None where nothing describes that."""
+    made = question.draft(here) if question.draft is not None else None
+    return None if made is None else tried(made, here, progress)
 
 
 def _leading(found: Search, tried: Sequence[Candidate]) -> Sequence[Candidate]:
-    """Return the candidates among which a fold chooses: where a fit is exact those that lead on all data, as freed."""
+    """Return the candidates among which a fold chooses.
+
+    Where a fit is exact those that lead on all data, as freed, and as large as they were fitted there.
+    """
     if not found.base.task.experiment.is_exact:
         return tried
     refits = [one for each in found.rounds for one in each.refits[:LEADERS] if one.net > -one.fee / 2]
-    leaders = {one.name: one for each in refits for one in (*each.instead, each.candidate)}
+    leaders = {one.name: as_fitted(one, each.fit) for each in refits for one in (*each.instead, each.candidate)}
     return list(leaders.values())
+
+
+def as_fitted(one: Candidate, fitted: Fit) -> Candidate:
+    """Return a candidate that starts at what it was fitted to."""
+    if one.effect is None:
+        return one
+    return replace(one, effect=fitted.task.experiment.records(fitted.model)[one.owner])
 
 
 def reselected(base: Fit, tried: Sequence[Candidate]) -> dict[str, str]:
@@ -127,9 +173,9 @@ def side_of(fitted: Fit) -> Side:
     return Side(wide.model, numbers, replace(wide, task=fitted.task).misfit, wide)
 
 
-def what_is_left(found: Search, describes: bool = False) -> Left:
+def what_is_left(found: Search) -> Left:
     """Return what is left by the stated noise."""
-    return Left(not (holds(found) if found.found else is_adequate(found.base)), described=describes)
+    return Left(not (holds(found) if found.found else is_adequate(found.base)))
 
 
 def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Left, seed: int) -> Verdict:
@@ -173,7 +219,7 @@ def first_of(found: Search) -> Search:
 
 
 def holds(found: Search) -> bool:
-    """Return whether the law of what was found holds: it leaves the noise, or takes nearly all that was missed."""
+    """Return whether a law holds by the declared noise: it leaves that, or takes nearly all that was missed."""
     return is_adequate(found.last, LEFT) or share_taken(found) >= ENOUGH
 
 

@@ -143,6 +143,11 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     return found
 
 
+def attempted(here: Fit, tried: Sequence[Candidate], progress: Progress) -> tuple[Refit, ...]:
+    """Return a few candidates of any kind refitted on a fit as one round would, the best first."""
+    return _round(Search(here, (), tuple(signatures(here, tried))), tried, progress).refits
+
+
 def _most(experiment: Experiment) -> int:
     """Return how many rounds there are at most; where a fit is exact, as many effects as there are levels for."""
     return min(max(len(experiment.folds) // FOLDS_EACH, 1), MOST) if experiment.is_exact else MOST + 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 from rover_pin.discrepancy.answer import Answer
@@ -85,7 +86,16 @@ def _inadequate(found: Search, share: float, left: str, against: Sequence[str]) 
         away = ", ".join(implausible(found.base))
         return f"the base model meets the data only with numbers far from what is declared of them: {away}."
     missed = f"reduced chi-square {found.base.misfit:.3g}"
-    return f"the base model misses the data by more than their noise ({missed}), and no candidate describes it."
+    said = f"the base model misses the data by more than their noise ({missed}), and no candidate describes it"
+    return f"{said}{_unpatterned(found)}."
+
+
+def _unpatterned(found: Search) -> str:
+    """Return what more than the noise may be that nothing describes, where the noise is declared."""
+    times = math.sqrt(found.base.misfit)
+    if found.base.task.experiment.noise() is None or found.base.misfit <= 1.0:
+        return ""
+    return f": single values may stray, or the noise may be {times:.2g} times what is declared"
 
 
 SENTENCES: dict[Answer, Callable[[Search, float, str, Sequence[str]], str]] = {

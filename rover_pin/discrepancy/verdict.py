@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rover_pin.discrepancy.answer import Answer, plain, score_line
+from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Round, Search
@@ -86,6 +87,8 @@ class Verdict:
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     baselines: tuple[Baseline, ...] = field(default=(), repr=False)
     "held-out errors of what a user would otherwise take"
+    draft: Draft | None = field(default=None, repr=False)
+    "of what is on no list, as it was tried"
     extra: Extra | None = field(default=None, repr=False)
     files: tuple[Path, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
@@ -127,6 +130,7 @@ class Verdict:
         lines += [f"  {self.chosen_again}"] if self.chosen else []
         lines += [f"  {got_worse((one.name, one.worded) for one in self.scores)}"] if self.named else []
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
+        lines += [f"  {line}" for line in (self.draft.lines() if self.draft else [])]
         lines += [f"  {one.said}" for one in self._worth_a_line()]
         lines += [f"  against the name: {veto}" for veto in self.vetoes]
         lines += [f"  caution: {said}" for said in self.cautions]
@@ -168,6 +172,7 @@ class Verdict:
                 "baselines": [one._asdict() for one in self.baselines],
                 "profiles": [one._asdict() for one in self.profiles],
                 "experiments": [one.said for one in self.experiments],
+                "draft": self.draft.as_dict() if self.draft else {},
                 "extra": self.extra.as_dict() if self.extra else {},
                 "files": [str(file) for file in self.files],
                 **self.provenance,

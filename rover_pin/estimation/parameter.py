@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 MOST_EXPONENT = 700.0
 """Greatest exponent of which a float holds the exponential; beyond every bound."""
+LEAST = 1e-6
+"""Share of its origin at which a number on a logarithm stops that may fall to 0."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Parameter:
     @property
     def bounds(self) -> tuple[float, float]:
         """The bounds of u."""
-        low = -math.inf if self.log and self.low <= 0 else self.u(self.low)
+        low = self.u(LEAST * self.origin if self.log and self.low <= 0 else self.low)
         return min(low, self.u(self.high)), max(low, self.u(self.high))
 
     def slope(self, u: float) -> float:

@@ -11,10 +11,10 @@ from pathlib import Path
 from rover_pin.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.judge import Left, chosen_without, judged
-from rover_pin.discrepancy.profiles import profiles
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Search, search
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.profiles import profiles
 from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, too_poor

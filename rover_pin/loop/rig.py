@@ -4,32 +4,34 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from rover_pin.columns import replace_file
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.judge import Question, concluded
-from rover_pin.discrepancy.profiles import profiles
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.profiles import profiles
 from rover_pin.experiments.wheel_rig.candidates import candidates, own_sizes, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
+from rover_pin.experiments.wheel_rig.draft import drafted
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.left import Left, RigExtra
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model
-from rover_pin.experiments.wheel_rig.remainder import draft_effect, remainders
+from rover_pin.experiments.wheel_rig.remainder import remainders
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
 from rover_pin.loop.provenance import command, provenance
-from rover_pin.loop.verdict_file import written_last
+from rover_pin.loop.verdict_file import draft_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.report.rig.cautions import cautions
 from rover_pin.report.rig.report import write_report
@@ -97,8 +99,9 @@ def question_of(experiment: RigExperiment, model: RigModel, effects: str | Path 
     """Return what is asked of a rig set: which effect its model lacks, soil constants and own sizes free."""
     data, kinds = experiment.data, rig_kinds(effects)
     numbers = (*experiment.uncertain(model), *own_sizes(model))
+    lacks: Callable[[Fit], Sequence[Candidate]] = lambda base: candidates(data, base.model, kinds)  # noqa: E731
     return Question(
-        "wheel-rig", data.rig.name, experiment, model, numbers, lambda base: candidates(data, base.model, kinds), True
+        "wheel-rig", data.rig.name, experiment, model, numbers, lacks, lambda base: drafted(experiment, base)
     )
 
 
@@ -148,7 +151,5 @@ def _written(verdict: Verdict, data: RigSet, out: Path, progress: Progress) -> V
     """Write the files and return the verdict with their paths."""
     progress("writing the report")
     files = [write_model(verdict.model, out / "model.toml", verdict.sentence)]
-    left = verdict.extra.after.remainders if isinstance(verdict.extra, RigExtra) else ()
-    if verdict.answer in (Answer.NONE_FITS, Answer.LIKE) and any(not one.is_noise for one in left):
-        files.append(replace_file(out / "draft_effect" / "measured_remainder.py", draft_effect(data, left)))
-    return written_last(verdict, (*files, *write_report(verdict, data, out)), out)
+    verdict, draft = draft_written(verdict, out)
+    return written_last(verdict, (*files, *draft, *write_report(verdict, data, out)), out)

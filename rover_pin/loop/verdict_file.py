@@ -10,6 +10,18 @@ from pathlib import Path
 from rover_pin.columns import replace_file
 from rover_pin.discrepancy.verdict import Verdict
 
+DRAFT = Path("draft_effect") / "measured_remainder.py"
+
+
+def draft_written(verdict: Verdict, out: Path) -> tuple[Verdict, list[Path]]:
+    """Write the draft of what is on no list, if any; return the verdict with the command that tries it again."""
+    if verdict.draft is None:
+        return verdict, []
+    file, again = out / DRAFT, str(verdict.provenance.get("command", "")).partition(" --out ")[0]
+    known = again.startswith("rover-pin") and "--effects" not in again
+    draft = dataclasses.replace(verdict.draft, command=f"{again} --effects {file}" if known else "")
+    return dataclasses.replace(verdict, draft=draft), [replace_file(file, draft.text)]
+
 
 def written_last(verdict: Verdict, files: Sequence[Path], out: Path) -> Verdict:
     """Write verdict.json beside the other files and return the verdict with the paths of all."""

@@ -15,8 +15,8 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.cross_validation import FAR, losses_of, refitted_left_out
 from rover_pin.discrepancy.exact_refits import bearable, judged, paired, variants
+from rover_pin.discrepancy.judge import as_fitted, reselected, what_is_left
 from rover_pin.discrepancy.judge import judged as verdict_of
-from rover_pin.discrepancy.judge import reselected, what_is_left
 from rover_pin.discrepancy.refit import Refit, alike
 from rover_pin.discrepancy.screen import entry_fee
 from rover_pin.discrepancy.search import again, calibrated, fee_after, search
@@ -332,26 +332,44 @@ def test_two_that_do_the_same_are_a_set():
     assert "these cannot be distinguished" in found.sentence
 
 
-def test_what_is_on_no_list_is_none_of_these_and_nothing_is_added():
+def test_more_than_the_noise_that_nothing_describes_is_no_unknown_effect_and_nothing_is_added():
     random = np.random.default_rng(10)
     laws = laws_of(random, SlipSinkage())
     found = answered(clipped(random) + 4 * random.normal(size=ROWS), laws)
-    assert (found.answer, found.named, found.share) == (Answer.NONE_FITS, (), 0.0)
+    assert (found.answer, found.named, found.share) == (Answer.INADEQUATE, (), 0.0)
     assert found.model is found.before.model
-    assert "no candidate explains it" in found.sentence
+    assert f"the noise may be {np.sqrt(found.before.misfit):.2g} times what is declared" in found.sentence
 
 
-@pytest.mark.parametrize(("beside", "answer"), [(0.7, Answer.LIKE), (3.0, Answer.NONE_FITS)])
+@pytest.mark.parametrize(("beside", "answer"), [(1.05, Answer.LIKE), (3.0, Answer.INADEQUATE)])
 def test_an_effect_that_takes_two_thirds_is_what_is_missing_in_another_law(beside, answer):
     random = np.random.default_rng(12)
     laws = laws_of(random, SlipSinkage())
     rest = beside * 2.0 * random.normal(size=ROWS)
-    found = answered(rows_of(laws, random, SlipSinkage__n_1=3.0) + rest, laws)
+    found = answered(rows_of(laws, random, SlipSinkage__n_1=3.8) + rest, laws)
     assert found.answer is answer
     if answer is Answer.LIKE:
         assert "something like SlipSinkage is missing" in found.sentence
         assert "its law does not hold exactly" in found.sentence
         assert found.share >= 2 / 3
+
+
+def test_what_a_law_leaves_without_a_pattern_is_scatter_and_the_law_holds():
+    """Noise of 1.7 times the declared SD: the name would be "like" by the declared noise alone."""
+    random = np.random.default_rng(12)
+    laws = laws_of(random, SlipSinkage())
+    found = answered(rows_of(laws, random, SlipSinkage__n_1=3.0) + 1.4 * random.normal(size=ROWS), laws)
+    assert 2.0 < found.after.misfit < 4.0
+    assert (found.answer, found.named) == (Answer.NAMED, ("SlipSinkage",))
+    assert "What is left is still more than the noise" in found.sentence
+
+
+def test_a_fold_chooses_among_effects_as_large_as_they_were_fitted():
+    random = np.random.default_rng(14)
+    laws = laws_of(random, SlipSinkage())
+    found = answered(rows_of(laws, random, SlipSinkage__n_1=2.0), laws)
+    (best,) = found.search.found
+    assert as_fitted(best.candidate, best.fit).effect.n_1 == best.fit.value("SlipSinkage.n_1")
 
 
 def test_a_size_at_its_bound_does_not_stand_alone():

@@ -9,6 +9,7 @@ from scipy.stats import chi2 as chi2_law
 
 from rover_pin.discrepancy import judge
 from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.judge import Left, _leading, answer_of, graded, held_out_share, holds, share_taken, vetoes
 from rover_pin.estimation.numbers import Number, implausible, is_adequate
@@ -200,9 +201,10 @@ def test_where_fits_are_exact_a_fold_chooses_among_the_leaders_as_freed():
     """Four of each round, but for those that would gain less than half of their threshold."""
 
     def refit(name, net, instead=()):
-        return SimpleNamespace(candidate=SimpleNamespace(name=name), net=net, fee=10.0, instead=instead)
+        return SimpleNamespace(candidate=named(name), net=net, fee=10.0, instead=instead, fit=fitted)
 
-    replaced = SimpleNamespace(name="first of a pair")
+    named = lambda name: Candidate(name, None, (name,))  # noqa: E731
+    fitted, replaced = SimpleNamespace(), named("first of a pair")
     rounds = [
         SimpleNamespace(refits=[refit("A", 9.0), refit("B", -4.9), refit("C", -5.1), refit("D", 0.0), refit("E", 0.0)]),
         SimpleNamespace(refits=[refit("F", 1.0, (replaced,))]),

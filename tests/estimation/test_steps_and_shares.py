@@ -1,6 +1,7 @@
 """The pieces of a fit against linear algebra written plainly: coordinates, shares of a column, trust-region steps."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -63,8 +64,11 @@ def test_a_parameter_comes_back_and_keeps_to_its_bounds(log, scale):
     assert one.slope(0.5) == pytest.approx((one.value(0.5 + 1e-6) - one.value(0.5 - 1e-6)) / 2e-6, rel=1e-6)
 
 
-def test_a_logarithm_that_may_go_to_nothing_has_no_lower_bound():
-    assert Parameter("x", 2.0, 0.4, 0.0, 3.0, log=True).bounds[0] == -math.inf
+def test_a_logarithm_that_may_go_to_nothing_stops_before_it_so_that_a_fit_can_begin_there():
+    never_0 = Parameter("x", 2.0, 0.4, 0.0, 3.0, log=True)
+    low = never_0.value(never_0.bounds[0])
+    assert 0 < low <= 1e-5
+    assert all(map(math.isfinite, replace(never_0, origin=low).bounds))
     assert Parameter("x", 2.0, 0.4, 0.0, math.inf, log=True).value(1e6) < math.inf
 
 

@@ -199,9 +199,27 @@ def test_what_is_on_no_list_is_described_and_its_draft_is_an_effect(tmp_path):
     assert verdict.effects == ()
     assert "no candidate explains it" in verdict.sentence
     assert any(not one.is_noise and "smooth fit" in one.said for one in verdict.extra.after.remainders)
+    draft = verdict.draft
+    assert draft.accepted
+    assert all(one.after < 1.3 * one.floor for one in draft.scores)
+    assert [one.before for one in draft.scores] == [one.before for one in verdict.scores]
+    assert max(one.before / one.after for one in draft.scores) > 2
+    assert f"--effects {tmp_path / 'out' / 'draft_effect' / 'measured_remainder.py'}" in verdict.summary()
+    assert json.loads((tmp_path / "out" / "verdict.json").read_text())["draft"]["accepted"] is True
     again = close_the_loop(path, effects=tmp_path / "out" / "draft_effect")
     assert again.alike[0] == "MeasuredRemainder"
     assert again.share > 0.95
+
+
+@pytest.mark.parametrize("noise", ["understated", "spiked"])
+def test_noise_that_is_larger_than_declared_is_no_unknown_effect(tmp_path, noise):
+    """Six of six and three of four blind sets with nothing hidden were called "none of these"."""
+    rig = hidden.Rig("none")
+    path = hidden.write(tmp_path, rig, hidden.rig_set(rig, seed=5, mixed=True, noise=noise))
+    verdict = close_the_loop(path)
+    assert verdict.answer is Answer.INADEQUATE
+    assert verdict.draft is None
+    assert "the noise may be 1." in verdict.sentence
 
 
 def test_a_users_effect_is_a_file_in_a_folder(tmp_path):

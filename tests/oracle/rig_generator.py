@@ -23,6 +23,18 @@ SIZES = {
     "grousers": 0.004,
     "interface_friction": 0.7,
     "skid_sinkage": 0.8,
+    "slip_softening": 1.0,
+    "ploughing": 1.0,
+    "lug_trench": 0.004,
+    "lyasko_sinkage": 0.8,
+    "even_softening": 1.0,
+    "strain_softening": 0.4,
+    "power_rate": 0.15,
+    "viscous_drag": 0.06,
+    "bounded_hole": 0.1,
+    "exit_root": 0.25,
+    "early_peak": 0.8,
+    "stiff_layer": 0.6,
     "slip_squared_drag": 0.12,
     "sinkage_bump": 0.25,
     "gain_drift": 0.6,
@@ -31,7 +43,8 @@ SIZES = {
     "sensor_wave": 0.0015,
     "second_day": 0.3,
 }
-"""Hidden effects at a clear size; those from slip_squared_drag on are on nobody's list."""
+"""Hidden effects at a clear size; from lyasko_sinkage on a cause of the list by another law, from slip_squared_drag on
+what is on nobody's list."""
 
 
 class Rig:
@@ -46,7 +59,7 @@ class Rig:
     def forces(self, h, S, W, rim, v, day=0):
         """Normal force, drawbar pull, torque at the sinkage h."""
         dug = self.dug(rim, v)
-        h = h - dug
+        h = h - dug - self.trench(rim, v)
         if h <= 0:
             return 0.0, 0.0, 0.0
         s = self.ground(h, S, day)
@@ -58,9 +71,15 @@ class Rig:
         return f_n, f_t, torque
 
     def dug(self, rim, v):
-        """Depth of the hole of a digging wheel, where digging and rolling out balance."""
+        """Depth of the hole of a digging wheel, where digging and rolling out balance; or one that levels off."""
         thrown, left = self.sizes.get("digging", 0.0) * max(rim - v, 0.0), v * v / np.hypot(v, 0.005) / 0.04
-        return thrown / (left + 2 * thrown / self.r)
+        bounded = self.sizes.get("bounded_hole", 0.0) * self.r * np.tanh(2 * max(rim - v, 0.0) / rim)
+        return thrown / (left + 2 * thrown / self.r) + bounded
+
+    def trench(self, rim, v):
+        """Depth of what lugs carry off: pockets of this depth, full, levelling off towards r / 2."""
+        cut = self.sizes.get("lug_trench", 0.0) * max(rim - v, 0.0)
+        return cut / (v + 2 * cut / self.r)
 
     def ground(self, h, S, day):
         """The soil as this wheel meets it."""
@@ -73,14 +92,30 @@ class Rig:
         s["K"] *= 1 + size("second_day", 0.0) * day
         if "bin_floor" in self.sizes:
             s["K"] *= 1 + (h / self.sizes["bin_floor"]) ** 6
+        pushed = 1 - (1 + min(S, 0.0)) ** size("ploughing", 0.0)
+        s["K"] *= 1 - pushed
+        s["exit_ratio"] = max(s["exit_ratio"] - 0.4 * pushed, -0.9)
+        return self.otherwise(s, h, S)
+
+    def otherwise(self, s, h, S):
+        """The soil by laws that are not the package's, but for slip-softening, which is."""
+        size, driving = self.sizes.get, max(S, 0.0)
+        s["K"] *= np.exp(-size("slip_softening", 0.0) * driving * (2 - driving))
+        s["K"] *= np.exp(-size("even_softening", 0.0) * abs(S))
+        s["K"] *= ((1 + driving) / (1 - driving / 2)) ** (-s["n"] * size("lyasko_sinkage", 0.0))
+        s["exit_ratio"] = min(max(s["exit_ratio"] + size("exit_root", 0.0) * np.sign(S) * abs(S) ** 0.5, -0.9), 1.0)
+        s["n"] += size("stiff_layer", 0.0) * (1 - np.exp(-h / (0.3 * self.b)))
         return s
 
     def sheared(self, h, S, s):
         """Forces of the arc; a share of Wong and Reece's stress, and shear at the radius of the lugs' middle."""
         q = 1 + 0.5 * self.sizes.get("grousers", 0.0) / self.r
         forces = np.array(self.arc(h, S, s, q))
-        share = self.sizes.get("peak_stress", 0.0)
-        return (1 - share) * forces + share * np.array(self.arc(h, S, s, q, 0.4 + 0.15 * S)) if share else forces
+        for effect, at in (("peak_stress", 0.4 + 0.15 * S), ("early_peak", 0.3 + 0.25 * S * abs(S))):
+            share = self.sizes.get(effect, 0.0)
+            if share:
+                forces = (1 - share) * forces + share * np.array(self.arc(h, S, s, q, at))
+        return forces
 
     def arc(self, h, S, s, q=1.0, peak=None):
         """Midpoint sums over the arc; with `peak`, Wong and Reece's stress; shear displacement at the radius q r."""
@@ -97,13 +132,16 @@ class Rig:
         ratio = 1 - S if S >= 0 else 1 / (1 + S)
         j = self.r * (q * (theta_1 - theta) - ratio * (np.sin(theta_1) - np.sin(theta)))
         tau = np.sign(j) * (s["c"] + sigma * np.tan(s["phi"])) * (1 - np.exp(-np.abs(j) / s["k"]))
+        tau *= 1 - self.sizes.get("strain_softening", 0.0) * (1 - np.exp(-np.abs(j) / (5 * s["k"])))
         patch = self.r * self.b * step
         f_n = patch * np.sum(sigma * np.cos(theta) + tau * np.sin(theta))
         f_t = patch * np.sum(tau * np.cos(theta) - sigma * np.sin(theta) + (q - 1) * tau)
         return f_n, f_t, q * q * patch * self.r * np.sum(tau)
 
-    def run(self, W, S, v=0.02, day=0):
-        """Drawbar pull, torque and sinkage at a load and slip, travelling at v."""
+    def run(self, W, S, v=0.02, day=0, stiffer=1.0):
+        """Drawbar pull, torque and sinkage at a load and slip, travelling at v, in sand so many times as stiff."""
+        if stiffer != 1.0:
+            return Rig(sizes=self.sizes, **self.soil | {"K": stiffer * self.soil["K"]}).run(W, S, v, day)
         rim = v / (1 - S) if S >= 0 else v * (1 + S)
         low, high = 1e-6, 0.98 * self.r
         for _ in range(45):
@@ -126,6 +164,15 @@ def after(effect, size, forces, at):
         shear = -size * (1 - np.exp(-((S / 0.4) ** 2)))
     if effect == "rate_dependence":
         shear = size * np.log1p(abs(rim - v) / 0.01)
+    if effect == "power_rate":
+        shear = (1 + abs(rim - v) / 0.03) ** size - 1
+    if effect == "viscous_drag":
+        f_t -= size * f_n * v / 0.03
+    if effect == "ploughing":
+        X, phi = np.pi / 4 - np.pi / 12, np.pi / 6
+        D_1, D_2 = 1 / np.tan(X) + np.tan(X + phi), 1 / np.tan(X) + np.tan(phi) / np.tan(X) ** 2
+        wall = D_1 * (s["c"] * h + D_2 * 15700 * h * h / 2)
+        f_t -= (1 - (1 + min(S, 0.0)) ** size) * b * wall * sense
     if effect == "bulldozing":
         X = np.pi / 4 - s["phi"] / 2
         D_1, D_2 = 1 / np.tan(X) + np.tan(X + s["phi"]), 1 / np.tan(X) + np.tan(s["phi"]) / np.tan(X) ** 2
@@ -142,23 +189,40 @@ SD = (0.25, 0.015, 0.0004)
 NAMES = ("level", "slip", "travel_speed_mps", "rim_speed_mps", "load_N", "drawbar_pull_N", "torque_Nm", "sinkage_m")
 
 
-def rig_set(rig, loads=(15.0, 25.0, 40.0), slips=SLIPS, repeats=2, seed=0, speeds=(0.02,), mixed=False):
+NOISES = ("white", "drifting", "spiked", "raked", "understated")
+"""White; AR(1) from run to run, 0.8; one value in 30 six SD off; stiffness 4 % anew each level; 1.4 times the SD."""
+
+
+def noisy(noise, white, rng):
+    """White noise of SD 1 (runs, channels), in the order of the runs, made into that of another kind."""
+    if noise == "drifting":
+        for before, now in zip(white[:-1], white[1:], strict=True):
+            now[:] = 0.8 * before + 0.6 * now
+    if noise == "spiked":
+        white = white + 6 * rng.choice([-1.0, 1.0], white.shape) * (rng.uniform(size=white.shape) < 1 / 30)
+    return 1.4 * white if noise == "understated" else white
+
+
+def rig_set(rig, loads=(15.0, 25.0, 40.0), slips=SLIPS, repeats=2, seed=0, speeds=(0.02,), mixed=False, noise="white"):
     """Columns of points.csv: one row a run, with noise; repeats take the speeds in turn, `mixed` runs are shuffled."""
-    rng = np.random.default_rng(seed)
-    rows = []
+    rng, raked = np.random.default_rng(seed), np.random.default_rng([seed, 1])
+    rows, white = [], []
     for level, S in enumerate(slips):
+        stiffer = np.exp(0.04 * raked.normal()) if noise == "raked" else 1.0
         for W in loads:
             known = {}
             for repeat in range(repeats):
                 v, day = speeds[repeat % len(speeds)], repeat % 2 if "second_day" in rig.sizes else 0
                 if (v, day) not in known:
-                    known[v, day] = rig.run(W, S, v, day)
+                    known[v, day] = rig.run(W, S, v, day, stiffer)
                 f_t, torque, h, rim = known[v, day]
-                noise = rng.normal(size=3) * SD
-                rows.append([level, S, v, rim, W, f_t + noise[0], torque + noise[1], max(h + noise[2], 1e-5)])
-    rows = np.array(rows)
-    if mixed:
-        rows = rows[rng.permutation(len(rows))]
+                white.append(rng.normal(size=3))
+                rows.append([level, S, v, rim, W, f_t, torque, h])
+    rows, white = np.array(rows), np.array(white)
+    order = rng.permutation(len(rows)) if mixed else np.arange(len(rows))
+    rows = rows[order]
+    rows[:, 5:] += noisy(noise, white[order], rng) * SD
+    rows[:, 7] = np.maximum(rows[:, 7], 1e-5)
     rows[:, 5] *= 1 + rig.sizes.get("gain_drift", 0.0) * np.linspace(-0.5, 0.5, len(rows))
     return dict(zip(NAMES, rows.T, strict=True))
 

@@ -6,13 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.discrepancy.screen import entry_fee
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.identification.identifiability import SAME_LOAD
-from rover_pin.measurements.channel import DrawbarPull, RigChannel, Sinkage, Torque
+from rover_pin.measurements.channel import RigChannel
 
 DEGREES = 3
 """Highest power of the slip in a description."""
 
+FORMS = 2 * (DEGREES + 1)
+"""Polynomials among which one is chosen."""
 NOISE_LIKE = 1.5
 """RMS in SDs below which a channel's residual is called noise."""
 
@@ -46,18 +49,22 @@ class Remainder(NamedTuple):
     "coefficient of load / mean load - 1 [unit]"
     explained: float
     "share of the residual's sum of squares that the polynomial takes"
+    is_curved: bool
+    "whether that is more than chance, in units of what it leaves"
 
     @property
     def is_noise(self) -> bool:
-        """Whether nothing is left to describe."""
+        """Whether what is left is about as large as the noise."""
         return self.rms < NOISE_LIKE
 
     @property
     def said(self) -> str:
         """One sentence for a reader."""
         scale, unit = (1e3, "mm") if self.unit == "m" else (1.0, self.unit)
-        if self.is_noise:
-            return f"{self.name}: {self.rms:.1f} times the noise; nothing to describe"
+        if not self.is_curved:
+            return (
+                f"{self.name}: {self.rms:.1f} times the noise; no smooth curve of slip and load takes more than chance"
+            )
         first, last = self.levels[0], self.levels[-1]
         trend = (
             f"measured - model goes from {scale * first.mean:+.3g} {unit} at S = {round(first.slip, 2) + 0.0:g} to "
@@ -98,7 +105,14 @@ def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> Remain
         tuple(float(c) for c in powers),
         of_load,
         1 - float(rest @ rest) / max(total, 1e-300),
+        _beyond_chance(total, float(rest @ rest), residual.size, len(powers) + bool(of_load)),
     )
+
+
+def _beyond_chance(before: float, after: float, count: int, columns: int) -> bool:
+    """Return whether so many columns, of the best of FORMS forms, take more of chi2 than chance does."""
+    unit = max(1.0, after / max(count - columns, 1))
+    return before - after > unit * (entry_fee(FORMS) + entry_fee(1) * (columns - 1))
 
 
 def _smooth(
@@ -130,65 +144,3 @@ def _correlation(one: np.ndarray, other: np.ndarray) -> float:
     if np.ptp(one) == 0 or np.ptp(other) == 0:
         return 0.0
     return float(np.corrcoef(one, other)[0, 1])
-
-
-FACTORS = {DrawbarPull.name: "pull", Torque.name: "torque", Sinkage.name: "depth"}
-"""What a draft can add; a side force hangs on the slip angle more than on S."""
-
-DRAFT = '''"""What the model leaves of {name}, as measured: a draft for a person to replace by a cause."""
-
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import ClassVar
-
-import casadi as ca
-
-from rover_pin.contact import Contact, Load, Scalar
-from rover_pin.effects.effect import Effect
-from rover_pin.quantity import quantity
-
-
-@dataclass(frozen=True)
-class MeasuredRemainder(Effect):
-    """f_t += f_n p(S), torque += r f_n t(S), h <- h - r d(S): polynomials of the slip.
-
-    Source: the remainder of a closed loop on {name}; it describes and does not explain.
-    """
-
-    title: ClassVar[str] = "measured remainder"
-    meaning: ClassVar[str] = "something acts that is on no list, as a wheel rig showed it"
-{fields}
-    neutral: ClassVar[dict[str, float]] = {{{neutral}}}
-
-    def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
-        """Return the contact as deep as it would be without the remainder."""
-        S = contact.S
-        return contact._replace(h=ca.fmax(contact.h - contact.wheel.r * ({depth}), 0.0))
-
-    def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
-        """Return what was measured beyond the load so far."""
-        S = contact.S
-        return Load(f_t=load.f_n * ({pull}), torque=contact.wheel.r * load.f_n * ({torque}))
-'''
-
-
-def draft_effect(data: RigSet, left: tuple[Remainder, ...]) -> str:
-    """Return an effect file that adds the described remainder, per load and per radius, for `effects=`."""
-    load, r = float(np.mean(data.rig.load)), float(data.rig.wheel.r)
-    unit = {"pull": load, "torque": load * r, "depth": r}
-    fields, sums = [], {"pull": "0.0", "torque": "0.0", "depth": "0.0"}
-    names = []
-    for one in left:
-        if one.is_noise or one.name not in FACTORS:
-            continue
-        stem = FACTORS[one.name]
-        terms = []
-        for power, value in enumerate(one.powers):
-            name = f"{stem}_{power}"
-            names.append(name)
-            fields.append(f'    {name}: Scalar = quantity({value / unit[stem]:.6g}, "", "fitted", -5.0, 5.0, "{name}")')
-            terms.append(f"self.{name}" + "".join([" * S"] * power))
-        sums[stem] = " + ".join(terms)
-    neutral = ", ".join(f'"{name}": 0.0' for name in names)
-    return DRAFT.format(name=data.rig.name, fields="\n".join(fields), neutral=neutral, **sums)

@@ -1,0 +1,73 @@
+"""What is on no list, drafted as an effect: the draft is tried like a candidate, and says what it makes of the data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+from rover_pin.discrepancy.answer import score_line
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.held_out import ChannelScore, held_out
+from rover_pin.discrepancy.refit import Progress, Refit
+from rover_pin.discrepancy.search import attempted
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.numbers import settled
+
+
+class Drafted(NamedTuple):
+    """The text of an effect file made of what a model leaves, and its effect as candidates."""
+
+    text: str
+    candidates: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A drafted effect as it was tried: every uncertain number refitted with it, every fold predicted by the others."""
+
+    text: str = field(repr=False)
+    refit: Refit | None = None
+    "None where it promises nothing"
+    scores: tuple[ChannelScore, ...] = ()
+    command: str = ""
+    "the command line that tries it again"
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it gains more than chance, and predicts folds that it has not seen better."""
+        return self.refit is not None and self.refit.accepted
+
+    @property
+    def said(self) -> str:
+        """How it did, in a sentence."""
+        if self.refit is None:
+            return "the draft promises nothing when it is tried"
+        gain = f"chi2 falls by {self.refit.gain:.3g} (chance: {self.refit.fee:.3g})"
+        folds = f"on folds left out by {self.refit.held_out:.3g}"
+        return f"tried, {gain}, {folds}{'' if self.accepted else '; it does not hold up'}"
+
+    def lines(self) -> list[str]:
+        """Return lines for a reader."""
+        again = [f"draft: {self.command}"] if self.command else []
+        return [f"draft: {self.said}", *(f"draft: {score_line(one)}" for one in self.scores), *again]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        own = {} if self.refit is None else {"gain": self.refit.gain, "threshold": self.refit.fee}
+        held = {} if self.refit is None else {"held_out_gain": self.refit.held_out}
+        rows = [one.as_dict() for one in self.scores]
+        return {"accepted": self.accepted, "said": self.said, **own, **held, "held_out": rows, "command": self.command}
+
+
+def tried(drafted: Drafted, here: Fit, progress: Progress) -> Draft:
+    """Return a draft tried on the fit that leaves what it describes."""
+    progress("trying the draft of what is left")
+    refits = attempted(here, drafted.candidates, progress)
+    return Draft(drafted.text, refits[0] if refits else None)
+
+
+def scored(draft: Draft, before: Fit, seed: int) -> Draft:
+    """Return a draft with its errors on folds left out beside those of a fit without."""
+    if draft.refit is None:
+        return draft
+    return replace(draft, scores=held_out(before, settled(draft.refit.fit), draft.refit.fit.task.noise, seed).channels)

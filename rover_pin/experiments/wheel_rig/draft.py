@@ -1,0 +1,106 @@
+"""What a model leaves of a rig set, drafted as an effect file: polynomials of the slip, and the load's share."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rover_pin.discrepancy.candidate import plain_candidate
+from rover_pin.discrepancy.draft import Drafted
+from rover_pin.estimation.fit import Fit
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.remainder import Remainder, remainders
+from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.motion.effect_files import user_effects
+
+FACTORS = {DrawbarPull.name: "pull", Torque.name: "torque", Sinkage.name: "depth"}
+"""What a draft can add; a side force hangs on the slip angle more than on S."""
+
+DRAFT = '''"""What the model leaves of {name}, as measured: a draft for a person to replace by a cause."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.effects.effect import Effect
+from rover_pin.quantity import quantity
+
+
+@dataclass(frozen=True)
+class MeasuredRemainder(Effect):
+    """f_t += f_n p(S), torque += r f_n t(S), h <- h - r d(S): polynomials of the slip, and a term of the load.
+
+    Source: the remainder of a closed loop on {name}; it describes and does not explain.
+    """
+
+    title: ClassVar[str] = "measured remainder"
+    meaning: ClassVar[str] = "something acts that is on no list, as a wheel rig showed it"
+{fields}
+    neutral: ClassVar[dict[str, float]] = {{{neutral}}}
+
+    def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
+        """Return the contact as deep as it would be without the remainder."""
+        S = contact.S
+        return contact._replace(h=ca.fmax(contact.h - contact.wheel.r * ({depth}), 0.0))
+
+    def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
+        """Return what was measured beyond the load so far."""
+        S = contact.S
+        return Load(f_t=load.f_n * ({pull}), torque=contact.wheel.r * load.f_n * ({torque}))
+'''
+
+
+BOUND = 5.0
+"""Largest coefficient that a draft allows, or ten times what it starts from."""
+
+
+def drafted(experiment: RigExperiment, fit: Fit) -> Drafted | None:
+    """Return what a fit leaves as a drafted effect; None where no smooth curve takes more of it than chance."""
+    data = experiment.data
+    scaled = experiment.rows(fit.residual) / np.array([channel.sd for channel in data.rig.channels])
+    left = remainders(data, scaled)
+    if not any(map(can_draft, left)):
+        return None
+    text = draft_effect(data, left)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "measured_remainder.py"
+        file.write_text(text, encoding="utf-8")
+        (kind,) = user_effects(file)
+    return Drafted(text, (plain_candidate(kind()),))
+
+
+def can_draft(one: Remainder) -> bool:
+    """Return whether a channel leaves a smooth curve beyond chance that an effect can add."""
+    return one.is_curved and one.name in FACTORS
+
+
+def draft_effect(data: RigSet, left: Sequence[Remainder]) -> str:
+    """Return an effect file that adds the described remainders, per load and per radius, for `effects=`."""
+    load, r = float(np.mean(data.rig.load)), float(data.rig.wheel.r)
+    unit = {"pull": load, "torque": load * r, "depth": r}
+    sizes: dict[str, float] = {}
+    sums = dict.fromkeys(unit, "0.0")
+    for one in filter(can_draft, left):
+        stem = FACTORS[one.name]
+        names = {f"{stem}_{power}": f"self.{stem}_{power}" + " * S" * power for power in range(len(one.powers))}
+        sizes |= dict(zip(names, np.array(one.powers) / unit[stem], strict=True))
+        if one.of_load and stem != "depth":  # a contact is amended before it knows its load
+            names[f"{stem}_W"] = f"self.{stem}_W * (load.f_n / {load:.6g} - 1.0)"
+            sizes[f"{stem}_W"] = one.of_load / unit[stem]
+        sums[stem] = " + ".join(names.values())
+    fields = "\n".join(_field(name, size) for name, size in sizes.items())
+    neutral = ", ".join(f'"{name}": 0.0' for name in sizes)
+    return DRAFT.format(name=data.rig.name, fields=fields, neutral=neutral, **sums)
+
+
+def _field(name: str, size: float) -> str:
+    bound = max(BOUND, 10 * abs(size))
+    return f'    {name}: Scalar = quantity({size:.6g}, "", "fitted", {-bound:.6g}, {bound:.6g}, "{name}")'
