@@ -25,7 +25,7 @@ RENEWALS = 2
 TO_THE_END = 40, 12
 """Turns and renewals of a fit that is to reach its end: down a bent valley each step is short."""
 SHORTER = 3
-"""How often a step that does not help is cut to a third."""
+"""How often a step that does not help is tried, cut to a third each time; once where it promises less than SETTLED."""
 STRETCH = 8
 """Blocks that are taken to hang together: 4 s, longer than what is left remembers."""
 ROUND_OFF = 1e-13
@@ -225,7 +225,8 @@ def _descended(
     for _ in range(turns):
         columns = task.columns([known[one.name] for one in parameters])
         step, promised = _step(columns, task.rows(predicted), u, parameters)
-        u, predicted, now = _searched(task, model, parameters, (u, predicted, was), step)
+        cuts = SHORTER if promised >= SETTLED else 1
+        u, predicted, now = _searched(task, model, parameters, (u, predicted, was), step, cuts)
         gained, was = was - now, now
         if gained >= max(STALE * promised, SETTLED):
             fresh = False
@@ -280,10 +281,12 @@ def _step(
 State = tuple[np.ndarray, np.ndarray, float]
 
 
-def _searched(task: Task, model: Any, parameters: Sequence[Parameter], here: State, step: np.ndarray) -> State:
+def _searched(
+    task: Task, model: Any, parameters: Sequence[Parameter], here: State, step: np.ndarray, cuts: int
+) -> State:
     """Return the first of the shortened steps that lowers the objective, or where it was."""
     u, _, was = here
-    for cut in range(SHORTER):
+    for cut in range(cuts):
         trial = u + step / 3**cut
         predicted = task.experiment.predict([at(task, model, parameters, trial)])[0]
         now = objective(task.rows(predicted), trial, parameters)

@@ -54,7 +54,7 @@ class Noise:
             return np.asarray((residual / self.sd)[..., self.good])
         steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho)
         scaled = steps / (self.sd * np.sqrt(1 - self.rho**2))[:, None]
-        mixed = np.einsum("ij,...jb->...ib", self.mixing, np.where(self.good, scaled, 0.0))
+        mixed = self.mixing @ np.where(self.good, scaled, 0.0)
         return np.asarray(mixed[..., self.good])
 
 

@@ -30,11 +30,15 @@ def png(figure: Figure) -> bytes:
 
 
 def svg(figure: Figure, name: str, alt: str) -> str:
-    """Return a figure as an SVG element that has no background; `name` keeps its ids apart from other figures'."""
+    """Return a figure as an SVG element that has no background; `name` keeps its ids apart from other figures'.
+
+    Where its parts lie is decided here once, and stays: a file of the same figure shows what the page shows.
+    """
     FigureCanvasSVG(figure)
     buffer = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
+    figure.set_layout_engine("none")
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)

@@ -57,3 +57,29 @@ def test_the_usual_turns_do_not_get_there():
     short = fit(task(), Valley(), NUMBERS, START)
     assert TURNS < 10
     assert short.chi2 > 10.0
+
+
+class Counted(Rosenbrock):
+    """The same valley, that counts how often it is asked."""
+
+    def __init__(self):
+        self.asked = 0
+
+    def predict(self, models):
+        self.asked += len(models)
+        return super().predict(models)
+
+
+def test_a_step_that_promises_next_to_nothing_and_fails_is_not_tried_shorter():
+    """Slopes of the wrong sign point away: from 0.1 SD off a step promises 0.01, from 10 SD off 100."""
+    given = {"valley.b": -np.array([[[1.0, 0.0]]])}
+    tries = []
+    for off in (0.03, 3.0):
+        bed = Counted()
+        one = Task(bed, declared_noise(np.array([0.3]), bed.observed))
+        held = Valley(a=3.0, b=9.0 + off)
+        found = fit(one, held, NUMBERS[1:], np.array([9.0 + off]), given, reuse=True)
+        assert found.model.b == pytest.approx(9.0 + off)
+        tries.append(bed.asked - 1)
+    assert tries[0] == 1
+    assert tries[1] >= 3

@@ -20,6 +20,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.parameters import owners, with_record
 from rover_pin.experiments.drive_log.places import neighbours
+from rover_pin.experiments.drive_log.recent import Recent
 from rover_pin.experiments.drive_log.resume import Memory, digest
 from rover_pin.experiments.drive_log.scatter import scatter
 from rover_pin.motion.channels import unit_of
@@ -42,6 +43,7 @@ class DriveExperiment(Experiment):
     rests: tuple[DriveState | None, ...] = field(repr=False)
     jobs: Workers = 1
     memory: Memory = field(default=Memory(), repr=False)
+    recent: Recent = field(default_factory=Recent, repr=False)
     is_timed = True
 
     @cached_property
@@ -49,8 +51,8 @@ class DriveExperiment(Experiment):
         """A digest of the runs and of where they start."""
         return digest(self.runs, self.rests)
 
-    @property
-    def channels(self) -> tuple[str, ...]:
+    @cached_property
+    def channels(self) -> tuple[str, ...]:  # type: ignore[override]
         """The features that all runs have."""
         return tuple(name for name in self.runs[0].channels if all(name in run.channels for run in self.runs))
 
@@ -86,8 +88,13 @@ class DriveExperiment(Experiment):
     def predict(self, models: Sequence[Model]) -> np.ndarray:
         """Return the features of each model (models, runs, channels, blocks).
 
-        Models that differ in their sensors only are replayed once.
+        Models that differ in their sensors only are replayed once, and what was predicted a moment ago not again.
         """
+        keys = [digest(self.identity, model) for model in models]
+        return np.array(self.recent.of(keys, lambda missing: self._driven([models[at] for at in missing])))
+
+    def _driven(self, models: Sequence[Model]) -> list[np.ndarray]:
+        """Return the features of each model (runs, channels, blocks)."""
         groups: dict[tuple[int, ...], list[int]] = {}
         for at, model in enumerate(models):
             groups.setdefault(_drives(model, self.held), []).append(at)
@@ -99,7 +106,7 @@ class DriveExperiment(Experiment):
             for _ in pairs:
                 for at, table in zip(group, next(tables), strict=True):
                     found[at].append(table)
-        return np.array([self._padded(found[at]) for at in range(len(models))])
+        return [self._padded(found[at]) for at in range(len(models))]
 
     def records(self, model: Model) -> dict[str, Any]:
         """Return the soil, the motor and the effects of a model, by name."""

@@ -259,16 +259,20 @@ def _reading(scene: Scene, name: str) -> Act:
 
 def moved_features(scene: Scene, act: Act, run: int, shares: np.ndarray) -> np.ndarray:
     """Return how the features (k, channels, blocks) of a run move where the parts act by shares (k, parts, T)."""
-    one = scene.experiment.runs[run]
-    rows = np.einsum("kpt,pct->kct", shares, np.array([part.moved[run] for part in act.parts]))
+    one, moved = scene.experiment.runs[run], np.array([part.moved[run] for part in act.parts])
+    touched = np.flatnonzero(np.any(moved != 0.0, axis=(0, 2)))  # NaN counts: it is not 0
+    names = [scene.experiment.channels[at] for at in touched]
+    rows = np.einsum("kpt,pct->kct", shares, moved[:, touched])
     period = one.commands.period
-    for at, name in enumerate(scene.experiment.channels):
+    for at, name in enumerate(names):
         if name in (PATH, DRIFT, HEADING):
             rows[:, at] = leaky(one.counted * rows[:, at], period)
     length = max(1, round(BLOCK / period))
     count = rows.shape[-1] // length
     block = rows[..., : count * length].reshape(*rows.shape[:2], count, length).mean(axis=-1)
-    for at, name in enumerate(scene.experiment.channels):
+    for at, name in enumerate(names):
         if name in LEVELS and one.usable.any():
             block[:, at] -= block[:, at, one.usable].mean(axis=-1, keepdims=True)
-    return np.asarray(block)
+    found = np.zeros((len(shares), moved.shape[1], count))
+    found[:, touched] = block
+    return found

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from rover_pin.discrepancy.screen import entry_fee
 from rover_pin.estimation.fit import Fit
@@ -33,10 +34,6 @@ class Rows:
     u: np.ndarray = field(repr=False)
     run_of: np.ndarray = field(repr=False)
 
-    def white(self, moved: np.ndarray) -> np.ndarray:
-        """Return features (k, runs, channels, blocks) as columns (n, k)."""
-        return self.fit.task.noise.white(moved).T
-
 
 def rows_of(fit: Fit) -> Rows:
     """Return the rows of a fit."""
@@ -46,16 +43,41 @@ def rows_of(fit: Fit) -> Rows:
     return Rows(fit, fit.rows, fit.columns[:, free], prior, np.asarray(fit.u)[free], run_of)
 
 
-def columns_of(scene: Scene, rows: Rows, act: Act, argument: Argument) -> np.ndarray:
-    """Return the whitened columns (n, k) of a term."""
-    experiment = scene.experiment
-    found = []
-    for run, _ in enumerate(experiment.runs):
-        moved = moved_features(scene, act, run, argument.shares(scene, act, run))
-        whole = np.zeros((len(moved), len(experiment.runs), len(experiment.channels), experiment.length))
-        whole[:, run, :, : moved.shape[2]] = np.nan_to_num(moved)
-        found.append(rows.white(whole))
-    return np.hstack(found) if argument.own else np.sum(found, axis=0)
+class Columns(NamedTuple):
+    """The whitened columns (n, k) of a term; where every run has numbers of its own, those of run r act on its rows."""
+
+    values: np.ndarray
+    runs: tuple[slice, ...]
+    "the rows of each run that has numbers of its own; all rows, once, where the runs share them"
+
+    def normal(self, w: np.ndarray) -> np.ndarray:
+        """Return C^T diag(w) C, C the whole columns."""
+        return np.asarray(block_diag(*(part.T @ (w[run, None] * part) for run, part in self._parts)))
+
+    def across(self, table: np.ndarray) -> np.ndarray:
+        """Return table^T C of a table (n, ...)."""
+        return np.concatenate([table[run].T @ part for run, part in self._parts], axis=-1)
+
+    def times(self, size: np.ndarray) -> np.ndarray:
+        """Return C size, one number a row."""
+        sizes = np.split(size, len(self.runs))
+        return np.concatenate([part @ own for (_, part), own in zip(self._parts, sizes, strict=True)])
+
+    @property
+    def _parts(self) -> list[tuple[slice, np.ndarray]]:
+        return [(run, self.values[run]) for run in self.runs]
+
+
+def columns_of(scene: Scene, rows: Rows, act: Act, argument: Argument) -> Columns:
+    """Return the whitened columns of a term."""
+    experiment, noise = scene.experiment, rows.fit.task.noise
+    moved = [moved_features(scene, act, run, argument.shares(scene, act, run)) for run in range(len(experiment.runs))]
+    whole = np.zeros((len(moved[0]), len(experiment.runs), len(experiment.channels), experiment.length))
+    for run, one in enumerate(moved):
+        whole[:, run, :, : one.shape[2]] = np.nan_to_num(one)
+    ends = np.cumsum(noise.good.sum(axis=(1, 2)))
+    runs = map(slice, np.append(0, ends[:-1]), ends) if argument.own else [slice(None)]
+    return Columns(noise.white(whole).T, tuple(runs))
 
 
 class _Solved(NamedTuple):
@@ -66,18 +88,18 @@ class _Solved(NamedTuple):
     gain: float
 
 
-def _solved(rows: Rows, columns: np.ndarray, weights: np.ndarray, use: np.ndarray) -> _Solved:
+def _solved(rows: Rows, columns: Columns, weights: np.ndarray, use: np.ndarray) -> _Solved:
     """Return the term's numbers with the fit's own moved along; `use` are the rows that count."""
     w = np.where(use, weights, 0.0)
     slopes = rows.numbers
-    scale = np.maximum(np.sqrt(w @ columns**2), 1e-12)
-    c = columns / scale
+    inner = columns.normal(w)
+    scale = np.maximum(np.sqrt(np.diag(inner)), 1e-12)
     normal = slopes.T @ (w[:, None] * slopes) + np.diag(rows.prior)
     right = -slopes.T @ (w * rows.rows) - np.where(rows.prior == 1.0, rows.u, 0.0)
-    cross = slopes.T @ (w[:, None] * c)
+    cross = columns.across(w[:, None] * slopes) / scale
     back = np.linalg.lstsq(normal, np.column_stack([cross, right]), rcond=None)[0]
-    inner = c.T @ (w[:, None] * c) - cross.T @ back[:, :-1]
-    score = c.T @ (w * rows.rows) + cross.T @ back[:, -1]
+    inner = inner / np.outer(scale, scale) - cross.T @ back[:, :-1]
+    score = columns.across(w * rows.rows) / scale + cross.T @ back[:, -1]
     values, vectors = np.linalg.eigh((inner + inner.T) / 2)
     told = values > TOLD
     q, values = vectors[:, told], values[told]
@@ -93,16 +115,16 @@ def _objective(rows: Rows, left: np.ndarray, numbers: np.ndarray) -> float:
     return huber(left) + float(np.sum((rows.u + numbers)[held] ** 2))
 
 
-def _left(rows: Rows, columns: np.ndarray, solved: _Solved) -> np.ndarray:
-    return np.asarray(rows.rows - columns @ solved.size + rows.numbers @ solved.numbers)
+def _left(rows: Rows, columns: Columns, solved: _Solved) -> np.ndarray:
+    return np.asarray(rows.rows - columns.times(solved.size) + rows.numbers @ solved.numbers)
 
 
-def _alone(rows: Rows) -> np.ndarray:
+def _alone(rows: Rows) -> Columns:
     """Return no columns at all, to solve for the fit's numbers alone."""
-    return np.zeros((len(rows.rows), 0))
+    return Columns(np.zeros((len(rows.rows), 0)), (slice(None),))
 
 
-def _reweighed(rows: Rows, columns: np.ndarray) -> tuple[_Solved, float]:
+def _reweighed(rows: Rows, columns: Columns) -> tuple[_Solved, float]:
     """Return the term weighed by what it leaves, and the fall of the robust chi2."""
     everything = np.ones(len(rows.rows), dtype=bool)
     left, solved = rows.rows, None
@@ -114,7 +136,7 @@ def _reweighed(rows: Rows, columns: np.ndarray) -> tuple[_Solved, float]:
     return solved, base - _objective(rows, left, solved.numbers)
 
 
-def held_out(rows: Rows, columns: np.ndarray) -> float:
+def held_out(rows: Rows, columns: Columns) -> float:
     """Return the fall of the robust chi2 of each run under numbers that the other runs give, added up."""
     weights, total = huber_weights(rows.rows), 0.0
     for run in np.unique(rows.run_of):
