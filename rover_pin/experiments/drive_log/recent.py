@@ -1,4 +1,4 @@
-"""Predictions that were made a moment ago: fits ask again at their start, at the middle of slopes, after a step back."""
+"""Predictions of a moment ago: fits ask again at their start, in the middle of slopes, after a step back."""
 
 from __future__ import annotations
 
