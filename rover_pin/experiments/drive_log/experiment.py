@@ -52,7 +52,7 @@ class DriveExperiment(Experiment):
         return digest(self.runs, self.rests)
 
     @cached_property
-    def channels(self) -> tuple[str, ...]:  # type: ignore[override]
+    def channels(self) -> tuple[str, ...]:
         """The features that all runs have."""
         return tuple(name for name in self.runs[0].channels if all(name in run.channels for run in self.runs))
 
