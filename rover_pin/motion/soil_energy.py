@@ -33,14 +33,11 @@ class Gift(NamedTuple):
 
 
 def gift(model: Model, trace: Trace) -> Gift:
-    """Return what the soil gave from nowhere over the rows of a drive.
+    """Return what the soil gave from nowhere over the rows of a drive, two at least.
 
     Sheared soil takes T omega - f_t v from a wheel, without what `MotionResistance` takes of f_t: below 0 it drives the
     wheel and the rover at once. The net form's compaction is part of its law, and makes it passive.
     """
-    n = len(trace.t)
-    if n < 2:
-        return Gift(0.0, 0.0, 0.0)
     dt = np.diff(trace.t, prepend=trace.t[:1])
     torque, rate, pull, load, v = map(trace.stack, ("torque", "wheel_rate", "tangential", "normal", "travel"))
     for effect in model.effects:
@@ -58,6 +55,8 @@ def gift(model: Model, trace: Trace) -> Gift:
 
 def energy_warning(model: Model, trace: Trace) -> str:
     """Return a sentence where a drive had more than half a per cent of its energy from nowhere, else nothing."""
+    if len(trace.t) < 2:
+        return ""
     given = gift(model, trace)
     least = WORTH_TELLING * _scale(trace)
     if max(given.traction, given.soil) <= least:
@@ -69,8 +68,6 @@ def energy_warning(model: Model, trace: Trace) -> str:
 
 
 def _scale(trace: Trace) -> float:
-    if len(trace.t) < 2:
-        return 1.0
     terms = [np.ptp(values) for name, values in trace.channels.items() if name.startswith("energy_")]
     weight = float(np.mean(np.sum(trace.stack("normal"), axis=1)))
     return max(float(max(terms)), weight * float(np.mean(trace.attrs["wheel_radii_m"])))

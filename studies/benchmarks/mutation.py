@@ -26,6 +26,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,8 +68,8 @@ DRIVE_LOG = "calibrate candidates contrast experiment features free_runs paramet
 LAWS = ("tests/effects/test_[!e]*.py", *_named("effects", "every_effect exit_angle"))
 """All but whole drives with every effect, which take minutes and say little of one law."""
 STEP = (
-    "kernel_twin rigid_body elimination stiff_motor lanes native_ground native_control compiled_loop going_on failure "
-    "resolution simulate independent"
+    "step_parts kernel_twin rigid_body elimination stiff_motor lanes native_ground native_control compiled_loop "
+    "going_on failure resolution simulate independent"
 )
 """Tests that run the compiled step: its twin first, then what is known of it otherwise."""
 ROOMS = {
@@ -106,6 +107,7 @@ def main() -> None:
     options.add_argument(
         "--files", nargs="*", default=[], help="only files of these names, or lines: slip.py slip.py:40"
     )
+    options.add_argument("--tests", nargs="*", default=[], help="only tests of these files or patterns")
     options.add_argument("--sample", type=int, default=0, help="changes of a room that are tried; 0 for all")
     options.add_argument("--seed", type=int, default=0, help="of the order in which they are tried")
     options.add_argument("--longest", type=float, default=math.inf, help="only tests that take less, in s of CPU")
@@ -133,7 +135,7 @@ def main() -> None:
             child = os.fork()
             if child == 0:
                 trial = Trial(tree, chosen[: asked.sample or None], kept, (asked.longest, end))
-                tried(tree, room, trial, asked.killers)
+                tried(tree, asked.tests or ROOMS[room].tests, trial, room, asked.killers)
                 if asked.tally:
                     put(asked.tally, row_of(tree, room, trial, at))
                 os._exit(0)
@@ -142,7 +144,7 @@ def main() -> None:
             kept = Kept(kept.file)
 
 
-def tried(tree: Path, room: str, trial: Trial, killers: bool) -> None:
+def tried(tree: Path, asked: Sequence[str], trial: Trial, room: str, killers: bool) -> None:
     """Try a room's changes in one session of its tests, and print what became of them."""
     import pytest
 
@@ -150,7 +152,7 @@ def tried(tree: Path, room: str, trial: Trial, killers: bool) -> None:
     os.chdir(tree)
     sys.path[0:0], sys.dont_write_bytecode = [str(tree)], True
     os.environ |= {"PYTHONPATH": str(tree), "ROVER_PIN_CACHE": str(tree.parent / "cache")}
-    tests = sorted({str(each.relative_to(tree)) for pattern in ROOMS[room].tests for each in tree.glob(pattern)})
+    tests = sorted({str(each.relative_to(tree)) for pattern in asked for each in tree.glob(pattern)})
     code = pytest.main([*OPTIONS, "-qq", *tests], plugins=[trial])
     if not str(sys.modules["rover_pin"].__file__).startswith(str(tree)):
         raise SystemExit("Another rover_pin than that of this tree was imported.")

@@ -13,7 +13,14 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.errors import SimulationError
 from rover_pin.motion import half_step
-from rover_pin.motion.audit import MOST_MISSED, MOST_MISSED_A_SECOND, balance_warning, doubts_of, load_warning
+from rover_pin.motion.audit import (
+    MOST_MISSED,
+    MOST_MISSED_A_SECOND,
+    balance_warning,
+    doubts_of,
+    load_warning,
+    mean_load,
+)
 from rover_pin.motion.kernel import Kernel, armed
 from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.pace import ROUGH, Pace
@@ -318,6 +325,22 @@ def test_a_mean_load_that_is_not_the_weight_is_told(load, told):
     assert load_warning(model, short) == ""
 
 
+@pytest.mark.parametrize("rise", [0.0, 0.6])
+def test_what_carries_more_than_the_weight_speeds_up_the_rover(rise):
+    """Newton: I . up = m g T + m dv. What was gained along the slope is no weight."""
+    model = scenario("flat").model
+    model = dataclasses.replace(model, rover=model.rover.rising(rise, 0.0))
+    rows, mass, up = rows_of(model, 60, np.s_[:0]), model.built.mass, model.built.up
+    assert mean_load(model, rows) == pytest.approx(1.0)
+    gained = np.linspace(0.2, 1.2, 60)
+    rows["velocity"] += gained[:, None] * up + np.outer(3.0 * gained, np.cross(up, [0.0, 1.0, 0.0]))
+    rows["impulse"] += mass * gained[:, None] * up
+    assert mean_load(model, rows) == pytest.approx(1.0)
+    rows["impulse"] += 0.3 * np.outer(rows["t"], up) * mass * model.gravity
+    assert mean_load(model, rows) == pytest.approx(1.3)
+    assert doubts_of(model, rows[:0], 0.0) == []
+
+
 @pytest.mark.parametrize(("off", "told"), [(0.0099, False), (0.0101, True)])
 def test_energy_that_does_not_balance_is_told(off, told):
     trace = scenario("flat", duration=1.0).drive()
@@ -330,8 +353,12 @@ def test_energy_that_does_not_balance_is_told(off, told):
     two = dataclasses.replace(of, channels={name: values[[0, -1]] for name, values in of.channels.items()})
     assert bool(balance_warning(two)) is told
     assert balance_warning(dataclasses.replace(of, channels={n: v[:1] for n, v in of.channels.items()})) == ""
-    tiny = {name: 1e-8 * values for name, values in of.channels.items() if name.startswith("energy_")}
-    assert balance_warning(dataclasses.replace(of, channels={**of.channels, **tiny})) == ""
+    rest = 1e-6 * 5.8 * 9.81 * 0.045  # of the weight times a wheel's radius
+    for share, heard in ((0.9, False), (1.1, told)):
+        tiny = {
+            name: share * rest / np.ptp(stored) * values for name, values in of.channels.items() if "energy_" in name
+        }
+        assert bool(balance_warning(dataclasses.replace(of, channels={**of.channels, **tiny}))) is heard
 
 
 def test_rows_after_the_first_number_that_is_not_finite_are_left_out():

@@ -1,10 +1,13 @@
 """Energy that a traction law has from nowhere is told, in joules and per cent; a law that takes is not accused."""
 
+import dataclasses
 import re
 
+import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
-from rover_pin.motion.soil_energy import gift
+from rover_pin.motion.soil_energy import energy_warning, gift
 from rover_pin.scenarios import scenario
 
 STIFF = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03}
@@ -43,6 +46,29 @@ def test_an_account_that_falls_is_told():
     model, trace = driven("ditch", **{**STIFF, "effect.MotionResistance.R": 0.0})
     assert gift(model, trace).soil > 0.03
     assert any("the soil's whole account fell by" in each for each in trace.attrs["warnings"])
+
+
+@pytest.mark.parametrize("fall", [0.0, 0.02])
+def test_what_pressed_a_wheel_in_comes_back_as_it_lifts(fall):
+    """f_n ~ h^(n + 1/2) holds the integral of f_n dh (by trapezia); only a fall beyond that is from nowhere."""
+    model, trace = driven("flat", duration=1.0)
+    h = np.concatenate([np.linspace(0.004, 0.001, 1001), np.linspace(0.001, 0.003, 1001)])
+    load = 8e4 * h ** (float(model.soils[0].n) + 0.5)
+    held = cumulative_trapezoid(load, h, initial=0.0)
+    lost = fall * np.concatenate([np.linspace(0.0, -1.0, 1001), np.linspace(-1.0, 1.0, 1001)])
+    channels = {name: np.resize(values, 2002) * 0.0 for name, values in trace.channels.items()}
+    channels |= {"t_s": np.linspace(0.05, 5.0, 2002), "sinkage_fl": h, "normal_fl": load, "energy_soil": held + lost}
+    made = dataclasses.replace(trace, channels=channels, attrs={})
+    assert gift(model, made).soil == pytest.approx(fall, abs=2e-5)
+    assert gift(model, made).traction == 0.0
+
+
+def test_two_rows_are_a_drive_and_one_is_none():
+    model, trace = driven("flat", **STIFF)
+    two = dataclasses.replace(trace, channels={name: values[[0, -1]] for name, values in trace.channels.items()})
+    one = dataclasses.replace(trace, channels={name: values[:1] for name, values in trace.channels.items()})
+    assert "from nowhere" in energy_warning(model, two)
+    assert energy_warning(model, one) == ""
 
 
 @pytest.mark.parametrize(

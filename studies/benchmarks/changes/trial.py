@@ -100,7 +100,7 @@ class Trial:
     @property
     def _patience(self) -> float:
         """How long a test is watched while its lines are learnt [s of CPU], which makes it slower."""
-        return LEAST + 3.0 * self.longest
+        return 1.0 + 2.5 * self.longest
 
     def _covered(self, item: pytest.Item) -> list[Any]:
         import coverage
@@ -219,17 +219,14 @@ class Trial:
     def _telling(self, path: Path, mutant: Mutant) -> tuple[list[pytest.Item], list[pytest.Item]]:
         """Return the tests that run the changed statement and the others that run anything of its file."""
         file = str(path.relative_to(self.tree))
-        if path.suffix != ".py":
-            file, wanted = STEP, None
-        else:
-            wanted = lines_of(path.read_text(encoding="latin-1"), mutant)
+        wanted = lines_of(path.read_text(encoding="latin-1"), mutant) if path.suffix == ".py" else None
         near, far = [], []
         for name, known in self.known.items():
-            lines = known.lines.get(file, [])
+            lines = known.lines.get(file) if path.suffix == ".py" else any(each in known.lines for each in STEP)
             if not 0.0 <= known.taken <= self.longest:
                 continue
             if lines:
-                (near if wanted is None or not wanted.isdisjoint(lines) else far).append(name)
+                (near if wanted is None or not wanted.isdisjoint(known.lines[file]) else far).append(name)
             elif wanted is None and known.taken < QUICK:
                 far.append(name)
 
@@ -250,8 +247,8 @@ def _digest(test: pytest.Item) -> str:
     return test_digest(test.path, str(getattr(test, "originalname", test.name)))
 
 
-STEP = "rover_pin/motion/kernel.py"
-"""Tests that run this run the C of the step."""
+STEP = ("rover_pin/motion/kernel.py", "rover_pin/motion/native/__init__.py")
+"""Tests that run one of these run the C of the step, or read it."""
 OPTIONS = ["-x", "-q", "--tb=no", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:benchmark"]
 OPTIONS += ["-W", "ignore::pytest.PytestAssertRewriteWarning", "-m", "not slow"]
 

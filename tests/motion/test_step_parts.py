@@ -1,0 +1,145 @@
+"""Parts of the compiled step by themselves: solvers, slopes and energies, each against something that knows no C."""
+
+import ctypes
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.motion import toolchain
+from rover_pin.motion.kernel import Kernel, armed
+from rover_pin.motion.native import source
+from rover_pin.motion.place import Start, settled
+from rover_pin.motion.plain import Plain
+from rover_pin.scenarios import scenario
+
+_spec = importlib.util.spec_from_file_location("plain_relaxation", Path(__file__).parent / "plain_relaxation.py")
+relaxation = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(relaxation)
+
+PROBES = """
+int probe_pivoted(integer n, const double *a, double *b) {
+  double A[MAX_DOF][MAX_DOF];
+  for (integer i = 0; i < n; ++i) for (integer j = 0; j < n; ++j) A[i][j] = a[n * i + j];
+  return eliminate_pivoted(n, A, b);
+}
+void probe_states(double half, integer n, const double *a, double *b, integer m, integer stride) {
+  double A[MAX_STATES][MAX_STATES];
+  for (integer i = 0; i < n; ++i) for (integer j = 0; j < n; ++j) A[i][j] = a[n * i + j];
+  implicit_states(half, n, A, b, m, stride);
+}
+"""
+
+
+def at(array):
+    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+@pytest.fixture(scope="module")
+def parts():
+    """The step as a library with its inner functions in reach."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(toolchain, "FLAGS", ("-O1", *toolchain.FLAGS[1:]))
+        made = toolchain.shared_library(source() + PROBES, "parts")
+    pointer, integer = ctypes.POINTER(ctypes.c_double), ctypes.c_int64
+    made.probe_pivoted.argtypes = [integer, pointer, pointer]
+    made.probe_states.argtypes = [ctypes.c_double, integer, pointer, pointer, integer, integer]
+    return made
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 7, 20])
+def test_rows_are_exchanged_where_a_pivot_lacks(parts, n):
+    """Dense, with nothing on the diagonal (but of a lone number), so that every row must be another's."""
+    rng = np.random.default_rng(n)
+    for _ in range(20):
+        A, b = rng.normal(size=(n, n)), rng.normal(size=n)
+        if n > 1:
+            np.fill_diagonal(A, 0.0)
+        if abs(np.linalg.det(A)) < 1e-3:
+            continue
+        x = b.copy()
+        assert parts.probe_pivoted(n, at(A), at(x)) == 0
+        assert np.linalg.solve(A, b) == pytest.approx(x, rel=1e-8, abs=1e-10)
+
+
+def test_rows_are_exchanged_for_the_greatest_pivot(parts):
+    """With the tiny one first, elimination loses all digits."""
+    A, b = np.array([[1e-20, 1.0], [1.0, 1.0]]), np.array([1.0, 2.0])
+    assert parts.probe_pivoted(2, at(A), at(b)) == 0
+    assert b == pytest.approx([1.0, 1.0], rel=1e-15)
+
+
+@pytest.mark.parametrize("lost", [0, 1, 2])
+def test_equations_without_an_answer_are_refused(parts, lost):
+    A = np.array([[2.0, 1.0, 0.5], [1.0, 3.0, 0.25], [0.5, 0.25, 4.0]])
+    A[lost] = A[:, lost] = 0.0
+    assert parts.probe_pivoted(3, at(A), at(np.ones(3))) == 2
+
+
+@pytest.mark.parametrize(("n", "m", "stride"), [(1, 1, 1), (2, 5, 5), (3, 2, 2), (5, 3, 4), (8, 5, 5)])
+def test_the_states_implicit_step_is_a_linear_solve(parts, n, m, stride):
+    """(I - half A) X = B with every state bearing every other; what stands beside B is left alone."""
+    rng = np.random.default_rng(n)
+    A, B = rng.normal(size=(n, n)), rng.normal(size=(n, stride))
+    X = B.copy()
+    parts.probe_states(0.3, n, at(A), at(X), m, stride)
+    assert X[:, :m] == pytest.approx(np.linalg.solve(np.eye(n) - 0.3 * A, B[:, :m]), rel=1e-9, abs=1e-11)
+    assert np.array_equal(X[:, m:], B[:, m:])
+
+
+@pytest.mark.parametrize("name", ["nexus6", "cart"])
+def test_energies_are_those_of_the_mass_matrix_and_the_centre_of_mass(name):
+    model = scenario("incline", rover=name, **{"terrain.angle_deg": 7.0}).model
+    state = settled(model, Start())
+    kernel, rng = Kernel(model, state, 0.005, symmetric=False), np.random.default_rng(3)
+    state.v[:] = rng.normal(size=len(state.v))
+    armoured = armed(model.built.model, model)
+    M = pin.crba(armoured, armoured.createData(), state.q)
+    kinetic = 0.5 * state.v @ (np.triu(M) + np.triu(M, 1).T) @ state.v
+    height = pin.centerOfMass(armoured, armoured.createData(), state.q) @ model.built.up
+    assert kernel.energies() == pytest.approx((kinetic, model.built.mass * model.gravity * height), rel=1e-10)
+
+
+@pytest.mark.parametrize("kind", [Kernel, Plain])
+def test_wheels_held_to_a_rate_have_it_and_what_it_takes_is_told(kind):
+    """In the air: the torque is that of inverse dynamics for the acceleration that came of it, at half-way speeds."""
+    model = scenario("flat").model.having(SupplySag())
+    state = settled(model, Start())
+    state.q[2] += 0.5
+    stepper = kind(model, state, 0.005, False)
+    rates = np.linspace(-2.0, 3.0, 6)
+    stepper.hold(rates)
+    q, v = state.q.copy(), state.v.copy()
+    assert stepper.step() == 0
+    wheels = [mount.dof for mount in model.rover.wheels]
+    assert state.v[wheels] == pytest.approx(rates, abs=1e-6)
+    armoured = armed(model.built.model, model)
+    half = pin.integrate(armoured, q, 0.0025 * v)
+    needed = pin.rnea(armoured, armoured.createData(), half, v, (state.v - v) / 0.005)
+    assert stepper.record[:, 9] == pytest.approx(needed[wheels], rel=1e-6)
+    before = state.v[wheels].copy()
+    assert stepper.step() == 0
+    assert state.v[wheels] == pytest.approx(before, abs=1e-6), "held on"
+
+
+@pytest.mark.parametrize("name", ["flat", "cross-slope", "ditch"])
+def test_a_rover_in_hand_comes_to_rest_as_newton_does(name):
+    """A step far longer than any motion solves Q + K dq = 0: with the true stiffness what is left falls with the square
+    of what there was; with one that is a tenth off, a tenth is left."""
+    model = scenario(name).model
+    left = []
+    for lift in (2e-4, 1e-4, 5e-5):
+        state = settled(model, Start())
+        held = relaxation.Relaxation(model, state, 0.0, False)
+        held._lock(relaxation.SLIDE)
+        held._relax(relaxation.IN_HAND)
+        rest = state.q.copy()
+        state.q[2] -= lift
+        held._step(1e3, relaxation.IN_HAND)
+        left.append(float(np.abs(state.q - rest).max()) / lift)
+    assert left[0] < 0.05
+    assert left[1] / left[0] == pytest.approx(0.5, abs=0.15)
+    assert left[2] / left[1] == pytest.approx(0.5, abs=0.15)
