@@ -63,6 +63,21 @@ def test_what_pressed_a_wheel_in_comes_back_as_it_lifts(fall):
     assert gift(model, made).traction == 0.0
 
 
+@pytest.mark.parametrize(("fall", "told"), [(4.9, False), (5.1, True)])
+@pytest.mark.parametrize("largest", ["energy_motor", "weight"])
+def test_half_a_per_cent_of_the_greatest_energy_is_worth_telling(fall, told, largest):
+    """Of what any energy moved by, or of the weight times a wheel's radius: 1 kJ here."""
+    model, trace = driven("flat", duration=1.0)
+    channels = {name: 0.0 * values[:2] for name, values in trace.channels.items()}
+    channels |= {"t_s": np.array([0.05, 0.1]), "energy_soil": np.array([fall, 0.0])}
+    if largest == "weight":
+        channels["normal_fl"] = np.full(2, 1e3 / 0.045)
+    else:
+        channels[largest] = np.array([0.0, 1e3])
+    made = dataclasses.replace(trace, channels=channels, attrs={"wheel_radii_m": [0.045] * 6})
+    assert bool(energy_warning(model, made)) is told
+
+
 def test_two_rows_are_a_drive_and_one_is_none():
     model, trace = driven("flat", **STIFF)
     two = dataclasses.replace(trace, channels={name: values[[0, -1]] for name, values in trace.channels.items()})
