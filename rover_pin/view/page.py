@@ -52,7 +52,8 @@ def page_of(subject: Subject, others: Sequence[tuple[Subject, str]] = ()) -> str
             recorder.insert_sleep(float(wait))
         page = recorder.as_html()
     end = page.rindex("</body>")
-    return str(page[:end] + _legend(subject, others, film) + page[end:])
+    legend = f'<div id="rover-pin-legend" style="{STYLE}">{legend_of(subject, others, film)}</div>'
+    return str(page[:end] + legend + page[end:])
 
 
 def ghosts_of(film: Film, others: Sequence[tuple[Subject, str]]) -> list[Ghost]:
@@ -91,8 +92,8 @@ def look_from(viser: Any, film: Film) -> None:
     viser.initial_camera.look_at = tuple(middle)
 
 
-def _legend(subject: Subject, others: Sequence[tuple[Subject, str]], film: Film) -> str:
-    """Return what stands over the scene: what is seen, what happened, what the colours and arrows mean."""
+def legend_of(subject: Subject, others: Sequence[tuple[Subject, str]], film: Film) -> str:
+    """Return in HTML what is seen, what happened, what the colours and arrows mean."""
     said = [f"<b>{html.escape(subject.name)}</b>"]
     happened = subject.trace.attrs.get("happened") or subject.trace.attrs.get("stop")
     said += [html.escape(str(happened))] if happened else []
@@ -104,7 +105,7 @@ def _legend(subject: Subject, others: Sequence[tuple[Subject, str]], film: Film)
     said += ["green arrows: the soil's force on each wheel"] if film.forces is not None else []
     missing = [name for name in ("body_z", "body_pitch", "body_roll") if name not in subject.trace]
     said += [f"{', '.join(missing)} not recorded: set on the ground"] if missing else []
-    return f'<div id="rover-pin-legend" style="{STYLE}">{"<br>".join(said)}</div>'
+    return "".join(f"<div>{each}</div>" for each in said)
 
 
 STYLE = (
