@@ -55,6 +55,7 @@ def framed(page, width, height):
       const wide = [...inside.querySelectorAll('body *')].filter(
         each => each.getBoundingClientRect().right > root.clientWidth + 1 && !each.closest('svg'));
       said.textContent = JSON.stringify({
+        first: inside.querySelector('.first').getBoundingClientRect().bottom,
         reach: root.scrollWidth, room: root.clientWidth, wide: wide.map(each => each.tagName + ' ' + each.className),
         loaded: frame.contentWindow.performance.getEntriesByType('resource').map(each => each.name)});
     };
@@ -92,6 +93,8 @@ def test_it_does_not_scroll_sideways(page, tmp_path, width):
     assert said["room"] == width
     assert said["wide"] == []
     assert said["reach"] <= width
+    if width == 1200:
+        assert said["first"] <= 900  # what a laptop's window shows at once
 
 
 def test_pictures_for_looking_are_not_empty(page, tmp_path, tmp_path_factory):

@@ -17,7 +17,7 @@ from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
 from rover_pin.report.svg import AFTER, BEFORE, GREY
 
-PANEL = (4.6, 3.7)
+PANEL = (5.2, 3.0)
 POINTS = 80
 
 
