@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rover_pin.arguments import about
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.gains_file import load_gains
 from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
@@ -17,12 +18,13 @@ from rover_pin.settings import Settings
 CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn")
 RADIUS = 1.0
 """Radius [m] of a turn of Nexus 6; that of another rover is larger as its wheels are."""
+SLIP_LIMIT = about("", "assumed: the slip whose torque is the limit", 0.0, 1.0)
 LIMITS = ("none", "saturation", "at-slip")
 
 
 def controller_from(asked: Settings, model: Model) -> Controller:
     """Return the controller that `control` and `control.FIELD` ask for."""
-    kind = asked.choice("control", "none", {each: each for each in CONTROLS})
+    kind = asked.choice("control", "none", {each: each for each in CONTROLS}, "none: constant duty; eq9: paper, Eq 9")
     if kind in ("none", "limit"):
         constant = ConstantDuty(**asked.record("control", ConstantDuty))
         limit = _limit(asked, model, "none" if kind == "none" else "at-slip")
@@ -45,11 +47,9 @@ def _estimate(kind: str, model: Model) -> SlipEstimate:
 
 
 def _limit(asked: Settings, model: Model, usual: str) -> TorqueLimit | NoLimit:
-    word = asked.choice("control.limit", usual, {each: each for each in LIMITS})
+    word = asked.choice("control.limit", usual, {each: each for each in LIMITS}, "paper, Fig 9: the torque check")
     if word == "none":
         return NoLimit()
     if word == "saturation":
         return TorqueLimit.saturation(model)
-    return TorqueLimit.at_slip(
-        model, asked.number("control.slip_limit", LOST_SLIP, source="the slip whose torque is the limit")
-    )
+    return TorqueLimit.at_slip(model, asked.number("control.slip_limit", LOST_SLIP, SLIP_LIMIT))

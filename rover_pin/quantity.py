@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Annotated, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -56,11 +56,6 @@ UNITS: dict[str, tuple[str, float]] = {
     "g/cm^3": ("kg/m^3", 1e3),
 }
 """Units read at the edge: name -> (SI name, factor). Any other unit must be the field's own, spelled the same."""
-
-Length = Annotated[float, "m"]
-Angle = Annotated[float, "rad"]
-AngleRate = Annotated[float, "rad/m"]
-"""Arguments that state their unit, so that settings of them can be read and listed with it."""
 
 
 class Quantity(NamedTuple):

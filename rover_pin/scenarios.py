@@ -10,7 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rover_pin.arguments import about
 from rover_pin.body import shapes
+from rover_pin.body.section import DEEPEST
 from rover_pin.body.terrain import Terrain
 from rover_pin.controls import controller_from
 from rover_pin.effects.gear_friction import GearFriction
@@ -26,10 +28,11 @@ from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import Model, cruising
 from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import Progress, Timing, simulate
+from rover_pin.motion.timing import COARSEST, FINEST
 from rover_pin.motion.trace import Trace
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
 from rover_pin.paths import is_file
-from rover_pin.quantity import declared, written
+from rover_pin.quantity import declared, quantities, written
 from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, Settings
 from rover_pin.soil.angles import ANGLES
@@ -41,7 +44,10 @@ from rover_pin.vehicle.scene import scaled
 ALGEBRAIC_DT = 0.0025
 """Step [s] with Eq (1) itself, which is stiffer than the relaxed slip: within 0.1 mm over 20 s of the ditch."""
 
-STEP = "the step, refined where the ground asks for it"
+STEP = about("s", "the step, refined where the ground asks for it", FINEST, COARSEST)
+DURATION = about("s", "of the scenario", 0.0)
+BURIAL = about("", "assumed: sunk by half a wheel radius, a drive is over", 0.0, DEEPEST)
+FRICTION = quantities(GearFriction)["tau_c"]._replace(source="adds GearFriction of this torque at the wheel")
 
 
 @dataclass(frozen=True)
@@ -174,8 +180,8 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     model, assumed = _model(scene, asked)
     controller = controller_from(asked, model)
     start = Start(**asked.arguments("start", Start))
-    dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, "s", STEP)
-    duration = asked.number("duration", scene.duration * pace(model.rover, model.motor), "s", "of the scenario")
+    dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, STEP)
+    duration = asked.number("duration", scene.duration * pace(model.rover, model.motor), DURATION)
     asked.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
     symmetric = symmetric and "model" not in settings and mirrored(model)
@@ -219,9 +225,9 @@ def _model(scene: Scene, asked: Settings) -> Made:
     ground = model.soils[0].replace(**asked.record("soil", model.soils[0]))
     motor = model.motor.replace(**asked.record("motor", model.motor))
     gravity = gravity_named(asked.take("gravity", model.gravity, GRAVITIES, "or a number in m/s^2"))
-    buried = asked.number("buried", model.buried, source="assumed: sunk by half a wheel radius, a drive is over")
+    buried = asked.number("buried", model.buried, BURIAL)
     model = model.replace(soils=(ground, *model.soils[1:]), motor=motor, gravity=gravity, buried=buried)
-    friction = asked.number("gear_friction", 0.0, "N m", "adds GearFriction of this torque at the wheel")
+    friction = asked.number("gear_friction", 0.0, FRICTION)
     if friction:
         model = model.having(GearFriction(tau_c=friction))
     model = _cruising(model, asked, None if of_file else scene.cruise_slip)

@@ -9,8 +9,9 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple
 
+from rover_pin.arguments import arguments_of
 from rover_pin.errors import ParameterError, closest, one_of
 from rover_pin.quantity import UNITS, Quantity, Record, check, is_symbolic, meant, quantities, written
 
@@ -50,20 +51,21 @@ class Settings:
         """Return a setting, or its default."""
         return self._taken(Setting(name, default, source=source, choices=tuple(choices)))
 
-    def number(self, name: str, default: float, unit: str = "", source: str = "") -> float:
-        """Return a setting that is a number, or its default."""
-        value = written(self._taken(Setting(name, default, unit, source=source)), unit, name)
+    def number(self, name: str, default: float, about: Quantity) -> float:
+        """Return a setting that is a number, or its default; who uses it checks its bounds."""
+        taken = self._taken(Setting(name, default, about.unit, about.low, about.high, about.source))
+        value = written(taken, about.unit, name)
         self._in_force(name, value)
         return value
 
-    def choice(self, name: str, default: str, choices: Mapping[str, Any]) -> Any:
+    def choice(self, name: str, default: str, choices: Mapping[str, Any], source: str) -> Any:
         """Return what a setting's word stands for."""
-        return choices[one_of(name, self.take(name, default, choices), choices)]
+        return choices[one_of(name, self.take(name, default, choices, source), choices)]
 
-    def word(self, name: str, usual: str, choices: Collection[str]) -> str:
+    def word(self, name: str, usual: str, choices: Collection[str], source: str) -> str:
         """Return one of several words, or an empty one where none is given; `usual` is what then holds, for lists."""
         given = self.values.get(name)
-        word = self.take(name, usual, choices)
+        word = self.take(name, usual, choices, source)
         return "" if given is None else one_of(name, word, choices)
 
     def record(self, prefix: str, record: Record | type[Record]) -> dict[str, float]:
@@ -76,15 +78,16 @@ class Settings:
     ) -> dict[str, Any]:
         """Return the settings `prefix.NAME` that are given for a function's arguments, or for those of these names.
 
-        A number's unit is that of its `Annotated[float, unit]`; `usual` are defaults in place of the function's own.
+        Unit, bounds and source are those of their annotations; `usual` are defaults in place of the function's own.
         """
-        hints = get_type_hints(function, include_extras=True)
+        said = arguments_of(function)
         chosen = {
             name: each for name, each in inspect.signature(function).parameters.items() if not names or name in names
         }
         defaults = {name: None if each.default is each.empty else each.default for name, each in chosen.items()}
         return self._given(
-            Setting(f"{prefix}.{name}", {**defaults, **usual}[name], _unit(hints.get(name))) for name in chosen
+            Setting(f"{prefix}.{name}", {**defaults, **usual}[name], about.unit, about.low, about.high, about.source)
+            for name, about in ((name, said[name].quantity) for name in chosen)
         )
 
     def finish(self) -> None:
@@ -140,7 +143,7 @@ def _read(setting: Setting, value: Any) -> Any:
 def _check(setting: Setting, key: str, value: Any) -> None:
     """Refuse a number out of bounds by the setting's own name, with how it is written in another unit."""
     about = Quantity(setting.unit, setting.source, setting.low, setting.high, "")
-    if isinstance(value, float) and setting.source:
+    if isinstance(value, float) and math.isfinite(setting.low):
         hint = meant(value, about)
         write = f" Write it as {setting.name}={value:g}{hint}." if hint else ""
         try:
@@ -152,7 +155,3 @@ def _check(setting: Setting, key: str, value: Any) -> None:
 def shown(value: Any) -> str:
     """Return a number or word as one writes it."""
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _unit(hint: Any) -> str:
-    return get_args(hint)[1] if get_origin(hint) is Annotated else ""

@@ -82,20 +82,26 @@ def report(result: Mapping[str, Any], as_json: bool) -> None:
             print(f"{'':{width}}  {line}")
 
 
+WIDEST = 28
+"""Letters of a column; a longer cell pushes its row alone."""
+
+
 def numbers_table(settings: Iterable[Setting]) -> None:
     """Print what can be set, a line each: default with unit, bounds or choices, source."""
     rows = [("name", "default", "allowed", "from")]
     rows += [(each.name, told(each.value, each.unit), allowed(each), each.source) for each in settings]
-    widths = [max(len(row[i]) for row in rows) for i in range(3)]
+    widths = [min(max(len(row[i]) for row in rows), WIDEST) for i in range(3)]
     for row in rows:
         cells = (f"{cell:{width}}" for cell, width in zip(row, widths, strict=False))
         print("  ".join([*cells, row[3]]).rstrip())
 
 
 def told(value: Any, unit: str = "") -> str:
-    """Return a value as the table has it: six digits and its unit, an angle in degrees too, a dash for none."""
+    """Return a value as the table has it: six digits and its unit, an angle in degrees too."""
     if value is None or value == ():
-        return "-"
+        return "none"
+    if isinstance(value, tuple) and all(isinstance(each, (int, float)) for each in value):
+        return f"{', '.join(f'{each:.6g}' for each in value)} {unit}".rstrip()
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return str(value)
     degrees = f" = {math.degrees(value):.4g} {unit.replace('rad', 'deg')}" if unit.startswith("rad") and value else ""
@@ -103,11 +109,13 @@ def told(value: Any, unit: str = "") -> str:
 
 
 def allowed(setting: Setting) -> str:
-    """Return the choices or bounds of a setting as the table has them; a dash where there are none."""
+    """Return the choices or bounds of a setting as the table has them; of a number without, that any is allowed."""
     if setting.choices:
         return ", ".join(setting.choices)
     low, high = (f"{bound:g}" if math.isfinite(bound) else "" for bound in (setting.low, setting.high))
-    return f"{low} .. {high}".strip() if low or high else "-"
+    if low or high:
+        return f"{low} .. {high}".strip()
+    return "any" if isinstance(setting.value, float) else "-"
 
 
 def json_text(result: Mapping[str, Any]) -> str:

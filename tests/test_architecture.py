@@ -14,7 +14,7 @@ LONGEST = 300
 
 GROUND = ("errors", "quantity", "contact", "version", "columns", "toml_file", "settings", "paths", "results_folder",
           "workers", "trust", "bounded", "parquet", "formula", "console", "private_folders", "remembered",
-          "cluster")  # fmt: skip
+          "cluster", "arguments")  # fmt: skip
 ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control",
          "estimation", "measurements", "identification", "discrepancy", "experiments", "view", "report", "loop",
          "importing", "vehicle", "controls", "scenes", "scenarios", "catalogue", "plot", "sweep", "tuning",

@@ -5,30 +5,34 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 
+from rover_pin.arguments import about, checked
 from rover_pin.body import shapes
 from rover_pin.body.profile import Profile
 from rover_pin.body.terrain import Lanes
-from rover_pin.errors import ParameterError
-from rover_pin.quantity import Angle, AngleRate, Length
 
 BETWEEN = 0.8
 """Level ground between two parts of the field [m] (assumed: two rover's lengths)."""
 DEG = math.pi / 180.0
 
 
+Size = Annotated[float, about("", "assumed: 1 for the wheels of Nexus 6", 1e-3, 1000.0)]
+
+
+@checked("terrain")
 def paper_field(
-    seed: int = 1,
-    count: int = 6,
-    depth: Length = 0.05,
-    width: Length = 0.2,
-    wall_angle: Angle = 30.0 * DEG,
-    rate: AngleRate = 10.0 * DEG,
-    steepest: Angle = 20.0 * DEG,
-    rocks_length: Length = 1.5,
-    size: float = 1.0,
+    seed: shapes.Seed = 1,
+    count: shapes.Count = 6,
+    depth: shapes.Depth = 0.05,
+    width: shapes.Width = 0.2,
+    wall_angle: shapes.WallAngle = 30.0 * DEG,
+    rate: shapes.Rate = 10.0 * DEG,
+    steepest: shapes.Steepest = 20.0 * DEG,
+    rocks_length: shapes.RockLength = 1.5,
+    size: Size = 1.0,
 ) -> Lanes:
     """Return rocks from 0.5 m on, then a ditch, then a slope that grows to `steepest` [rad] and goes on.
 
@@ -46,12 +50,6 @@ def paper_field(
     ParameterError
         A part that cannot be made as asked.
     """
-    if not 1e-3 < size < 1000.0:
-        raise ParameterError(f"The field's size = {size:g} is not allowed: it must lie in (0.001, 1000).")
-    if not 0.0 < rocks_length < 1000.0:
-        raise ParameterError(
-            f"The field's rocks_length = {rocks_length:g} m is not allowed: it must lie in (0, 1000) m."
-        )
     between = size * BETWEEN
     ditch_at = size * 0.5 + rocks_length + between
     slope_at = ditch_at + width + between

@@ -13,10 +13,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from rover_pin.arguments import about, checked
 from rover_pin.body.ground_checks import STEEPEST
 from rover_pin.body.terrain import HeightGrid, Lanes, Profile, Terrain
 from rover_pin.errors import ParameterError
-from rover_pin.quantity import Angle, AngleRate, Length
 
 LEAD = 1.0
 """Level ground described before and behind a shape [m]; it goes on without end."""
@@ -24,23 +24,50 @@ PIECES = 24
 """Straight pieces of a bump or of one wave of a washboard."""
 ROCK_PIECES = 12
 DEG = math.pi / 180.0
+FARTHEST = 1e6
+"""Place [m] beyond which millimetres are lost in round-off."""
+
+GUESS, FIG_10 = "assumed: the paper gives no geometry", "paper, Fig 10 and section 4"
+Ground = Annotated[int, about("", "assumed: an index of the model's soils, 0 the sand, 1 the hard ground", 0, 255)]
+Place = Annotated[float, about("m", "assumed: level ground before it", -FARTHEST, FARTHEST)]
+Seed = Annotated[int, about("", "assumed: any number gives another ground", 0, 2**53)]
+Angle = Annotated[float, about("rad", "paper, section 4: up to 20 deg", -STEEPEST, STEEPEST)]
+Tilt = Annotated[float, about("rad", "paper, section 4: up to 20 deg", -80.0 * DEG, 80.0 * DEG)]
+Rate = Annotated[float, about("rad/m", "assumed: 12 deg after 25 s at 0.05 m/s, paper's Fig 8", 1e-6, 100.0)]
+Steepest = Annotated[float, about("rad", "paper, section 4: up to 20 deg", 1e-6, 80.0 * DEG)]
+Height = Annotated[float, about("m", "assumed: crossed on sand", -100.0, 100.0)]
+BumpLength = Annotated[float, about("m", "assumed: crossed on sand", 1e-3, 1000.0)]
+Depth = Annotated[float, about("m", FIG_10, 1e-6, 100.0)]
+Width = Annotated[float, about("m", FIG_10 + "; assumed: from lip to lip", 1e-6, 1000.0)]
+WallAngle = Annotated[float, about("rad", "assumed: 30 deg is Table 1's phi", 1e-3, STEEPEST)]
+StepAngle = Annotated[float, about("rad", "assumed: the steepest that a profile may have", 1e-3, STEEPEST)]
+Count = Annotated[int, about("", "assumed: the paper says several", 1, 10000)]
+RockLength = Annotated[float, about("m", "assumed: the paper says scattered", 1e-3, 1000.0)]
+Diameters = Annotated[tuple[float, float], about("m", "paper, section 4: 5 to 10 cm", 1e-3, 100.0)]
+Left = Annotated[bool, about("", "assumed: under the left wheels")]
+Amplitude = Annotated[float, about("m", "assumed: not in the paper", 0.0, 100.0)]
+Wavelength = Annotated[float, about("m", "assumed: not in the paper", 1e-3, 1000.0)]
+HillHeight = Annotated[float, about("m", "assumed: not in the paper; standard deviation", 0.0, 100.0)]
+HillLength = Annotated[float, about("m", "assumed: not in the paper", 0.2, 1000.0)]
+End = Annotated[float, about("m", "none: no stretch of hard ground is laid")]
 
 
-def flat(ground: int = 0) -> Lanes:
+def flat(ground: Ground = 0) -> Lanes:
     """Return level ground of one soil."""
     return Lanes((_polyline([-LEAD, LEAD], [0.0, 0.0], ground),))
 
 
-def incline(angle: Angle, start: Length = 1.0) -> Lanes:
+@checked("terrain")
+def incline(angle: Angle, start: Place = 1.0) -> Lanes:
     """Return level ground that turns into a slope of `angle` [rad] at `start` [m]; negative goes down.
 
     Source: paper, section 4: the field has "smooth slopes up to the inclination of 20 degrees".
     """
-    _within("angle", angle, -STEEPEST, STEEPEST)
     return Lanes((_polyline([start - LEAD, start, start + LEAD], [0.0, 0.0, LEAD * math.tan(angle)]),))
 
 
-def growing_slope(rate: AngleRate = 10.0 * DEG, start: Length = 0.5, steepest: Angle = 20.0 * DEG) -> Lanes:
+@checked("terrain")
+def growing_slope(rate: Rate = 10.0 * DEG, start: Place = 0.5, steepest: Steepest = 20.0 * DEG) -> Lanes:
     """Return a slope whose inclination grows by `rate` [rad/m] from `start` [m], until it stays at `steepest` [rad].
 
     z = -ln(cos(rate s)) / rate over s = x - start, the integral of tan(rate s).
@@ -48,8 +75,6 @@ def growing_slope(rate: AngleRate = 10.0 * DEG, start: Length = 0.5, steepest: A
     Source: paper, Fig 8: "a slope that has an increasing inclination", 12 deg at t = 25 s, and section 4: up to
     20 deg. The rate is assumed: 12 deg after 25 s at 0.05 m/s is about 10 deg a metre.
     """
-    _within("rate", rate, 1e-6, 100.0)
-    _within("steepest", steepest, 1e-6, 80.0 * DEG)
     pieces = max(2, math.ceil(steepest / (0.5 * DEG)))
     s = np.linspace(0.0, steepest / rate, pieces + 1)
     z = -np.log(np.cos(rate * s)) / rate
@@ -57,7 +82,8 @@ def growing_slope(rate: AngleRate = 10.0 * DEG, start: Length = 0.5, steepest: A
     return Lanes((_polyline(x, np.concatenate([[0.0], z, [z[-1] + LEAD * math.tan(steepest)]])),))
 
 
-def bump(height: Length = 0.04, length: Length = 0.3, at: Length = 0.5, ground: int = 0) -> Lanes:
+@checked("terrain")
+def bump(height: Height = 0.04, length: BumpLength = 0.3, at: Place = 0.5, ground: Ground = 0) -> Lanes:
     """Return a raised cosine of `height` over `length` [m] across the whole width, of soil index `ground`.
 
     z = height / 2 (1 - cos(2 pi s / length)), s = x - at.
@@ -69,8 +95,9 @@ def bump(height: Length = 0.04, length: Length = 0.3, at: Length = 0.5, ground: 
     return Lanes((_bump_profile(height, length, at, ground),))
 
 
+@checked("terrain")
 def one_sided_bump(
-    height: Length = 0.04, length: Length = 0.3, at: Length = 0.5, ground: int = 0, *, left: bool = True
+    height: Height = 0.04, length: BumpLength = 0.3, at: Place = 0.5, ground: Ground = 0, *, left: Left = True
 ) -> Lanes:
     """Return the same bump under the left wheels (y > 0) only, or under the right ones.
 
@@ -80,7 +107,8 @@ def one_sided_bump(
     return Lanes((level, raised) if left else (raised, level), (0.0,))
 
 
-def ditch(depth: Length = 0.05, width: Length = 0.2, wall_angle: Angle = 30.0 * DEG, at: Length = 0.5) -> Lanes:
+@checked("terrain")
+def ditch(depth: Depth = 0.05, width: Width = 0.2, wall_angle: WallAngle = 30.0 * DEG, at: Place = 0.5) -> Lanes:
     """Return a ditch with straight walls and a level floor; `width` [m] is measured at the top, from lip to lip.
 
     The floor is width - 2 depth / tan(wall_angle) wide, or nothing, when the walls meet at the depth.
@@ -94,9 +122,6 @@ def ditch(depth: Length = 0.05, width: Length = 0.2, wall_angle: Angle = 30.0 * 
     ParameterError
         Walls so gentle that they meet above the depth.
     """
-    _within("depth", depth, 1e-6, 100.0)
-    _within("width", width, 1e-6, 1000.0)
-    _within("wall_angle", wall_angle, 1e-3, STEEPEST)
     wall = depth / math.tan(wall_angle)
     floor = width - 2.0 * wall
     if floor < -1e-9:
@@ -112,25 +137,25 @@ def ditch(depth: Length = 0.05, width: Length = 0.2, wall_angle: Angle = 30.0 * 
     return Lanes((_polyline(x, z),))
 
 
-def step(height: Length = 0.05, wall_angle: Angle = STEEPEST, at: Length = 0.5, ground: int = 0) -> Lanes:
+@checked("terrain")
+def step(height: Height = 0.05, wall_angle: StepAngle = STEEPEST, at: Place = 0.5, ground: Ground = 0) -> Lanes:
     """Return a step up by `height` [m], or down where it is negative; its wall leans at `wall_angle` [rad].
 
     `ground` is the soil index of the wall and of what lies behind it.
     """
-    _within("height", height, -100.0, 100.0)
-    _within("wall_angle", wall_angle, 1e-3, STEEPEST)
     wall = max(abs(height) / math.tan(wall_angle), 1e-6)
     x = [at - LEAD, at, at + wall, at + wall + LEAD]
     return Lanes((_polyline(x, [0.0, 0.0, height, height], [0, ground, ground]),))
 
 
+@checked("terrain")
 def rocks(
-    seed: int = 0,
-    count: int = 8,
-    start: Length = 0.5,
-    length: Length = 2.0,
-    diameters: Annotated[tuple[float, float], "m"] = (0.05, 0.10),
-    ground: int = 1,
+    seed: Seed = 0,
+    count: Count = 8,
+    start: Place = 0.5,
+    length: RockLength = 2.0,
+    diameters: Diameters = (0.05, 0.10),
+    ground: Ground = 1,
 ) -> Lanes:
     """Return half-buried round rocks of soil index `ground`, each at random under the left or the right wheels.
 
@@ -148,13 +173,13 @@ def rocks(
     smallest, largest = diameters
     _within("smallest diameter", smallest, 1e-3, 100.0)
     _within("largest diameter", largest, smallest, 100.0)
-    count = _whole("count", count, 1, 10000)
+    count = int(count)
     if count * largest > length:
         raise ParameterError(
             f"{count} rocks of up to {largest:g} m may not fit into {length:g} m: "
             "ask for fewer, or for a longer stretch."
         )
-    rng = np.random.default_rng(_whole("seed", seed, 0, 2**53))
+    rng = np.random.default_rng(int(seed))
     size, left = rng.uniform(smallest, largest, count), rng.random(count) < 0.5
     free = np.sort(rng.uniform(0.0, length - np.sum(size), count))
     begin = start + free + np.concatenate([[0.0], np.cumsum(size)[:-1]])
@@ -164,31 +189,29 @@ def rocks(
     return Lanes(tuple(sides), (0.0,))
 
 
-def washboard(amplitude: Length = 0.01, wavelength: Length = 0.3, count: int = 10, at: Length = 0.5) -> Lanes:
+@checked("terrain")
+def washboard(amplitude: Amplitude = 0.01, wavelength: Wavelength = 0.3, count: Count = 10, at: Place = 0.5) -> Lanes:
     """Return `count` waves z = amplitude (1 - cos(2 pi s / wavelength)) [m], each twice the amplitude high."""
-    _within("amplitude", amplitude, 0.0, 100.0)
-    _within("wavelength", wavelength, 1e-3, 1000.0)
-    count = _whole("count", count, 1, 10000)
+    count = int(count)
     phase = np.linspace(0.0, float(count), count * PIECES + 1)
     x = np.concatenate([[at - LEAD], at + wavelength * phase, [at + wavelength * count + LEAD]])
     z = np.concatenate([[0.0], amplitude * (1.0 - np.cos(2.0 * math.pi * phase)), [0.0]])
     return Lanes((_polyline(x, z),))
 
 
-def cross_slope(angle: Angle) -> HeightGrid:
+@checked("terrain")
+def cross_slope(angle: Tilt) -> HeightGrid:
     """Return a plane that rises to the left by `angle` [rad]: z = y tan(angle), 20 m long and 8 m wide."""
-    _within("angle", angle, -80.0 * DEG, 80.0 * DEG)
     return _grid(lambda x, y: y * math.tan(angle) + 0.0 * x, 0.1)
 
 
-def hills(seed: int = 0, height: Length = 0.05, wavelength: Length = 1.5) -> HeightGrid:
+@checked("terrain")
+def hills(seed: Seed = 0, height: HillHeight = 0.05, wavelength: HillLength = 1.5) -> HeightGrid:
     """Return random rolling ground, 20 m long and 8 m wide, of standard deviation `height` [m].
 
     The sum of 32 plane waves in random directions, of lengths between `wavelength` [m] and three times that.
     """
-    _within("height", height, 0.0, 100.0)
-    _within("wavelength", wavelength, 0.2, 1000.0)
-    rng = np.random.default_rng(_whole("seed", seed, 0, 2**53))
+    rng = np.random.default_rng(int(seed))
     heading, phase = rng.uniform(0.0, 2.0 * math.pi, 32), rng.uniform(0.0, 2.0 * math.pi, 32)
     k = 2.0 * math.pi / (wavelength * rng.uniform(1.0, 3.0, 32))
 
@@ -199,7 +222,7 @@ def hills(seed: int = 0, height: Length = 0.05, wavelength: Length = 1.5) -> Hei
     return _grid(waves, 0.05)
 
 
-def with_ground(terrain: Terrain, x_from: Length, x_to: Length, index: int) -> Terrain:
+def with_ground(terrain: Terrain, x_from: End, x_to: End, index: int) -> Terrain:
     """Return the terrain with soil index `index` from `x_from` to `x_to` [m], over all y; either may be infinite.
 
     In a height grid these are the cells whose middle lies in between.
@@ -243,8 +266,6 @@ def _relaid(profile: Profile, x_from: float, x_to: float, index: int) -> Profile
 
 
 def _bump_profile(height: float, length: float, at: float, ground: int) -> Profile:
-    _within("height", height, -100.0, 100.0)
-    _within("length", length, 1e-3, 1000.0)
     phase = np.linspace(0.0, 1.0, PIECES + 1)
     x = np.concatenate([[at - LEAD], at + length * phase, [at + length + LEAD]])
     z = np.concatenate([[0.0], 0.5 * height * (1.0 - np.cos(2.0 * math.pi * phase)), [0.0]])
@@ -276,10 +297,3 @@ def _within(name: str, value: float, low: float, high: float) -> None:
         raise ParameterError(
             f"The terrain's {name} = {value:g} is not allowed: it must lie in [{low:g}, {high:g}] (SI)."
         )
-
-
-def _whole(name: str, value: float, low: int, high: int) -> int:
-    _within(name, value, low, high)
-    if value != int(value):
-        raise ParameterError(f"The terrain's {name} = {value:g} is not allowed: it must be a whole number.")
-    return int(value)

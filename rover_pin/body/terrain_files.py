@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from rover_pin.arguments import about
 from rover_pin.body.profile import Profile
 from rover_pin.body.terrain import HeightGrid, Lanes
 from rover_pin.bounded import arrays
@@ -20,7 +21,7 @@ SAME_SPACING = 1e-3
 """Greatest deviation of a grid line from its place, as a share of the spacing."""
 
 
-def from_polyline(path: str | Path) -> Lanes:
+def from_polyline(path: Annotated[str | Path, about("", "your own file: CSV or Parquet of x_m, z_m")]) -> Lanes:
     """Return the terrain of a CSV (or Parquet) file with columns x_m, z_m and, optionally, ground.
 
     x_m increases; ground is the soil index of the piece from this point to the next (that of the last row is not used).
@@ -49,7 +50,7 @@ def to_polyline(path: str | Path, profile: Profile) -> Path:
     return replace_file(path, columns_text({"x_m": profile.x, "z_m": profile.z, "ground": ground}))
 
 
-def from_grid(path: str | Path) -> HeightGrid:
+def from_grid(path: Annotated[str | Path, about("", "your own file: a height grid in .npz or CSV")]) -> HeightGrid:
     """Return the terrain of a height grid.
 
     `.npz`: arrays x0, y0, dx, dy [m], z (nx, ny) [m] and, optionally, ground (nx-1, ny-1).

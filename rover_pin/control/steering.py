@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 
+from rover_pin.arguments import about, checked
 from rover_pin.body.rover import Rover
 from rover_pin.body.wheel_base import wheel_places
 from rover_pin.errors import ParameterError
@@ -34,7 +35,13 @@ class Turn:
     steer: tuple[float, ...]
 
     @classmethod
-    def of(cls, rover: Rover, radius: float = 1.0, delta: float = 0.55) -> Self:
+    @checked("control")
+    def of(
+        cls,
+        rover: Rover,
+        radius: Annotated[float, about("m", "assumed: 0 turns on the spot, below 0 to the right", -1e6, 1e6)] = 1.0,
+        delta: Annotated[float, about("", "paper, section 5", -1.0, 1.0)] = 0.55,
+    ) -> Self:
         """Return the turn of this rover; `delta` is the duty of the fastest wheel.
 
         Raises

@@ -5,17 +5,17 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
+from rover_pin.arguments import about
 from rover_pin.effects.effect import BodyEffect
 from rover_pin.errors import SimulationError
 from rover_pin.motion.model import Model
 from rover_pin.motion.relaxation import Rest, relaxed
 from rover_pin.motion.state import DriveState
-from rover_pin.quantity import Angle, Length
 
 RESTS, SLIDES = "at rest", "slides: the soil does not hold the rover there with its wheels locked"
 """What a trace says of its start: `attrs["start"]`."""
@@ -23,15 +23,16 @@ RESTS, SLIDES = "at rest", "slides: the soil does not hold the rover there with 
 
 FARTHEST = 1e6
 """Start [m, rad] beyond which millimetres and milliradians are lost in round-off."""
+AT_ORIGIN = "assumed: the base at the origin, along x"
 
 
 @dataclass(frozen=True)
 class Start:
     """Where the base starts: x, y [m] and yaw [rad] in the world."""
 
-    x: Length = 0.0
-    y: Length = 0.0
-    yaw: Angle = 0.0
+    x: Annotated[float, about("m", AT_ORIGIN, -FARTHEST, FARTHEST)] = 0.0
+    y: Annotated[float, about("m", AT_ORIGIN, -FARTHEST, FARTHEST)] = 0.0
+    yaw: Annotated[float, about("rad", AT_ORIGIN, -FARTHEST, FARTHEST)] = 0.0
 
     def __post_init__(self) -> None:
         for name, unit in (("x", "m"), ("y", "m"), ("yaw", "rad")):

@@ -14,6 +14,8 @@ ACCURACY = 1e-4
 """Distance [m] in x that the default step is held to on that ditch."""
 FINEST = 1e-6
 """Least step [s]: ten seconds of driving then take minutes."""
+COARSEST = 0.1
+"""Greatest step [s]."""
 CONTROL_PERIOD = 0.05
 """Sample time of the controller [s] (assumed; the command is held in between)."""
 SAMPLE = 0.05
@@ -31,8 +33,8 @@ class Timing:
     "into how many parts every step is divided, besides those that the ground asks for (`resolution.parts`)"
 
     def __post_init__(self) -> None:
-        if not FINEST <= self.dt <= 0.1:
-            raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in [{FINEST:g}, 0.1] s.")
+        if not FINEST <= self.dt <= COARSEST:
+            raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in [{FINEST:g}, {COARSEST:g}] s.")
         for name in ("control", "sample"):
             ratio = getattr(self, name) / self.dt
             if ratio < 0.999 or abs(ratio - round(ratio)) > 1e-6:

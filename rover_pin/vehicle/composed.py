@@ -24,6 +24,8 @@ from rover_pin.soil.traction import FORMS
 from rover_pin.trust import Trust
 
 ROVERS = "rover-pin list rovers, or the path of your own TOML"
+CONTACT = "fixed: Table 1; sinkage: those of the depth"
+MOTOR = "assumed: the paper names no motor"
 
 
 class Made(NamedTuple):
@@ -72,11 +74,11 @@ def _refuse(names: tuple[str, ...], asked: Settings, file: str) -> None:
 
 def _of_settings(asked: Settings, trust: Trust) -> Made:
     rover = load_rover(str(asked.take("rover", "nexus6", source=ROVERS)), trust)
-    named = asked.word("soil", str(rover.soil.get("name", "of its weight")), SOILS)
+    named = asked.word("soil", str(rover.soil.get("name", "of its weight")), SOILS, "rover-pin list soils")
     soil = own_soil(rover, named)
-    form = asked.choice("form", "torque", FORMS)
+    form = asked.choice("form", "torque", FORMS, "which reading of the paper's traction is driven")
     usual = usual_angles(rover)
-    word = asked.word("angles", next(name for name, each in ANGLES.items() if each == usual), ANGLES)
+    word = asked.word("angles", next(name for name, each in ANGLES.items() if each == usual), ANGLES, CONTACT)
     angles = ANGLES.get(word, usual)
     made = _on_soil(asked, rover, soil.value, SoilTraction(form, angles))
     return made._replace(assumed=(*soil.assumed, *made.assumed))
@@ -84,7 +86,7 @@ def _of_settings(asked: Settings, trust: Trust) -> Made:
 
 def _on_soil(asked: Settings, rover: Rover, soil: Soil, traction: SoilTraction) -> Made:
     """Return the rover with its motors and springs on a soil, with what every ready-made drive has besides."""
-    word = asked.word("motor", rover.motor if isinstance(rover.motor, str) else "of its TOML or weight", MOTORS)
+    word = asked.word("motor", rover.motor if isinstance(rover.motor, str) else "of its TOML or weight", MOTORS, MOTOR)
     motor = Chosen(motor_named(word)) if word else own_motor(rover)
     effects = base_effects(soil, rover, traction)
     grounds = (soil, HARD_GROUND)
@@ -95,6 +97,6 @@ def _on_soil(asked: Settings, rover: Rover, soil: Soil, traction: SoilTraction) 
 
 def _slip(asked: Settings, rover: Rover) -> AlgebraicSlip | RelaxedSlip:
     chosen: AlgebraicSlip | RelaxedSlip = asked.choice(
-        "slip", "relaxed", {"relaxed": usual_slip(rover), "algebraic": AlgebraicSlip()}
+        "slip", "relaxed", {"relaxed": usual_slip(rover), "algebraic": AlgebraicSlip()}, "algebraic: Eq 1 at once"
     )
     return chosen

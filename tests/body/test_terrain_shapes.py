@@ -151,7 +151,10 @@ def test_a_stretch_on_a_grid():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: shapes.incline(1.57), "angle = 1.57 is not allowed: it must lie in [-1.55334, 1.55334] (SI)"),
+        (
+            lambda: shapes.incline(1.57),
+            "terrain.angle = 1.57 rad is not allowed: it must lie in [-1.55334, 1.55334] rad. Did you mean 1.57 deg?",
+        ),
         (lambda: shapes.incline("steep"), "angle = 'steep' is not a number"),
         (lambda: shapes.growing_slope(0.0), "rate = 0"),
         (lambda: shapes.growing_slope(steepest=1.5), "steepest = 1.5"),
@@ -161,7 +164,7 @@ def test_a_stretch_on_a_grid():
         (lambda: shapes.ditch(wall_angle=1.57), "wall_angle = 1.57"),
         (lambda: shapes.step(wall_angle=0.0), "wall_angle = 0"),
         (lambda: shapes.washboard(count=0), "count = 0"),
-        (lambda: shapes.washboard(count=2.5), "count = 2.5 is not allowed: it must be a whole number"),
+        (lambda: shapes.washboard(count=2.5), "terrain.count = 2.5 is not allowed: it must be a whole number"),
         (lambda: shapes.rocks(-1), "seed = -1"),
         (lambda: shapes.rocks(0, 30), "30 rocks of up to 0.1 m may not fit into 2 m"),
         (lambda: shapes.rocks(0, diameters=(0.1, 0.05)), "largest diameter = 0.05"),

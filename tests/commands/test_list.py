@@ -1,12 +1,14 @@
 """`list` says what there is: all of it, as the package has it, with unit, bounds, default and source."""
 
 import json
+import math
 
 import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.catalogue import settings
 from rover_pin.contact import Soil
+from rover_pin.errors import RoverPinError
 from rover_pin.motion.effect_files import package_effects
 from rover_pin.parameters import SOILS
 from rover_pin.quantity import quantities
@@ -98,3 +100,43 @@ def test_settings_of_a_control_come_with_it(run):
     names = {each["name"] for each in listed(run, "settings", "ditch", "--set", "control=eq9")["settings"]}
     assert {"control.S_d", "control.k_p", "terrain.wall_angle"} <= names
     assert "control.delta" not in names
+
+
+WORDS_ALONE = {"gravity", "add", "cruise_slip", "model", "rover"}
+"""Settings whose source says what is allowed."""
+
+
+@pytest.mark.parametrize("name", sorted(set(SCENES) - {"polyline", "grid"}))
+def test_every_setting_says_its_default_source_and_bounds(name):
+    for each in settings(name):
+        assert each.source, each.name
+        number = isinstance(each.value, (int, float)) and not isinstance(each.value, bool)
+        if number and math.isfinite(each.value) and each.name not in WORDS_ALONE:
+            assert math.isfinite(each.low), each.name
+            assert each.low <= each.value <= each.high, each.name
+
+
+@pytest.mark.parametrize("control", ["limit", "eq9", "onboard", "true", "turn", "point-turn"])
+def test_so_do_those_of_a_control(control):
+    own = [each for each in settings("flat", control=control) if each.name.startswith("control")]
+    assert all(each.source for each in own)
+    assert all(math.isfinite(each.low) for each in own if isinstance(each.value, float))
+
+
+@pytest.mark.parametrize(
+    ("name", "setting"),
+    [(name, each) for name in ("ditch", "hills", "field", "turn", "step") for each in settings(name)
+     if each.name.startswith(("terrain", "start", "control.")) and math.isfinite(each.low)],
+    ids=lambda each: each if isinstance(each, str) else each.name,
+)  # fmt: skip
+def test_a_bound_that_is_listed_holds(name, setting):
+    beyond = setting.low - max(1.0, abs(setting.low))
+    with pytest.raises(RoverPinError, match=f"{setting.name} = .* is not allowed"):
+        scenario(name, **{setting.name: beyond})
+
+
+def test_the_table_is_as_wide_as_its_short_cells(run):
+    out = run("list", "settings", "rocks")[1]
+    rows = [line for line in out.splitlines() if line.startswith(("terrain", "soil.k "))]
+    assert len({line.index(source) for line in rows for source in ("paper", "assumed") if source in line[:100]}) == 1
+    assert "  0.05, 0.1 m  " in out
