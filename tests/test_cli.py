@@ -232,7 +232,7 @@ REFUSED = [
     ("drive ditch --set dt=0.003", "whole multiple of dt"),
     ("drive ditch --set terrain.wall_angle_deg=x", "terrain.wall_angle_deg = 'x' is not a number"),
     ("drive ditch --set start.x=q", "start.x = 'q' is not a number"),
-    ("drive ditch --set start.x=nan", "start.x = nan m is not allowed: give a number within 1e+06 of 0"),
+    ("drive ditch --set start.x=nan", "start.x = nan m is not allowed: it must lie in [-1e+06, 1e+06] m"),
     ("drive ditch --set start.yaw=inf", "start.yaw = inf rad is not allowed"),
     ("drive ditch --set start.y=1e300", "start.y = 1e+300 m is not allowed"),
     ("drive ditch --set dt=1e-12", "dt = 1e-12 s is not allowed: it must lie in [1e-06, 0.1] s"),
