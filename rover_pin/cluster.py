@@ -12,6 +12,8 @@ from rover_pin.workers import working_for
 
 CONNECT_SECONDS = 5
 """How long a scheduler may take to answer, and then its first worker to be there."""
+AT_ONCE = 8
+"""Short jobs that a process is handed at a time, at most."""
 Workers = Any
 """How many processes (int; -1 for one a core), or the client of a cluster (distributed.Client)."""
 
@@ -38,10 +40,13 @@ def workers_of(count: int, scheduler: str | None) -> Iterator[Workers]:
             yield client
 
 
-def results(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: Workers) -> Iterator[Any]:
+def results(
+    function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: Workers, short: bool = False
+) -> Iterator[Any]:
     """Yield `function(*job)` for each job, in order; one worker is this process itself.
 
-    What a dead worker of a cluster was at is run again by another.
+    What a dead worker of a cluster was at is run again by another. Jobs that are `short` are handed to processes
+    several at a time: what they share is sent once.
 
     Raises
     ------
@@ -52,11 +57,17 @@ def results(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], worke
         return (function(*job) for job in jobs)
     if not isinstance(workers, int):
         return _on_cluster(function, jobs, workers)
-    from joblib import Parallel, delayed, parallel_config
+    from joblib import Parallel, delayed, effective_n_jobs, parallel_config
 
     with parallel_config(backend="loky", inner_max_num_threads=1):
-        parallel = Parallel(n_jobs=workers, return_as="generator")
+        at_once = handed_at_once(len(jobs), effective_n_jobs(workers)) if short else "auto"
+        parallel = Parallel(n_jobs=workers, return_as="generator", batch_size=at_once)
     return iter(parallel(delayed(working_for)(os.getpid(), function, *job) for job in jobs))
+
+
+def handed_at_once(jobs: int, workers: int) -> int:
+    """Return how many short jobs a process is handed at a time: all have two turns at least, so none idles for long."""
+    return min(max(jobs // (2 * workers), 1), AT_ONCE)
 
 
 def _on_cluster(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], client: Any) -> Iterator[Any]:

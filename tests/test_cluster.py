@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import os
 import signal
 import subprocess
@@ -12,8 +13,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from rover_pin.cluster import results, workers_of
+from rover_pin.cluster import AT_ONCE, handed_at_once, results, workers_of
 from rover_pin.control.tuning import tune_gains
 from rover_pin.control.tuning_study import DriveCase, Effort, TuningStudy
 from rover_pin.errors import MissingExtraError, ParameterError, SimulationError
@@ -61,6 +64,19 @@ def killing(folder, pid, at=20):
         return number * number
 
     return square
+
+
+@given(jobs=st.integers(1, 5000), workers=st.integers(1, 64))
+def test_short_jobs_are_handed_out_so_that_no_process_waits_for_one_other(jobs, workers):
+    """All of them in one go at most half of what a process has to do, where there is more than a job each."""
+    at_once = handed_at_once(jobs, workers)
+    assert 1 <= at_once <= AT_ONCE
+    assert at_once == 1 or 2 * at_once * workers <= jobs
+
+
+def test_short_jobs_come_back_in_order():
+    asked = [(number,) for number in range(11)]
+    assert list(results(math.sqrt, asked, 2, short=True)) == [math.sqrt(number) for number in range(11)]
 
 
 @pytest.mark.slow

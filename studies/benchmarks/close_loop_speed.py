@@ -21,7 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from former import ROOT, checkout
+from former import ROOT, as_installed, checkout
 from process_cost import PROGRAM, children
 from speed_table import keep, reader
 
@@ -103,7 +103,7 @@ def report(label: str, package: Path, logs: Path) -> float:
     with TemporaryDirectory() as out:
         before, begin = children(), time.perf_counter()
         words = [sys.executable, "-c", PROGRAM, "close-loop", str(logs), "--out", out, "--workers", str(WORKERS)]
-        env = {**os.environ, "PYTHONPATH": str(package)}
+        env = as_installed(package)
         ran = subprocess.run(words, cwd=logs.parent, env=env, check=False, capture_output=True, text=True)
         seconds, clock = children() - before, time.perf_counter() - begin
     answer = next((line for line in ran.stdout.splitlines() if "log" in line or "list" in line), ran.stderr[-300:])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import subprocess
 import tarfile
 from collections.abc import Iterator
@@ -22,3 +23,13 @@ def checkout(commit: str) -> Iterator[Path]:
     with TemporaryDirectory() as folder, tarfile.open(fileobj=io.BytesIO(packed)) as archive:
         archive.extractall(folder, filter="data")
         yield Path(folder)
+
+
+def as_installed(package: Path, folder: Path | str = "") -> dict[str, str]:
+    """Return the environment of a process with a version of the package that keeps its byte code, in a folder if given.
+
+    An installed package has its byte code; where none may be written, every start would compile all modules again.
+    """
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    kept = {"PYTHONPYCACHEPREFIX": f"{folder}/byte-code"} if folder else {}
+    return {**own, **kept, "PYTHONPATH": str(package)}

@@ -3,7 +3,8 @@
     python studies/benchmarks/process_cost.py [--quick] [--keep] [--against COMMIT]
 
 User and system time of the whole process, the least of several runs; both versions take turns, on one core, with what
-is compiled and checked kept from an untimed first run. An older version is taken from the repository's history.
+is compiled and checked, byte code included, kept from an untimed first run. An older version is taken from the
+repository's history.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from former import ROOT, checkout
+from former import ROOT, as_installed, checkout
 from speed_table import keep, reader
 
 BEFORE = "f624ee7"
@@ -66,7 +67,7 @@ def cpu_seconds(words: list[str], package: Path, out: str) -> float:
     subprocess.run(
         [sys.executable, "-c", PROGRAM, *words],
         cwd=out,
-        env={**os.environ, "PYTHONPATH": str(package)},
+        env=as_installed(package, out),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         check=True,

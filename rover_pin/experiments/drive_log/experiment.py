@@ -139,7 +139,7 @@ class DriveExperiment(Experiment):
         return self._padded([run.features(replay.channels, sensors) for run, replay in pairs])
 
     def _spread(self, function: Callable[..., Any], asked: list[tuple[Any, ...]]) -> list:
-        return list(results(function, asked, self.jobs))
+        return list(results(function, asked, self.jobs, short=True))
 
     def _padded(self, tables: Sequence[np.ndarray]) -> np.ndarray:
         """Return tables (channels, blocks) of the runs as one array, the common channels, gaps at the ends."""
