@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.estimation.experiment import Sensitivities
-from rover_pin.estimation.noise import STRAY
+from rover_pin.estimation.noise import STRAY, huber_losses
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.task import Task
 
@@ -44,9 +44,8 @@ class ExactProblem:
         """Return rows and their Jacobian at u; beyond STRAY SDs a row grows as the root of what it counts."""
         found = self.sensitivities(u)
         rows, columns = self.task.rows(found.predicted), self.task.columns(found.slopes)
-        size = np.abs(rows)
-        stray = size > STRAY
-        root = np.sqrt(np.where(stray, 2 * STRAY * size - STRAY**2, 1.0))
+        stray = np.abs(rows) > STRAY
+        root = np.sqrt(np.where(stray, huber_losses(rows), 1.0))
         slope = np.where(stray, STRAY / root, 1.0)
         rows = np.where(stray, np.sign(rows) * root, rows)
         prior = np.eye(len(u))[self._known]

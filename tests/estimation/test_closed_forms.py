@@ -1,0 +1,437 @@
+"""Fits, their numbers and curves on problems so small that everything about them is known in closed form."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.optimize import approx_fprime, lsq_linear
+from scipy.stats import chi2 as chi2_law
+
+from rover_pin.errors import DataError, ParameterError
+from rover_pin.estimation import baselines
+from rover_pin.estimation.coordinates import Axis, Linear, Log, Space
+from rover_pin.estimation.exact import ExactProblem, scattered
+from rover_pin.estimation.experiment import Experiment, Sensitivities
+from rover_pin.estimation.fit import STRETCH, _moved, _step, best_of, fit
+from rover_pin.estimation.noise import Noise, declared_noise, huber, noise_of
+from rover_pin.estimation.numbers import implausible, intervals, is_adequate, settled
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.problem import Prior, Problem
+from rover_pin.estimation.profile import AT_BOUND, Best, interval, rise
+from rover_pin.estimation.task import Task
+from rover_pin.estimation.wording import Change, Outcome
+from rover_pin.quantity import Record, quantities, quantity
+
+FOLDS, SAMPLES = 3, 20
+X = np.random.default_rng(7).normal(size=(2, FOLDS, 1, SAMPLES))
+
+
+@dataclass(frozen=True)
+class Plane(Record):
+    """y = a x_0 + b x_1, or with a squared."""
+
+    a: float = quantity(0.0, "m", "made up", -100.0, 100.0, "a")
+    b: float = quantity(0.0, "", "made up", -100.0, 100.0, "b")
+
+
+class Line(Experiment):
+    """One channel that is linear in a and b; `bent`: in a^2 and b."""
+
+    channels, folds = ("y",), tuple("pqr")
+
+    def __init__(self, observed, exact=False, bent=False):
+        self.observed, self.is_exact, self.bent = observed, exact, bent
+
+    def predict(self, models):
+        return np.array([(one.a**2 if self.bent else one.a) * X[0] + one.b * X[1] for one in models])
+
+    def records(self, model):
+        return {"plane": model}
+
+    def replaced(self, model, owner, record):
+        return record
+
+    def sensitivities(self, model, parameters, u):
+        here = self.with_values(model, {one.name: one.value(x) for one, x in zip(parameters, u, strict=True)})
+        by = {"plane.a": X[0] * (2.0 * here.a if self.bent else 1.0), "plane.b": X[1]}
+        slopes = [by[one.name] * one.slope(x) for one, x in zip(parameters, u, strict=True)]
+        return Sensitivities(self.predict([here])[0], np.array(slopes))
+
+
+def number(name, sd=1.0, low=-100.0, high=100.0, prior=True, origin=0.0, fd=0.3):
+    return Parameter(f"plane.{name}", origin, sd, low, high, prior=prior, fd=fd)
+
+
+BOTH = (number("a"), number("b", sd=2.0, prior=False))
+
+
+def made(exact=False, bent=False, sd=0.5, noise=0.5, a=1.0, b=-2.0, seed=1):
+    """A task whose data are of a and b, with noise."""
+    truth = (a**2 if bent else a) * X[0] + b * X[1]
+    bed = Line(truth + noise * np.random.default_rng(seed).normal(size=truth.shape), exact, bent)
+    return Task(bed, declared_noise(np.array([sd]), bed.observed))
+
+
+def matrix(task, parameters):
+    """Rows of the weighted problem with the priors, and its right side."""
+    scale = np.array([one.scale for one in parameters])
+    sd = task.noise.sd[0]
+    columns = np.array([X["ab".index(one.name[-1])].ravel() for one in parameters]).T * scale / sd
+    known = np.eye(len(parameters))[[one.prior for one in parameters]]
+    return np.vstack([columns, known]), np.append(task.experiment.observed.ravel() / sd, np.zeros(len(known)))
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_a_linear_fit_is_least_squares_with_the_priors_as_rows(exact):
+    task = made(exact)
+    found = fit(task, Plane(), BOTH)
+    A, y = matrix(task, BOTH)
+    u, *_ = np.linalg.lstsq(A, y, rcond=None)
+    assert found.u == pytest.approx(u, abs=1e-6)
+    rest = y - A @ u
+    assert found.chi2 == pytest.approx(float(rest @ rest), rel=1e-9)
+    assert found.freedom == FOLDS * SAMPLES - 1, "b alone has no prior"
+    assert found.misfit == pytest.approx(float(rest[:-1] @ rest[:-1]) / 59, rel=1e-9)
+    assert found.covariance == pytest.approx(np.linalg.inv(A.T @ A), rel=1e-6)
+    assert found.value("plane.b") == pytest.approx(2.0 * u[1])
+    assert found.columns == pytest.approx(-A[:-1], rel=1e-9)
+    assert found.task.columns([]).shape == (60, 0)
+
+
+def test_an_sd_is_the_models_widened_by_noise_and_misfit_or_that_of_stretches():
+    """Rows that agree within stretches of 8: the sandwich over stretches, by an explicit loop."""
+    for seed, shared in ((3, 0.0), (4, 3.0)):
+        draw = np.random.default_rng(seed)
+        pieces = -(-SAMPLES // STRETCH)
+        common = np.repeat(draw.normal(size=(FOLDS, 1, pieces)), STRETCH, axis=2)[:, :, :SAMPLES]
+        task = made(noise=1.0, seed=seed)
+        task.experiment.observed = task.experiment.observed + shared * common * np.sign(X[0])
+        task = replace(task, noise=replace(task.noise, inflation=1.7))
+        found = fit(task, Plane(), BOTH)
+        A, y = matrix(task, BOTH)
+        rows, H = y[:-1] - A[:-1] @ found.u, found.covariance
+        weight = np.minimum(1.0, 4.0 / np.abs(rows))
+        inner, groups = np.diag([1.0, 0.0]), FOLDS * pieces
+        for fold in range(FOLDS):
+            for piece in range(pieces):
+                own = [fold * SAMPLES + at for at in range(SAMPLES) if at // STRETCH == piece]
+                g = sum(A[i] * weight[i] * rows[i] for i in own)
+                inner = inner + np.outer(g, g) * groups / (groups - 1)
+        plain = np.diag(H) * 1.7 * max(found.misfit, 1.0)
+        sandwich = np.diag(H @ inner @ H)
+        assert found.spread == pytest.approx(np.sqrt(np.maximum(plain, sandwich)), rel=1e-5)
+        assert (sandwich > plain).any() or not shared
+
+
+def test_one_stretch_alone_has_no_freedom_left_to_take_away():
+    task = made()
+    observed = np.full_like(task.experiment.observed, np.nan)
+    observed[0, 0, :5] = task.experiment.observed[0, 0, :5]
+    bed = Line(observed)
+    found = fit(Task(bed, declared_noise(np.array([0.5]), observed)), Plane(), BOTH)
+    assert np.isfinite(found.spread).all()
+    assert found.freedom == 4
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_step_stays_within_bounds_as_bounded_least_squares_does(seed):
+    draw = np.random.default_rng(seed)
+    columns, rows, u = draw.normal(size=(30, 3)), 2.0 * draw.normal(size=30), draw.uniform(-0.2, 0.2, 3)
+    rows = np.clip(rows, -3.9, 3.9)
+    parameters = tuple(number("a", 1.0, -0.3, 0.3, prior=at < 2) for at in range(3))
+    step, promised = _step(columns, rows, u, parameters)
+    stacked = np.vstack([columns, np.diag([1.0, 1.0, math.sqrt(1e-9)])])
+    right = -np.concatenate([rows, u * [1.0, 1.0, 0.0]])
+    best = lsq_linear(stacked, right, (-0.3 - u, 0.3 - u), tol=1e-14).x
+    before, after = (float(np.sum((stacked @ each - right) ** 2)) for each in (np.zeros(3), step))
+    assert promised == pytest.approx(before - after, rel=1e-6, abs=1e-9)
+    assert np.all(np.abs(u + step) <= 0.3 + 1e-12)
+    assert after == pytest.approx(float(np.sum((stacked @ best - right) ** 2)), rel=0.02), "held where they leave"
+
+
+def test_a_start_beyond_a_bound_begins_on_it():
+    task = made()
+    bounded = (number("a", low=-0.5, high=0.5), number("b", prior=False, fd=-0.3))
+    for start in ([4.0, -9.0], [-4.0, 0.0]):
+        found = fit(task, Plane(), bounded, np.array(start))
+        assert found.u[0] == pytest.approx(0.5)
+        A, y = matrix(task, bounded)
+        assert found.u[1] == pytest.approx(float(A[:, 1] @ (y - 0.5 * A[:, 0]) / (A[:, 1] @ A[:, 1])), abs=1e-6)
+
+
+def test_a_difference_stays_inside_the_bounds_and_tells_its_step():
+    one = number("a", 2.0, -1.0, 1.0, fd=0.2)
+    assert one.bounds == (-0.5, 0.5)
+    assert _moved(one, 0.29) == (pytest.approx(0.98), 0.2)
+    assert _moved(one, 0.31) == (pytest.approx(0.22), -0.2)
+
+
+def test_of_several_starts_the_lowest_fit_is_taken():
+    task = made(exact=True, bent=True, a=2.0)
+    free = (number("a", prior=False, low=-9.0, high=9.0), number("b", prior=False))
+    left = replace(free[0], high=-0.1)
+    both = best_of(task, Plane(), (replace(free[0], low=-1.0), free[1]), [np.array([-0.5, 0.0]), np.array([0.5, 0.0])])
+    assert both.value("plane.a") == pytest.approx(2.0, abs=0.1)
+    assert best_of(task, Plane(), (left, free[1]), [np.array([-0.5, 0.0])]).value("plane.a") < -1.8
+    assert best_of(task, Plane(), free, []) is None
+
+
+STRAYS = np.array([0.0, 3.9, -3.9, 4.1, -4.1, 12.0, -40.0])
+
+
+def test_rows_of_the_exact_problem_square_to_the_robust_chi2_and_have_its_slopes():
+    task = made(exact=True, bent=True)
+    task.experiment.observed[0, 0, : len(STRAYS)] += 0.5 * STRAYS
+    problem = ExactProblem(task, Plane(), BOTH)
+    for u in (np.array([0.9, -1.1]), np.array([-0.4, 0.7])):
+        rows, jacobian = problem.evaluate(u)
+        here = task.rows(problem.sensitivities(u).predicted)
+        assert (np.abs(here) > 4.0).sum() > 2
+        assert rows @ rows == pytest.approx(huber(here) + u[0] ** 2, rel=1e-12)
+        assert len(rows) == 61
+        slopes = [(problem.evaluate(u + h)[0] - problem.evaluate(u - h)[0]) / 2e-6 for h in 1e-6 * np.eye(2)]
+        assert jacobian == pytest.approx(np.array(slopes).T, abs=1e-6)
+    assert problem.sensitivities(u) is problem.sensitivities(u.copy()), "asked once"
+
+
+def test_starts_are_scattered_about_the_centre():
+    centre = np.array([10.0, -20.0])
+    first, *others = scattered(BOTH, centre, 40, 1)
+    assert first is centre
+    spread = np.array(others) - centre
+    assert len(others) == 39
+    assert np.abs(spread).max() <= 1.0
+    assert spread.std(axis=0) == pytest.approx(np.full(2, 1.0 / math.sqrt(3.0)), rel=0.2)
+    assert np.abs(spread.mean(axis=0)).max() < 0.3
+
+
+@dataclass(frozen=True)
+class Channel:
+    measured: np.ndarray
+    sd: np.ndarray
+
+
+@dataclass(frozen=True)
+class Exponential:
+    """y = p exp(-q t): data of a `Problem`."""
+
+    channels: tuple
+    t: np.ndarray
+
+    def predictor(self, free):
+        def predict(fields):
+            p, q = fields
+            y = p * np.exp(-q * self.t)
+            by = {"p": y / p, "q": -self.t * y}
+            return y, np.array([by[name] for name in free]).T
+
+        return predict
+
+
+def exponential_problem(priors, free=("p", "q"), widen=1.0):
+    t = np.linspace(0.1, 2.0, 9)
+    sd = np.linspace(0.1, 0.3, 9)
+    data = Exponential((Channel(2.0 * np.exp(-0.7 * t) + 0.1 * np.sin(9.0 * t), sd),), t)
+    about = quantities(Plane)["a"]
+    axes = {"p": Axis("p", about, Log(shift=0.5), -1.0, 3.0), "q": Axis("q", about, Linear(0.4, 1.0), -2.0, 5.0)}
+    return Problem([data], Space(tuple(axes[name] for name in free), np.array([1.5, 0.6]), ("p", "q")), priors, widen)
+
+
+@pytest.mark.parametrize("priors", [{}, {"q": Prior(0.9, 0.05)}, {"q": Prior(0.9, 0.05), "p": Prior(1.0, 0.2)}])
+def test_rows_of_a_problem_are_residuals_and_priors_in_sds(priors):
+    problem = exponential_problem(priors)
+    u = problem.space.start()
+    rows, jacobian = problem.evaluate(u)
+    (one,) = problem.data
+    p, q = 1.5, 0.6
+    expected = [*((one.channels[0].measured - p * np.exp(-q * one.t)) / one.channels[0].sd)]
+    expected += [(prior.mean - {"p": p, "q": q}[name]) / prior.sd for name, prior in priors.items()]
+    assert rows == pytest.approx(expected, rel=1e-12)
+    assert jacobian == pytest.approx(approx_fprime(u, lambda x: problem.evaluate(x)[0], 1e-7), abs=1e-4)
+    assert problem.chi2(u) == pytest.approx(float(np.square(expected).sum()))
+    assert problem.freedom == 9 + len(priors) - 2
+    assert problem.data_jacobian(u) == pytest.approx(jacobian[:9])
+    assert problem.widened(3.0).evaluate(u)[0][:9] == pytest.approx(rows[:9] / 3.0)
+    assert problem.widened(3.0).evaluate(u)[0][9:] == pytest.approx(rows[9:])
+
+
+@pytest.mark.parametrize("given", [(math.nan, 1.0), (math.inf, 1.0), (0.0, math.inf), (0.0, 0.0), (0.0, -1.0)])
+def test_a_prior_that_says_nothing_is_refused(given):
+    with pytest.raises(ParameterError, match="needs a finite mean and a positive sd"):
+        Prior(*given)
+
+
+def test_more_numbers_than_values_are_refused_priors_apart():
+    t, about = np.array([1.0]), quantities(Plane)["a"]
+    data = Exponential((Channel(np.array([1.0]), np.array([0.1])),), t)
+    axes = tuple(Axis(name, about, Linear(1.0, 1.0), -5.0, 5.0) for name in "pq")
+    space = Space(axes, np.array([1.0, 1.0]), ("p", "q"))
+    with pytest.raises(DataError, match="2 free parameters without a prior and 1 measured values"):
+        Problem([data], space, {})
+    assert Problem([data], space, {"q": Prior(1.0, 1.0)}).freedom == 0
+
+
+def test_noise_of_every_value_whitens_by_it():
+    """SDs of each block: no memory, no common mode; what is not compared counts in nothing."""
+    sd = np.array([[[2.0, 4.0, 8.0], [1.0, 0.5, 0.25]]])
+    good = np.array([[[True, False, True], [False, False, False]]])
+    noise = Noise(sd, np.zeros(2), np.eye(2), good)
+    residual = np.array([[[1.0, 9.0, 2.0], [9.0, 9.0, 9.0]]])
+    assert noise.white(residual) == pytest.approx([0.5, 0.25])
+    assert noise.floor == pytest.approx([math.sqrt((4.0 + 64.0) / 2), 0.0])
+    assert noise.count == 2
+
+
+def test_a_stray_counts_as_three_sd_of_its_own_channel_in_its_memory():
+    """Of a channel whose SD is 0.01: clipped at .03, not at 3."""
+    row = 0.01 / 1.4826 * np.tile([1.0, -1.0], 20)
+    row[7:9] = 5.0
+    found = noise_of(row[None, None], np.ones((1, 1, 40), dtype=bool), np.zeros(1))
+    clipped = np.clip(row, -0.03, 0.03)
+    memory = np.mean(clipped[1:] * clipped[:-1]) / np.mean(clipped**2)
+    assert found.sd[0] == pytest.approx(0.01)
+    assert found.rho[0] == pytest.approx(max(memory, 0.0))
+
+
+def about_numbers(sd, bounds, prior=True):
+    """Numbers of a fit that is not exact: one number whose SD is `sd` about u = its fit."""
+    task = made(noise=0.0, sd=sd, a=0.0, b=0.0)
+    free = (number("a", 1.0, *bounds, prior=prior),)
+    task = replace(task, noise=replace(task.noise, inflation=1.0))
+    found = fit(task, Plane(), free)
+    (one,) = intervals(found)[1]
+    return one, float(found.spread[0])
+
+
+def test_an_interval_about_a_fit_is_1_96_sd_and_ends_at_bounds_that_it_does_not_close():
+    wide, sd = about_numbers(0.5, (-10.0, 10.0))
+    assert (wide.low, wide.high) == pytest.approx((-1.959964 * sd, 1.959964 * sd))
+    assert (wide.closed, wide.at_bound, wide.note, wide.drift) == (True, False, "", pytest.approx(0.0))
+    assert wide.covered == pytest.approx(2 * 1.959964 * sd / 20.0)
+    for bounds in ((-0.5 * sd, 10.0), (-10.0, 0.5 * sd), (-0.5 * sd, 0.5 * sd)):
+        cut, _ = about_numbers(0.5, bounds)
+        assert not cut.closed
+        assert cut.note == "not closed by the data"
+        assert cut.low == pytest.approx(max(bounds[0], -1.959964 * sd))
+        assert cut.high == pytest.approx(min(bounds[1], 1.959964 * sd))
+    assert math.isnan(about_numbers(0.5, (-10.0, 10.0), prior=False)[0].drift)
+    assert not wide._replace(at_bound=False).note
+    assert type(wide)(*wide[:6]).note == ""
+
+
+@pytest.mark.parametrize(("off", "stuck"), [(0.5e-6, True), (2e-6, False)])
+def test_a_number_stands_at_its_bound_within_a_millionth(off, stuck):
+    task = made(noise=0.0, a=0.0, b=0.0)
+    for bounds in ((-off, 5.0), (-5.0, off)):
+        found = fit(task, Plane(), (number("a", 1.0, *bounds),), np.zeros(1))
+        assert intervals(found)[1][0].at_bound is stuck
+
+
+def test_a_drift_is_said_beyond_three_of_its_sds():
+    (one,) = intervals(fit(made(a=3.1, noise=0.0, sd=1e-3, b=0.0), Plane(), (number("a"),)))[1]
+    assert one.said.endswith(", +3.1 SD from what was declared")
+    (other,) = intervals(fit(made(a=-2.9, noise=0.0, sd=1e-3, b=0.0), Plane(), (number("a"),)))[1]
+    assert "SD" not in other.said
+
+
+@pytest.mark.parametrize(("a", "names"), [(4.9, ()), (5.1, ("plane.a +5.1 SD",)), (-5.1, ("plane.a -5.1 SD",))])
+def test_beyond_five_of_its_sds_a_number_is_implausible(a, names):
+    task = made(a=a, noise=0.0, sd=1e-3, b=0.0)
+    assert implausible(fit(task, Plane(), (number("a"),))) == names
+    assert implausible(fit(task, Plane(), (number("a", prior=False),))) == ()
+
+
+@pytest.mark.parametrize(("share", "adequate"), [(0.98, True), (1.02, False)])
+def test_what_is_left_is_too_much_where_chance_makes_it_in_one_of_a_thousand(share, adequate):
+    task = made(exact=True, noise=0.3)
+    free = (number("a"), number("b", prior=False))
+    plain = fit(task, Plane(), free)
+    wanted = math.sqrt(huber(plain.rows) / chi2_law.isf(1e-3, 59) / share)
+    found = fit(replace(task, noise=replace(task.noise, sd=task.noise.sd * wanted)), Plane(), free)
+    assert huber(found.rows) == pytest.approx(share * chi2_law.isf(1e-3, 59), rel=2e-3)
+    assert is_adequate(found) is adequate
+    widened = settled(found).task.noise.sd / found.task.noise.sd
+    assert widened == pytest.approx(1.0 if adequate else math.sqrt(found.misfit))
+
+
+class Rows:
+    """A problem of two numbers within bounds, linear with this matrix."""
+
+    def __init__(self, A, y, low, high):
+        self.A, self.y = A, y
+        self.space = Space(
+            tuple(Axis(f"u{i}", quantities(Plane)["a"], Linear(1.0, 1.0), *ends) for i, ends in
+                  enumerate(zip(low, high, strict=True))), np.zeros(2), ("u0", "u1"),
+        )  # fmt: skip
+
+    def evaluate(self, u):
+        return self.A @ u - self.y, self.A
+
+
+@pytest.mark.parametrize(("near", "pinned"), [(0.5, True), (2.0, False)])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_another_number_is_pinned_within_a_ten_thousandth_of_its_range(near, pinned, side):
+    """Where u0's interval ends, u1 stands just off its own bound."""
+    A = np.array([[1.0, 0.0], [0.0, 1.0]])
+    edge = 1.0
+    y = np.array([0.0, side * (edge - near * AT_BOUND * 2.0 * edge)])
+    problem = Rows(A, y, (-9.0, -edge), (9.0, edge))
+    found = interval(problem, Best(y.copy(), 0.0, np.eye(2)), 0)
+    assert (found.low, found.high) == pytest.approx((-1.959964, 1.959964), rel=4e-3)
+    assert (found.pinned == (1,)) is pinned
+
+
+def test_the_rise_is_the_root_of_what_chi2_gained_and_others_follow():
+    """u0 and u1 hang together: held at x, chi2 rises by x^2 over u0's variance."""
+    A = np.array([[1.0, 0.8], [0.0, 0.6], [0.3, -0.2]])
+    covariance = np.linalg.inv(A.T @ A)
+    problem = Rows(A, np.zeros(3), (-50.0, -50.0), (50.0, 50.0))
+    best = Best(np.zeros(2), 0.0, covariance)
+    z, u = rise(problem, best, 0, 1.5, np.zeros(2))
+    assert z == pytest.approx(1.5 / math.sqrt(covariance[0, 0]), rel=1e-6)
+    assert u == pytest.approx([1.5, 1.5 * covariance[0, 1] / covariance[0, 0]], abs=1e-5)
+
+
+CURVED = np.array([[[1.0, 2.0, 9.0]], [[3.0, np.nan, 5.0]], [[4.0, 4.0, 7.0]], [[0.0, 1.0, 2.0]]])
+
+
+def test_held_out_errors_of_a_mean_are_those_of_the_other_folds():
+    inputs = np.random.default_rng(0).normal(size=(4, 3, 1))
+    found = {one.curve: one for one in baselines.curves(CURVED, inputs, [("pull", "N")])}
+    misses = []
+    for fold in range(4):
+        rest = np.delete(CURVED[:, 0], fold, axis=0)
+        own = CURVED[fold, 0]
+        misses += list(own[np.isfinite(own)] - np.nanmean(rest))
+    assert found["mean"] == ("pull", "N", "mean", pytest.approx(math.sqrt(np.mean(np.square(misses)))))
+    assert len(misses) == 11
+
+
+def test_a_held_out_quadratic_is_found_whatever_the_unit_of_its_input():
+    draw = np.random.default_rng(1)
+    inputs = draw.uniform(1.0, 2.0, (5, 4, 2)) * [1e6, 1e-6]
+    x, z = inputs[..., 0] / 1e6, inputs[..., 1] / 1e-6
+    found = {one.curve: one.error for one in baselines.curves((x**2 - x * z)[:, None], inputs, [("y", "")])}
+    assert found["quadratic"] < 1e-8
+    assert found["mean"] > 0.1
+
+
+def change(before, after, low, high, floor=0.0):
+    return Change(before, after, low, high, floor, "levels")
+
+
+@pytest.mark.parametrize(
+    ("made", "outcome"),
+    [
+        (change(1.24, 1.24 * 0.9, -0.2, -0.05, 1.0), Outcome.AT_FLOOR),
+        (change(1.24, 1.26, 0.01, 0.03, 1.0), Outcome.WORSE),
+        (change(1.26, 1.0, -0.3, -0.1, 1.0), Outcome.BETTER),
+        (change(2.48, 2.0, -0.3, -0.1, 2.0), Outcome.AT_FLOOR),
+        (change(0.62, 0.5, -0.3, -0.1, 0.5), Outcome.AT_FLOOR),
+        (change(0.62, 0.64, -0.1, 0.1, 0.5), Outcome.SCATTER),
+    ],
+)
+def test_a_floor_of_any_size_counts_in_its_own_measure(made, outcome):
+    assert made.outcome is outcome
+    assert change(0.0, 1.0, 0.0, 0.0).share == 0.0
