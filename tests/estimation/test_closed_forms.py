@@ -11,6 +11,7 @@ from scipy.stats import chi2 as chi2_law
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.estimation import baselines
 from rover_pin.estimation.coordinates import Axis, Linear, Log, Space
+from rover_pin.estimation.descent import _damped
 from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, _moved, _step, best_of, fit
@@ -18,7 +19,8 @@ from rover_pin.estimation.noise import Noise, declared_noise, huber, noise_of
 from rover_pin.estimation.numbers import implausible, intervals, is_adequate, settled
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.problem import Prior, Problem
-from rover_pin.estimation.profile import AT_BOUND, Best, interval, rise
+from rover_pin.estimation.profile import AT_BOUND, Best, LowerMinimum, interval, rise
+from rover_pin.estimation.profiles import profiles
 from rover_pin.estimation.task import Task
 from rover_pin.estimation.wording import Change, Outcome
 from rover_pin.quantity import Record, quantities, quantity
@@ -147,6 +149,8 @@ def test_a_step_stays_within_bounds_as_bounded_least_squares_does(seed):
     before, after = (float(np.sum((stacked @ each - right) ** 2)) for each in (np.zeros(3), step))
     assert promised == pytest.approx(before - after, rel=1e-6, abs=1e-9)
     assert np.all(np.abs(u + step) <= 0.3 + 1e-12)
+    inside = np.abs(u + step) < 0.3 - 1e-9
+    assert (stacked.T @ (stacked @ step - right))[inside] == pytest.approx(0.0, abs=1e-9), "the free ones at their best"
     assert after == pytest.approx(float(np.sum((stacked @ best - right) ** 2)), rel=0.02), "held where they leave"
 
 
@@ -393,6 +397,55 @@ def test_the_rise_is_the_root_of_what_chi2_gained_and_others_follow():
     assert u == pytest.approx([1.5, 1.5 * covariance[0, 1] / covariance[0, 0]], abs=1e-5)
 
 
+def test_another_number_is_pinned_where_it_ends_at_its_bound_on_one_side_alone():
+    A = np.array([[1.0, 0.0], [-0.5, 1.0]])
+    problem = Rows(A, np.zeros(2), (-50.0, -50.0), (50.0, 0.4))
+    covariance = np.linalg.inv(A.T @ A)
+    found = interval(problem, Best(np.zeros(2), 0.0, covariance), 0)
+    assert found.pinned == (1,)
+    assert found.low == pytest.approx(-1.959964 * math.sqrt(covariance[0, 0]), rel=4e-3)
+    assert found.high < 0.97 * 1.959964 * math.sqrt(covariance[0, 0]), "chi2 rises faster where u1 cannot follow"
+
+
+@pytest.mark.parametrize("misfit", [0.5, 1.5])
+def test_a_profile_of_a_linear_fit_is_a_parabola_in_units_of_the_noise(misfit):
+    """Rise (u - u_best)^2 / var over the inflation and a misfit above 1, at these shares of half the interval."""
+    task = made(noise=0.5 * math.sqrt(misfit), sd=0.5)
+    exact = X[0] - 2.0 * X[1]
+    task.experiment.observed = exact + np.clip(task.experiment.observed - exact, -1.2, 1.2)  # no stray
+    task = replace(task, noise=replace(task.noise, inflation=1.7))
+    found = fit(task, Plane(), BOTH)
+    assert (found.misfit > 1.1) is (misfit > 1.0)
+    for name, one in zip("ab", profiles(found, ("plane.a", "plane.b")), strict=True):
+        at = "ab".index(name)
+        half, var = 1.959964 * found.spread[at], found.covariance[at, at]
+        off = half * np.array([-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5])
+        assert one.values == pytest.approx(BOTH[at].scale * (found.u[at] + off), rel=1e-6)
+        assert one.rises == pytest.approx(off**2 / var / 1.7 / max(found.misfit, 1.0), rel=1e-4, abs=1e-6)
+
+
+@pytest.mark.parametrize(("fall", "lower"), [(0.00095, False), (0.00105, True)])
+def test_a_lower_minimum_is_one_that_is_lower_by_a_thousandth(fall, lower):
+    problem = Rows(np.eye(2), np.zeros(2), (-5.0, -5.0), (5.0, 5.0))
+    best = Best(np.zeros(2), fall, np.eye(2))
+    if lower:
+        with pytest.raises(LowerMinimum):
+            rise(problem, best, 0, 0.0, np.zeros(2))
+    else:
+        assert rise(problem, best, 0, 0.0, np.zeros(2))[0] == 0.0
+    assert rise(problem, best._replace(chi2=0.0), 0, 0.05, np.zeros(2))[0] == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_a_damped_step_does_not_depend_on_the_rows_unit(unit):
+    draw = np.random.default_rng(2)
+    A, r = draw.normal(size=(8, 3)), draw.normal(size=8)
+    for radius in (0.1, 100.0):
+        step, newton = _damped(unit * A, unit * r, radius)
+        assert step == pytest.approx(_damped(A, r, radius)[0], rel=1e-6)
+        assert newton is (radius > 1.0)
+
+
 CURVED = np.array([[[1.0, 2.0, 9.0]], [[3.0, np.nan, 5.0]], [[4.0, 4.0, 7.0]], [[0.0, 1.0, 2.0]]])
 
 
@@ -430,6 +483,9 @@ def change(before, after, low, high, floor=0.0):
         (change(2.48, 2.0, -0.3, -0.1, 2.0), Outcome.AT_FLOOR),
         (change(0.62, 0.5, -0.3, -0.1, 0.5), Outcome.AT_FLOOR),
         (change(0.62, 0.64, -0.1, 0.1, 0.5), Outcome.SCATTER),
+        (change(1.0, 1.0, -0.1, 0.0), Outcome.NONE),
+        (change(1.0, 1.0, 0.0, 0.1), Outcome.NONE),
+        (change(1.0, 1.0, -0.1, 0.1), Outcome.SCATTER),
     ],
 )
 def test_a_floor_of_any_size_counts_in_its_own_measure(made, outcome):

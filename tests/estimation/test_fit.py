@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.fit import TURNS, Task, fit
+from rover_pin.estimation.fit import RENEWALS, TO_THE_END, TURNS, Task, fit
 from rover_pin.estimation.noise import declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.quantity import Record, quantity
@@ -63,11 +63,23 @@ class Counted(Rosenbrock):
     """The same valley, that counts how often it is asked."""
 
     def __init__(self):
-        self.asked = 0
+        self.asked, self.slopes = 0, 0
 
     def predict(self, models):
         self.asked += len(models)
+        self.slopes += len(models) == 1 + len(NUMBERS)
         return super().predict(models)
+
+
+def test_slopes_are_computed_again_as_often_as_is_said():
+    counts = []
+    for stale in (False, True):
+        bed = Counted()
+        one = Task(bed, declared_noise(np.array([0.3]), bed.observed))
+        fit(one, Valley(), NUMBERS, START, fit(task(), Valley(), NUMBERS, START).slopes if stale else None, stale=stale)
+        counts.append(bed.slopes)
+    assert counts[0] == 1 + RENEWALS
+    assert counts[1] <= TO_THE_END[1]
 
 
 def test_a_step_that_promises_next_to_nothing_and_fails_is_not_tried_shorter():

@@ -99,10 +99,11 @@ def test_more_patches_than_are_pooled_are_taken_in_turns(changed):
     assert np.array_equal(other.record, plain.record)
 
 
-def test_a_small_pivot_is_solved_with_exchanged_rows_and_told(changed):
-    """A step that takes every pivot for too small gives the same drive, and counts."""
+@pytest.mark.parametrize("least", [2.0, 0.9])
+def test_a_small_pivot_is_solved_with_exchanged_rows_and_told(changed, least):
+    """A step that takes every pivot for too small gives the same drive, and counts; so if it is half done by then."""
     case = scenario("ditch")
-    plain, other = beside(case, lambda: changed("#define LEAST_PIVOT 1e-12", "#define LEAST_PIVOT 2.0"))
+    plain, other = beside(case, lambda: changed("#define LEAST_PIVOT 1e-12", f"#define LEAST_PIVOT {least}"))
     assert other.state.q == pytest.approx(plain.state.q, rel=1e-9, abs=1e-11)
     assert other.differential == pytest.approx(plain.differential, rel=1e-7)
     assert (plain.pivoted, other.pivoted) == (0, 200)

@@ -1,5 +1,6 @@
 """Changes that no test can notice, because they change no result: file, change as it is told, and the reason."""
 
+from changes.equivalent_estimation import ESTIMATION
 from changes.equivalent_motion import MOTION
 
 SHIFT = "the least shift keeps a ratio finite where nothing is sheared; any other does"
@@ -8,6 +9,7 @@ WORDS = "how many words a hint has"
 START = "where a start lies within its bounds: the descent comes to the same"
 
 EQUIVALENT: dict[tuple[str, str], str] = {
+    **ESTIMATION,
     **MOTION,
     (
         "rover_pin/discrepancy/exact_refits.py",
@@ -23,11 +25,11 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "refits = [one for each in found.rounds for one in each.refits[:LEADERS] if one.net > -one.fee / 2]: > -> >=",
     ): "two numbers that are worked out are never equal",
     (
-        "rover_pin/discrepancy/profiles.py",
+        "rover_pin/estimation/profiles.py",
         "found = fit(fitted.task, held, others, start, fitted.slopes, reuse=True): True -> False",
     ): "slopes are worked out again: slower, to the same end",
     (
-        "rover_pin/discrepancy/profiles.py",
+        "rover_pin/estimation/profiles.py",
         "reach = np.clip([fitted.u[at] + share * half for share in SHARES], *one.bounds): + -> -",
     ): "the shares are alike on either side",
     (

@@ -17,6 +17,14 @@ MOTION: dict[tuple[str, str], str] = {
         "double stiffness[4] = {0.0, 0.0, 0.0, 0.0};: 0.0 -> 0.1",
     ): "read only while a rover is set down, when it has been found",
     (
+        f"{STEP}solve.c",
+        "if (factor == 0.0) continue;: 0.0 -> 0.1",
+    ): "leaves out work that changes nothing",
+    (
+        f"{STEP}law.c",
+        "integer k = first + lane < s->n_questions ? first + lane : first;: + -> -",
+    ): "what is over repeats the first or asks what was asked before: nobody reads the answer",
+    (
         f"{STEP}law.c",
         "if (spot->forwards > 0.0 && spot->forwards < 1.0) ask(s, index, 1, deeper);: && -> ||",
     ): "asks once more, and does not read the answer",

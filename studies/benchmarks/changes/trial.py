@@ -249,7 +249,20 @@ def _digest(test: pytest.Item) -> str:
 
 STEP = ("rover_pin/motion/kernel.py", "rover_pin/motion/native/__init__.py")
 """Tests that run one of these run the C of the step, or read it."""
-OPTIONS = ["-x", "-q", "--tb=no", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:benchmark"]
+OPTIONS = [
+    "-x",
+    "-q",
+    "--tb=no",
+    "-s",
+    "-p",
+    "no:cacheprovider",
+    "-p",
+    "no:xdist",
+    "-p",
+    "no:benchmark",
+    "-p",
+    "no:faulthandler",
+]
 OPTIONS += ["-W", "ignore::pytest.PytestAssertRewriteWarning", "-m", "not slow"]
 
 
