@@ -48,8 +48,8 @@ class Draft:
 
     def lines(self) -> list[str]:
         """Return lines for a reader."""
-        again = [f"draft: {self.command}"] if self.command else []
-        return [f"draft: {self.said}", *(f"draft: {score_line(one)}" for one in self.scores), *again]
+        again = [f"try it again: {self.command}"] if self.command else []
+        return [self.said, *(score_line(one) for one in self.scores), *again]
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""

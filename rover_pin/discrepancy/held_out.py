@@ -154,14 +154,14 @@ def beyond_floor(fitted: Fit) -> tuple[Excess, ...]:
 
 
 def losses(scores: Sequence[ChannelScore], baselines: Sequence[Baseline]) -> tuple[str, ...]:
-    """Return where a curve predicts what was not fitted better than the model does, one sentence a channel."""
+    """Return where a baseline predicts what was not fitted better than the model does, one sentence a channel."""
     said = []
     for score in scores:
         own = [one for one in baselines if one.channel == score.name]
         best = min(own, key=lambda one: one.error, default=None)
         if best is not None and best.error < LOSES * score.after:
             errors = f"{shown(best.error, score.unit)} against {shown(score.after, score.unit)}"
-            said.append(f"held out, {score.name} is predicted better by a {best.curve} of what was set ({errors})")
+            said.append(f"held out, {score.name} is predicted better by a {best.curve} of {best.given} ({errors})")
     return tuple(said)
 
 

@@ -130,7 +130,7 @@ class Verdict:
         lines += [f"  {self.chosen_again}"] if self.chosen else []
         lines += [f"  {got_worse((one.name, one.worded) for one in self.scores)}"] if self.named else []
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
-        lines += [f"  {line}" for line in (self.draft.lines() if self.draft else [])]
+        lines += [f"  draft: {line}" for line in (self.draft.lines() if self.draft else [])]
         lines += [f"  {one.said}" for one in self._worth_a_line()]
         lines += [f"  against the name: {veto}" for veto in self.vetoes]
         lines += [f"  caution: {said}" for said in self.cautions]

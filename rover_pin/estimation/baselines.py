@@ -57,6 +57,8 @@ class Baseline(NamedTuple):
     unit: str
     curve: str
     error: float
+    given: str = "what was set"
+    "what it is a function of"
 
 
 def curves(observed: np.ndarray, inputs: np.ndarray, channels: Sequence[tuple[str, str]]) -> tuple[Baseline, ...]:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from rover_pin.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.judge import Left, chosen_without, judged
+from rover_pin.discrepancy.held_out import losses
+from rover_pin.discrepancy.judge import Left, chosen_without, judged, with_draft
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Search, search
 from rover_pin.discrepancy.verdict import Verdict
@@ -21,10 +22,12 @@ from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, t
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.free_runs import free_runs
+from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, held, with_spread
 from rover_pin.experiments.drive_log.resume import Memory, key_of_code
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
 from rover_pin.experiments.unlisted.remainder import Remainder, describe
+from rover_pin.experiments.unlisted.trial import drafted
 from rover_pin.loop.drive_written import written
 from rover_pin.loop.provenance import command, provenance
 from rover_pin.motion.drive_log import DriveLog
@@ -108,15 +111,19 @@ def verdict_on(log: DriveLog, found: Search, left: Remainder, seed: int, progres
     wheels = [wheel.name for wheel in found.base.model.rover.wheels]
     added = [one for one in found.added if one.name in verdict.named]
     sizes = tuple(name for one in added for name in one.sizes)
-    best = found.rounds[0].alike
-    free = free_runs(logged(found.base), found.base.model, verdict.model)
+    best, experiment = found.rounds[0].alike, logged(found.base)
+    free = free_runs(experiment, found.base.model, verdict.model)
+    odometry = kinematic(experiment, found.base.model.rover)
+    if verdict.answer is Answer.NONE_FITS:
+        verdict = with_draft(verdict, drafted(found.last, left, log.about.name, progress), seed)
     return dataclasses.replace(
         verdict,
+        baselines=odometry,
         sentence=spoken(verdict.sentence, wheels),
         findings=findings(log),
         experiments=_experiments(best, progress),
         profiles=profiles(verdict.after.fit, sizes) if sizes and verdict.after else (),
-        cautions=(*verdict.cautions, *cautions(verdict, free)),
+        cautions=(*verdict.cautions, *cautions(verdict, free), *losses(verdict.scores, odometry)),
         extra=DriveExtra(free, left),
     )
 

@@ -11,6 +11,7 @@ from rover_pin.body.rover import load_rover
 from rover_pin.body.shapes import flat
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out import held_out
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.screen import Scored, Signature, fee_of
@@ -174,7 +175,7 @@ def answered(verdict):
             Answer.LIKE: {"vetoes": ("R_b lies at its bound",)},
             Answer.SET: {"alike": ("SupplySag", "PeakStress")},
             Answer.NONE_NEEDED: {**bare, "alike": (), "search": none},
-            Answer.NONE_FITS: bare,
+            Answer.NONE_FITS: {**bare, "draft": Draft("text", search.rounds[0].refits[0], verdict.scores, "try --it")},
             Answer.INADEQUATE: bare,
             Answer.CANNOT_TELL: {**bare, **empty, "provenance": {}},
         }[answer]

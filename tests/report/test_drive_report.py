@@ -56,7 +56,9 @@ def test_every_answer_has_its_page(made, answered, answer, tmp_path, monkeypatch
     assert f"<b>{answer.value[0].upper()}{answer.value[1:]}.</b>" in page
     added = answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
     assert ('<th scope="col">after</th>' in page) == added
-    assert ("draft_effect" in page) == (answer is Answer.NONE_FITS)
+    drafted = answer is Answer.NONE_FITS
+    assert ("draft_effect" in page, "try it again: try --it" in page) == (drafted, drafted)
+    assert ("held-out path: RMSE" in page) == drafted
     assert ("the model with supply sag" in page) == added
     assert ("What was added" in page) == added
     assert "+0%" not in page

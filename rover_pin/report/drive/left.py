@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.experiments.unlisted.remainder import Remainder
@@ -40,7 +39,7 @@ class LeftOver(Section):
             "left": left.said,
             "terms": Table(heads, terms) if not left.is_noise else None,
             "channels": channel_table(left),
-            "draft": self.verdict.answer is Answer.NONE_FITS,
+            "draft": self.verdict.draft.lines() if self.verdict.draft else (),
         }
 
     def pictures(self) -> Mapping[str, Picture]:

@@ -6,13 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.held_out import LOSES, ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Outcome, got_worse, shown
 from rover_pin.report.figures import heldout_panels
 from rover_pin.report.headline import FEW, by_outcome, worst
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table
 from rover_pin.report.words import Manner
+
+CAPTION = "What a user would otherwise take, on the same data left out; marked where it is better than the model"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,7 @@ class HeldOut(Section):
             "resampled": scores[0].worded.of,
             "channels": channel_table(scores, added, self.manner),
             "parts": self._parts(scores, added),
+            "baselines": baseline_table(self.verdict, self.manner),
             "worse": got_worse((self.manner.channel(one.name), one.worded) for one in scores) if added else "",
         }
 
@@ -68,6 +71,17 @@ class HeldOut(Section):
             rows.append(Row((*cells, *after), AWAY * (added and one.low > 0)))
         heads = ("left out", "blocks", *(("before", "after", "change, 95 %") if added else ("misfit",)))
         return Table(heads, tuple(rows), "All channels together: chi2 for each number measured; 1 is the noise.")
+
+
+def baseline_table(verdict: Verdict, manner: Manner) -> Table | None:
+    """Return the held-out errors of what a user would otherwise take, beside the model's; None where none was tried."""
+    known = {one.name: one for one in verdict.scores}
+    rows = [
+        Row((manner.channel(one.channel), f"{one.curve} of {one.given}", shown(one.error, one.unit),
+             shown(known[one.channel].after, one.unit)), AWAY * (one.error < LOSES * known[one.channel].after))
+        for one in verdict.baselines if one.channel in known
+    ]  # fmt: skip
+    return Table(("channel", "otherwise", "its error", "the model's"), tuple(rows), CAPTION) if rows else None
 
 
 def _level(each: Any, score: ChannelScore, added: bool) -> str:

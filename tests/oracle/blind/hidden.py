@@ -96,8 +96,14 @@ OFF_LIST = {
 """On nobody's list; `SlopeError` bends the true ground away from the declared one."""
 ALIASES = {"MotionResistance": lambda random, s: {"R": 0.01 * s}}
 """Only on request: the base model has this number itself."""
+OTHER_LAWS = {
+    "StribeckFriction": lambda random, s: {"tau_s": 0.02 * s},
+    "SquareSag": lambda random, s: {"R_2": 4.0 * s},
+    "SpringTether": lambda random, s: {"k": 0.4 * s},
+}
+"""Only on request: friction that falls with the rate, a supply that sags with the square, a cable that is a spring."""
 LISTED = SOIL | MOTOR | BODY
-ALL = LISTED | SENSOR | OFF_LIST | ALIASES
+ALL = LISTED | SENSOR | OFF_LIST | ALIASES | OTHER_LAWS
 SHARES = {"single": 0.50, "pair": 0.10, "none": 0.20, "off-list": 0.15, "sensor": 0.05}
 
 

@@ -19,7 +19,7 @@ class Motors:
     def run(self, duty, angle, omega, windup, drawn, loss):
         """Return torque, current, hub rate, supply, and the rates of windup, drawn current and loss; [6, runs]."""
         w = self.world
-        supply = w["supply"] - w["SupplySag.R_b"] * drawn
+        supply = w["supply"] - w["SupplySag.R_b"] * drawn - w["SquareSag.R_2"] * drawn**2
         R = w["resistance"] * (1.0 + ALPHA * w["WindingHeating.R_th"] * loss)
         K, dead = w["constant"], w["DeadBand.delta_0"]
         reach = np.sign(duty) * np.maximum(np.abs(duty) - dead, 0.0)
@@ -34,6 +34,7 @@ class Motors:
             hub, current = omega + (current - held) * R / K, held
         torque = K * current * w["motor_gain"]
         torque = torque - w["GearFriction.tau_c"] * windup - w["ViscousFriction.b_v"] * omega
+        torque = torque - w["StribeckFriction.tau_s"] * windup * np.exp(-((omega / w["StribeckFriction.w_s"]) ** 2))
         torque = torque * self.weak + self.eccentric * np.sin(angle + w["EccentricWheel.phase"])
         bus = np.sum(duty * current, axis=0)
         return (

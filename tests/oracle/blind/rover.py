@@ -185,10 +185,11 @@ class Rovers:
     def outside(self, force, t, u, pose):
         """Add tether and snags: forces on the base's origin against its horizontal velocity."""
         w = self.world
-        if not (w.has("TetherDrag.f_0") or w.has("TetherDrag.f_1") or w.has("Snag.force")):
+        if not any(map(w.has, ("TetherDrag.f_0", "TetherDrag.f_1", "SpringTether.k", "Snag.force"))):
             return
         far = np.hypot(*(pose.place[:2] - self.anchor))
         pull = w["TetherDrag.f_0"] + w["TetherDrag.f_1"] * far
+        pull = pull + w["SpringTether.k"] * np.maximum(far - w["SpringTether.slack"], 0.0)
         pull = pull + w["Snag.force"] * snagging(w.runs, t)
         force[:2] -= pull * u[:2] / np.sqrt(u[0] ** 2 + u[1] ** 2 + w["TetherDrag.v_0"] ** 2)
 

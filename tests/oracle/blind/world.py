@@ -46,6 +46,9 @@ HIDDEN = {
     "EccentricWheel.A": 0.0, "EccentricWheel.phase": 0.0, "EccentricWheel.wheel": 0.0,
     "Snag.force": 0.0, "LooseWheel.hold": 1e3, "LooseWheel.wheel": 0.0, "LooseWheel.phase": 0.0,
     "Washboard.A": 0.0, "Washboard.length": 0.1, "Washboard.phase": 0.0,
+    # causes of the list by other laws
+    "StribeckFriction.tau_s": 0.0, "StribeckFriction.w_s": 0.5, "SquareSag.R_2": 0.0,
+    "SpringTether.k": 0.0, "SpringTether.slack": 0.1,
 }  # fmt: skip
 """Neutral values; names are those of the effects, off-list ones at the end."""
 

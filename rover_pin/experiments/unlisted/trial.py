@@ -1,0 +1,28 @@
+"""The draft of what a drive model leaves, as an effect that can be tried."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from rover_pin.discrepancy.draft import Draft, Drafted, tried
+from rover_pin.discrepancy.refit import Progress
+from rover_pin.estimation.fit import Fit
+from rover_pin.experiments.drive_log.candidates import candidate_of, variants
+from rover_pin.experiments.drive_log.experiment import logged
+from rover_pin.experiments.unlisted.draft import can_draft
+from rover_pin.experiments.unlisted.remainder import Remainder, draft_effect
+from rover_pin.motion.effect_files import user_effects
+
+
+def drafted(fit: Fit, left: Remainder, name: str, progress: Progress) -> Draft | None:
+    """Return the draft of what a fit leaves, tried on it; None where no effect can imitate any term."""
+    if not any(can_draft(one, left.wheels) for one in left.terms):
+        return None
+    text = draft_effect(left, name)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "measured_remainder.py"
+        file.write_text(text, encoding="utf-8")
+        (kind,) = user_effects(file)
+        effects = variants(kind, fit.model, logged(fit))
+        return tried(Drafted(text, tuple(map(candidate_of, effects))), fit, progress)
