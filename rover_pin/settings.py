@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 from rover_pin.arguments import arguments_of
 from rover_pin.errors import ParameterError, closest, one_of
-from rover_pin.quantity import UNITS, Quantity, Record, check, is_symbolic, meant, quantities, written
+from rover_pin.quantity import Quantity, Record, check, is_symbolic, meant, quantities, written
+from rover_pin.units import UNITS
 
 
 class Setting(NamedTuple):

@@ -7,7 +7,7 @@ Method
     Ditch 0.05 m deep and 0.2 m wide; the wall angle, which the paper does not state, is the map's first axis. Constant
     duty 0.55 against the PI of Fig 9 with several gains, fed with the true slip or with Eq 9's estimate. Sands with F
     rising in S, as Eqs 2-7 give it: Table 1 and smaller k with the R of a flat cruised at S = 0.05; k = 2.5 mm with
-    R = 0.03 < F(0) (its flat is driven at S = -0.07, 8 % of the work from nowhere); and the same with `PostPeak`, a
+    R = 0.03 < F(0) (its flat is driven at S = -0.07); and the same with `PostPeak`, a
     loss of shear strength past the peak, which the text speaks of and Eq 2 lacks. "Out": the rear wheels are past the
     far lip within 45 s, at the step and at half of it, else it is "open". Mirror-symmetric drives.
 Result

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rover_pin.errors import ParameterError
-from rover_pin.quantity import UNITS, written
+from rover_pin.quantity import written
+from rover_pin.units import UNITS
 
 
 @given(

@@ -67,5 +67,5 @@ def _pull(load: Scalar, soil: Soil, wheel: Wheel, limit: TractionLimit, state: S
         theta_1 = entry_angle(load, limit.slip, wheel, soil, state=state)
         theta_2 = -soil.exit_ratio * theta_1
     at = forces(theta_1, theta_2, state(limit.slip, wheel, soil), wheel, soil, entry_graded(FINE))
-    factor = limit.form.factor(at, wheel)
+    factor = limit.form.factor(at, wheel, limit.slip)
     return Pull(factor * load, factor, ca.atan(factor))

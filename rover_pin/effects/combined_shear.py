@@ -42,7 +42,7 @@ class CombinedShear(Effect):
         straight = wheel_forces(contact.S, *arc, wheel, soil, NODES)
         sheared = combined_forces(contact.S, sideways, arc, wheel, soil, NODES)
         q = 1.0 if isinstance(self.angles, FixedAngles) else sheared.along.f_n / straight.f_n
-        dF = self.form.factor(sheared.along, wheel) - self.form.factor(straight, wheel)
+        dF = self.form.factor(sheared.along, wheel, contact.S) - self.form.factor(straight, wheel, contact.S)
         dT = sheared.along.torque / sheared.along.f_n - straight.torque / straight.f_n
         grown = Load(*(w * (q - 1.0) * part for part in load))
         carried = w * q * load.f_n

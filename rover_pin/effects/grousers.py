@@ -10,6 +10,7 @@ import casadi as ca
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
+from rover_pin.soil.traction import paid_for
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,8 @@ class Grousers(Effect):
 
     With Eq (2) at r_s, j = r_s (theta_1 - theta) - (v / omega)(sin theta_1 - sin theta), which is Eq (2) at r with v /
     (r omega) and k divided by q. The moment of the stress gains q for the arm and q for the area; f_t gains (q - 1) of
-    its shear, torque / r. The normal stress stays at r. The slip that is recorded is then that at r_s.
+    its shear, torque / r (braking: what that pays for, `paid_for`). The normal stress stays at r. The slip that is
+    recorded is then that at r_s.
 
     Source: shearing radius between rim and lug tip, Ding, Gao, Deng, Nagatani and Yoshida, J. Terramechanics 48 (2011)
     27. Differs from the paper: smooth wheels. Differs from lugs one by one: no ripple at their passing.
@@ -44,5 +46,6 @@ class Grousers(Effect):
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return what the greater radius adds."""
-        q = self._ratio(contact)
-        return Load(f_t=(q - 1.0) * load.torque / contact.wheel.r, torque=(q * q - 1.0) * load.torque)
+        q, shear = self._ratio(contact), load.torque / contact.wheel.r
+        pull = paid_for(shear, shear, contact.S)
+        return Load(f_t=(q - 1.0) * pull, torque=(q * q - 1.0) * load.torque)

@@ -48,7 +48,7 @@ class PeakStress(Effect):
         q = peaked.f_n / flat.f_n
         if isinstance(self.angles, FixedAngles):
             flat, peaked = self._both(contact, self.angles)
-        dF = self.form.factor(peaked, wheel) - self.form.factor(flat, wheel)
+        dF = self.form.factor(peaked, wheel, contact.S) - self.form.factor(flat, wheel, contact.S)
         dT = peaked.torque / peaked.f_n - flat.torque / flat.f_n
         grown = Load(*(self.share * (q - 1.0) * part for part in load))
         carried = self.share * q * load.f_n

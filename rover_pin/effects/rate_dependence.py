@@ -10,11 +10,13 @@ import casadi as ca
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
+from rover_pin.soil.traction import paid_for
 
 
 @dataclass(frozen=True)
 class RateDependence(Effect):
-    """Shear <- shear (1 + c_r ln(1 + v_j / v_0)), v_j = |r omega - v|; f_t changes by what torque changes, over r.
+    """Shear <- shear (1 + c_r ln(1 + v_j / v_0)), v_j = |r omega - v|; f_t changes by what torque changes, over r
+    (braking: by what that pays for, `paid_for`).
 
     c_r > 0 is sand that strengthens with rate, c_r < 0 one that loses grip, as single-wheel tests at speed show. Acts
     on the load of the effects before it: torque and f_y, and f_t by its shear.
@@ -31,4 +33,5 @@ class RateDependence(Effect):
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return what the rate adds to the shear."""
         more = self.c_r * ca.log1p(ca.fabs(contact.rim - contact.v_x) / self.v_0)
-        return Load(f_t=more * load.torque / contact.wheel.r, f_y=more * load.f_y, torque=more * load.torque)
+        shear = load.torque / contact.wheel.r
+        return Load(f_t=more * paid_for(shear, shear, contact.S), f_y=more * load.f_y, torque=more * load.torque)

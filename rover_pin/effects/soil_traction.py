@@ -20,7 +20,8 @@ class SoilTraction(Effect):
 
     `form` says which ratio F is (net: Eq 7 / Eq 6; torque: T / (r f_n); gross: thrust / f_n), `angles` whether F and M
     are taken at the paper's fixed angles or at those of the sinkage. A deeper rut costs more in the net form with
-    `SinkageAngles` alone; in the others sinking costs nothing but what `SlipSinkage` and its like add.
+    `SinkageAngles` alone; in the others sinking costs nothing but what `SlipSinkage` and its like add. Braking, no form
+    pulls more than its torque pays for (`soil.traction.paid_for`): the soil gives no work.
     Source: the paper, sections 3.2 and 3.3. Differs from the paper: nothing with NetTraction and FixedAngles.
     """
 
@@ -45,5 +46,5 @@ class SoilTraction(Effect):
         acting = sunk
         if isinstance(self.angles, FixedAngles):
             acting = wheel_forces(contact.S, *self.angles.angles(contact.h, wheel, soil), wheel, soil, NODES)
-        f_t = self.form.factor(acting, wheel) * sunk.f_n
+        f_t = self.form.factor(acting, wheel, contact.S) * sunk.f_n
         return Load(f_t=f_t, f_n=sunk.f_n, torque=acting.torque / acting.f_n * sunk.f_n)

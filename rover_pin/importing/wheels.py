@@ -27,7 +27,7 @@ from rover_pin.importing.words import (
     Word,
     corner,
 )
-from rover_pin.quantity import UNITS
+from rover_pin.units import UNITS
 
 RATES = ("rad/s", "rpm", "deg/s", "rev/s")
 SPEEDS = ("m/s", "cm/s", "mm/s", "km/h")

@@ -44,8 +44,8 @@ KNOWN = (
     Known("level", "text", ("level", "slip level")),
 )
 NEEDED = ("slip", "load_N")
-ENDS = {"mps": "m/s", "nm": "N m", "mnm": "mN m", "n": "N", "kn": "kN", "m": "m", "mm": "mm", "cm": "cm", "rad": "rad",
-        "deg": "deg", "percent": "%", "pct": "%"}  # fmt: skip
+ENDS = {"mps": "m/s", "nm": "N m", "mnm": "mN m", "n": "N", "kn": "kN", "m": "m", "mm": "mm", "cm": "cm", "in": "in",
+        "lbf": "lbf", "lb": "lbf", "rad": "rad", "deg": "deg", "percent": "%", "pct": "%"}  # fmt: skip
 """Units as the ends of column names have them."""
 
 

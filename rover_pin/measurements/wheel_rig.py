@@ -19,7 +19,7 @@ from rover_pin.measurements.checks import column, depths, positive, same_length,
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
 from rover_pin.measurements.tables import read_table
-from rover_pin.parameters.bekker import bekker
+from rover_pin.parameters.bekker import bekker, bekker_si
 from rover_pin.quantity import declared_sd, quantities, record_from, refuse_strange, to_si
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import wheel_forces
@@ -257,8 +257,13 @@ def _doubts(table: Mapping[str, Any], where: str) -> dict[str, float]:
 
 
 def _declared(table: Mapping[str, Any], where: str) -> dict[str, float]:
-    units = {name: about.unit for name, about in quantities(Soil).items()} | BEKKER_UNITS
-    return {name: _si(entry, units[name], f"{where}: {name}") for name, entry in table.items() if name in units}
+    units = {name: about.unit for name, about in quantities(Soil).items()}
+    found = {name: _si(entry, units[name], f"{where}: {name}") for name, entry in table.items() if name in units}
+    for name in (each for each in BEKKER_UNITS if each in table):
+        entry = table[name] if isinstance(table[name], Mapping) else {"value": table[name]}
+        unit, place = str(entry.get("unit", BEKKER_UNITS[name])), f"{where}: {name}"
+        found[name] = bekker_si(name, _si({**entry, "unit": ""}, "", place), unit, found.get("n"), place)
+    return found
 
 
 def _refuse_other_units(table: pd.DataFrame, where: str) -> None:

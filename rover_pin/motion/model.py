@@ -288,4 +288,5 @@ def _factor_under(load: float, S: float, soil: Soil, wheel: Wheel, traction: Soi
     if isinstance(traction.angles, FixedAngles):
         return float(load_traction_factor(S, soil, wheel, traction.form, traction.angles))
     theta_1 = entry_angle(load, S, wheel, soil)
-    return float(traction.form.factor(wheel_forces(S, theta_1, -soil.exit_ratio * theta_1, wheel, soil), wheel))
+    forces = wheel_forces(S, theta_1, -soil.exit_ratio * theta_1, wheel, soil)
+    return float(traction.form.factor(forces, wheel, S))

@@ -5,20 +5,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.motion.model import Model
+from rover_pin.motion.suspension import joints_of, suspension_dofs
 from rover_pin.motion.trace import Trace
 
 WORTH_TELLING = 0.005
 """Share of the drive's greatest energy, or of the weight times a wheel's radius, from which a gift is told."""
 
-AT_SKID = (
-    "at S < 0 it drives wheel and rover at once; a greater R, as of cruise_slip, keeps level driving from there, "
-    "form=net pays for it"
-)
+LAGS = "slip that lags behind the speeds gives back what it took; effect.RelaxedSlip.length says how far it lags"
 WHY = {"net": "near rest Eq (7)'s compaction pushes, though nothing rolls"}
-"""Why a form gives energy, where it is not `AT_SKID`."""
+"""Why a form gives energy, where it is not that its slip `LAGS`."""
 
 
 class Gift(NamedTuple):
@@ -35,14 +34,17 @@ class Gift(NamedTuple):
 def gift(model: Model, trace: Trace) -> Gift:
     """Return what the soil gave from nowhere over the rows of a drive, two at least.
 
-    Sheared soil takes T omega - f_t v from a wheel, without what `MotionResistance` takes of f_t: below 0 it drives the
-    wheel and the rover at once. The net form's compaction is part of its law, and makes it passive.
+    Sheared soil takes T omega - f_t v from a wheel, omega of the world and not of the link that carries it, without
+    what `MotionResistance` takes of f_t: below 0 it drives the wheel and the rover at once. At a steady slip no law
+    does (`soil.traction.paid_for`).
     """
     dt = np.diff(trace.t, prepend=trace.t[:1])
-    torque, rate, pull, load, v = map(trace.stack, ("torque", "wheel_rate", "tangential", "normal", "travel"))
+    torque, pull, load, v = map(trace.stack, ("torque", "tangential", "normal", "travel"))
+    rate = trace.stack("wheel_rate") + carriers(model, trace)
+    rim = rate * model.built.radii
     for effect in model.effects:
         if isinstance(effect, MotionResistance):
-            pull = pull + float(effect.R) * load * v / np.hypot(v, float(effect.v_0))
+            pull = pull + float(effect.R) * load * v / np.hypot(v, effect.fading(rim))
     taken = np.sum(torque * rate - pull * v, axis=1)
     power = np.gradient(trace["energy_motor"], trace.t)
     held = np.sum(load * trace.stack("sinkage"), axis=1) / (float(model.soils[0].n) + 1.5)
@@ -57,14 +59,37 @@ def energy_warning(model: Model, trace: Trace) -> str:
     """Return a sentence where a drive had more than half a per cent of its energy from nowhere, else nothing."""
     if len(trace.t) < 2:
         return ""
-    given = gift(model, trace)
-    least = WORTH_TELLING * _scale(trace)
-    if max(given.traction, given.soil) <= least:
+    given, least = gift(model, trace), WORTH_TELLING * _scale(trace)
+    return "; ".join(each for each in (_of_traction(trace, given, least), _of_account(given, least)) if each)
+
+
+def _of_traction(trace: Trace, given: Gift, least: float) -> str:
+    if given.traction <= least:
         return ""
     form, works = trace.attrs.get("traction_form", ""), given.meanwhile > given.traction
     share = f", {100.0 * given.traction / given.meanwhile:.2g} % of the motors' work meanwhile" if works else ""
-    fall = f"; the soil's whole account fell by {given.soil:.2g} J" if given.soil > least else ""
-    return f"the {form} form's traction gave {given.traction:.2g} J from nowhere{share}{fall}: {WHY.get(form, AT_SKID)}"
+    return f"the {form} form's traction gave {given.traction:.2g} J from nowhere{share}: {WHY.get(form, LAGS)}"
+
+
+def _of_account(given: Gift, least: float) -> str:
+    if given.soil <= least:
+        return ""
+    return f"the soil's account fell by {given.soil:.2g} J more than loads and sinkages of the rows had pressed into it"
+
+
+def carriers(model: Model, trace: Trace) -> np.ndarray:
+    """Return how fast the links that carry the wheels pitch [rows, wheels] [rad/s]: of the base, and of the joints."""
+    rover = model.built
+    data = rover.model.createData()
+    pin.computeJointJacobians(rover.model, data, pin.neutral(rover.model))
+    joints = zip(suspension_dofs(rover), joints_of(rover).names, strict=True)
+    rates = {dof: np.gradient(trace[name], trace.t) for dof, name in joints}
+    base = np.gradient(trace["body_pitch"], trace.t)
+    found = []
+    for mount in rover.wheels:
+        J = pin.getJointJacobian(rover.model, data, mount.joint, pin.LOCAL_WORLD_ALIGNED)
+        found.append(base + sum(J[4, dof] * rate for dof, rate in rates.items()))
+    return np.array(found).T
 
 
 def _scale(trace: Trace) -> float:

@@ -2,7 +2,49 @@
 
 from __future__ import annotations
 
+import re
+
 from rover_pin.contact import Scalar, Soil
+from rover_pin.errors import ParameterError
+from rover_pin.units import UNITS
+
+POWERS = {"k_c": 1, "k_phi": 2}
+"""k_c is a force over length^(n + 1), k_phi one over length^(n + 2)."""
+WRITTEN = re.compile(r"(\S+?)\s*/\s*([a-z]+)\s*\^\s*\(?\s*n\s*([+-]\s*\d+)?\s*\)?")
+
+
+def bekker_si(name: str, value: float, unit: str, n: float | None, where: str) -> float:
+    """Return k_c [N/m^(n+1)] or k_phi [N/m^(n+2)] of a value in a published unit.
+
+    Read are a force or a pressure over a power of a length that holds the exponent: kN/m^(n+1), lb/in^(n+1),
+    kPa/m^(n-1), psi/in^n, N/cm^(n+2). A pressure is a force over m^2, whatever the length.
+
+    Parameters
+    ----------
+    name : str
+        k_c or k_phi.
+    n : float or None
+        The exponent, which lengths other than the metre need.
+
+    Raises
+    ------
+    ParameterError
+        A unit of another form or power than this constant's, or a length that needs n, with `where` it stands.
+    """
+    found = WRITTEN.fullmatch(unit.strip())
+    top, factor = UNITS.get({"lb": "lbf"}.get(found[1], found[1]), ("", 1.0)) if found else ("", 1.0)
+    kind, length = UNITS.get(found[2], ("", 1.0)) if found else ("", 1.0)
+    power = int((found[3] or "0").replace(" ", "")) if found else 0
+    if top not in ("N", "Pa") or kind != "m" or power + 2 * (top == "Pa") != POWERS[name]:
+        force, pressure = f"/m^(n+{POWERS[name]})", "kPa/m^(n-1)" if name == "k_c" else "kPa/m^n"
+        raise ParameterError(
+            f"{where}: unit '{unit}' is none of {name}'s: write N{force}, kN{force}, {pressure}, or one with in or cm."
+        )
+    if length == 1.0:
+        return value * factor
+    if n is None:
+        raise ParameterError(f"{where}: unit '{unit}' hangs on n: declare n too, or give it in metres.")
+    return value * factor / length ** (n + power)
 
 
 def bekker(k_c: Scalar, k_phi: Scalar, n: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:

@@ -96,12 +96,24 @@ def assemble(arc: Arc, theta_1: Scalar, length: Scalar, wheel: Wheel, soil: Soil
     )
 
 
+def paid_for(pull: Scalar, shear: Scalar, S: Scalar) -> Scalar:
+    """Return the pull, no more than its torque pays for: min(f_t, (1 + min(S, 0)) T / r), `shear` being T / r.
+
+    A soil takes T omega - f_t v from wheel and rover, and gives nothing: braking, r omega = (1 + S) v by Eq (1), that
+    is f_t <= (1 + S) T / r. Eq (2) alone breaks it: sand sheared forwards where it meets the rim, and sheared back
+    under more pressure below the axle, returns more than it took. Driving, every part of the rim slides the way it
+    shears, f_t <= T / r, and nothing changes.
+    Source: energy. Differs from the paper: it has driving wheels only.
+    """
+    return ca.fmin(pull, (1.0 + ca.fmin(S, 0.0)) * shear)
+
+
 class TractionForm(Protocol):
-    """One reading of the load-traction factor."""
+    """One reading of the load-traction factor; none gives more work than the torque puts in (`paid_for`)."""
 
     name: ClassVar[str]
 
-    def factor(self, forces: WheelForces, wheel: Wheel) -> Scalar:
+    def factor(self, forces: WheelForces, wheel: Wheel, S: Scalar) -> Scalar:
         """Return F(S) [-]."""
 
 
@@ -111,9 +123,9 @@ class NetTraction:
 
     name: ClassVar[str] = "net"
 
-    def factor(self, forces: WheelForces, wheel: Wheel) -> Scalar:
+    def factor(self, forces: WheelForces, wheel: Wheel, S: Scalar) -> Scalar:
         """Return f_t / f_n [-]."""
-        return forces.f_t / forces.f_n
+        return paid_for(forces.f_t / forces.f_n, forces.torque / (wheel.r * forces.f_n), S)
 
 
 @dataclass(frozen=True)
@@ -122,9 +134,10 @@ class TorqueTraction:
 
     name: ClassVar[str] = "torque"
 
-    def factor(self, forces: WheelForces, wheel: Wheel) -> Scalar:
+    def factor(self, forces: WheelForces, wheel: Wheel, S: Scalar) -> Scalar:
         """Return torque / (r f_n) [-]."""
-        return forces.torque / (wheel.r * forces.f_n)
+        shear = forces.torque / (wheel.r * forces.f_n)
+        return paid_for(shear, shear, S)
 
 
 @dataclass(frozen=True)
@@ -133,9 +146,9 @@ class GrossTraction:
 
     name: ClassVar[str] = "gross"
 
-    def factor(self, forces: WheelForces, wheel: Wheel) -> Scalar:
+    def factor(self, forces: WheelForces, wheel: Wheel, S: Scalar) -> Scalar:
         """Return thrust / f_n [-]."""
-        return forces.thrust / forces.f_n
+        return paid_for(forces.thrust / forces.f_n, forces.torque / (wheel.r * forces.f_n), S)
 
 
 FORMS: dict[str, NetTraction | TorqueTraction | GrossTraction] = {
@@ -188,4 +201,4 @@ def load_traction_factor(
     -0.125
     """
     theta_1, theta_2 = angles.angles(sinkage(soil.theta_1, wheel), wheel, soil)
-    return form.factor(wheel_forces(S, theta_1, theta_2, wheel, soil, nodes), wheel)
+    return form.factor(wheel_forces(S, theta_1, theta_2, wheel, soil, nodes), wheel, S)

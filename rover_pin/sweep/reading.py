@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.errors import ParameterError, closest
-from rover_pin.quantity import UNITS
 from rover_pin.sweep.axis import Axis, LogRange, Range, Values, kind_of
 from rover_pin.sweep.plan import Grid, LatinHypercube, Plan, Sobol
 from rover_pin.sweep.study import Study
 from rover_pin.toml_file import read_toml
+from rover_pin.units import UNITS
 
 PLANS: dict[str, type[Any]] = {"grid": Grid, "latin-hypercube": LatinHypercube, "sobol": Sobol}
 SCALES: dict[str, type[Range]] = {"linear": Range, "log": LogRange}

@@ -63,7 +63,7 @@ def test_the_pull_at_the_limit_is_the_forms_factor_at_that_slip(form):
     pull = pull_at_bounds(9.48, SAND, WHEEL, limit).limit
     theta_1 = entry_angle(9.48, 0.3, WHEEL, SAND)
     at = wheel_forces(0.3, theta_1, -SAND.exit_ratio * theta_1, WHEEL, SAND, 40)
-    assert pull.factor == pytest.approx(form.factor(at, WHEEL), rel=1e-8)
+    assert pull.factor == pytest.approx(form.factor(at, WHEEL, 0.3), rel=1e-8)
     assert (pull.force, pull.slope) == pytest.approx((9.48 * pull.factor, math.atan(pull.factor)))
     fixed = pull_at_bounds(9.48, SAND, WHEEL, TractionLimit(0.3, form, FixedAngles())).limit
     assert fixed.factor == pytest.approx(load_traction_factor(0.3, SAND, WHEEL, form), rel=1e-7)

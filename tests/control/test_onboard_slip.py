@@ -81,7 +81,7 @@ def test_a_loss_of_strength_that_the_model_has_is_read_through():
         for estimate in (OnboardSlip.of(scene.model), unaware)
     )
     assert aware < 0.15
-    assert unaware > 0.4
+    assert unaware > 0.25
 
 
 def test_ground_that_does_not_bend_tells_no_speed_by_its_folds():

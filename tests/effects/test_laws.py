@@ -40,7 +40,8 @@ def test_failed_sand_loses_a_share_of_its_shear_that_grows_with_the_square_of_sl
     left = BEFORE.plus(effect.load(contact, BEFORE, ()))
     assert left.torque == pytest.approx(0.09 * (1 - lost))
     assert left.f_y == pytest.approx(0.4 * (1 - lost))
-    assert left.f_t == pytest.approx(1.3 - 0.09 / 0.06 * lost)
+    paid = 1.0 + min(contact.S, 0.0)
+    assert left.f_t == pytest.approx(1.3 - paid * 0.09 / 0.06 * lost)
     assert left.f_n == 8.0
 
 
@@ -49,8 +50,8 @@ def test_failed_sand_loses_a_share_of_its_shear_that_grows_with_the_square_of_sl
 
 @pytest.mark.parametrize("v", [0.05, 0.005, 0.0, -0.05])
 def test_the_resistance_is_a_share_of_the_load_against_the_travel(patch, v):
-    push = MotionResistance(R=0.03, v_0=0.005).load(patch(v_x=v), BEFORE, ())
-    assert push.f_t == pytest.approx(-0.03 * 8.0 * v / math.hypot(v, 0.005))
+    push = MotionResistance(R=0.03, v_0=0.005).load(patch(v_x=v, rim=0.012), BEFORE, ())
+    assert push.f_t == pytest.approx(-0.03 * 8.0 * v / math.hypot(v, 0.005 * 5 / 13)), "u = v_0^2 / sqrt(v_0^2 + rim^2)"
     assert (push.f_y, push.f_n, push.torque) == (0.0, 0.0, 0.0)
 
 

@@ -41,7 +41,7 @@ def test_combined_shear_stands_in_for_a_share_of_the_straight_forces(patch, form
     arc = angles.angles(0.009, wheel, soil)
     sheared = combined_forces(-0.3, 0.25 / 0.7, arc, wheel, soil, NODES)
     f_n = straight.f_n if isinstance(angles, FixedAngles) else sheared.along.f_n
-    per_load = (form.factor(sheared.along, wheel), sheared.f_y / sheared.along.f_n, 1.0)
+    per_load = (form.factor(sheared.along, wheel, -0.3), sheared.f_y / sheared.along.f_n, 1.0)
     combined = [f_n * each for each in (*per_load, sheared.along.torque / sheared.along.f_n)]
     expected = [(1 - share) * one + share * other for one, other in zip(straight, combined, strict=True)]
     assert list(found) == pytest.approx(expected, rel=1e-9)

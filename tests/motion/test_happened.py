@@ -41,7 +41,7 @@ CASES = {
         "point-turn",
         {"rover": "cart", "duration": 33.0},
         "stalled",
-        "all but stalled since 2.7 s: the wheels creep at 1.4 mm/s, 1.8 % of their speed without a load",
+        "all but stalled since 2.6 s: the wheels creep at 1.5 mm/s, 1.9 % of their speed without a load",
     ),
     "on the spot": (
         "point-turn",
@@ -96,7 +96,7 @@ def test_wheels_that_creep_are_told_by_their_way_and_their_share_of_the_speed_as
     late, r = trace.t >= happened(trace).since, float(np.mean(trace.attrs["wheel_radii_m"]))
     rate = np.mean(np.abs(trace.stack("wheel_rate")[late]))
     said = trace.attrs["happened"]
-    assert 1e3 * r * rate == pytest.approx(1.4, abs=0.06)
+    assert 1e3 * r * rate == pytest.approx(1.5, abs=0.06)
     motor = scenario("flat", rover="cart").model.motor
     share = rate / (0.55 * float(motor.no_load_rate))
     assert 100.0 * share == pytest.approx(1.8, abs=0.1)

@@ -49,7 +49,7 @@ def test_tangential_force_is_the_factor_times_the_normal_force():
         S = float(trace[f"slip_{wheel}"][-1])
         factor = float(load_traction_factor(S, model.soils[0], Wheel(), TorqueTraction()))
         v = float(trace[f"travel_{wheel}"][-1])
-        factor -= resistance.R * v / math.hypot(v, resistance.v_0)
+        factor -= resistance.R * v / math.hypot(v, resistance.fading(float(trace[f"wheel_rate_{wheel}"][-1]) * 0.045))
         assert trace[f"tangential_{wheel}"][-1] == pytest.approx(factor * trace[f"normal_{wheel}"][-1], rel=1e-3)
     assert trace.stack("tangential")[-1].sum() == pytest.approx(5.8 * 9.81 * math.sin(5 * DEG), rel=1e-3)
     assert trace.stack("normal")[-1].sum() == pytest.approx(5.8 * 9.81 * math.cos(5 * DEG), rel=1e-3)

@@ -159,7 +159,7 @@ def after(effect, size, forces, at):
     (f_n, f_t, torque), (h, S, rim, v, r, b, s, sense) = forces, at
     shear = 0.0
     if effect == "motion_resistance":
-        f_t -= size * f_n * sense
+        f_t -= size * f_n * v / np.hypot(v, 0.005**2 / np.hypot(0.005, rim))
     if effect == "post_peak":
         shear = -size * (1 - np.exp(-((S / 0.4) ** 2)))
     if effect == "rate_dependence":

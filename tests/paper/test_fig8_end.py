@@ -56,7 +56,7 @@ def test_the_slip_stays_near_0_then_increases_up_to_1(dug, lost):
 
 
 @pytest.mark.xfail(
-    strict=True, reason="10.6 deg: the hole's rim takes what this sand would hold up to 11.8 deg without it"
+    strict=True, reason="10.6 deg: the hole's rim takes what this sand would hold up to 11.3 deg without it"
 )
 def test_the_grip_is_lost_at_12_degrees(lost):
     assert lost[1] == pytest.approx(12.0, abs=0.5)
@@ -64,14 +64,14 @@ def test_the_grip_is_lost_at_12_degrees(lost):
 
 def test_it_happens_at_about_30_seconds(dug, lost):
     """The paper's 25 s after the foot of the slope, if that is reached at 5 to 10 s as here."""
-    assert dug.t[lost[0]] == pytest.approx(32.9, abs=0.5)
+    assert dug.t[lost[0]] == pytest.approx(32.6, abs=0.5)
 
 
 def test_the_elevation_no_longer_rises(dug, lost):
-    """It does not stay constant to the millimetre: it falls by 14 mm in 27 s, as the wheels sink by 17 mm."""
+    """It does not stay constant to the millimetre: it falls by 16 mm in 27 s, as the wheels sink by 18 mm."""
     z = dug["body_z"][lost[0] :]
     assert np.max(z) - z[0] < 1e-3
-    assert z[0] - z[-1] == pytest.approx(0.0144, abs=0.002)
+    assert z[0] - z[-1] == pytest.approx(0.0157, abs=0.002)
 
 
 def test_without_digging_it_keeps_rising():
@@ -95,7 +95,7 @@ def test_finally_the_rover_is_stuck(dug):
     assert dug["body_x"][-1] - dug["body_x"][last][0] < 0.005
     usual = driven(**{**DIGGING, "buried": 0.5})
     assert usual.attrs["stop"].startswith("buried: wheel")
-    assert usual.t[-1] == pytest.approx(40.9, abs=0.5)
+    assert usual.t[-1] == pytest.approx(40.6, abs=0.5)
 
 
 def test_held_at_a_small_slip_it_is_not_stuck_and_climbs_on(dug):

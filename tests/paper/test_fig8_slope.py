@@ -15,7 +15,7 @@ from rover_pin.scenarios import scenario
 
 RATE, START = math.radians(10.0), 0.5
 TWELVE = 12.0
-ABRUPT = {"soil.k": 0.001, "soil.phi_deg": 13.0, "effect.MotionResistance.R": 0.03}
+ABRUPT = {"soil.k": 0.001, "soil.phi_deg": 13.7, "effect.MotionResistance.R": 0.03}
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +63,8 @@ def test_the_slip_stays_near_0_on_gentle_slopes(traces, form):
     "form",
     [
         differs("net", "it does not leave the flat"),
-        differs("torque", "0.1 at 0 deg, 0.9 at 8.4 deg"),
-        differs("gross", "0.1 at 0 deg, 0.9 at 8.4 deg"),
+        differs("torque", "0.1 at 0 deg, 0.9 at 8.0 deg"),
+        differs("gross", "0.1 at 0 deg, 0.9 at 8.0 deg"),
         "abrupt",
     ],
 )
@@ -79,8 +79,8 @@ def test_the_slip_switches_from_0_to_1_at_12_degrees(traces, form):
     "form",
     [
         differs("net", "0 deg after 80 s"),
-        differs("torque", "9.2 deg after 80 s, at most 10.3"),
-        differs("gross", "9.1 deg after 80 s, at most 10.2"),
+        differs("torque", "8.7 deg after 80 s, at most 8.8"),
+        differs("gross", "8.6 deg after 80 s, at most 8.6"),
         "abrupt",
     ],
 )
@@ -97,11 +97,11 @@ def test_the_elevation_keeps_rising_after_the_slip_has_grown(traces, form):
     assert trace["body_z"][-1] - trace["body_z"][late][0] > 1e-3
 
 
-@pytest.mark.parametrize(("form", "slip", "degrees"), [("torque", 0.5, 4.6), ("torque", 0.9, 8.4), ("gross", 0.5, 4.5)])
+@pytest.mark.parametrize(("form", "slip", "degrees"), [("torque", 0.5, 4.6), ("torque", 0.9, 8.0), ("gross", 0.5, 4.5)])
 def test_where_the_slip_grows_as_measured(traces, form, slip, degrees):
     assert degrees_at(traces[form], slip) == pytest.approx(degrees, abs=0.15)
 
 
 def test_the_climb_ends_below_the_steepest_slope_that_the_factor_allows(traces):
-    """atan F(1) = 10.3 deg with the torque form."""
-    assert 9.0 < inclination(traces["torque"])[-1] < 10.34
+    """atan(F(1) - R) = 8.8 deg with the torque form: the resistance holds a rover whose wheels spin."""
+    assert 8.5 < inclination(traces["torque"])[-1] < 8.8

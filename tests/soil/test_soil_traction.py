@@ -351,9 +351,9 @@ def test_peak_stress_takes_symbols():
 
 def test_forms_are_what_their_names_say():
     found = wheel_forces(0.3, 0.6, -0.1, WHEEL, SOIL)
-    assert FORMS["net"].factor(found, WHEEL) == found.f_t / found.f_n
-    assert FORMS["torque"].factor(found, WHEEL) == found.torque / (WHEEL.r * found.f_n)
-    assert FORMS["gross"].factor(found, WHEEL) == found.thrust / found.f_n
+    assert FORMS["net"].factor(found, WHEEL, 0.3) == found.f_t / found.f_n
+    assert FORMS["torque"].factor(found, WHEEL, 0.3) == found.torque / (WHEEL.r * found.f_n)
+    assert FORMS["gross"].factor(found, WHEEL, 0.3) == found.thrust / found.f_n
     assert [form.name for form in FORMS.values()] == list(FORMS)
 
 

@@ -33,9 +33,10 @@ def test_a_drive_that_cannot_be_is_a_row_with_its_reason(tmp_path):
 
 
 def test_a_drive_with_a_warning_is_no_failure_and_the_study_is_drawn(tmp_path):
-    """Down a wall wheels brake at S < 0, where the torque form gives energy: a sentence, no reason to lose a row."""
-    changed = {"scenario": "ditch", "parameters": {"soil.k": Values([0.005, 0.010])}, "duration": 8.0}
-    results = sweep(dataclasses.replace(FLAT, **changed), tmp_path / "out", workers=1)
+    """Parked across a slope the net form's compaction pushes from nowhere: a sentence, no reason to lose a row."""
+    parked = {"form": "net", "terrain.angle_deg": 5.0, "start.yaw_deg": 90.0}
+    changed = {"scenario": "park", "parameters": {"soil.k": Values([0.001, 0.002])}, "duration": 3.0}
+    results = sweep(dataclasses.replace(FLAT, **changed, settings=parked), tmp_path / "out", workers=1)
     assert results.table["error"].isna().all()
     assert results.table["warnings"].str.contains("from nowhere").any()
     with Image.open(tmp_path / "out" / "summary.png") as picture:

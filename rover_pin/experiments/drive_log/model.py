@@ -56,8 +56,9 @@ def base_model(log: DriveLog) -> Model:
     traction = SoilTraction(TorqueTraction(), usual_angles(rover, log.about.angles))
     effects, terrain = base_effects(soil, rover, traction), log.terrain()
     if log.about.resistance:
-        resistance = record_from(MotionResistance, log.about.resistance, f"{log.folder}: [resistance]")
-        effects = tuple(resistance if isinstance(each, MotionResistance) else each for each in effects)
+        told = record_from(MotionResistance, log.about.resistance, f"{log.folder}: [resistance]")
+        stated = {name: getattr(told, name) for name in log.about.resistance}
+        effects = tuple(each.replace(**stated) if isinstance(each, MotionResistance) else each for each in effects)
     most = max(terrain.ground_indices)
     if most > 1:
         raise DataError(f"{log.folder}: [terrain] has ground {most}: a log knows 0, the [soil], and 1, hard ground.")

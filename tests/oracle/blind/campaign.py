@@ -83,7 +83,8 @@ def declared(said, sd):
     motor = {name: {"value": value} | ({"unit": units[name]} if name in units else {}) for name, value in MOTOR.items()}
     for name in ("gear", "resistance"):
         motor[name]["sd"] = float(f"{MOTOR[name] * SD[name]:.4g}")
-    return {"soil": {name: plain(table) for name, table in soil.items()}, "motor": motor}
+    soil = {name: plain(table) for name, table in soil.items()}
+    return {"soil": soil, "motor": motor, "resistance": {"q": {"value": 0.0}}}  # it fades below v_0, wheels turn or not
 
 
 def plain(table):

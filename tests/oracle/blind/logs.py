@@ -43,7 +43,7 @@ def about(name, plan, grounds, sample_period):
         "gravity = 9.81", f"wheels = {json.dumps(list(WHEELS))}", "", "[terrain]",
         f"polylines = {json.dumps(grounds)}", f"borders = {borders}",
     ]  # fmt: skip
-    for section in ("soil", "motor"):
+    for section in ("soil", "motor", "resistance"):
         lines += ["", f"[{section}]"]
         lines += [f"{key} = {inline(table)}" for key, table in plan["declared"][section].items()]
     lines += ["", "[noise]"]
