@@ -79,10 +79,15 @@ class Candidate:
         return replace(self, shapes=(), freed=(*self.shapes, *self.freed))
 
     def size(self, name: str) -> Parameter:
-        """Return the parameter of a size: u = 0 is neutral, u = 1 the default; a logarithm where neutral is far off."""
+        """Return the parameter of a size: u = 0 neutral, u = 1 the effect's own; a logarithm where neutral is far off.
+
+        An effect that is at its neutral value is tried at the default of its class.
+        """
         quantity = name.rpartition(".")[2]
         about, neutral = quantities(self.effect)[quantity], self.effect.neutral[quantity]
-        default = float(type(self.effect).__dataclass_fields__[quantity].default)
+        default = float(getattr(self.effect, quantity))
+        if default == neutral:
+            default = float(type(self.effect).__dataclass_fields__[quantity].default)
         low, high = float(about.low), float(about.high)
         if abs(neutral) > FAR_FROM * abs(default):
             return Parameter(name, default, 1.0, low, high, log=True, prior=False, fd=0.1)

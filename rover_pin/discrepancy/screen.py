@@ -12,7 +12,7 @@ import numpy as np
 
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.estimation.fit import Fit, covariance
-from rover_pin.estimation.noise import COLOURED, huber_weights, noise_of
+from rover_pin.estimation.noise import COLOURED, Absorbed, huber_weights, noise_of
 from rover_pin.quantity import quantities
 
 FALSE_ALARMS = 0.05
@@ -150,8 +150,12 @@ def _reachable(signature: Signature, share: float) -> float:
     return min(max(share, low), high)
 
 
-def saturated(base: Fit, found: Sequence[Signature]) -> np.ndarray:
-    """Return the residual (runs, channels, blocks) that no candidate and no number explains, to tell noise from."""
+def saturated(base: Fit, found: Sequence[Signature]) -> tuple[np.ndarray, Absorbed]:
+    """Return the residual (runs, channels, blocks) that no candidate and no number explains, to tell noise from.
+
+    Beside it stands what of the noise they took with them, the covariance of what they explain: p columns on n rows
+    take p / n of the variance, and more of the memory, which made the noise of a minute's log half as large as it is.
+    """
     moved = [base.slopes[one.name] for one in base.parameters] + [each.moved for each in found]
     columns = base.task.noise.white(np.array(moved)).T
     rows = base.rows
@@ -159,7 +163,11 @@ def saturated(base: Fit, found: Sequence[Signature]) -> np.ndarray:
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
     normal = (columns / scale * root[:, None]).T @ (columns / scale * root[:, None]) + 1e-4 * np.eye(len(scale))
     share = np.linalg.solve(normal, (columns / scale).T @ (root**2 * rows)) / scale
-    return np.asarray(base.residual - np.einsum("i,i...->...", share, np.array(moved)))
+    explained = np.moveaxis(np.array(moved), 0, -1)
+    doubted = explained / scale @ np.linalg.inv(np.linalg.cholesky(normal)).T
+    before = np.concatenate([np.zeros_like(doubted[..., :1, :]), doubted[..., :-1, :]], axis=-2)
+    absorbed = Absorbed(np.sum(doubted**2, axis=-1), np.sum(doubted * before, axis=-1))
+    return np.asarray(base.residual - explained @ share), absorbed
 
 
 def entry_fee(candidates: int) -> float:
@@ -189,7 +197,7 @@ def started(scored: Scored, base: Fit) -> dict[str, float]:
     return sizes
 
 
-def with_noise(base: Fit, residual: np.ndarray, least: np.ndarray) -> Fit:
+def with_noise(base: Fit, residual: np.ndarray, least: np.ndarray, absorbed: Absorbed | None = None) -> Fit:
     """Return the fit judged by the noise that a residual shows; its numbers are not fitted again."""
-    noise = noise_of(residual, base.task.noise.good, least)
+    noise = noise_of(residual, base.task.noise.good, least, absorbed)
     return dataclasses.replace(base, task=dataclasses.replace(base.task, noise=noise))

@@ -127,13 +127,18 @@ def again(base: Fit) -> Fit:
     return fit(base.task, base.model, base.parameters, base.u, base.slopes)
 
 
+def _with_what_is_left(base: Fit, known: Sequence[Signature], least: np.ndarray) -> Fit:
+    left, absorbed = saturated(base, known)
+    return with_noise(base, left, least, absorbed)
+
+
 def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     """Return what the calibrated model lacks of the candidates that are tried."""
     progress(f"score test of {len(tried)} candidates")
     known = signatures(base, tried)
     least = np.full(base.predicted.shape[1], LEAST)
     for _ in range(LEARNT if base.task.experiment.noise() is None else 0):
-        base = again(with_noise(base, saturated(base, known), least))
+        base = again(_with_what_is_left(base, known, least))
     found = Search(base, (), tuple(known))
     most = _most(base.task.experiment)
     while len(found.rounds) < most and len(found.found) == len(found.rounds):

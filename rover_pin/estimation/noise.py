@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -81,8 +81,20 @@ def declared_noise(sd: np.ndarray, observed: np.ndarray) -> Noise:
     return Noise(np.asarray(sd, float), np.zeros(channels), np.eye(channels), np.isfinite(observed), inflation=1.0)
 
 
-def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray) -> Noise:
-    """Return the noise that a residual (runs, channels, blocks) shows, no less than `least` (channels,)."""
+class Absorbed(NamedTuple):
+    """What a fit took of the noise: variance of each block (runs, channels, blocks), covariance with the one before."""
+
+    variance: np.ndarray
+    lagged: np.ndarray
+
+
+def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray, absorbed: Absorbed | None = None) -> Noise:
+    """Return the noise that a residual (runs, channels, blocks) shows, no less than `least` (channels,).
+
+    With what the fit `absorbed` the expected squares and products of the noise itself stand, sum of those of what is
+    left and of what is explained (a step of expectation maximisation; Dempster, Laird and Rubin, J. Roy. Stat. Soc. B
+    39 (1977) 1), where the residual's alone are too small by the share of the columns in the rows.
+    """
     channels = residual.shape[1]
     sd, rho = np.zeros(channels), np.zeros(channels)
     for row in range(channels):
@@ -92,7 +104,12 @@ def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray) -> Noise
         one, other = clipped[:, 1:].ravel(), clipped[:, :-1].ravel()
         both = np.isfinite(one * other)
         power = float(np.nanmean(clipped**2)) if both.any() else 0.0
-        memory = float(np.mean(one[both] * other[both])) / power if power > 0 else 0.0
+        product = float(np.mean(one[both] * other[both])) if both.any() else 0.0
+        if absorbed is not None and both.any():
+            taken = float(np.mean(absorbed.variance[:, row][good[:, row]]))
+            sd[row], power = float(np.hypot(sd[row], np.sqrt(taken))), power + taken
+            product += float(np.mean(absorbed.lagged[:, row, 1:].ravel()[both]))
+        memory = product / power if power > 0 else 0.0
         rho[row] = min(max(memory, 0.0), MOST_MEMORY)
     plain = Noise(sd, rho, np.eye(channels), good)
     return Noise(sd, rho, _mixing(plain, residual), good)

@@ -27,7 +27,9 @@ HOLDS = math.radians(25.0)
 """Slope on which the sized motors hold the rover at duty 0.55: above the 20 deg of the paper's test field, assumed."""
 FROUDE = CRUISE_SPEED / CRUISE_DUTY / math.sqrt(EARTH * float(NEXUS6_WHEEL.r))
 """Full speed over sqrt(g r), of the paper's 0.05 m/s at duty 0.55 with wheels of 45 mm: 0.14."""
-ROTOR = 1e-3 / (5.8 / 6 * float(NEXUS6_WHEEL.r) ** 2)
+NEXUS6_MASS = 5.8
+"""Mass of the paper's rover [kg]."""
+ROTOR = 1e-3 / (NEXUS6_MASS / 6 * float(NEXUS6_WHEEL.r) ** 2)
 """Rotor inertia at the wheel over (mass / wheels) r^2, of the motor assumed for Nexus 6."""
 SUPPLY, GEAR = 12.0, 100.0
 """Supply [V] and gear of a sized motor, assumed: only currents depend on them."""

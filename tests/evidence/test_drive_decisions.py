@@ -300,11 +300,17 @@ def test_noise_is_told_from_what_no_candidate_explains(made):
     """With a ridge of 1e-4 of each column, so to three digits: least squares on numbers and signatures, no priors."""
     fitted, _ = made
     known = signatures(fitted, [EXIT, VISCOUS])
-    left = saturated(fitted, known)
+    left, absorbed = saturated(fitted, known)
     moved = [fitted.slopes[one.name] for one in fitted.parameters] + [each.moved for each in known]
     X = np.array(moved).reshape(len(moved), -1).T
     rest = fitted.residual.ravel() - X @ np.linalg.lstsq(X, fitted.residual.ravel(), rcond=None)[0]
     np.testing.assert_allclose(left.ravel(), rest, atol=2e-3)
+    white = fitted.task.noise.white(np.array(moved)).T
+    doubt = np.linalg.inv(white.T @ white)
+    np.testing.assert_allclose(absorbed.variance.ravel(), np.einsum("ni,ij,nj->n", X, doubt, X), rtol=2e-2, atol=1e-6)
+    tall = X.reshape(*left.shape, -1)
+    beside = np.einsum("...bi,ij,...bj->...b", tall[..., 1:, :], doubt, tall[..., :-1, :])
+    np.testing.assert_allclose(absorbed.lagged[..., 1:], beside, rtol=2e-2, atol=1e-6)
 
 
 # --- fees ------------------------------------------------------------------------------------------------------------

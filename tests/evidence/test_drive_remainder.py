@@ -25,7 +25,7 @@ from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, T
 from rover_pin.experiments.unlisted.draft import draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
 from rover_pin.experiments.unlisted.remainder import Remainder, describe, draft_effect, replicates
-from rover_pin.experiments.unlisted.term import Term
+from rover_pin.experiments.unlisted.term import Curve, Term, stretches
 from rover_pin.motion.drive_log import About, DriveLog
 from rover_pin.motion.effect_files import user_effects
 from rover_pin.motion.model import Model, base_effects
@@ -253,3 +253,11 @@ def test_an_unlisted_eccentric_wheel_is_described_and_its_draft_fits(tmp_path):
         gains[own] = found.gain
     assert gains[drafted] > 0.9 * gains[file] > 100.0
     assert {channel.name for channel in remainder.channels} == set(experiment.channels)
+
+
+def test_a_value_that_no_row_tells_is_no_stretch():
+    """What acts before the first compared row has neither value nor doubt: it said "-10.5 +- 0.002 N at t = 0"."""
+    at, sd = np.arange(6.0), np.array([0.002, 3.0, 3.0, 3.0, 3.0, 3.0])
+    assert stretches(Curve(at, np.array([0.0, 10.0, 11.0, 10.0, 9.0, 10.0]), sd), None) == []
+    (found,) = stretches(Curve(at, np.array([0.0, 10.0, 11.0, 40.0, 9.0, 10.0]), sd), None)
+    assert (found.low, found.high) == (2.5, 3.5)

@@ -40,8 +40,8 @@ def test_what_drags_on_a_six_wheeler_without_a_differential_is_named(run):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="runs of 20 s: the first half second is called a force that is on no list")
 def test_on_a_skid_steered_cart_with_nothing_hidden_nothing_is_named(run):
+    """Its noise was learnt after 110 columns had taken half of it: "none of these", a force of -10 N in one moment."""
     code, verdict, _ = answered(run, field_log.skid, runs=3, seconds=20.0, seed=2, sides=0.3)
     assert code == 0
     assert verdict["answer"] == "no effect needed", verdict["sentence"]

@@ -14,6 +14,8 @@ from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
 
 CLEAR = 3.0
 """SDs from which a value of a piecewise linear function is pointed at."""
+UNTOLD = 0.01
+"""SD over the greatest below which a value of such a function was not told at all: no row hangs on it."""
 RAKED = 0.03
 """RMS by which the grip of sand that is prepared anew differs from run to run and along the way (assumed)."""
 
@@ -167,7 +169,7 @@ def stretches(curve: Curve, row: int | None) -> list[Stretch]:
     Its level is left out: a resistance or a motor's gain takes that.
     """
     value, sd = (curve.value, curve.sd) if row is None else (curve.value[row], curve.sd[row])
-    known = sd > 0
+    known = sd > UNTOLD * float(np.max(sd))
     value = value - (np.median(value[known]) if known.any() else 0.0)
     clear = known & (np.abs(value) > CLEAR * sd)
     found, half = [], (curve.at[1] - curve.at[0]) / 2
