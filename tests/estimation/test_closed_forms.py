@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime, lsq_linear
+from scipy.optimize import OptimizeResult, approx_fprime, lsq_linear
 from scipy.stats import chi2 as chi2_law
 
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.estimation import baselines
 from rover_pin.estimation.coordinates import Axis, Linear, Log, Space
-from rover_pin.estimation.descent import _damped
+from rover_pin.estimation.covariance import covariance as data_covariance
+from rover_pin.estimation.descent import _bounded, _damped, _next_radius, descend
 from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, _moved, _step, best_of, fit
@@ -103,11 +104,11 @@ def test_a_linear_fit_is_least_squares_with_the_priors_as_rows(exact):
 
 def test_an_sd_is_the_models_widened_by_noise_and_misfit_or_that_of_stretches():
     """Rows that agree within stretches of 8: the sandwich over stretches, by an explicit loop."""
-    for seed, shared in ((3, 0.0), (4, 3.0)):
+    for seed, shared, noise in ((3, 0.0, 1.0), (4, 3.0, 1.0), (5, 0.0, 0.4)):
         draw = np.random.default_rng(seed)
         pieces = -(-SAMPLES // STRETCH)
         common = np.repeat(draw.normal(size=(FOLDS, 1, pieces)), STRETCH, axis=2)[:, :, :SAMPLES]
-        task = made(noise=1.0, seed=seed)
+        task = made(noise=noise, seed=seed)
         task.experiment.observed = task.experiment.observed + shared * common * np.sign(X[0])
         task = replace(task, noise=replace(task.noise, inflation=1.7))
         found = fit(task, Plane(), BOTH)
@@ -134,6 +135,21 @@ def test_one_stretch_alone_has_no_freedom_left_to_take_away():
     found = fit(Task(bed, declared_noise(np.array([0.5]), observed)), Plane(), BOTH)
     assert np.isfinite(found.spread).all()
     assert found.freedom == 4
+    observed[0, 0, 2:] = np.nan
+    assert fit(Task(bed, declared_noise(np.array([0.5]), observed)), Plane(), BOTH).freedom == 1
+    assert declared_noise(np.array([0.5]), observed).inflation == 1.0
+
+
+def test_two_stretches_count_twice_what_they_scatter():
+    """G / (G - 1) of G stretches."""
+    task = made(noise=0.1)
+    observed = np.full_like(task.experiment.observed, np.nan)
+    observed[0, 0, :16] = task.experiment.observed[0, 0, :16] + np.repeat([1.0, -1.0], 8) * np.sign(X[1, 0, 0, :16])
+    bed = Line(observed)
+    found = fit(Task(bed, declared_noise(np.array([0.5]), observed)), Plane(), (number("b", prior=False),))
+    x, rows = X[1].ravel()[:16] / 0.5, found.rows
+    g = (x * np.minimum(1.0, 4.0 / np.abs(rows)) * rows).reshape(2, 8).sum(axis=1)
+    assert found.spread[0] ** 2 == pytest.approx(found.covariance[0, 0] ** 2 * 2.0 * float(g @ g), rel=1e-5)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -233,13 +249,13 @@ class Exponential:
         return predict
 
 
-def exponential_problem(priors, free=("p", "q"), widen=1.0):
+def exponential_problem(priors, free=("p", "q")):
     t = np.linspace(0.1, 2.0, 9)
     sd = np.linspace(0.1, 0.3, 9)
     data = Exponential((Channel(2.0 * np.exp(-0.7 * t) + 0.1 * np.sin(9.0 * t), sd),), t)
     about = quantities(Plane)["a"]
     axes = {"p": Axis("p", about, Log(shift=0.5), -1.0, 3.0), "q": Axis("q", about, Linear(0.4, 1.0), -2.0, 5.0)}
-    return Problem([data], Space(tuple(axes[name] for name in free), np.array([1.5, 0.6]), ("p", "q")), priors, widen)
+    return Problem([data], Space(tuple(axes[name] for name in free), np.array([1.5, 0.6]), ("p", "q")), priors)
 
 
 @pytest.mark.parametrize("priors", [{}, {"q": Prior(0.9, 0.05)}, {"q": Prior(0.9, 0.05), "p": Prior(1.0, 0.2)}])
@@ -287,10 +303,42 @@ def test_noise_of_every_value_whitens_by_it():
     assert noise.count == 2
 
 
-def test_a_stray_counts_as_three_sd_of_its_own_channel_in_its_memory():
+def test_what_a_channel_lacks_says_nothing_of_the_others():
+    """L^-1 n with n = 0 where a block is not compared."""
+    mixing = np.array([[1.0, 0.0], [-0.75, 1.25]])
+    good = np.array([[[True, False], [True, True]]])
+    rows = Noise(np.ones(2), np.zeros(2), mixing, good).white(np.array([[[1.0, 7.0], [2.0, 3.0]]]))
+    assert rows == pytest.approx([1.0, -0.75 + 2.5, 3.75])
+
+
+def test_channels_that_are_silent_have_no_memory():
+    found = noise_of(np.zeros((1, 2, 9)), np.ones((1, 2, 9), dtype=bool), np.full(2, 0.1))
+    assert found.sd.tolist() == [0.1, 0.1]
+    assert found.rho.tolist() == [0.0, 0.0]
+
+
+def test_correlations_that_contradict_one_another_are_made_possible():
+    """Pairs of three channels that meet at blocks of their own, as +1, +1 and -1: no eigenvalue below 0.05 stays."""
+    residual, good = np.zeros((1, 3, 36)), np.zeros((1, 3, 36), dtype=bool)
+    signs = np.array([1.0, -1.0, -1.0, 1.0] * 3)
+    for part, (i, j, sign) in enumerate(((0, 1, 1.0), (0, 2, 1.0), (1, 2, -1.0))):
+        at = slice(12 * part, 12 * part + 12)
+        residual[0, i, at], residual[0, j, at] = signs, sign * signs
+        good[0, [i, j], at] = True
+    found = noise_of(residual, good, np.zeros(3))
+    correlation = np.array([[1.0, 0.8, 0.8], [0.8, 1.0, -0.8], [0.8, -0.8, 1.0]])
+    values, vectors = np.linalg.eigh(correlation)
+    assert values.min() < 0.0
+    sound = vectors @ np.diag(np.maximum(values, 0.05)) @ vectors.T
+    whitened = found.mixing * found.mixing[0, 0] ** -1 * math.sqrt(1.0 / sound[0, 0])
+    assert whitened @ sound @ whitened.T == pytest.approx(np.eye(3), abs=0.02)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_stray_counts_as_three_sd_of_its_own_channel_in_its_memory(sign):
     """Of a channel whose SD is 0.01: clipped at .03, not at 3."""
     row = 0.01 / 1.4826 * np.tile([1.0, -1.0], 20)
-    row[7:9] = 5.0
+    row[7:9] = 5.0 * sign
     found = noise_of(row[None, None], np.ones((1, 1, 40), dtype=bool), np.zeros(1))
     clipped = np.clip(row, -0.03, 0.03)
     memory = np.mean(clipped[1:] * clipped[:-1]) / np.mean(clipped**2)
@@ -298,10 +346,14 @@ def test_a_stray_counts_as_three_sd_of_its_own_channel_in_its_memory():
     assert found.rho[0] == pytest.approx(max(memory, 0.0))
 
 
+MIDDLE = 3.0
+
+
 def about_numbers(sd, bounds, prior=True):
-    """Numbers of a fit that is not exact: one number whose SD is `sd` about u = its fit."""
-    task = made(noise=0.0, sd=sd, a=0.0, b=0.0)
-    free = (number("a", 1.0, *bounds, prior=prior),)
+    """Numbers of a fit that is not exact: one about MIDDLE, between bounds about it; with a prior it is as declared."""
+    task = made(noise=0.0, sd=sd, a=0.0 if prior else MIDDLE, b=0.0)
+    middle = 0.0 if prior else MIDDLE
+    free = (number("a", 1.0, middle + bounds[0], middle + bounds[1], prior=prior),)
     task = replace(task, noise=replace(task.noise, inflation=1.0))
     found = fit(task, Plane(), free)
     (one,) = intervals(found)[1]
@@ -319,17 +371,23 @@ def test_an_interval_about_a_fit_is_1_96_sd_and_ends_at_bounds_that_it_does_not_
         assert cut.note == "not closed by the data"
         assert cut.low == pytest.approx(max(bounds[0], -1.959964 * sd))
         assert cut.high == pytest.approx(min(bounds[1], 1.959964 * sd))
-    assert math.isnan(about_numbers(0.5, (-10.0, 10.0), prior=False)[0].drift)
+    for bounds in ((-10.0, 10.0), (-0.1 * sd, 10.0), (-10.0, 0.1 * sd)):
+        off, own = about_numbers(0.5, bounds, prior=False)
+        assert math.isnan(off.drift)
+        assert off.low == pytest.approx(MIDDLE + max(bounds[0], -1.959964 * own))
+        assert off.high == pytest.approx(MIDDLE + min(bounds[1], 1.959964 * own))
+        assert off.closed is (bounds == (-10.0, 10.0))
     assert not wide._replace(at_bound=False).note
     assert type(wide)(*wide[:6]).note == ""
 
 
 @pytest.mark.parametrize(("off", "stuck"), [(0.5e-6, True), (2e-6, False)])
 def test_a_number_stands_at_its_bound_within_a_millionth(off, stuck):
-    task = made(noise=0.0, a=0.0, b=0.0)
-    for bounds in ((-off, 5.0), (-5.0, off)):
-        found = fit(task, Plane(), (number("a", 1.0, *bounds),), np.zeros(1))
-        assert intervals(found)[1][0].at_bound is stuck
+    for middle in (0.0, 2.0):
+        task = made(noise=0.0, a=middle, b=0.0, sd=1e-4)
+        for bounds in ((middle - off, 5.0), (-5.0, middle + off)):
+            found = fit(task, Plane(), (number("a", 1.0, *bounds, prior=False),), np.array([middle]))
+            assert intervals(found)[1][0].at_bound is stuck
 
 
 def test_a_drift_is_said_beyond_three_of_its_sds():
@@ -446,6 +504,87 @@ def test_a_damped_step_does_not_depend_on_the_rows_unit(unit):
         assert newton is (radius > 1.0)
 
 
+@pytest.mark.parametrize("radius", [0.01, 0.1, 0.4])
+def test_a_damped_step_is_as_long_as_it_may_be(radius):
+    draw = np.random.default_rng(3)
+    A, r = draw.normal(size=(8, 3)) * [30.0, 1.0, 0.05], draw.normal(size=8)
+    length = float(np.linalg.norm(_damped(A, r, radius)[0]))
+    assert 0.999 * radius <= length <= 1.01 * radius
+
+
+def test_a_trust_radius_is_twice_a_good_step_and_a_quarter_of_a_bad_one():
+    step = np.array([3.0, 4.0])
+    assert _next_radius(1.0, step, 0.8, 1.0) == 10.0
+    assert _next_radius(30.0, step, 0.8, 1.0) == 30.0
+    assert _next_radius(7.0, step, 0.5, 1.0) == 7.0
+    assert _next_radius(7.0, step, 0.2, 1.0) == 1.25
+
+
+def test_a_step_that_leaves_no_bound_is_taken_as_it_is():
+    low, high = np.full(2, -9.0), np.array([1.5, 9.0])
+    assert _bounded(np.zeros(2), np.array([1.0, 2.0]), low, high).tolist() == [1.0, 2.0]
+    assert _bounded(np.zeros(2), np.array([3.0, 2.0]), low, high).tolist() == [1.5, 1.0]
+
+
+def test_a_covariance_of_fewer_rows_than_numbers_is_huge_where_nothing_is_told():
+    found = data_covariance(Rows(np.array([[1.0, 0.0]]), np.zeros(1), (-5.0, -5.0), (5.0, 5.0)), np.zeros(2))
+    assert found[0, 0] == pytest.approx(1.0)
+
+
+class Bent(Rows):
+    """Rosenbrock's rows about a place, in a unit; counts how often it is asked."""
+
+    def __init__(self, place, unit):
+        self.place, self.unit, self.asked = np.array(place), unit, 0
+        ends = self.place - 50.0 * unit, self.place + 50.0 * unit
+        super().__init__(np.eye(2), np.zeros(2), *ends)
+
+    def evaluate(self, u):
+        self.asked += 1
+        a, b = (u - self.place) / self.unit
+        slopes = np.array([[-6.0 * a, 3.0], [1.0, 0.0]]) / self.unit
+        return np.array([3.0 * (b - a * a), a]), slopes
+
+
+def test_descents_and_intervals_know_no_origin_and_no_unit():
+    """As many evaluations wherever the origin lies, and the same interval whatever the unit."""
+    counts = []
+    for place in ((0.0, 0.0), (1e4, -3e3)):
+        problem = Bent(place, 1.0)
+        u, chi2 = descend(problem, problem.place + np.array([3.0, 9.0]))
+        assert u - problem.place == pytest.approx(0.0, abs=1e-3)
+        assert chi2 < 1e-6
+        counts.append(problem.asked)
+    assert counts[0] == counts[1] < 40
+    found = []
+    for unit in (1.0, 2e-2):
+        problem = Bent((0.0, 0.0), unit)
+        covariance = unit**2 * np.diag([1.0, 1.0 / 9.0])
+        ends = interval(problem, Best(np.zeros(2), 0.0, covariance), 0)
+        found.append((ends.low / unit, ends.high / unit))
+        assert problem.asked < 60
+    assert found[0] == pytest.approx((-1.959964, 1.959964), rel=4e-3)
+    assert found[1] == pytest.approx((-1.959964, 1.959964), rel=4e-3)
+
+
+def test_of_two_likelihoods_the_better_is_taken(monkeypatch):
+    """Of a process: the lower cost of both starts, whichever comes first."""
+    x = np.linspace(0.0, 1.0, 6)[:, None]
+    y = np.sin(3.0 * x[:, 0])
+    found = []
+    for costs in ((5.0, 1.0), (1.0, 5.0)):
+        ends = iter([(costs[0], np.array([0.0, -4.0, -1.0])), (costs[1], np.array([0.0, 1.0, -1.0]))])
+
+        def ended(cost, start, bounds, ends=ends):
+            fun, place = next(ends)
+            return OptimizeResult(fun=fun, x=place)
+
+        monkeypatch.setattr(baselines, "minimize", ended)
+        found.append(baselines.gaussian_process(x, y, x) - y)
+    assert np.abs(found[0]).max() > 0.3, "the noisy one"
+    assert np.abs(found[1]).max() < 0.05
+
+
 CURVED = np.array([[[1.0, 2.0, 9.0]], [[3.0, np.nan, 5.0]], [[4.0, 4.0, 7.0]], [[0.0, 1.0, 2.0]]])
 
 
@@ -457,7 +596,7 @@ def test_held_out_errors_of_a_mean_are_those_of_the_other_folds():
         rest = np.delete(CURVED[:, 0], fold, axis=0)
         own = CURVED[fold, 0]
         misses += list(own[np.isfinite(own)] - np.nanmean(rest))
-    assert found["mean"] == ("pull", "N", "mean", pytest.approx(math.sqrt(np.mean(np.square(misses)))))
+    assert found["mean"][:4] == ("pull", "N", "mean", pytest.approx(math.sqrt(np.mean(np.square(misses)))))
     assert len(misses) == 11
 
 
@@ -486,6 +625,8 @@ def change(before, after, low, high, floor=0.0):
         (change(1.0, 1.0, -0.1, 0.0), Outcome.NONE),
         (change(1.0, 1.0, 0.0, 0.1), Outcome.NONE),
         (change(1.0, 1.0, -0.1, 0.1), Outcome.SCATTER),
+        (change(1.0, 1.0, -0.2, -0.1), Outcome.NONE),
+        (change(1.0, 1.0, 0.1, 0.2), Outcome.NONE),
     ],
 )
 def test_a_floor_of_any_size_counts_in_its_own_measure(made, outcome):

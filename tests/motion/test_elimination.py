@@ -107,5 +107,7 @@ def test_a_small_pivot_is_solved_with_exchanged_rows_and_told(changed, least):
     assert other.state.q == pytest.approx(plain.state.q, rel=1e-9, abs=1e-11)
     assert other.differential == pytest.approx(plain.differential, rel=1e-7)
     assert (plain.pivoted, other.pivoted) == (0, 200)
+    _, fine = beside(case, lambda: changed("#define LEAST_PIVOT 1e-12", "#define LEAST_PIVOT 1e-3"))
+    assert fine.pivoted == 0, "a share of what stood on the diagonal, whatever its unit"
     assert pivot_warning(0) == ""
     assert "200 steps" in pivot_warning(200)

@@ -17,6 +17,10 @@ MOTION: dict[tuple[str, str], str] = {
         "double stiffness[4] = {0.0, 0.0, 0.0, 0.0};: 0.0 -> 0.1",
     ): "read only while a rover is set down, when it has been found",
     (
+        f"{STEP}stiffness.c",
+        "static int slides(integer dof) { return dof == 0 || dof == 1 || dof == 5; }: || -> &&",
+    ): "how many steps setting down takes: the base is put back along the ground after each",
+    (
         f"{STEP}solve.c",
         "if (factor == 0.0) continue;: 0.0 -> 0.1",
     ): "leaves out work that changes nothing",
