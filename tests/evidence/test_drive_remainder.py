@@ -11,6 +11,7 @@ import pytest
 from rover_pin.body import shapes
 from rover_pin.body.rover import load_rover
 from rover_pin.contact import Contact, Soil, Wheel
+from rover_pin.discrepancy.draft import scored as scored_draft
 from rover_pin.discrepancy.screen import score, signatures, with_noise
 from rover_pin.effects.effect import Body, Drive
 from rover_pin.effects.soil_traction import SoilTraction
@@ -21,6 +22,7 @@ from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.model import nuisances, with_spread
+from rover_pin.experiments.unlisted import trial
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act, wheels_ahead
 from rover_pin.experiments.unlisted.draft import draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
@@ -253,6 +255,12 @@ def test_an_unlisted_eccentric_wheel_is_described_and_its_draft_fits(tmp_path):
         gains[own] = found.gain
     assert gains[drafted] > 0.9 * gains[file] > 100.0
     assert {channel.name for channel in remainder.channels} == set(experiment.channels)
+    tried = trial.drafted(base, remainder, "eccentric wheel again", lambda said: None)
+    assert tried.accepted
+    assert tried.refit.gain > 0.9 * gains[file]
+    whole = scored_draft(tried, base, 0)
+    assert max(one.before / one.after for one in whole.scores) > 1.2
+    assert len(whole.lines()) == 1 + len(experiment.channels)
 
 
 def test_a_value_that_no_row_tells_is_no_stretch():
