@@ -77,13 +77,13 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     candidates = question.candidates(base)
     found = search(base, candidates, progress)
     progress("choosing again without each fold")
-    chosen = reselected(found.base, _leading(found, candidates))
+    anew = chosen_anew(found.base, _leading(found, candidates))
     left, draft = described(question, found, progress)
     progress("intervals, and errors on what was left out")
-    verdict = judged((question.kind, question.name), found, chosen, left, seed)
+    verdict = judged((question.kind, question.name), found, {name: one.names for name, one in anew.items()}, left, seed)
     if verdict.answer is Answer.LIKE and left.unlisted:
         draft = drafted(question, first_of(found).last, progress)
-    return with_draft(verdict, draft, seed)
+    return with_draft(replace(verdict, errors_anew=errors_anew(found.base, anew)), draft, seed)
 
 
 def described(question: Question, found: Search, progress: Progress) -> tuple[Left, Draft | None]:
@@ -136,13 +136,27 @@ def as_fitted(one: Candidate, fitted: Fit) -> Candidate:
 
 def reselected(base: Fit, tried: Sequence[Candidate]) -> dict[str, str]:
     """Return what the whole search chooses on all folds but one, by the name of the fold left out."""
+    return {name: one.names for name, one in chosen_anew(base, tried).items()}
+
+
+def errors_anew(base: Fit, anew: dict[str, Search]) -> dict[str, float]:
+    """Return the RMSE of each channel, every fold predicted with what is chosen and fitted without it."""
+    good, experiment = base.task.noise.good, base.task.experiment
+    missed = np.array([one.last.residual[at] for at, one in enumerate(anew.values())])
+    squares = np.where(good, missed, 0.0) ** 2
+    rms = np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(good.sum(axis=(0, 2)), 1))
+    return dict(zip(experiment.channels, rms.tolist(), strict=True))
+
+
+def chosen_anew(base: Fit, tried: Sequence[Candidate]) -> dict[str, Search]:
+    """Return the whole search on all folds but one, by the name of the fold left out."""
     chosen = {}
     for at, name in enumerate(base.task.experiment.folds):
         good = base.task.noise.good.copy()
         good[at] = False
         task = replace(base.task, noise=replace(base.task.noise, good=good))
         without = again(fit(task, base.model, base.parameters, base.u, base.slopes))
-        chosen[name] = search(without, tried, lambda said: None).names
+        chosen[name] = search(without, tried, lambda said: None)
     return chosen
 
 

@@ -15,7 +15,7 @@ from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import DRIFTED, Number
 from rover_pin.estimation.profile import Profile
-from rover_pin.estimation.wording import Outcome, got_worse
+from rover_pin.estimation.wording import Outcome, got_worse, shown
 
 SCHEMA = 2
 """Version of the plain values of a verdict, as docs/verdict.md describes them."""
@@ -87,6 +87,8 @@ class Verdict:
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     baselines: tuple[Baseline, ...] = field(default=(), repr=False)
     "held-out errors of what a user would otherwise take"
+    errors_anew: dict[str, float] = field(default_factory=dict, repr=False)
+    "RMSE of each channel, every fold predicted with what is chosen and fitted without it; where fits are exact"
     draft: Draft | None = field(default=None, repr=False)
     "of what is on no list, as it was tried"
     extra: Extra | None = field(default=None, repr=False)
@@ -116,6 +118,12 @@ class Verdict:
         return f"{' + '.join(self.named)} chosen in {same} of {len(folds)} folds{among}"
 
     @property
+    def _missed_anew(self) -> str:
+        units = {one.name: one.unit for one in self.scores}
+        told = [f"{name} {shown(error, units[name])}" for name, error in self.errors_anew.items() if name in units]
+        return f"; held-out RMSE with each fold's own choice: {', '.join(told)}" if told else ""
+
+    @property
     def drifted(self) -> tuple[Number, ...]:
         """Numbers that sit away from what was declared of them."""
         return tuple(one for one in (self.after.numbers if self.after else ()) if abs(one.drift) > DRIFTED)
@@ -127,7 +135,7 @@ class Verdict:
         if self.before is not None and self.after is not None:
             lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
         lines += [f"  {score_line(score)}" for score in self.scores if is_told(score) or len(self.scores) <= FEW]
-        lines += [f"  {self.chosen_again}"] if self.chosen else []
+        lines += [f"  {self.chosen_again}{self._missed_anew}"] if self.chosen else []
         lines += [f"  {got_worse((one.name, one.worded) for one in self.scores)}"] if self.named else []
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
         lines += [f"  draft: {line}" for line in (self.draft.lines() if self.draft else [])]
@@ -164,6 +172,7 @@ class Verdict:
                 "held_out": [score.as_dict() for score in self.scores],
                 "held_out_folds": [one._asdict() for one in self.runs],
                 "folds": self.chosen,
+                "held_out_anew": self.errors_anew,
                 "vetoes": list(self.vetoes),
                 "cautions": list(self.cautions),
                 "findings": [str(finding) for finding in self.findings],

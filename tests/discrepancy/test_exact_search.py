@@ -364,6 +364,23 @@ def test_what_a_law_leaves_without_a_pattern_is_scatter_and_the_law_holds():
     assert "What is left is still more than the noise" in found.sentence
 
 
+def test_each_fold_is_predicted_by_what_is_chosen_and_fitted_without_it():
+    random = np.random.default_rng(15)
+    laws = laws_of(random, SlipSinkage())
+    rows = rows_of(laws, random, SlipSinkage__n_1=2.0)
+    found = answered(rows, laws)
+    assert set(found.chosen.values()) == {"SlipSinkage"}
+    names = [one.name for one in found.search.last.parameters]
+    missed = np.zeros(ROWS)
+    for level in range(linear.LEVELS):
+        own = np.tile(np.repeat(np.arange(linear.LEVELS) == level, linear.REPEATS), 2)
+        closed = linear.gaussian(rows, laws, names)
+        missed[own] = rows[own] - closed.X[own] @ closed.solved(~own)[0]
+    rms = np.sqrt(np.mean(missed.reshape(2, -1) ** 2, axis=1)) * linear.SD
+    assert list(found.errors_anew.values()) == pytest.approx(rms, rel=1e-3)
+    assert "held-out RMSE with each fold's own choice: drawbar pull" in found.summary()
+
+
 def test_a_fold_chooses_among_effects_as_large_as_they_were_fitted():
     random = np.random.default_rng(14)
     laws = laws_of(random, SlipSinkage())

@@ -67,7 +67,14 @@ class WhichEffect(Section):
             return ""
         kinds = kinds_of(self.verdict)
         said = [f"without {self.manner.fold(fold)} {full(name, kinds) or 'nothing'}" for fold, name in chosen.items()]
-        return f"Chosen anew with one of the {self.manner.folds} left out of the choice, too: {'; '.join(said)}."
+        units = {one.name: one.unit for one in self.verdict.scores}
+        errors = [
+            f"{self.manner.channel(name)} {shown(error, units[name])}"
+            for name, error in self.verdict.errors_anew.items()
+            if name in units
+        ]
+        anew = f"Chosen anew with one of the {self.manner.folds} left out of the choice, too: {'; '.join(said)}."
+        return f"{anew} The error on each with what was chosen without it: {listing(errors)}." if errors else anew
 
 
 def _gains(one: Refit) -> tuple[str, ...]:
