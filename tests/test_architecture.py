@@ -17,7 +17,7 @@ GROUND = ("errors", "units", "quantity", "contact", "version", "columns", "toml_
           "remembered", "cluster", "arguments")  # fmt: skip
 ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control",
          "estimation", "measurements", "identification", "discrepancy", "experiments", "view", "report", "loop",
-         "importing", "vehicle", "controls", "scenes", "scenarios", "catalogue", "plot", "sweep", "tuning",
+         "importing", "vehicle", "demo", "controls", "scenes", "scenarios", "catalogue", "plot", "sweep", "tuning",
          "comparison", "terminal", "commands", "cli", "__main__")  # fmt: skip
 """From the bottom up: a room imports itself and what is below it.
 

@@ -12,6 +12,7 @@ from rover_pin.commands import (
     close_loop,
     compare,
     curve,
+    demo,
     export,
     import_log,
     init,
@@ -32,6 +33,7 @@ def add_to(app: typer.Typer) -> None:
     app.command()(compare.compare)
     app.command("check-data")(check_data.check_data)
     app.command()(init.init)
+    app.command()(demo.demo)
     app.command("import-log")(import_log.import_log)
     app.command("new-effect")(new_effect.new_effect)
     app.command("new-rover")(new_rover.new_rover)

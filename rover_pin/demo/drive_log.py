@@ -1,0 +1,106 @@
+"""A drive log, made up: six runs over waves and a slope, both ways, at duties that vary, read by sensors."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+
+from rover_pin.body.profile import Profile
+from rover_pin.body.rover import load_rover
+from rover_pin.body.terrain import Lanes
+from rover_pin.contact import Soil
+from rover_pin.demo.hidden import DRIVEN, Made, chosen, keep_truth
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.motion.command import Controller
+from rover_pin.motion.defaults import has_papers_wheel, own_motor, own_soil, pace, scale, usual_angles, usual_slip
+from rover_pin.motion.drive_log import About, write_drive_log
+from rover_pin.motion.effect_words import effect_of
+from rover_pin.motion.log_terrain import write_terrain
+from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.place import Start
+from rover_pin.motion.sensors import Sensors, measured
+from rover_pin.motion.simulate import Progress, simulate
+from rover_pin.paths import is_file
+from rover_pin.quantity import declared
+from rover_pin.soil.traction import TorqueTraction
+
+RUNS, SECONDS = 6, 16.0
+"""Runs, of which the last two repeat the first two; seconds of each for Nexus 6, longer for a slower rover."""
+K, K_SD, PHI_SD = 0.005, 0.2, math.radians(1.5)
+"""Shear displacement of the declared sand for Nexus 6's wheels [m]; SDs of its bench tests."""
+
+
+def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress: Progress | None = None) -> Made:
+    """Write drive.toml, its ground and a CSV a run; return them and what was hidden.
+
+    Raises
+    ------
+    ParameterError
+        Something to hide that is unknown, or that this rover cannot have.
+    DataError, UrdfError, SimulationError
+        It cannot be written there, the rover cannot be read, or does not drive.
+    """
+    random, model = np.random.default_rng(seed), _declared(rover)
+    word = chosen(hidden, DRIVEN, random)
+    effect = effect_of(word, model) if word else None
+    told = model.soils[0]
+    soil = told.replace(
+        phi=told.phi + random.normal(0.0, PHI_SD / 2), k=told.k * math.exp(random.normal(0.0, K_SD / 2))
+    )
+    true = model.replace(soils=(soil,))
+    true = true if effect is None else true.having(effect)
+    seconds = SECONDS * pace(model.rover, model.motor)
+    traces, plans = {}, [_plan(random, seconds, len(model.rover.wheels)) for _ in range(RUNS - 2)]
+    for run, plan in enumerate([*plans, *plans[:2]]):
+        size = scale(model.rover)
+        start = Start(-0.6 * size, 0.0, 0.0) if run % 2 == 0 else Start(0.7 * size, 0.0, math.pi)
+        driven = simulate(true, plan, seconds, start)
+        seen = measured(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects)
+        traces[f"run-{run + 1}"] = dataclasses.replace(seen, attrs={"start": dataclasses.asdict(start)})
+        if progress is not None:
+            progress(run + 1.0)
+    truth = keep_truth(folder, effect, soil, {"seed": seed})
+    about = About(
+        folder.name,
+        "made up by rover-pin demo; not measured",
+        os.path.relpath(rover, folder) if is_file(Path(rover)) else model.rover.name,
+        wheels=tuple(wheel.name for wheel in model.rover.wheels),
+        terrain=write_terrain(folder, model.terrain),
+        soil=_known(told),
+        motor=declared(model.motor),
+    )
+    write_drive_log(folder, traces, about)
+    return Made((folder / "drive.toml", *(folder / f"{name}.csv" for name in traces)), truth)
+
+
+def _declared(rover: str) -> Model:
+    """Return the model as the log declares it: waves, then a slope of 5 deg, sized by the rover's wheels."""
+    built = load_rover(rover)
+    size, own = scale(built), own_soil(built).value
+    soil = own.replace(k=K) if has_papers_wheel(built) else own
+    x = size * np.arange(-1.8, 1.81, 0.06)
+    z = 0.012 * size * np.sin(2 * np.pi * x / (0.8 * size))
+    z += np.where(x > 0.2 * size, (x - 0.2 * size) * math.tan(math.radians(5)), 0.0)
+    effects = base_effects(soil, built, SoilTraction(TorqueTraction(), usual_angles(built)))
+    ground = Lanes((Profile(x, z),), ())
+    return Model(built, ground, (soil,), own_motor(built).value, usual_slip(built), effects, body_effects=built.springs)
+
+
+def _known(soil: Soil) -> dict[str, dict[str, object]]:
+    """Return the declared constants with their SDs."""
+    table = declared(soil)
+    sds = {"phi": PHI_SD, "k": K_SD * float(soil.k), "k_1": K_SD * float(soil.k_1)}
+    return {name: {**table[name], "sd": sd} for name, sd in sds.items()}
+
+
+def _plan(random: np.random.Generator, seconds: float, wheels: int) -> Controller:
+    """Return duties held for a while each, wheels apart from each other."""
+    holds, t = [], 0.0
+    while t < seconds:
+        holds.append((t, random.uniform(0.4, 0.85) + random.uniform(-0.09, 0.09, wheels)))
+        t += seconds * random.uniform(0.1, 0.2)
+    return lambda reading: next(duty for start, duty in reversed(holds) if start <= reading.t + 1e-9)

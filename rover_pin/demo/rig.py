@@ -1,0 +1,68 @@
+"""A wheel on a rig, made up: three repeats on eight slips at two loads, with a rig's noise."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from rover_pin.columns import columns_text, replace_file
+from rover_pin.contact import Soil, Wheel
+from rover_pin.demo.hidden import CONTACT, Made, chosen, contact_effect, keep_truth
+from rover_pin.experiments.wheel_rig.model import NOMINAL, RigModel, conditions
+from rover_pin.motion.effect_files import reading_traction
+from rover_pin.quantity import declared
+from rover_pin.toml_file import toml_text
+
+WHEEL = Wheel(r=0.08, b=0.07)
+SOIL = Soil(c=150.0, phi=math.radians(32.0), k=0.010, k_1=70e3, k_2=0.0, n=1.0)
+"""A dry sand as its bench tests say; the true one is off by what they err."""
+LOADS, SLIPS, REPEATS = (30.0, 45.0), (-0.2, 0.0, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8), 3
+NOISE = {"drawbar_pull_N": 0.3, "torque_Nm": 0.03, "sinkage_m": 0.0006}
+"""SDs of one run: what repeats of published rigs scatter."""
+
+
+def write(folder: Path, hidden: str, seed: int) -> Made:
+    """Write rig.toml and points.csv; return them and what was hidden.
+
+    Raises
+    ------
+    ParameterError
+        Something to hide that is unknown, or shows at no steady wheel.
+    DataError
+        It cannot be written there.
+    """
+    random = np.random.default_rng(seed)
+    effect = contact_effect(chosen(hidden, CONTACT, random))
+    soil = SOIL.replace(
+        phi=SOIL.phi + math.radians(random.normal(0.0, 1.0)),
+        k=SOIL.k * math.exp(random.normal(0.0, 0.15)),
+        k_1=SOIL.k_1 * math.exp(random.normal(0.0, 0.15)),
+    )
+    model = RigModel(WHEEL, soil)
+    model = model if effect is None else model.having(reading_traction(effect, model.effects))
+    load, slip, repeat = (each.ravel() for each in np.meshgrid(LOADS, SLIPS, np.arange(REPEATS), indexing="ij"))
+    speeds = conditions(load, slip)[:, 2:4]
+    shown = model.predict(load, slip, speeds)
+    true = {"drawbar_pull_N": shown.drawbar_pull, "torque_Nm": shown.torque, "sinkage_m": shown.sinkage}
+    level = np.repeat(np.arange(1.0, 1.0 + len(load) // REPEATS), REPEATS)
+    table = {"level": level, "repeat": repeat + 1.0, "slip": slip, "load_N": load}
+    table |= {"travel_speed_mps": speeds[:, 0], "rim_speed_mps": speeds[:, 1]}
+    table |= {name: np.round(each + random.normal(0.0, NOISE[name], len(each)), 6) for name, each in true.items()}
+    about = {
+        "kind": "wheel-rig",
+        "name": folder.name,
+        "source": "made up by rover-pin demo; not measured",
+        "files": {"points": "points.csv"},
+        "wheel": declared(WHEEL),
+        "soil": {name: declared(SOIL)[name] for name in ("c", "phi", "k", "k_1", "k_2", "n")},
+        "noise": {name.rpartition("_")[0]: {"value": sd, "unit": _unit(name)} for name, sd in NOISE.items()},
+    }
+    truth = keep_truth(folder, effect, soil, {"seed": seed, "speed_mps": NOMINAL})
+    points = replace_file(folder / "points.csv", columns_text(table))
+    return Made((replace_file(folder / "rig.toml", toml_text(about)), points), truth)
+
+
+def _unit(column: str) -> str:
+    return {"N": "N", "Nm": "N m", "m": "m"}[column.rpartition("_")[2]]

@@ -1,0 +1,101 @@
+"""Made-up data sets: read as others are, the truth beside them alone, and the loop answers truly."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from rover_pin.demo import drive_log, rig, slip_slope
+from rover_pin.demo.hidden import CONTACT, DRIVEN, chosen, truth_file
+from rover_pin.experiments.slip_slope import SlipSlope
+from rover_pin.measurements.wheel_rig import read_wheel_rig
+from rover_pin.motion.drive_log import read_drive_log
+
+
+def test_a_rig_tells_what_was_hidden_beside_it_alone(run, tmp_path):
+    code, out, _ = run("demo", "rig", "--hidden", "SlipSinkage.n_1=0.7", "--out", "made")
+    assert code == 0
+    assert "SlipSinkage" not in out
+    assert not [path for path in (tmp_path / "made").iterdir() if "SlipSinkage" in path.read_text()]
+    assert tomllib.loads((tmp_path / "made-truth.toml").read_text())["hidden"] == "SlipSinkage.n_1=0.7"
+    assert (
+        json.loads(run("demo", "rig", "--out", "made", "--hidden", "nothing", "--tell", "--json")[1])["hidden"]
+        == "nothing"
+    )
+    assert run("check-data", "made")[0] == 0
+
+
+def test_a_rig_scatters_as_it_says(tmp_path):
+    """Repeats of a level differ by the stated noise, and deeper slip sinks deeper where that is hidden."""
+    rig.write(tmp_path / "plain", "nothing", 1)
+    rig.write(tmp_path / "deep", "SlipSinkage.n_1=0.7", 1)
+    plain, deep = (read_wheel_rig(tmp_path / name) for name in ("plain", "deep"))
+    for channel in plain.channels:
+        levels = [channel.measured[plain.levels == level] for level in np.unique(plain.levels)]
+        assert all(len(each) == 3 for each in levels)
+        assert np.sqrt(np.mean([np.var(each, ddof=1) for each in levels])) == pytest.approx(channel.sd[0], rel=0.35)
+    fast = plain.slip > 0.6
+    assert np.mean(deep.channels[2].measured[fast]) > 1.5 * np.mean(plain.channels[2].measured[fast])
+
+
+@pytest.mark.parametrize("rover", ["nexus6", "cart"])
+def test_slopes_are_those_that_the_rover_climbs(tmp_path, rover):
+    slip_slope.write(tmp_path / "set", "nothing", 2, rover)
+    read = SlipSlope.read(tmp_path / "set")
+    assert read.insufficient() == ""
+    assert np.nanmax(read.observed) < 0.9
+    slips = np.nanmean(read.observed[:, 0], axis=0)
+    assert np.all(np.diff(slips) > 0.0)
+    assert read.rover.name == rover
+
+
+def test_a_drive_log_is_as_long_and_as_varied_as_the_loop_needs(tmp_path):
+    made = drive_log.write(tmp_path / "log", "WeakMotor.wheel=mr,g=0.3", 0)
+    log = read_drive_log(tmp_path / "log")
+    assert len(log.runs) == drive_log.RUNS
+    assert made.truth["hidden"].startswith("WeakMotor")
+    assert not [name for name in log.runs[0].channels if name.startswith(("slip_", "sinkage_", "normal_"))]
+    np.testing.assert_array_equal(log.runs[0]["duty_fl"], log.runs[4]["duty_fl"])
+    assert np.std(log.runs[0]["body_x"] - log.runs[4]["body_x"]) > 0.0
+
+
+def test_chance_hides_what_its_seed_says():
+    among = {chosen("any", CONTACT, np.random.default_rng(seed)) for seed in range(30)}
+    assert among == {"", *CONTACT}
+    assert chosen("nothing", DRIVEN, np.random.default_rng(0)) == ""
+    assert chosen("PointMass", DRIVEN, np.random.default_rng(0)) == "PointMass"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("nonsense",), "There is no demo 'nonsense'"),
+        (("rig", "--hidden", "SupplySag"), "SupplySag shows in no steady wheel"),
+        (("slip-slope", "--hidden", "Slip"), "There is no effect 'Slip' to add"),
+        (("rig", "--rover", "cart"), "A rig has no rover"),
+        (("slip-slope", "--rover", "gone"), "There is no rover 'gone'"),
+    ],
+)
+def test_what_cannot_be_hidden_or_made_is_refused_in_one_sentence(run, tmp_path, words, said):
+    code, _, err = run("demo", *words)
+    assert (code, err.count("\n")) == (2, 1)
+    assert said in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_set_of_another_kind_is_not_written_over(run):
+    assert run("demo", "rig", "--out", "made")[0] == 0
+    code, _, err = run("demo", "slip-slope", "--out", "made")
+    assert code == 2
+    assert "another kind of set is there (rig.toml)" in err
+
+
+@pytest.mark.slow
+def test_the_loop_answers_what_the_rig_hides(run, tmp_path):
+    assert run("demo", "rig", "--hidden", "SlipSinkage.n_1=0.7", "--out", "made")[0] == 0
+    code, out, _ = run("close-loop", "made", "--json")
+    assert code == 0
+    verdict = json.loads(out)
+    assert (verdict["answer"], verdict["effects"]) == ("an effect is missing", ["SlipSinkage"])
+    assert truth_file(tmp_path / "made").is_file()
