@@ -15,7 +15,7 @@ from mkdocs.structure.files import File, Files
 from rover_pin import catalogue
 from rover_pin.cli import app
 from rover_pin.settings import Setting
-from rover_pin.terminal import allowed, told
+from rover_pin.terminal import allowed, fact, told
 
 ROOT = Path(__file__).parents[1]
 
@@ -50,15 +50,10 @@ def _entries(title: str, entries: list[Any], command: str) -> str:
         parts.append(f"\n## {_plain(title)}\n\n{_plain(each.about)}.{example}\n")
         for name, value in each.facts.items():
             if name not in ("file", "title") and (value or value == 0):
-                parts.append(f"\n- {name.replace('_', ' ')}: `{_fact(value)}`")
+                words, said = fact(name, value).split(": ", 1)
+                parts.append(f"\n- {words}: `{said}`")
         parts.append(f"\n\n{_table(each.numbers)}\n" if each.numbers else "\n")
     return "".join(parts)
-
-
-def _fact(value: Any) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{name} = {told(each)}" for name, each in value.items())
-    return ", ".join(value) if isinstance(value, list) else str(value)
 
 
 def _settings() -> str:

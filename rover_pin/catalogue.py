@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from rover_pin.arguments import arguments_of
 from rover_pin.body.rover import load_rover
 from rover_pin.contact import Soil
 from rover_pin.description.layout import rover_folder
@@ -16,7 +17,7 @@ from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffe
 from rover_pin.motion.effect_files import AnyEffect, package_effects
 from rover_pin.parameters import SOILS
 from rover_pin.scenarios import settings_of
-from rover_pin.scenes import SCENES
+from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, numbers_of
 
 ACTS = {Effect: "contact", MotorEffect: "motor", BodyEffect: "body", SensorEffect: "sensor"}
@@ -44,15 +45,24 @@ def plain(number: Setting) -> dict[str, Any]:
 
 
 def scenarios() -> list[Entry]:
-    """Return the ready-made drives: ground and duration, and what they set that others leave."""
+    """Return the ready-made drives: ground and duration, the ground's numbers, and what they set that others leave."""
     return [
         Entry(
             name,
             scene.about or first_sentence(scene.terrain),
-            {"duration_s": scene.duration, "settings": {**scene.terrain_settings, **scene.settings}},
+            {"duration_s": scene.duration},
+            _of_scene(name, scene),
         )
         for name, scene in SCENES.items()
     ]
+
+
+def _of_scene(name: str, scene: Scene) -> tuple[Setting, ...]:
+    if "path" in scene.terrain_settings:
+        about = arguments_of(scene.terrain)["path"].quantity
+        return (Setting("terrain.path", scene.terrain_settings["path"], source=about.source),)
+    own = (each._replace(source="of this scenario") for each in settings_of(name) if each.name in scene.settings)
+    return (*own, *(each for each in settings_of(name) if each.name.startswith("terrain.")))
 
 
 def soils() -> list[Entry]:

@@ -96,6 +96,20 @@ def numbers_table(settings: Iterable[Setting]) -> None:
         print("  ".join([*cells, row[3]]).rstrip())
 
 
+def fact(name: str, value: Any) -> str:
+    """Return a fact in words, its name's unit behind it: "mass: 5.8 kg" of mass_kg."""
+    from rover_pin.quantity import UNITS
+
+    words, _, unit = name.rpartition("_")
+    known = unit in UNITS and bool(words)
+    words = (words if known else name).replace("_", " ")
+    if isinstance(value, Mapping):
+        said = ", ".join(f"{each} = {told(one)}" for each, one in value.items())
+    else:
+        said = ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else told(value, unit if known else "")
+    return f"{words}: {said}"
+
+
 def told(value: Any, unit: str = "") -> str:
     """Return a value as the table has it: six digits and its unit, an angle in degrees too."""
     if value is None or value == ():

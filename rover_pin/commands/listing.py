@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rover_pin.errors import ParameterError, closest
-from rover_pin.terminal import assignments, json_text, numbers_table
+from rover_pin.terminal import assignments, fact, json_text, numbers_table
 
 if TYPE_CHECKING:
     from rover_pin.catalogue import Entry
@@ -73,12 +73,10 @@ def _say_all(entries: list["Entry"]) -> None:
 
 
 def _say_one(entry: "Entry") -> None:
-    import json
-
     print(f"{entry.name}: {entry.about}")
     for name, value in entry.facts.items():
         if value or value == 0:
-            print(f"{name.replace('_', ' ')}: {value if isinstance(value, str) else json.dumps(value)}")
+            print(fact(name, value))
     if entry.numbers:
         print()
         numbers_table(entry.numbers)

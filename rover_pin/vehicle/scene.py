@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
+from rover_pin.arguments import arguments_of
 from rover_pin.body.terrain import Terrain
 
 POWERS = {"m": 1, "rad/m": -1}
@@ -20,15 +21,14 @@ def scaled(terrain: Callable[..., Terrain], usual: Mapping[str, Any], size: floa
     """
     if size == 1.0:
         return dict(usual)
-    hints = get_type_hints(terrain, include_extras=True)
+    units = {name: each.quantity.unit for name, each in arguments_of(terrain).items()}
     parameters = inspect.signature(terrain).parameters
     given = {name: each.default for name, each in parameters.items() if each.default is not inspect.Parameter.empty}
-    return {name: _scaled(value, _power(name, hints[name]), size) for name, value in {**given, **usual}.items()}
+    return {name: _scaled(value, _power(name, units.get(name, "")), size) for name, value in {**given, **usual}.items()}
 
 
-def _power(name: str, hint: Any) -> int:
-    units = [each for each in get_args(hint) if each in POWERS]
-    return 1 if name == "size" else POWERS[units[0]] if units else 0
+def _power(name: str, unit: str) -> int:
+    return 1 if name == "size" else POWERS.get(unit, 0)
 
 
 def _scaled(value: Any, power: int, size: float) -> Any:
