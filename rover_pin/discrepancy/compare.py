@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.discrepancy.anchor import Anchor
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.cross_validation import left_out, loss_of, refitted_left_out
+from rover_pin.discrepancy.cross_validation import left_out, left_out_by_refits, seen_again
 from rover_pin.discrepancy.place import placed
 from rover_pin.discrepancy.refit import ODDS, Fee, Progress, Refit, best_of_each, counted, joined
 from rover_pin.discrepancy.screen import Scored, started
@@ -125,10 +125,10 @@ def _confirmed(base: Fit, one: Refit) -> Refit:
     """Return the candidate with what it does on runs left out found by refits, where to first order it does harm."""
     if one.held_out > 0 or one.net <= 0:
         return one
-    losses = [loss_of(base, refitted_left_out(each)) for each in (base, one.fit)]
-    return dataclasses.replace(one, held_out=losses[0] - losses[1])
+    without, found = (left_out_by_refits(each) for each in (base, one.fit))
+    return dataclasses.replace(one, held_out=seen_again(without, found))
 
 
 def _judged(base: Fit, candidate: Candidate, refitted: Fit, fee: float, without: np.ndarray) -> Refit:
     gain = base.chi2 - refitted.chi2
-    return Refit(candidate, refitted, gain, fee, float(np.sum(without - left_out(refitted))))
+    return Refit(candidate, refitted, gain, fee, seen_again(without, left_out(refitted)))

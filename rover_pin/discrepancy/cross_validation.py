@@ -21,23 +21,51 @@ FAR = 3.0
 
 
 def left_out(fitted: Fit) -> np.ndarray:
-    """Return the robust chi2 of every run (runs,) as the others predict it, to first order.
+    """Return how badly the others predict every run (runs,): `surprise`, to first order.
 
     The numbers without a run are one Gauss-Newton step from the optimum, its rows left out; nothing is replayed.
     """
-    rows, owner = fitted.rows, run_of_rows(fitted)
-    columns, losses = fitted.columns, []
-    for run, step in enumerate(_steps_without(fitted)):
-        at = owner == run
-        losses.append(huber(rows[at] + columns[at] @ step))
-    return np.array(losses)
+    rows, columns, owner = fitted.rows, fitted.columns, run_of_rows(fitted)
+    return np.array([surprise(fitted, owner == run, rows + columns @ step) for run, step in enumerate(_steps(fitted))])
+
+
+def left_out_by_refits(fitted: Fit) -> np.ndarray:
+    """Return how badly the others predict every run (runs,): `surprise`, by fits to the others."""
+    rows, owner = fitted.task.noise.white(refitted_left_out(fitted)), run_of_rows(fitted)
+    return np.array([surprise(fitted, owner == run, rows) for run in range(len(fitted.predicted))])
+
+
+def seen_again(without: np.ndarray, found: np.ndarray) -> float:
+    """Return the fall of `surprise` over all runs; of three and more that which falls most does not count.
+
+    What a single run shows is not seen again in another.
+    """
+    falls = without - found
+    return float(falls.sum() - (max(falls.max(), 0.0) if len(falls) > 2 else 0.0))
+
+
+def surprise(fitted: Fit, left: np.ndarray, rows: np.ndarray) -> float:
+    """Return -2 ln of the density that all other rows give those that are `left` out, to which noise alone gives 0.
+
+    They leave the numbers uncertain by P^-1, so the rows e, of SD 1, are of N(0, I + J P^-1 J^T). By Woodbury that is
+    min over d of |e + J d|^2 + d^T P d, + ln det(P + J^T J) - ln det P: what alone tells a number may differ from what
+    the others say of it by as much as they leave open. P is counted in the noise as the fit leaves it, e robustly.
+    Source: Geisser and Eddy, J. Am. Stat. Assoc. 74 (1979) 153; Vehtari, Gelman and Gabry, Stat. Comput. 27 (2017).
+    """
+    precision = _curvature(fitted, ~left) / (fitted.task.noise.inflation * max(fitted.misfit, 1.0))
+    e, columns = rows[left], fitted.columns[left]
+    weighted = columns * huber_weights(e)[:, None]
+    both = precision + weighted.T @ columns
+    step = -np.linalg.solve(both, weighted.T @ e)
+    room = np.linalg.slogdet(both)[1] - np.linalg.slogdet(precision)[1]
+    return float(huber(e + columns @ step) + step @ precision @ step + room)
 
 
 def without_each(fitted: Fit) -> np.ndarray:
     """Return the robust chi2, priors included, of a fit to all runs but one (runs,), to first order."""
     rows, owner, columns = fitted.rows, run_of_rows(fitted), fitted.columns
     found = []
-    for run, step in enumerate(_steps_without(fitted)):
+    for run, step in enumerate(_steps(fitted)):
         at = owner != run
         found.append(objective((rows + columns @ step)[at], fitted.u + step, fitted.parameters))
     return np.array(found)
@@ -96,18 +124,21 @@ def _anchored(one: Parameter, u: float) -> Parameter:
     return dataclasses.replace(one, origin=one.value(u), scale=FAR * one.scale, prior=True)
 
 
-def _steps_without(fitted: Fit) -> list[np.ndarray]:
-    """Return how u moves when the rows of each run in turn are left out."""
+def _steps(fitted: Fit) -> Iterator[np.ndarray]:
+    """Yield how u moves when the rows of each run in turn are left out."""
     rows, columns, owner = fitted.rows, fitted.columns, run_of_rows(fitted)
-    prior = np.array([1.0 if one.prior else FAR**-2 for one in fitted.parameters])
-    held = np.array([fitted.u[i] if one.prior else 0.0 for i, one in enumerate(fitted.parameters)])
+    held = np.array([u if one.prior else 0.0 for one, u in zip(fitted.parameters, fitted.u, strict=True)])
     weights = huber_weights(rows)
-    steps = []
     for run in range(len(fitted.predicted)):
         use = weights * (owner != run)
-        normal = (columns * use[:, None]).T @ columns + np.diag(prior)
-        steps.append(-np.linalg.lstsq(normal, columns.T @ (use * rows) + held, rcond=None)[0])
-    return steps
+        yield -np.linalg.lstsq(_curvature(fitted, owner != run), columns.T @ (use * rows) + held, rcond=None)[0]
+
+
+def _curvature(fitted: Fit, use: np.ndarray) -> np.ndarray:
+    """Return the normal matrix of the rows that are used, every number held by its prior, or by FAR default sizes."""
+    prior = np.diag([1.0 if one.prior else FAR**-2 for one in fitted.parameters])
+    weighted = fitted.columns * (huber_weights(fitted.rows) * use)[:, None]
+    return np.asarray(weighted.T @ fitted.columns + prior)
 
 
 def run_of_rows(fitted: Fit) -> np.ndarray:

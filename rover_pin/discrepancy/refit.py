@@ -35,7 +35,7 @@ class Refit:
     fee: float
     "what chance alone would gain"
     held_out: float
-    "fall of the held-out chi2, each run predicted from the others"
+    "how much better every fold is predicted from the others: in chi2 where fits are exact, else in `seen_again`"
     unit: float = COLOURED
     "by how much chi2 by chance exceeds that of white noise here: what gains are counted in"
     instead: tuple[Candidate, ...] = ()

@@ -24,8 +24,10 @@ RENEWALS = 2
 """How often the slopes are computed again within a fit, at most."""
 TO_THE_END = 40, 12
 """Turns and renewals of a fit that is to reach its end: down a bent valley each step is short."""
-SHORTER = 3
-"""How often a step that does not help is tried, cut to a third each time; once where it promises less than SETTLED."""
+SHORTER = 1 / 3, 1 / 9
+"""Shares of a step that are tried where the whole does not help."""
+DAMPED = 1e1, 1e2, 1e3, 1e4, 1e5
+"""What is added to the curvature along every u, a prior's is 1, in a fit to its end that keeps too little promise."""
 STRETCH = 8
 """Blocks that are taken to hang together: 4 s, longer than what is left remembers."""
 ROUND_OFF = 1e-13
@@ -221,12 +223,12 @@ def _descended(
     known |= _slopes(task, model, parameters, u, missing)
     predicted = task.experiment.predict([at(task, model, parameters, u)])[0]
     was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(own)
-    turns, renewals = TO_THE_END if stale else (TURNS, RENEWALS)
+    (turns, renewals), damped, enough = (TO_THE_END, DAMPED, STALE) if stale else ((TURNS, RENEWALS), (), 0.0)
     for _ in range(turns):
         columns = task.columns([known[one.name] for one in parameters])
-        step, promised = _step(columns, task.rows(predicted), u, parameters)
-        cuts = SHORTER if promised >= SETTLED else 1
-        u, predicted, now = _searched(task, model, parameters, (u, predicted, was), step, cuts)
+        steps, promised = _steps(columns, task.rows(predicted), u, parameters, damped)
+        tried = steps if promised >= SETTLED else steps[:1]
+        u, predicted, now = _searched(task, model, parameters, (u, predicted, was), tried, enough * promised)
         gained, was = was - now, now
         if gained >= max(STALE * promised, SETTLED):
             fresh = False
@@ -252,18 +254,24 @@ def _slopes(
     return slopes_at(task, here, [parameters[one] for one in which], u[list(which)])
 
 
-def _step(
-    columns: np.ndarray, rows: np.ndarray, u: np.ndarray, parameters: Sequence[Parameter]
-) -> tuple[np.ndarray, float]:
-    """Return the Gauss-Newton step inside the bounds, and the gain that it promises.
-
-    Numbers that would leave their bounds are held there and left out.
-    """
+def _steps(
+    columns: np.ndarray,
+    rows: np.ndarray,
+    u: np.ndarray,
+    parameters: Sequence[Parameter],
+    damped: Sequence[float] = (),
+) -> tuple[list[np.ndarray], float]:
+    """Return the Gauss-Newton step in the bounds, shorter and damped ones, and the gain that the first promises."""
     bounds = np.array([one.bounds for one in parameters])
     weights, prior = huber_weights(rows), _priors(parameters)
-    weighted = columns * weights[:, None]
-    normal = columns.T @ weighted + prior
+    normal = columns.T @ (columns * weights[:, None]) + prior
     right = -(columns.T @ (weights * rows)) - np.where(np.diag(prior) == 1.0, u, 0.0)
+    step, *others = (_bounded_step(normal + one * np.eye(len(u)), right, u, bounds) for one in (0.0, *damped))
+    return [step, *(share * step for share in SHORTER), *others], float(2 * right @ step - step @ normal @ step)
+
+
+def _bounded_step(normal: np.ndarray, right: np.ndarray, u: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Return the step that solves normal step = right; numbers that would leave their bounds are held there."""
     step, free = np.zeros(len(u)), np.ones(len(u), dtype=bool)
     for _ in range(len(u)):
         held = np.where(free, 0.0, step)
@@ -274,22 +282,33 @@ def _step(
         if not out.any():
             break
         step, free = np.where(out, clipped, step), free & ~out
-    step = np.clip(u + step, bounds[:, 0], bounds[:, 1]) - u
-    return step, float(2 * right @ step - step @ normal @ step)
+    return np.asarray(np.clip(u + step, bounds[:, 0], bounds[:, 1]) - u)
 
 
 State = tuple[np.ndarray, np.ndarray, float]
 
 
 def _searched(
-    task: Task, model: Any, parameters: Sequence[Parameter], here: State, step: np.ndarray, cuts: int
+    task: Task,
+    model: Any,
+    parameters: Sequence[Parameter],
+    here: State,
+    steps: Sequence[np.ndarray],
+    enough: float,
 ) -> State:
-    """Return the first of the shortened steps that lowers the objective, or where it was."""
-    u, _, was = here
-    for cut in range(cuts):
-        trial = u + step / 3**cut
-        predicted = task.experiment.predict([at(task, model, parameters, trial)])[0]
-        now = objective(task.rows(predicted), trial, parameters)
-        if now < was:
-            return trial, predicted, now
-    return here
+    """Return where the first step leads, or, if that gains no more than `enough`, the lowest of where all lead."""
+    best = _lowest(task, model, parameters, here, steps[:1])
+    if len(steps) == 1 or here[2] - best[2] > enough:
+        return best
+    return min(best, _lowest(task, model, parameters, here, steps[1:]), key=lambda state: state[2])
+
+
+def _lowest(task: Task, model: Any, parameters: Sequence[Parameter], here: State, steps: Sequence[np.ndarray]) -> State:
+    """Return the lowest of where these steps lead, or where it was; they are predicted together."""
+    trials = [here[0] + step for step in steps]
+    found = task.experiment.predict([at(task, model, parameters, trial) for trial in trials])
+    reached = [
+        (trial, predicted, objective(task.rows(predicted), trial, parameters))
+        for trial, predicted in zip(trials, found, strict=True)
+    ]
+    return min([here, *reached], key=lambda state: state[2])

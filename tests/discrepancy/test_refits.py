@@ -100,8 +100,8 @@ def test_a_second_start_has_the_sizes_small_and_all_else_as_it_was():
     ("net", "held_out", "again"), [(5.0, -1.0, True), (5.0, 0.0, True), (5.0, 1.0, False), (-5.0, -1.0, False)]
 )
 def test_one_that_pays_and_does_harm_to_first_order_is_refitted_on_every_fold(monkeypatch, net, held_out, again):
-    monkeypatch.setattr(compare, "refitted_left_out", lambda fitted: fitted)
-    monkeypatch.setattr(compare, "loss_of", lambda base, fitted: 100.0 if fitted == "base" else 97.0)
+    losses = {"base": np.array([50.0, 60.0]), "fit": np.array([52.0, 55.0])}
+    monkeypatch.setattr(compare, "left_out_by_refits", losses.get)
     one = Refit(named("A"), "fit", net + 10.0, 10.0, held_out)
     assert compare._confirmed("base", one).held_out == (3.0 if again else held_out)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
+from scipy.stats import multivariate_normal
 
 from rover_pin.body.rover import load_rover
 from rover_pin.body.shapes import flat
@@ -157,6 +158,18 @@ class Gaussian:
             rest = self.y[owner == one] - self.X[owner == one] @ u
             losses.append(float(rest @ rest))
         return np.array(losses)
+
+    def surprise(self, owner, widened):
+        """Return -2 ln of the density of every group of rows given the others, less that of noise that is 0."""
+        known, found = np.isfinite(self.sd), []
+        priors = np.diag(1 / self.sd)[known]
+        for one in np.unique(owner):
+            u, _ = self.solved(owner != one)
+            others, own = self.X[owner != one], self.X[owner == one]
+            spread = widened * np.linalg.inv(others.T @ others + priors.T @ priors)
+            law = multivariate_normal(own @ u, np.eye(len(own)) + own @ spread @ own.T)
+            found.append(-2 * law.logpdf(self.y[owner == one]) - len(own) * np.log(2 * np.pi))
+        return np.array(found)
 
 
 def gaussian(fitted_, free=(), anchors=None):

@@ -15,7 +15,14 @@ from scipy.stats import binom
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
-from rover_pin.discrepancy.cross_validation import left_out, loss_of, refitted_left_out, without_each
+from rover_pin.discrepancy.cross_validation import (
+    left_out,
+    left_out_by_refits,
+    loss_of,
+    refitted_left_out,
+    seen_again,
+    without_each,
+)
 from rover_pin.discrepancy.held_out import held_out, together
 from rover_pin.discrepancy.judge import Left, answer_of, chosen_without, share_taken
 from rover_pin.discrepancy.refit import Refit, alike, joined
@@ -350,10 +357,15 @@ def anchors(fitted):
     return {one.name: (u, FAR) for one, u in pairs if not one.prior}
 
 
-def test_a_run_left_out_is_predicted_by_exact_least_squares_on_the_others(made, with_exit):
-    np.testing.assert_allclose(left_out(made[0]), closed(made[0]).left_out(OWNER), rtol=1e-9)
-    exact = linear.gaussian(with_exit, anchors=anchors(with_exit)).left_out(OWNER)
-    np.testing.assert_allclose(left_out(with_exit), exact, rtol=1e-9)
+def surprised(fitted, anchored=True):
+    """The closed form of how badly each run is predicted by the others, numbers as uncertain as the noise leaves."""
+    exact = linear.gaussian(fitted, anchors=anchors(fitted) if anchored else {})
+    return exact.surprise(OWNER, COLOURED * max(fitted.misfit, 1.0))
+
+
+def test_a_run_left_out_is_predicted_by_the_exact_density_that_the_others_give_it(made, with_exit):
+    np.testing.assert_allclose(left_out(made[0]), surprised(made[0], False), rtol=1e-9)
+    np.testing.assert_allclose(left_out(with_exit), surprised(with_exit), rtol=1e-9)
     whole = [huber(with_exit.rows[run == OWNER]) for run in range(linear.RUNS)]
     assert (left_out(with_exit) > whole).all(), "a run that is left out is met less well than one that is fitted"
 
@@ -362,36 +374,58 @@ def test_refits_without_a_run_say_the_same(made, with_exit):
     for fitted, own in ((made[0], {}), (with_exit, anchors(with_exit))):
         exact = linear.gaussian(fitted, anchors=own).left_out(OWNER)
         assert loss_of(fitted, refitted_left_out(fitted)) == pytest.approx(exact.sum(), rel=1e-6)
+        np.testing.assert_allclose(left_out_by_refits(fitted), surprised(fitted), rtol=1e-6)
+
+
+def gained(base, got):
+    """The closed form of the held-out gain: all runs but the one that gains most."""
+    return float(np.sort(surprised(base, False) - surprised(got.fit))[:-1].sum())
 
 
 def test_the_held_out_gain_is_the_exact_one_in_sign_and_size(made):
     """What the exit angle gains on runs left out, and what a number of nothing loses there."""
     base, _ = made
-    before, gains = closed(base).left_out(OWNER).sum(), []
+    gains = []
     for one in (EXIT, VISCOUS):
         (got,) = refit(base, score(base, signatures(base, [one])), lambda one: 0.0, SILENT)
         gains.append(got.held_out)
-        exact = linear.gaussian(got.fit, anchors=anchors(got.fit)).left_out(OWNER).sum()
-        assert got.held_out == pytest.approx(before - exact, rel=1e-6)
+        assert got.held_out == pytest.approx(gained(base, got), rel=1e-6)
         _, chi2 = closed(base, (), (one,)).solved()
         assert got.gain == pytest.approx(base.chi2 - chi2, rel=1e-6, abs=1e-9)
     assert gains[0] > 20
     assert gains[1] < 0
 
 
-def test_a_size_of_one_run_alone_is_not_held_by_its_own_run():
-    """Three runs do not show the effect: without the fourth its size is free, and that run is predicted no better."""
-    random = np.random.default_rng(4)
+def with_a_size(shares, seed=4):
+    """An exit angle that moves each run by its share, and the refit that has it."""
+    random = np.random.default_rng(seed)
     columns = linear.slopes(random, linear.nuisances())
-    slope = np.zeros(linear.SHAPE)
-    slope[3] = random.choice([-1.0, 1.0], linear.SHAPE[1:]) / 0.3
+    slope = random.choice([-1.0, 1.0], linear.SHAPE) / 0.3 * np.array(shares)[:, None, None]
     columns["ExitAngle.e_1"] = (0.0, slope)
     noise = np.clip(random.normal(size=linear.SHAPE), -2, 2)
     base = linear.fitted(shown(columns, {"ExitAngle.e_1": 0.5}) + noise, columns)
-    (got,) = refit(base, score(base, signatures(base, [EXIT])), lambda one: 0.0, SILENT)
-    exact = linear.gaussian(got.fit, anchors=anchors(got.fit)).left_out(OWNER).sum()
+    return base, *refit(base, score(base, signatures(base, [EXIT])), lambda one: 0.0, SILENT)
+
+
+def test_a_size_that_one_run_alone_shows_is_not_seen_again():
+    base, got = with_a_size([0.0, 0.0, 0.0, 1.0])
     assert got.gain > 50
-    assert got.held_out == pytest.approx(closed(base).left_out(OWNER).sum() - exact, rel=1e-6)
+    assert got.held_out == pytest.approx(gained(base, got), rel=1e-6)
+    assert abs(got.held_out) < 5
+
+
+def test_a_size_that_one_run_tells_far_better_than_the_others_is_seen_in_all():
+    """They leave it open by more than that run's noise: its own miss is no more than they expect."""
+    base, got = with_a_size([0.4, 0.4, 0.4, 1.0])
+    assert got.held_out > 5
+    assert got.held_out == pytest.approx(gained(base, got), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("falls", "left"), [((9.0, 1.0, -2.0), -1.0), ((9.0, -1.0), 8.0), ((-3.0, -1.0, -2.0), -6.0), ((4.0,), 4.0)]
+)
+def test_of_three_and_more_runs_that_which_gains_most_does_not_count(falls, left):
+    assert seen_again(np.array(falls), np.zeros(len(falls))) == left
 
 
 def test_held_out_errors_of_the_verdict_are_the_exact_ones(made, with_exit):
