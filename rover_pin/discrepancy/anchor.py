@@ -9,7 +9,8 @@ import numpy as np
 
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.screen import Scored, score, signatures
-from rover_pin.estimation.fit import Fit, at, slopes_at
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.gauss_newton import at, slopes_at
 
 BENT = 3.0
 """SDs from what was declared from which a number counts as bent: chance takes one of twenty so far in 5 % of logs."""

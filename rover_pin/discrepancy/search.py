@@ -17,12 +17,11 @@ from rover_pin.discrepancy.refit import Fee, Progress, Refit, alike
 from rover_pin.discrepancy.screen import Scored, Signature, fee_of, saturated, score, signatures, with_noise
 from rover_pin.errors import OptimisationError
 from rover_pin.estimation.exact import scattered
-from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.experiment import Experiment, residual
 from rover_pin.estimation.fit import Fit, best_of, fit
 from rover_pin.estimation.noise import COLOURED, first_noise
 from rover_pin.estimation.numbers import is_adequate
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.residual import residual
 from rover_pin.estimation.task import Task
 
 MOST = 3

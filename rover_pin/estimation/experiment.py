@@ -125,3 +125,11 @@ def find(records: Mapping[str, Any], name: str) -> tuple[Any, str, Quantity]:
     if quantity not in known:
         raise ParameterError(f"'{owner}' has no number '{quantity}': {closest(quantity, known)}")
     return records[owner], quantity, known[quantity]
+
+
+def residual(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """Return measured - predicted, the sign of every residual of the package: above 0 where the model gives too little.
+
+    Whatever is fitted, tested for correlations, tabled, drawn or described as left has it.
+    """
+    return np.asarray(measured - predicted)

@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.estimation.coordinates import Space
-from rover_pin.estimation.residual import residual
+from rover_pin.estimation.experiment import residual
 
 Predictor = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Values of all known parameters -> predictions [m] and their Jacobian with respect to the free ones [m, p]."""

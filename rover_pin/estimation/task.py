@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.experiment import Experiment, residual
 from rover_pin.estimation.noise import Noise, huber
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.residual import residual
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,7 +44,8 @@ from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.effects.viscous_friction import ViscousFriction
-from rover_pin.estimation.fit import at, fit
+from rover_pin.estimation.fit import fit
+from rover_pin.estimation.gauss_newton import at
 from rover_pin.estimation.noise import huber
 from rover_pin.estimation.numbers import numbers
 from rover_pin.estimation.profile import NORMAL_95

@@ -9,7 +9,7 @@ import pytest
 
 from rover_pin.contact import Contact, Soil, Wheel
 from rover_pin.discrepancy.cross_validation import refitted_left_out
-from rover_pin.estimation.residual import residual
+from rover_pin.estimation.experiment import residual
 from rover_pin.experiments.unlisted.remainder import Remainder, channel_remainders
 from rover_pin.experiments.wheel_rig.draft import draft_effect
 from rover_pin.loop.rig import on_rig

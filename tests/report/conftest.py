@@ -23,7 +23,8 @@ from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.effects.winding_heating import WindingHeating
-from rover_pin.estimation.fit import Fit, slopes_at
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.gauss_newton import slopes_at
 from rover_pin.estimation.noise import first_noise, noise_of
 from rover_pin.estimation.numbers import numbers
 from rover_pin.estimation.task import Task

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from rover_pin.errors import SimulationError
-from rover_pin.estimation.fit import Fit, Task, slopes_at
+from rover_pin.estimation.fit import Fit, Task
+from rover_pin.estimation.gauss_newton import slopes_at
 from rover_pin.estimation.noise import Noise
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import WHOLE, LoggedRun, blocks, comparable_rows

@@ -1,0 +1,164 @@
+"""Gauss-Newton with slopes by differences that are reused: where robust chi2 and the priors are least."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rover_pin.estimation.experiment import Arrays
+from rover_pin.estimation.noise import huber_weights
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.task import Task, objective
+
+TURNS = 6
+SETTLED = 0.3
+"""A turn that lowers chi2 by less than this is the last."""
+RENEWALS = 2
+"""How often the slopes are computed again within a fit, at most."""
+TO_THE_END = 40, 12
+"""Turns and renewals of a fit that is to reach its end: down a bent valley each step is short."""
+SHORTER = 1 / 3, 1 / 9
+"""Shares of a step that are tried where the whole does not help."""
+DAMPED = 1e1, 1e2, 1e3, 1e4, 1e5
+"""What is added to the curvature along every u, a prior's is 1, in a fit to its end that keeps too little promise."""
+STALE = 0.5
+"""Share of the promised gain below which a Jacobian is computed again."""
+
+
+def at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Any:
+    """Return the model with the parameters at u."""
+    return task.experiment.with_values(model, {one.name: one.value(x) for one, x in zip(parameters, u, strict=True)})
+
+
+def slopes_at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> dict[str, np.ndarray]:
+    """Return d predicted / d u by name: exact where the experiment knows them, else one-sided differences."""
+    if task.experiment.is_exact:
+        exact = task.experiment.sensitivities(model, parameters, u).slopes
+        return dict(zip([one.name for one in parameters], exact, strict=True))
+    here = at(task, model, parameters, u)
+    moved = {one.name: _moved(one, x) for one, x in zip(parameters, u, strict=True)}
+    shifted = [task.experiment.with_values(here, {name: value}) for name, (value, _) in moved.items()]
+    centre, *features = task.experiment.predict([here, *shifted])
+    return {name: (each - centre) / step for (name, (_, step)), each in zip(moved.items(), features, strict=True)}
+
+
+def _moved(one: Parameter, u: float) -> tuple[float, float]:
+    """Return the value moved by the step of a difference, inside the bounds, and the step of u."""
+    step = one.fd if u + one.fd <= one.bounds[1] else -one.fd
+    return one.value(u + step), step
+
+
+def priors(parameters: Sequence[Parameter]) -> np.ndarray:
+    """Return the curvature that the priors give chi2 / 2; next to none where there is none."""
+    return np.diag([1.0 if one.prior else 1e-9 for one in parameters])
+
+
+def descended(
+    task: Task,
+    model: Any,
+    parameters: Sequence[Parameter],
+    start: np.ndarray | None,
+    given: Mapping[str, np.ndarray],
+    how: tuple[bool, bool],
+) -> Arrays:
+    """Return where the descent ends: u, the prediction, and the slopes of the parameters that it computed."""
+    reuse, stale = how
+    u = np.zeros(len(parameters)) if start is None else np.array(start, dtype=float)
+    u = np.clip(u, *np.array([one.bounds for one in parameters]).T) if len(u) else u
+    known = dict(given)
+    own = [one for one, _ in enumerate(parameters) if not (reuse and parameters[one].name in known)]
+    missing = [one for one, each in enumerate(parameters) if each.name not in known]
+    known |= _slopes(task, model, parameters, u, missing)
+    predicted = task.experiment.predict([at(task, model, parameters, u)])[0]
+    was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(own)
+    (turns, renewals), damped, enough = (TO_THE_END, DAMPED, STALE) if stale else ((TURNS, RENEWALS), (), 0.0)
+    for _ in range(turns):
+        columns = task.columns([known[one.name] for one in parameters])
+        steps, promised = _steps(columns, task.rows(predicted), u, parameters, damped)
+        tried = steps if promised >= SETTLED else steps[:1]
+        u, predicted, now = _searched(task, model, parameters, (u, predicted, was), tried, enough * promised)
+        gained, was = was - now, now
+        if gained >= max(STALE * promised, SETTLED):
+            fresh = False
+            continue
+        stuck = gained < SETTLED if fresh else promised < SETTLED and not stale
+        if stuck or not renewals:
+            break
+        known |= _slopes(task, model, parameters, u, own)
+        fresh, stale, renewals = True, False, renewals - 1
+    renewed = [one for one, each in enumerate(parameters) if known[each.name] is not given.get(each.name)]
+    computed = [known[parameters[one].name] for one in renewed]
+    whole = np.array(computed) if computed else np.zeros((0, *predicted.shape))
+    return {"u": u, "predicted": predicted, "renewed": np.array(renewed, dtype=int), "slopes": whole}
+
+
+def _slopes(
+    task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray, which: Sequence[int]
+) -> dict[str, np.ndarray]:
+    """Return the slopes of some of the parameters, the others at u."""
+    if not which:
+        return {}
+    here = at(task, model, parameters, u)
+    return slopes_at(task, here, [parameters[one] for one in which], u[list(which)])
+
+
+def _steps(
+    columns: np.ndarray,
+    rows: np.ndarray,
+    u: np.ndarray,
+    parameters: Sequence[Parameter],
+    damped: Sequence[float] = (),
+) -> tuple[list[np.ndarray], float]:
+    """Return the Gauss-Newton step in the bounds, shorter and damped ones, and the gain that the first promises."""
+    bounds = np.array([one.bounds for one in parameters])
+    weights, prior = huber_weights(rows), priors(parameters)
+    normal = columns.T @ (columns * weights[:, None]) + prior
+    right = -(columns.T @ (weights * rows)) - np.where(np.diag(prior) == 1.0, u, 0.0)
+    step, *others = (_bounded_step(normal + one * np.eye(len(u)), right, u, bounds) for one in (0.0, *damped))
+    return [step, *(share * step for share in SHORTER), *others], float(2 * right @ step - step @ normal @ step)
+
+
+def _bounded_step(normal: np.ndarray, right: np.ndarray, u: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Return the step that solves normal step = right; numbers that would leave their bounds are held there."""
+    step, free = np.zeros(len(u)), np.ones(len(u), dtype=bool)
+    for _ in range(len(u)):
+        held = np.where(free, 0.0, step)
+        step = held.copy()
+        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], right[free] - (normal @ held)[free], rcond=None)[0]
+        clipped = np.clip(u + step, bounds[:, 0], bounds[:, 1]) - u
+        out = free & (np.abs(clipped - step) > 1e-12)
+        if not out.any():
+            break
+        step, free = np.where(out, clipped, step), free & ~out
+    return np.asarray(np.clip(u + step, bounds[:, 0], bounds[:, 1]) - u)
+
+
+State = tuple[np.ndarray, np.ndarray, float]
+
+
+def _searched(
+    task: Task,
+    model: Any,
+    parameters: Sequence[Parameter],
+    here: State,
+    steps: Sequence[np.ndarray],
+    enough: float,
+) -> State:
+    """Return where the first step leads, or, if that gains no more than `enough`, the lowest of where all lead."""
+    best = _lowest(task, model, parameters, here, steps[:1])
+    if len(steps) == 1 or here[2] - best[2] > enough:
+        return best
+    return min(best, _lowest(task, model, parameters, here, steps[1:]), key=lambda state: state[2])
+
+
+def _lowest(task: Task, model: Any, parameters: Sequence[Parameter], here: State, steps: Sequence[np.ndarray]) -> State:
+    """Return the lowest of where these steps lead, or where it was; they are predicted together."""
+    trials = [here[0] + step for step in steps]
+    found = task.experiment.predict([at(task, model, parameters, trial) for trial in trials])
+    reached = [
+        (trial, predicted, objective(task.rows(predicted), trial, parameters))
+        for trial, predicted in zip(trials, found, strict=True)
+    ]
+    return min([here, *reached], key=lambda state: state[2])
