@@ -1,0 +1,40 @@
+"""The study of the side force: its ways are those that it says, and each law holds the rover as its result says."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+
+@pytest.fixture(scope="module")
+def study():
+    sys.path.insert(0, str(STUDIES))
+    yield importlib.import_module("side_force")
+    sys.path.remove(str(STUDIES))
+
+
+@pytest.fixture(scope="module")
+def across(study):
+    laws = ("old: SideShear", "new: combined shear, flank")
+    return [study.row("across", name, study.driven("across", study.LAWS[name], 12.0)) for name in laws]
+
+
+def test_across_a_slope_the_new_law_lets_the_rover_drift_less(across):
+    drift = [row["travel_to_axis_deg"] for row in across]
+    assert drift == pytest.approx([3.95, 2.95], abs=0.15)
+
+
+def test_side_force_carries_the_slopes_share_of_the_weight(across):
+    """In equilibrium sum f_y = m g sin 10 deg: 0.176 of the load, the middle wheel a little more."""
+    for row in across:
+        assert row["side_over_load"] == pytest.approx(np.tan(np.radians(10.0)), rel=0.1)
+
+
+def test_a_crab_points_all_steered_wheels_one_way(study):
+    trace = study.driven("crab", (), 2.0)
+    steered = [trace[f"steer_{name}"][-1] for name in ("fl", "fr", "rl", "rr")]
+    assert steered == pytest.approx([study.CRAB] * 4, abs=0.02)
