@@ -1,5 +1,6 @@
 """Odometry with a fitted slip, on the log of a rover that is exactly that."""
 
+import dataclasses
 import importlib.util
 from pathlib import Path
 
@@ -49,3 +50,9 @@ def test_a_model_that_loses_to_odometry_is_said_to_lose():
     (said,) = losses([score], list(found.values()))
     assert "path is predicted better by a kinematic model with fitted slip of the measured wheel rates" in said
     assert losses([score._replace(after=0.0)], list(found.values())) == ()
+
+
+def test_without_a_wheels_rate_there_is_no_odometry():
+    run = logged(drive_channels.drive(0, noise=0.0, hill=0.0))
+    bare = dataclasses.replace(run, measured={name: row for name, row in run.measured.items() if "rate_fl" not in name})
+    assert kinematic(DriveExperiment((run, bare), (None, None)), ROVER) == ()

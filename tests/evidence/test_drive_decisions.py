@@ -619,7 +619,8 @@ def three(random):
 
 
 def term(strength, is_raking=False):
-    return SimpleNamespace(best=SimpleNamespace(strength=strength, said="acts as a force", is_raking=is_raking))
+    best = SimpleNamespace(strength=strength, said="acts as a force", is_raking=is_raking)
+    return SimpleNamespace(best=best, terms=(), wheels=())
 
 
 QUIET = term(5.0)
@@ -792,6 +793,7 @@ def test_what_is_doubtful_is_not_in_the_verdicts_model(log, monkeypatch):
     assert verdict.alike == ("ExitAngle",)
     assert verdict.effects == ()
     assert verdict.model is found.base.model
+    assert verdict.draft is None  # no term that an effect can imitate: said without one, where the loop stopped
     assert verdict.profiles == ()
     assert verdict.before == verdict.after
     assert "something acts that is not on the list: it acts as a force" in verdict.sentence

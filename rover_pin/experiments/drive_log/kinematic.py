@@ -18,8 +18,12 @@ def kinematic(experiment: DriveExperiment, rover: Rover) -> tuple[Baseline, ...]
     """Return the held-out errors of odometry, v = (1 - s) mean(r omega) and psi' = g (right - left) r omega.
 
     One slip s and one g for all runs but the one that is predicted, fitted to each channel by least squares; the rover
-    goes where it heads. Unlike the model, which is given the duties, it is given the measured wheel rates.
+    goes where it heads. Unlike the model, which is given the duties, it is given the measured wheel rates; where one
+    was not measured there is no odometry.
     """
+    rates = [f"wheel_rate_{wheel.name}" for wheel in rover.wheels]
+    if any(rate not in run.measured for run in experiment.runs for rate in rates):
+        return ()
     names = [name for name in (PATH, DRIFT, HEADING, SPEED) if name in experiment.channels]
     found = []
     for name in names:
