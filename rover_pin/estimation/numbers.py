@@ -80,7 +80,7 @@ def settled(fitted: Fit) -> Fit:
     noise = fitted.task.noise
     if not fitted.task.experiment.is_exact or is_adequate(fitted):
         return fitted
-    task = replace(fitted.task, noise=replace(noise, sd=noise.sd * math.sqrt(max(fitted.misfit, 1.0))))
+    task = replace(fitted.task, noise=replace(noise, sd=noise.sd * math.sqrt(fitted.misfit)))
     return fit(task, fitted.model, fitted.parameters, fitted.u)
 
 

@@ -12,18 +12,20 @@ from rover_pin.errors import DataError, ParameterError
 from rover_pin.estimation import baselines
 from rover_pin.estimation.coordinates import Axis, Linear, Log, Space
 from rover_pin.estimation.covariance import covariance as data_covariance
+from rover_pin.estimation.covariance import own_share
 from rover_pin.estimation.descent import _bounded, _damped, _next_radius, descend
 from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.experiment import Experiment, Sensitivities
-from rover_pin.estimation.fit import STRETCH, _moved, _step, best_of, fit
+from rover_pin.estimation.fit import STRETCH, best_of, fit
+from rover_pin.estimation.gauss_newton import _moved, _searched, _steps
 from rover_pin.estimation.noise import Noise, declared_noise, huber, noise_of
 from rover_pin.estimation.numbers import implausible, intervals, is_adequate, settled
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import AT_BOUND, Best, LowerMinimum, interval, rise
 from rover_pin.estimation.profiles import profiles
-from rover_pin.estimation.task import Task
-from rover_pin.estimation.wording import Change, Outcome
+from rover_pin.estimation.task import Task, objective
+from rover_pin.estimation.wording import Change, Outcome, shown
 from rover_pin.quantity import Record, quantities, quantity
 
 FOLDS, SAMPLES = 3, 20
@@ -95,6 +97,7 @@ def test_a_linear_fit_is_least_squares_with_the_priors_as_rows(exact):
     rest = y - A @ u
     assert found.chi2 == pytest.approx(float(rest @ rest), rel=1e-9)
     assert found.freedom == FOLDS * SAMPLES - 1, "b alone has no prior"
+    assert fit(task, Plane(), tuple(replace(one, prior=False) for one in BOTH)).freedom == FOLDS * SAMPLES - 2
     assert found.misfit == pytest.approx(float(rest[:-1] @ rest[:-1]) / 59, rel=1e-9)
     assert found.covariance == pytest.approx(np.linalg.inv(A.T @ A), rel=1e-6)
     assert found.value("plane.b") == pytest.approx(2.0 * u[1])
@@ -158,7 +161,8 @@ def test_a_step_stays_within_bounds_as_bounded_least_squares_does(seed):
     columns, rows, u = draw.normal(size=(30, 3)), 2.0 * draw.normal(size=30), draw.uniform(-0.2, 0.2, 3)
     rows = np.clip(rows, -3.9, 3.9)
     parameters = tuple(number("a", 1.0, -0.3, 0.3, prior=at < 2) for at in range(3))
-    step, promised = _step(columns, rows, u, parameters)
+    (step, *shorter), promised = _steps(columns, rows, u, parameters)
+    assert [float(one @ step / (step @ step)) for one in shorter] == pytest.approx([1 / 3, 1 / 9])
     stacked = np.vstack([columns, np.diag([1.0, 1.0, math.sqrt(1e-9)])])
     right = -np.concatenate([rows, u * [1.0, 1.0, 0.0]])
     best = lsq_linear(stacked, right, (-0.3 - u, 0.3 - u), tol=1e-14).x
@@ -178,6 +182,69 @@ def test_a_start_beyond_a_bound_begins_on_it():
         assert found.u[0] == pytest.approx(0.5)
         A, y = matrix(task, bounded)
         assert found.u[1] == pytest.approx(float(A[:, 1] @ (y - 0.5 * A[:, 0]) / (A[:, 1] @ A[:, 1])), abs=1e-6)
+
+
+def test_without_a_free_number_a_fit_is_the_model_itself():
+    found = fit(made(), Plane(1.0, 2.0), ())
+    assert found.predicted == pytest.approx(X[0] + 2.0 * X[1])
+    assert found.u.shape == (0,)
+
+
+def test_slopes_that_are_wrong_are_computed_again():
+    """Given ones serve first; where their step does not help, own ones end at least squares."""
+    task = made()
+    true = fit(task, Plane(), BOTH)
+    wrong = {name: -values for name, values in true.slopes.items()}
+    assert fit(task, Plane(), BOTH, slopes=wrong).u == pytest.approx(true.u, abs=1e-6)
+    assert fit(task, Plane(), BOTH, slopes=wrong, stale=True).u == pytest.approx(true.u, abs=1e-6)
+    kept = fit(task, Plane(), BOTH, slopes=wrong, reuse=True)
+    assert kept.u == pytest.approx(np.zeros(2)), "with reuse given slopes stay as they are"
+
+
+class Asked(Line):
+    """Remembers the a of every model that it was asked for."""
+
+    def predict(self, models):
+        self.a = [*getattr(self, "a", []), *(one.a for one in models)]
+        return super().predict(models)
+
+
+@pytest.mark.parametrize(("enough", "reached", "asked"), [(0.0, 9.0, [9.0]), (1e9, 3.0, [9.0, 3.0, 1.0])])
+def test_where_the_first_step_is_not_enough_the_lowest_of_all_is_taken(enough, reached, asked):
+    """chi2 is least at a = 3: 9 is better than 11, 3 is best."""
+    bed = Asked(3.0 * X[0])
+    task = Task(bed, declared_noise(np.array([100.0]), bed.observed))
+    free = (number("a", prior=False),)
+    steps = [np.array([-2.0]), np.array([-8.0]), np.array([-10.0])]
+    here = np.array([11.0]), 11.0 * X[0], objective(task.rows(11.0 * X[0]), np.array([11.0]), free)
+    u, predicted, chi2 = _searched(task, Plane(), free, here, steps, enough)
+    assert bed.a == pytest.approx(asked)
+    assert float(u[0]) == reached
+    assert predicted == pytest.approx(reached * X[0])
+    assert chi2 == pytest.approx(objective(task.rows(predicted), u, free))
+    lowest = np.array([3.0]), 3.0 * X[0], 0.0
+    assert _searched(task, Plane(), free, lowest, steps, enough) is lowest
+
+
+def test_what_is_assumed_of_a_number_is_said_in_its_unit_or_in_per_cent():
+    assert number("a", 0.25, origin=2.0).assumed == "2 +- 0.25"
+    assert Parameter("k", 2.0, 0.25, 1e-3, 9.0, log=True).assumed == "2 +- 25.0%"
+    assert number("a", prior=False).assumed == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "words"),
+    [(0.0125, "m", "12.5 mm"), (2500.0, "Pa", "2.5 kPa"), (2500.0, "Pa/m^n", "2.5 kPa/m^n"),
+     (math.pi, "rad", "180 deg"), (3.0, "N", "3 N"), (0.5, "", "0.5")],
+)  # fmt: skip
+def test_a_reader_gets_a_readers_unit(value, unit, words):
+    assert shown(value, unit) == words
+
+
+@pytest.mark.parametrize(("low", "bound"), [(0.0, 1e-6), (0.5, 0.25), (-3.0, 1e-6)])
+def test_a_logarithm_stops_at_a_millionth_of_its_origin_or_its_own_bound(low, bound):
+    one = Parameter("k", 2.0, 1.0, low, 8.0, log=True)
+    assert one.bounds == pytest.approx((math.log(bound), math.log(4.0)))
 
 
 def test_a_difference_stays_inside_the_bounds_and_tells_its_step():
@@ -311,6 +378,19 @@ def test_what_a_channel_lacks_says_nothing_of_the_others():
     assert rows == pytest.approx([1.0, -0.75 + 2.5, 3.75])
 
 
+def test_runs_are_laid_end_to_end_for_what_channels_share():
+    """Two runs are one run with a gap between them."""
+    draw = np.random.default_rng(11)
+    common = draw.normal(size=(2, 1, 30))
+    residual = common * [[[1.0], [2.0]]] + draw.normal(size=(2, 2, 30))
+    two = noise_of(residual, np.ones((2, 2, 30), dtype=bool), np.zeros(2))
+    joined, good = np.zeros((1, 2, 61)), np.ones((1, 2, 61), dtype=bool)
+    joined[0, :, :30], joined[0, :, 31:], good[0, :, 30] = residual[0], residual[1], False
+    one = noise_of(joined, good, np.zeros(2))
+    for name in ("sd", "rho", "mixing"):
+        assert getattr(two, name) == pytest.approx(getattr(one, name), rel=1e-9), name
+
+
 def test_channels_that_are_silent_have_no_memory():
     found = noise_of(np.zeros((1, 2, 9)), np.ones((1, 2, 9), dtype=bool), np.full(2, 0.1))
     assert found.sd.tolist() == [0.1, 0.1]
@@ -319,10 +399,10 @@ def test_channels_that_are_silent_have_no_memory():
 
 def test_correlations_that_contradict_one_another_are_made_possible():
     """Pairs of three channels that meet at blocks of their own, as +1, +1 and -1: no eigenvalue below 0.05 stays."""
-    residual, good = np.zeros((1, 3, 36)), np.zeros((1, 3, 36), dtype=bool)
-    signs = np.array([1.0, -1.0, -1.0, 1.0] * 3)
+    residual, good = np.zeros((1, 3, 42)), np.zeros((1, 3, 42), dtype=bool)
+    signs = np.array([1.0, -1.0, 1.0, 1.0] * 3)
     for part, (i, j, sign) in enumerate(((0, 1, 1.0), (0, 2, 1.0), (1, 2, -1.0))):
-        at = slice(12 * part, 12 * part + 12)
+        at = slice(14 * part, 14 * part + 12)
         residual[0, i, at], residual[0, j, at] = signs, sign * signs
         good[0, [i, j], at] = True
     found = noise_of(residual, good, np.zeros(3))
@@ -337,13 +417,14 @@ def test_correlations_that_contradict_one_another_are_made_possible():
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_stray_counts_as_three_sd_of_its_own_channel_in_its_memory(sign):
     """Of a channel whose SD is 0.01: clipped at .03, not at 3."""
-    row = 0.01 / 1.4826 * np.tile([1.0, -1.0], 20)
+    row = 0.01 / 1.4826 * np.tile([1.0, 1.0, -1.0, -1.0], 10)
     row[7:9] = 5.0 * sign
     found = noise_of(row[None, None], np.ones((1, 1, 40), dtype=bool), np.zeros(1))
     clipped = np.clip(row, -0.03, 0.03)
     memory = np.mean(clipped[1:] * clipped[:-1]) / np.mean(clipped**2)
     assert found.sd[0] == pytest.approx(0.01)
-    assert found.rho[0] == pytest.approx(max(memory, 0.0))
+    assert found.rho[0] == pytest.approx(memory)
+    assert 0.1 < memory < 0.9
 
 
 MIDDLE = 3.0
@@ -378,6 +459,7 @@ def test_an_interval_about_a_fit_is_1_96_sd_and_ends_at_bounds_that_it_does_not_
         assert off.high == pytest.approx(MIDDLE + min(bounds[1], 1.959964 * own))
         assert off.closed is (bounds == (-10.0, 10.0))
     assert not wide._replace(at_bound=False).note
+    assert wide.said.endswith("mm]")
     assert type(wide)(*wide[:6]).note == ""
 
 
@@ -431,7 +513,7 @@ class Rows:
         return self.A @ u - self.y, self.A
 
 
-@pytest.mark.parametrize(("near", "pinned"), [(0.5, True), (2.0, False)])
+@pytest.mark.parametrize(("near", "pinned"), [(0.8, True), (1.2, False)])
 @pytest.mark.parametrize("side", [-1, 1])
 def test_another_number_is_pinned_within_a_ten_thousandth_of_its_range(near, pinned, side):
     """Where u0's interval ends, u1 stands just off its own bound."""
@@ -442,6 +524,13 @@ def test_another_number_is_pinned_within_a_ten_thousandth_of_its_range(near, pin
     found = interval(problem, Best(y.copy(), 0.0, np.eye(2)), 0)
     assert (found.low, found.high) == pytest.approx((-1.959964, 1.959964), rel=4e-3)
     assert (found.pinned == (1,)) is pinned
+
+
+def test_nothing_is_pinned_at_a_bound_that_is_infinitely_far():
+    for low, high in ((-np.inf, 5.0), (-5.0, np.inf), (-np.inf, np.inf)):
+        for at in (np.array([0.0, -4.95]), np.array([0.0, 4.95])):
+            problem = Rows(np.eye(2), at, (-9.0, low), (9.0, high))
+            assert interval(problem, Best(at, 0.0, np.eye(2)), 0).pinned == ()
 
 
 def test_the_rise_is_the_root_of_what_chi2_gained_and_others_follow():
@@ -494,7 +583,7 @@ def test_a_lower_minimum_is_one_that_is_lower_by_a_thousandth(fall, lower):
     assert rise(problem, best._replace(chi2=0.0), 0, 0.05, np.zeros(2))[0] == pytest.approx(0.05)
 
 
-@pytest.mark.parametrize("unit", [1e-9, 1e9])
+@pytest.mark.parametrize("unit", [1e-15, 1e9])
 def test_a_damped_step_does_not_depend_on_the_rows_unit(unit):
     draw = np.random.default_rng(2)
     A, r = draw.normal(size=(8, 3)), draw.normal(size=8)
@@ -514,16 +603,33 @@ def test_a_damped_step_is_as_long_as_it_may_be(radius):
 
 def test_a_trust_radius_is_twice_a_good_step_and_a_quarter_of_a_bad_one():
     step = np.array([3.0, 4.0])
-    assert _next_radius(1.0, step, 0.8, 1.0) == 10.0
-    assert _next_radius(30.0, step, 0.8, 1.0) == 30.0
-    assert _next_radius(7.0, step, 0.5, 1.0) == 7.0
-    assert _next_radius(7.0, step, 0.2, 1.0) == 1.25
+    assert _next_radius(1.0, step, 1.6, 2.0) == 10.0
+    assert _next_radius(30.0, step, 1.6, 2.0) == 30.0
+    assert _next_radius(7.0, step, 1.4, 2.0) == 7.0
+    assert _next_radius(7.0, step, 0.6, 2.0) == 7.0
+    assert _next_radius(7.0, step, 0.4, 2.0) == 1.25
 
 
 def test_a_step_that_leaves_no_bound_is_taken_as_it_is():
     low, high = np.full(2, -9.0), np.array([1.5, 9.0])
     assert _bounded(np.zeros(2), np.array([1.0, 2.0]), low, high).tolist() == [1.0, 2.0]
     assert _bounded(np.zeros(2), np.array([3.0, 2.0]), low, high).tolist() == [1.5, 1.0]
+
+
+def test_a_descent_leaves_a_bound_that_it_began_on():
+    low, high = (-1.0, -1.0), (2.0, 2.0)
+    for start in ([-1.0, 2.0], [2.0, -1.0], [-1.0, -1.0], [2.0, 2.0]):
+        u, _ = descend(Rows(np.eye(2), np.array([0.3, 0.7]), low, high), np.array(start))
+        assert u == pytest.approx([0.3, 0.7], abs=1e-6)
+
+
+def test_what_others_cannot_reproduce_of_a_column_knows_no_unit():
+    columns = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 2.0], [0.5, 0.0, 0.0]])
+    plain = [own_share(columns, at) for at in range(3)]
+    for unit in (1e-18, 1e12):
+        assert [own_share(columns * [1.0, unit, 1.0], at) for at in range(3)] == pytest.approx(plain, rel=1e-9)
+    assert own_share(np.array([[0.2], [0.1]]), 0) == 1.0
+    assert own_share(np.zeros((2, 1)), 0) == 0.0
 
 
 def test_a_covariance_of_fewer_rows_than_numbers_is_huge_where_nothing_is_told():
@@ -557,14 +663,14 @@ def test_descents_and_intervals_know_no_origin_and_no_unit():
         counts.append(problem.asked)
     assert counts[0] == counts[1] < 40
     found = []
-    for unit in (1.0, 2e-2):
-        problem = Bent((0.0, 0.0), unit)
+    for unit, place in ((1.0, 0.0), (2e-2, 0.0), (1.0, 500.0)):
+        problem = Bent((place, 0.0), unit)
         covariance = unit**2 * np.diag([1.0, 1.0 / 9.0])
-        ends = interval(problem, Best(np.zeros(2), 0.0, covariance), 0)
-        found.append((ends.low / unit, ends.high / unit))
+        ends = interval(problem, Best(problem.place, 0.0, covariance), 0)
+        found.append(((ends.low - place) / unit, (ends.high - place) / unit))
         assert problem.asked < 60
-    assert found[0] == pytest.approx((-1.959964, 1.959964), rel=4e-3)
-    assert found[1] == pytest.approx((-1.959964, 1.959964), rel=4e-3)
+    for ends in found:
+        assert ends == pytest.approx((-1.959964, 1.959964), rel=4e-3)
 
 
 def test_of_two_likelihoods_the_better_is_taken(monkeypatch):

@@ -1,6 +1,7 @@
 """Changes of fits, their numbers and noise that change no result: file, change as it is told, and the reason."""
 
 FIRST = "where a refit begins: it descends to the same"
+CUT = "where a bracket is cut: the end that it closes on is the same"
 MORE = "one more try before it gives up, or ends where it was as good"
 LEAVES = "what would leave its bound is taken out below, step by step"
 
@@ -17,7 +18,7 @@ ESTIMATION: dict[tuple[str, str], str] = {
         "TRIES = 60: 60 -> 61",
     ): MORE,
     (
-        "rover_pin/estimation/fit.py",
+        "rover_pin/estimation/gauss_newton.py",
         "stuck = gained < SETTLED if fresh else promised < SETTLED and not stale: gained < SETTLED -> "
         "(promised < SETTLED and not stale)",
     ): "a fit that gains nothing by new slopes looks once more, and ends where it was",
@@ -27,8 +28,8 @@ ESTIMATION: dict[tuple[str, str], str] = {
     ): LEAVES,
     (
         "rover_pin/estimation/profile.py",
-        "return np.clip(best.u + along * (x - best.u[index]), problem.space.low, problem.space.high): "
-        "along * (x - best.u[index]) -> (along)",
+        "return np.clip(best.u + along * (x - best.u[index]), problem.space.low, problem.space.high): along "
+        "* (x - best.u[index]) -> (along)",
     ): FIRST,
     (
         "rover_pin/estimation/profile.py",
@@ -37,7 +38,7 @@ ESTIMATION: dict[tuple[str, str], str] = {
     (
         "rover_pin/estimation/profile.py",
         "share = (target - inside[1]) / (outside[1] - inside[1]) if turn % 3 else 0.5: 0.5 -> 0.55",
-    ): "where a bracket is cut: the end that it closes on is the same",
+    ): CUT,
     (
         "rover_pin/estimation/noise.py",
         "table = np.moveaxis(rows, 1, 0).reshape(residual.shape[1], -1): 1 -> 2",
@@ -104,13 +105,13 @@ ESTIMATION: dict[tuple[str, str], str] = {
     ): "a sum is finite where a difference is",
     (
         "rover_pin/estimation/profiles.py",
-        "points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at]): "
-        "spread[:, at] / spread[at, at] -> (spread[:, at])",
+        "points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at]): spread[:, at] / spread[at, at] -> "
+        "(spread[:, at])",
     ): FIRST,
     (
         "rover_pin/estimation/profiles.py",
-        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): "
-        "fitted.u + direction * (u - fitted.u[at]) -> (fitted.u)",
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): fitted.u + direction * (u - "
+        "fitted.u[at]) -> (fitted.u)",
     ): FIRST,
     (
         "rover_pin/estimation/wording.py",
@@ -120,4 +121,171 @@ ESTIMATION: dict[tuple[str, str], str] = {
         "rover_pin/estimation/wording.py",
         "sense = (Outcome.BETTER if self.share < 0 else Outcome.WORSE).value: < -> <=",
     ): "of a share of 0 neither word is true, and its scatter is told",
+    (
+        "rover_pin/estimation/descent.py",
+        "if share[first] >= 1:: >= -> >",
+    ): "a share of 1 ends where the step does",
+    (
+        "rover_pin/estimation/profile.py",
+        "share = (target - inside[1]) / (outside[1] - inside[1]) if turn % 3 else 0.5: outside[1] - "
+        "inside[1] -> (outside[1])",
+    ): CUT,
+    (
+        "rover_pin/estimation/descent.py",
+        "idle = idle + 1 if fall < GAIN else 0: 1 -> 2",
+    ): MORE,
+    (
+        "rover_pin/estimation/wording.py",
+        "return Outcome.BETTER if self.high < 0 else Outcome.WORSE: < -> <=",
+    ): "where high is 0 the interval holds 0, and the line before has answered",
+    (
+        "rover_pin/estimation/profile.py",
+        "z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if kept is best.u else kept): "
+        "is -> is not",
+    ): FIRST,
+    (
+        "rover_pin/estimation/descent.py",
+        "free = ~(((u <= low) & (gradient > 0)) | ((u >= high) & (gradient < 0))): > -> >=",
+    ): "two numbers that are worked out are never equal",
+    (
+        "rover_pin/estimation/descent.py",
+        "trial[first] = (low if step[first] < 0 else high)[first]: < -> <=",
+    ): "the first bound is of a step that is not 0",
+    (
+        "rover_pin/estimation/gauss_newton.py",
+        "TURNS = 6: 6 -> 7",
+    ): MORE,
+    (
+        "rover_pin/estimation/profile.py",
+        "x = _within(centre + side * target * sd, centre, bound): side * target -> (side)",
+    ): FIRST,
+    (
+        "rover_pin/estimation/fit.py",
+        "owner = np.arange(good.shape[0])[:, None, None] * (stretch[-1] + 1) + stretch[None, None, :]: 1 -> 2",
+    ): "any number that is each stretch's own",
+    (
+        "rover_pin/estimation/profile.py",
+        "return _within(limits[0] + reach * min(target / max(inside[1], 0.1 * target) * 1.05, 4.0), "
+        "*limits): min -> max",
+    ): FIRST,
+    (
+        "rover_pin/estimation/exact.py",
+        "root = np.sqrt(np.where(stray, huber_losses(rows), 1.0)): 1.0 -> 1.1",
+    ): "not read where no row is a stray",
+    (
+        "rover_pin/estimation/profiles.py",
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): - -> +",
+    ): FIRST,
+    (
+        "rover_pin/estimation/profile.py",
+        "CLOSE = 3e-3: 3e-3 -> 0.0033000000000000004",
+    ): "an end that is found nearer",
+    (
+        "rover_pin/estimation/gauss_newton.py",
+        "SETTLED = 0.3: 0.3 -> 0.33",
+    ): "how near its end a fit stops",
+    (
+        "rover_pin/estimation/gauss_newton.py",
+        "right = -(columns.T @ (weights * rows)) - np.where(np.diag(prior) == 1.0, u, 0.0): == -> >=",
+    ): "it is 1 or next to 0",
+    (
+        "rover_pin/estimation/profiles.py",
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): fitted.u + direction * (u - "
+        "fitted.u[at]) -> (direction * (u - fitted.u[at]))",
+    ): FIRST,
+    (
+        "rover_pin/estimation/profile.py",
+        "z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if kept is best.u else kept): "
+        "kept -> (_follow(problem, best, index, x))",
+    ): FIRST,
+    (
+        "rover_pin/estimation/profile.py",
+        "z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if kept is best.u else kept): "
+        "_follow(problem, best, index, x) -> (kept)",
+    ): FIRST,
+    (
+        "rover_pin/estimation/profiles.py",
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): u - fitted.u[at] -> (u)",
+    ): FIRST,
+    (
+        "rover_pin/estimation/baselines.py",
+        "K = kernel(inputs, inputs, log) + np.exp(2 * log[1]) * np.eye(len(y)): 2 -> 3",
+    ): SAME_HEIGHT,
+    (
+        "rover_pin/estimation/profile.py",
+        "x = _within(centre + side * target * sd, centre, bound): side * target * sd -> (side * target)",
+    ): FIRST,
+    (
+        "rover_pin/estimation/profile.py",
+        "return np.clip(best.u + along * (x - best.u[index]), problem.space.low, problem.space.high): best.u "
+        "+ along * (x - best.u[index]) -> (along * (x - best.u[index]))",
+    ): FIRST,
+    (
+        "rover_pin/estimation/profile.py",
+        "return _within(limits[0] + reach * min(target / max(inside[1], 0.1 * target) * 1.05, 4.0), "
+        "*limits): 4.0 -> 4.4",
+    ): FIRST,
+    (
+        "rover_pin/estimation/descent.py",
+        "if not fall > promised / 4:: > -> >=",
+    ): "two numbers that are worked out are never equal",
+    (
+        "rover_pin/estimation/profile.py",
+        "return _within(limits[0] + reach * min(target / max(inside[1], 0.1 * target) * 1.05, 4.0), "
+        "*limits): 1.05 -> 1.1550000000000002",
+    ): FIRST,
+    (
+        "rover_pin/estimation/profiles.py",
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): direction * (u - fitted.u[at]) -> "
+        "(direction)",
+    ): FIRST,
+    (
+        "rover_pin/estimation/profile.py",
+        "share = (target - inside[1]) / (outside[1] - inside[1]) if turn % 3 else 0.5: (target - inside[1]) "
+        "/ (outside[1] - inside[1]) -> (0.5)",
+    ): CUT,
+    (
+        "rover_pin/estimation/profile.py",
+        "x = _within(centre + side * target * sd, centre, bound): * -> /",
+    ): FIRST,
+    (
+        "rover_pin/estimation/baselines.py",
+        "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: -2.0 -> (2.0)",
+    ): BOX,
+    (
+        "rover_pin/estimation/baselines.py",
+        "return np.exp(2 * log[0] - distance.sum(axis=2) / 2): / -> *",
+    ): SAME_HEIGHT,
+    (
+        "rover_pin/estimation/baselines.py",
+        "return np.exp(2 * log[0] - distance.sum(axis=2) / 2): distance.sum(axis=2) / 2 -> (distance.sum(axis=2))",
+    ): SAME_HEIGHT,
+    (
+        "rover_pin/estimation/descent.py",
+        "room = np.where(step < 0, low - u, high - u): < -> <=",
+    ): "the room of a number that does not move is not read",
+    (
+        "rover_pin/estimation/descent.py",
+        "if fall > 0:: > -> >=",
+    ): "two numbers that are worked out are never equal",
+    (
+        "rover_pin/estimation/descent.py",
+        "if radius < SMALLEST or idle == IDLE:: == -> >=",
+    ): "it grows by one a step",
+    (
+        "rover_pin/estimation/gauss_newton.py",
+        "TO_THE_END = 40, 12: 12 -> 13",
+    ): MORE,
+    (
+        "rover_pin/estimation/exact.py",
+        "return [centre, *(centre + draws)]: + -> -",
+    ): "drawn alike on either side",
+    (
+        "rover_pin/estimation/noise.py",
+        "if self.sd.ndim > 1:: 1 -> 2",
+    ): "SDs are of channels or of every block: one dimension, or three",
+    (
+        "rover_pin/estimation/noise.py",
+        "power = float(np.nanmean(clipped**2)) if both.any() else 0.0: 0.0 -> 0.1",
+    ): "where no two blocks follow one another there is no product to divide",
 }
