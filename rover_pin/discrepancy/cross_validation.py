@@ -35,6 +35,11 @@ def left_out_by_refits(fitted: Fit) -> np.ndarray:
     return np.array([surprise(fitted, owner == run, rows) for run in range(len(fitted.predicted))])
 
 
+def held_out_losses(fitted: Fit) -> np.ndarray:
+    """Return how badly the others predict every fold: its robust chi2 where fits are exact, else its `surprise`."""
+    return losses_of(fitted) if fitted.task.experiment.is_exact else left_out_by_refits(fitted)
+
+
 def seen_again(without: np.ndarray, found: np.ndarray) -> float:
     """Return the fall of `surprise` over all runs; of three and more that which falls most does not count.
 

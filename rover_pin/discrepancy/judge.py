@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.discrepancy.answer import TAKES_MOST, Answer
 from rover_pin.discrepancy.candidate import Candidate, is_effect
-from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out, without_each
+from rover_pin.discrepancy.cross_validation import held_out_losses, without_each
 from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
 from rover_pin.discrepancy.held_out import ChannelScore, held_out
 from rover_pin.discrepancy.refit import Progress
@@ -245,8 +245,8 @@ def share_taken(found: Search) -> float:
 
 
 def held_out_share(base: Fit, last: Fit) -> float:
-    """Return the share of the held-out chi2 beyond the noise that what was added takes; at least 0."""
-    was, now = (loss_of(base, refitted_left_out(one)) for one in (base, last))
+    """Return the share of the held-out losses beyond the noise that what was added takes; at least 0."""
+    was, now = (float(held_out_losses(one).sum()) for one in (base, last))
     beyond = was - base.task.noise.count
     return float(np.clip((was - now) / beyond, 0.0, 1.0)) if beyond > 0 else float(now < was)
 

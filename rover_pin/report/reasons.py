@@ -14,6 +14,8 @@ MOST = 4
 """Reasons on the first screen; all of them stand further below."""
 LOUD = 1.5
 """Times its noise from which a channel that is left over is a reason to doubt."""
+MORE = 1.25
+"""Times what it was from which a left-out fold's chi2 is a reason to doubt."""
 
 
 WRITE_IT = (
@@ -105,6 +107,12 @@ def _doubts(verdict: Verdict, manner: Manner) -> Iterator[str]:
         yield from _chosen(verdict, manner, False)
     if len(verdict.alike) > 1:
         yield f"{listing(verdict.alike[1:4], 'or')} cannot be told from it by these data"
+    left = max(verdict.runs, key=lambda one: one.after / max(one.before, 1e-9), default=None)
+    if verdict.named and left is not None and left.after > MORE * left.before:
+        yield (
+            f"{left.run} is predicted worse with it by the others (chi2 for each number "
+            f"{two_digits(left.before)} -> {two_digits(left.after)}): what it tells they do not"
+        )
     loud = [one for one in worst(verdict.scores) if one.after > LOUD * one.floor]
     if loud and verdict.named:
         one = loud[0]

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.motion.effect_files import package_effects
 from rover_pin.report.drive.report import manner_of
 from rover_pin.report.first_screen import FirstScreen, first_lines
@@ -96,6 +96,13 @@ def test_folds_that_choose_otherwise_are_a_doubt_those_that_agree_a_reason(verdi
     other = dataclasses.replace(verdict, chosen=dict.fromkeys("abc", ""))
     assert any("chosen anew in 0 of 3" in line for line in doubt(other, RIG))
     assert not any("chosen anew" in line for line in believe(other, RIG))
+
+
+@pytest.mark.parametrize(("after", "doubted"), [(6.15, True), (2.5, False), (1.0, False)])
+def test_a_run_that_the_others_predict_worse_is_a_doubt(verdict, after, doubted):
+    runs = (RunScore("climb-1", 90, 1.2, 0.9, -0.3, -0.1), RunScore("climb-steps", 80, 2.1, after, -0.5, 6.0))
+    line = "Climb-steps is predicted worse with it by the others (chi2 for each number 2.1 -> 6.2): what it tells they"
+    assert any(one.startswith(line) for one in doubt(dataclasses.replace(verdict, runs=runs), RIG)) is doubted
 
 
 def test_free_runs_speak_for_a_drive(verdict):
