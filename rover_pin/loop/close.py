@@ -14,16 +14,15 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
 from rover_pin.loop.bed import close_on_bed, own_kind, read_bed
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
 from rover_pin.loop.provenance import command
 from rover_pin.loop.rig import close_rig_loop
+from rover_pin.loop.start import start_on
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.motion.model import Model
-from rover_pin.motion.model_toml import read_model
 from rover_pin.paths import is_file, is_folder
 from rover_pin.results_folder import alone_in
 from rover_pin.trust import Trust
@@ -146,6 +145,5 @@ def read_data(data: str | Path, trust: Trust = Trust()) -> RigSet | DriveLog:
 
 
 def read_start(model: str | Path, data: str | Path, trust: Trust = Trust()) -> RigModel | Model:
-    """Return the model of a file that a loop on these data can start from: a wheel's, or a rover's on their terrain."""
-    log = _drive_log(data, trust)
-    return read_rig_model(model, trust) if log is None else read_model(model, log.terrain(), trust)
+    """Return the model of a file that a loop on these data can start from; see `start_on`."""
+    return start_on(read_data(data, trust), model, trust)

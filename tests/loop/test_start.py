@@ -1,0 +1,79 @@
+"""A model goes everywhere: a wheel's drives a rover, bounds, tunes and starts a log's loop; a rover's goes to a rig."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.control.tuning_study import DriveCase, TuningStudy
+from rover_pin.effects.exit_angle import ExitAngle
+from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.effects.slip_sinkage import SlipSinkage
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.errors import DataError
+from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
+from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
+from rover_pin.loop.close import read_start
+from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.motion.model_toml import write_model
+from rover_pin.scenarios import scenario
+
+DATA = Path(__file__).parents[2] / "studies" / "data"
+LOG, RIG = DATA / "steepening-slope", DATA / "cmu-smooth-wheel"
+SAND = Soil(k=0.012, k_1=80e3, k_2=0.0)
+
+
+@pytest.fixture
+def wheels(tmp_path):
+    return write_rig_model(RigModel(Wheel(0.08, 0.07), SAND, (*PAPER, SlipSinkage(n_1=0.7))), tmp_path / "rig.toml")
+
+
+def test_a_wheels_model_starts_the_loop_of_a_log(wheels):
+    model, log = read_start(wheels, LOG), read_drive_log(LOG)
+    assert model.soils[0] == SAND
+    assert model.effect(SlipSinkage).n_1 == 0.7
+    assert model.effect(SoilTraction) == PAPER[0]
+    assert [one.name for one in model.rover.wheels] == [one.name for one in log.load_rover().wheels]
+    assert model.rover.wheel == log.load_rover().wheel
+
+
+def test_a_wheels_model_drives_is_bounded_and_tuned_for(wheels, run):
+    driven = scenario("flat", model=str(wheels), duration=1.0)
+    assert driven.model.effect(SlipSinkage).n_1 == 0.7
+    code, out, _ = run("bounds", "--model", wheels, "--json")
+    assert code == 0
+    assert '"climbable_at_full_shear_deg"' in out
+    study = TuningStudy("one", (DriveCase("flat", "flat", (("duration", 1.0),)),), ()).on_model(wheels)
+    assert ("model", str(wheels)) in study.training[0].settings
+
+
+def test_a_rovers_model_goes_to_a_rig_without_what_a_rig_has_not(tmp_path, caplog):
+    model = scenario("flat").model
+    path = write_model(model.having(ExitAngle(e_1=0.2)).having(WeakMotor(g=0.3, wheel=0)), tmp_path / "model.toml")
+    with caplog.at_level(logging.WARNING):
+        start = read_start(path, RIG)
+    assert start.wheel == Wheel(0.0625, 0.06)
+    assert start.soil == model.soils[0]
+    assert [type(effect) for effect in start.effects] == [SoilTraction, MotionResistance, ExitAngle]
+    assert "model.toml: WeakMotor cannot act at a wheel on a rig: left out." in caplog.text
+    assert np.isfinite(start.predict([20.0, 20.0], [0.1, 0.4]).drawbar_pull).all()
+
+
+def test_what_stands_in_no_file_of_a_model_is_refused(tmp_path):
+    none = write_rig_model(RigModel(Wheel(), SAND, ()), tmp_path / "none.toml")
+    with pytest.raises(DataError, match=r"must have one \[\[effect\]\] SoilTraction"):
+        read_start(none, LOG)
+    (tmp_path / "odd.toml").write_text("kind = 'odd'\n")
+    with pytest.raises(DataError, match="kind = 'odd' is not a rig model"):
+        read_start(tmp_path / "odd.toml", RIG)
+    with pytest.raises(DataError, match="kind = 'odd'"):
+        read_start(tmp_path / "odd.toml", LOG)
+
+
+def test_an_added_effect_has_the_number_of_its_word(run, tmp_path):
+    code, _, _ = run("drive", "flat", "--add", "SlipSinkage.n_1=1.4", "--set", "duration=1", "--json", "-q")
+    assert code == 0
+    assert scenario("flat", add="SlipSinkage.n_1=1.4").model.effect(SlipSinkage).n_1 == 1.4
