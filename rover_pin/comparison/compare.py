@@ -63,7 +63,7 @@ def kind_of(path: Path) -> Kind:
     DataError
         Nothing, or something else.
     """
-    if is_file(path / verdicts.FILE) or path.suffix == ".json":
+    if is_file(path / verdicts.FILE) or (path.suffix == ".json" and is_file(path)):
         return Kind.VERDICT
     if is_file(path / DRIVE_FILE) or path.suffix == ".parquet":
         return Kind.DRIVE

@@ -135,7 +135,10 @@ def _drive_log(data: object, trust: Trust = Trust()) -> DriveLog | None:
     if not is_file(Path(data) / RIG_FILE):
         wrong = f"there is neither {RIG_FILE} nor {FILE} in it" if is_folder(Path(data)) else "there is no such folder"
         wrong = f"this is a file, {wrong}" if is_file(Path(data)) else wrong
-        raise DataError(f"{data}: {wrong}; give that of a wheel-rig set ({RIG_FILE}) or of a drive log ({FILE}).")
+        raise DataError(
+            f"{data}: {wrong}; give that of a wheel-rig set ({RIG_FILE}) or of a drive log ({FILE}); close-loop also "
+            "takes that of a slip-slope table (slope.toml)."
+        )
     return None
 
 

@@ -56,8 +56,9 @@ def _panel(axes: Axes, rows: Any, drives: list[str]) -> None:
         own = rows[rows["control"] == control]
         marker, colour = next(look for start, look in LOOKS.items() if control.startswith(start))
         fed = control.endswith("eq9")
+        name = f"{control} slip" if ", " in control else control
         axes.plot(
-            own["cost"], [places[drive] for drive in own["drive"]], ls="", label=control, marker=marker, ms=7,
+            own["cost"], [places[drive] for drive in own["drive"]], ls="", label=name, marker=marker, ms=7,
             mec=colour, mfc="none" if fed else colour, mew=1.5, zorder=2,
         )  # fmt: skip
     axes.set_yticks(list(places.values()), list(places), fontsize=8)

@@ -126,7 +126,8 @@ def test_two_kinds_or_nothing_are_refused_in_one_sentence(tmp_path, run):
     assert code == 2
     assert "is a verdict" in err
     assert "compare two of a kind." in err
-    assert "nothing to compare is there: give the folder of a close-loop" in run("compare", tmp_path, file)[2]
+    for other in (tmp_path, tmp_path / "gone.json"):
+        assert "nothing to compare is there: give the folder of a close-loop" in run("compare", other, file)[2]
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"name": 1, "answer": 2, "effects": 3, "held_out": 4, "after": 5}'])

@@ -85,6 +85,8 @@ def test_a_tunings_figure_has_every_drive_of_both_sets():
     assert [each.get_text() for each in above.get_yticklabels()] == ["drive 0", "drive 1", "drive 2"]
     assert [each.get_text() for each in below.get_yticklabels()] == ["drive 0", "drive 1"]
     (legend,) = figure.legends
-    assert [each.get_text() for each in legend.get_texts()] == controls
-    (tuned,) = (line for line in above.lines if line.get_label() == "tuned, true")
+    assert [each.get_text() for each in legend.get_texts()] == [
+        *controls[:2], "before, true slip", "tuned, true slip", "before, eq9 slip", "tuned, eq9 slip",
+    ]  # fmt: skip
+    (tuned,) = (line for line in above.lines if line.get_label() == "tuned, true slip")
     assert list(tuned.get_xdata()) == pytest.approx([0.3, 1.3, 2.3])
