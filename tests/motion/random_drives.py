@@ -83,8 +83,8 @@ def number(rng, default, about):
 
 
 def drawn(rng, record):
-    """A record with every number drawn; what names a wheel or a place stays."""
-    named = {name: number(rng, float(getattr(record, name)), about) for name, about in quantities(record).items()}
+    """A record with every number drawn; what names a wheel or a place stays, and the exponent with which u fades."""
+    named = {name: number(rng, float(getattr(record, name)), about) for name, about in quantities(record).items() if name != "q"}
     return record.replace(**named)
 
 

