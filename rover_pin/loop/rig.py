@@ -92,7 +92,7 @@ def _start(data: RigSet, model: RigModel | Soil | None) -> RigModel:
     if isinstance(model, RigModel):
         return model
     soil = model if isinstance(model, Soil) else data.soil()
-    return RigModel(data.rig.wheel, soil, ASKEW if data.rig.askew.any() else PAPER)
+    return RigModel(data.rig.wheel, soil, ASKEW if data.rig.askew.any() else PAPER, data.rig.errors)
 
 
 def question_of(experiment: RigExperiment, model: RigModel, effects: str | Path | None = None) -> Question:

@@ -7,6 +7,7 @@ from pathlib import Path
 from rover_pin.errors import DataError
 from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.drive_points import read_drive_points
+from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.rig_physics import refuse_impossible
 from rover_pin.measurements.traction_points import read_traction_points
 from rover_pin.measurements.wheel_rig import read_wheel_rig
@@ -29,6 +30,11 @@ def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:
             raise DataError(
                 f"{path.name}: {int(rig.askew.sum())} of {rig.askew.size} runs have a slip angle; identify fits a "
                 "wheel that runs straight: give it the straight runs alone, or the whole set to close-loop."
+            )
+        if rig.errors != RigErrors() or rig.error_sd:
+            raise DataError(
+                f"{path.name}: [rig] states errors of the rig, which identify does not fit: give it to close-loop, "
+                "or take them off the points and the table away."
             )
         refuse_impossible(rig)
         return rig

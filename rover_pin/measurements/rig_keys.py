@@ -7,6 +7,7 @@ from typing import Any
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError, closest
+from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.quantity import quantities
 from rover_pin.toml_file import table_in
 
@@ -17,6 +18,7 @@ TABLES = {
     "files": ("points", "penetration", "transient"),
     "wheel": (*quantities(Wheel), "surface", "lug_height", "lug_count"),
     "soil": (*quantities(Soil), *BEKKER_UNITS, "bulk_density", "angle_of_repose"),
+    "rig": tuple(quantities(RigErrors)),
     "noise": tuple(f"{name}{end}" for name in CHANNELS for end in ("", "_over_load")),
 }
 """What each table may hold. Some keys tell a reader of the set only: surface, lugs, density, angle of repose."""

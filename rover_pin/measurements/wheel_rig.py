@@ -17,6 +17,7 @@ from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.measurements.channel import FIELDS, DrawbarPull, Predictor, RigChannel, SideForce, Sinkage, Torque
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
 from rover_pin.measurements.prediction import CompiledPrediction
+from rover_pin.measurements.rig_errors import RigErrors, stated_errors
 from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
 from rover_pin.measurements.tables import read_table
 from rover_pin.parameters.bekker import bekker, bekker_si
@@ -80,6 +81,8 @@ class WheelRig:
         name -> SD (SI) that is declared with a constant of `declared`.
     slip_angle : float or array [points]
         Angle between heading and travel, positive to the wheel's right [rad].
+    errors, error_sd : RigErrors and mapping
+        What the rig adds to its readings, and name -> SD of those that are not sure.
 
     Raises
     ------
@@ -97,6 +100,8 @@ class WheelRig:
     levels: np.ndarray | None = field(default=None, repr=False)
     doubts: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     slip_angle: Any = field(default=0.0, repr=False)
+    errors: RigErrors = field(default_factory=RigErrors)
+    error_sd: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     tells: ClassVar[frozenset[str]] = frozenset(FIELDS) - {"theta_1", "theta_2"}
     told_by: ClassVar[str] = "a wheel rig, whose arc follows from the load"
@@ -182,6 +187,7 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
             name: entry for name, entry in table_in(about, "wheel", where).items() if name in quantities(Wheel)
         }
         wheel = record_from(Wheel, wheel_table, where)
+        errors, error_sd = stated_errors(table_in(about, "rig", where), f"{where}: [rig]")
         _refuse_undersized(wheel_table, where)
         return WheelRig(
             wheel=wheel,
@@ -194,6 +200,8 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
             levels=table["level"].to_numpy() if "level" in table else None,
             doubts=_doubts(table_in(about, "soil", where), where),
             slip_angle=slip_angles(table, f"{folder.name}/{points.name}"),
+            errors=errors,
+            error_sd=error_sd,
         )
     except ParameterError as error:
         raise DataError(str(error)) from error

@@ -84,7 +84,11 @@ def number(rng, default, about):
 
 def drawn(rng, record):
     """A record with every number drawn; what names a wheel or a place stays, and the exponent with which u fades."""
-    named = {name: number(rng, float(getattr(record, name)), about) for name, about in quantities(record).items() if name != "q"}
+    named = {
+        name: number(rng, float(getattr(record, name)), about)
+        for name, about in quantities(record).items()
+        if name != "q"
+    }
     return record.replace(**named)
 
 

@@ -18,6 +18,7 @@ from rover_pin.effects.slip import sliding_speed
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.measurements.channel import FIELDS
+from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.quantity import quantities
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.sinkage import power_law_guess
@@ -75,6 +76,8 @@ class RigModel:
     wheel: Wheel
     soil: Soil
     effects: tuple[Effect, ...] = PAPER
+    errors: RigErrors = RigErrors()
+    "what the rig adds to its readings"
 
     def __post_init__(self) -> None:
         kinds = [type(effect).__name__ for effect in self.effects]
@@ -88,13 +91,14 @@ class RigModel:
 
     @property
     def records(self) -> dict[str, Any]:
-        """Wheel, soil and effects by name."""
-        return {"wheel": self.wheel, "soil": self.soil, **{type(one).__name__: one for one in self.effects}}
+        """Wheel, soil, the rig's errors and effects by name."""
+        own = {type(one).__name__: one for one in self.effects}
+        return {"wheel": self.wheel, "soil": self.soil, "rig": self.errors, **own}
 
     def with_record(self, owner: str, record: Any) -> RigModel:
         """Return the model with another wheel, soil or effect in the place of the one of this name."""
-        if owner in ("wheel", "soil"):
-            return dataclasses.replace(self, **{owner: record})
+        if owner in ("wheel", "soil", "rig"):
+            return dataclasses.replace(self, **{owner.replace("rig", "errors"): record})
         effects = tuple(record if type(one).__name__ == owner else one for one in self.effects)
         return dataclasses.replace(self, effects=effects)
 
@@ -105,13 +109,13 @@ class RigModel:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all parameters: those of wheel and soil, then `Effect.parameter`."""
+        """Names of all parameters: those of wheel and soil, `Effect.parameter`, `rig.error`."""
         own = [f"{type(effect).__name__}.{name}" for effect in self.effects for name in quantities(effect)]
-        return (*FIELDS, *own)
+        return (*FIELDS, *own, *(f"rig.{name}" for name in quantities(RigErrors)))
 
     def vector(self) -> np.ndarray:
         """Return the values of all parameters, in the order of `names`."""
-        records = (self.wheel, self.soil, *self.effects)
+        records = (self.wheel, self.soil, *self.effects, self.errors)
         return np.array([float(value) for record in records for value in record.values().values()])
 
     def at(self, vector: np.ndarray) -> RigModel:
@@ -120,10 +124,10 @@ class RigModel:
         wheel = self.wheel.replace(**{name: next(values) for name in quantities(Wheel)})
         soil = self.soil.replace(**{name: next(values) for name in quantities(Soil)})
         own = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in self.effects]
-        return RigModel(wheel, soil, tuple(own))
+        return RigModel(wheel, soil, tuple(own), RigErrors(*values))
 
     def predict(self, load: Any, slip: Any, speeds: Any = None, slip_angle: Any = 0.0) -> Steady:
-        """Return the channels at loads [N] and slips [-], speeds along the heading and of the rim [runs, 2] [m/s].
+        """Return the channels as the rig reads them: loads [N], slips [-], speeds of travel and rim [runs, 2] [m/s].
 
         `slip_angle` [rad] is that between heading and travel, below 90 deg. f_n of the chained effects is balanced with
         the load by Newton's method on ln h; without `speeds` the faster of the two is 0.05 m/s.
@@ -206,8 +210,10 @@ def _run(effects: tuple[Effect, ...], free: tuple[str, ...]) -> ca.Function:
     names = RigModel(Wheel(), Soil(), effects).names
     condition, p = ca.SX.sym("condition", CONDITIONS), ca.SX.sym("p", len(names))
     z = ca.SX.sym("z", 1 + sum(len(effect.states) for effect in effects))
-    load, balance, start = _chained(effects, condition, p, z)
-    values = ca.vertcat(load.f_t, load.torque, ca.exp(z[0]), load.f_y)
+    errors = RigErrors().replace(**{one: p[names.index(f"rig.{one}")] for one in quantities(RigErrors)})
+    true = ca.vertcat(condition[0] * errors.load_scale, condition[1:])
+    load, balance, start = _chained(effects, true, p, z)
+    values = ca.vertcat(*errors.read(load.f_t, load.torque, ca.exp(z[0]), load.f_y, true[0]))
     wanted = ca.vertcat(*(p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
     slope = ca.jacobian(balance, z)
     step = -_solve(slope, balance)

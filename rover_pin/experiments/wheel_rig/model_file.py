@@ -10,6 +10,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.effect import Effect
 from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.motion.effect_files import effect_entry, effect_from
 from rover_pin.motion.model_toml import RIG_KIND
 from rover_pin.quantity import declared, record_from
@@ -24,6 +25,7 @@ def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:
         "note": note,
         "wheel": declared(model.wheel),
         "soil": declared(model.soil),
+        **({"rig": declared(model.errors)} if model.errors != RigErrors() else {}),
         "effect": [effect_entry(effect) for effect in model.effects],
     }
     return replace_file(path, toml_text(table))
@@ -48,6 +50,7 @@ def read_model(path: str | Path, trust: Trust = Trust()) -> RigModel:
         record_from(Wheel, table.get("wheel", {}), f"{path} [wheel]"),
         record_from(Soil, table.get("soil", {}), f"{path} [soil]"),
         tuple(_effect(entry, path, trust) for entry in effects),
+        record_from(RigErrors, table.get("rig", {}), f"{path} [rig]"),
     )
 
 
