@@ -236,8 +236,12 @@ def tune(
     from rover_pin.control.tuning import tune_gains
     from rover_pin.control.tuning_drives import cautions
     from rover_pin.control.tuning_study import read_tuning
+    from rover_pin.time_left import TimeLeft
+
+    begun: dict[str, TimeLeft] = {}
 
     def stage(name: str, done: int, total: int) -> None:
+        begun.setdefault(name, TimeLeft(name)).done(done, total)
         if not as_json and done == total:
             log.info("%s: %d done", name, total)
 

@@ -32,7 +32,10 @@ def answered(run, rover, **how):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=False, reason="FlankPressure was named; not run since relaxation scales")
+@pytest.mark.xfail(
+    strict=False,
+    reason="FlankPressure stands before TetherDrag (f_1 12.5 of 15 N/m): it damps yaw that noise of the rates makes",
+)
 def test_what_drags_on_a_six_wheeler_without_a_differential_is_named(run):
     code, verdict, _ = answered(run, field_log.bogies, seconds=30.0, drag=(20.0, 15.0))
     assert code == 0

@@ -28,6 +28,7 @@ from rover_pin.motion.model import Model
 from rover_pin.motion.place import settled
 from rover_pin.motion.replay import Commands, Nudge, Replay, replay
 from rover_pin.motion.state import DriveState
+from rover_pin.time_left import telling
 
 MADE = {"path": "m", "drift": "m", "heading": "rad", "speed": "m/s"}
 """Units of the features that are made of several channels."""
@@ -139,7 +140,7 @@ class DriveExperiment(Experiment):
         return self._padded([run.features(replay.channels, sensors) for run, replay in pairs])
 
     def _spread(self, function: Callable[..., Any], asked: list[tuple[Any, ...]]) -> list:
-        return list(results(function, asked, self.jobs, short=True))
+        return list(telling(results(function, asked, self.jobs, short=True), len(asked), "replays"))
 
     def _padded(self, tables: Sequence[np.ndarray]) -> np.ndarray:
         """Return tables (channels, blocks) of the runs as one array, the common channels, gaps at the ends."""
