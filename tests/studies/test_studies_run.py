@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 STUDIES = sorted(ROOT.glob("studies/*.py"))
-SHARED = {ROOT / "studies" / "benchmarks" / f"{name}.py" for name in ("former", "speed_table")}
+SHARED = {ROOT / "studies" / "benchmarks" / f"{name}.py" for name in ("former", "measure_all", "speed_table")}
 BENCHMARKS = sorted(set(ROOT.glob("studies/benchmarks/*.py")) - SHARED)
 SHORT = {"fig3", "fig6", "fig8_slope"}
 """A few seconds each: part of the default suite. The others together take minutes."""
