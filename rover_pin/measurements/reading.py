@@ -31,7 +31,7 @@ def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:
                 f"{path.name}: {int(rig.askew.sum())} of {rig.askew.size} runs have a slip angle; identify fits a "
                 "wheel that runs straight: give it the straight runs alone, or the whole set to close-loop."
             )
-        if rig.errors != RigErrors() or rig.error_sd:
+        if rig.errors != RigErrors() or any(name.startswith("rig.") for name in rig.error_sd):
             raise DataError(
                 f"{path.name}: [rig] states errors of the rig, which identify does not fit: give it to close-loop, "
                 "or take them off the points and the table away."

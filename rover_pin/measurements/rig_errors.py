@@ -40,7 +40,7 @@ class RigErrors(Record):
 
 
 def stated_errors(table: Mapping[str, Any], where: str) -> tuple[RigErrors, dict[str, float]]:
-    """Return the errors of a table [rig], and the SD of each that states one, in SI.
+    """Return the errors of a table [rig], and `rig.name` -> SD of each that states one, in SI.
 
     Raises
     ------
@@ -52,4 +52,18 @@ def stated_errors(table: Mapping[str, Any], where: str) -> tuple[RigErrors, dict
     about = {name: entry for name, entry in table.items() if name != "note"}
     errors, known = record_from(RigErrors, about, where), quantities(RigErrors)
     sds = {name: declared_sd(entry, known[name].unit, f"{where}: the sd of '{name}'") for name, entry in about.items()}
-    return errors, {name: sd for name, sd in sds.items() if sd}
+    return errors, {f"rig.{name}": sd for name, sd in sds.items() if sd}
+
+
+def unsure_sizes(table: Mapping[str, Any], where: str) -> dict[str, float]:
+    """Return `wheel.name` -> SD [m] of each size of a table [wheel] that states one.
+
+    Raises
+    ------
+    ParameterError
+        An unknown unit.
+    DataError
+        An SD that is no positive number.
+    """
+    sds = {name: declared_sd(entry, "m", f"{where}: the sd of '{name}'") for name, entry in table.items()}
+    return {f"wheel.{name}": sd for name, sd in sds.items() if sd}

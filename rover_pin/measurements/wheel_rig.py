@@ -17,7 +17,7 @@ from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.measurements.channel import FIELDS, DrawbarPull, Predictor, RigChannel, SideForce, Sinkage, Torque
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
 from rover_pin.measurements.prediction import CompiledPrediction
-from rover_pin.measurements.rig_errors import RigErrors, stated_errors
+from rover_pin.measurements.rig_errors import RigErrors, stated_errors, unsure_sizes
 from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
 from rover_pin.measurements.tables import read_table
 from rover_pin.parameters.bekker import bekker, bekker_si
@@ -82,7 +82,7 @@ class WheelRig:
     slip_angle : float or array [points]
         Angle between heading and travel, positive to the wheel's right [rad].
     errors, error_sd : RigErrors and mapping
-        What the rig adds to its readings, and name -> SD of those that are not sure.
+        What the rig adds to its readings, and `rig.name` or `wheel.name` -> SD of what is not sure.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
             doubts=_doubts(table_in(about, "soil", where), where),
             slip_angle=slip_angles(table, f"{folder.name}/{points.name}"),
             errors=errors,
-            error_sd=error_sd,
+            error_sd={**error_sd, **unsure_sizes(wheel_table, where)},
         )
     except ParameterError as error:
         raise DataError(str(error)) from error

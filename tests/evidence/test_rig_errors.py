@@ -63,6 +63,20 @@ def test_a_tare_and_a_zero_are_found_beside_the_soil(folder, tmp_path):
     assert with_errors.value("soil.phi") == pytest.approx(hidden.Rig("none").soil["phi"], abs=0.02)
 
 
+def test_a_radius_that_is_not_sure_is_fitted_within_its_range(tmp_path):
+    """Told over the lugs, 3 mm too much: it moves towards the true one, and not beyond what is allowed."""
+    rig = hidden.Rig("none")
+    told = hidden.write(tmp_path / "radius", rig, hidden.rig_set(rig, loads=(15.0, 40.0)))
+    text = (told / "rig.toml").read_text()
+    assert f"r = {{ value = {rig.r}" in text
+    low, high = rig.r + 0.001, rig.r + 0.004
+    said = f"r = {{ value = {rig.r + 0.003}, sd = 0.003, low = {low}, high = {high}"
+    (told / "rig.toml").write_text(text.replace(f"r = {{ value = {rig.r}", said))
+    found = fitted(told)
+    assert low - 1e-12 <= found.value("wheel.r") < rig.r + 0.003
+    assert [one.name for one in found.parameters if one.name.startswith("wheel.")] == ["wheel.r"]
+
+
 def test_readings_are_those_of_the_true_load_scaled_and_shifted():
     soil = Soil(k=0.01)
     errors = RigErrors(0.1, 0.2, 0.3, 0.001, crosstalk=0.02, load_scale=1.1, force_scale=0.9)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -142,7 +142,7 @@ class RigExperiment(Experiment):
         """Return which soil constants are uncertain, and what is assumed of those that these channels tell in part.
 
         k and phi where a force was measured, k_1 where the sinkage was, with no prior; the exit ratio with SD 0.1;
-        where loads differ n with SD 0.3 and c with 300 Pa or its own size; the rig's errors that have an SD.
+        where loads differ n with SD 0.3 and c with 300 Pa or its own size; what rig.toml states with an SD.
         """
         kinds, load = {type(channel) for channel in self.data.rig.channels}, self.data.rig.load
         found: list[Parameter] = []
@@ -160,7 +160,14 @@ class RigExperiment(Experiment):
         if np.max(load) >= SAME_LOAD * np.min(load):
             sd = max(300.0, self.value(model, "soil.c"))
             found += [self.parameter(model, "soil.n", 0.3), self.parameter(model, "soil.c", sd)]
-        return (*found, *(self.parameter(model, f"rig.{name}", sd) for name, sd in self.data.rig.error_sd.items()))
+        return (*found, *self._of_the_rig(model))
+
+    def _of_the_rig(self, model: RigModel) -> Iterator[Parameter]:
+        """Yield what rig.toml states with an SD: errors of the rig, and sizes of the wheel within their range."""
+        for name, sd in self.data.rig.error_sd.items():
+            one = self.parameter(model, name, sd)
+            low, high = self.data.rig.wheel_range.get(own_name(name), (one.low, one.high))
+            yield dataclasses.replace(one, low=low, high=high)
 
     def _loose(self, model: RigModel, name: str, scale: float, log: bool = False) -> Parameter:
         """Return a number without a prior; `scale` is how far apart its starts are."""
