@@ -85,7 +85,7 @@ def descended(
         u, predicted, now = _searched(task, model, parameters, (u, predicted, was), tried, enough * promised)
         gained, was = was - now, now
         if gained >= max(STALE * promised, SETTLED):
-            fresh = False
+            fresh = not own
             continue
         stuck = gained < SETTLED if fresh else promised < SETTLED and not stale
         if stuck or not renewals:
