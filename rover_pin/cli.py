@@ -12,7 +12,7 @@ import typer
 from rover_pin import commands
 from rover_pin.commands.options import AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
 from rover_pin.commands.speaking import Speaking, program, scenario_names
-from rover_pin.commands.view import asked_for, open_page, write_asked
+from rover_pin.commands.view import SEEN, asked_for, open_page, write_asked
 from rover_pin.errors import RoverPinError, UrdfError
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
@@ -73,7 +73,8 @@ def drive(
     settings["trust"] = Trust.of(effects, trust)
     chosen = ready(scenario, **settings)
     seen = asked_for(view or open_, gif, mp4)
-    with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *seen)), alone_in(out):
+    left = [name for name in SEEN if name not in seen]
+    with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *seen), left), alone_in(out):
         _driven(chosen, check, seen, out, as_json)
     if open_:
         open_page(out)

@@ -57,16 +57,17 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
                 folder.rmdir()  # where nothing came to lie in it
 
 
-def replacing(folder: str | Path, names: Sequence[str]) -> str:
-    """Return what of an earlier run a new one may replace in a folder, in one sentence; nothing where it is empty."""
-    there = [name for name in names if (Path(folder) / name).exists()]
+def replacing(folder: str | Path, names: Sequence[str], kept: Sequence[str] = ()) -> str:
+    """Return what of an earlier run a new one may replace in a folder, and what it leaves; nothing if it is empty."""
+    there, stay = ([name for name in each if (Path(folder) / name).exists()] for each in (names, kept))
     found = f"{folder}: an earlier run's results are there, which this one replaces as it writes its own: "
-    return f"{found}{', '.join(there)}." if there else ""
+    left = f" Not written anew, and still of an earlier run: {', '.join(stay)}." if stay else ""
+    return f"{found}{', '.join(there)}.{left}" if there else ""
 
 
-def say_what_is_replaced(folder: str | Path | None, names: Sequence[str]) -> None:
+def say_what_is_replaced(folder: str | Path | None, names: Sequence[str], kept: Sequence[str] = ()) -> None:
     """Log what of an earlier run a new one may replace; to be called when nothing is left that could refuse the run."""
-    told = "" if folder is None else replacing(folder, names)
+    told = "" if folder is None else replacing(folder, names, kept)
     if told:
         log.info("rover-pin: %s", told)
 

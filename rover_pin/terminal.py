@@ -54,12 +54,12 @@ def assignments(words: Iterable[str], option: str = "--set") -> dict[str, Any]:
 
 
 @contextmanager
-def stoppable(out: Path | None = None, replaced: Sequence[str] = ()) -> Iterator[None]:
+def stoppable(out: Path | None = None, replaced: Sequence[str] = (), kept: Sequence[str] = ()) -> Iterator[None]:
     """Let Ctrl-C and SIGTERM end a command, its workers too, with one line that says what is kept.
 
     What of an earlier run it will replace in its folder `out` is said first.
     """
-    say_what_is_replaced(out, replaced)
+    say_what_is_replaced(out, replaced, kept)
     try:
         with ending_workers():
             yield

@@ -96,3 +96,6 @@ def test_what_is_replaced_is_said(tmp_path):
     assert replacing(tmp_path, ("report.html",)) == ""
     (tmp_path / "report.html").write_text("")
     assert replacing(tmp_path, ("report.html", "other")).endswith("replaces as it writes its own: report.html.")
+    (tmp_path / "view.html").touch()
+    said = replacing(tmp_path, ("report.html",), ("view.html", "drive.gif"))
+    assert said.endswith("report.html. Not written anew, and still of an earlier run: view.html.")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rover_pin.scenarios import Scenario
     from rover_pin.view.subject import Subject
 
-PAGE, GIF, MP4 = "view.html", "drive.gif", "drive.mp4"
+PAGE, GIF, MP4 = SEEN = ("view.html", "drive.gif", "drive.mp4")
 
 
 def view(
@@ -44,7 +44,7 @@ def view(
         _serve(subject, other, serve)
         return
     wanted = asked_for(True, gif, mp4)
-    with stoppable(out, wanted), alone_in(out):
+    with stoppable(out, wanted, [name for name in SEEN if name not in wanted]), alone_in(out):
         files = [write_seen(subject, other, out / name) for name in wanted]
     report({"seen": subject.name, "files": list(map(str, files))}, as_json)
     if open_:
