@@ -2,8 +2,10 @@
 
 import ctypes
 import importlib.util
+import math
 from pathlib import Path
 
+import mpmath as mp
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -31,6 +33,15 @@ void probe_states(double half, integer n, const double *a, double *b, integer m,
   for (integer i = 0; i < n; ++i) for (integer j = 0; j < n; ++j) A[i][j] = a[n * i + j];
   implicit_states(half, n, A, b, m, stride);
 }
+void probe_base(double *q, const double *v, double dt) { advance_base(q, v, dt); }
+void probe_turn(double angle, double *out) { turn(angle, out, out + 1); }
+void probe_heading(double *q, double angle) { turn_base(q, angle); }
+void probe_arc(const double *ends, double h, double radius, double n, double *out) {
+  const Arc arc = arc_of(h, radius);
+  double found[N_ENDS][2];
+  depth_integrals(ends, &arc, n, found);
+  memcpy(out, found, sizeof found);
+}
 """
 
 
@@ -46,6 +57,10 @@ def parts():
         made = toolchain.shared_library(source() + PROBES, "parts")
     pointer, integer = ctypes.POINTER(ctypes.c_double), ctypes.c_int64
     made.probe_pivoted.argtypes = [integer, pointer, pointer]
+    made.probe_base.argtypes = [pointer, pointer, ctypes.c_double]
+    made.probe_turn.argtypes = [ctypes.c_double, pointer]
+    made.probe_heading.argtypes = [pointer, ctypes.c_double]
+    made.probe_arc.argtypes = [pointer, *[ctypes.c_double] * 3, pointer]
     made.probe_states.argtypes = [ctypes.c_double, integer, pointer, pointer, integer, integer]
     return made
 
@@ -88,6 +103,69 @@ def test_the_states_implicit_step_is_a_linear_solve(parts, n, m, stride):
     parts.probe_states(0.3, n, at(A), at(X), m, stride)
     assert X[:, :m] == pytest.approx(np.linalg.solve(np.eye(n) - 0.3 * A, B[:, :m]), rel=1e-9, abs=1e-11)
     assert np.array_equal(X[:, m:], B[:, m:])
+
+
+ANGLES = [0.0, 1e-9, 1e-4, 0.03, 0.09, 0.0999999, 0.1000001, 0.2, 1.5, 3.0]
+
+
+def screw(v, dt):
+    """exp of a twist (u, w) dt in 40 digits: translation, and the quaternion (x, y, z, w)."""
+    with mp.workdps(40):
+        u, w = (mp.matrix([mp.mpf(float(x)) * mp.mpf(dt) for x in part]) for part in (v[:3], v[3:]))
+        W = mp.matrix([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+        angle = mp.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
+        a = (1 - mp.cos(angle)) / angle**2 if angle else mp.mpf(1) / 2
+        b = (angle - mp.sin(angle)) / angle**3 if angle else mp.mpf(1) / 6
+        s = mp.sin(angle / 2) / angle if angle else mp.mpf(1) / 2
+        move = u + a * (W * u) + b * (W * (W * u))
+        return np.array([float(x) for x in move]), np.array([*(float(s * x) for x in w), float(mp.cos(angle / 2))])
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_the_base_moves_along_a_screw_to_the_last_digit(parts, angle):
+    """Half a step at a steady twist, by series below a tenth of a radian and by sines above."""
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        axis = rng.normal(size=3)
+        v = np.concatenate([rng.normal(size=3), 400.0 * angle * axis / np.linalg.norm(axis)])
+        move, turned = screw(v, 0.0025)
+        rest = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        parts.probe_base(at(rest), at(v), 0.0025)
+        assert rest[:3] == pytest.approx(move, rel=0.0, abs=5e-16 * np.linalg.norm(v[:3]) * 0.0025)
+        assert rest[3:] == pytest.approx(turned, rel=0.0, abs=2.3e-16)
+        q = np.concatenate([rng.normal(size=3), pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()])
+        wanted = pin.SE3(pin.Quaternion(q[3:]).matrix(), q[:3]) * pin.SE3(pin.Quaternion(turned).matrix(), move)
+        parts.probe_base(at(q), at(v), 0.0025)
+        assert q[:3] == pytest.approx(wanted.translation, abs=1e-15)
+        assert pin.Quaternion(q[3:]).matrix() == pytest.approx(wanted.rotation, abs=2e-15)
+
+
+@pytest.mark.parametrize("angle", [*ANGLES, *(-angle for angle in ANGLES)])
+def test_a_wheel_and_a_heading_turn_to_the_last_digit(parts, angle):
+    found = np.zeros(2)
+    parts.probe_turn(angle, at(found))
+    assert found == pytest.approx([math.sin(angle), math.cos(angle)], rel=2.3e-16, abs=0.0)
+    q = np.concatenate([np.zeros(3), pin.Quaternion(pin.exp3(np.array([0.3, -0.2, 0.9]))).coeffs()])
+    wanted = pin.exp3(np.array([0.0, 0.0, angle])) @ pin.Quaternion(q[3:]).matrix()
+    parts.probe_heading(at(q), angle)
+    assert pin.Quaternion(q[3:]).matrix() == pytest.approx(wanted, abs=1e-15)
+
+
+@pytest.mark.parametrize("n", [0.5, 0.9, 1.0, 1.7])
+@pytest.mark.parametrize("h", [1e-4, 0.01, 0.045])
+def test_integrals_of_the_depth_over_an_arc(parts, n, h):
+    """int (cos t - cos theta_0)^n {cos t, 1} dt from three ends, against adaptive quadrature in 20 digits."""
+    radius, found = 0.045, np.zeros((3, 2))
+    with mp.workdps(20):
+        theta = mp.acos(1 - mp.mpf(h) / mp.mpf(radius))
+        ends = np.array([0.0, 0.4 * float(theta), -0.7 * float(theta)])
+        parts.probe_arc(at(ends), h, radius, n, at(found))
+        for end, (with_cosine, plain) in zip(ends, found, strict=True):
+            for got, weight in ((with_cosine, mp.cos), (plain, lambda t: mp.mpf(1))):
+                wanted = mp.quad(
+                    lambda t, w=weight: max(mp.cos(t) - mp.cos(theta), mp.mpf(0)) ** mp.mpf(n) * w(t), [end, theta]
+                )
+                assert got == pytest.approx(float(wanted), rel=2e-6)
 
 
 @pytest.mark.parametrize("name", ["nexus6", "cart"])
