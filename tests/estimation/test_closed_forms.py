@@ -18,14 +18,14 @@ from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, best_of, fit
 from rover_pin.estimation.gauss_newton import _moved, _searched, _steps
-from rover_pin.estimation.noise import Noise, declared_noise, huber, noise_of
+from rover_pin.estimation.noise import Absorbed, Noise, declared_noise, huber, noise_of
 from rover_pin.estimation.numbers import implausible, intervals, is_adequate, settled
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import AT_BOUND, Best, LowerMinimum, interval, rise
 from rover_pin.estimation.profiles import profiles
 from rover_pin.estimation.task import Task, objective
-from rover_pin.estimation.wording import Change, Outcome, shown
+from rover_pin.estimation.wording import Against, Change, Outcome, against, shown
 from rover_pin.quantity import Record, quantities, quantity
 
 FOLDS, SAMPLES = 3, 20
@@ -172,6 +172,26 @@ def test_a_step_stays_within_bounds_as_bounded_least_squares_does(seed):
     inside = np.abs(u + step) < 0.3 - 1e-9
     assert (stacked.T @ (stacked @ step - right))[inside] == pytest.approx(0.0, abs=1e-9), "the free ones at their best"
     assert after == pytest.approx(float(np.sum((stacked @ best - right) ** 2)), rel=0.02), "held where they leave"
+
+
+def test_damped_steps_solve_the_damped_equations():
+    draw = np.random.default_rng(9)
+    columns, rows, u = draw.normal(size=(30, 2)), draw.normal(size=30), np.array([0.1, -0.2])
+    steps, _ = _steps(columns, rows, u, (number("a"), number("b")), (10.0, 1e3))
+    right = -(columns.T @ rows) - u
+    for damping, step in zip((0.0, 10.0, 1e3), (steps[0], *steps[3:]), strict=True):
+        assert step == pytest.approx(np.linalg.solve(columns.T @ columns + (1.0 + damping) * np.eye(2), right))
+
+
+def test_samples_follow_one_another_only_where_an_experiment_says_so():
+    assert not Line.is_timed
+    assert not Experiment.is_exact
+
+
+@pytest.mark.parametrize(("covered", "nothing"), [(0.81, True), (0.79, False)])
+def test_an_interval_of_four_fifths_of_what_is_allowed_says_nothing(covered, nothing):
+    for ends, told in (((0.0, 2.0), Against.AGREES), ((5.0, 6.0), Against.AWAY)):
+        assert against(ends, (1.0, 1.5), covered) is (Against.NOTHING if nothing else told)
 
 
 def test_a_start_beyond_a_bound_begins_on_it():
@@ -391,6 +411,32 @@ def test_runs_are_laid_end_to_end_for_what_channels_share():
         assert getattr(two, name) == pytest.approx(getattr(one, name), rel=1e-9), name
 
 
+def test_blocks_that_never_follow_one_another_have_no_memory():
+    good = np.zeros((1, 1, 20), dtype=bool)
+    good[0, 0, ::2] = True
+    found = noise_of(np.random.default_rng(2).normal(size=(1, 1, 20)), good, np.zeros(1))
+    assert found.rho.tolist() == [0.0]
+    assert found.sd[0] > 0.3
+
+
+@pytest.mark.parametrize("gap", [False, True])
+def test_what_a_fit_took_of_the_noise_is_given_back(gap):
+    """The variance of what is explained adds to the residual's, its product with the block before to theirs."""
+    row = 0.5 / 1.4826 * np.tile([1.0, 1.0, -1.0, -1.0, 1.0], 8)
+    good = np.ones((1, 1, 40), dtype=bool)
+    good[0, 0, 13] = not gap
+    draw = np.random.default_rng(5)
+    taken = Absorbed(draw.uniform(0.0, 0.2, (1, 1, 40)), draw.uniform(0.0, 0.1, (1, 1, 40)))
+    found = noise_of(row[None, None], good, np.zeros(1), taken)
+    own = row[good[0, 0]]
+    variance = taken.variance[good].mean()
+    assert found.sd[0] == pytest.approx(math.hypot(1.4826 * np.median(np.abs(own)), math.sqrt(variance)))
+    pairs = [i for i in range(1, 40) if good[0, 0, i] and good[0, 0, i - 1]]
+    product = np.mean([row[i] * row[i - 1] for i in pairs]) + np.mean([taken.lagged[0, 0, i] for i in pairs])
+    assert found.rho[0] == pytest.approx(product / (np.mean(own**2) + variance))
+    assert 0.05 < found.rho[0] < 0.9
+
+
 def test_channels_that_are_silent_have_no_memory():
     found = noise_of(np.zeros((1, 2, 9)), np.ones((1, 2, 9), dtype=bool), np.full(2, 0.1))
     assert found.sd.tolist() == [0.1, 0.1]
@@ -450,6 +496,7 @@ def test_an_interval_about_a_fit_is_1_96_sd_and_ends_at_bounds_that_it_does_not_
         cut, _ = about_numbers(0.5, bounds)
         assert not cut.closed
         assert cut.note == "not closed by the data"
+        assert cut.said.endswith("], not closed by the data")
         assert cut.low == pytest.approx(max(bounds[0], -1.959964 * sd))
         assert cut.high == pytest.approx(min(bounds[1], 1.959964 * sd))
     for bounds in ((-10.0, 10.0), (-0.1 * sd, 10.0), (-10.0, 0.1 * sd)):

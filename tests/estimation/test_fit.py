@@ -8,7 +8,7 @@ import pytest
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.gauss_newton import RENEWALS, TO_THE_END, TURNS
-from rover_pin.estimation.noise import declared_noise
+from rover_pin.estimation.noise import declared_noise, huber
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.quantity import Record, quantity
 
@@ -96,3 +96,26 @@ def test_a_step_that_promises_next_to_nothing_and_fails_is_not_tried_shorter():
         tries.append(bed.asked - 1)
     assert tries[0] == 1
     assert tries[1] >= 3
+
+
+class Watched(Rosenbrock):
+    """The same valley, that remembers chi2 of what it was asked for, call by call."""
+
+    def __init__(self):
+        self.calls = []
+
+    def predict(self, models):
+        found = super().predict(models)
+        self.calls.append([huber((self.observed - one) / 0.3) for one in found])
+        return found
+
+
+@pytest.mark.parametrize("start", [(-3.0, 9.0), (-1.0, 9.0), (2.0, -4.0), (0.1, 0.0)])
+def test_a_step_is_tried_shorter_only_where_the_whole_did_not_help(start):
+    bed = Watched()
+    fit(Task(bed, declared_noise(np.array([0.3]), bed.observed)), Valley(*start), NUMBERS, np.array(start))
+    lowest = np.inf
+    for before, call in zip([[], *bed.calls], bed.calls, strict=False):
+        if len(call) == 2:
+            assert before[0] >= lowest, "the whole step had helped"
+        lowest = min([lowest, *before]) if len(before) != 3 else lowest

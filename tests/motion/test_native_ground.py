@@ -121,6 +121,18 @@ def test_a_grid_in_c_is_that_of_the_plain_step(data):
     agree(terrain, frames(terrain, data.draw))
 
 
+@pytest.mark.parametrize("border", ["x low", "x high", "y low", "y high"])
+def test_a_grid_ends_in_c_where_it_ends_in_the_plain_step(border):
+    """Headed anyhow over the last cell and beyond, in steps of 2 mm: the slope holds up to the last point."""
+    z = np.add.outer(0.3 * np.arange(6), -0.2 * np.arange(5)) * 0.05
+    terrain = HeightGrid(-0.1, -0.12, 0.05, 0.05, z, 0)
+    axle = np.array([-math.sin(0.7) * math.cos(0.2), math.cos(0.7) * math.cos(0.2), math.sin(0.2)])
+    ends = {"x low": -0.1, "x high": 0.15, "y low": -0.12, "y high": 0.08}
+    for off in np.arange(-0.03, 0.031, 0.002):
+        x, y = (ends[border] + off, 0.0) if border.startswith("x") else (0.0, ends[border] + off)
+        assert agree(terrain, wheel_frame(np.array([x, y, terrain.height(x, y) + R - 0.01]), axle)) > 0
+
+
 def test_the_points_of_a_straight_run_are_one_piece_and_no_bow_is():
     x = np.arange(-400, 801) / 200.0
     assert Profile(x, 0.1 * np.abs(x)).straightened().x.tolist() == [-2.0, 0.0, 4.0]

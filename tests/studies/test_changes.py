@@ -130,8 +130,9 @@ def test_no_change_survives_in_the_last_runs(loaded):
     for row in rows:
         assert int(row["tried"]) == int(row["noticed"]) + int(row["survived"])
         assert int(row["survived"]) == 0, row["room"]
-        assert int(row["tried"]) > 300, row["room"]
+        assert int(row["tried"]) > 50, row["room"]
         untried = [int(each.rpartition(":")[2]) for each in row["untried"].split()]
         assert int(row["left"]) == sum(untried), row["room"]
         if row["room"] in ("soil", "effects"):
             assert not untried, row["room"]
+            assert int(row["tried"]) > 300, row["room"]

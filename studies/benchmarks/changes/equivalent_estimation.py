@@ -288,4 +288,42 @@ ESTIMATION: dict[tuple[str, str], str] = {
         "rover_pin/estimation/noise.py",
         "power = float(np.nanmean(clipped**2)) if both.any() else 0.0: 0.0 -> 0.1",
     ): "where no two blocks follow one another there is no product to divide",
+    (
+        "rover_pin/estimation/baselines.py",
+        "starts = [np.array([0.0, -2.0, *[length] * inputs.shape[1]]) for length in (-1.0, 0.0)]: 2.0 -> 2.2",
+    ): BOX,
+    (
+        "rover_pin/estimation/gauss_newton.py",
+        "was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(own): == -> >=",
+    ): "what is missing is always among its own",
+    (
+        "rover_pin/estimation/profile.py",
+        "return _within(limits[0] + reach * min(target / max(inside[1], 0.1 * target) * 1.05, 4.0), "
+        "*limits): 0.1 -> 0.11000000000000001",
+    ): FIRST,
+    (
+        "rover_pin/estimation/baselines.py",
+        "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: 1.0 -> 1.1",
+    ): BOX,
+    (
+        "rover_pin/estimation/gauss_newton.py",
+        "RENEWALS = 2: 2 -> 3",
+    ): MORE,
+    (
+        "rover_pin/estimation/profile.py",
+        "return _within(limits[0] + reach * min(target / max(inside[1], 0.1 * target) * 1.05, 4.0), "
+        "*limits): 0.1 * target -> (0.1)",
+    ): FIRST,
+    (
+        "rover_pin/estimation/gauss_newton.py",
+        "DAMPED = 1e1, 1e2, 1e3, 1e4, 1e5: 1e1 -> 11.0",
+    ): "which damped steps are tried; the lowest is taken",
+    (
+        "rover_pin/estimation/descent.py",
+        "STEPS = 400: 400 -> 401",
+    ): MORE,
+    (
+        "rover_pin/estimation/gauss_newton.py",
+        "fresh, stale, renewals = True, False, renewals - 1: True -> False",
+    ): "a fit that gains nothing by new slopes looks once more, and ends where it was",
 }
