@@ -89,3 +89,5 @@ def test_what_was_asked_of_the_step_is_reached():
     assert ground("drive-seconds a core-second") >= 250.0
     assert sum(replay(f"compiling {name} [s]") for name in ("the step", "a rigid body", "a set of laws")) <= 4.0
     assert drive("memory [MB]") <= 210.0
+    assert process("--help, over former [x]") <= 0.5
+    assert process("drive flat, over former [x]") <= 0.5
