@@ -113,7 +113,8 @@ COMMANDS = {
     ),
 }  # fmt: skip
 BY_HAND = {
-    "python studies/blind_rig.py": "223 loops, half an hour",
+    "python studies/blind_rig.py": "307 loops, an hour and a half",
+    "python studies/blind_rig.py --every 7": "44 loops, a quarter of an hour; `test_validation_text` reads its sets",
     "python studies/blind_test.py --first 90": "90 loops on drive logs, hours",
     "python studies/fig10_ditch.py": "1,200 drives, ten minutes; `test_readme_tables` reads the table that it wrote",
     "python studies/tune_gains.py": "two tunings, eight minutes; its table as well",

@@ -213,7 +213,7 @@ def test_what_is_on_no_list_is_described_and_its_draft_is_an_effect(tmp_path):
 
 @pytest.mark.parametrize("noise", ["understated", "spiked"])
 def test_noise_that_is_larger_than_declared_is_no_unknown_effect(tmp_path, noise):
-    """Six of six and three of four blind sets with nothing hidden were called "none of these"."""
+    """Seven of seven and three of four blind sets with nothing hidden were called "none of these"."""
     rig = hidden.Rig("none")
     path = hidden.write(tmp_path, rig, hidden.rig_set(rig, seed=5, mixed=True, noise=noise))
     verdict = close_the_loop(path)
