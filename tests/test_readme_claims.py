@@ -125,7 +125,6 @@ BY_HAND = {
     "python studies/beyond_the_paper.py": "a tuning on the full rover, four minutes; its table as well",
     "python studies/benchmarks/drive_speed.py": "times, which hang on the machine",
     "python studies/benchmarks/ground_speed.py": "times",
-    "python studies/benchmarks/replay_speed.py --quick": "times",
     "python studies/benchmarks/process_cost.py --quick": "times",
 }
 """Commands that take too long for a test, run by hand before a release; `test_studies_run` runs them with --quick."""
