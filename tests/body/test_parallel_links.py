@@ -51,6 +51,18 @@ def test_joints_that_follow_are_known_by_their_places_in_speeds_and_angles(tmp_p
     assert {each.ratio for each in rover.couplings} == {1.0, -1.0}
 
 
+def test_wheels_that_are_tied_follow_in_their_rates_alone(tmp_path):
+    """How far a wheel has turned is no angle: nothing brings it back."""
+    folder = Path(__file__).parents[2] / "urdf"
+    text = (folder / "cart.urdf").read_text()
+    at = text.index("</joint>", text.index('<joint name="hub_lb"'))
+    (tmp_path / "cart.urdf").write_text(f'{text[:at]}<mimic joint="hub_lf" multiplier="1"/>{text[at:]}')
+    shutil.copy(folder / "cart.toml", tmp_path / "cart.toml")
+    rover = load_rover(tmp_path / "cart.toml")
+    (tied,) = rover.couplings
+    assert (tied.q_follower, tied.q_leader, tied.ratio) == (None, None, 1.0)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_ends_of_the_bars_meet_the_uprights(seed):
     q, _, _ = posture(LINKS, seed)
