@@ -25,7 +25,8 @@ from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import AT_BOUND, Best, LowerMinimum, interval, rise
 from rover_pin.estimation.profiles import profiles
 from rover_pin.estimation.task import Task, objective
-from rover_pin.estimation.wording import Against, Change, Outcome, against, shown
+from rover_pin.estimation.wording import Against, Change, Outcome, against, shown, spread
+from rover_pin.estimation.wording import interval as said_interval
 from rover_pin.quantity import Record, quantities, quantity
 
 FOLDS, SAMPLES = 3, 20
@@ -732,6 +733,10 @@ def test_of_two_likelihoods_the_better_is_taken(monkeypatch):
 
         def ended(cost, start, bounds, ends=ends):
             fun, place = next(ends)
+            height, noise, length = np.exp(2.0 * np.array([0.2, -1.5, -1.0]))
+            K, z = height * np.exp(-0.5 * (x - x.T) ** 2 / length) + noise * np.eye(6), (y - y.mean()) / y.std()
+            likely = z @ np.linalg.solve(K, z) + np.linalg.slogdet(K)[1]
+            assert cost(np.array([0.2, -1.5, -1.0])) == pytest.approx(likely)
             return OptimizeResult(fun=fun, x=place)
 
         monkeypatch.setattr(baselines, "minimize", ended)
@@ -789,6 +794,18 @@ def change(before, after, low, high, floor=0.0):
         (change(1.0, 1.0, 0.1, 0.2), Outcome.NONE),
     ],
 )
+def test_nothing_told_and_nothing_changed_are_shares():
+    assert change(1.0, 1.0 + 4.9e-5, 0.0, 0.0).none
+    assert not change(1.0, 1.0 + 5.2e-5, 0.0, 0.0).none
+    for size in (1e3, 1e-3):
+        assert "not told" in spread(0.9e-9 * size, size)
+        assert "not told" not in spread(1.1e-9 * size, size)
+        assert "no interval" in said_interval(size, size, size * (1.0 + 0.9e-9), "")
+        assert "no interval" not in said_interval(size, size, size * (1.0 + 1.2e-9), "")
+    single = Noise(np.array([[[2.0]]]), np.zeros(1), np.eye(1), np.ones((1, 1, 1), dtype=bool))
+    assert single.floor.tolist() == [2.0]
+
+
 def test_a_floor_of_any_size_counts_in_its_own_measure(made, outcome):
     assert made.outcome is outcome
     assert change(0.0, 1.0, 0.0, 0.0).share == 0.0

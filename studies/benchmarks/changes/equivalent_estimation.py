@@ -11,6 +11,7 @@ LOOKS = "a fit that gains nothing by new slopes looks once more, and ends where 
 
 EXCUSES: dict[str, dict[str, str]] = {
     "baselines.py": {
+        "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: 4.0 -> 4.4": BOX,
         "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: 2.0 -> 2.2": BOX,
         "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: 3.0 -> 3.3000000000000003": BOX,
         "starts = [np.array([0.0, -2.0, *[length] * inputs.shape[1]]) for length in (-1.0, 0.0)]: -2.0 -> (2.0)": BOX,
@@ -21,6 +22,7 @@ EXCUSES: dict[str, dict[str, str]] = {
         "starts = [np.array([0.0, -2.0, *[length] * inputs.shape[1]]) for length in (-1.0, 0.0)]: -1.0 -> (1.0)": BOX,
     },
     "descent.py": {
+        "values = np.maximum(values, 1e-12 * max(values[0], 1e-300)): max -> min": "keeps from 0 / 0: the radius bounds what is not told",
         "IDLE = 3: 3 -> 4": MORE,
         "free = ~(((u <= low) & (gradient > 0)) | ((u >= high) & (gradient < 0))): 0 -> 1": LEAVES,
         "radius, idle = 1.0, 0: 0 -> 1": MORE,
@@ -82,6 +84,14 @@ EXCUSES: dict[str, dict[str, str]] = {
         "fd: float = 0.3: 0.3 -> 0.33": "any step of a difference",
     },
     "profile.py": {
+        "return _within(limits[0] + reach * min(target / max(inside[1], 0.1 * target) * 1.05, "
+        "4.0), *limits): * -> /": FIRST,
+        "return np.clip(best.u + along * (x - best.u[index]), problem.space.low, "
+        "problem.space.high): best.u + along * (x - best.u[index]) -> (best.u)": FIRST,
+        "along = best.covariance[:, index] / best.covariance[index, index]: best.covariance[:, "
+        "index] / best.covariance[index, index] -> (best.covariance[:, index])": FIRST,
+        "share = (target - inside[1]) / (outside[1] - inside[1]) if turn % 3 else 0.5: 0.5 -> "
+        "((target - inside[1]) / (outside[1] - inside[1]))": CUT,
         "TRIES = 60: 60 -> 61": MORE,
         "return np.clip(best.u + along * (x - best.u[index]), problem.space.low, problem.space.high): along "
         "* (x - best.u[index]) -> (along)": FIRST,
@@ -120,6 +130,7 @@ EXCUSES: dict[str, dict[str, str]] = {
         "*limits): 0.1 * target -> (0.1)": FIRST,
     },
     "profiles.py": {
+        "points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at]): / -> *": FIRST,
         "points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at]): spread[:, at] / spread[at, at] -> "
         "(spread[:, at])": FIRST,
         "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): fitted.u + direction * (u - "
@@ -132,6 +143,7 @@ EXCUSES: dict[str, dict[str, str]] = {
         "(direction)": FIRST,
     },
     "wording.py": {
+        "if self.told and (self.high < 0 or self.low > 0):: > -> >=": EQUAL,
         "def spread(sd: float, size: float = 1.0) -> str:: 1.0 -> "
         "1.1": "no SD lies between one and 1.1 billionths of a size",
         "if at_floor and self.share <= 0:: <= -> <": "an error that did not change is at the floor by the line above",
