@@ -794,6 +794,11 @@ def change(before, after, low, high, floor=0.0):
         (change(1.0, 1.0, 0.1, 0.2), Outcome.NONE),
     ],
 )
+def test_a_floor_of_any_size_counts_in_its_own_measure(made, outcome):
+    assert made.outcome is outcome
+    assert change(0.0, 1.0, 0.0, 0.0).share == 0.0
+
+
 def test_nothing_told_and_nothing_changed_are_shares():
     assert change(1.0, 1.0 + 4.9e-5, 0.0, 0.0).none
     assert not change(1.0, 1.0 + 5.2e-5, 0.0, 0.0).none
@@ -804,8 +809,3 @@ def test_nothing_told_and_nothing_changed_are_shares():
         assert "no interval" not in said_interval(size, size, size * (1.0 + 1.2e-9), "")
     single = Noise(np.array([[[2.0]]]), np.zeros(1), np.eye(1), np.ones((1, 1, 1), dtype=bool))
     assert single.floor.tolist() == [2.0]
-
-
-def test_a_floor_of_any_size_counts_in_its_own_measure(made, outcome):
-    assert made.outcome is outcome
-    assert change(0.0, 1.0, 0.0, 0.0).share == 0.0

@@ -9,6 +9,8 @@ EQUAL = "two numbers that are worked out are never equal"
 LATER = "ends where no step is left instead, a few steps later"
 LOOKS = "a fit that gains nothing by new slopes looks once more, and ends where it was"
 
+BOUNDED = "keeps from 0 / 0: the radius bounds what is not told"
+
 EXCUSES: dict[str, dict[str, str]] = {
     "baselines.py": {
         "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: 4.0 -> 4.4": BOX,
@@ -22,7 +24,7 @@ EXCUSES: dict[str, dict[str, str]] = {
         "starts = [np.array([0.0, -2.0, *[length] * inputs.shape[1]]) for length in (-1.0, 0.0)]: -1.0 -> (1.0)": BOX,
     },
     "descent.py": {
-        "values = np.maximum(values, 1e-12 * max(values[0], 1e-300)): max -> min": "keeps from 0 / 0: the radius bounds what is not told",
+        "values = np.maximum(values, 1e-12 * max(values[0], 1e-300)): max -> min": BOUNDED,
         "IDLE = 3: 3 -> 4": MORE,
         "free = ~(((u <= low) & (gradient > 0)) | ((u >= high) & (gradient < 0))): 0 -> 1": LEAVES,
         "radius, idle = 1.0, 0: 0 -> 1": MORE,
