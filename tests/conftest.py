@@ -1,10 +1,18 @@
 """The command line as a user runs it."""
 
+import logging
 import sys
 
 import pytest
 
 from rover_pin.cli import main
+
+
+@pytest.fixture(autouse=True)
+def spoken_as_before():
+    """Let no test that asked for quiet keep the next one quiet."""
+    yield
+    logging.getLogger("rover_pin").setLevel(logging.NOTSET)
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ def demo(
     out: Annotated[Path | None, typer.Option(help="Folder for the set; else demo-KIND.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make up a data set with noise and something hidden, to try the loop on. The truth is in a file beside it."""
+    """Make up a data set to try the loop on, truth beside it."""
     if kind not in SETS:
         raise ParameterError(f"There is no demo '{kind}': {closest(kind, SETS)}")
     if kind == "rig" and rover != "nexus6":

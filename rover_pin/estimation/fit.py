@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri, stdtrit
 
 from rover_pin.errors import OptimisationError
 from rover_pin.estimation.descent import descend
@@ -19,6 +20,8 @@ from rover_pin.estimation.task import Task, objective
 
 STRETCH = 8
 """Blocks that are taken to hang together: 4 s, longer than what is left remembers."""
+FEW = 4
+"""Runs from which their scatter tells how uncertain a number is."""
 ROUND_OFF = 1e-13
 """Least eigenvalue of a scaled normal matrix that is not taken for round-off."""
 
@@ -71,25 +74,34 @@ class Fit:
 
     @property
     def spread(self) -> np.ndarray:
-        """SD of each u: of the model, inflated as its noise says and by a misfit above 1, or of stretches if larger.
+        """SD of each u: of the model, inflated as its noise says and by a misfit above 1; of stretches, or of runs.
 
-        The last is the sandwich H (sum g g^T) H with H the covariance and g the slope of chi2 / 2 of one stretch of
-        one run: it holds where rows of a stretch hang together beyond what the noise knows.
-        Source: White, Econometrica 48 (1980); Liang and Zeger, Biometrika 73 (1986).
+        The largest of the three. The others are the sandwich H (sum g g^T) H with H the covariance and g the slope of
+        chi2 / 2 of one stretch of one run, or of one run: they hold where rows hang together beyond what the noise
+        knows, as where sand that is prepared anew differs from run to run. Few runs tell their scatter poorly: theirs
+        is widened as Student's t is against the normal law.
+        Source: White, Econometrica 48 (1980); Liang and Zeger, Biometrika 73 (1986); Donald and Lang, Rev. Econ.
+        Stat. 89 (2007) 221 for t with as many degrees of freedom as there are runs but one.
         """
         plain = np.diag(self.covariance) * self.task.noise.inflation * max(self.misfit, 1.0)
-        return np.asarray(np.sqrt(np.maximum(plain, np.diag(self._clustered()))))
+        runs, _, blocks = self.task.noise.good.shape
+        stretch = np.arange(blocks) // STRETCH
+        each = np.arange(runs)[:, None, None]
+        found = [plain, self._clustered(each * (stretch[-1] + 1) + stretch)]
+        if runs >= FEW:
+            wide = float(stdtrit(runs - 1, 0.975) / ndtri(0.975))
+            found.append(wide**2 * self._clustered(each + 0 * stretch))
+        return np.asarray(np.sqrt(np.max(found, axis=0)))
 
-    def _clustered(self) -> np.ndarray:
-        good, rows, columns = self.task.noise.good, self.rows, self.columns
-        stretch = np.arange(good.shape[2]) // STRETCH
-        owner = np.arange(good.shape[0])[:, None, None] * (stretch[-1] + 1) + stretch[None, None, :]
+    def _clustered(self, owner: np.ndarray) -> np.ndarray:
+        """Return the variance of each u where the rows of one owner (runs, 1, blocks) hang together."""
+        good, rows = self.task.noise.good, self.rows
         each = np.broadcast_to(owner, good.shape)[good]
-        pushed = columns * (huber_weights(rows) * rows)[:, None]
+        pushed = self.columns * (huber_weights(rows) * rows)[:, None]
         sums = np.array([pushed[each == one].sum(axis=0) for one in np.unique(each)])
         few = len(sums) / max(len(sums) - 1, 1)
         spread = self.covariance
-        return np.asarray(spread @ (few * sums.T @ sums + priors(self.parameters)) @ spread)
+        return np.diag(spread @ (few * sums.T @ sums + priors(self.parameters)) @ spread)
 
     def value(self, name: str) -> float:
         """Return the fitted value of a parameter [SI]."""

@@ -183,7 +183,8 @@ def test_where_nothing_was_added_nothing_changed(nothing):
     assert all(score.worded.outcome in (Outcome.NONE, Outcome.AT_FLOOR) for score in nothing.scores)
     text = nothing.summary()
     held = [line for line in text.splitlines() if "held-out" in line]
-    assert len(held) == 2
+    assert len(held) == 3
+    assert "chosen in 8 folds: no effect in 8" in held[2]
     assert not any("->" in line or "%" in line or "worse" in line or "better" in line for line in held)
     assert nothing.model_said == "the fitted base model, to which nothing was added"
 

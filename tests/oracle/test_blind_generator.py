@@ -41,8 +41,9 @@ ANGLES = ("body_roll", "body_pitch", "body_yaw", "rocker_l", "rocker_r", "bogie_
 LIMITS = {"place": 0.3e-3, "angle": 0.6e-3, "rate": 2e-3, "speed": 0.8e-3, "current": 0.4e-3, "voltage": 2e-3}
 """A fifth of the noise [SI]; places and angles at their worst, the others rms over the drive."""
 SEVERITY = 4.0
-BASE = scenario("flat", **{"soil.k": 0.005, "cruise_slip": 0.05}).model
-RESISTANCE = float(BASE.effect(MotionResistance).R)
+RESISTANCE = float(scenario("flat", **{"soil.k": 0.005, "cruise_slip": 0.05}).model.effect(MotionResistance).R)
+BASE = scenario("flat", **{"soil.k": 0.005}).model.having(MotionResistance(R=RESISTANCE, q=0.0))
+"""Its resistance fades below v_0 of travel, however fast the rim is, as the generator's does."""
 
 
 def tracks(seed=7):
@@ -80,7 +81,7 @@ def with_effect(name):
         return BASE
     kind, numbers = effect_class(name), numbers_of(name)
     if name == "MotionResistance":
-        return BASE.having(kind(R=RESISTANCE + numbers["R"]))
+        return BASE.having(kind(R=RESISTANCE + numbers["R"], q=0.0))
     return BASE.having(kind(**{**kind.neutral, **numbers}))
 
 
