@@ -20,11 +20,15 @@ RENEWALS = 2
 TO_THE_END = 40, 12
 """Turns and renewals of a fit that is to reach its end: down a bent valley each step is short."""
 SHORTER = 1 / 3, 1 / 9
-"""Shares of a step that are tried where the whole does not help."""
+"""Shares of a step that are tried in turn where the whole does not help."""
 DAMPED = 1e1, 1e2, 1e3, 1e4, 1e5
-"""What is added to the curvature along every u, a prior's is 1, in a fit to its end that keeps too little promise."""
+"""What is added to the curvature along every u, a prior's is 1, where no shorter step helps a fit to its end."""
 STALE = 0.5
 """Share of the promised gain below which a Jacobian is computed again."""
+
+
+State = tuple[np.ndarray, np.ndarray, float]
+Steps = list[np.ndarray]
 
 
 def at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Any:
@@ -77,12 +81,12 @@ def descended(
     known |= _slopes(task, model, parameters, u, missing)
     predicted = task.experiment.predict([at(task, model, parameters, u)])[0]
     was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(own)
-    (turns, renewals), damped, enough = (TO_THE_END, DAMPED, STALE) if stale else ((TURNS, RENEWALS), (), 0.0)
+    (turns, renewals), damped = (TO_THE_END, DAMPED) if stale else ((TURNS, RENEWALS), ())
     for _ in range(turns):
         columns = task.columns([known[one.name] for one in parameters])
         steps, promised = _steps(columns, task.rows(predicted), u, parameters, damped)
         tried = steps if promised >= SETTLED else steps[:1]
-        u, predicted, now = _searched(task, model, parameters, (u, predicted, was), tried, enough * promised)
+        u, predicted, now = _searched(task, model, parameters, (u, predicted, was), tried)
         gained, was = was - now, now
         if gained >= max(STALE * promised, SETTLED):
             fresh = not own
@@ -113,15 +117,16 @@ def _steps(
     rows: np.ndarray,
     u: np.ndarray,
     parameters: Sequence[Parameter],
-    damped: Sequence[float] = (),
-) -> tuple[list[np.ndarray], float]:
-    """Return the Gauss-Newton step in the bounds, shorter and damped ones, and the gain that the first promises."""
+    damped: Sequence[float],
+) -> tuple[list[Steps], float]:
+    """Return the Gauss-Newton step in the bounds, then shorter ones, then damped ones, and the gain of the first."""
     bounds = _bounds(parameters)
     weights, prior = huber_weights(rows), priors(parameters)
     normal = columns.T @ (columns * weights[:, None]) + prior
     right = -(columns.T @ (weights * rows)) - np.where(np.diag(prior) == 1.0, u, 0.0)
     step, *others = (_bounded_step(normal + one * np.eye(len(u)), right, u, bounds) for one in (0.0, *damped))
-    return [step, *(share * step for share in SHORTER), *others], float(2 * right @ step - step @ normal @ step)
+    groups = [[step], *([share * step] for share in SHORTER), *([others] if others else [])]
+    return groups, float(2 * right @ step - step @ normal @ step)
 
 
 def _bounded_step(normal: np.ndarray, right: np.ndarray, u: np.ndarray, bounds: np.ndarray) -> np.ndarray:
@@ -139,22 +144,13 @@ def _bounded_step(normal: np.ndarray, right: np.ndarray, u: np.ndarray, bounds: 
     return np.asarray(np.clip(u + step, bounds[:, 0], bounds[:, 1]) - u)
 
 
-State = tuple[np.ndarray, np.ndarray, float]
-
-
-def _searched(
-    task: Task,
-    model: Any,
-    parameters: Sequence[Parameter],
-    here: State,
-    steps: Sequence[np.ndarray],
-    enough: float,
-) -> State:
-    """Return where the first step leads, or, if that gains no more than `enough`, the lowest of where all lead."""
-    best = _lowest(task, model, parameters, here, steps[:1])
-    if len(steps) == 1 or here[2] - best[2] > enough:
-        return best
-    return min(best, _lowest(task, model, parameters, here, steps[1:]), key=lambda state: state[2])
+def _searched(task: Task, model: Any, parameters: Sequence[Parameter], here: State, steps: Sequence[Steps]) -> State:
+    """Return the lowest of where the first of these groups of steps leads that helps, or where it was."""
+    for group in steps:
+        best = _lowest(task, model, parameters, here, group)
+        if best is not here:
+            return best
+    return here
 
 
 def _lowest(task: Task, model: Any, parameters: Sequence[Parameter], here: State, steps: Sequence[np.ndarray]) -> State:

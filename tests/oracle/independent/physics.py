@@ -214,7 +214,8 @@ class Physics:
         f_n, factor = soils.load_and_factor(S, pieces.h, soil, world.r, world.b, world.own_arc)
         f_n = f_n * np.maximum(0.0, 1.0 + world.damping * approach)
         fades = world.resistance_speed**2 / np.hypot(world.resistance_speed, rim)
-        f_t = factor * f_n - world.resistance * f_n * v / np.hypot(v, fades)
+        pull = np.minimum(factor, (1.0 + np.minimum(S, 0.0)) * factor)  # no more than the torque pays for
+        f_t = pull * f_n - world.resistance * f_n * v / np.hypot(v, fades)
         f_y = self.side_force(S_y, f_n, f_t, pieces.h)
         return Load(f_t, f_y, f_n, factor * world.r * f_n, S, along_rate, across_rate)
 
