@@ -8,7 +8,7 @@ Method
 Result
     At Table 1's sand (k = 50 mm) the ditch, the step and the upper end of the growing slope hold the rover, the others
     are passed; with k = 10 mm the ditch is crossed as well. One-sided ground turns a rover that nobody steers: the
-    rocks by 59 deg in 30 s, the one-sided bump by 18 deg. `docs/gallery.md` has a line for each.
+    rocks by 56 deg in 30 s, the one-sided bump by 18 deg. `docs/gallery.md` has a line for each.
 What the paper says
     Sections 4 and 5 drive a flat, a slope, a bump and a ditch; the test field of section 4 has rocks besides.
 What differs
