@@ -24,6 +24,11 @@ that is none."""
 MOST_AIRBORNE = 1.0 / 3.0
 """Share of a drive that its wheels are off the ground, on average, beyond which it hops."""
 
+BRAKED, MOST_BRAKED = -0.1, 0.1
+"""Slip beyond which a wheel counts as braked, and the share of a drive beyond which that is a doubt: the pull bends
+where it is no more than its torque pays for. Of 747 random drives 5 that half the step moves had no other sign; of the
+ready-made ones the bump is braked most, 9 % of the time."""
+
 
 def load_warning(model: Model, rows: np.ndarray) -> str:
     """Return a sentence where the soil carried more or less than the weight, or nothing."""
@@ -57,6 +62,9 @@ def doubts_of(model: Model, rows: np.ndarray, misjudged: float) -> list[str]:
     hopping = airborne(rows)
     if hopping > MOST_AIRBORNE:
         made.append(f"the wheels were off the ground {hopping:.0%} of the time")
+    held = braked(rows)
+    if held > MOST_BRAKED:
+        made.append(f"the wheels were braked beyond S = {BRAKED} {held:.0%} of the time")
     return made
 
 
@@ -69,6 +77,15 @@ def airborne(rows: np.ndarray) -> float:
     if _duration(rows) < SHORTEST:
         return 0.0
     return float(np.mean(rows["record"][:, :, RECORD.index("normal")] == 0.0))
+
+
+def braked(rows: np.ndarray) -> float:
+    """Return the share of the drive that its wheels are on the ground and braked beyond BRAKED, on average."""
+    if not len(rows):
+        return 0.0
+    record = rows["record"]
+    pressed = record[:, :, RECORD.index("normal")] > 0.0
+    return float(np.mean(pressed & (record[:, :, RECORD.index("slip")] < BRAKED)))
 
 
 def pivot_warning(steps: int) -> str:

@@ -301,6 +301,25 @@ def test_a_rover_that_hops_is_doubted(airborne, share):
     assert doubts_of(model, rows_of(model, 60, airborne), 0.0) == told
 
 
+@pytest.mark.parametrize(
+    ("slip", "wheels", "count", "share"),
+    [
+        (-0.11, np.s_[:, :1], 60, "17%"),
+        (-0.09, np.s_[:, :6], 60, ""),
+        (-0.5, np.s_[:30, :1], 60, ""),
+        (0.5, np.s_[:, :], 60, ""),
+    ],
+)
+def test_wheels_that_are_braked_for_a_tenth_of_a_drive_are_a_doubt(slip, wheels, count, share):
+    model = scenario("flat").model
+    rows = rows_of(model, count, np.s_[:0, :])
+    rows["record"][:, :, RECORD.index("slip")][wheels] = slip
+    told = [f"the wheels were braked beyond S = -0.1 {share} of the time"] if share else []
+    assert doubts_of(model, rows, 0.0) == told
+    rows["record"][:, :, RECORD.index("normal")] = 0.0
+    assert not any("braked" in one for one in doubts_of(model, rows, 0.0)), "in the air nothing brakes"
+
+
 @pytest.mark.parametrize(("duration", "most"), [(20.0, MOST_MISSED), (2.0, 2.0 * MOST_MISSED_A_SECOND)])
 def test_what_a_step_misjudged_counts_as_a_change_of_speed_in_all_and_in_a_second(duration, most):
     model = scenario("flat", gravity=2.0).model
