@@ -270,7 +270,7 @@ def test_a_drive_whose_forces_turn_faster_than_its_steps_is_measured_and_says_wh
     assert drive.drive().attrs["warnings"] == []
     monkeypatch.setattr(half_step, "MOVED", 1e-4)
     monkeypatch.setattr(half_step, "MOVED_SHARE", 0.0)
-    reason, told = drive.drive().attrs["warnings"]
+    reason, *_, told = drive.drive().attrs["warnings"]
     assert reason.startswith("wheels' forces turned faster than the steps, which misjudged them by 0.0")
     trace, finer = (simulate(drive.model, drive.controller, 4.0, drive.start, each) for each in halves(drive.timing))
     moved = np.hypot(trace["body_x"] - finer["body_x"], trace["body_y"] - finer["body_y"]).max()
