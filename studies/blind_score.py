@@ -31,11 +31,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.estimation.profile import NORMAL_95
-from rover_pin.plot import save
 
 
 class Kind(Enum):
@@ -257,23 +255,7 @@ def publish(cases: Sequence[Case], out: Path) -> None:
     print(f"candidates in the answer to one effect, mean: {np.mean(told) if told else math.nan:.2f}")
     (out / "scores.md").write_text("\n\n".join(_markdown(table) for table in tables) + "\n", encoding="utf-8")
     pd.DataFrame([_flat(case) for case in cases]).to_csv(out / "cases.csv", index=False, float_format="%.6g")
-    save(draw(shares(cases)), out / "scores.png")
-    print(f"written: {out / 'scores.md'}, {out / 'cases.csv'}, {out / 'scores.png'}")
-
-
-def draw(rows: Sequence[Row]) -> Figure:
-    """Return the shares with their intervals."""
-    known = [row for row in rows if row.of][::-1]
-    figure = Figure(figsize=(9, 0.34 * len(known) + 1), layout="constrained")
-    axis = figure.subplots()
-    for place, row in enumerate(known):
-        low, high = wilson(row.count, row.of)
-        axis.plot([100 * low, 100 * high], [place, place], color="#1f6f8b", lw=2)
-        axis.plot(100 * row.count / row.of, place, "o", color="#1f6f8b")
-    axis.set_yticks(range(len(known)), [f"{row.what} ({row.count} of {row.of})" for row in known], fontsize=8)
-    axis.set(xlim=(-2, 102), xlabel="%, with 95 % Wilson interval")
-    axis.grid(alpha=0.3)
-    return figure
+    print(f"written: {out / 'scores.md'} and {out / 'cases.csv'}")
 
 
 def _markdown(table: pd.DataFrame) -> str:
