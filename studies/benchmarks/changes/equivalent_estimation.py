@@ -48,10 +48,8 @@ EXCUSES: dict[str, dict[str, str]] = {
         "return [centre, *(centre + draws)]: + -> -": "drawn alike on either side",
     },
     "fit.py": {
-        "owner = np.arange(good.shape[0])[:, None, None] * (stretch[-1] + 1) + stretch[None, None, :]: + "
-        "-> -": "any number that is each stretch's own",
-        "owner = np.arange(good.shape[0])[:, None, None] * (stretch[-1] + 1) + stretch[None, None, :]: 1 "
-        "-> 2": "any number that is each stretch's own",
+        "found = [plain, self._clustered(each * (stretch[-1] + 1) + stretch)]: + -> -": "a number of each stretch's own",
+        "found = [plain, self._clustered(each * (stretch[-1] + 1) + stretch)]: 1 -> 2": "a number of each stretch's own",
     },
     "gauss_newton.py": {
         "stuck = gained < SETTLED if fresh else promised < SETTLED and not stale: gained < SETTLED -> "
