@@ -48,8 +48,8 @@ EXCUSES: dict[str, dict[str, str]] = {
         "return [centre, *(centre + draws)]: + -> -": "drawn alike on either side",
     },
     "fit.py": {
-        "found = [plain, self._clustered(each * (stretch[-1] + 1) + stretch)]: + -> -": "a number of each stretch's own",
-        "found = [plain, self._clustered(each * (stretch[-1] + 1) + stretch)]: 1 -> 2": "a number of each stretch's own",
+        "found = [plain, self._clustered(each * (stretch[-1] + 1) + stretch)]: + -> -": "each stretch's own number",
+        "found = [plain, self._clustered(each * (stretch[-1] + 1) + stretch)]: 1 -> 2": "each stretch's own number",
     },
     "gauss_newton.py": {
         "stuck = gained < SETTLED if fresh else promised < SETTLED and not stale: gained < SETTLED -> "
