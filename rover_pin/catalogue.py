@@ -61,8 +61,9 @@ def _of_scene(name: str, scene: Scene) -> tuple[Setting, ...]:
     if "path" in scene.terrain_settings:
         about = arguments_of(scene.terrain)["path"].quantity
         return (Setting("terrain.path", scene.terrain_settings["path"], source=about.source),)
-    own = (each._replace(source="of this scenario") for each in settings_of(name) if each.name in scene.settings)
-    return (*own, *(each for each in settings_of(name) if each.name.startswith("terrain.")))
+    known = settings_of(name)
+    own = (each._replace(source="of this scenario") for each in known if each.name in scene.settings)
+    return (*own, *(each for each in known if each.name.startswith("terrain.")))
 
 
 def soils() -> list[Entry]:
