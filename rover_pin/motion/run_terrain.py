@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from scipy.sparse import kron
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.shapes import flat
@@ -163,6 +162,7 @@ class _Grid:
         along = [scipy.sparse.diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(max(n - 2, 0), n)) for n in (self.nx, self.ny)]
         step = [scipy.sparse.diags([-1.0, 1.0], [0, 1], shape=(n - 1, n)) for n in (self.nx, self.ny)]
         one = [scipy.sparse.diags([1.0], [0], shape=(n, n)) for n in (self.nx, self.ny)]
+        kron = scipy.sparse.kron
         rows = [kron(along[0], one[1]), kron(one[0], along[1]), kron(step[0], step[1]) * math.sqrt(2.0)]
         return scipy.sparse.vstack([row for row in rows if row.shape[0]]).tocsr() / self.size
 

@@ -1,6 +1,8 @@
 """The ground of a single run: declared as a slope, or told by pitch, roll and height."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -156,3 +158,9 @@ def test_a_grid_for_all_runs_stays_the_logs(tmp_path):
     read = log(tmp_path, {"grid": "ground.npz"})
     assert read.terrain_of(read.runs[0]) is None
     assert read.terrain().z.shape == made.z.shape
+
+
+def test_a_drive_loads_no_sparse_matrices():
+    code = "import sys, rover_pin.scenarios; print('scipy.sparse' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
