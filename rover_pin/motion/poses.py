@@ -69,11 +69,22 @@ def wheel_angles(trace: Trace, wheels: tuple[str, ...]) -> np.ndarray:
     return np.cumsum(np.column_stack(rates) * dt[:, None], axis=0)
 
 
-def place_links(rover: Rover, data: pin.Data, q: np.ndarray) -> np.ndarray:
-    """Set the places of all joints in `data`; return each wheel's axle, steered as it is (wheels, 3), to the left."""
+def place_links(rover: Rover, data: pin.Data, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Set the places of all joints in `data`; return the wheels' centres, and axles to the left, each (wheels, 3)."""
     pin.computeJointJacobians(rover.model, data, q)
+    centres = np.array([data.oMi[mount.joint].translation for mount in rover.wheels])
     axles = np.array([data.J[3:, mount.dof] for mount in rover.wheels])
-    return np.asarray(axles / np.linalg.norm(axles, axis=1, keepdims=True))
+    return centres, np.asarray(axles / np.linalg.norm(axles, axis=1, keepdims=True))
+
+
+def of_side(rover: Rover, side: str) -> list[int]:
+    """Return the wheels of a side."""
+    return [n for n, wheel in enumerate(rover.wheels) if wheel.side == side]
+
+
+def around(rover: Rover) -> list[int]:
+    """Return the wheels in order around the rover."""
+    return of_side(rover, "l") + of_side(rover, "r")[::-1]
 
 
 def footprint(mount: WheelMount, centre: np.ndarray, axle: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Polygon
 
 from rover_pin.body.rover import Rover
 from rover_pin.body.terrain import Terrain
-from rover_pin.motion.poses import configuration, footprint, place_links
+from rover_pin.motion.poses import around, configuration, footprint, place_links
 from rover_pin.motion.trace import Trace
 
 SAND, EDGE = "#d9c9a5", "#8a7340"
@@ -36,9 +36,7 @@ def poses(trace: Trace, rover: Rover, rows: Sequence[int] | np.ndarray) -> list[
     data, made = rover.model.createData(), []
     for row in rows:
         q = configuration(rover, trace, int(row))
-        axles = place_links(rover, data, q)
-        centres = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels])
-        made.append(Pose(float(trace.t[row]), q, centres, axles, np.array(data.oMi[1].rotation[:2, 1])))
+        made.append(Pose(float(trace.t[row]), q, *place_links(rover, data, q), np.array(data.oMi[1].rotation[:2, 1])))
     return made
 
 
@@ -78,9 +76,7 @@ def draw_ground(axes: Axes, terrain: Terrain, span: tuple[float, float], under: 
 
 def draw_above(axes: Axes, rover: Rover, pose: Pose, colour: Any) -> None:
     """Draw a rover from above: its wheels as they are steered, and the line around them."""
-    sides = [[n for n, wheel in enumerate(rover.wheels) if wheel.side == side] for side in "lr"]
-    around = pose.centres[sides[0] + sides[1][::-1], :2]
-    axes.add_patch(Polygon(around, fc="none", ec=colour, lw=0.8))
+    axes.add_patch(Polygon(pose.centres[around(rover), :2], fc="none", ec=colour, lw=0.8))
     for wheel, centre, axle in zip(rover.wheels, pose.centres, pose.axles, strict=True):
         axes.add_patch(Polygon(footprint(wheel, centre, axle), fc="none", ec=colour, lw=1.2))
 

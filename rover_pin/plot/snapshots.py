@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from rover_pin.body.rover import Rover
 from rover_pin.motion.model import Model
-from rover_pin.motion.poses import Turned, on_the_ground
+from rover_pin.motion.poses import Turned, of_side, on_the_ground
 from rover_pin.motion.trace import Trace
 from rover_pin.plot.sheet import MARGINS, in_lines, sheet
 from rover_pin.plot.side import Pose, draw_above, draw_ground, draw_heights, draw_rover, poses
@@ -72,13 +72,13 @@ class _Side(_View):
         self.shown, self.model = shown, model
         centres, r = np.array([pose.centres for pose in shown]), _radius(model.rover)
         self.span = float(centres[..., 0].min()) - 3 * r, float(centres[..., 0].max()) + 3 * r
-        self.y = {side: float(np.mean(centres[:, _of_side(model.rover, side), 1])) for side in "lr"}
+        self.y = {side: float(np.mean(centres[:, of_side(model.rover, side), 1])) for side in "lr"}
         ground = {side: model.terrain.height(np.linspace(*self.span, 500), y) for side, y in self.y.items()}
         self.side = max("lr", key=lambda side: (float(np.ptp(ground[side])), side == "l"))
         tops = [float(pose.q[2]) for pose in shown] + [float(centres[..., 2].max()) + r]
         self.top = max(tops) + 0.3 * r
         lowest = min(float(each.min()) for each in ground.values())
-        self.stands = self._stands(centres[:, _of_side(model.rover, self.side)], 0.25 * r)
+        self.stands = self._stands(centres[:, of_side(model.rover, self.side)], 0.25 * r)
         super().__init__((self.span[0], lowest - 0.05), (self.span[1], self.top + 2.2 * r + 0.05))
 
     def _stands(self, centres: np.ndarray, within: float) -> bool:
@@ -146,10 +146,6 @@ def _ahead(pose: Pose, r: float) -> np.ndarray:
     left = pose.left / max(float(np.linalg.norm(pose.left)), 1e-9)
     ahead, middle = np.array([left[1], -left[0]]), pose.centres[:, :2].mean(axis=0)
     return middle + ahead * (float(((pose.centres[:, :2] - middle) @ ahead).max()) + 1.6 * r)
-
-
-def _of_side(rover: Rover, side: str) -> list[int]:
-    return [n for n, wheel in enumerate(rover.wheels) if wheel.side == side]
 
 
 def _radius(rover: Rover) -> float:

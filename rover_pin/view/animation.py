@@ -20,7 +20,7 @@ from PIL import Image, ImageSequence
 
 from rover_pin.columns import replace_file
 from rover_pin.motion.draw import wheel_lines
-from rover_pin.motion.poses import Turned, footprint
+from rover_pin.motion.poses import Turned, around, footprint, of_side
 from rover_pin.view.colours import slip_colour
 from rover_pin.view.film import Film
 
@@ -105,7 +105,7 @@ def _side(axes: Axes, film: Film, ghost: Film | None) -> Draw:
     """Draw the left side and the ground under its wheels at every moment; dashed is that under the right ones."""
     box, floor = film.box, float(film.tracks[..., 2].min()) - 0.06
     x = np.linspace(box.x_low, box.x_high, 600)
-    sides = {side: [n for n, wheel in enumerate(film.rover.wheels) if wheel.side == side] for side in "lr"}
+    sides = {side: of_side(film.rover, side) for side in "lr"}
     high = float(film.centres[..., 2].max() + 0.2)
     axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(box.x_low, box.x_high), ylim=(floor, high))
     sand = axes.add_patch(Polygon(np.zeros((3, 2)), fc="#d9c9a5", ec="#8a7340", lw=1))
@@ -179,15 +179,9 @@ def _rover_above(axes: Axes, film: Film, outline: str | None) -> Draw:
             rims[n].set_xy(footprint(mount, film.centres[frame, n], film.left[frame, n]))
             if outline is None:
                 rims[n].set_facecolor(_colour(film, frame, n))
-        hull.set_xy(film.centres[frame][_around(film), :2])
+        hull.set_xy(film.centres[frame][around(film.rover), :2])
 
     return draw
-
-
-def _around(film: Film) -> list[int]:
-    """Return the wheels in order around the rover."""
-    left = [n for n, wheel in enumerate(film.rover.wheels) if wheel.side == "l"]
-    return left + [n for n, wheel in enumerate(film.rover.wheels) if wheel.side == "r"][::-1]
 
 
 def _slip(axes: Axes, film: Film, ghost: Film | None) -> Draw:

@@ -67,11 +67,12 @@ class Film:
         bodies = [i for i, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
         places, turns, centres, axles = [], [], [], []
         for row in rows:
-            axles.append(place_links(rover, data, configuration(rover, trace, int(row), angles[row])))
+            centre, axle = place_links(rover, data, configuration(rover, trace, int(row), angles[row]))
+            centres.append(centre)
+            axles.append(axle)
             pin.updateFramePlacements(model, data)
             places.append([np.array(data.oMf[i].translation) for i in bodies])
             turns.append([np.roll(pin.Quaternion(data.oMf[i].rotation).coeffs(), 1) for i in bodies])
-            centres.append([np.array(data.oMi[wheel.joint].translation) for wheel in rover.wheels])
         where, turned = np.array(places), np.array(turns)
         links = {str(model.frames[i].name): (where[:, n], turned[:, n]) for n, i in enumerate(bodies)}
         return cls(rover, terrain, trace, trace.t[rows], links, np.array(centres), np.array(axles), rows)
