@@ -197,6 +197,13 @@ def declared_sd(entry: Any, unit: str, where: str) -> float | None:
     return to_si(sd, str(entry.get("unit", unit)), unit, where)
 
 
+def declared_sds(table: Mapping[str, Any], record: type[Record], where: str) -> dict[str, float]:
+    """Return name -> SD (SI) of a record's quantities that a table states with one; errors as of `declared_sd`."""
+    known = {name: about.unit for name, about in quantities(record).items() if name in table}
+    sds = {name: declared_sd(table[name], unit, f"{where}: the sd of '{name}'") for name, unit in known.items()}
+    return {name: sd for name, sd in sds.items() if sd is not None}
+
+
 def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> Any:
     """Return `record(**fields)` from a table of numbers (SI) or `{ value, unit }` entries, as read from TOML.
 

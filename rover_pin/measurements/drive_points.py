@@ -20,7 +20,7 @@ from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.motion.defaults import has_papers_wheel, own_soil, usual_angles, usual_slip
 from rover_pin.motion.drive_log import DriveLog, read_drive_log
 from rover_pin.motion.motor import Motor
-from rover_pin.quantity import declared_sd, quantities, record_from
+from rover_pin.quantity import declared_sds, record_from
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import TorqueTraction
 from rover_pin.trust import Trust
@@ -117,8 +117,7 @@ def declared_soil(log: DriveLog, rover: Rover) -> tuple[dict[str, float], dict[s
     """
     where, table = f"{log.folder}: [soil]", log.about.soil
     soil = record_from(Soil, table, where)
-    stated = {name: declared_sd(table[name], quantities(Soil)[name].unit, where) for name in table}
-    known, doubts = {name: getattr(soil, name) for name in table}, {name: sd for name, sd in stated.items() if sd}
+    known, doubts = {name: getattr(soil, name) for name in table}, declared_sds(table, Soil, where)
     if has_papers_wheel(rover) or {"k_1", "k_2"}.intersection(table):
         return known, doubts
     k_1 = float(own_soil(rover).value.k_1)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rover_pin.contact import Scalar
-from rover_pin.quantity import Record, declared_sd, quantities, quantity, record_from
+from rover_pin.contact import Scalar, Wheel
+from rover_pin.quantity import Record, declared_sds, quantity, record_from
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,8 @@ def stated_errors(table: Mapping[str, Any], where: str) -> tuple[RigErrors, dict
         An SD that is no positive number.
     """
     about = {name: entry for name, entry in table.items() if name != "note"}
-    errors, known = record_from(RigErrors, about, where), quantities(RigErrors)
-    sds = {name: declared_sd(entry, known[name].unit, f"{where}: the sd of '{name}'") for name, entry in about.items()}
-    return errors, {f"rig.{name}": sd for name, sd in sds.items() if sd}
+    errors = record_from(RigErrors, about, where)
+    return errors, {f"rig.{name}": sd for name, sd in declared_sds(about, RigErrors, where).items()}
 
 
 def unsure_sizes(table: Mapping[str, Any], where: str) -> dict[str, float]:
@@ -65,5 +64,4 @@ def unsure_sizes(table: Mapping[str, Any], where: str) -> dict[str, float]:
     DataError
         An SD that is no positive number.
     """
-    sds = {name: declared_sd(entry, "m", f"{where}: the sd of '{name}'") for name, entry in table.items()}
-    return {f"wheel.{name}": sd for name, sd in sds.items() if sd}
+    return {f"wheel.{name}": sd for name, sd in declared_sds(table, Wheel, where).items()}

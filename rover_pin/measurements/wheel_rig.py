@@ -21,7 +21,7 @@ from rover_pin.measurements.rig_errors import RigErrors, stated_errors, unsure_s
 from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
 from rover_pin.measurements.tables import read_table
 from rover_pin.parameters.bekker import bekker, bekker_si
-from rover_pin.quantity import declared_sd, quantities, record_from, refuse_strange, to_si
+from rover_pin.quantity import declared_sds, quantities, record_from, refuse_strange, to_si
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import wheel_forces
 from rover_pin.toml_file import read_toml, table_in, text_in
@@ -198,7 +198,7 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
             wheel_range=_ranges(wheel_table, where),
             declared=_declared(table_in(about, "soil", where), where),
             levels=table["level"].to_numpy() if "level" in table else None,
-            doubts=_doubts(table_in(about, "soil", where), where),
+            doubts=declared_sds(table_in(about, "soil", where), Soil, where),
             slip_angle=slip_angles(table, f"{folder.name}/{points.name}"),
             errors=errors,
             error_sd={**error_sd, **unsure_sizes(wheel_table, where)},
@@ -256,12 +256,6 @@ def _ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, floa
             unit, place = entry.get("unit", "m"), f"{where}: {name}"
             ranges[name] = (to_si(entry["low"], unit, "m", place), to_si(entry["high"], unit, "m", place))
     return ranges
-
-
-def _doubts(table: Mapping[str, Any], where: str) -> dict[str, float]:
-    known = {name: about.unit for name, about in quantities(Soil).items() if name in table}
-    stated = {name: declared_sd(table[name], unit, f"{where}: the sd of '{name}'") for name, unit in known.items()}
-    return {name: sd for name, sd in stated.items() if sd}
 
 
 def _declared(table: Mapping[str, Any], where: str) -> dict[str, float]:
