@@ -28,13 +28,14 @@ def draw(trace: Trace, names: Sequence[str], axes: Axes) -> Axes:
         lines |= {each: trace[each] for each in (own if own and name not in trace else [name])}
     units = {trace.unit(name) for name in lines}
     draw_lines(axes, trace.t, lines, {name: _look(trace, name, n) for n, name in enumerate(lines)})
+    axes.legend(fontsize=7, ncols=3, loc="best")
     axes.set(xlabel="t [s]", ylabel=f"{', '.join(names)} [{' or '.join(sorted(units))}]")
     axes.grid(alpha=0.3)
     return axes
 
 
 def wheel_lines(axes: Axes, trace: Trace, channel: str, scale: float = 1.0) -> None:
-    """Draw a channel of all wheels, times `scale`; the lines are named by their wheels alone."""
+    """Draw a channel of all wheels, times `scale`; the lines are named by their wheels alone, without a legend."""
     names = [wheel for wheel in trace.wheels if f"{channel}_{wheel}" in trace]
     lines = {wheel: scale * trace[f"{channel}_{wheel}"] for wheel in names}
     draw_lines(axes, trace.t, lines, {wheel: _look(trace, wheel, n) for n, wheel in enumerate(names)})
@@ -43,10 +44,9 @@ def wheel_lines(axes: Axes, trace: Trace, channel: str, scale: float = 1.0) -> N
 def draw_lines(
     axes: Axes, t: np.ndarray, lines: Mapping[str, np.ndarray], looks: Mapping[str, Mapping[str, Any]]
 ) -> None:
-    """Draw lines over time; those that look the same are one, and its label says so."""
+    """Draw lines over time, without a legend; those that look the same are one, and its label says so."""
     for group in alike(lines):
         axes.plot(t, lines[group[0]], lw=1.2, label=" = ".join(group), **looks[group[0]])
-    axes.legend(fontsize=7, ncols=3, loc="best")
 
 
 def alike(lines: Mapping[str, np.ndarray]) -> list[list[str]]:
