@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 
+LBF, INCH, FOOT = 4.4482216152605, 0.0254, 0.3048
+"""Pound-force [N], inch and foot [m]."""
+
 UNITS: dict[str, tuple[str, float]] = {
     "m": ("m", 1.0),
     "mm": ("m", 1e-3),
     "cm": ("m", 1e-2),
     "km": ("m", 1e3),
-    "in": ("m", 0.0254),
-    "ft": ("m", 0.3048),
+    "in": ("m", INCH),
+    "ft": ("m", FOOT),
     "rad": ("rad", 1.0),
     "deg": ("rad", math.pi / 180.0),
     "s": ("s", 1.0),
@@ -22,19 +25,19 @@ UNITS: dict[str, tuple[str, float]] = {
     "g": ("kg", 1e-3),
     "N": ("N", 1.0),
     "kN": ("N", 1e3),
-    "lbf": ("N", 4.4482216152605),
+    "lbf": ("N", LBF),
     "kgf": ("N", 9.80665),
     "N m": ("N m", 1.0),
     "mN m": ("N m", 1e-3),
     "kN m": ("N m", 1e3),
-    "lbf in": ("N m", 4.4482216152605 * 0.0254),
-    "lbf ft": ("N m", 4.4482216152605 * 0.3048),
+    "lbf in": ("N m", LBF * INCH),
+    "lbf ft": ("N m", LBF * FOOT),
     "Pa": ("Pa", 1.0),
     "N/m^2": ("Pa", 1.0),
     "kPa": ("Pa", 1e3),
     "MPa": ("Pa", 1e6),
     "kN/m^2": ("Pa", 1e3),
-    "psi": ("Pa", 4.4482216152605 / 0.0254**2),
+    "psi": ("Pa", LBF / INCH**2),
     "m/s": ("m/s", 1.0),
     "mm/s": ("m/s", 1e-3),
     "cm/s": ("m/s", 1e-2),
@@ -54,6 +57,6 @@ UNITS: dict[str, tuple[str, float]] = {
     "kg/m^3": ("kg/m^3", 1.0),
     "g/cm^3": ("kg/m^3", 1e3),
     "t/m^3": ("kg/m^3", 1e3),
-    "lb/ft^3": ("kg/m^3", 0.45359237 / 0.3048**3),
+    "lb/ft^3": ("kg/m^3", 0.45359237 / FOOT**3),
 }
 """Units read at the edge: name -> (SI name, factor). Any other unit must be the field's own, spelled the same."""
