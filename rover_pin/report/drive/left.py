@@ -39,7 +39,7 @@ class LeftOver(Section):
             "left": left.said,
             "terms": Table(heads, terms) if not left.is_noise else None,
             "channels": channel_table(left),
-            "draft": self.verdict.draft.lines() if self.verdict.draft else (),
+            "draft": self.verdict.draft,
         }
 
     def pictures(self) -> Mapping[str, Picture]:

@@ -96,8 +96,12 @@ class WhereItLives(Section):
         added = bool(self.verdict.named)
         lines = [f"Before, {one.said}." for one in self.sides.before.remainders]
         lines += [f"After, {one.said}." for one in self.sides.after.remainders] if added else []
-        draft = self.verdict.draft.lines() if self.verdict.draft else ()
-        return {"lines": lines, "draft": draft, "tests": test_table(self.sides, added), "limit": BEYOND_CHANCE}
+        return {
+            "lines": lines,
+            "draft": self.verdict.draft,
+            "tests": test_table(self.sides, added),
+            "limit": BEYOND_CHANCE,
+        }
 
     def pictures(self) -> Mapping[str, Picture]:
         """Return the mean residual of each level."""
