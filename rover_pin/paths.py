@@ -1,7 +1,8 @@
-"""Whether there is a file of a name that a user gave."""
+"""Whether there is a file of a name that a user gave, and how another file names it."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 
@@ -24,3 +25,8 @@ def is_folder(path: Path) -> bool:
         return path.is_dir()
     except OSError:
         return False
+
+
+def named_from(folder: Path, name: str | Path) -> str:
+    """Return how a file in this folder names what a user gave: a file by the way to it, anything else as it is."""
+    return os.path.relpath(Path(name).resolve(), folder.resolve()) if is_file(Path(name)) else str(name)

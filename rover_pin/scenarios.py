@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,7 +30,7 @@ from rover_pin.motion.simulate import Progress, Timing, simulate
 from rover_pin.motion.timing import COARSEST, FINEST
 from rover_pin.motion.trace import Trace
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
-from rover_pin.paths import is_file
+from rover_pin.paths import is_file, named_from
 from rover_pin.quantity import declared, quantities, written
 from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, Settings
@@ -113,7 +112,7 @@ class Scenario:
         if "model" in self.settings and "rover" not in self.settings:
             file = Path(str(self.settings["model"]))
             rover = file.parent / str(read_toml(file).get("rover", ""))
-        return os.path.relpath(rover.resolve(), folder.resolve()) if is_file(rover) else ""
+        return named_from(folder, rover) if is_file(rover) else ""
 
 
 def _told_angles(model: Model) -> str:

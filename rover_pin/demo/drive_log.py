@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,7 @@ from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.place import Start
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.motion.simulate import Progress, simulate
-from rover_pin.paths import is_file
+from rover_pin.paths import named_from
 from rover_pin.quantity import declared
 from rover_pin.soil.traction import TorqueTraction
 
@@ -67,7 +66,7 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     about = About(
         folder.name,
         "made up by rover-pin demo; not measured",
-        os.path.relpath(rover, folder) if is_file(Path(rover)) else model.rover.name,
+        named_from(folder, rover),
         wheels=tuple(wheel.name for wheel in model.rover.wheels),
         terrain=write_terrain(folder, model.terrain),
         soil=_known(told),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from rover_pin.experiments.slip_slope import FILE, KIND, SlipSlope
 from rover_pin.motion.defaults import own_soil
 from rover_pin.motion.effect_files import reading_traction
 from rover_pin.parameters.gravity import EARTH
-from rover_pin.paths import is_file
+from rover_pin.paths import named_from
 from rover_pin.toml_file import toml_text
 
 STEEPEST, COUNT, MOST_SLIP = 30.0, 7, 0.85
@@ -61,7 +60,7 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6") -> Made:
         "kind": KIND,
         "name": folder.name,
         "source": "made up by rover-pin demo; not measured",
-        "rover": os.path.relpath(rover, folder) if is_file(Path(rover)) else rover,
+        "rover": named_from(folder, rover),
         "gravity": EARTH,
         "soil": {name: {"value": float(v), "unit": unit, "sd": float(sd)} for name, (v, unit, sd) in known.items()},
     }

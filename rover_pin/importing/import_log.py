@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from rover_pin.importing.splitting import Part, chosen, parts
 from rover_pin.importing.understood import Understood, drive_of, lines, understood
 from rover_pin.importing.written import Run, Sheet, toml_of
 from rover_pin.motion.drive_log import FILE
-from rover_pin.paths import is_file
+from rover_pin.paths import named_from
 
 MOST_RUNS = 12
 """Runs that a log gets at most, unless more are asked for: each is replayed hundreds of times."""
@@ -125,7 +124,7 @@ def _written(
     sheet = Sheet(
         folder.name,
         f"imported from {', '.join(path.name for path in paths)}",
-        _rover_from(folder, rover),
+        named_from(folder, rover),
         [mount.name for mount in own.wheels],
         first.guesses,
         runs,
@@ -137,13 +136,6 @@ def _written(
     return Imported(
         tuple(files), tuple(lines(first)), tuple(f"{run.name}: {run.purpose}" for run in runs), lacks, notes
     )
-
-
-def _rover_from(folder: Path, rover: str | Path) -> str:
-    """Return how a log in this folder names its rover: as given, or as a path from there."""
-    if not is_file(Path(rover)):
-        return str(rover)
-    return os.path.relpath(Path(rover).resolve(), folder.resolve())
 
 
 def _refuse_unlike(readings: Sequence[_Reading]) -> None:
