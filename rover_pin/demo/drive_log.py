@@ -52,12 +52,11 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     )
     true = model.replace(soils=(soil,))
     true = true if effect is None else true.having(effect)
-    seconds = SECONDS * pace(model.rover, model.motor)
+    size, seconds = scale(model.rover), SECONDS * pace(model.rover, model.motor)
     traces, plans = {}, [_plan(random, seconds, len(model.rover.wheels)) for _ in range(RUNS - 2)]
     for run, plan in enumerate([*plans, *plans[:2]]):
-        size = scale(model.rover)
         start = Start(-0.6 * size, 0.0, 0.0) if run % 2 == 0 else Start(0.7 * size, 0.0, math.pi)
-        driven = simulate(true, plan, seconds, start)
+        driven = simulate(true, plan, seconds, start, settle_doubts=False)
         seen = measured(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects)
         traces[f"run-{run + 1}"] = dataclasses.replace(seen, attrs={"start": dataclasses.asdict(start)})
         if progress is not None:
