@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from rover_pin.arguments import arguments_of
 from rover_pin.errors import ParameterError, closest, one_of
@@ -28,6 +28,11 @@ class Setting(NamedTuple):
     source: str = ""
     choices: tuple[str, ...] = ()
 
+    @classmethod
+    def of(cls, name: str, value: Any, about: Quantity) -> Self:
+        """Return the setting of a quantity."""
+        return cls(name, value, about.unit, about.low, about.high, about.source)
+
 
 def numbers_of(record: Record) -> tuple[Setting, ...]:
     """Return a record's quantities with its values; of one that is not the class's default, both sources are said."""
@@ -37,7 +42,7 @@ def numbers_of(record: Record) -> tuple[Setting, ...]:
         value, default = getattr(record, name), getattr(usual, name)
         own = is_symbolic(value) or value == default
         source = about.source if own else f"as given or read; usual {default:.6g}: {about.source}"
-        made.append(Setting(name, value, about.unit, about.low, about.high, source))
+        made.append(Setting.of(name, value, about._replace(source=source)))
     return tuple(made)
 
 
@@ -54,8 +59,7 @@ class Settings:
 
     def number(self, name: str, default: float, about: Quantity) -> float:
         """Return a setting that is a number, or its default; who uses it checks its bounds."""
-        taken = self._taken(Setting(name, default, about.unit, about.low, about.high, about.source))
-        value = written(taken, about.unit, name)
+        value = written(self._taken(Setting.of(name, default, about)), about.unit, name)
         self._in_force(name, value)
         return value
 
@@ -87,8 +91,7 @@ class Settings:
         }
         defaults = {name: None if each.default is each.empty else each.default for name, each in chosen.items()}
         return self._given(
-            Setting(f"{prefix}.{name}", {**defaults, **usual}[name], about.unit, about.low, about.high, about.source)
-            for name, about in ((name, said[name].quantity) for name in chosen)
+            Setting.of(f"{prefix}.{name}", {**defaults, **usual}[name], said[name].quantity) for name in chosen
         )
 
     def finish(self) -> None:
