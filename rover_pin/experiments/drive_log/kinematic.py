@@ -25,10 +25,10 @@ def kinematic(experiment: DriveExperiment, rover: Rover) -> tuple[Baseline, ...]
     if any(rate not in run.measured for run in experiment.runs for rate in rates):
         return ()
     names = [name for name in (PATH, DRIFT, HEADING, SPEED) if name in experiment.channels]
-    found = []
+    driven, found = [_odometry(run, rover) for run in experiment.runs], []
     for name in names:
         at = experiment.channels.index(name)
-        rows = [_odometry(run, rover)[run.channels.index(name)] for run in experiment.runs]
+        rows = [each[run.channels.index(name)] for run, each in zip(experiment.runs, driven, strict=True)]
         seen = [experiment.observed[number, at, : row.size] for number, row in enumerate(rows)]
         errors = [_missed(rows, seen, fold) for fold in range(len(rows))]
         error = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
