@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,14 +25,14 @@ def left_out(fitted: Fit) -> np.ndarray:
 
     The numbers without a run are one Gauss-Newton step from the optimum, its rows left out; nothing is replayed.
     """
-    rows, columns, owner = fitted.rows, fitted.columns, run_of_rows(fitted)
-    return np.array([surprise(fitted, owner == run, rows + columns @ step) for run, step in enumerate(_steps(fitted))])
+    rows, columns = fitted.rows, fitted.columns
+    return _surprises(fitted, (rows + columns @ step for step in _steps(fitted)))
 
 
 def left_out_by_refits(fitted: Fit) -> np.ndarray:
     """Return how badly the others predict every run (runs,): `surprise`, by fits to the others."""
-    rows, owner = fitted.task.noise.white(refitted_left_out(fitted)), run_of_rows(fitted)
-    return np.array([surprise(fitted, owner == run, rows) for run in range(len(fitted.predicted))])
+    rows = fitted.task.noise.white(refitted_left_out(fitted))
+    return _surprises(fitted, (rows for _ in fitted.predicted))
 
 
 def held_out_losses(fitted: Fit) -> np.ndarray:
@@ -49,16 +49,27 @@ def seen_again(without: np.ndarray, found: np.ndarray) -> float:
     return float(falls.sum() - (max(falls.max(), 0.0) if len(falls) > 2 else 0.0))
 
 
-def surprise(fitted: Fit, left: np.ndarray, rows: np.ndarray) -> float:
-    """Return -2 ln of the density that all other rows give those that are `left` out, to which noise alone gives 0.
+def _surprises(fitted: Fit, predicted: Iterable[np.ndarray]) -> np.ndarray:
+    """Return the `surprise` of every run (runs,); for each come all rows as they are predicted without it.
+
+    What the others tell is counted in the noise as the fit leaves it.
+    """
+    columns, weights, owner = fitted.columns, huber_weights(fitted.rows), run_of_rows(fitted)
+    noise, found = fitted.task.noise.inflation * max(fitted.misfit, 1.0), []
+    for run, rows in enumerate(predicted):
+        precision = _curvature(columns, weights * (owner != run), fitted.parameters) / noise
+        found.append(surprise(rows[owner == run], columns[owner == run], precision))
+    return np.array(found)
+
+
+def surprise(e: np.ndarray, columns: np.ndarray, precision: np.ndarray) -> float:
+    """Return -2 ln of the density that all other rows give the rows e left out, to which noise alone gives 0.
 
     They leave the numbers uncertain by P^-1, so the rows e, of SD 1, are of N(0, I + J P^-1 J^T). By Woodbury that is
     min over d of |e + J d|^2 + d^T P d, + ln det(P + J^T J) - ln det P: what alone tells a number may differ from what
-    the others say of it by as much as they leave open. P is counted in the noise as the fit leaves it, e robustly.
+    the others say of it by as much as they leave open. e counts robustly.
     Source: Geisser and Eddy, J. Am. Stat. Assoc. 74 (1979) 153; Vehtari, Gelman and Gabry, Stat. Comput. 27 (2017).
     """
-    precision = _curvature(fitted, ~left) / (fitted.task.noise.inflation * max(fitted.misfit, 1.0))
-    e, columns = rows[left], fitted.columns[left]
     weighted = columns * huber_weights(e)[:, None]
     both = precision + weighted.T @ columns
     step = -np.linalg.solve(both, weighted.T @ e)
@@ -136,14 +147,14 @@ def _steps(fitted: Fit) -> Iterator[np.ndarray]:
     weights = huber_weights(rows)
     for run in range(len(fitted.predicted)):
         use = weights * (owner != run)
-        yield -np.linalg.lstsq(_curvature(fitted, owner != run), columns.T @ (use * rows) + held, rcond=None)[0]
+        normal = _curvature(columns, use, fitted.parameters)
+        yield -np.linalg.lstsq(normal, columns.T @ (use * rows) + held, rcond=None)[0]
 
 
-def _curvature(fitted: Fit, use: np.ndarray) -> np.ndarray:
-    """Return the normal matrix of the rows that are used, every number held by its prior, or by FAR default sizes."""
-    prior = np.diag([1.0 if one.prior else FAR**-2 for one in fitted.parameters])
-    weighted = fitted.columns * (huber_weights(fitted.rows) * use)[:, None]
-    return np.asarray(weighted.T @ fitted.columns + prior)
+def _curvature(columns: np.ndarray, weights: np.ndarray, parameters: Sequence[Parameter]) -> np.ndarray:
+    """Return the normal matrix of weighted rows, every number held by its prior, or by FAR default sizes."""
+    prior = np.diag([1.0 if one.prior else FAR**-2 for one in parameters])
+    return np.asarray((columns * weights[:, None]).T @ columns + prior)
 
 
 def run_of_rows(fitted: Fit) -> np.ndarray:
