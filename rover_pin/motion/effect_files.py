@@ -8,6 +8,7 @@ import importlib
 import inspect
 import pkgutil
 import sys
+import tempfile
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from importlib.machinery import SourceFileLoader
@@ -58,6 +59,14 @@ def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
         bases = ", ".join(base.__name__ for base in BASES)
         raise DataError(f"{path}: no effect stands there; give a .py file with a class that derives from {bases}.")
     return kinds
+
+
+def effects_of_text(text: str) -> tuple[type[AnyEffect], ...]:
+    """Return the effects that the text of an effect file defines, of which no file is kept."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "measured_remainder.py"
+        file.write_text(text, encoding="utf-8")
+        return user_effects(file)
 
 
 def defined_in(module: ModuleType) -> tuple[type[AnyEffect], ...]:

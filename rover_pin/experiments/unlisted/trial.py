@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 from rover_pin.discrepancy.draft import Draft, Drafted, tried
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.estimation.fit import Fit
@@ -12,7 +9,7 @@ from rover_pin.experiments.drive_log.candidates import candidate_of, variants
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.unlisted.draft import can_draft
 from rover_pin.experiments.unlisted.remainder import Remainder, draft_effect
-from rover_pin.motion.effect_files import user_effects
+from rover_pin.motion.effect_files import effects_of_text
 
 
 def drafted(fit: Fit, left: Remainder, name: str, progress: Progress) -> Draft | None:
@@ -20,9 +17,6 @@ def drafted(fit: Fit, left: Remainder, name: str, progress: Progress) -> Draft |
     if not any(can_draft(one, left.wheels) for one in left.terms):
         return None
     text = draft_effect(left, name)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "measured_remainder.py"
-        file.write_text(text, encoding="utf-8")
-        (kind,) = user_effects(file)
-        effects = variants(kind, fit.model, logged(fit))
-        return tried(Drafted(text, tuple(map(candidate_of, effects))), fit, progress)
+    (kind,) = effects_of_text(text)
+    effects = variants(kind, fit.model, logged(fit))
+    return tried(Drafted(text, tuple(map(candidate_of, effects))), fit, progress)

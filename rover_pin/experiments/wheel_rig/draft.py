@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +13,7 @@ from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.remainder import Remainder, remainders
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
-from rover_pin.motion.effect_files import user_effects
+from rover_pin.motion.effect_files import effects_of_text
 
 FACTORS = {DrawbarPull.name: "pull", Torque.name: "torque", Sinkage.name: "depth"}
 """What a draft can add; a side force hangs on the slip angle more than on S."""
@@ -70,10 +68,7 @@ def drafted(experiment: RigExperiment, fit: Fit) -> Drafted | None:
     if not any(map(can_draft, left)):
         return None
     text = draft_effect(data, left)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "measured_remainder.py"
-        file.write_text(text, encoding="utf-8")
-        (kind,) = user_effects(file)
+    (kind,) = effects_of_text(text)
     return Drafted(text, (plain_candidate(kind()),))
 
 
