@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,15 +79,16 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     found = search(base, candidates, progress)
     progress("choosing again without each fold")
     anew = chosen_anew(found.base, _leading(found, candidates))
-    left, draft = described(question, found, progress)
+    drafts = cache(lambda here: drafted(question, here, progress))
+    left, draft = described(question, found, drafts)
     progress("intervals, and errors on what was left out")
     verdict = judged((question.kind, question.name), found, {name: one.names for name, one in anew.items()}, left, seed)
     if verdict.answer is Answer.LIKE and left.unlisted:
-        draft = drafted(question, first_of(found).last, progress)
+        draft = drafts(first_of(found).last)
     return with_draft(replace(verdict, errors_anew=errors_anew(found.base, anew)), draft, seed)
 
 
-def described(question: Question, found: Search, progress: Progress) -> tuple[Left, Draft | None]:
+def described(question: Question, found: Search, drafts: Callable[[Fit], Draft | None]) -> tuple[Left, Draft | None]:
     """Return what a search leaves, and what the base leaves as a draft that was tried, if an effect may be unlisted.
 
     What a found law leaves is more than its form's if a draft describes it; without a pattern it is scatter.
@@ -95,10 +97,10 @@ def described(question: Question, found: Search, progress: Progress) -> tuple[Le
     if question.draft is None or not left.unlisted:
         return left, None
     if found.found and found.last.misfit < SCATTER:
-        rest = drafted(question, found.last, progress)
+        rest = drafts(found.last)
         if rest is None or not rest.accepted:
             return Left(False), None
-    draft = drafted(question, found.base, progress)
+    draft = drafts(found.base)
     return left._replace(described=draft is not None and draft.accepted), draft
 
 

@@ -11,6 +11,7 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.bed import Bed, Parts, question_of
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
+from rover_pin.discrepancy.draft import Drafted
 from rover_pin.discrepancy.judge import concluded, reselected
 from rover_pin.discrepancy.search import calibrated
 from rover_pin.discrepancy.verdict import SCHEMA
@@ -50,6 +51,13 @@ class Wave(Bend):
     """y += b sin(9 x)."""
 
     shape = staticmethod(lambda x: np.sin(9 * x))
+
+
+@dataclass(frozen=True)
+class Ripple(Bend):
+    """y += b sin(14 x)."""
+
+    shape = staticmethod(lambda x: np.sin(14 * x))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +130,21 @@ def test_another_law_is_like_the_one_that_takes_most_of_it():
     assert (found.answer, found.named) == (Answer.LIKE, ("Bend",))
     assert 0.5 < found.share < 0.95
     assert "1 is the noise" in found.summary()
+
+
+def test_what_each_fit_leaves_is_drafted_and_tried_once():
+    """The law takes most, and a draft of what it leaves holds up: it is what stands beside the law too."""
+    asked = []
+
+    def draft(here):
+        asked.append(here)
+        return Drafted("ripple", (plain_candidate(Ripple()),))
+
+    made = question_of(bed(lambda x: 0.4 * x**2 + 0.03 * np.sin(14 * x)), (Bend,))
+    found = concluded(replace(made, draft=draft), lambda said: None)
+    assert found.answer is Answer.LIKE
+    assert found.draft.accepted
+    assert list(map(id, asked)) == [id(found.search.last), id(found.search.base)]
 
 
 def test_what_nothing_takes_is_a_base_model_that_does_not_describe_the_data():
