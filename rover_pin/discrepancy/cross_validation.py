@@ -129,11 +129,6 @@ def _fits_left_out(fitted: Fit) -> Iterator[Fit | None]:
             yield None
 
 
-def loss_of(fitted: Fit, residual: np.ndarray) -> float:
-    """Return the robust chi2 of a residual (runs, channels, blocks), judged by the noise of a fit."""
-    return huber(fitted.task.noise.white(residual))
-
-
 def _anchored(one: Parameter, u: float) -> Parameter:
     if one.prior:
         return one

@@ -136,11 +136,6 @@ def as_fitted(one: Candidate, fitted: Fit) -> Candidate:
     return replace(one, effect=fitted.task.experiment.records(fitted.model)[one.owner])
 
 
-def reselected(base: Fit, tried: Sequence[Candidate]) -> dict[str, str]:
-    """Return what the whole search chooses on all folds but one, by the name of the fold left out."""
-    return {name: one.names for name, one in chosen_anew(base, tried).items()}
-
-
 def errors_anew(base: Fit, anew: dict[str, Search]) -> dict[str, float]:
     """Return the RMSE of each channel, every fold predicted with what is chosen and fitted without it."""
     good, experiment = base.task.noise.good, base.task.experiment

@@ -15,7 +15,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.cross_validation import FAR, losses_of, refitted_left_out
 from rover_pin.discrepancy.exact_refits import bearable, judged, paired, variants
-from rover_pin.discrepancy.judge import as_fitted, reselected, what_is_left
+from rover_pin.discrepancy.judge import as_fitted, chosen_anew, what_is_left
 from rover_pin.discrepancy.judge import judged as verdict_of
 from rover_pin.discrepancy.refit import Refit, alike
 from rover_pin.discrepancy.screen import entry_fee
@@ -400,10 +400,10 @@ def test_a_size_at_its_bound_does_not_stand_alone():
 
 def test_a_choice_that_most_folds_do_not_make_does_not_stand_alone(made):
     found = search(made[0], tried(made[0]), SILENT)
-    again = reselected(found.base, tried(made[0], SlipSinkage(), ExitAngle()))
-    assert set(again.values()) == {"SlipSinkage"}
+    anew = chosen_anew(found.base, tried(made[0], SlipSinkage(), ExitAngle()))
+    assert {one.names for one in anew.values()} == {"SlipSinkage"}
     for times, answer in ((5, Answer.NAMED), (4, Answer.LIKE)):
-        chosen = {name: "SlipSinkage" if at < times else "ExitAngle" for at, name in enumerate(again)}
+        chosen = {name: "SlipSinkage" if at < times else "ExitAngle" for at, name in enumerate(anew)}
         one = verdict_of(("wheel-rig", "linear"), found, chosen, what_is_left(found), 0)
         assert one.answer is answer
     assert one.vetoes == ("SlipSinkage is chosen in 4 of 8 folds only",)
@@ -416,7 +416,7 @@ def test_an_effect_of_one_level_is_not_chosen_without_it():
     slope[:, -1] = 2.0
     laws |= linear.law_of_size(SlipSinkage(), slope.ravel())
     base = based(rows_of(laws, random, SlipSinkage__n_1=4.0), laws)
-    assert list(reselected(base, tried(base, SlipSinkage())).values())[-1] == ""
+    assert list(chosen_anew(base, tried(base, SlipSinkage())).values())[-1].names == ""
 
 
 def test_noise_needs_no_effect_and_chooses_nothing_in_any_fold():

@@ -12,7 +12,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.bed import Bed, Parts, question_of
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.discrepancy.draft import Drafted
-from rover_pin.discrepancy.judge import concluded, reselected
+from rover_pin.discrepancy.judge import chosen_anew, concluded
 from rover_pin.discrepancy.search import calibrated
 from rover_pin.discrepancy.verdict import SCHEMA
 from rover_pin.estimation.noise import declared_noise
@@ -193,8 +193,8 @@ def test_each_fold_is_left_out_of_the_choice_too():
     only[2] = 0.3 * np.sin(9 * X[2])
     made = bed(lambda x: only)
     base = calibrated(made, made.base_model(), made.uncertain(made.base_model()))
-    chosen = reselected(base, made.candidates(None, (Wave,)))
-    assert chosen["c"] == ""
+    chosen = chosen_anew(base, made.candidates(None, (Wave,)))
+    assert chosen["c"].names == ""
 
 
 def test_the_schema_is_the_documented_one():

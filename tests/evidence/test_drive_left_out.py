@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy.cross_validation import left_out, loss_of, refitted_left_out
+from rover_pin.discrepancy.cross_validation import left_out, losses_of, refitted_left_out
 from rover_pin.estimation.fit import Task, fit
-from rover_pin.estimation.noise import first_noise
+from rover_pin.estimation.noise import first_noise, huber
 from rover_pin.estimation.profile import NORMAL_95
 from rover_pin.estimation.profiles import profiles
 from rover_pin.experiments.drive_log.experiment import experiment_of
@@ -47,8 +47,8 @@ def test_a_run_that_is_left_out_does_not_shape_its_own_prediction(fitted):
 
 
 def test_a_whole_refit_and_a_single_step_agree_on_runs_left_out(fitted):
-    assert loss_of(fitted, refitted_left_out(fitted)) == pytest.approx(left_out(fitted).sum(), rel=0.03)
-    assert loss_of(fitted, refitted_left_out(fitted)) > loss_of(fitted, fitted.residual)
+    assert losses_of(fitted).sum() == pytest.approx(left_out(fitted).sum(), rel=0.03)
+    assert losses_of(fitted).sum() > huber(fitted.rows)
 
 
 def test_chi2_rises_by_a_normal_law_along_a_number_that_acts_linearly(fitted):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.cross_validation import loss_of, refitted_left_out
+from rover_pin.discrepancy.cross_validation import losses_of
 from rover_pin.discrepancy.held_out import together
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.estimation.profile import Profile
@@ -133,8 +133,8 @@ def test_every_run_left_out_has_its_line(made, verdict):
     was, now = together(verdict.runs)
     count = sum(one.blocks for one in verdict.runs)
     assert count == before.task.noise.count
-    assert was * count == pytest.approx(loss_of(before, refitted_left_out(before)))
-    assert now * count == pytest.approx(loss_of(after, refitted_left_out(after)))
+    assert was * count == pytest.approx(losses_of(before).sum())
+    assert now * count == pytest.approx(losses_of(after).sum())
     assert now < was
     for one in verdict.runs:
         assert one.low <= one.after / one.before - 1 <= one.high
