@@ -7,8 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
@@ -132,7 +130,7 @@ def _left(data: RigSet, side: Side, seed: int) -> Left:
     """Return what a model leaves of a set, and how its constants agree with other measurements."""
     experiment, soil = side.fit.task.experiment, side.model.soil
     assert isinstance(experiment, RigExperiment)
-    scaled = experiment.rows(side.fit.residual) / np.array([channel.sd for channel in data.rig.channels])
+    scaled = experiment.in_sds(side.fit.residual)
     known = flags(data, soil, float(side.model.wheel.b), side.numbers)
     return Left(known, remainders(data, scaled), residual_tests(data, scaled, seed))
 

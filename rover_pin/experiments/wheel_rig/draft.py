@@ -63,8 +63,7 @@ BOUND = 5.0
 def drafted(experiment: RigExperiment, fit: Fit) -> Drafted | None:
     """Return what a fit leaves as a drafted effect; None where no smooth curve takes more of it than chance."""
     data = experiment.data
-    scaled = experiment.rows(fit.residual) / np.array([channel.sd for channel in data.rig.channels])
-    left = remainders(data, scaled)
+    left = remainders(data, experiment.in_sds(fit.residual))
     if not any(map(can_draft, left)):
         return None
     text = draft_effect(data, left)

@@ -74,6 +74,10 @@ class RigExperiment(Experiment):
         """Return a table (levels, channels, runs of a level) as rows (channels, runs) in the order of the set."""
         return np.asarray(table[self.data.level, :, self._place]).T
 
+    def in_sds(self, residual: np.ndarray) -> np.ndarray:
+        """Return a residual (levels, channels, runs of a level) as rows (channels, runs), each in its stated SD."""
+        return self.rows(residual) / np.array([channel.sd for channel in self.data.rig.channels])
+
     @cached_property
     def observed(self) -> np.ndarray:
         """What was measured; NaN behind a level's end."""
