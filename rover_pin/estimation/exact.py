@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.estimation.experiment import Sensitivities
 from rover_pin.estimation.noise import STRAY, huber_losses
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.estimation.task import Task
 
 SPREAD = 1.0
@@ -29,8 +29,7 @@ class ExactProblem:
 
     def __init__(self, task: Task, model: Any, parameters: Sequence[Parameter]):
         self.task, self.model, self.parameters = task, model, tuple(parameters)
-        bounds = np.array([one.bounds for one in parameters]).reshape(-1, 2)
-        self.space = Box(tuple(one.name for one in parameters), bounds[:, 0], bounds[:, 1])
+        self.space = Box(tuple(one.name for one in parameters), *bounds_of(parameters).T)
         self._known = np.array([one.prior for one in parameters], dtype=bool)
         self._last: tuple[np.ndarray, Sensitivities] | None = None
 

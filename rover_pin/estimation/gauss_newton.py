@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.estimation.experiment import Arrays
 from rover_pin.estimation.noise import huber_weights
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.estimation.task import Task, objective
 
 TURNS = 6
@@ -54,10 +54,6 @@ def _moved(one: Parameter, u: float) -> tuple[float, float]:
     return one.value(u + step), step
 
 
-def _bounds(parameters: Sequence[Parameter]) -> np.ndarray:
-    return np.array([one.bounds for one in parameters]).reshape(-1, 2)
-
-
 def priors(parameters: Sequence[Parameter]) -> np.ndarray:
     """Return the curvature that the priors give chi2 / 2; next to none where there is none."""
     return np.diag([1.0 if one.prior else 1e-9 for one in parameters])
@@ -74,7 +70,7 @@ def descended(
     """Return where the descent ends: u, the prediction, and the slopes of the parameters that it computed."""
     reuse, stale = how
     u = np.zeros(len(parameters)) if start is None else np.array(start, dtype=float)
-    u = np.clip(u, *_bounds(parameters).T)
+    u = np.clip(u, *bounds_of(parameters).T)
     known = dict(given)
     own = [one for one, _ in enumerate(parameters) if not (reuse and parameters[one].name in known)]
     missing = [one for one, each in enumerate(parameters) if each.name not in known]
@@ -120,7 +116,7 @@ def _steps(
     damped: Sequence[float],
 ) -> tuple[list[Steps], float]:
     """Return the Gauss-Newton step in the bounds, then shorter ones, then damped ones, and the gain of the first."""
-    bounds = _bounds(parameters)
+    bounds = bounds_of(parameters)
     weights, prior = huber_weights(rows), priors(parameters)
     normal = columns.T @ (columns * weights[:, None]) + prior
     right = -(columns.T @ (weights * rows)) - np.where(np.diag(prior) == 1.0, u, 0.0)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 MOST_EXPONENT = 700.0
 """Greatest exponent of which a float holds the exponential; beyond every bound."""
@@ -53,3 +56,8 @@ class Parameter:
         if not self.prior:
             return ""
         return f"{self.origin:.3g} +- {self.scale:.1%}" if self.log else f"{self.origin:.3g} +- {self.scale:.2g}"
+
+
+def bounds_of(parameters: Sequence[Parameter]) -> np.ndarray:
+    """Return the bounds of each u (parameters, 2)."""
+    return np.array([one.bounds for one in parameters]).reshape(-1, 2)
