@@ -13,7 +13,7 @@ from rover_pin.estimation import baselines
 from rover_pin.estimation.coordinates import Axis, Linear, Log, Space
 from rover_pin.estimation.covariance import covariance as data_covariance
 from rover_pin.estimation.covariance import own_share
-from rover_pin.estimation.descent import _bounded, _damped, _next_radius, descend
+from rover_pin.estimation.descent import descend
 from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, best_of, fit
@@ -637,39 +637,6 @@ def test_a_lower_minimum_is_one_that_is_lower_by_a_thousandth(fall, lower):
     else:
         assert rise(problem, best, 0, 0.0, np.zeros(2))[0] == 0.0
     assert rise(problem, best._replace(chi2=0.0), 0, 0.05, np.zeros(2))[0] == pytest.approx(0.05)
-
-
-@pytest.mark.parametrize("unit", [1e-15, 1e9])
-def test_a_damped_step_does_not_depend_on_the_rows_unit(unit):
-    draw = np.random.default_rng(2)
-    A, r = draw.normal(size=(8, 3)), draw.normal(size=8)
-    for radius in (0.1, 100.0):
-        step, newton = _damped(unit * A, unit * r, radius)
-        assert step == pytest.approx(_damped(A, r, radius)[0], rel=1e-6)
-        assert newton is (radius > 1.0)
-
-
-@pytest.mark.parametrize("radius", [0.01, 0.1, 0.4])
-def test_a_damped_step_is_as_long_as_it_may_be(radius):
-    draw = np.random.default_rng(3)
-    A, r = draw.normal(size=(8, 3)) * [30.0, 1.0, 0.05], draw.normal(size=8)
-    length = float(np.linalg.norm(_damped(A, r, radius)[0]))
-    assert 0.999 * radius <= length <= 1.01 * radius
-
-
-def test_a_trust_radius_is_twice_a_good_step_and_a_quarter_of_a_bad_one():
-    step = np.array([3.0, 4.0])
-    assert _next_radius(1.0, step, 1.6, 2.0) == 10.0
-    assert _next_radius(30.0, step, 1.6, 2.0) == 30.0
-    assert _next_radius(7.0, step, 1.4, 2.0) == 7.0
-    assert _next_radius(7.0, step, 0.6, 2.0) == 7.0
-    assert _next_radius(7.0, step, 0.4, 2.0) == 1.25
-
-
-def test_a_step_that_leaves_no_bound_is_taken_as_it_is():
-    low, high = np.full(2, -9.0), np.array([1.5, 9.0])
-    assert _bounded(np.zeros(2), np.array([1.0, 2.0]), low, high).tolist() == [1.0, 2.0]
-    assert _bounded(np.zeros(2), np.array([3.0, 2.0]), low, high).tolist() == [1.5, 1.0]
 
 
 def test_a_descent_leaves_a_bound_that_it_began_on():

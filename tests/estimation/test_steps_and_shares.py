@@ -143,6 +143,24 @@ def test_a_damped_step_is_the_best_of_its_length(share):
     assert gradient == pytest.approx(-damping * step), "on the sphere the slope points inwards"
 
 
+@pytest.mark.parametrize("unit", [1e-15, 1e9])
+def test_a_damped_step_does_not_depend_on_the_rows_unit(unit):
+    draw = np.random.default_rng(2)
+    A, r = draw.normal(size=(8, 3)), draw.normal(size=8)
+    for radius in (0.1, 100.0):
+        step, newton = _damped(unit * A, unit * r, radius)
+        assert step == pytest.approx(_damped(A, r, radius)[0], rel=1e-6)
+        assert newton is (radius > 1.0)
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.1, 0.4])
+def test_a_damped_step_is_as_long_as_it_may_be(radius):
+    draw = np.random.default_rng(3)
+    A, r = draw.normal(size=(8, 3)) * [30.0, 1.0, 0.05], draw.normal(size=8)
+    length = float(np.linalg.norm(_damped(A, r, radius)[0]))
+    assert 0.999 * radius <= length <= 1.01 * radius
+
+
 def test_what_a_step_promises_is_the_fall_of_the_linear_chi2():
     step = np.array([0.3, -0.7])
     assert _promised(R, J, step) == pytest.approx(R @ R - (R + J @ step) @ (R + J @ step))
@@ -156,6 +174,12 @@ def test_the_radius_follows_how_far_the_linear_model_holds():
     assert _next_radius(0.5, step, 0.26, 1.0) == 0.5
     assert _next_radius(0.5, step, 0.24, 1.0) == 0.25
     assert _next_radius(0.5, step, math.nan, 1.0) == 0.25
+    step = np.array([3.0, 4.0])
+    assert _next_radius(1.0, step, 1.6, 2.0) == 10.0
+    assert _next_radius(30.0, step, 1.6, 2.0) == 30.0
+    assert _next_radius(7.0, step, 1.4, 2.0) == 7.0
+    assert _next_radius(7.0, step, 0.6, 2.0) == 7.0
+    assert _next_radius(7.0, step, 0.4, 2.0) == 1.25
 
 
 @pytest.mark.parametrize(
@@ -165,6 +189,12 @@ def test_the_radius_follows_how_far_the_linear_model_holds():
 def test_a_step_ends_on_the_first_bound_in_its_own_direction(step, ends):
     found = _bounded(np.zeros(2), np.array(step), np.array([-1.0, -2.0]), np.array([1.0, 2.0]))
     assert found == pytest.approx(ends)
+
+
+def test_a_step_that_leaves_no_bound_is_taken_as_it_is():
+    low, high = np.full(2, -9.0), np.array([1.5, 9.0])
+    assert _bounded(np.zeros(2), np.array([1.0, 2.0]), low, high).tolist() == [1.0, 2.0]
+    assert _bounded(np.zeros(2), np.array([3.0, 2.0]), low, high).tolist() == [1.5, 1.0]
 
 
 def test_numbers_at_a_bound_that_would_leave_it_and_held_ones_stay():
