@@ -110,7 +110,7 @@ def _doubts(verdict: Verdict, manner: Manner) -> Iterator[str]:
     left = max(verdict.runs, key=lambda one: one.after / max(one.before, 1e-9), default=None)
     if verdict.named and left is not None and left.after > MORE * left.before:
         yield (
-            f"{left.run} is predicted worse with it by the others (chi2 for each number "
+            f"{manner.fold(left.run)} is predicted worse with it by the others (chi2 for each number "
             f"{two_digits(left.before)} -> {two_digits(left.after)}): what it tells they do not"
         )
     loud = [one for one in worst(verdict.scores) if one.after > LOUD * one.floor]
@@ -118,7 +118,7 @@ def _doubts(verdict: Verdict, manner: Manner) -> Iterator[str]:
         one = loud[0]
         times = two_digits(one.times(one.after))
         yield f"{manner.channel(one.name)} is still missed by {times} times its noise"
-    yield from verdict.cautions
+    yield from (one for one in verdict.cautions if one.partition(":")[0] not in verdict.vetoes)
     for finding in verdict.findings:
         yield f"the data check says: {finding}"
     tried = verdict.search.count if verdict.search else 0

@@ -105,6 +105,19 @@ def test_a_run_that_the_others_predict_worse_is_a_doubt(verdict, after, doubted)
     assert any(one.startswith(line) for one in doubt(dataclasses.replace(verdict, runs=runs), RIG)) is doubted
 
 
+def test_a_level_that_is_predicted_worse_is_said_by_what_it_means(verdict):
+    one = dataclasses.replace(verdict, runs=(RunScore("15.0", 80, 2.1, 6.2, -0.5, 6.0),))
+    said = doubt(one, RIG._replace(fold={"15.0": "S = 0.65, 45 N"}.get))
+    assert any(line.startswith("S = 0.65, 45 N is predicted worse with it") for line in said)
+    assert not any("15.0" in line for line in said)
+
+
+def test_a_veto_is_not_said_again_as_a_caution(answered):
+    cautions = ("R_b lies at its bound: the form of the model is strained", "c lies at its bound: another")
+    said = doubt(dataclasses.replace(answered(Answer.LIKE), cautions=cautions), RIG)
+    assert [line for line in said if "at its bound" in line] == ["R_b lies at its bound.", "C lies at its bound: another."]
+
+
 def test_free_runs_speak_for_a_drive(verdict):
     manner = manner_of(verdict)
     assert any(

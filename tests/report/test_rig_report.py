@@ -67,12 +67,19 @@ def test_the_model_is_drawn_under_the_load_of_each_point(tmp_path):
     assert load_caption(data) == "The models are drawn under the load that each level had: 14 to 21 N."
 
 
-def test_loads_that_were_set_at_one_slip_are_three_labelled_curves(tmp_path):
+def test_loads_that_were_set_at_one_slip_are_labelled_curves(tmp_path):
     data = written(tmp_path, (20, 40, 20, 40), slips=(0.1, 0.1, 0.3, 0.3))
     soil = SOILS["dry-sand"]
     panel = channel_panels(data, looks(RigModel(Wheel(), soil), None, ""))[0]
     assert {text.get_text() for text in panel.axes[0].texts} == {"20 N", "40 N"}
-    assert "three of the loads" in load_caption(data)
+    assert "at the two loads that were set" in load_caption(data)
+
+
+def test_the_caption_counts_the_loads_that_are_drawn(tmp_path):
+    three = written(tmp_path, (20, 30, 40, 20), slips=(0.1, 0.1, 0.1, 0.3))
+    assert "at the three loads that were set" in load_caption(three)
+    four = written(tmp_path, (20, 30, 40, 50), slips=(0.1, 0.1, 0.1, 0.1))
+    assert "at three of the loads that were set" in load_caption(four)
 
 
 def test_the_sign_of_the_table_is_that_of_the_picture(tmp_path):

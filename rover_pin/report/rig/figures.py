@@ -120,8 +120,10 @@ def _speeds(data: RigSet, slip: np.ndarray) -> np.ndarray | None:
 def load_caption(data: RigSet) -> str:
     """Return under which load the models are drawn."""
     load = np.asarray(data.rig.load)
-    if len(_loads(data)) > 1:
-        return "The models are drawn at three of the loads that were set, as written at their ends."
+    if (drawn := len(_loads(data))) > 1:
+        count = {2: "two", 3: "three"}[drawn]
+        which = f"the {count} loads" if np.unique(load).size == drawn else f"{count} of the loads"
+        return f"The models are drawn at {which} that were set, as written at their ends."
     if np.ptp(load) < 0.01 * load.mean():
         return f"The models are drawn under the mean load, {load.mean():.3g} N."
     return f"The models are drawn under the load that each level had: {load.min():.3g} to {load.max():.3g} N."
