@@ -106,6 +106,19 @@ def test_the_gallery_says_what_becomes_of_the_rover(name):
     assert scenario(name).drive().attrs["happened"] == said
 
 
+@pytest.mark.slow
+def test_the_gallerys_captions_say_what_becomes_of_the_rover():
+    """Where a picture is older than the law, so is what stands below it."""
+    shown = re.findall(r"`rover-pin drive ([^`]+)`\n\n!\[([^]]+)\]\([\w-]+\.png\)", PAGES["gallery.md"])
+    numbers = {words: re.findall(r"(?:by|after) (\d+) (degrees|s)", caption) for words, caption in shown}
+    assert sum(map(len, numbers.values())) >= 4
+    for words, said in numbers.items():
+        if said:
+            happened = gallery().drive_of(words).drive().attrs["happened"]
+            found = re.findall(r"turned by -?(\d+) (deg)|since ([\d.]+) (s)", happened)
+            assert [(f"{float(a or b):.0f}", "degrees" if a else "s") for a, _, b, _ in found] == said
+
+
 def gallery():
     """The study of the gallery, as a module."""
     spec = importlib.util.spec_from_file_location("gallery", ROOT / "studies" / "gallery.py")
