@@ -38,23 +38,23 @@ def judge(problem: Problem, best: Best, index: int, interval: Interval, misfit: 
 def _verdict(problem: Problem, best: Best, index: int, interval: Interval) -> tuple[Verdict, str]:
     axis = problem.space.axes[index]
     from_here = measured_channels(problem)
-    prior = problem.priors.get(axis.name)
+    prior, closed = problem.priors.get(axis.name), interval.closed_low and interval.closed_high
     if prior is not None:
         sd = math.sqrt(best.covariance[index, index]) * float(problem.space.slopes(best.u)[index])
         own = 1 - (sd / prior.sd) ** 2
         if own < OWN_SHARE:
             return Verdict.HELD_AT_PRIOR, f"held at prior: {from_here} give {max(own, 0.0):.0%} of what is known of it"
-    elif problem.priors and (own := data_share(problem, best, index)) < OWN_SHARE:
+    elif problem.priors and closed and (own := data_share(problem, best, index)) < OWN_SHARE:
         why = f"its interval would be {math.sqrt(own):.0%} as wide were {' and '.join(problem.priors)} exact"
         return Verdict.HELD_AT_PRIOR, f"set by the prior of {' and '.join(problem.priors)}: {why}"
     wide = interval.high - interval.low > axis.coordinate.widest
     pinned = [problem.space.names[other] for other in interval.pinned if problem.space.names[other] != axis.name]
-    if interval.closed_low and interval.closed_high and not wide and not pinned:
+    if closed and not wide and not pinned:
         return Verdict.FOUND, f"found{_given(problem, axis.name)}"
     why = "the 95 % interval is too wide to call it found"
     if pinned:
         why = f"the 95 % interval ends where {' and '.join(pinned)} meets a bound of its own, not where the data end it"
-    if not (interval.closed_low and interval.closed_high):
+    if not closed:
         ends = [end for end, closed in (("lower", interval.closed_low), ("upper", interval.closed_high)) if not closed]
         why = f"the 95 % interval is open at its {' and '.join(ends)} bound"
     return Verdict.NOT_IDENTIFIABLE, f"not identifiable from {from_here}: {why}; {REMEDY[axis.name]}"

@@ -107,6 +107,20 @@ def test_a_number_that_anothers_prior_tells_is_held_where_that_makes_most_of_its
         )
 
 
+@pytest.mark.parametrize(
+    ("closed", "why"),
+    [((False, True), "lower bound"), ((True, False), "upper bound"), ((False, False), "lower and upper bound")],
+)
+def test_a_number_that_ends_at_its_bound_has_no_value_whoevers_prior_is_wide(closed, why):
+    """A cart's log with a wrong k said phi = 60 +- 10 deg, "set by the prior of k_1": 60 deg is phi's bound."""
+    made = problem([[0, 1, 1]], [1.5], ("phi", "n"), {"n": Prior(1.0, 3.0)})
+    found = verdict(made, 0, Interval(0.3, 0.5, *closed))
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert math.isnan(found.value)
+    assert f"the 95 % interval is open at its {why}; " in found.reason
+    assert verdict(made, 0, Interval(0.3, 0.5, True, True)).verdict is Verdict.HELD_AT_PRIOR
+
+
 PLAIN = problem(np.eye(3), [0.01, 0.5, 1.0])
 
 
