@@ -88,8 +88,10 @@ def closest(name: Any, known: Iterable[Any]) -> str:
     if len(known) <= MOST_NAMES:
         listed = f"{', '.join(known)}."
         return f"did you mean '{near[0]}'? Known: {listed}" if alike else f"known are {listed}"
-    listed = f"{', '.join(near or known[:8])}; {len(known)} in all."
-    return f"did you mean '{near[0]}'? Known and alike: {listed}" if alike else f"known are {listed}"
+    if alike:
+        return f"did you mean '{near[0]}'? Known and alike: {', '.join(near)}; {len(known)} in all."
+    nearer = [*near, *(each for each in known if each not in near)][:8]  # one that is hardly alike says nothing alone
+    return f"known are {', '.join(nearer)}; {len(known)} in all."
 
 
 def one_of(name: str, word: Any, known: Collection[str]) -> str:

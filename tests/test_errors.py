@@ -14,6 +14,7 @@ MANY = [f"effect_{number:02d}" for number in range(25)]
         ("pid", ["none", "eq9", "limit"], "known are eq9, limit, none."),
         ("anything", [], "there is none."),
         ("zzz", MANY, f"known are {', '.join(MANY[:8])}; 25 in all."),
+        ("nonsense", [*MANY, "Grousers"], f"known are {', '.join(['Grousers', *MANY[:7]])}; 26 in all."),
     ],
 )
 def test_an_unknown_name_is_told_what_is_known_once(name, known, said):
