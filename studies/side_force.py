@@ -8,7 +8,7 @@ Method
     `FlankPressure` on the buried part of the disc, with the numbers of one measured wheel. Besides them the shear
     alone, and `SlipSoftening`, which lets a slip angle sink the wheel. Turn: Ackermann angles for a radius of 1 m.
     Crab: all steered wheels at 20 deg to one side, the others dragged. Across: straight ahead over a slope that falls
-    to the right by 10 deg. Skid: the cart, without steering, on the spot. Measured over the last 5 s: the radius
+    to the left by 10 deg. Skid: the cart, without steering, on the spot. Measured over the last 5 s: the radius
     driven, the direction of travel against the body's axis, the greatest side force over load and motor work per metre.
 Result
     A rover that steers hardly notices: the turn has a radius of 0.939 m with the old law, 0.934 with the new. Crabbing,
@@ -63,6 +63,14 @@ WAYS: dict[str, dict[str, Any]] = {
     "crab": {"control": "none"},
     "across": {"control": "none", "terrain.angle_deg": 10.0, "start.yaw_deg": 90.0, "soil.k": 0.003},
 }
+PATH = ("x [m]", "y [m]")
+PANELS = {
+    "turn": ("turn, asked for 1 m of radius: path", *PATH),
+    "skid": ("a cart skids on the spot: heading", "t [s]", "turned to the left [deg]"),
+    "crab": ("crab, wheels at 20 deg: path", *PATH),
+    "across": ("across a slope of 10 deg: drift", "along the contour [m]", "drifted downhill [mm]"),
+}
+"""What each panel shows."""
 SCENE = {"turn": "turn", "skid": "turn", "crab": "turn", "across": "park"}
 
 
@@ -130,17 +138,27 @@ def row(way: str, name: str, trace: Trace) -> dict[str, Any]:
 
 
 def draw(traces: dict[tuple[str, str], Trace]) -> Figure:
-    """Draw the paths, one panel a way."""
-    figure = Figure(figsize=(11, 4), layout="constrained")
-    panels = dict(zip(WAYS, figure.subplots(1, len(WAYS)), strict=True))
-    colours = dict(zip(LAWS, COLOURS, strict=False))
+    """Draw of each way what the laws part: where the path is the same to the eye, it is drawn to say so."""
+    figure = Figure(figsize=(11, 7), layout="constrained")
+    panels = dict(zip(WAYS, figure.subplots(2, 2).ravel(), strict=True))
+    looks = dict(zip(LAWS, zip(COLOURS, ("-", "-", "--", ":"), strict=False), strict=True))
     for (way, name), trace in traces.items():
-        panels[way].plot(trace["body_x"], trace["body_y"], label=name, color=colours[name])
+        colour, style = looks[name]
+        panels[way].plot(*seen(way, trace), label=name, color=colour, ls=style, lw=1.8)
     for way, axes in panels.items():
-        axes.set(title=way, xlabel="x [m]", ylabel="y [m]", aspect="equal")
+        title, along, beside = PANELS[way]
+        axes.set(title=title, xlabel=along, ylabel=beside)
         axes.grid(alpha=0.3)
-    panels["turn"].legend(frameon=False, fontsize=8)
+    figure.legend(*panels["turn"].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     return figure
+
+
+def seen(way: str, trace: Trace) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a panel shows: the turn of a skid over time, the drift down a slope, else the path."""
+    x, y = (trace[f"body_{each}"] - trace[f"body_{each}"][0] for each in ("x", "y"))
+    if way == "skid":
+        return trace.t, np.degrees(np.unwrap(trace["body_yaw"]))
+    return (y, -1e3 * x) if way == "across" else (x, y)
 
 
 if __name__ == "__main__":

@@ -115,7 +115,10 @@ def test_a_level_that_is_predicted_worse_is_said_by_what_it_means(verdict):
 def test_a_veto_is_not_said_again_as_a_caution(answered):
     cautions = ("R_b lies at its bound: the form of the model is strained", "c lies at its bound: another")
     said = doubt(dataclasses.replace(answered(Answer.LIKE), cautions=cautions), RIG)
-    assert [line for line in said if "at its bound" in line] == ["R_b lies at its bound.", "C lies at its bound: another."]
+    assert [line for line in said if "at its bound" in line] == [
+        "R_b lies at its bound.",
+        "C lies at its bound: another.",
+    ]
 
 
 def test_free_runs_speak_for_a_drive(verdict):

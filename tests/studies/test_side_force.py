@@ -38,3 +38,21 @@ def test_a_crab_points_all_steered_wheels_one_way(study):
     trace = study.driven("crab", (), 2.0)
     steered = [trace[f"steer_{name}"][-1] for name in ("fl", "fr", "rl", "rr")]
     assert steered == pytest.approx([study.CRAB] * 4, abs=0.02)
+
+
+def test_across_a_slope_the_drift_that_is_drawn_is_downhill_to_the_left(study):
+    trace = study.driven("across", (), 4.0)
+    along, drift = study.seen("across", trace)
+    assert 0.1 < along[-1] < 0.3
+    assert 1e-3 * drift[-1] / along[-1] == pytest.approx(np.tan(np.radians(3.95)), rel=0.2)
+    assert "falls\n    to the left" in study.__doc__
+
+
+def test_each_panel_is_titled_and_its_axes_have_units(study):
+    figure = study.draw(
+        {(way, name): study.driven(way, (), 1.0) for way in study.WAYS for name in list(study.LAWS)[:1]}
+    )
+    for axes in figure.axes:
+        assert axes.get_title()
+        assert "[" in axes.get_xlabel()
+        assert "[" in axes.get_ylabel()
