@@ -25,7 +25,7 @@ PIECES = 24
 ROCK_PIECES = 12
 DEG = math.pi / 180.0
 FARTHEST = 1e6
-"""Place [m] beyond which millimetres are lost in round-off."""
+"""Place [m] or angle [rad] beyond which millimetres and milliradians are lost in round-off."""
 
 GUESS, FIG_10 = "assumed: the paper gives no geometry", "paper, Fig 10 and section 4"
 Ground = Annotated[int, about("", "assumed: an index of the model's soils, 0 the sand, 1 the hard ground", 0, 255)]

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rover_pin.arguments import about
+from rover_pin.body.shapes import FARTHEST
 from rover_pin.effects.effect import BodyEffect
 from rover_pin.errors import SimulationError
 from rover_pin.motion.model import Model
@@ -20,9 +21,6 @@ from rover_pin.motion.state import DriveState
 RESTS, SLIDES = "at rest", "slides: the soil does not hold the rover there with its wheels locked"
 """What a trace says of its start: `attrs["start"]`."""
 
-
-FARTHEST = 1e6
-"""Start [m, rad] beyond which millimetres and milliradians are lost in round-off."""
 AT_ORIGIN = "assumed: the base at the origin, along x"
 
 
