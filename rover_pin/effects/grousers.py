@@ -10,7 +10,7 @@ import casadi as ca
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
-from rover_pin.soil.traction import paid_for
+from rover_pin.soil.traction import pull_of_shear
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,5 @@ class Grousers(Effect):
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return what the greater radius adds."""
-        q, shear = self._ratio(contact), load.torque / contact.wheel.r
-        pull = paid_for(shear, shear, contact.S)
+        q, pull = self._ratio(contact), pull_of_shear(load.torque, contact.wheel, contact.S)
         return Load(f_t=(q - 1.0) * pull, torque=(q * q - 1.0) * load.torque)

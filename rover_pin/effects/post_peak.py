@@ -10,7 +10,7 @@ import casadi as ca
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
-from rover_pin.soil.traction import paid_for
+from rover_pin.soil.traction import pull_of_shear
 
 
 @dataclass(frozen=True)
@@ -36,5 +36,5 @@ class PostPeak(Effect):
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return what failure takes off the shear."""
         lost = self.fraction * (1.0 - ca.exp(-((contact.S / self.S_w) ** 2)))
-        shear = load.torque / contact.wheel.r
-        return Load(f_t=-lost * paid_for(shear, shear, contact.S), f_y=-lost * load.f_y, torque=-lost * load.torque)
+        pull = pull_of_shear(load.torque, contact.wheel, contact.S)
+        return Load(f_t=-lost * pull, f_y=-lost * load.f_y, torque=-lost * load.torque)

@@ -10,7 +10,7 @@ import casadi as ca
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
-from rover_pin.soil.traction import paid_for
+from rover_pin.soil.traction import pull_of_shear
 
 
 @dataclass(frozen=True)
@@ -33,5 +33,5 @@ class RateDependence(Effect):
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return what the rate adds to the shear."""
         more = self.c_r * ca.log1p(ca.fabs(contact.rim - contact.v_x) / self.v_0)
-        shear = load.torque / contact.wheel.r
-        return Load(f_t=more * paid_for(shear, shear, contact.S), f_y=more * load.f_y, torque=more * load.torque)
+        pull = pull_of_shear(load.torque, contact.wheel, contact.S)
+        return Load(f_t=more * pull, f_y=more * load.f_y, torque=more * load.torque)

@@ -108,6 +108,12 @@ def paid_for(pull: Scalar, shear: Scalar, S: Scalar) -> Scalar:
     return ca.fmin(pull, (1.0 + ca.fmin(S, 0.0)) * shear)
 
 
+def pull_of_shear(torque: Scalar, wheel: Wheel, S: Scalar) -> Scalar:
+    """Return the pull of shear that makes this torque [N]: T / r, and braking what that pays for."""
+    shear = torque / wheel.r
+    return paid_for(shear, shear, S)
+
+
 class TractionForm(Protocol):
     """One reading of the load-traction factor; none gives more work than the torque puts in (`paid_for`)."""
 
