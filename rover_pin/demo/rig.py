@@ -11,6 +11,7 @@ from rover_pin.columns import columns_text, replace_file
 from rover_pin.contact import Soil, Wheel
 from rover_pin.demo.hidden import CONTACT, Made, chosen, contact_effect, keep_truth
 from rover_pin.experiments.wheel_rig.model import NOMINAL, RigModel, conditions
+from rover_pin.measurements.foreign_rig import channel_unit
 from rover_pin.motion.effect_files import reading_traction
 from rover_pin.quantity import declared
 from rover_pin.toml_file import toml_text
@@ -50,6 +51,7 @@ def write(folder: Path, hidden: str, seed: int) -> Made:
     table = {"level": level, "repeat": repeat + 1.0, "slip": slip, "load_N": load}
     table |= {"travel_speed_mps": speeds[:, 0], "rim_speed_mps": speeds[:, 1]}
     table |= {name: np.round(each + random.normal(0.0, NOISE[name], len(each)), 6) for name, each in true.items()}
+    noise = {column.rpartition("_")[0]: sd for column, sd in NOISE.items()}
     about = {
         "kind": "wheel-rig",
         "name": folder.name,
@@ -57,12 +59,8 @@ def write(folder: Path, hidden: str, seed: int) -> Made:
         "files": {"points": "points.csv"},
         "wheel": declared(WHEEL),
         "soil": {name: declared(SOIL)[name] for name in ("c", "phi", "k", "k_1", "k_2", "n")},
-        "noise": {name.rpartition("_")[0]: {"value": sd, "unit": _unit(name)} for name, sd in NOISE.items()},
+        "noise": {name: {"value": sd, "unit": channel_unit(name)} for name, sd in noise.items()},
     }
     truth = keep_truth(folder, effect, soil, {"seed": seed, "speed_mps": NOMINAL})
     points = replace_file(folder / "points.csv", columns_text(table))
     return Made((replace_file(folder / "rig.toml", toml_text(about)), points), truth)
-
-
-def _unit(column: str) -> str:
-    return {"N": "N", "Nm": "N m", "m": "m"}[column.rpartition("_")[2]]
