@@ -98,7 +98,7 @@ def numbers_table(settings: Iterable[Setting]) -> None:
 
 def fact(name: str, value: Any) -> str:
     """Return a fact in words, its name's unit behind it: "mass: 5.8 kg" of mass_kg."""
-    from rover_pin.quantity import UNITS
+    from rover_pin.units import UNITS
 
     words, _, unit = name.rpartition("_")
     known = unit in UNITS and bool(words)
