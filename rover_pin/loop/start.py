@@ -19,7 +19,7 @@ from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model, base_effects
-from rover_pin.motion.model_toml import KIND, is_rig_model, read_model
+from rover_pin.motion.model_toml import KIND, RIG_KIND, read_model
 from rover_pin.toml_file import read_toml
 from rover_pin.trust import Trust
 
@@ -41,10 +41,11 @@ def start_on(data: RigSet | DriveLog, file: str | Path, trust: Trust = Trust()) 
     DataError, ParameterError
         What is no model file, or cannot be read; a wheel's model without one SoilTraction.
     """
-    of_rig = is_rig_model(file)
+    kind = read_toml(Path(file)).get("kind")
     if isinstance(data, DriveLog):
+        of_rig = kind == RIG_KIND
         return _driven(data, read_rig_model(file, trust), file) if of_rig else read_model(file, data.terrain(), trust)
-    if not of_rig and read_toml(Path(file)).get("kind") == KIND:
+    if kind == KIND:
         return _on_rig(data, read_model(file, flat(), trust), file)
     return read_rig_model(file, trust)
 
