@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import inspect
 import time
-from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.bed import Bed, question_of
 from rover_pin.discrepancy.judge import concluded
+from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import DataError
 from rover_pin.experiments.slip_slope import FILE as SLOPE_FILE
@@ -74,7 +74,7 @@ def close_on_bed(
     bed: Bed,
     effects: str | Path | None,
     out: str | Path | None,
-    progress: Callable[[str], None],
+    progress: Progress,
     seed: int,
     repeat: str,
 ) -> Verdict:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 from rover_pin.body.rover import Rover
 from rover_pin.cluster import refuse_both, workers_of
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.bed import Bed
+from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
@@ -27,8 +27,6 @@ from rover_pin.paths import is_file, is_folder
 from rover_pin.results_folder import alone_in
 from rover_pin.trust import Trust
 from rover_pin.workers import ending_workers
-
-Progress = Callable[[str], None]
 
 
 def close_the_loop(

@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from rover_pin.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.judge import Left, chosen_without, judged, with_draft
-from rover_pin.discrepancy.refit import Refit
+from rover_pin.discrepancy.refit import Progress, Refit
 from rover_pin.discrepancy.search import Search, search
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.profiles import profiles
@@ -44,8 +44,6 @@ sets raked sand showed up to 68 (seed 902)."""
 MUCH = 0.1
 """Share of the net gain of what was added from which such a term makes it doubtful: after false names it was 0.15 to
 0.3, after true ones no term came near UNKNOWN (seed 1303, once that had been scored)."""
-
-Progress = Callable[[str], None]
 
 
 def close_drive_loop(

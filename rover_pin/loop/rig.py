@@ -12,6 +12,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.judge import Question, concluded
+from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.fit import Fit
@@ -37,8 +38,6 @@ from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
 
 RIVALS = 3
 """Rivals of the best for which a separating run is proposed."""
-
-Progress = Callable[[str], None]
 
 
 def close_rig_loop(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.discrepancy.refit import Progress
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.contrast import Contrast, Instruments, contrast, logged_instruments, with_currents
 from rover_pin.experiments.drive_log.experiment import logged
@@ -22,7 +23,6 @@ ROLLS = "rolling"
 MOVING = 0.1
 """Duty above which a rover is driving."""
 
-Progress = Callable[[str], None]
 Named = tuple[str, Fit]
 
 
