@@ -12,6 +12,7 @@ from rover_pin.report.drive.report import manner_of
 from rover_pin.report.first_screen import FirstScreen, first_lines
 from rover_pin.report.headline import headline
 from rover_pin.report.reasons import believe, doubt, next_run
+from rover_pin.report.sections.which_effect import WhichEffect
 from rover_pin.report.words import Manner, brief, capital, cause, human, listing, pair, two_digits
 
 RIG = Manner("on slips it never saw", "levels of slip")
@@ -103,6 +104,16 @@ def test_a_run_that_the_others_predict_worse_is_a_doubt(verdict, after, doubted)
     runs = (RunScore("climb-1", 90, 1.2, 0.9, -0.3, -0.1), RunScore("climb-steps", 80, 2.1, after, -0.5, 6.0))
     line = "Climb-steps is predicted worse with it by the others (chi2 for each number 2.1 -> 6.2): what it tells they"
     assert any(one.startswith(line) for one in doubt(dataclasses.replace(verdict, runs=runs), RIG)) is doubted
+
+
+def test_folds_that_all_choose_the_same_are_said_once(verdict):
+    chosen = {f"{level}.0": "SupplySag" for level in range(16)}
+    said = WhichEffect(dataclasses.replace(verdict, chosen=chosen), RIG).content()["again"]
+    assert said.count("SupplySag") == 1
+    assert "(SupplySag), whichever of the 16" in said
+    some = WhichEffect(dataclasses.replace(verdict, chosen={**chosen, "3.0": ""}), RIG).content()["again"]
+    assert "without 3.0 nothing" in some
+    assert some.count("SupplySag") == 15
 
 
 def test_a_level_that_is_predicted_worse_is_said_by_what_it_means(verdict):

@@ -67,6 +67,8 @@ class WhichEffect(Section):
             return ""
         kinds = kinds_of(self.verdict)
         said = [f"without {self.manner.fold(fold)} {full(name, kinds) or 'nothing'}" for fold, name in chosen.items()]
+        if len(chosen) > 1 and len(set(chosen.values())) == 1:
+            said = [f"{full(next(iter(chosen.values())), kinds) or 'nothing'}, whichever of the {len(chosen)}"]
         units = {one.name: one.unit for one in self.verdict.scores}
         errors = [
             f"{self.manner.channel(name)} {shown(error, units[name])}"
