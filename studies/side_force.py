@@ -16,8 +16,10 @@ Result
     strength), at the same direction, 16.9 deg of 20 asked, and 2 % less speed. Across the slope it drifts down by 2.95
     deg, before by 3.95: the old law took what its mid-contact shear gave at a small slip angle, less than the arc does.
     A cart that skids on the spot (k = 20 mm) turns by 0.53 deg/s, before by 0.65, by 0.88 with the shear alone: the
-    flank is what stops it, and where slip softens the sand it sinks by 26 mm and turns by 0.23. With the flank that
-    measured wheels ask for, turning and crabbing on sand stay easy as long as wheels stand 9 mm deep, and no longer.
+    flank is what stops it, and where slip softens the sand it sinks by 26 mm and turns by 0.23; at 15 s it
+    lurches sideways by 10 mm and back in 1.5 s, at half the step as well, which its speed and radius here are of.
+    With the flank that measured wheels ask for, turning and crabbing on sand stay easy as long as wheels stand 9 mm
+    deep, and no longer.
     The new law costs a drive 10 % more (ditch, 10 s: 21 -> 23 ms). It is not the default: independent simulators and
     shipped logs hold the old one, and on straight drives both are the same; `--add CombinedShear --add FlankPressure`.
 What the paper says

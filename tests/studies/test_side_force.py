@@ -56,3 +56,10 @@ def test_each_panel_is_titled_and_its_axes_have_units(study):
         assert axes.get_title()
         assert "[" in axes.get_xlabel()
         assert "[" in axes.get_ylabel()
+
+
+def test_a_skid_on_sand_that_softens_lurches_as_the_result_says(study):
+    trace = study.driven("skid", study.LAWS["new, and slip softens"], 17.0)
+    before, lurched, back = np.interp((15.0, 16.0, 17.0), trace.t, 1e3 * trace["body_y"])
+    assert before - lurched == pytest.approx(10.0, abs=1.5)
+    assert back == pytest.approx(before, abs=3.0)
