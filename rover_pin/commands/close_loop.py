@@ -2,14 +2,13 @@
 
 import logging
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from rover_pin.commands.options import FAILED, AsJson, Effects, FailOn, Out, Scheduler, Trusted
 from rover_pin.commands.view import open_page
 from rover_pin.terminal import stoppable
-from rover_pin.trust import Trust
 
 log = logging.getLogger(__name__)
 REPORT = "report.html"
@@ -35,18 +34,17 @@ def close_loop(
     import json
 
     from rover_pin.discrepancy.answer import answers_named
-    from rover_pin.loop.close import close_the_loop, read_data, read_start
+    from rover_pin.loop.close import close_the_loop
     from rover_pin.report.first_screen import first_lines
     from rover_pin.report.manners import manner_of
 
     failing = answers_named(fail_on)
-    start: Any = model if model is None or experiment else read_start(model, data, Trust.of(effects, trust))
     say = (lambda said: None) if as_json else log.info
     with stoppable():
-        given = read_data(data, Trust(everything=True)) if trust and experiment is None else data
         verdict = close_the_loop(
-            given, start, effects, out, say, jobs=workers, scheduler=scheduler or None, experiment=experiment
-        )
+            data, model, effects, out, say,
+            jobs=workers, scheduler=scheduler or None, experiment=experiment, trust=trust,
+        )  # fmt: skip
     if as_json:
         print(json.dumps(verdict.as_dict(), default=str))
     else:

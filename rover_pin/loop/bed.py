@@ -14,7 +14,7 @@ from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import DataError
 from rover_pin.experiments.slip_slope import FILE as SLOPE_FILE
-from rover_pin.loop.provenance import provenance
+from rover_pin.loop.provenance import Asked, provenance
 from rover_pin.loop.verdict_file import written_last
 from rover_pin.motion.effect_files import package_effects, run_file, user_effects
 from rover_pin.paths import is_file
@@ -70,24 +70,17 @@ def _beds(file: Path) -> list[type[Bed]]:
     return [kind for kind in kinds if issubclass(kind, Bed) and not inspect.isabstract(kind)]
 
 
-def close_on_bed(
-    bed: Bed,
-    effects: str | Path | None,
-    out: str | Path | None,
-    progress: Progress,
-    seed: int,
-    repeat: str,
-) -> Verdict:
+def close_on_bed(bed: Bed, asked: Asked, progress: Progress) -> Verdict:
     """Return what the model of a test bed lacks; with `out`, report.html and verdict.json are written there."""
-    begun = time.monotonic()
+    begun, effects, out = time.monotonic(), asked.effects, asked.out
     own = {kind.__name__: kind for kind in (*package_effects(), *(user_effects(effects) if effects else ()))}
     poor = bed.insufficient()
     say_what_is_replaced(out, OF_A_LOOP)
     if poor:
         found = Verdict("test-bed", Answer.CANNOT_TELL, bed.name, poor, bed.base_model())
     else:
-        found = concluded(question_of(bed, tuple(own.values())), progress, seed)
-    found.provenance.update(provenance(seed, time.monotonic() - begun, repeat))
+        found = concluded(question_of(bed, tuple(own.values())), progress, asked.seed)
+    found.provenance.update(provenance(asked, time.monotonic() - begun))
     if out is not None:
         found = written_last(found, write_report(found, bed, Path(out)), Path(out))
     return found

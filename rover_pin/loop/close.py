@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from pathlib import Path
+from typing import Any
 
 from rover_pin.body.rover import Rover
 from rover_pin.cluster import refuse_both, workers_of
@@ -17,8 +19,8 @@ from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.bed import close_on_bed, own_kind, read_bed
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
-from rover_pin.loop.provenance import command
-from rover_pin.loop.rig import close_rig_loop
+from rover_pin.loop.provenance import Asked
+from rover_pin.loop.rig import close_rig_loop, rig_set_of
 from rover_pin.loop.start import start_on
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
@@ -31,7 +33,7 @@ from rover_pin.workers import ending_workers
 
 def close_the_loop(
     data: str | Path | WheelRig | RigSet | DriveLog | Bed,
-    model: RigModel | Soil | Model | None = None,
+    model: RigModel | Soil | Model | str | Path | None = None,
     effects: str | Path | None = None,
     out: str | Path | None = None,
     progress: Progress = lambda said: None,
@@ -39,6 +41,7 @@ def close_the_loop(
     jobs: int = 0,
     scheduler: str | None = None,
     experiment: str | Path | None = None,
+    trust: bool = False,
 ) -> Verdict:
     """Find the effect that a model lacks against measured data, add it, and report the error before and after.
 
@@ -46,8 +49,9 @@ def close_the_loop(
     ----------
     data : path, WheelRig, RigSet, DriveLog or Bed
         A folder with rig.toml or drive.toml, or the data in memory, as `read_data` gives them.
-    model : RigModel, Soil, Model or None
-        Where to start: for a rig a RigModel or a soil, for a drive log a Model; else what the data declare.
+    model : RigModel, Soil, Model, path or None
+        Where to start: for a rig a RigModel or a soil, for a drive log a Model, for either a model file; else what the
+        data declare.
     effects : path or None
         A user's effect file or folder, beside the package's own.
     out : path or None
@@ -63,6 +67,8 @@ def close_the_loop(
         Address of a Dask scheduler, whose workers then replay them. Start them with `--nthreads 1`.
     experiment : path, str or None
         A test bed of your own: a file with a class that derives from `Bed`, whose code runs, or `motor_brake`.
+    trust : bool
+        Whether model file and data may run all code, and name all files, that they name.
 
     Returns
     -------
@@ -87,30 +93,41 @@ def close_the_loop(
     if effects is not None:
         refuse_unfit_effects(effects)
     experiment = experiment or own_kind(data)
+    asked = Asked(data, model, effects, out, experiment, trust, seed)
     if isinstance(data, Bed) or experiment is not None:
         if model is not None:
             raise DataError(f"{data}: a test bed starts from the model that its own file declares; leave `model` out.")
         bed = data if isinstance(data, Bed) else read_bed(str(data), experiment or "")
-        repeat = command(data, effects, out) + (f" --experiment {experiment}" if experiment else "")
         with alone_in(out):
-            return close_on_bed(bed, effects, out, progress, seed, repeat)
-    log = _drive_log(data)
+            return close_on_bed(bed, asked, progress)
+    allowed = Trust(everything=trust)
+    log = _drive_log(data, allowed)
     if log is not None:
-        if not isinstance(model, (Model, type(None))):
+        start = _start(log, asked)
+        if not isinstance(start, (Model, type(None))):
             raise DataError(
-                f"{log.folder}: a drive log starts from a rover's model, not from a {type(model).__name__}."
+                f"{log.folder}: a drive log starts from a rover's model, not from a {type(start).__name__}."
             )
-        if model is not None:
-            _refuse_other_rover(log, model)
+        if start is not None:
+            _refuse_other_rover(log, start)
+        asked = dataclasses.replace(asked, data=log.folder)
         with alone_in(out), ending_workers(), workers_of(jobs or os.cpu_count() or 1, scheduler) as workers:
-            return close_drive_loop(log, model, effects, out, progress, seed, workers)
+            return close_drive_loop(log, start, asked, progress, workers)
     if isinstance(model, Model):
         raise DataError(f"{data}: a wheel-rig set starts from a wheel's model, not from a rover's.")
     if scheduler is not None:
         raise ParameterError("A wheel-rig set takes one core some seconds: leave scheduler out, it is for drive logs.")
     assert not isinstance(data, DriveLog)
+    rigs = rig_set_of(data, allowed)
     with alone_in(out):
-        return close_rig_loop(data, model, effects, out, progress, seed)
+        return close_rig_loop(rigs, _start(rigs, asked), asked, progress)
+
+
+def _start(data: RigSet | DriveLog, asked: Asked) -> Any:
+    """Return the model to start from, read where it is a file's."""
+    if not isinstance(asked.model, (str, Path)):
+        return asked.model
+    return start_on(data, asked.model, Trust.of(asked.effects, asked.trust))
 
 
 def _refuse_other_rover(log: DriveLog, model: Model) -> None:

@@ -29,7 +29,7 @@ from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, se
 from rover_pin.experiments.unlisted.remainder import Remainder, describe
 from rover_pin.experiments.unlisted.trial import drafted
 from rover_pin.loop.drive_written import written
-from rover_pin.loop.provenance import command, provenance
+from rover_pin.loop.provenance import Asked, provenance
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.effect_files import file_of, user_effects
 from rover_pin.motion.model import Model
@@ -47,15 +47,11 @@ MUCH = 0.1
 
 
 def close_drive_loop(
-    log: DriveLog,
-    model: Model | None = None,
-    effects: str | Path | None = None,
-    out: str | Path | None = None,
-    progress: Progress = lambda said: None,
-    seed: int = 0,
-    jobs: Workers = 1,
+    log: DriveLog, model: Model | None, asked: Asked, progress: Progress = lambda said: None, jobs: Workers = 1
 ) -> Verdict:
     """Return what a model of a drive log lacks, with the error before and after; see `close_the_loop`.
+
+    `model` is where it starts, read; None takes what the log declares.
 
     Raises
     ------
@@ -66,16 +62,18 @@ def close_drive_loop(
     progress("checking the log")
     refuse_unfit(log)
     poor, start = too_poor(log), model or base_model(log)
-    folder = None if out is None else Path(out)
+    folder, effects = None if asked.out is None else Path(asked.out), asked.effects
     say_what_is_replaced(folder, OF_A_LOOP)
     memory = Memory(folder, "" if folder is None else key_of_code(_code(start, effects)))
     with memory.noting():
-        verdict = _poor(log, start, poor) if poor else _decided(log, start, effects, memory, (progress, jobs, seed))
-        verdict.provenance.update(provenance(seed, time.monotonic() - begun, command(log.folder, effects, out)))
+        verdict = (
+            _poor(log, start, poor) if poor else _decided(log, start, effects, memory, (progress, jobs, asked.seed))
+        )
+        verdict.provenance.update(provenance(asked, time.monotonic() - begun))
         if folder is None:
             return verdict
         progress("writing the report")
-        verdict = written(verdict, log, folder)
+        verdict = written(verdict, log, asked, folder)
     memory.done()
     return verdict
 

@@ -6,16 +6,17 @@ import os
 from pathlib import Path
 
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.loop.provenance import Asked
 from rover_pin.loop.verdict_file import draft_written, written_last
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model_toml import write_model
 from rover_pin.report.drive.report import write_report
 
 
-def written(verdict: Verdict, log: DriveLog, out: Path) -> Verdict:
+def written(verdict: Verdict, log: DriveLog, asked: Asked, out: Path) -> Verdict:
     """Write model.toml, report.html with its figures and verdict.json; return the verdict with their paths."""
     named = Path(log.rover)
     rover = "" if named.suffix == "" else os.path.relpath(named.resolve(), out.resolve())
     files = [write_model(verdict.model, out / "model.toml", verdict.sentence, rover)]
-    verdict, draft = draft_written(verdict, out)
+    verdict, draft = draft_written(verdict, asked, out)
     return written_last(verdict, (*files, *draft, *write_report(verdict, log, out)), out)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import platform
+import shlex
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -10,16 +12,45 @@ from typing import Any
 from rover_pin.version import __version__
 
 
-def command(data: Any, effects: str | Path | None, out: str | Path | None) -> str:
-    """Return the command line that repeats a loop."""
-    if not isinstance(data, (str, Path)):
-        return "close_the_loop(...) on data in memory"
-    extra = (f" --effects {effects}" if effects else "") + (f" --out {out}" if out else "")
-    return f"rover-pin close-loop {data}{extra}"
+@dataclass(frozen=True)
+class Asked:
+    """A loop as it was asked for: on what, from where, with whose effects, and where it writes.
+
+    `data` and `model` are paths where files were given, else what lies in memory; `out` None writes nothing.
+    """
+
+    data: Any
+    model: Any = None
+    effects: str | Path | None = None
+    out: str | Path | None = None
+    experiment: str | Path | None = None
+    trust: bool = False
+    seed: int = 0
+
+    @property
+    def command(self) -> str:
+        """The command line that repeats the loop, or why there is none."""
+        for name, held in (("data", self.data), ("a model", self.model)):
+            if not isinstance(held, (str, Path, type(None))):
+                return f"close_the_loop(...) on {name} in memory"
+        if self.seed:
+            return f"close_the_loop({str(self.data)!r}, ..., seed={self.seed})"
+        return self._line(self.effects, self.out)
+
+    def again_with(self, effects: Path) -> str:
+        """Return the command line that tries this effect too; nothing where no line repeats the loop, or it has one."""
+        repeats = self.command.startswith("rover-pin") and self.effects is None
+        return self._line(effects, None) if repeats else ""
+
+    def _line(self, effects: str | Path | None, out: str | Path | None) -> str:
+        options = {"--model": self.model, "--effects": effects, "--out": out, "--experiment": self.experiment}
+        words = [str(word) for option, value in options.items() if value for word in (option, value)]
+        trusted = ["--trust"] if self.trust else []
+        return shlex.join(["rover-pin", "close-loop", str(self.data), *words, *trusted])
 
 
-def provenance(seed: int, seconds: float, repeat: str) -> dict[str, Any]:
+def provenance(asked: Asked, seconds: float) -> dict[str, Any]:
     """Return versions, seed, seconds and command as plain values."""
     packages = {name: version(name) for name in ("casadi", "numpy", "scipy", "pin")}
     versions = {"rover-pin": __version__, "python": platform.python_version(), **packages}
-    return {"versions": versions, "seed": seed, "seconds": round(seconds, 1), "command": repeat}
+    return {"versions": versions, "seed": asked.seed, "seconds": round(seconds, 1), "command": asked.command}

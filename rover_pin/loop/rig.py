@@ -29,26 +29,24 @@ from rover_pin.experiments.wheel_rig.model_file import write_model
 from rover_pin.experiments.wheel_rig.remainder import remainders
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
-from rover_pin.loop.provenance import command, provenance
+from rover_pin.loop.provenance import Asked, provenance
 from rover_pin.loop.verdict_file import draft_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.report.rig.cautions import cautions
 from rover_pin.report.rig.report import write_report
 from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
+from rover_pin.trust import Trust
 
 RIVALS = 3
 """Rivals of the best for which a separating run is proposed."""
 
 
 def close_rig_loop(
-    data: str | Path | WheelRig | RigSet,
-    model: RigModel | Soil | None = None,
-    effects: str | Path | None = None,
-    out: str | Path | None = None,
-    progress: Progress = lambda said: None,
-    seed: int = 0,
+    data: RigSet, model: RigModel | Soil | None, asked: Asked, progress: Progress = lambda said: None
 ) -> Verdict:
     """Return what a model of a wheel-rig set lacks, with the error before and after; see `close_the_loop`.
+
+    `model` is where it starts, read; None takes what the data declare.
 
     Raises
     ------
@@ -58,16 +56,15 @@ def close_rig_loop(
         The base model cannot be fitted at all.
     """
     begun = time.monotonic()
-    rig_set = _rig_set(data)
-    refuse_unfit(rig_set)
-    start = _start(rig_set, model)
-    say_what_is_replaced(out, OF_A_LOOP)
-    verdict = on_rig(RigExperiment(rig_set), start, effects, progress, seed)
-    verdict.provenance.update(provenance(seed, time.monotonic() - begun, command(data, effects, out)))
-    if out is None:
+    refuse_unfit(data)
+    start = _start(data, model)
+    say_what_is_replaced(asked.out, OF_A_LOOP)
+    verdict = on_rig(RigExperiment(data), start, asked.effects, progress, asked.seed)
+    verdict.provenance.update(provenance(asked, time.monotonic() - begun))
+    if asked.out is None:
         return verdict
     progress("errors of what a user would otherwise take")
-    return _written(with_baselines(verdict, RigExperiment(rig_set)), rig_set, Path(out), progress)
+    return _written(with_baselines(verdict, RigExperiment(data)), data, asked, progress)
 
 
 def with_baselines(verdict: Verdict, experiment: RigExperiment) -> Verdict:
@@ -77,12 +74,13 @@ def with_baselines(verdict: Verdict, experiment: RigExperiment) -> Verdict:
     return dataclasses.replace(verdict, baselines=found, cautions=(*verdict.cautions, *losses(verdict.scores, found)))
 
 
-def _rig_set(data: str | Path | WheelRig | RigSet) -> RigSet:
+def rig_set_of(data: str | Path | WheelRig | RigSet, trust: Trust = Trust()) -> RigSet:
+    """Return the data of a wheel rig as the loop takes them, read where they are a folder's."""
     if isinstance(data, RigSet):
         return data
     if isinstance(data, WheelRig):
         return as_rig_set(data)
-    return read_rig_set(data)
+    return read_rig_set(data, trust)
 
 
 def _start(data: RigSet, model: RigModel | Soil | None) -> RigModel:
@@ -144,9 +142,10 @@ def _experiments(data: RigSet, verdict: Verdict) -> tuple[SeparatingRun, ...]:
     return tuple(one for one in runs if one is not None)
 
 
-def _written(verdict: Verdict, data: RigSet, out: Path, progress: Progress) -> Verdict:
+def _written(verdict: Verdict, data: RigSet, asked: Asked, progress: Progress) -> Verdict:
     """Write the files and return the verdict with their paths."""
     progress("writing the report")
+    out = Path(str(asked.out))
     files = [write_model(verdict.model, out / "model.toml", verdict.sentence)]
-    verdict, draft = draft_written(verdict, out)
+    verdict, draft = draft_written(verdict, asked, out)
     return written_last(verdict, (*files, *draft, *write_report(verdict, data, out)), out)
