@@ -66,7 +66,7 @@ def understood(seen: Recording, told: Sequence[Guess], where: str) -> Understood
     _refuse_without(values, rates, seen, where)
     _take(found, values, seen, joint_guesses(seen))
     guesses = tuple(each for each in found.values() if each.target in values)
-    lacks = tuple(said for start, said in LACKS.items() if not any(name.startswith(start) for name in values))
+    lacks = tuple(said for start, said in LACKS.items() if not any(start in name for name in values))
     used = {name for each in guesses for name in _sources(each, where)}
     unused = tuple(each.name for each in seen.words if each.name not in used)
     return Understood(guesses, values, lacks, unused)

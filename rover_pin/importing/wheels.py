@@ -42,18 +42,25 @@ NEAR = math.log(2.5)
 def wheel_guesses(seen: Recording, speed: np.ndarray | None) -> Iterator[Guess]:
     """Yield rates, currents, duties and steering, as far as recorded; `speed` [m/s] is along the heading."""
     yield from _rates(seen, speed)
-    for kind, words in (("current", CURRENT), ("duty", DUTY)):
-        for mount, each in matched(seen, words).items():
-            name = f"current_{mount}_A" if kind == "current" else f"duty_{mount}"
-            unit = "A" if kind == "current" and each.unit not in ("A", "mA") else ""
-            scale = {"scale": 0.01} if kind == "duty" and _reach(seen, each) > 1.5 else {}
-            percent = "; taken as percent" if scale else ""
-            yield Guess(name, column(each, unit, **scale), f"its name{percent}", each.name == name)
+    yield from (_current(mount, each) for mount, each in matched(seen, CURRENT).items())
+    for mount, each in matched(seen, DUTY).items():
+        scale = {"scale": 0.01} if _reach(seen, each) > 1.5 else {}
+        percent = "; taken as percent" if scale else ""
+        yield Guess(f"duty_{mount}", column(each, **scale), f"its name{percent}", each.name == f"duty_{mount}")
     steered = {mount.name for mount in seen.rover.wheels if mount.steer_dof is not None}
     for mount, each in matched(seen, STEER).items():
         if mount in steered:
             unit, sure = angle_unit(seen, each)
             yield Guess(f"steer_{mount}", column(each, unit), "its name; left is positive", sure)
+
+
+def _current(mount: str, each: Word) -> Guess:
+    """Return a current in amperes where its name says so, else as counts of unknown scale and zero."""
+    name = f"current_{mount}_A"
+    if each.unit in ("A", "mA") or each.name == name:
+        return Guess(name, column(each), "its name", each.name == name)
+    why = "its name; no unit is told, so it is taken as counts of unknown scale and zero"
+    return Guess(f"raw_current_{mount}", column(each._replace(unit="")), why, each.name == f"raw_current_{mount}")
 
 
 def _reach(seen: Recording, each: Word) -> float:

@@ -19,8 +19,10 @@ PER_WHEEL = {
     "lateral": "N",
     "torque": "N m",
     "travel": "m/s",
+    "raw_current": "-",
 }
-"""Channels named `CHANNEL_WHEEL`; the motor current is `current_WHEEL_A`. From slip on they are truth only."""
+"""Channels named `CHANNEL_WHEEL`; the motor current is `current_WHEEL_A`, `raw_current_WHEEL` in counts of unknown
+scale and zero. From slip to travel they are truth only."""
 DUTIES, RATES = "duties", "rates"
 """What may be the input of a replay: duties that drive the motors, or the wheel rates that were measured."""
 TELLING = ("duty", "wheel_rate", "steer", "slip")
@@ -57,6 +59,11 @@ def wheel_of(name: str) -> str | None:
         if name.startswith(f"{channel}_"):
             return name[len(channel) + 1 :]
     return None
+
+
+def is_current(name: str) -> bool:
+    """Return whether a channel is a motor's current, in amperes or in counts."""
+    return name.startswith(("current_", "raw_current_"))
 
 
 def wheels_in(names: Iterable[str]) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +14,17 @@ from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.errors import DataError
+from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import check, faults
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.menu import menu
 from rover_pin.experiments.drive_log.model import base_model, held, nuisances, with_spread
+from rover_pin.experiments.drive_log.raw_currents import raw_current_numbers, with_raw_currents
 from rover_pin.loop.close import close_the_loop
 from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.motion.motors import nexus6_motor
 from rover_pin.motion.place import Start
 from rover_pin.motion.replay import replay
 
@@ -113,6 +117,54 @@ def test_the_runs_of_the_menu_can_be_held_to_rates(log):
     assert np.all(commands.rate == 1.0)
     driven = replay(run.on(model), commands).channels
     assert driven["wheel_rate_fl"][20:] == pytest.approx(1.0, abs=1e-5)
+
+
+SCALES = {"fl": 700.0, "fr": -750.0, "ml": 800.0, "mr": -850.0, "rl": 900.0, "rr": -950.0}
+"""Counts per ampere; the motors of the right side are mounted the other way round."""
+
+
+def counted(folder, amperes):
+    """Let the log's currents be counts about 512, or leave them, in amperes, and take k_t out of what is declared."""
+    for file in folder.glob("run-*.csv"):
+        table = pd.read_csv(file)
+        for wheel, scale in SCALES.items():
+            current = table[f"current_{wheel}_A"]
+            table[f"current_{wheel}_A" if amperes else f"raw_current_{wheel}"] = (
+                current if amperes else np.round(512.0 + scale * current)
+            )
+        keep = [name for name in table if not name.startswith(DROPPED) or (amperes and name.startswith("current_"))]
+        table[keep].to_csv(file, index=False)
+    toml = folder / "drive.toml"
+    toml.write_text(re.sub(r"\n\[motor\].*?(?=\n\[)", "", toml.read_text(), flags=re.S))
+    return read_drive_log(folder)
+
+
+@pytest.mark.parametrize("amperes", [False, True])
+def test_currents_of_unknown_scale_and_zero_are_compared_by_their_shape(tmp_path, amperes):
+    log = counted(write(tmp_path, runs=2, duration=12.0), amperes)
+    model = with_spread(base_model(log), motors=False)
+    fit = calibrated_on(log, model, 1, lambda said: None)
+    experiment, channel = fit.task.experiment, "current_{}_A" if amperes else "raw_current_{}"
+    assert {channel.format(wheel) for wheel in SCALES} <= set(experiment.channels)
+    found = {one.name: one.value(u) for one, u in zip(fit.parameters, fit.u, strict=True)}
+    constants = [model.motor.constant / nexus6_motor().constant if amperes else scale for scale in SCALES.values()]
+    for wheel, scale in zip(SCALES, constants, strict=True):
+        own = f"RawCurrent[{channel.format(wheel)}]"
+        assert found[f"{own}.scale"] == pytest.approx(scale, rel=0.1)
+        assert found[f"{own}.offset"] == pytest.approx(0.0 if amperes else 512.0, abs=2e-3 * abs(scale))
+    at = [experiment.channels.index(channel.format(wheel)) for wheel in SCALES]
+    left, whole = (np.nanstd(each[:, at], axis=(0, 2)) for each in (fit.residual, experiment.observed))
+    assert np.all(left < 0.2 * whole)
+
+
+def test_a_scale_that_nobody_knew_is_nothing_that_a_model_lacks(tmp_path):
+    log = counted(write(tmp_path, runs=1, duration=4.0), amperes=False)
+    model = with_raw_currents(log, with_spread(base_model(log), motors=False))
+    free = (*nuisances(log, model), *raw_current_numbers(log, model))
+    experiment = experiment_of(logged_runs(log, model.rover), model)
+    names = [one.name for one in candidates(model, experiment, free, None)]
+    assert "TachoScale[fl]" in names
+    assert not [name for name in names if "current" in name.lower()]
 
 
 @pytest.mark.slow

@@ -128,6 +128,28 @@ def test_odometry_alone_is_taken_marked_and_then_refused(seen, tmp_path):
     assert "they are the wheels' odometry" in str(faults(log)[0])
 
 
+@pytest.mark.parametrize(
+    ("name", "target", "unit"),
+    [
+        ("motor_current_{}", "raw_current_{}", None),
+        ("adc_strom_{}", "raw_current_{}", None),
+        ("current_{} [mA]", "current_{}_A", "mA"),
+        ("current_{}_A", "current_{}_A", None),
+    ],
+)
+def test_currents_without_a_unit_are_counts(name, target, unit, seen, tmp_path):
+    table = pd.read_csv(recordings.plain(seen, tmp_path))
+    for at, wheel in enumerate(("fl", "fr", "bl", "br")):
+        table[name.format(wheel)] = np.round(500.0 + at + 100.0 * np.sin(seen["t_s"]))
+    table.to_csv(tmp_path / "counts.csv", index=False)
+    made, log = imported(tmp_path / "counts.csv", tmp_path)
+    factor = 1e-3 if unit == "mA" else 1.0
+    assert np.ptp(log.runs[0][target.format("br")]) == pytest.approx(200.0 * factor, rel=0.02)
+    (line,) = [each for each in made.columns if each.startswith(target.format("br"))]
+    assert ("counts of unknown scale and zero" in line) == target.startswith("raw")
+    assert not any("no motor currents" in each for each in made.lacks)
+
+
 def without(names):
     def write(seen, folder):
         table = pd.read_csv(recordings.plain(seen, folder))

@@ -44,7 +44,9 @@ def candidates(
     own : path or None
         A user's effect file or folder.
     """
-    loosened = [freed(each) for each in free if each.prior and each.name.split(".")[0] not in ("soil", "motor")]
+    unknown = {owner_name(effect) for effect in model.sensor_effects if not effect.neutral}
+    whole = {"soil", "motor"} | unknown
+    loosened = [freed(each) for each in free if each.prior and each.name.rpartition(".")[0] not in whole]
     present = {owner_name(effect) for effect in model.all_effects}
     kinds = {kind.__name__: kind for kind in package_effects() if kind.neutral}
     kinds |= {kind.__name__: kind for kind in (user_effects(own) if own else ()) if kind.neutral}

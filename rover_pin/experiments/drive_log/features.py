@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 from rover_pin.body.rover import Rover
 from rover_pin.effects.effect import SensorEffect
+from rover_pin.motion.channels import is_current
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.replay import Commands, averaged, commands, filled
 from rover_pin.motion.trace import Trace
@@ -82,8 +83,8 @@ class LoggedRun:
         return blocks(self.commands.t, self.commands.period)
 
 
-def logged_run(log: Trace, rover: Rover, currents: bool = True) -> LoggedRun:
-    """Return a run of a log ready for comparison, by its `currents` too or without them."""
+def logged_run(log: Trace, rover: Rover) -> LoggedRun:
+    """Return a run of a log ready for comparison."""
     wheels = tuple(wheel.name for wheel in rover.wheels)
     steered = tuple(wheel.name for wheel in rover.wheels if wheel.steer_dof is not None)
     run = commands(log, wheels, steered)
@@ -97,7 +98,7 @@ def logged_run(log: Trace, rover: Rover, currents: bool = True) -> LoggedRun:
     made = driven(whole, heading, run.period, counted)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
     inputs = (*RAW, *turned, "battery_V") if run.held else RAW
-    features = [name for name in (*made, *rows) if name not in inputs and (currents or not _is_current(name))]
+    features = [name for name in (*made, *rows) if name not in inputs]
     use = blocks(counted, run.period) > WHOLE
     seen = []
     for name in features:
@@ -117,7 +118,7 @@ RAW = ("body_x", "body_y", "body_yaw", "body_vx", "body_vy", "body_vz")
 
 def comparable(name: str) -> bool:
     """Return whether a channel of a log says something that a model predicts."""
-    return name.startswith(("wheel_rate_", "current_", "rocker_", "bogie_", "body_")) or name == "battery_V"
+    return name.startswith(("wheel_rate_", "rocker_", "bogie_", "body_")) or is_current(name) or name == "battery_V"
 
 
 def driven(
@@ -173,9 +174,8 @@ def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def logged_runs(log: DriveLog, rover: Rover) -> tuple[LoggedRun, ...]:
-    """Return all runs of a log; currents at held wheels tell something only where the torque constant is declared."""
-    told = {"k_t", "gear"} <= log.about.motor.keys()
-    return tuple(_on_its_ground(log, trace, logged_run(trace, rover, told or not trace.held)) for trace in log.runs)
+    """Return all runs of a log."""
+    return tuple(_on_its_ground(log, trace, logged_run(trace, rover)) for trace in log.runs)
 
 
 TELL_GROUND = ("body_pitch", "body_roll", "body_z")
@@ -188,7 +188,3 @@ def _on_its_ground(log: DriveLog, trace: Trace, run: LoggedRun) -> LoggedRun:
     names = tuple(name for name, keep in zip(run.channels, kept, strict=True) if keep)
     commands = replace(run.commands, terrain=log.terrain_of(trace))
     return replace(run, commands=commands, channels=names, seen=run.seen[np.array(kept, dtype=bool)])
-
-
-def _is_current(name: str) -> bool:
-    return name.startswith("current_")

@@ -1,0 +1,38 @@
+"""Motor currents as a logger counts them: scale and zero unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from rover_pin.contact import Scalar
+from rover_pin.effects.effect import SensorEffect
+from rover_pin.quantity import quantity
+
+MOST = 1e9
+"""No converter counts further."""
+
+
+@dataclass(frozen=True)
+class RawCurrent(SensorEffect):
+    """channel = scale current + offset, of one wheel's motor.
+
+    It has no neutral values: nothing is missing where it acts, its numbers are just not known.
+    Source: an uncalibrated shunt or converter (assumed form). Differs from the paper: its sensors are exact.
+    """
+
+    title: ClassVar[str] = "raw motor current"
+    meaning: ClassVar[str] = "a current is logged in counts of unknown scale and zero"
+    scale: Scalar = quantity(1.0, "", "assumed: in the channel's unit per A", -MOST, MOST, "scale")
+    offset: Scalar = quantity(0.0, "", "assumed: in the channel's unit", -MOST, MOST, "offset")
+    motor: str = "fl"
+    "name of the wheel whose motor it is"
+    channel: str = "raw_current_fl"
+
+    def read(self, t: np.ndarray, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the counted current."""
+        true = f"current_{self.motor}_A"
+        return {self.channel: self.scale * channels[true] + self.offset} if true in channels else {}
