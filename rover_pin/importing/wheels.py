@@ -46,7 +46,7 @@ def wheel_guesses(seen: Recording, speed: np.ndarray | None) -> Iterator[Guess]:
     for mount, each in matched(seen, DUTY).items():
         scale = {"scale": 0.01} if _reach(seen, each) > 1.5 else {}
         percent = "; taken as percent" if scale else ""
-        yield Guess(f"duty_{mount}", column(each, **scale), f"its name{percent}", each.name == f"duty_{mount}")
+        yield Guess(f"duty_{mount}", column(each, "", **scale), f"its name{percent}", each.name == f"duty_{mount}")
     steered = {mount.name for mount in seen.rover.wheels if mount.steer_dof is not None}
     for mount, each in matched(seen, STEER).items():
         if mount in steered:

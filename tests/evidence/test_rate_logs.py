@@ -14,14 +14,13 @@ from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.errors import DataError
-from rover_pin.experiments.drive_log.calibrate import calibrated_on
+from rover_pin.experiments.drive_log.calibrate import calibrated_on, raw_current_numbers, with_raw_currents
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import check, faults
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.menu import menu
 from rover_pin.experiments.drive_log.model import base_model, held, nuisances, with_spread
-from rover_pin.experiments.drive_log.raw_currents import raw_current_numbers, with_raw_currents
 from rover_pin.loop.close import close_the_loop
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.motors import nexus6_motor

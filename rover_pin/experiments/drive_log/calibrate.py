@@ -1,19 +1,31 @@
-"""A drive log's model with its uncertain numbers fitted: from where the loop looks for what is missing."""
+"""A drive log's model with its uncertain numbers fitted: from where the loop looks for what is missing.
+
+Currents of which only the shape is known, counts of a converter or amperes of motors that nobody declared, get a scale
+and a zero that are fitted with the rest.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+
+import numpy as np
 
 from rover_pin.cluster import Workers
 from rover_pin.discrepancy.search import calibrated
+from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import nuisances
-from rover_pin.experiments.drive_log.raw_currents import raw_current_numbers, with_raw_currents
+from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model
+
+PULL = 0.03
+"""Pull of a wheel as a share of its load to which a channel's spread may belong at the least: the scale's SD is that
+spread over this pull's current, several times what pulls on slopes and soft ground make of it."""
 
 
 def calibrated_on(
@@ -25,3 +37,37 @@ def calibrated_on(
     experiment = experiment_of(logged_runs(log, model.rover), model, jobs, memory)
     progress("calibrating the base model")
     return calibrated(experiment, model, (*nuisances(log, model), *raw_current_numbers(log, model)))
+
+
+def with_raw_currents(log: DriveLog, model: Model) -> Model:
+    """Return the model with a scale and a zero for every current that is a count, both unknown.
+
+    Amperes count so too where the wheels are held to their rates and no torque constant is declared: the torque that
+    they stand for is then unknown by as much.
+    """
+    for wheel, channel, values in _counted(log):
+        have = [one for one in model.sensor_effects if isinstance(one, RawCurrent) and one.channel == channel]
+        zero = float(np.nanmedian(values))
+        model = model if have else model.having(RawCurrent(scale=0.0, offset=zero, motor=wheel, channel=channel))
+    return model
+
+
+def raw_current_numbers(log: DriveLog, model: Model) -> Iterator[Parameter]:
+    """Yield scale and zero of each of the model's raw currents, with priors that say nothing but their order."""
+    load = model.rover.mass * abs(model.gravity) / len(model.rover.wheels)
+    current = PULL * load * float(np.mean(model.rover.radii)) / float(model.motor.constant)
+    for _, channel, values in _counted(log):
+        spread = max(float(np.nanstd(values)), 1e-9)
+        yield parameter(model, f"RawCurrent[{channel}].scale", spread / current)
+        yield parameter(model, f"RawCurrent[{channel}].offset", 3.0 * spread)
+
+
+def _counted(log: DriveLog) -> Iterator[tuple[str, str, np.ndarray]]:
+    """Yield wheel, channel and all values of the currents whose scale is unknown."""
+    told = {"k_t", "gear"} <= log.about.motor.keys()
+    for wheel in log.about.wheels:
+        names = (f"raw_current_{wheel}", f"current_{wheel}_A")
+        for name, unknown in zip(names, (True, not told and any(run.held for run in log.runs)), strict=True):
+            values = np.concatenate([run[name] for run in log.runs if name in run] or [np.zeros(0)])
+            if unknown and np.isfinite(values).any():
+                yield wheel, name, values
