@@ -19,9 +19,10 @@ from rover_pin.motion.half_step import Halved, halved, repeating, spoken
 from rover_pin.motion.happened import happened
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model
-from rover_pin.motion.place import SetDown, Start, hovering, set_down
+from rover_pin.motion.place import RESTS, SetDown, Start, hovering, set_down
 from rover_pin.motion.plain import Plain
 from rover_pin.motion.plain_run import run_plain
+from rover_pin.motion.poise import thrown_by_a_push
 from rover_pin.motion.record import trace_of
 from rover_pin.motion.resolution import STANDING, firmness, parts
 from rover_pin.motion.rows import finite
@@ -158,7 +159,7 @@ def _simulate(asked: Asked, start: Start | DriveState | Ended) -> Trace:
     if hasattr(asked.controller, "reset"):
         asked.controller.reset()
     attrs = {"set_down": begin.standing} if begin.standing else {}
-    halver = _Halver(asked, begin.state.copy()) if asked.settle_doubts else None
+    halver = _Halver(asked, begin.state.copy(), begin.standing) if asked.settle_doubts else None
     return _traced(asked, _begun(asked, begin.state), _place(begin.state), attrs, halver)
 
 
@@ -167,6 +168,15 @@ class _Halver(NamedTuple):
 
     asked: Asked
     state: DriveState
+    standing: str
+
+    @property
+    def doubts(self) -> list[str]:
+        """What speaks against the start."""
+        if self.standing != RESTS:
+            return []
+        doubt = thrown_by_a_push(_begun(self.asked, self.state.copy()))
+        return [doubt] if doubt else []
 
     def __call__(self, rows: np.ndarray, stop: str) -> Halved | None:
         controller = repeating(self.asked.controller, rows, self.asked.timing)
@@ -211,6 +221,7 @@ def _traced(
     trace = trace_of(asked.model, rows, attrs)
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     doubts, energy = doubts_of(drive.model, rows, ran.counted.missed), energy_warning(asked.model, trace)
+    doubts += halver.doubts if halver and len(rows) else []
     signs = any([*certain, *doubts, energy.doubted])
     half = halver(rows, ran.stop) if halver and signs and len(rows) else None
     trace = told(trace, [*certain, *spoken(doubts, half), pivot_warning(stepper.pivoted), energy.said])

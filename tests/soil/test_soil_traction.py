@@ -18,7 +18,15 @@ from rover_pin.soil.arc import full_shear
 from rover_pin.soil.certified import certified_forces, certified_peak_forces
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
 from rover_pin.soil.quadrature import both_graded, cubic_graded, entry_graded
-from rover_pin.soil.traction import FORMS, NetTraction, WheelForces, forces, load_traction_factor, wheel_forces
+from rover_pin.soil.traction import (
+    FORMS,
+    NetTraction,
+    WheelForces,
+    forces,
+    load_traction_factor,
+    pull_of_shear,
+    wheel_forces,
+)
 
 _file = Path(__file__).parents[1] / "oracle" / "terramechanics.py"
 _spec = importlib.util.spec_from_file_location("terramechanics_oracle", _file)
@@ -355,6 +363,27 @@ def test_forms_are_what_their_names_say():
     assert FORMS["torque"].factor(found, WHEEL, 0.3) == found.torque / (WHEEL.r * found.f_n)
     assert FORMS["gross"].factor(found, WHEEL, 0.3) == found.thrust / found.f_n
     assert [form.name for form in FORMS.values()] == list(FORMS)
+
+
+@pytest.mark.parametrize(
+    ("S", "torque", "expected"),
+    [
+        # f_t / f_n = 1.5, thrust / f_n = 2, and T / (r f_n) = 2.5 where nothing is cut
+        (0.3, 0.5, {"net": 1.5, "gross": 2.0, "torque": 2.5}),
+        (0.0, 0.5, {"net": 1.5, "gross": 2.0, "torque": 2.5}),
+        (0.3, 0.34, {"net": 1.5, "gross": 1.7, "torque": 1.7}),
+        (-0.3, 0.5, {"net": 1.5, "gross": 1.75, "torque": 1.75}),
+        (-0.5, 0.5, {"net": 1.25, "gross": 1.25, "torque": 1.25}),
+        (-1.0, 0.5, {"net": 0.0, "gross": 0.0, "torque": 0.0}),
+        (-0.5, -0.5, {"net": -1.25, "gross": -1.25, "torque": -2.5}),
+    ],
+)
+def test_no_form_pulls_more_than_its_torque_pays_for(S, torque, expected):
+    """By hand: T omega >= f_t v with r omega = (1 + S) v where it brakes, and a rim that slides its way driving."""
+    given_by = WheelForces(f_n=2.0, f_t=3.0, torque=torque, thrust=4.0, compaction=1.0)
+    wheel = Wheel(r=0.1)
+    assert {name: form.factor(given_by, wheel, S) for name, form in FORMS.items()} == pytest.approx(expected)
+    assert pull_of_shear(torque, wheel, S) == pytest.approx(2.0 * expected["torque"])
 
 
 def test_the_factor_uses_the_net_form_and_the_soil_s_angles_unless_told():
