@@ -208,7 +208,7 @@ def steepest(case: DriveCase) -> float:
         F = F * (1.0 - past.fraction * (1.0 - np.exp(-((S / past.S_w) ** 2))))
     resistance = model.effect(MotionResistance)
     slowest = 1.0 / HELD_OUT
-    held_back = float(resistance.R) * slowest / math.hypot(slowest, float(resistance.v_0))
+    held_back = float(resistance.R) * slowest / math.hypot(slowest, float(resistance.fading(slowest)))
     return math.degrees(math.atan(float(np.max(F)) - held_back))
 
 

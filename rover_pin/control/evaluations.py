@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import os
 from collections.abc import Callable, Sequence
@@ -12,11 +13,9 @@ from typing import Any
 from rover_pin.bounded import content
 from rover_pin.cluster import Workers, results
 from rover_pin.errors import DataError
-from rover_pin.version import __version__
+from rover_pin.version import key_of_code
 
 FILE = "evaluations.jsonl"
-ANSWERS = 2
-"""Counted up when what a function of the same name returns, or how a drive goes, has changed."""
 Progress = Callable[[str, int, int], None]
 """Called with the stage's name, how many of its evaluations are done, and how many there are."""
 
@@ -78,8 +77,10 @@ class Evaluations:
 
 
 def key_of(function: Callable[..., Any], job: tuple[Any, ...]) -> str:
-    """Return what names an evaluation: version, function, and every argument to its last digit."""
-    return hashlib.sha1(repr((__version__, ANSWERS, function.__qualname__, job)).encode()).hexdigest()
+    """Return what names an evaluation: this code and the function's own file, and every argument to its last digit."""
+    file = inspect.getsourcefile(function)
+    code = key_of_code([Path(file)] if file else [])
+    return hashlib.sha1(repr((code, function.__qualname__, job)).encode()).hexdigest()
 
 
 def _read(file: Path) -> dict[str, list[float]]:

@@ -24,7 +24,7 @@ from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, held, with_spread
-from rover_pin.experiments.drive_log.resume import Memory, key_of_code
+from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
 from rover_pin.experiments.unlisted.remainder import Remainder, describe
 from rover_pin.experiments.unlisted.trial import drafted
@@ -35,6 +35,7 @@ from rover_pin.motion.effect_files import file_of, user_effects
 from rover_pin.motion.model import Model
 from rover_pin.report.drive.cautions import cautions
 from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
+from rover_pin.version import key_of_code
 
 RIVALS = 2
 """Rivals of the best for which a separating run is proposed."""

@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin.control import evaluations
 from rover_pin.control.drive_score import Cost, Score, score_trace
-from rover_pin.control.evaluations import FILE, Evaluations
+from rover_pin.control.evaluations import FILE, Evaluations, key_of
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.tuning import Point, place_of, slope_of, spread, tune_gains, values
 from rover_pin.control.tuning_drives import FAILED, Control, built, full_score, reduced_gradient, reduced_score
@@ -169,6 +170,18 @@ def test_a_damaged_or_impossible_file_of_evaluations(tmp_path):
         Evaluations(tmp_path, 1, None)
     with pytest.raises(DataError, match="name another folder"):
         Evaluations(tmp_path / FILE / "below", 1, None)
+
+
+def test_an_evaluation_of_other_code_is_run_again(tmp_path, monkeypatch):
+    """The laws of a drive had changed and a folder of before still answered."""
+    jobs, own = [(FLAT, Control("constant", values(Gains())))], key_of(full_score, (1,))
+    before = Evaluations(tmp_path, 1, None)
+    before.run("drives", full_score, jobs)
+    monkeypatch.setattr(evaluations, "key_of_code", lambda others: "another program")
+    assert key_of(full_score, (1,)) != own
+    after = Evaluations(tmp_path, 1, None)
+    after.run("drives", full_score, jobs)
+    assert (before.fresh, after.fresh) == (1, 1)
 
 
 def test_reduced_and_full_score_agree_part_by_part():

@@ -5,11 +5,10 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import io
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ import pinocchio as pin
 from rover_pin.body.rover import Rover
 from rover_pin.bounded import arrays
 from rover_pin.columns import replace_file
-from rover_pin.version import __version__
 
 FOLDER = ".resume"
 Arrays = dict[str, np.ndarray]
@@ -80,13 +78,6 @@ def _read(file: Path) -> Arrays | None:
         return arrays(file)
     except (OSError, ValueError):
         return None
-
-
-def key_of_code(others: Iterable[Path]) -> str:
-    """Return a key of this program, its version and its very code, and of the code in other files."""
-    package = Path(str(files("rover_pin")))
-    own = sorted(file for kind in ("*.py", "*.c") for file in package.rglob(kind))
-    return digest(__version__, *(file.read_bytes() for file in (*own, *sorted(others))))
 
 
 def digest(*values: Any) -> str:
