@@ -14,13 +14,13 @@ Result
     The left half of Fig 10 comes out with Table 1 as it stands, at every wall (a ditch of this size has none below
     26.6 deg): at 30 deg 0.050 m/s and S = 0.05 for 5 s, 0.17 m/s going down, the front wheels stop at the far wall at
     8.0 s, S > 0.95 from 11 s on. The right half does not: 0 of 80 controlled drives get out. Nor with any sand whose F
-    rises with S: over four values of k, 0 of 132 stuck drives are rescued with the true slip, 0 of 44 with Eq 9; S
-    falls, and F(S) with it. The true slip turns 81 of 108 passes into failures, Eq 9 4 of 36.
-    With strength lost past the peak the story comes out in a window of 2 to 2.5 deg of wall angle: 30 % lost, 49 to
-    50.5 deg, 11 rescues of 42; 50 % lost, 46.5 to 48.5 deg, 14 of 42; all but two with S_d = 0.2. At 47 deg S goes to
-    0.85, the wheels stop and roll back, S falls, the rover is out 9 s later. Eq 9 rescues none. No outcome depends on
-    the step. So the story hinges on a strength loss, on a wall angle just past what the duty can climb, and on a slip
-    that is truly known; `fig10_hinges.py` changes the other numbers (R = 0.1 widens the window to 9 deg).
+    rises with S: over four values of k, 0 of 156 stuck drives are rescued with the true slip, 0 of 52 with Eq 9; S
+    falls, and F(S) with it. The true slip turns 60 of 84 passes into failures, Eq 9 5 of 28.
+    With strength lost past the peak the story comes out in a window of 1.5 to 2 deg of wall angle: 30 % lost, 49 to 50
+    deg, 9 rescues of 42; 50 % lost, 46.5 to 48 deg, 13 of 42; all but one with S_d = 0.2. At 47 deg S goes to 0.85, the
+    wheels stop and roll back, S falls, the rover is out 12 s later. Eq 9 rescues none and loses 1 of 24. No outcome
+    depends on the step. So the story hinges on a strength loss, on a wall angle just past what the duty can climb, and
+    on a slip that is truly known; `fig10_hinges.py` changes the other numbers (R = 0.1 widens the window to 9 deg).
 What the paper says
     Without: "the vehicle lost the velocity at t = 7 [s]. After the vehicle has stopped, the wheel was yet rotating
     constantly, then the slip ratio went up to S = 1 and there was no chance to get recovered." With: "when the slip

@@ -18,6 +18,7 @@ from rover_pin.control.slip_control import FADE, Gains, SlipControl, pi_law
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
+from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Command, Reading, Truth
 from rover_pin.scenarios import scenario
@@ -275,6 +276,14 @@ def test_a_limit_that_is_not_known_is_said():
         scenario("flat", control="true", **{"control.slip_limit": 0.3})
     with pytest.raises(ParameterError, match="slip_limit = 2 cannot be reached"):
         scenario("flat", control="limit", **{"control.slip_limit": 2.0})
+
+
+@pytest.mark.parametrize(("S", "degrees"), [(0.2, 1.7), (LOST_SLIP, 4.7), (1.0, 8.8)])
+def test_the_slope_that_a_slip_limit_holds(S, degrees):
+    """What argues for the default slip limit: statics of Table 1's sand with the ready-made resistance."""
+    model = scenario("flat").model
+    F = float(load_traction_factor(S, model.soils[0], model.rover.wheel, TorqueTraction()))
+    assert math.degrees(math.atan(F - float(model.effect(MotionResistance).R))) == pytest.approx(degrees, abs=0.05)
 
 
 def test_the_torque_limit_alone_keeps_a_wheel_out_of_the_slip_that_digs():
