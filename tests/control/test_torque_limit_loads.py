@@ -59,3 +59,13 @@ def test_the_loads_at_the_pitch_are_off_as_is_told_and_the_drive_ends_alike(name
     first, second = (each.attrs["happened"].split(" ")[0] for each in (by_pitch, other))
     assert first == second
     assert other["body_x"][-1] == pytest.approx(by_pitch["body_x"][-1], abs=0.12)
+
+
+@pytest.mark.parametrize(
+    ("name", "k", "at_shear", "at_slip"), [("slope", 0.05, 0.2, 61), ("ditch", 0.01, 0.5, 3), ("rocks", 0.05, 5, 65)]
+)
+def test_how_often_either_check_acts(name, k, at_shear, at_slip):
+    """Per cent of wheels and rows below the asked duty: at the soil's greatest shear only while wheels speed up."""
+    for limit, share in (("saturation", at_shear), ("at-slip", at_slip)):
+        trace = scenario(name, control="limit", **{"control.limit": limit, "soil.k": k}).drive()
+        assert 100.0 * np.mean(trace.stack("duty") < 0.55 - 1e-9) == pytest.approx(share, rel=0.1, abs=0.1)
