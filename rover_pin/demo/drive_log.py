@@ -14,6 +14,8 @@ from rover_pin.body.terrain import Lanes
 from rover_pin.contact import Soil
 from rover_pin.demo.hidden import DRIVEN, Made, chosen, keep_truth
 from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.motion.command import Controller
 from rover_pin.motion.defaults import has_papers_wheel, own_motor, own_soil, pace, scale, usual_angles, usual_slip
 from rover_pin.motion.drive_log import About, write_drive_log
@@ -23,6 +25,7 @@ from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.place import Start
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.motion.simulate import Progress, simulate
+from rover_pin.motion.trace import Trace
 from rover_pin.paths import named_from
 from rover_pin.quantity import declared
 from rover_pin.soil.traction import TorqueTraction
@@ -31,6 +34,10 @@ RUNS, SECONDS = 6, 16.0
 """Runs, of which the last two repeat the first two; seconds of each for Nexus 6, longer for a slower rover."""
 K, K_SD, PHI_SD = 0.005, 0.2, math.radians(1.5)
 """Shear displacement of the declared sand for Nexus 6's wheels [m]; SDs of its bench tests."""
+DRIFT = 5e-4
+"""How far the tracker's zero of x and y wanders in a second, growing with the root of time [m]."""
+MOTORS_APART, TACHOS_APART = 0.01, 0.005
+"""SDs of one motor's torque and of one tachogenerator's gain against the others'."""
 
 
 def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress: Progress | None = None) -> Made:
@@ -50,14 +57,14 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     soil = told.replace(
         phi=told.phi + random.normal(0.0, PHI_SD / 2), k=told.k * math.exp(random.normal(0.0, K_SD / 2))
     )
-    true = model.replace(soils=(soil,))
+    true = _apart(model.replace(soils=(soil,)), random)
     true = true if effect is None else true.having(effect)
     size, seconds = scale(model.rover), SECONDS * pace(model.rover, model.motor)
     traces, plans = {}, [_plan(random, seconds, len(model.rover.wheels)) for _ in range(RUNS - 2)]
     for run, plan in enumerate([*plans, *plans[:2]]):
         start = Start(-0.6 * size, 0.0, 0.0) if run % 2 == 0 else Start(0.7 * size, 0.0, math.pi)
         driven = simulate(true, plan, seconds, start, settle_doubts=False)
-        seen = measured(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects)
+        seen = _drifting(measured(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects), random)
         traces[f"run-{run + 1}"] = dataclasses.replace(seen, attrs={"start": dataclasses.asdict(start)})
         if progress is not None:
             progress(run + 1.0)
@@ -86,6 +93,23 @@ def _declared(rover: str) -> Model:
     effects = base_effects(soil, built, SoilTraction(TorqueTraction(), usual_angles(built)))
     ground = Lanes((Profile(x, z),), ())
     return Model(built, ground, (soil,), own_motor(built).value, usual_slip(built), effects, body_effects=built.springs)
+
+
+def _apart(model: Model, random: np.random.Generator) -> Model:
+    """Return the model with motors and tachogenerators that are not quite alike, as none are."""
+    for number, wheel in enumerate(model.rover.wheels):
+        model = model.having(WeakMotor(g=random.normal(0.0, MOTORS_APART), wheel=number))
+        model = model.having(TachoScale(e=random.normal(0.0, TACHOS_APART), wheel=wheel.name))
+    return model
+
+
+def _drifting(log: Trace, random: np.random.Generator) -> Trace:
+    """Return the log with a tracker whose zero wanders."""
+    steps = np.sqrt(np.diff(log.t, prepend=log.t[0]))
+    moved = {
+        axis: log[axis] + np.cumsum(DRIFT * steps * random.normal(size=len(steps))) for axis in ("body_x", "body_y")
+    }
+    return dataclasses.replace(log, channels={**log.channels, **moved})
 
 
 def _known(soil: Soil) -> dict[str, dict[str, object]]:

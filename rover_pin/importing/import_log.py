@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,10 +20,15 @@ from rover_pin.importing.splitting import Part, chosen, parts
 from rover_pin.importing.understood import Understood, drive_of, lines, understood
 from rover_pin.importing.written import Run, Sheet, toml_of
 from rover_pin.motion.drive_log import FILE
-from rover_pin.paths import named_from
+from rover_pin.paths import is_file, named_from
+from rover_pin.time_left import telling
 
+log = logging.getLogger(__name__)
 MOST_RUNS = 12
 """Runs that a log gets at most, unless more are asked for: each is replayed hundreds of times."""
+
+LARGE = 5_000_000
+"""A file of more bytes takes long enough to be told of."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +78,8 @@ def import_log(
         )
     own = load_rover(str(rover))
     given = [Guess(name, {"formula": text}, "told", True) for name, text in (told or {}).items()]
-    readings = [_read(path, own, given, most) for path in paths]
+    each = (_read(path, own, given, most) for path in paths)
+    readings = list(telling(each, len(paths), "recordings read"))
     return _written(folder, paths, rover, own, readings)
 
 
@@ -86,6 +93,9 @@ class _Reading:
 
 
 def _read(path: Path, rover: Rover, told: Sequence[Guess], most: int) -> _Reading:
+    size = path.stat().st_size if is_file(path) else 0
+    if size > LARGE:
+        log.info("reading %s: %.0f MB", path.name, size / 1e6)
     raw = read_raw(path)
     clock = find_clock(raw.table, path)
     seen = recording(clock.t, clock.table, clock.column, rover)
@@ -131,7 +141,8 @@ def _written(
         [*notes, *(f"Lacks {said}." for said in lacks)],
         any(name in first.values for name in ("body_pitch", "body_z")),
     )
-    files = [replace_file(folder / f"{run.name}.csv", columns_text(dict(run.columns))) for run in runs]
+    made = (replace_file(folder / f"{run.name}.csv", columns_text(dict(run.columns))) for run in runs)
+    files = list(telling(made, len(runs), "runs written"))
     files.append(replace_file(folder / FILE, toml_of(sheet)))
     return Imported(
         tuple(files), tuple(lines(first)), tuple(f"{run.name}: {run.purpose}" for run in runs), lacks, notes

@@ -53,6 +53,7 @@ from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.paths import exists, is_file, is_folder
 from rover_pin.quantity import as_float
 from rover_pin.soil.angles import ANGLES
+from rover_pin.time_left import telling
 from rover_pin.toml_file import read_toml, toml_text
 from rover_pin.trust import Trust
 
@@ -173,7 +174,7 @@ def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
     about = _about(file, {key: value for key, value in table.items() if key not in ("kind", "run")})
     _refuse_twice(file, [entry.get("file") for entry in entries])
     runs = (_run(file, about, at, entry, trust) for at, entry in enumerate(entries, 1))
-    return DriveLog(folder, about, tuple(runs), trust)
+    return DriveLog(folder, about, tuple(telling(runs, len(entries), "runs read")), trust)
 
 
 def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], about: About) -> Path:

@@ -60,6 +60,20 @@ def test_a_drive_log_is_as_long_and_as_varied_as_the_loop_needs(tmp_path):
     assert np.std(log.runs[0]["body_x"] - log.runs[4]["body_x"]) > 0.0
 
 
+def test_the_motors_and_the_tracker_of_a_made_up_drive_are_not_perfect(tmp_path):
+    """Of two logs of one seed, one with nothing wrong with the sensors: zeros wander, no two motors are alike."""
+    drive_log.write(tmp_path / "real", "nothing", 0)
+    with pytest.MonkeyPatch.context() as exact:
+        for name in ("DRIFT", "MOTORS_APART", "TACHOS_APART"):
+            exact.setattr(drive_log, name, 0.0)
+        drive_log.write(tmp_path / "ideal", "nothing", 0)
+    real, ideal = (read_drive_log(tmp_path / name).runs for name in ("real", "ideal"))
+    wandered = np.array([one["body_y"] - other["body_y"] for one, other in zip(real, ideal, strict=True)])
+    assert 2e-4 < np.std(wandered[:, -20:].mean(axis=1) - wandered[:, :20].mean(axis=1)) < 2e-2
+    ratio = np.mean([one["wheel_rate_ml"] for one in real]) / np.mean([one["wheel_rate_ml"] for one in ideal])
+    assert 1e-4 < abs(ratio - 1.0) < 0.04
+
+
 def test_chance_hides_what_its_seed_says():
     among = {chosen("any", CONTACT, np.random.default_rng(seed)) for seed in range(30)}
     assert among == {"", *CONTACT}

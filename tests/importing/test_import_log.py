@@ -1,6 +1,7 @@
 """Recordings in other people's habits become the drive log of the same drive."""
 
 import importlib.util
+import logging
 import math
 import tomllib
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rover_pin import time_left
 from rover_pin.body.rover import load_rover
 from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.checks.log import check, faults
@@ -99,6 +101,19 @@ def test_of_a_long_recording_the_most_telling_parts_are_kept_and_that_is_said(tm
     assert any("4 of " in note and "those that tell most" in note for note in made.notes)
     reached = [float(np.ptp(run["body_pitch"])) for run in log.runs]
     assert max(reached) > 0.2
+
+
+def test_long_recordings_tell_how_far_they_are(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(time_left, "SECONDS_BETWEEN_LINES", 0.0)
+    monkeypatch.setattr("rover_pin.importing.import_log.LARGE", 1000)
+    path = recordings.plain(recordings.truth(), tmp_path)
+    with caplog.at_level(logging.INFO):
+        _, log = imported(path, tmp_path)
+        check(log)
+    said = [record.getMessage() for record in caplog.records]
+    assert said[0] == "reading plain.csv: 0 MB"
+    for what in ("runs written", "runs read", "runs looked at for faults", "runs checked"):
+        assert any(line.startswith(f"{what}: 1 of {len(log.runs)}, about ") for line in said), what
 
 
 def test_a_user_may_say_what_a_column_is(seen, tmp_path):

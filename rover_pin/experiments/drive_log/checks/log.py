@@ -34,6 +34,7 @@ from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.run_terrain import is_of_run
 from rover_pin.quantity import quantities, record_from
+from rover_pin.time_left import telling
 
 
 class DriveFindings(NamedTuple):
@@ -77,10 +78,10 @@ def faults(log: DriveLog) -> tuple[Finding, ...]:
     if missing:
         return missing
     motor, terrain, length = declared_motor(log), _terrain(log), _length(log)
-    whole = _whole_motor(log)
+    whole, runs = _whole_motor(log), driven(log)
     return gathered(
         fault
-        for run in driven(log)
+        for run in telling(runs, len(runs), "runs looked at for faults")
         for fault in (*_of_run(run, motor, terrain, length), *(current_faults(run, whole) if whole else ()))
     )
 
@@ -108,7 +109,7 @@ def _findings(log: DriveLog) -> Iterator[Finding]:
     terrain, whole = _terrain(log), _whole_motor(log)
     yield from column_findings(log)
     yield from declared_findings(log)
-    for run in runs:
+    for run in telling(runs, len(runs), "runs checked"):
         yield from start_findings(run)
         if terrain is not None:
             yield from ground_findings(run, terrain)
