@@ -18,6 +18,7 @@ from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
+from rover_pin.motion.built import built_rover
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.suspension import joints_of, suspension_dofs
 from rover_pin.parameters.gravity import EARTH
@@ -120,12 +121,8 @@ class Model:
     @property
     def built(self) -> Rover:
         """The rover as it is driven: under the model's gravity, with what its effects make it carry and lean."""
-        rover = self.rover.under(self.gravity)
-        for effect in self.body_effects:
-            ballast, rise = effect.ballast(), effect.rise()
-            rover = rover.carrying(*ballast) if any(ballast) else rover
-            rover = rover.rising(*rise) if any(rise) else rover
-        return rover
+        changes = tuple((effect.ballast(), effect.rise()) for effect in self.body_effects)
+        return built_rover(self.rover, self.gravity, changes)
 
     @property
     def all_effects(self) -> tuple[AnyEffect, ...]:

@@ -25,7 +25,8 @@ from rover_pin.body.section import Facet, Patch, WheelFrame, patches, wheel_fram
 from rover_pin.contact import Load
 from rover_pin.motion import laws
 from rover_pin.motion.body_law import body_law
-from rover_pin.motion.kernel import HOLDING, SERVO_GAIN, STOP_GAIN, armed, rim_inertia
+from rover_pin.motion.kernel import HOLDING
+from rover_pin.motion.kernel_rover import SERVO_GAIN, STOP_GAIN, armed, rim_inertia
 from rover_pin.motion.model import Model
 from rover_pin.motion.motor import unringing
 from rover_pin.motion.native.shared import ENERGY, RECORD
@@ -40,7 +41,7 @@ class Plain:
     def __init__(self, model: Model, state: DriveState, dt: float, symmetric: bool):
         self.model, self.state, self.dt, self.symmetric = model, state, dt, symmetric
         self.rover = model.built
-        self.pin_model = armed(self.rover.model, model)
+        self.pin_model = armed(self.rover, float(model.motor.armature))
         self.data = self.pin_model.createData()
         self.rim_inertia = rim_inertia(self.pin_model, self.rover)
         n = len(self.rover.wheels)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from rover_pin.body.acceleration import constraint_rows, wheel_jacobians
+from rover_pin.body.rover import Rover
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import SimulationError
-from rover_pin.motion.kernel import armed
+from rover_pin.motion.kernel_rover import armed
 from rover_pin.motion.model import Model
 from rover_pin.motion.state import DriveState
 from rover_pin.soil.sinkage import power_law_guess, sinkage
@@ -88,20 +90,27 @@ def _firmness(stepper: Any, model: Model) -> float:
 
 def contact_frequency(model: Model, state: DriveState) -> float:
     """Return omega [rad/s] of `parts` for a rover in the configuration of `state`."""
-    rover = model.built
-    pin_model = armed(rover.model, model)
-    data = pin_model.createData()
-    M = np.array(pin.crba(pin_model, data, state.q))
-    inverse = np.linalg.inv(np.triu(M) + np.triu(M, 1).T)
-    G = constraint_rows(rover, differential=model.rigid_differential)
-    if len(G):
-        inverse -= inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, G @ inverse)
-    U = np.array([J[2] for J in wheel_jacobians(rover, state.q)])
+    rover, motor = model.built, model.motor
+    mobility = _mobility(rover, float(motor.armature), model.rigid_differential, state.q.tobytes())
     share = model.gravity * rover.mass / len(rover.wheels)
     soils = [model.soils[index] for index in sorted(model.terrain.ground_indices)]
-    K = [max(stiffness(share, mount.wheel, soil) for soil in soils) for mount in rover.wheels]
-    root = np.sqrt(K)
-    return math.sqrt(float(np.linalg.eigvalsh(root[:, None] * (U @ inverse @ U.T) * root)[-1]))
+    firmest = {wheel: max(stiffness(share, wheel, soil) for soil in soils) for wheel in {w.wheel for w in rover.wheels}}
+    root = np.sqrt([firmest[mount.wheel] for mount in rover.wheels])
+    return math.sqrt(float(np.linalg.eigvalsh(root[:, None] * mobility * root)[-1]))
+
+
+@lru_cache(maxsize=64)
+def _mobility(rover: Rover, armature: float, rigid_differential: bool, configuration: bytes) -> np.ndarray:
+    """Return U (M^-1)_G U^T of `parts` [1/kg] (wheels, wheels) at q, whose bytes these are; not to be written to."""
+    q = np.frombuffer(configuration)
+    pin_model = armed(rover, armature)
+    M = np.array(pin.crba(pin_model, pin_model.createData(), q))
+    inverse = np.linalg.inv(np.triu(M) + np.triu(M, 1).T)
+    G = constraint_rows(rover, differential=rigid_differential)
+    if len(G):
+        inverse -= inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, G @ inverse)
+    U = np.array([J[2] for J in wheel_jacobians(rover, q)])
+    return np.asarray(U @ inverse @ U.T)
 
 
 def stiffness(load: float, wheel: Wheel, soil: Soil) -> float:

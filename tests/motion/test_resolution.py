@@ -21,7 +21,8 @@ from rover_pin.motion.audit import (
     load_warning,
     mean_load,
 )
-from rover_pin.motion.kernel import Kernel, armed
+from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.kernel_rover import armed
 from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.pace import ROUGH, Pace
 from rover_pin.motion.place import Start, settled
@@ -69,7 +70,7 @@ def test_the_frequency_is_that_of_the_rover_s_own_mass_matrix():
     model = scenario("flat").model
     state = settled(model, Start())
     rover = model.built
-    M = mass_matrix(rover, state.q) + np.diag(armed(rover.model, model).armature)
+    M = mass_matrix(rover, state.q) + np.diag(armed(rover, float(model.motor.armature)).armature)
     G = constraint_rows(rover)
     U = np.array([J[2] for J in wheel_jacobians(rover, state.q)])
     W = model.gravity * rover.mass / len(rover.wheels)

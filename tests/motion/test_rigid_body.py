@@ -13,7 +13,8 @@ from rover_pin.body.rover import load_rover
 from rover_pin.contact import Soil
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.motion.kernel import Kernel, armed
+from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.kernel_rover import armed
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.native.compiled_body import Known, compiled_body
@@ -131,7 +132,7 @@ def test_the_compiled_body_is_what_pinocchio_says(name):
     q, v = random_state(rover.model, np.random.default_rng(2))
     state.q[:], state.v[:] = q, v
     kernel = Kernel(made, state, 0.005, symmetric=False)
-    model = armed(made.built.model, made)
+    model = armed(made.built, float(made.motor.armature))
     data = model.createData()
     kinetic, potential = kernel.energies()
     same(kinetic, pin.computeKineticEnergy(model, data, q, v))

@@ -12,7 +12,8 @@ import pytest
 
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.motion import toolchain
-from rover_pin.motion.kernel import Kernel, armed
+from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.kernel_rover import armed
 from rover_pin.motion.native import source
 from rover_pin.motion.place import Start, settled
 from rover_pin.motion.plain import Plain
@@ -174,7 +175,7 @@ def test_energies_are_those_of_the_mass_matrix_and_the_centre_of_mass(name):
     state = settled(model, Start())
     kernel, rng = Kernel(model, state, 0.005, symmetric=False), np.random.default_rng(3)
     state.v[:] = rng.normal(size=len(state.v))
-    armoured = armed(model.built.model, model)
+    armoured = armed(model.built, float(model.motor.armature))
     M = pin.crba(armoured, armoured.createData(), state.q)
     kinetic = 0.5 * state.v @ (np.triu(M) + np.triu(M, 1).T) @ state.v
     height = pin.centerOfMass(armoured, armoured.createData(), state.q) @ model.built.up
@@ -194,7 +195,7 @@ def test_wheels_held_to_a_rate_have_it_and_what_it_takes_is_told(kind):
     assert stepper.step() == 0
     wheels = [mount.dof for mount in model.rover.wheels]
     assert state.v[wheels] == pytest.approx(rates, abs=1e-6)
-    armoured = armed(model.built.model, model)
+    armoured = armed(model.built, float(model.motor.armature))
     half = pin.integrate(armoured, q, 0.0025 * v)
     needed = pin.rnea(armoured, armoured.createData(), half, v, (state.v - v) / 0.005)
     assert stepper.record[:, 9] == pytest.approx(needed[wheels], rel=1e-6)

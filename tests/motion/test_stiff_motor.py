@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.motion.kernel import armed, rim_inertia
+from rover_pin.motion.kernel_rover import armed, rim_inertia
 from rover_pin.motion.motor import RINGS, Motor, unringing
 from rover_pin.motion.motors import MOTORS, motor_named
 from rover_pin.motion.simulate import simulate
@@ -40,7 +40,7 @@ def test_a_slope_that_drives_or_vanishes_is_left_alone():
 @pytest.mark.parametrize("name", MOTORS)
 def test_the_shipped_motors_keep_the_midpoint_rule_at_the_default_step(name):
     model = dataclasses.replace(scenario("flat").model, motor=motor_named(name))
-    inertia = rim_inertia(armed(model.built.model, model), model.built)
+    inertia = rim_inertia(armed(model.built, float(model.motor.armature)), model.built)
     motor = model.motor
     slope = -(float(motor.constant) ** 2) / float(motor.resistance)
     assert np.all(DT * -slope / inertia < RINGS)
@@ -49,9 +49,11 @@ def test_the_shipped_motors_keep_the_midpoint_rule_at_the_default_step(name):
 
 def test_the_inertia_of_a_rim_is_that_of_wheel_and_rotor():
     model = dataclasses.replace(scenario("flat").model, motor=Motor(rotor_inertia=0.0))
-    bare = rim_inertia(armed(model.built.model, model), model.built)
+    bare = rim_inertia(armed(model.built, float(model.motor.armature)), model.built)
     geared = dataclasses.replace(model, motor=Motor(gear=100.0, rotor_inertia=2e-8))
-    assert rim_inertia(armed(geared.built.model, geared), geared.built) == pytest.approx(bare + 2e-4, rel=1e-12)
+    assert rim_inertia(armed(geared.built, float(geared.motor.armature)), geared.built) == pytest.approx(
+        bare + 2e-4, rel=1e-12
+    )
     joint = [model.built.model.inertias[mount.joint] for mount in model.built.wheels]
     assert bare == pytest.approx([each.inertia[1, 1] for each in joint], rel=1e-9)
 

@@ -1,0 +1,181 @@
+"""What a rover decides of the compiled step, whatever it drives on: worked out once for all drives of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.body.rover import Rover
+from rover_pin.errors import ParameterError
+from rover_pin.motion import laws
+from rover_pin.motion.native.compiled_body import Known, compiled_body, order_of_elimination
+from rover_pin.motion.native.shared import MAX_COLS, MAX_DOF, DriveStruct, fill
+from rover_pin.motion.suspension import suspension_dofs
+
+SERVO_GAIN = (20.0, 0.2)
+"""Stiffness [N m/rad] and damping [N m s/rad] of a steering servo (assumed: stiff beside the wheel's side forces)."""
+STOP_GAIN = (50.0, 1.0)
+"""The same of a suspension's end stop (assumed)."""
+
+
+@dataclass(frozen=True, eq=False)
+class RoverFields:
+    """A struct Drive with the rover's fields set, to be copied; their arrays are shared and never written."""
+
+    struct: DriveStruct
+    keep: dict[str, Any]
+    "the arrays that the struct points at"
+    pin_model: pin.Model
+    "with the motors' rotors on the wheels"
+    known: Known
+
+
+@lru_cache(maxsize=64)
+def rover_fields(rover: Rover, armature: float, strength: float, rigid_differential: bool, pushed: bool) -> RoverFields:
+    """Return the fields of a rover with rotors of this inertia [kg m^2] and joints of this `joint_strength`.
+
+    `pushed`: effects act on its body.
+    """
+    pin_model, known = armed(rover, armature), Known.of(rover.model)
+    struct, keep = DriveStruct(), dict[str, Any]()
+    for fields in (
+        _wheels(rover, pin_model),
+        _joints(rover, pin_model),
+        _couplings(rover, known, rigid_differential, pushed),
+        _rigid_body(known),
+        _springs(rover, strength, pushed),
+    ):
+        fill(struct, keep, fields)
+    for each in keep.values():
+        each.flags.writeable = False
+    return RoverFields(struct, keep, pin_model, known)
+
+
+def _wheels(rover: Rover, model: pin.Model) -> dict[str, Any]:
+    columns = [supports(model, wheel.joint) for wheel in rover.wheels]
+    most = max(map(len, columns))
+    if model.nv > MAX_DOF or most > MAX_COLS:
+        raise ParameterError(
+            f"The rover has {model.nv} degrees of freedom, {most} above a wheel; "
+            f"the step holds {MAX_DOF} and {MAX_COLS}."
+        )
+    cols = np.zeros((len(columns), most), dtype=np.int64)
+    for row, own in zip(cols, columns, strict=True):
+        row[: len(own)] = own
+    sizes = np.array([laws.numbers([wheel.wheel]) for wheel in rover.wheels])
+    kinds, kind = np.unique(sizes, axis=0, return_inverse=True)
+    return {
+        "n_wheels": len(columns),
+        "n_cols": most,
+        "n_axles": 1 + max(wheel.axle for wheel in rover.wheels),
+        "cols": cols,
+        "col_count": np.array([len(own) for own in columns], dtype=np.int64),
+        "wheel_dof": np.array([wheel.dof for wheel in rover.wheels], dtype=np.int64),
+        "axle": np.array([wheel.axle for wheel in rover.wheels], dtype=np.int64),
+        "radius": rover.radii,
+        "rim_inertia": rim_inertia(model, rover),
+        "n_kinds": len(kinds),
+        "kind": np.asarray(kind, dtype=np.int64).ravel(),
+        "kinds": kinds,
+    }
+
+
+def _joints(rover: Rover, model: pin.Model) -> dict[str, Any]:
+    joints = [model.joints[j] for j in range(2, model.njoints)]
+    perm, sign = rover.mirror
+    return {
+        "nq": model.nq,
+        "nv": model.nv,
+        "n_joints": len(joints),
+        "joint_dof": np.array([joint.idx_v for joint in joints], dtype=np.int64),
+        "joint_q": np.array([joint.idx_q for joint in joints], dtype=np.int64),
+        "joint_unbounded": np.array([joint.nq == 2 for joint in joints], dtype=np.int64),
+        "mirror_index": np.array(perm, dtype=np.int64),
+        "mirror_sign": np.array(sign, dtype=float),
+    }
+
+
+def _couplings(rover: Rover, known: Known, rigid_differential: bool, pushed: bool) -> dict[str, Any]:
+    differential = rover.differential if rigid_differential else None
+    coupled = [(each.follower, each.leader, each.ratio) for each in rover.couplings]
+    coupled += [] if differential is None else [(differential.right, differential.left, -1.0)]
+    return {
+        "differential_left": -1 if differential is None else differential.left,
+        "n_coupled": len(coupled),
+        "coupled_dof": np.array([pair[:2] for pair in coupled] or [(0, 0)], dtype=np.int64).ravel(),
+        "coupled_ratio": np.array([ratio for *_, ratio in coupled] or [1.0]),
+        **_elimination(rover, known, [pair[:2] for pair in coupled], pushed),
+    }
+
+
+def _elimination(rover: Rover, known: Known, coupled: list[Any], pushed: bool) -> dict[str, Any]:
+    """Return the fields that say in which order the step's equations are solved."""
+    body = [*range(6), *suspension_dofs(rover)] if pushed else []
+    order, above = order_of_elimination(known, tuple(coupled), tuple(body))
+    table = np.zeros((len(order), MAX_DOF), dtype=np.int64)
+    for row, left in zip(table, above, strict=True):
+        row[: len(left)] = left
+    count = np.array([len(left) for left in above], dtype=np.int64)
+    return {"n_free": len(order), "free_order": np.array(order), "free_count": count, "free_above": table}
+
+
+def _rigid_body(known: Known) -> dict[str, Any]:
+    made = compiled_body(known)
+    return {
+        "n_inertia": len(made.rows),
+        "inertia_place": np.concatenate([made.rows * MAX_DOF + made.columns, made.columns * MAX_DOF + made.rows]),
+        "rigid_held": np.append(made.held, 0.0),
+        "rigid_body": made.address,
+    }
+
+
+def _springs(rover: Rover, strength: float, pushed: bool) -> dict[str, Any]:
+    model = rover.model
+    q_of = {model.joints[j].idx_v: model.joints[j].idx_q for j in range(2, model.njoints)}
+    servos = [wheel.steer_dof for wheel in rover.wheels if wheel.steer_dof is not None]
+    stops = suspension_dofs(rover)
+    limits = [(model.lowerPositionLimit[q_of[i]], model.upperPositionLimit[q_of[i]]) for i in stops]
+    body_dofs = [*range(6), *stops] if pushed else []
+    return {
+        "n_body": len(body_dofs),
+        "body_dof": np.array(body_dofs or [0], dtype=np.int64),
+        "body_q": np.array([q_of[i] for i in stops] or [0], dtype=np.int64),
+        "n_servos": len(servos),
+        "servo_dof": np.array(servos or [0], dtype=np.int64),
+        "servo_q": np.array([q_of[i] for i in servos] or [0], dtype=np.int64),
+        "servo_gain": strength * np.array(SERVO_GAIN),
+        "n_stops": len(stops),
+        "stop_dof": np.array(stops or [0], dtype=np.int64),
+        "stop_q": np.array([q_of[i] for i in stops] or [0], dtype=np.int64),
+        "stop_limits": np.array(limits or [(0.0, 0.0)]).ravel(),
+        "stop_gain": strength * np.array(STOP_GAIN),
+    }
+
+
+def rim_inertia(model: pin.Model, rover: Rover) -> np.ndarray:
+    """Return what each wheel turns about its axle [kg m^2], its rotor included: the same in any configuration."""
+    M = pin.crba(model, model.createData(), pin.neutral(model))
+    return np.array([M[wheel.dof, wheel.dof] for wheel in rover.wheels])
+
+
+def supports(model: pin.Model, joint: int) -> list[int]:
+    """Return the indices of the velocities that move this joint, from the base outwards."""
+    return [
+        index
+        for each in list(model.supports[joint])[1:]
+        for index in range(model.joints[each].idx_v, model.joints[each].idx_v + model.joints[each].nv)
+    ]
+
+
+def armed(rover: Rover, armature: float) -> pin.Model:
+    """Return a copy of a rover's model with motors' rotors of this inertia [kg m^2] on the wheels."""
+    copy = rover.model.copy()
+    on_joints = np.array(copy.armature)
+    for wheel in rover.wheels:
+        on_joints[wheel.dof] = armature
+    copy.armature = on_joints
+    return copy
