@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.candidate import FAR_FROM, Candidate
 from rover_pin.estimation.fit import Fit, covariance
 from rover_pin.estimation.noise import COLOURED, Absorbed, huber_weights, noise_of
 from rover_pin.quantity import quantities
@@ -193,7 +193,7 @@ def started(scored: Scored, base: Fit) -> dict[str, float]:
     sizes = {}
     for name, size in scored.signature.sizes.items():
         neutral = scored.signature.neutral[name]
-        sizes[name] = size if abs(neutral) > 50 * abs(size) else neutral + share * (size - neutral)
+        sizes[name] = size if abs(neutral) > FAR_FROM * abs(size) else neutral + share * (size - neutral)
     return sizes
 
 

@@ -1,0 +1,193 @@
+"""Errors on what was not fitted: what is compared, per channel, fold and run, and what may be claimed, by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy import held_out as module
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.candidate import Candidate, _reach
+from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
+from rover_pin.discrepancy.held_out import ChannelScore, Excess, _by_channel, _by_run, beyond_floor, floor_of, losses
+from rover_pin.discrepancy.refit import Refit
+from rover_pin.discrepancy.verdict import SCHEMA, Verdict
+from rover_pin.estimation.baselines import Baseline
+
+
+def experiment(timed=False, told=None, channels=("pull",)):
+    return SimpleNamespace(
+        channels=channels, folds=("a", "b"), is_timed=timed, unit=lambda name: "N", floor=lambda: told
+    )
+
+
+def noise(good, floor=(0.5,)):
+    return SimpleNamespace(good=good, floor=np.array(floor), white=lambda residual: residual[good])
+
+
+# --- by channel ------------------------------------------------------------------------------------------------------
+
+
+def channel_of(good, before, after, timed=False):
+    random = np.random.default_rng(0)
+    pair = tuple(np.array(each, dtype=float).reshape(2, 1, -1) for each in (before, after))
+    compared = np.array(good, dtype=bool).reshape(2, 1, -1)
+    [found] = _by_channel(experiment(timed), noise(compared), pair, random)
+    return found
+
+
+def test_the_rms_is_of_what_was_compared():
+    """What was not compared counts neither as an error nor as a sample."""
+    found = channel_of([1, 1, 0, 1, 0, 0], [3, 4, 99, 12, 99, 99], [1, 2, 99, 2, 99, 99])
+    assert (found.before, found.after) == (pytest.approx(13.0 / 3**0.5), pytest.approx(3.0 / 3**0.5))
+    assert found.change == pytest.approx(3.0 / 13.0 - 1.0)
+    assert found.levels == (
+        ("a", pytest.approx((25 / 2) ** 0.5), pytest.approx((5 / 2) ** 0.5)), ("b", 12.0, 2.0)
+    )  # fmt: skip
+    assert found.of == "folds"
+    assert channel_of([1] * 6, [1] * 6, [1] * 6, timed=True).of == "runs"
+
+
+def test_a_single_sample_and_none_at_all():
+    one = channel_of([1, 0, 0, 0], [3, 9, 9, 9], [1, 9, 9, 9])
+    assert (one.before, one.after) == (3.0, 1.0)
+    assert [level[1:] for level in one.levels] == [(3.0, 1.0), (0.0, 0.0)]
+    none = channel_of([0] * 4, [3] * 4, [1] * 4)
+    assert (none.before, none.after) == (0.0, 0.0)
+
+
+def test_errors_are_told_in_times_the_noise():
+    score = ChannelScore("pull", "N", 0.5, 3.0, 2.0, -1 / 3, -0.5, -0.1)
+    assert score.times(3.0) == 6.0
+    assert ChannelScore("pull", "N", 0.0, 3.0, 2.0, 0.0, 0.0, 0.0).times(0.0) == 0.0
+
+
+def test_the_interval_holds_the_middle_19_of_20_of_the_draws(monkeypatch):
+    """Draws 0 to 1,999 in turn: the ends lie at 2.5 % and 97.5 % of them, between neighbours by their distance."""
+    after = np.arange(1.0, 2001.0)
+    each = SimpleNamespace(integers=lambda low, high, size: np.arange(high)[:, None])
+    assert module.DRAWS == 2000
+    low, high = module._change(np.array([np.full(2000, 2.0), after]), 1.0, each)
+    ends = 1.0 + 0.025 * 1999, 1.0 + 0.975 * 1999
+    assert (low, high) == pytest.approx([end / 2.0 - 1.0 for end in ends])
+
+
+# --- floors ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_floor_is_the_scatter_of_samples_where_that_is_told():
+    some = noise(np.ones((2, 3, 1), dtype=bool), floor=(0.5, 0.6, 0.7))
+    assert list(floor_of(experiment(told=None), some)) == [0.5, 0.6, 0.7]
+    assert list(floor_of(experiment(told=np.array([0.2, 0.0, np.nan])), some)) == [0.2, 0.6, 0.7]
+
+
+def test_what_is_left_beyond_its_floor_is_named_with_the_fold_that_has_most_the_worst_first():
+    """Per compared sample: fold a has one of 3, fold b two of 2.5, which sum to more."""
+    good = np.ones((2, 3, 2), dtype=bool)
+    good[0, :, 1] = False
+    residual = np.zeros((2, 3, 2))
+    residual[0, :, 1] = 99.0
+    residual[0, :, 0] = [3.0, 12.0, 0.1]
+    residual[1] = [[2.5, 2.5], [9.0, 0.0], [0.1, 0.1]]
+    names = experiment(channels=("pull", "sinkage", "torque"))
+    fitted = SimpleNamespace(
+        residual=residual, task=SimpleNamespace(experiment=names, noise=noise(good, (0.5, 0.5, 0.5)))
+    )
+    found = beyond_floor(fitted)
+    rms = (9.0 + 2 * 6.25) ** 0.5 / 3**0.5, (144.0 + 81.0) ** 0.5 / 3**0.5
+    assert found == (
+        Excess("sinkage", pytest.approx(rms[1] / 0.5), "a"), Excess("pull", pytest.approx(rms[0] / 0.5), "a")
+    )  # fmt: skip
+
+
+def test_a_channel_that_was_never_compared_leaves_nothing():
+    good = np.zeros((2, 1, 2), dtype=bool)
+    good[0, 0, 0] = True
+    one = SimpleNamespace(
+        residual=np.full((2, 1, 2), 2.0), task=SimpleNamespace(experiment=experiment(), noise=noise(good))
+    )
+    assert beyond_floor(one) == (Excess("pull", 4.0, "a"),)
+
+
+# --- by run ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_run_is_judged_by_its_robust_chi2_a_compared_block():
+    """Up to 4 SDs squared, beyond it by 8 times the size less 16."""
+    good = np.array([[[True, True, False]], [[True, False, False]]])
+    residual = np.array([[[1.0, 10.0, 99.0]], [[2.0, 99.0, 99.0]]])
+    pair = residual, 0.5 * residual
+    first, second = _by_run(experiment(timed=True), noise(good), pair, np.random.default_rng(0))
+    assert (first.run, first.blocks, first.before, first.after) == ("a", 2, (1.0 + 64.0) / 2, (0.25 + 24.0) / 2)
+    assert (second.run, second.blocks, second.before, second.after) == ("b", 1, 4.0, 1.0)
+    assert module.together((first, second)) == (pytest.approx(69.0 / 3), pytest.approx(25.25 / 3))
+
+
+# --- beside curves ---------------------------------------------------------------------------------------------------
+
+
+def test_a_curve_is_compared_with_the_model_on_its_own_channel():
+    score = ChannelScore("pull", "N", 0.5, 3.0, 2.0, -1 / 3, -0.5, -0.1)
+    own, other = (Baseline(channel, "N", "mean", error) for channel, error in (("pull", 1.0), ("sinkage", 0.1)))
+    assert len(losses([score], [own, other])) == 1
+    assert losses([score], [other]) == ()
+
+
+# --- drafts ----------------------------------------------------------------------------------------------------------
+
+
+def refit(net=1.0, held_out=2.0):
+    return Refit(Candidate("D", object(), ()), SimpleNamespace(), 10.0 + net, 10.0, held_out)
+
+
+def test_a_draft_tells_what_it_gained_or_that_it_promises_nothing(monkeypatch):
+    empty, made = Draft("text"), Draft("text", refit(), command="rover-pin close-loop x --effects y")
+    assert empty.as_dict() == {
+        "accepted": False, "said": "the draft promises nothing when it is tried", "held_out": [], "command": ""
+    }  # fmt: skip
+    assert empty.lines() == [empty.said]
+    told = made.as_dict()
+    assert (told["accepted"], told["gain"], told["threshold"], told["held_out_gain"]) == (True, 11.0, 10.0, 2.0)
+    assert made.lines() == [made.said, "try it again: rover-pin close-loop x --effects y"]
+    assert Draft("text", refit(held_out=-1.0)).said.endswith("; it does not hold up")
+    assert scored(empty, None, 0) is empty
+
+
+def test_a_draft_that_promises_nothing_has_no_refit(monkeypatch):
+    from rover_pin.discrepancy import draft
+
+    for refits in ((), (refit(), refit(net=0.5))):
+        monkeypatch.setattr(draft, "attempted", lambda here, candidates, progress, made=refits: made)
+        found = tried(Drafted("text", ()), None, lambda said: None)
+        assert found.refit is (refits[0] if refits else None)
+
+
+# --- the verdict -----------------------------------------------------------------------------------------------------
+
+
+def test_a_draft_and_what_is_left_are_in_the_summary_and_in_the_schema():
+    left = SimpleNamespace(lines=lambda added: ["left: " + ("after" if added else "before")], as_dict=lambda: {})
+    bare = Verdict("wheel-rig", Answer.CANNOT_TELL, "x", "too little", None)
+    full = Verdict("wheel-rig", Answer.NONE_FITS, "x", "nothing", None, draft=Draft("text", refit()), extra=left)
+    assert "left: before" in full.summary()
+    assert "draft: tried" in full.summary()
+    assert "draft" not in bare.summary()
+    assert full.as_dict()["draft"]["gain"] == 11.0
+    assert bare.as_dict()["draft"] == {}
+    assert SCHEMA == bare.as_dict()["schema"] == 2
+
+
+# --- what a candidate is called --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("place", "sought", "name", "owner"),
+    [("", False, "Weak", "Weak"), ("2", False, "Weak[2]", "Weak[2]"), ("1.5", True, "Weak@1.5", "Weak")],
+)
+def test_a_place_on_the_way_does_not_belong_to_the_effects_name(place, sought, name, owner):
+    one = Candidate("Weak", object(), (), place=place, sought=sought)
+    assert (one.name, one.owner) == (name, owner)
+
+
+def test_an_effect_without_a_size_of_its_own_is_tried_at_a_hundredth():
+    assert [_reach(unit) for unit in ("m", "rad", "N")] == [0.01, 0.01, 0.05]
