@@ -10,8 +10,9 @@ from typing import Annotated, Any
 import typer
 
 from rover_pin import commands
-from rover_pin.commands.options import AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
-from rover_pin.commands.speaking import Speaking, program, scenario_names
+from rover_pin.commands.completing import scenario_names
+from rover_pin.commands.options import Add, AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
+from rover_pin.commands.speaking import Speaking, program
 from rover_pin.commands.view import SEEN, asked_for, open_page, write_asked
 from rover_pin.errors import RoverPinError, UrdfError
 from rover_pin.paths import is_file
@@ -49,9 +50,7 @@ def drive(
     gravity: Gravity = "",
     soil: SoilName = "",
     model: ModelFile = None,
-    add: Annotated[
-        list[str], typer.Option("--add", metavar="EFFECT[.name=value]", help="Add an effect, as DiggingMemory.c_d=0.1.")
-    ] = [],  # noqa: B006 - typer wants a list
+    add: Add = [],  # noqa: B006 - typer wants a list
     set_: Set = [],  # noqa: B006
     check: Annotated[
         bool, typer.Option("--check", help="Drive again at half the step and say how far x differs.")

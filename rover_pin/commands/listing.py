@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rover_pin.commands.completing import listed_names, settings_to_set
 from rover_pin.errors import ParameterError, closest
 from rover_pin.terminal import assignments, fact, json_text, numbers_table
 
@@ -25,9 +26,15 @@ class What(StrEnum):
 
 def list_(
     what: Annotated[What, typer.Argument(help="What to list.")],
-    name: Annotated[str, typer.Argument(help="One of them, with its numbers; of settings: the scenario.")] = "",
+    name: Annotated[
+        str,
+        typer.Argument(autocompletion=listed_names, help="One of them, with its numbers; of settings: the scenario."),
+    ] = "",
     set_: Annotated[
-        list[str], typer.Option("--set", metavar="NAME=VALUE", help="Settings as driven, as control=eq9.")
+        list[str],
+        typer.Option(
+            "--set", metavar="NAME=VALUE", autocompletion=settings_to_set, help="Settings as driven, as control=eq9."
+        ),
     ] = [],  # noqa: B006 - typer wants a list
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
 ) -> None:

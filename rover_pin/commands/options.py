@@ -7,13 +7,27 @@ from typing import Annotated
 
 import typer
 
-from rover_pin.commands.speaking import soil_names
+from rover_pin.commands.completing import effects_to_add, settings_to_set, soil_names
 
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object for machines instead of the table.")]
 Set = Annotated[
     list[str],
-    typer.Option("--set", metavar="NAME=VALUE", help="Change anything of rover-pin list settings."),
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        autocompletion=settings_to_set,
+        help="Change anything of rover-pin list settings.",
+    ),
+]
+Add = Annotated[
+    list[str],
+    typer.Option(
+        "--add",
+        metavar="EFFECT[.name=value]",
+        autocompletion=effects_to_add,
+        help="Add an effect, as DiggingMemory.c_d=0.1.",
+    ),
 ]
 SoilName = Annotated[str, typer.Option("--soil", autocompletion=soil_names, help="A soil: rover-pin list soils.")]
 Gravity = Annotated[str, typer.Option("--gravity", help="earth, moon, mars, or m/s^2; else the model's, else Earth's.")]

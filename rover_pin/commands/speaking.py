@@ -76,17 +76,3 @@ def program(quiet: Quiet = False, verbose: Verbose = False, version: Version = F
     """Take the options of the program itself."""
     if not (quiet or verbose):
         speak()
-
-
-def scenario_names(begun: str) -> list[str]:
-    """Return the scenarios that begin so, for the shell to complete."""
-    from rover_pin.scenes import SCENES
-
-    return [name for name in SCENES if name.startswith(begun)]
-
-
-def soil_names(begun: str) -> list[str]:
-    """Return the soils that begin so, for the shell to complete."""
-    from rover_pin.parameters import SOILS
-
-    return [name for name in SOILS if name.startswith(begun)]

@@ -1,7 +1,6 @@
 """How much is said on the way: nothing but warnings with -q, more with -v; the version; what a shell completes."""
 
 import logging
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -64,17 +63,6 @@ def test_warnings_are_said_even_where_it_is_quiet(capsys):
 def test_the_package_says_nothing_unless_asked():
     code = "import logging, rover_pin; logging.getLogger('rover_pin.motion').warning('look out')"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stderr == b""
-
-
-@pytest.mark.parametrize(("words", "found"), [("drive di", ["ditch"]), ("drive flat --soil fj", ["fjs-1"])])
-def test_a_shell_completes_names(words, found):
-    asked = {"_ROVER_PIN_COMPLETE": "complete_bash", "COMP_WORDS": f"rover-pin {words}"}
-    asked["COMP_CWORD"] = str(len(words.split()))
-    code = "import sys; sys.argv[0] = 'rover-pin'; from rover_pin.cli import app; app(prog_name='rover-pin')"
-    run = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, **asked}, check=False
-    )
-    assert run.stdout.split() == found
 
 
 def test_paths_are_never_shortened(run, monkeypatch):

@@ -1,0 +1,101 @@
+"""What the shell completes: scenarios, soils, effects, and the settings of the very drive that is being typed."""
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from rover_pin.errors import RoverPinError
+
+if TYPE_CHECKING:
+    from rover_pin.catalogue import Entry
+    from rover_pin.settings import Setting
+
+SOIL = "soil."
+"""Start of the settings that `identify` takes, with or without it."""
+ITS_OWN = ("control", "gravity", "soil", "model", "add")
+"""Options of a drive that are settings too."""
+
+
+def scenario_names(begun: str) -> list[str]:
+    """Return the scenarios that begin so."""
+    from rover_pin.scenes import SCENES
+
+    return [name for name in SCENES if name.startswith(begun)]
+
+
+def soil_names(begun: str) -> list[str]:
+    """Return the soils that begin so."""
+    from rover_pin.parameters import SOILS
+
+    return [name for name in SOILS if name.startswith(begun)]
+
+
+def listed_names(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
+    """Return what `list` can tell alone, by what it lists: of settings, the scenarios; each with what it is."""
+    from rover_pin import catalogue
+
+    what = str(ctx.params.get("what") or "scenarios")
+    entries: list[Entry] = getattr(catalogue, "scenarios" if what == "settings" else what)()
+    return [(each.name, each.about) for each in entries if each.name.startswith(begun)]
+
+
+def effects_to_add(begun: str) -> list[tuple[str, str]]:
+    """Return the effects that begin so, or after `EFFECT.` its numbers: as `--add` takes them."""
+    from rover_pin.catalogue import effects
+
+    kind, dot, number = begun.partition(".")
+    if not dot:
+        return [(each.name, each.about) for each in effects() if each.name.startswith(kind)]
+    chosen = [each for each in effects() if each.name == kind]
+    return [
+        (f"{kind}.{each.name}=", _told(each))
+        for entry in chosen
+        for each in entry.numbers
+        if each.name.startswith(number)
+    ]
+
+
+def settings_to_set(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
+    """Return the settings that begin so, each with its `=`, default and unit; after the `=`, the words it may be.
+
+    They are those of the scenario that was typed before, with its `--add`, `--model` and earlier `--set`; of `identify`
+    the soil's. What is refused there has nothing to complete: the command itself will say so.
+    """
+    name, equals, value = begun.partition("=")
+    try:
+        known = _settings(ctx)
+    except (RoverPinError, typer.BadParameter):
+        return []
+    if equals:
+        return [
+            (f"{name}={word}", "")
+            for each in known
+            if each.name == name
+            for word in each.choices
+            if word.startswith(value)
+        ]
+    return [(f"{each.name}=", _told(each)) for each in known if each.name.startswith(name)]
+
+
+def _settings(ctx: typer.Context) -> "list[Setting]":
+    from rover_pin import catalogue
+    from rover_pin.scenes import SCENES
+    from rover_pin.terminal import assignments
+
+    given = {**{each: ctx.params.get(each) for each in ITS_OWN}, **assignments(ctx.params.get("set_") or [])}
+    said = {each: value if each == "add" else str(value) for each, value in given.items() if value}
+    if ctx.info_name == "identify":
+        soil = [each for each in catalogue.settings("flat") if each.name.startswith(SOIL)]
+        return [*soil, *(each._replace(name=each.name.removeprefix(SOIL)) for each in soil)]
+    # The option whose value is being typed keeps words before it from being taken: they are still in args.
+    words = (ctx.params.get("scenario"), ctx.params.get("name"), *ctx.args)
+    scenario = next((word for word in words if word in SCENES), "ditch")
+    return catalogue.settings(scenario, **said)
+
+
+def _told(setting: "Setting") -> str:
+    """Return a setting's default with its unit and source, in a line."""
+    from rover_pin.settings import shown
+
+    value = "" if setting.value in (None, "", ()) else f"{shown(setting.value)} {setting.unit}".strip()
+    return ": ".join(each for each in (value, setting.source) if each)
