@@ -44,6 +44,6 @@ def test_a_drive_and_a_rest_write_nothing_that_drives_share():
 )
 def test_a_drive_between_two_others_of_the_rover_changes_neither(change):
     model = scenario("flat").model
-    drives = [simulate(each, 0.5, 0.5)["body_x"] for each in (model, change(model), model)]
+    drives = [simulate(each, lambda reading: np.full(6, 0.5), 0.5)["body_x"] for each in (model, change(model), model)]
     assert np.array_equal(drives[0], drives[2])
     assert not np.array_equal(drives[0], drives[1])
