@@ -193,7 +193,22 @@ def true_rates(model: Model, run: Commands) -> np.ndarray:
     rates = dict(zip(names, np.asarray(run.rate).T, strict=True))
     for sensor in reversed(model.sensor_effects):
         rates |= sensor.undone(run.t, rates)
-    return np.column_stack([rates[name] for name in names])
+    return shared(model, np.column_stack([rates[name] for name in names]))
+
+
+def shared(model: Model, values: np.ndarray) -> np.ndarray:
+    """Return values (T, wheels), of wheels that are tied together their mean: they have one rate and one motor.
+
+    Held each to its own, noise of a second tachogenerator would be torques without bound that turn nothing.
+    """
+    column = {wheel.dof: at for at, wheel in enumerate(model.rover.wheels)}
+    ties = [each for each in model.rover.couplings if each.follower in column and each.leader in column]
+    means = values.copy()
+    for leader in {each.leader for each in ties}:
+        ratios = {column[leader]: 1.0} | {column[each.follower]: each.ratio for each in ties if each.leader == leader}
+        group, ratio = list(ratios), np.array(list(ratios.values()))
+        means[:, group] = ratio * (values[:, group] / ratio).mean(axis=1, keepdims=True)
+    return means
 
 
 def _with_last(loop: Loop, good: int) -> np.ndarray:
@@ -217,11 +232,12 @@ def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.nda
     rover = model.rover
     q, v, record, attitude, moved = (rows[name] for name in ("q", "v", "record", "attitude", "moved"))
     found = {"t_s": run.t}
+    torque = shared(model, record[:, :, RECORD.index("torque")])
     for i, wheel in enumerate(rover.wheels):
         found[f"wheel_rate_{wheel.name}"] = v[:, wheel.dof]
         found[f"current_{wheel.name}_A"] = record[:, i, RECORD.index("current")]
         if run.held:
-            found[f"current_{wheel.name}_A"] = record[:, i, RECORD.index("torque")] / float(model.motor.constant)
+            found[f"current_{wheel.name}_A"] = torque[:, i] / float(model.motor.constant)
         for name in ("slip", "sinkage", "normal", "tangential"):
             found[f"{name}_{wheel.name}"] = record[:, i, RECORD.index(name)]
     found |= {name: q[:, index] for name, index in rover.angles.items()}

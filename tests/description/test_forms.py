@@ -18,6 +18,8 @@ from rover_pin.body.statics import wheel_loads
 from rover_pin.body.urdf_check import check_urdf
 from rover_pin.description.layout import shipped
 from rover_pin.errors import ParameterError, UrdfError
+from rover_pin.motion.replay import commands, replay
+from rover_pin.motion.trace import Trace
 from rover_pin.scenarios import scenario
 
 _spec = importlib.util.spec_from_file_location("rover_farm", Path(__file__).parent / "farm.py")
@@ -215,6 +217,28 @@ def test_tied_wheels_turn_together(tmp_path):
     trace = scenario("one-sided-bump", rover=str(path), duration=4.0, motor="speed-like").drive()
     assert trace["wheel_rate_rl"] == pytest.approx(trace["wheel_rate_fl"], abs=1e-9)
     assert trace["wheel_rate_rr"] == pytest.approx(trace["wheel_rate_fr"], abs=1e-9)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_log_of_tied_wheels_is_replayed_by_duties_and_by_rates(tmp_path, held):
+    """Two tachogenerators on one belt never agree; held each to its own, their wheels would be torn apart."""
+    path = write(tmp_path, cart(), {**TWO_AXLES, "tied_sides": True, "soil": {"name": "hit-lss1"}})
+    drive = scenario("one-sided-bump", rover=str(path), duration=4.0, motor="speed-like")
+    true = drive.drive()
+    kept = {name: values for name, values in true.channels.items() if not (held and name.startswith("duty_"))}
+    if held:
+        random = np.random.default_rng(0)
+        kept |= {name: kept[name] + random.normal(0.0, 0.01, len(true.t)) for name in kept if "wheel_rate" in name}
+    log = Trace(kept, true.units, {**true.attrs, "start": {"x": 0.0, "y": 0.0, "yaw": 0.0}})
+    run = commands(log, true.wheels, ())
+    assert run.held == held
+    driven = replay(drive.model, run).channels
+    for front, rear in (("fl", "rl"), ("fr", "rr")):
+        assert driven[f"wheel_rate_{front}"] == pytest.approx(driven[f"wheel_rate_{rear}"], abs=1e-9)
+        late = run.t > 1.0
+        drawn = np.interp(run.t, true.t, true[f"current_{rear}_A"])[late]
+        assert np.mean(driven[f"current_{rear}_A"][late]) == pytest.approx(np.mean(drawn), rel=0.03)
+        assert np.max(np.abs(driven[f"current_{rear}_A"][late] - drawn)) < np.mean(drawn)
 
 
 def test_wheels_of_different_size_stand_and_load_by_their_places(tmp_path):
