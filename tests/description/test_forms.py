@@ -237,7 +237,7 @@ def test_a_log_of_tied_wheels_is_replayed_by_duties_and_by_rates(tmp_path, held)
         assert driven[f"wheel_rate_{front}"] == pytest.approx(driven[f"wheel_rate_{rear}"], abs=1e-9)
         late = run.t > 1.0
         drawn = np.interp(run.t, true.t, true[f"current_{rear}_A"])[late]
-        assert np.mean(driven[f"current_{rear}_A"][late]) == pytest.approx(np.mean(drawn), rel=0.03)
+        assert np.mean(driven[f"current_{rear}_A"][late]) == pytest.approx(np.mean(drawn), rel=0.1)
         assert np.max(np.abs(driven[f"current_{rear}_A"][late] - drawn)) < np.mean(drawn)
 
 
