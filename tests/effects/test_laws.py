@@ -48,6 +48,13 @@ def test_failed_sand_loses_a_share_of_its_shear_that_grows_with_the_square_of_sl
 # --- MotionResistance, NormalDamping ---------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(("q", "u"), [(0.0, 3e-3), (0.5, 3e-3 * 0.6**0.5), (1.0, 1.8e-3), (2.0, 1.08e-3)])
+def test_resistance_fades_the_later_the_faster_the_rim(q, u):
+    """v_0 = 3 mm/s under a rim at 4 mm/s: v_0 / sqrt(v_0^2 + rim^2) = 0.6, of which the q-th power is taken."""
+    assert MotionResistance(v_0=3e-3, q=q).fading(4e-3) == pytest.approx(u)
+    assert MotionResistance(v_0=3e-3, q=q).fading(0.0) == pytest.approx(3e-3)
+
+
 @pytest.mark.parametrize("v", [0.05, 0.005, 0.0, -0.05])
 def test_the_resistance_is_a_share_of_the_load_against_the_travel(patch, v):
     push = MotionResistance(R=0.03, v_0=0.005).load(patch(v_x=v, rim=0.012), BEFORE, ())
