@@ -54,7 +54,7 @@ def refit(
             found[name] = max(found[name], _refit(base, base, row, fee, without, reuse=False), key=lambda one: one.net)
     ranked = sorted([*found.values(), *others], key=lambda one: -one.net)
     reach = ranked[0].net - 2 * ODDS * base.task.noise.inflation - NEAR * abs(ranked[0].net) if ranked else 0.0
-    near = [one for one in ranked if one.net > 0 and max(one.net, promised.get(one.name, 0.0)) > reach]
+    near = [one for one in ranked if one.net > 0 and max(one.net, promised.get(one.name, one.net)) > reach]
     leaders = list(dict.fromkeys(one.name for one in near))[:POLISHED]
     for one in near:
         if one.name in leaders:

@@ -93,7 +93,12 @@ ROOMS = {
         ),
     ),
     "discrepancy": Room(
-        ("rover_pin/discrepancy/*.py",), ("tests/discrepancy/test_*.py", *_named("evidence", f"drive_place {LINEAR}"))
+        ("rover_pin/discrepancy/*.py",),
+        (
+            "tests/discrepancy/test_*.py",
+            *_named("evidence", f"drive_place {LINEAR}"),
+            *_named("loop", "fail_on provenance"),
+        ),
     ),
     "drive_log": Room(_files("experiments/drive_log", DRIVE_LOG), _named("evidence", DRIVEN)),
     "quick": Room(("rover_pin/soil/slip.py",), _named("soil", "soil_slip")),

@@ -97,7 +97,16 @@ def test_a_second_start_has_the_sizes_small_and_all_else_as_it_was():
 
 
 @pytest.mark.parametrize(
-    ("net", "held_out", "again"), [(5.0, -1.0, True), (5.0, 0.0, True), (5.0, 1.0, False), (-5.0, -1.0, False)]
+    ("net", "held_out", "again"),
+    [
+        (5.0, -1.0, True),
+        (5.0, 0.0, True),
+        (0.5, -1.0, True),
+        (5.0, 0.5, False),
+        (5.0, 1.0, False),
+        (0.0, -1.0, False),
+        (-5.0, -1.0, False),
+    ],
 )
 def test_one_that_pays_and_does_harm_to_first_order_is_refitted_on_every_fold(monkeypatch, net, held_out, again):
     losses = {"base": np.array([50.0, 60.0]), "fit": np.array([52.0, 55.0])}
@@ -155,6 +164,76 @@ def test_those_within_reach_of_the_best_are_fitted_to_the_end(monkeypatch):
     assert polished_of(monkeypatch, 200.0, 190.0, 180.0, 170.0) == "ABC", "three at most"
     assert polished_of(monkeypatch, 20.0, 1.0, -1.0) == "AB", "what does not pay is left"
     assert polished_of(monkeypatch, 200.0, 100.0, promised=(200.0, 150.0)) == "AB", "or by what was promised"
+
+
+def test_what_pays_nothing_is_not_fitted_to_the_end(monkeypatch):
+    assert polished_of(monkeypatch, 5.0, 0.0) == "A"
+
+
+def test_one_that_gained_less_than_promised_is_refitted_with_new_slopes_and_the_better_one_is_kept(monkeypatch):
+    """Where it promised more than any reached, and more than nothing."""
+    for promised, better, asked, kept in ((6.0, 7.0, True, 7.0), (6.0, 1.0, True, 3.0), (2.9, 7.0, False, 3.0)):
+        made = {True: refit("A", net=3.0), False: refit("A", net=better)}
+        assert refitted_of(monkeypatch, made, promised) == (asked, kept)
+    made = {True: refit("A", net=-5.0), False: refit("A", net=-4.0)}
+    assert refitted_of(monkeypatch, made, 0.05) == (True, -4.0)
+    assert refitted_of(monkeypatch, made, -0.05) == (False, -5.0)
+
+
+def refitted_of(monkeypatch, made, promised):
+    """Whether the one candidate, which promises so much net, is refitted again, and the net gain that is kept."""
+    asked = []
+
+    def refitted(base, start, row, fee, without, reuse=True):
+        asked.append(reuse)
+        return made[reuse]
+
+    patches = {
+        "left_out": lambda base: 0.0,
+        "_chosen": lambda base, scored, fee: scored,
+        "_refit": refitted,
+        "_polished": lambda base, one, without: one,
+        "_confirmed": lambda base, one: one,
+        "counted": lambda refits, fee: refits,
+    }
+    for name, instead in patches.items():
+        monkeypatch.setattr(compare, name, instead)
+    base = SimpleNamespace(task=SimpleNamespace(noise=SimpleNamespace(inflation=1.0)))
+    [found] = compare.refit(base, [scored("A", 10.0 + promised)], lambda one: 10.0, lambda said: None)
+    return asked == [True, False], found.net
+
+
+def test_three_at_most_are_refitted_from_the_declared_numbers(monkeypatch):
+    rows = [scored(name, 50.0) for name in "ABCDE"]
+    monkeypatch.setattr(compare, "_chosen", lambda start, scored, fee: rows)
+    monkeypatch.setattr(compare, "_refit", lambda base, start, row, fee, without, reuse=True: (start, reuse))
+    declared = SimpleNamespace(start="declared", scored=rows)
+    found = compare._from_declared("base", declared, None, None, lambda said: None)
+    assert found == [("declared", True)] * 3
+
+
+def test_every_wheel_is_a_place_of_its_own(monkeypatch):
+    """Only of what is sought all over the ground two places are enough."""
+    monkeypatch.setattr(compare, "placed", lambda start, row: row)
+    wheels = [Candidate("Weak", object(), (), place=f"{at}") for at in range(3)]
+    rows = [Scored(each, NOTHING, 50.0, 1.0, 1.0, 0.0) for each in wheels]
+    assert len(compare._chosen(None, rows, lambda one: 10.0)) == 3
+
+
+def test_a_leader_is_fitted_to_the_end_with_every_slope_anew(monkeypatch):
+    seen = []
+
+    def fit(task, model, numbers, u, slopes, stale=False):
+        seen.append((model, numbers, u, slopes, stale))
+        return SimpleNamespace(chi2=90.0)
+
+    monkeypatch.setattr(compare, "fit", fit)
+    monkeypatch.setattr(compare, "left_out", lambda fitted: np.zeros(2))
+    fitted = SimpleNamespace(model="model", parameters="numbers", u="u", slopes="old")
+    one = Refit(named("A"), fitted, 5.0, 7.0, 1.0)
+    found = compare._polished(SimpleNamespace(task=None, chi2=100.0), one, np.array([3.0, 1.0]))
+    assert seen == [("model", "numbers", "u", "old", True)]
+    assert (found.gain, found.fee, found.held_out) == (10.0, 7.0, 4.0)
 
 
 def test_a_few_candidates_are_refitted_at_least_once_then_those_that_promise_a_quarter(monkeypatch):
