@@ -17,17 +17,17 @@ Result
     Sinkage falls with the weight, as Eq 5 has it: 8.1 mm on Earth, 4.2 on Mars, 2.4 on the Moon. With fixed angles
     nothing else changes much: flat slip 0.05 everywhere, all drives arrive within 9 % of the Earth's time (the ditch
     earlier, as the motors have less to pull; the step down 1 % later). With angles that follow the sinkage the Earth is
-    the same, but the shorter contact mobilises less shear: flat slip 0.14 on Mars and 0.21 on the Moon, 6 deg take 0.70
-    and 0.75 instead of 0.52, the bump of sand is passed on Earth only; the ditch takes 24.3 s on Earth, 22.4 s on Mars
-    and 23.7 s on the Moon (with an earlier version of the step 28.7 s on Mars and no end on the Moon). No wheel
-    leaves the ground in any of these drives, not even over the step; loads swing by 10 % on Earth and by 16 to 17 % on
-    the Moon there (15 to 17 % at half the step). All times are the same at half the step.
+    the same, but the shorter contact mobilises less shear: flat slip 0.14 on Mars and 0.21 on the Moon, 6 deg take 0.73
+    and 0.75 instead of 0.52, the bump of sand is passed on Earth only; the ditch takes 24.6 s on Earth, 22.5 s on Mars
+    and 23.8 s on the Moon. No wheel leaves the ground in any of these drives, not even over the step; loads swing by 9
+    to 10 % on Earth and by 15 to 19 % on the Moon there (14 to 18 % at half the step). All times are the same at half
+    the step.
     Fast, the Moon is another world. Over the hard bump at 0.2 m/s the loads peak at 1.3, 1.6 and 2.8 times the static
-    ones on Earth, Mars and Moon; at 0.5 m/s at 1.7, 2.5 and 4.5, and lunar wheels are in the air for 2 % of the way's
-    time; at 1 m/s at 2.7, 7.6 and 12.6, with wheels in the air for 0, 12 and 29 %, at most for 0.19 s on Mars and
-    0.49 s on the Moon. The washboard lifts wheels on the Moon at 1 m/s only (10 %). No wheel lifts at a Froude number
+    ones on Earth, Mars and Moon; at 0.5 m/s at 1.6, 2.6 and 4.6, and lunar wheels are in the air for 2 % of the way's
+    time; at 1 m/s at 2.7, 7.8 and 12.6, with wheels in the air for 0, 12 and 29 %, at most for 0.19 s on Mars and
+    0.48 s on the Moon. The washboard lifts wheels on the Moon at 1 m/s only (10 %). No wheel lifts at a Froude number
     below 0.08. The slow grip shows too: the Moon's rover gets its 1 m/s gear up to 0.68 m/s within 4 m. Shares in the
-    air are the same within 0.002 at half the step, peaks within 3 % (8 % with another damping). A third or three
+    air are the same within 0.002 at half the step, peaks within 4 % (10 % with another damping). A third or three
     times the assumed damping of the soil changes the share in the air at 1 m/s from 12 to 20 or 10 % on Mars and from
     29 to 49 or 28 % on the Moon, never from none and never to none.
 What the paper says

@@ -9,7 +9,7 @@ more than 0.14 N m.
 
 `speed-like`, the default, is 1 N m: at cruise back-EMF takes 98 % of the duty, and from S = 0.05 to 1 the rim slows by
 12 %. `torque-like` is 0.25 N m, about the weakest with which all wheels of the stuck rover turn: 91 % and 53 %.
-studies/motors.py takes both through the paper's sentences. Torque-like, 12 deg of Fig 8 come at 59 s, not at 36 s, and
+studies/motors.py takes both through the paper's sentences. Torque-like, 12 deg of Fig 8 come at 68 s, not at 56 s, and
 at duties up to 0.55 the control of Fig 10 rescues nothing where the speed-like one is rescued, because wheels are held
 instead of spun: so the default is the speed-like one, against the words of section 2. Neither lets Eq (9) see the slip:
 soil that resists more at more slip slows the rim of any motor with back-EMF, and S_hat falls as S rises.

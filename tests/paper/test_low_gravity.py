@@ -30,7 +30,7 @@ def test_a_lunar_rover_bounces_at_the_paper_s_speed():
 
 
 def test_a_fast_rover_bounces_the_more_the_smaller_the_gravity():
-    """At 1 m/s: shares of wheels in the air of 0, 12 and 29 %, peak loads of 2.7, 7.6 and 12.6 times the static one."""
+    """At 1 m/s: shares of wheels in the air of 0, 12 and 29 %, peak loads of 2.7, 7.8 and 12.6 times the static one."""
     earth, mars, moon = (over_the_bump(1.0, place) for place in study.PLACES)
     assert [each["lift_off"] for each in (earth, mars, moon)] == pytest.approx([0.0, 0.116, 0.294], abs=0.01)
-    assert [each["peak_load"] for each in (earth, mars, moon)] == pytest.approx([2.7, 7.6, 12.6], rel=0.05)
+    assert [each["peak_load"] for each in (earth, mars, moon)] == pytest.approx([2.7, 7.8, 12.6], rel=0.02)
