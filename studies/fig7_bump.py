@@ -9,11 +9,11 @@ Method
     the front wheels' first touch to the rear wheels' last. Profiles are compared over the place and, with the crossing
     time scaled to one, over time. Every drive is repeated at half the step.
 Result
-    Full width: 16.4 s over sand, 13.3 s over the hard bump, 1.23 times as long; left wheels only: 15.6 and 13.6 s, 1.14
+    Full width: 16.4 s over sand, 13.4 s over the hard bump, 1.23 times as long; left wheels only: 15.6 and 13.7 s, 1.14
     times. The bogie turns by 15 deg in all four, the rocker by 3.7 (sand) and 4.5 deg (hard, left only). Bogie angles
     of sand and hard differ by 11.7 deg rms on one clock, by 5.6 with the crossing time scaled to one, by 1.7 over the
-    place (left only: 10.7, 6.6, 4.4). So the guess holds in kind: the ground of the obstacle changes the time
-    scale, much less the profile. How much hinges on the height: 0.02 m 1.15 times, 0.04 m 1.41 times. On sand the
+    place (left only: 10.6, 6.5, 4.3). So the guess holds in kind: the ground of the obstacle changes the time
+    scale, much less the profile. How much hinges on the height: 0.02 m 1.15 times, 0.04 m 1.43 times. On sand the
     one-sided bump also turns the rover: by 15 deg, and at 0.04 m so far that a right wheel runs into the bump's edge.
     Halving the step changes no crossing time by 0.01 s.
 What the paper says

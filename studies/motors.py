@@ -13,8 +13,9 @@ Result
     with the torque-like one, and S_hat falls from 0.05 to -0.08 and to -1.00: Eq (9) does not see the slip with the one
     and sees it with the wrong sign with the other. On k = 10 mm it falls from -0.03 to -0.42; the torque-like motor
     cannot turn the wheel at S = 0.6 and beyond.
-    Speed-like: 12 deg of Fig 8 are reached at 56 s; stuck in the ditch of Fig 10, all rims run at 44 to 49 mm/s; where
-    half of the strength is lost, true slip gets out of what duty 0.55 is stuck in; duty 1 and Eq (9) at full duty do.
+    Speed-like: 11.5 of Fig 8's 12 deg are reached at 56 s; stuck in the ditch of Fig 10, all rims run at 44 to 49 mm/s;
+    where half of the strength is lost, true slip gets out of what duty 0.55 is stuck in; duty 1 and Eq (9) at full duty
+    do.
     Torque-like: 68 s, 15 to 37 mm/s, and at duties up to 0.55 nothing gets out, because the front and rear wheels are
     held, not spun. Allowed full duty, true slip gets out, where duty 1 held constant and Eq (9) stay.
     So the default is speed-like: with it wheels go on turning and the control has a slip to take back, as in the paper.
