@@ -1,0 +1,200 @@
+"""How often a search looks, what it pairs, and what a judgement keeps of it, on rounds made by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy import judge, search
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.judge import (
+    SCATTER,
+    WORSE_BY,
+    Left,
+    described,
+    errors_anew,
+    first_of,
+    share_taken,
+    with_draft,
+)
+from rover_pin.discrepancy.refit import Refit, counted
+from rover_pin.discrepancy.screen import entry_fee
+from rover_pin.discrepancy.verdict import Verdict
+
+
+def experiment(folds=12, exact=True, noise="declared"):
+    return SimpleNamespace(folds=tuple(range(folds)), is_exact=exact, noise=lambda: noise)
+
+
+def fitted(**how):
+    noise = SimpleNamespace(inflation=1.5)
+    return SimpleNamespace(
+        predicted=np.zeros((1, 2, 1)), task=SimpleNamespace(experiment=experiment(**how), noise=noise)
+    )
+
+
+@pytest.mark.parametrize(
+    ("folds", "exact", "most"), [(3, True, 1), (7, True, 1), (8, True, 2), (12, True, 3), (40, True, 3), (3, False, 4)]
+)
+def test_an_effect_needs_four_levels_and_there_are_three_at_most(folds, exact, most):
+    """Where fits are not exact, three and a round that finds none."""
+    assert search._most(experiment(folds, exact)) == most
+
+
+class Found:
+    """A round that found something, or not."""
+
+    def __init__(self, *alike):
+        self.alike, self.refits = alike, alike
+
+
+@pytest.fixture
+def looked(monkeypatch):
+    """A search whose rounds find what is given in turn; what it did is noted."""
+
+    def look(*rounds, adequate=False, **how):
+        made, done = list(rounds), []
+
+        def another(name, result):
+            done.append(name)
+            return result
+
+        patches = {
+            "signatures": lambda base, tried: [],
+            "_round": lambda found, tried, progress: another("singles", made.pop(0)),
+            "_pairs": lambda found, count, progress: another("pairs", Found()),
+            "_with_what_is_left": lambda base, known, least: another("noise", base),
+            "again": lambda base: base,
+            "is_adequate": lambda base: adequate,
+        }
+        for name, instead in patches.items():
+            monkeypatch.setattr(search, name, instead)
+        search.search(fitted(**how), [], lambda said: None)
+        return done
+
+    return look
+
+
+SOMETHING = Found(SimpleNamespace(candidate=Candidate("A", object(), ()), instead=(), gain=9.0))
+
+
+def test_rounds_follow_as_long_as_something_is_found(looked):
+    assert looked(SOMETHING, Found()) == ["singles"] * 2
+    assert looked(SOMETHING, SOMETHING, SOMETHING) == ["singles"] * 3
+    assert looked(SOMETHING, SOMETHING, folds=8) == ["singles"] * 2
+
+
+def test_pairs_are_tried_where_no_single_holds_and_the_base_leaves_more_than_the_noise(looked):
+    """If there are levels for two effects, and fits are exact."""
+    assert looked(Found()) == ["singles", "pairs"]
+    assert looked(Found(), adequate=True) == ["singles"]
+    assert looked(Found(), folds=7) == ["singles"]
+    assert looked(Found(), exact=False) == ["singles"]
+
+
+def test_noise_that_nobody_declares_is_learnt_twice(looked):
+    assert looked(Found(), exact=False, noise=None) == ["noise", "noise", "singles"]
+
+
+def test_a_pair_pays_for_both_of_its_effects_in_units_of_the_noise(monkeypatch):
+    seen = []
+    monkeypatch.setattr(search, "paired", lambda base, singles, best, progress: [])
+    monkeypatch.setattr(search, "judged", lambda base, tried, fee, paid: seen.append(paid) or ())
+    single = Refit(Candidate("A", object(), ("A.x",)), SimpleNamespace(), 1.0, 14.0, 0.0, unit=2.0)
+    for refits, paid in (((single,), 7.0), ((), 0.0)):
+        found = SimpleNamespace(rounds=(SimpleNamespace(refits=refits),), base=fitted())
+        search._pairs(found, 5, lambda said: None)
+        assert seen.pop() == paid
+
+
+# --- units -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("misfits", "unit"), [((3.0, 2.0), 2.0), ((1.2, 3.0), 1.5)])
+def test_thresholds_count_in_units_of_what_the_best_leaves_where_noise_is_declared(misfits, unit):
+    def made(name, misfit, gain):
+        task = SimpleNamespace(experiment=experiment(), noise=SimpleNamespace(inflation=1.5))
+        return Refit(Candidate(name, object(), ()), SimpleNamespace(misfit=misfit, task=task), gain, 1.0, 0.0)
+
+    fee = lambda candidate, inflation: {"A": 10.0, "B": 4.0}[candidate.kind] * inflation  # noqa: E731
+    found = counted((made("A", misfits[0], 30.0), made("B", misfits[1], 29.0)), fee)
+    assert [(one.name, one.fee, one.unit) for one in found] == [("B", 4 * unit, unit), ("A", 10 * unit, unit)]
+
+
+def test_one_more_candidate_of_one_costs_twice_the_log_of_twenty():
+    assert entry_fee(1) == pytest.approx(2 * np.log(20))
+
+
+# --- what is judged --------------------------------------------------------------------------------------------------
+
+
+def rounds_of(*alike):
+    return search.Search(None, tuple(Found(*each) for each in alike), ())
+
+
+def test_what_is_like_something_is_told_by_the_first_round_alone():
+    one = SimpleNamespace(name="A")
+    assert len(first_of(rounds_of((one,), (one,))).rounds) == 1
+    empty = rounds_of((), ())
+    assert first_of(empty) is empty
+
+
+def chi2(base, last, freedom=50.0):
+    return SimpleNamespace(base=SimpleNamespace(chi2=base, freedom=freedom), last=SimpleNamespace(chi2=last))
+
+
+@pytest.mark.parametrize(("found", "share"), [((52.0, 51.0), 0.5), ((50.5, 50.2), 0.6), ((50.0, 49.5), 1.0)])
+def test_the_share_of_little_beyond_the_noise_is_its_share_too(found, share):
+    assert share_taken(chi2(*found)) == pytest.approx(share)
+
+
+def test_errors_with_each_folds_own_choice_are_of_what_was_compared():
+    good = np.array([[[True, True]], [[True, False]]])
+    base = SimpleNamespace(
+        task=SimpleNamespace(noise=SimpleNamespace(good=good), experiment=SimpleNamespace(channels=("pull",)))
+    )
+    left = [np.array([[[3.0, 4.0]], [[99.0, 99.0]]]), np.array([[[99.0, 99.0]], [[12.0, 99.0]]])]
+    anew = {name: SimpleNamespace(last=SimpleNamespace(residual=each)) for name, each in zip("ab", left, strict=True)}
+    assert errors_anew(base, anew) == {"pull": pytest.approx(13.0 / 3**0.5)}
+    good[:, 0, 1] = good[1, 0, 0] = False
+    assert errors_anew(base, anew) == {"pull": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("answer", "side", "tried"),
+    [
+        (Answer.NONE_FITS, "fit", True),
+        (Answer.LIKE, "fit", True),
+        (Answer.NAMED, "fit", False),
+        (Answer.NONE_FITS, None, False),
+    ],
+)
+def test_a_draft_is_scored_where_nothing_of_the_list_holds(answer, side, tried, monkeypatch):
+    monkeypatch.setattr(judge, "scored", lambda draft, before, seed: (draft, before, seed))
+    after = None if side is None else SimpleNamespace(fit=side)
+    verdict = Verdict("wheel-rig", answer, "x", "said", None, after=after)
+    assert with_draft(verdict, "draft", 3).draft == (("draft", "fit", 3) if tried else None)
+    assert with_draft(verdict, None, 3).draft is None
+
+
+@pytest.mark.parametrize(
+    ("misfit", "rest", "unlisted"),
+    [(3.9, True, True), (3.9, False, False), (3.9, None, False), (4.1, False, True), (4.1, None, True)],
+)
+def test_what_a_law_leaves_without_a_pattern_is_scatter_up_to_four_times_the_noise(misfit, rest, unlisted, monkeypatch):
+    monkeypatch.setattr(judge, "what_is_left", lambda found: Left(True))
+    drafts = {"last": None if rest is None else SimpleNamespace(accepted=rest), "base": SimpleNamespace(accepted=True)}
+    found = SimpleNamespace(found=("A",), last=Named("last", misfit), base=Named("base", 9.0))
+    left, draft = described(SimpleNamespace(draft="any"), found, lambda here: drafts[here.name])
+    assert left.unlisted is unlisted
+    assert (draft is drafts["base"]) is unlisted
+    assert left.described is unlisted
+    assert (SCATTER, WORSE_BY) == (4.0, 0.05)
+
+
+class Named:
+    """A fit by name, with what it leaves."""
+
+    def __init__(self, name, misfit):
+        self.name, self.misfit = name, misfit
