@@ -1,6 +1,10 @@
 """The compiled loop against the plain one, which shares with it nothing but the step."""
 
+import importlib.util
 import math
+import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +26,11 @@ from rover_pin.motion.timing import Timing
 from rover_pin.motion.trace import Trace
 from rover_pin.scenarios import scenario
 
+_spec = importlib.util.spec_from_file_location("drawn_drives", Path(__file__).parent / "random_drives.py")
+random_drives = importlib.util.module_from_spec(_spec)
+sys.modules[_spec.name] = random_drives
+_spec.loader.exec_module(random_drives)
+
 STIFF = {"soil.k": 0.0004, "soil.n": 0.6}
 CASES = {
     "ditch under slip control": (scenario("ditch", duration=4.0), Timing()),
@@ -30,6 +39,15 @@ CASES = {
     "steered, on a grid": (scenario("hills", duration=2.0), Timing()),
     "buried": (scenario("ditch", duration=9.0, buried=0.21), Timing()),
 }
+
+
+SWEPT = 39
+"""Seed of the random drives whose forces turn so fast that a step of two of the finest parts is taken again."""
+
+
+def swept():
+    chosen = random_drives.drive(SWEPT)
+    return SimpleNamespace(model=chosen.model, controller=chosen.controller, start=chosen.start, duration=0.1), Timing()
 
 
 def both(case, timing):
@@ -47,9 +65,12 @@ def both(case, timing):
     return ran
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_both_loops_drive_alike(name):
-    (ours, times, state), (theirs, plain_times, plain_state) = both(*CASES[name])
+@pytest.mark.parametrize("name", [*CASES, "parts of parts"])
+def test_both_loops_drive_alike(name, monkeypatch):
+    again, before = [], Pace._take_again
+    monkeypatch.setattr(Pace, "_take_again", lambda pace, long: again.append(long.size) or before(pace, long))
+    (ours, times, state), (theirs, plain_times, plain_state) = both(*(CASES[name] if name in CASES else swept()))
+    assert name in CASES or {2, 4, 8, 16, 32, 64} == set(again)
     assert (ours.stop, times) == (theirs.stop, plain_times)
     assert ours.counted.missed == pytest.approx(theirs.counted.missed, rel=1e-9)
     assert len(ours.rows) == len(theirs.rows) > 0
