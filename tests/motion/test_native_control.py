@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rover_pin.control import steering
+from rover_pin.control import steering, torque_limit
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains, SlipControl
@@ -55,6 +55,21 @@ def test_a_built_in_controller_drives_as_its_class_does(name):
     for channel in drives[0].channels:
         assert np.array_equal(drives[0][channel], drives[1][channel], equal_nan=True), channel
     assert np.array_equal(*kept)
+
+
+def test_beyond_its_pitches_a_limit_holds_its_end_values_in_the_loop_too(monkeypatch):
+    """Five pitches that a bump goes beyond at either end."""
+    monkeypatch.setattr(torque_limit, "PITCHES", np.radians([-0.3, -0.1, 0.0, 0.02, 0.04]))
+    case = scenario("bump", control="limit", duration=8.0)
+    assert commands_of(case.controller, 6) is not None
+    ours, theirs = (
+        simulate(case.model, each, 8.0, case.start, case.timing) for each in (case.controller, asked(case.controller))
+    )
+    pitch = np.degrees(ours["body_pitch"])
+    assert pitch.min() < -0.4
+    assert pitch.max() > 0.05
+    for channel in ours.channels:
+        assert np.array_equal(ours[channel], theirs[channel], equal_nan=True), channel
 
 
 class Careful(ConstantDuty):
