@@ -92,11 +92,13 @@ def alike(found: Sequence[Refit]) -> tuple[Refit, ...]:
     enough = max(0.0, best.net - ODDS * best.unit)
     better = [one for one in accepted if one.held_out > best.held_out and one.net > HALF * best.net]
     near = [one for one in found if one is not best and (one.net > enough or one in better)]
-    kinds = {best.candidate.kind + str(best.candidate.sought)}
-    kept = []
+    kept = {_what(best): best}
     for one in near:
-        key = one.candidate.kind if one.candidate.sought else one.name
-        if key not in kinds and not (one.candidate.sought and one.candidate.kind == best.candidate.kind):
-            kept.append(one)
-            kinds.add(key)
-    return (best, *kept)
+        kept.setdefault(_what(one), one)
+    return tuple(kept.values())
+
+
+def _what(one: Refit) -> tuple[str, bool]:
+    """Return what counts as one rival: a kind that is sought all over the ground, wherever it is, else a name."""
+    sought = one.candidate.sought
+    return (one.candidate.kind if sought else one.name), sought

@@ -13,6 +13,7 @@ from rover_pin.discrepancy.held_out import ChannelScore, Excess, _by_channel, _b
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.verdict import SCHEMA, Verdict
 from rover_pin.estimation.baselines import Baseline
+from rover_pin.estimation.numbers import DRIFTED
 
 
 def experiment(timed=False, told=None, channels=("pull",)):
@@ -120,6 +121,7 @@ def test_a_run_is_judged_by_its_robust_chi2_a_compared_block():
     first, second = _by_run(experiment(timed=True), noise(good), pair, np.random.default_rng(0))
     assert (first.run, first.blocks, first.before, first.after) == ("a", 2, (1.0 + 64.0) / 2, (0.25 + 24.0) / 2)
     assert (second.run, second.blocks, second.before, second.after) == ("b", 1, 4.0, 1.0)
+    assert module.together((second,)) == (4.0, 1.0)
     assert module.together((first, second)) == (pytest.approx(69.0 / 3), pytest.approx(25.25 / 3))
 
 
@@ -175,6 +177,35 @@ def test_a_draft_and_what_is_left_are_in_the_summary_and_in_the_schema():
     assert full.as_dict()["draft"]["gain"] == 11.0
     assert bare.as_dict()["draft"] == {}
     assert SCHEMA == bare.as_dict()["schema"] == 2
+
+
+def test_numbers_more_than_two_sd_away_have_drifted():
+    numbers = tuple(SimpleNamespace(name=name, drift=drift) for name, drift in zip("abcd", DRIFTS, strict=True))
+    side = SimpleNamespace(numbers=numbers, misfit=1.0)
+    verdict = Verdict("wheel-rig", Answer.NONE_NEEDED, "x", "said", None, after=side)
+    assert [one.name for one in verdict.drifted] == ["b", "c"]
+    assert (
+        "reduced chi-square" not in Verdict("wheel-rig", Answer.NONE_NEEDED, "x", "said", None, before=side).summary()
+    )
+
+
+def test_a_fold_that_adds_more_is_told_apart_from_one_that_chooses_the_same():
+    chosen = {"a": "A", "b": "A + B", "c": ""}
+    verdict = Verdict("wheel-rig", Answer.NAMED, "x", "said", None, named=("A",), chosen=chosen)
+    assert verdict.chosen_again == "A chosen in 1 of 3 folds, and with another in 1"
+
+
+DRIFTS = (0.98 * DRIFTED, 1.02 * DRIFTED, -1.02 * DRIFTED, -0.98 * DRIFTED)
+
+
+@pytest.mark.parametrize("samples", [module.STRETCH, 2 * module.STRETCH + 1])
+def test_stretches_of_a_run_are_summed_along_its_samples(samples):
+    values = np.arange(2.0 * 3 * samples).reshape(2, 3, samples)
+    found = module._summed(values)
+    ends = [*range(0, samples, module.STRETCH), samples]
+    expected = [values[..., a:b].sum(axis=-1) for a, b in zip(ends, ends[1:], strict=False)]
+    assert found.shape == (2, 3, len(expected))
+    np.testing.assert_allclose(np.moveaxis(found, -1, 0), expected)
 
 
 # --- what a candidate is called --------------------------------------------------------------------------------------

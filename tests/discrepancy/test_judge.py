@@ -179,6 +179,7 @@ def test_a_slope_far_from_what_is_declared_is_an_answer_of_its_own():
     found = answer(bed(slope=1.6), (Wave,))
     assert found.answer is Answer.INADEQUATE
     assert "line.a +12" in found.sentence
+    assert found.vetoes == (), "nothing was added that could be spoken against"
 
 
 def test_data_that_do_not_suffice_are_not_judged():

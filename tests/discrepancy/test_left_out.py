@@ -76,6 +76,8 @@ def test_fits_to_the_others_start_where_the_whole_one_ended_and_a_lost_run_count
     seen = []
 
     def fit(task, model, held, start, slopes, reuse):
+        assert reuse, "the whole fit's slopes are those of the start"
+        assert {name: list(one) for name, one in slopes.items()} == {"a": [1.0], "b": [FAR]}
         seen.append((task.noise.good.copy(), [one.origin for one in held], list(start)))
         if len(seen) == 2:
             raise OptimisationError("it does not end")
@@ -103,6 +105,12 @@ def test_fits_to_the_others_start_where_the_whole_one_ended_and_a_lost_run_count
 def replaced(record, **values):
     """As `dataclasses.replace`, for records and for stand-ins."""
     return type(record)(**(vars(record) | values))
+
+
+def test_where_no_fit_to_the_others_ends_the_whole_ones_model_stands_for_it(monkeypatch):
+    whole, other = SimpleNamespace(model="whole"), SimpleNamespace(model="other")
+    monkeypatch.setattr(cross_validation, "_fits_left_out", lambda fitted: iter([other, None]))
+    assert cross_validation.models_left_out(whole) == ["other", "whole"]
 
 
 # --- what a fold chooses ---------------------------------------------------------------------------------------------

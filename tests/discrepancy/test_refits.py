@@ -297,6 +297,16 @@ def test_a_rival_of_a_weak_best_gains_something():
     assert names(refit("A", net=30.0), refit("B", net=9.4), refit("C", net=9.2)) == ["A", "B"]
 
 
+def test_a_kind_that_is_sought_is_one_rival_wherever_it_is_and_every_wheel_another():
+    def at(kind, place, sought, net):
+        return Refit(Candidate(kind, object(), (), place=place, sought=sought), SimpleNamespace(), net + 9, 9.0, 1.0)
+
+    ground = [at("P", "1.0", True, 9.0), at("P", "2.0", True, 8.0), at("Q", "1", True, 7.0), at("Q", "2", True, 6.0)]
+    wheels = [at("Weak", "0", False, 5.0), at("Weak", "1", False, 4.0), at("P", "", False, 3.0)]
+    assert [one.name for one in alike([*ground, *wheels])] == ["P@1.0", "Q@1", "Weak[0]", "Weak[1]", "P"]
+    assert [one.name for one in alike([*wheels, *ground])] == ["Weak[0]", "Weak[1]", "P", "P@1.0", "Q@1"]
+
+
 # --- what can be told ------------------------------------------------------------------------------------------------
 
 

@@ -198,3 +198,34 @@ class Named:
 
     def __init__(self, name, misfit):
         self.name, self.misfit = name, misfit
+
+
+@pytest.mark.parametrize(
+    ("answer", "unlisted", "draft"),
+    [
+        (Answer.LIKE, True, "of first"),
+        (Answer.LIKE, False, "of base"),
+        (Answer.NONE_FITS, True, "of base"),
+        (Answer.NAMED, False, "of base"),
+    ],
+)
+def test_what_the_first_law_leaves_is_drafted_where_the_answer_is_like_it(answer, unlisted, draft, monkeypatch):
+    found = SimpleNamespace(base="base")
+    patches = {
+        "calibrated": lambda experiment, model, numbers, seed: "base",
+        "search": lambda base, candidates, progress: found,
+        "_leading": lambda found, candidates: [],
+        "chosen_anew": lambda base, tried: {},
+        "drafted": lambda question, here, progress: f"of {here}",
+        "described": lambda question, found, drafts: (Left(unlisted), drafts("base")),
+        "judged": lambda of, found, chosen, left, seed: Verdict("wheel-rig", answer, "x", "said", None),
+        "first_of": lambda found: SimpleNamespace(last="first"),
+        "errors_anew": lambda base, anew: {},
+        "with_draft": lambda verdict, draft, seed: draft,
+    }
+    for name, instead in patches.items():
+        monkeypatch.setattr(judge, name, instead)
+    question = SimpleNamespace(
+        kind="wheel-rig", name="x", experiment=None, model=None, numbers=(), candidates=lambda base: [], draft=None
+    )
+    assert judge.concluded(question, lambda said: None) == draft

@@ -115,6 +115,7 @@ def test_the_share_that_is_taken_is_of_what_is_beyond_the_noise(before, after, s
         (300.0, 50.0, 1.0),
         (100.0, 99.0, 1.0),
         (90.0, 91.0, 0.0),
+        (100.5, 100.2, 0.6),
     ],
 )
 def test_on_held_out_folds_too(monkeypatch, before, after, share):
@@ -174,6 +175,10 @@ def test_two_that_were_added_are_chosen_in_either_order():
     chosen = {"a": "B + A", "b": "A + B", "c": "A"}
     assert against(chosen=chosen, names=("A", "B")) == []
     assert against(chosen={**chosen, "d": ""}, names=("A", "B")) == ["A + B is chosen in 2 of 4 folds only"]
+
+
+def test_a_fold_that_chooses_more_does_not_choose_the_same():
+    assert against(chosen=dict(enumerate(["A", "A + B", "A + B"]))) == ["A is chosen in 1 of 3 folds only"]
 
 
 def score(change, low, high, floor=0.1):

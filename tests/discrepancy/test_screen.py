@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy import place
+from rover_pin.discrepancy.anchor import is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.screen import Scored, Signature, _reachable, saturated, score, started, trials
 from rover_pin.effects.gravity_tilt import GravityTilt
+from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.estimation.parameter import Parameter
@@ -126,6 +128,22 @@ def test_a_size_is_sought_by_ratios_where_neutral_is_fifty_times_as_large(neutra
     size = {"TorqueSaturation.i_max": 1.0}
     row = Scored(limit, Signature(limit, size, np.zeros(1), limit.neutral), 1.0, 0.5, 1.0, 0.0)
     assert started(row, None) == (size if far_off else {"TorqueSaturation.i_max": pytest.approx((neutral + 1) / 2)})
+
+
+def test_what_is_freed_has_no_prior_and_what_has_a_place_is_known_to_fifteen_centimetres():
+    patch = Candidate("HardPatch", HardPatch(), ("HardPatch.g",), ("HardPatch.x_from",), freed=("HardPatch.length",))
+    size, place, freed = patch.parameters
+    assert (size.prior, place.prior, freed.prior) == (False, True, False)
+    assert (place.scale, place.log) == (0.15, False)
+    assert freed.name == "HardPatch.length"
+
+
+@pytest.mark.parametrize(
+    ("u", "prior", "bent"), [(3.1, True, True), (-3.1, True, True), (2.9, True, False), (9.0, False, False)]
+)
+def test_a_number_three_sd_from_what_is_declared_is_bent(u, prior, bent):
+    others = (Parameter("a", 0.0, 1.0, -9, 9), Parameter("b", 0.0, 1.0, -9, 9, prior=prior))
+    assert is_bent(SimpleNamespace(parameters=others, u=np.array([0.1, u]))) is bent
 
 
 # --- places ----------------------------------------------------------------------------------------------------------

@@ -137,6 +137,20 @@ def test_what_stands_in_place_of_the_best_pays_for_the_shapes_that_it_freed(misf
     assert {one.held_out for one in found.values()} == {0.0}
 
 
+def test_what_gains_its_threshold_exactly_does_not_pay(monkeypatch):
+    monkeypatch.setattr(exact_refits, "losses_of", lambda fit: pytest.fail("nothing pays"))
+    base = SimpleNamespace(chi2=100.0, task=SimpleNamespace(noise=SimpleNamespace(inflation=1.0)))
+    [found] = judged(base, [((), LAW, fitted(90.0, 1.0))], lambda candidate, inflation: 10.0)
+    assert (found.net, found.held_out) == (0.0, 0.0)
+
+
+def test_a_pair_whose_fit_does_not_end_is_none(monkeypatch):
+    monkeypatch.setattr(exact_refits, "best_of", lambda task, model, numbers, starts: None)
+    one = Refit(LAW, SimpleNamespace(parameters=(OWN,), u=np.zeros(1)), 9.0, 1.0, 1.0)
+    assert exact_refits._pair(based(), one, one) == []
+    assert variants(based(), LAW) == []
+
+
 @pytest.mark.parametrize(("net", "held_out", "accepted"), [(1.0, 1.0, True), (0.0, 1.0, False), (1.0, 0.0, False)])
 def test_what_gains_nothing_is_not_accepted(net, held_out, accepted):
     one = Refit(Candidate("A", object(), ()), SimpleNamespace(), 10.0 + net, 10.0, held_out)

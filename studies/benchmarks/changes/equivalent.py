@@ -1,5 +1,6 @@
 """Changes that no test can notice, because they change no result: file, change as it is told, and the reason."""
 
+from changes.equivalent_discrepancy import DISCREPANCY
 from changes.equivalent_estimation import ESTIMATION
 from changes.equivalent_motion import MOTION
 
@@ -9,21 +10,9 @@ WORDS = "how many words a hint has"
 START = "where a start lies within its bounds: the descent comes to the same"
 
 EQUIVALENT: dict[tuple[str, str], str] = {
+    **DISCREPANCY,
     **ESTIMATION,
     **MOTION,
-    (
-        "rover_pin/discrepancy/exact_refits.py",
-        "SMALL = 0.05: 0.05 -> 0.05500000000000001",
-    ): "any small share of a size begins near nothing",
-    (
-        "rover_pin/discrepancy/judge.py",
-        "alone = held_out_share(found.base, first_of(found).last) if found.found and left.unlisted else 0.0: "
-        "0.0 -> 0.1",
-    ): "not read where nothing was found, or nothing left",
-    (
-        "rover_pin/discrepancy/judge.py",
-        "refits = [one for each in found.rounds for one in each.refits[:LEADERS] if one.net > -one.fee / 2]: > -> >=",
-    ): "two numbers that are worked out are never equal",
     (
         "rover_pin/estimation/profiles.py",
         "found = fit(fitted.task, held, others, start, fitted.slopes, reuse=True): True -> False",
@@ -32,18 +21,6 @@ EQUIVALENT: dict[tuple[str, str], str] = {
         "rover_pin/estimation/profiles.py",
         "reach = np.clip([fitted.u[at] + share * half for share in SHARES], *one.bounds): + -> -",
     ): "the shares are alike on either side",
-    (
-        "rover_pin/discrepancy/refit.py",
-        "freed = [] if candidate.effect is not None else list(candidate.sizes): [] -> (list(candidate.sizes))",
-    ): "a base has no sizes of an effect that it lacks",
-    (
-        "rover_pin/discrepancy/verdict.py",
-        "if len(self.scores) <= FEW:: <= -> <",
-    ): "how many lines a summary has",
-    (
-        "rover_pin/discrepancy/screen.py",
-        "return sorted(best.values(), key=lambda row: -row.gain if row.told else 0.0): 0.0 -> 0.1",
-    ): "moves what cannot be told behind what gains nothing: neither is refitted",
     (
         "rover_pin/effects/grousers.py",
         "faster = q * (1.0 + ca.fmin(S, 0.0)): 0.0 -> 0.1",
