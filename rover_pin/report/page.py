@@ -29,15 +29,16 @@ class Head(NamedTuple):
 
 def write_page(head: Head, sections: Sequence[Section], out: Path) -> list[Path]:
     """Write report.html and NAME.png of every picture, and return their paths, the page's first."""
-    shown, files = [], []
-    for section in sections:
+    shown: list[tuple[Section, Markup]] = []
+    files: list[Path] = []
+    for section in reversed(sections):  # what another process makes for the first ones is waited for last
         content = section.content()
         if content is None:
             continue
         pictures = section.pictures()
         inline = {name: _inline(name, picture) for name, picture in pictures.items()}
-        shown.append((section, rendered(section.template, {**content, "pictures": inline})))
-        files += [
+        shown.insert(0, (section, rendered(section.template, {**content, "pictures": inline})))
+        files[:0] = [
             replace_file(out / file, image)
             for name, picture in pictures.items()
             for file, image in _files(name, picture)

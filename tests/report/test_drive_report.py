@@ -86,7 +86,7 @@ def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
 
 def test_the_scene_is_of_the_run_that_strays_furthest(made, verdict):
     pytest.importorskip("viser")
-    content = Ghosts(verdict, made[0], sides_of(verdict)).content()
+    content = Ghosts.of(verdict, made[0], sides_of(verdict)).content()
     worst = max(extra_of(verdict).free, key=lambda one: one.before)
     assert content["run"] == worst.run
     assert "ghost, in orange: base model" in content["page"]

@@ -86,6 +86,11 @@ class DriveExperiment(Experiment):
         """The experiment on which nothing draws the rover to the logged places: it drives freely from its start."""
         return dataclasses.replace(self, runs=tuple(_free(run) for run in self.runs))
 
+    def alone(self, name: str) -> DriveExperiment:
+        """Return the experiment of one of the runs."""
+        at = self.folds.index(name)
+        return dataclasses.replace(self, runs=(self.runs[at],), rests=(self.rests[at],))
+
     def predict(self, models: Sequence[Model]) -> np.ndarray:
         """Return the features of each model (models, runs, channels, blocks).
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from rover_pin.cluster import results
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import RoverPinError
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
@@ -26,39 +27,49 @@ from rover_pin.view.subject import Subject, mesh_folder
 class Ghosts(Section):
     """The run on which the base model strays furthest, as a scene within the page; without viser, how to get it."""
 
-    verdict: Verdict
-    log: DriveLog
-    sides: Sides | None
+    run: str
+    "its name, empty where nothing was driven"
+    added: bool
+    "whether there is a model after"
+    pages: Iterator[str] | None
+    "the scene as a page, which another process may be making; None without viser"
     title: ClassVar[str] = "Seen in 3D"
     template: ClassVar[str] = "drive/ghost.html"
 
+    @classmethod
+    def of(cls, verdict: Verdict, log: DriveLog, sides: Sides | None) -> Self:
+        """Return the section, its scene begun: where the loop has other processes, one of them makes it."""
+        free = [one for one in extra_of(verdict).free if np.isfinite(one.before)]
+        if sides is None or not free:
+            return cls("", False, None)
+        run = max(free, key=lambda one: one.before).run
+        return cls(run, sides.added, _begun(log, sides, run) if find_spec("viser") else None)
+
     def content(self) -> Mapping[str, Any] | None:
         """Return the scene as a page, empty without viser; None where nothing was driven."""
-        free = [one for one in extra_of(self.verdict).free if np.isfinite(one.before)]
-        if self.sides is None or not free:
+        if not self.run:
             return None
-        worst = max(free, key=lambda one: one.before)
-        shown = {"run": worst.run, "added": self.sides.added}
-        if find_spec("viser") is None:
-            return {**shown, "page": ""}
+        shown = {"run": self.run, "added": self.added}
         try:
-            return {**shown, "page": self._page(self.sides, worst.run)}
+            return {**shown, "page": "" if self.pages is None else next(self.pages)}
         except RoverPinError:  # a run without the places that a scene needs
             return None
 
-    def _page(self, sides: Sides, run: str) -> str:
-        model = sides.before.model
-        measured = Subject(run, self.log.run(run), model.rover, model.terrain, mesh_folder(self.log.rover))
-        others = [(driven(sides.experiment, sides.before.model, run, measured, "base model"), "orange")]
-        if sides.added:
-            others.append((driven(sides.experiment, sides.after.model, run, measured, "with what was added"), "blue"))
-        return page_of(replace(measured, name=f"{run}, as measured"), others)
+
+def _begun(log: DriveLog, sides: Sides, run: str) -> Iterator[str]:
+    model, experiment = sides.before.model, sides.experiment
+    measured = Subject(run, log.run(run), model.rover, model.terrain, mesh_folder(log.rover))
+    others = [(driven(experiment, model, run, measured, "base model"), "orange")]
+    if sides.added:
+        others.append((driven(experiment, sides.after.model, run, measured, "with what was added"), "blue"))
+    processes = experiment.jobs if isinstance(experiment.jobs, int) else 1
+    return results(page_of, [(replace(measured, name=f"{run}, as measured"), others)], processes)
 
 
 def driven(experiment: DriveExperiment, model: Model, run: str, beside: Subject, name: str) -> Subject:
     """Return the free simulation of a run as something to be seen beside what was measured."""
-    at = [one.name for one in experiment.runs].index(run)
-    replay, commands = experiment.free.replays(model)[at], experiment.runs[at].commands
+    alone = experiment.free.alone(run)
+    commands, (replay,) = alone.runs[0].commands, alone.replays(model)
     channels = {name: values for name, values in replay.channels.items() if len(values) == len(commands.t)}
     return replace(
         beside, name=name, trace=Trace({"t_s": commands.t, **channels}, attrs={"wheels": beside.trace.wheels})

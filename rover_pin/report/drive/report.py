@@ -58,7 +58,7 @@ def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
     sections = [
         FirstScreen(verdict, manner, _picture(sides), "worst_run"),
         FreeRuns(verdict),
-        Ghosts(verdict, log, sides),
+        Ghosts.of(verdict, log, sides),
         HeldOut(verdict, manner),
         WhereItIsWrong(verdict),
         Physics(verdict, manner, lambda effect: at_full_duty(verdict.model, effect)),
