@@ -149,4 +149,84 @@ def twist(seen, folder):
     return path
 
 
+JOINTS = {"fl": "hub_lf", "fr": "hub_rf", "bl": "hub_lb", "br": "hub_rb"}
+"""The cart's wheels by the names of their joints."""
+
+
+def messages(seen, types):
+    """Yield (time [ns], topic, message): joint states and a tracker's poses, stamped, row by row."""
+    from dataclasses import fields
+
+    kinds, turned = types.types, quaternion(seen).T
+    stamped = kinds["std_msgs/msg/Header"]
+    for row, t in enumerate(seen["t_s"]):
+        at = EPOCH + round(1e9 * t)
+        clock = kinds["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
+        more = {"seq": row} if "seq" in {each.name for each in fields(stamped)} else {}
+        header = stamped(stamp=clock, frame_id="odom", **more)
+        rates = np.array([seen[f"wheel_rate_{wheel}"][row] for wheel in JOINTS])
+        yield (
+            at,
+            "/joint_states",
+            kinds["sensor_msgs/msg/JointState"](
+                header=header, name=list(JOINTS.values()), position=0 * rates, velocity=rates, effort=np.zeros(0)
+            ),
+        )
+        place = kinds["geometry_msgs/msg/Point"](**{axis: float(seen[f"body_{axis}"][row]) for axis in "xyz"})
+        about = kinds["geometry_msgs/msg/Quaternion"](**dict(zip("xyzw", map(float, turned[row]), strict=True)))
+        pose = kinds["geometry_msgs/msg/Pose"](position=place, orientation=about)
+        yield at, "/mocap/rover", kinds["geometry_msgs/msg/PoseStamped"](header=header, pose=pose)
+
+
+def _bag(seen, made, types, serialize):
+    told = {}
+    for at, topic, message in messages(seen, types):
+        if topic not in told:
+            told[topic] = made.add_connection(topic, message.__msgtype__, typestore=types)
+        made.write(told[topic], at, serialize(message, message.__msgtype__))
+
+
+def ros1(seen, folder):
+    """A ROS 1 bag."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(folder / "drive.bag") as made:
+        _bag(seen, made, types, types.serialize_ros1)
+    return folder / "drive.bag"
+
+
+def ros2(seen, folder):
+    """The folder of a ROS 2 bag."""
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer(folder / "drive", version=8) as made:
+        _bag(seen, made, types, types.serialize_cdr)
+    return folder / "drive"
+
+
+def mcap(seen, folder):
+    """An MCAP file by Foxglove's own writer: ROS 2 messages with their definitions, compressed chunks."""
+    from mcap.writer import CompressionType, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types, path, channels = get_typestore(Stores.ROS2_HUMBLE), folder / "drive.mcap", {}
+    with path.open("wb") as file:
+        made = Writer(file, compression=CompressionType.NONE)
+        made.start(profile="ros2", library="recorder")
+        for at, topic, message in messages(seen, types):
+            if topic not in channels:
+                text = types.generate_msgdef(message.__msgtype__, ros_version=2)[0].encode()
+                schema = made.register_schema(name=message.__msgtype__, encoding="ros2msg", data=text)
+                channels[topic] = made.register_channel(topic=topic, message_encoding="cdr", schema_id=schema)
+            data = bytes(types.serialize_cdr(message, message.__msgtype__))
+            made.add_message(channel_id=channels[topic], log_time=at, publish_time=at, data=data)
+        made.finish()
+    return path
+
+
 HABITS = {each.__name__: each for each in (plain, german, nanoseconds, geographic, parquet, matlab, twist)}
+BAGS = {each.__name__: each for each in (ros1, ros2, mcap)}

@@ -61,6 +61,21 @@ def test_the_same_drive_comes_out_of_every_habit(habit, seen, tmp_path):
             assert own == pytest.approx(true, abs=tolerance), name
 
 
+@pytest.mark.parametrize("kind", recordings.BAGS)
+def test_bags_of_other_writers_become_the_log_of_the_same_drive(kind, seen, tmp_path):
+    """The wheels are known by their joints; the MCAP is written by the format's own library, not by the reader's."""
+    for needed in ("rosbags", *(["mcap"] if kind == "mcap" else [])):
+        pytest.importorskip(needed)
+    made, log = imported(recordings.BAGS[kind](seen, tmp_path), tmp_path)
+    assert faults(log) == ()
+    begin = float(made.runs[0].split(" s from ")[1].split(" s of ")[0])
+    at = int(np.argmin(np.abs(seen["t_s"] - begin)))
+    for name in ("body_z", "body_pitch", "body_roll", "wheel_rate_fl", "wheel_rate_br"):
+        assert log.runs[0][name] == pytest.approx(seen[name][at : at + len(log.runs[0].t)], abs=1e-4), name
+    moved = [values - values[0] for values in (log.runs[0]["body_x"], seen["body_x"][at : at + len(log.runs[0].t)])]
+    assert moved[0] == pytest.approx(moved[1], abs=1e-3)
+
+
 @pytest.mark.parametrize("habit", recordings.HABITS)
 def test_an_imported_log_passes_the_checks_of_the_loop(habit, seen, tmp_path):
     _, log = imported(recordings.HABITS[habit](seen, tmp_path), tmp_path)
@@ -197,6 +212,7 @@ def test_what_is_needed_and_missing_is_one_sentence_with_the_columns_there_are(n
         ("text.csv", b"Dear all,\nplease find attached\n", "no lines of numbers in columns"),
         ("one.csv", b"t\n1\n2\n", "no lines of numbers in columns"),
         ("bytes.mat", b"\x00\x01", "no .mat that can be read"),
+        ("seven.mat", b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF", "save it with '-v7'"),
         ("bytes.parquet", b"PAR1", "is not Parquet"),
         ("bytes.bag", b"\x00\x01", "bag cannot be read"),
         (
