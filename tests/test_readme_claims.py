@@ -94,6 +94,11 @@ COMMANDS = {
         Claim(rf"Table 1 breaks {NUMBER} of {NUMBER} \(Eq 7\) or {NUMBER} \(torque form\)",
               rf"Table 1 breaks {NUMBER} of {NUMBER} in the net form, {NUMBER} in the torque form"),
     )),
+    "rover-pin close-loop demo-drive-log": Command(
+        (Claim(rf"f_0 = {NUMBER} N \[{NUMBER} N, {NUMBER} N\] where 2 N",
+               rf"TetherDrag.f_0 = {NUMBER} N \[{NUMBER} N, {NUMBER} N\]"),),
+        needs=("rover-pin demo drive-log --hidden TetherDrag.f_0=2",),
+    ),
     "rover-pin identify studies/data/steepening-slope": Command((
         Claim(rf"k = {NUMBER} mm and phi = [\d.]+ deg, both `(found)`",
               rf"k = {NUMBER} \+- {WORD} m, [^:]*: (found) phi", 1e3),
