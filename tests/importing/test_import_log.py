@@ -212,7 +212,11 @@ def test_what_is_needed_and_missing_is_one_sentence_with_the_columns_there_are(n
         ("text.csv", b"Dear all,\nplease find attached\n", "no lines of numbers in columns"),
         ("one.csv", b"t\n1\n2\n", "no lines of numbers in columns"),
         ("bytes.mat", b"\x00\x01", "no .mat that can be read"),
-        ("seven.mat", b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF", "save it with '-v7'"),
+        (
+            "seven.mat",
+            b"MATLAB 7.3".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF",
+            "save it with '-v7'",
+        ),
         ("bytes.parquet", b"PAR1", "is not Parquet"),
         ("bytes.bag", b"\x00\x01", "bag cannot be read"),
         (
