@@ -9,11 +9,21 @@ from rover_pin.discrepancy import held_out as module
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate, _reach
 from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
-from rover_pin.discrepancy.held_out import ChannelScore, Excess, _by_channel, _by_run, beyond_floor, floor_of, losses
+from rover_pin.discrepancy.held_out import (
+    ChannelScore,
+    Excess,
+    RunScore,
+    _by_channel,
+    _by_run,
+    beyond_floor,
+    floor_of,
+    losses,
+)
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.verdict import SCHEMA, Verdict
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.numbers import DRIFTED
+from rover_pin.estimation.wording import Change
 
 
 def experiment(timed=False, told=None, channels=("pull",)):
@@ -123,6 +133,17 @@ def test_a_run_is_judged_by_its_robust_chi2_a_compared_block():
     assert (second.run, second.blocks, second.before, second.after) == ("b", 1, 4.0, 1.0)
     assert module.together((second,)) == (4.0, 1.0)
     assert module.together((first, second)) == (pytest.approx(69.0 / 3), pytest.approx(25.25 / 3))
+
+
+def test_a_run_is_worded_in_units_of_the_noise():
+    assert RunScore("a", 3, 2.0, 1.5, -0.4, -0.1).worded == Change(2.0, 1.5, -0.4, -0.1, 1.0, "stretches")
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_stretches_of_runs_hang_together_else_whole_folds(timed):
+    squares = np.ones((2, module.STRETCH + 1))
+    expected = [module.STRETCH, 1.0] * 2 if timed else [module.STRETCH + 1.0] * 2
+    assert list(module._resampled(experiment(timed), squares)) == expected
 
 
 # --- beside curves ---------------------------------------------------------------------------------------------------

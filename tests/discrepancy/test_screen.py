@@ -146,6 +146,12 @@ def test_a_number_three_sd_from_what_is_declared_is_bent(u, prior, bent):
     assert is_bent(SimpleNamespace(parameters=others, u=np.array([0.1, u]))) is bent
 
 
+def test_an_effect_at_its_neutral_value_is_tried_at_the_default_of_its_class():
+    for c_r, scale in ((0.0, 0.05), (0.2, 0.2)):
+        one = Candidate("RateDependence", RateDependence(c_r=c_r), ("RateDependence.c_r",)).parameters[0]
+        assert (one.origin, one.scale) == (0.0, scale)
+
+
 # --- places ----------------------------------------------------------------------------------------------------------
 
 

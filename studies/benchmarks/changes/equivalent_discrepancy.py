@@ -68,4 +68,13 @@ DISCREPANCY: dict[tuple[str, str], str] = {
         "alone = held_out_share(found.base, first_of(found).last) if found.found and left.unlisted else 0.0: "
         "0.0 -> (held_out_share(found.base, first_of(found).last))",
     ): "not read where nothing was found, or nothing left",
+    (
+        "rover_pin/discrepancy/screen.py",
+        "return self.visible > STILL and 1 - self.absorbed > ABSORBED**2: > -> >=",
+    ): "two numbers that are worked out are never equal",
+    (
+        "rover_pin/discrepancy/screen.py",
+        "return base.task.experiment.predict(models) if models else np.zeros((0, *base.predicted.shape)): "
+        "np.zeros((0, *base.predicted.shape)) -> (base.task.experiment.predict(models))",
+    ): "no model is predicted by either",
 }
