@@ -52,13 +52,17 @@ def until(condition, seconds=60.0):
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes in /proc")
 @pytest.mark.parametrize(("stop", "send"), [(signal.SIGTERM, os.kill), (signal.SIGINT, os.killpg)])
 def test_a_stopped_sweep_leaves_no_workers_and_says_what_is_kept(tmp_path, stop, send):
-    """SIGTERM as `kill` sends it, to the program alone; Ctrl-C as a terminal does, to its workers as well."""
+    """SIGTERM as `kill` sends it, to the program alone; Ctrl-C as a terminal does, to its workers as well.
+
+    A shell lets what it starts in the background ignore SIGINT, and these tests with it.
+    """
     script, out = tmp_path / "slow.py", tmp_path / "out"
     script.write_text(SWEEP)
     env = {**os.environ, "PYTHONPATH": str(Path(rover_pin.__file__).parents[1])}
     process = subprocess.Popen(
-        [sys.executable, str(script), str(out)], env=env, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+        [sys.executable, str(script), str(out)], env=env, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     assert until(lambda: len(list((out / "parts").glob("*.parquet"))) == 3)
     workers = [int(file.name.rpartition(".")[2]) for file in tmp_path.glob("out.*")]
     assert workers

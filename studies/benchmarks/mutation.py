@@ -96,7 +96,7 @@ ROOMS = {
         ("rover_pin/discrepancy/*.py",),
         (
             "tests/discrepancy/test_*.py",
-            *_named("evidence", f"drive_place {LINEAR}"),
+            *_named("evidence", f"drive_place wording {LINEAR}"),
             *_named("loop", "fail_on provenance"),
         ),
     ),
