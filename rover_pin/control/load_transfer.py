@@ -12,7 +12,10 @@ from rover_pin.body.rover import Rover
 
 
 class AxleLoads(NamedTuple):
-    """Vertical loads W = rest + shift H of the axles under their horizontal pushes H, at zero joint angles."""
+    """Loads W = rest cos a + shift X across a rover that climbs by a, of axles that push along by X, at zero angles.
+
+    Weight and inertia act at the same places: whatever the pushes do not overcome of the one they give to the other.
+    """
 
     rest: np.ndarray
     "loads of the axles at rest on level ground (axles) [N]"

@@ -1,17 +1,18 @@
 """A longitudinal model of the driving rover, small enough to be differentiated through a whole drive.
 
 Unknowns: x and v of the rover; of each axle the wheel rate, the sinkage h, the effects' own states, the duty and the
-control's integral. The axles follow the path of a wheel's centre over the terrain; with p its slope and F = f_t / f_n,
+control's integral. The axles follow the path of a wheel's centre over the terrain. Seen from the body, which climbs by
+a, with p the path's slope, F = f_t / f_n, and X, W the forces on an axle along and across the body,
 
-    m dv/dt = sum H_i + f_x,   H_i = W_i (F_i - p_i) / (1 + F_i p_i),   W = rest + shift H,
+    m dv/dt = sum (X_i cos a - W_i sin a) + f_x,   X_i = W_i (F_i - p_i) / (1 + F_i p_i),   W = rest cos a + shift X,
     J domega_i/dt = motor torque - M_i N_i,   N = W sqrt(1 + p^2) / (1 + F p),   M = soil torque / f_n,
     dh_i/dt = (N_i / 2 - f_n) / (df_n/dv_n + SETTLES df_n/dh): the wheel sinks until the soil carries its load.
 
 F, M and f_n are the model's own effects at that sinkage, motors and supply too: the same expressions as in the
 simulator. Of body effects there are their weight and their push f_x along the path. Left out: the suspension's motion
-and what acts on it (`left_out`), that a wheel which sinks leaves the path of the others, yaw, the two patches of a lip,
-ground other than the first soil, and the mirrored view of a wheel that runs backwards. An effect that amends a motor by
-the supply's current of now sees the current without it.
+and angles, what acts on it (`left_out`), that a wheel which sinks leaves the path of the others, yaw, the two patches
+of a lip, ground other than the first soil, and the mirrored view of a wheel that runs backwards. An effect that amends
+a motor by the supply's current of now sees the current without it.
 """
 
 from __future__ import annotations
@@ -151,7 +152,7 @@ class Reduced:
         pitch = (_mean(heights[1:]) - heights[0]) / (self.loads.place[0] - _mean(self.loads.place[1:]))
         axles = [self._axle(i, places[i], slopes[i], v, own[i][: 4 + nx]) for i in range(self.axles)]
         motors = self._motors(own, nx)
-        normal, push = self._balance(slopes, [axle.F for axle in axles])
+        normal, push = self._balance(slopes, -pitch, [axle.F for axle in axles])
         pull = pull_along(model.begun(self.start, 0.0), Along(x, v, _mean(heights), pitch))
         rates: list[Scalar] = [v, (sum(push) + pull) / self.rover.mass]
         for i, axle in enumerate(axles):
@@ -199,15 +200,17 @@ class Reduced:
             bus = sum(each.drawn for each in motors) * 2
         return motors
 
-    def _balance(self, slopes: list[Scalar], factors: list[Scalar]) -> tuple[list[Scalar], list[Scalar]]:
-        """Return the normal force and the horizontal push of each axle [N]."""
-        ease = [(F - p) / (1 + F * p) for F, p in zip(factors, slopes, strict=True)]
-        shift = ca.SX(self.loads.shift)
-        vertical = ca.solve(ca.SX.eye(self.axles) - shift @ ca.diag(ca.vertcat(*ease)), ca.SX(self.loads.rest))
-        W = [ca.fmax(vertical[i], LIGHTEST * float(self.loads.rest[i])) for i in range(self.axles)]
+    def _balance(self, slopes: list[Scalar], s: Scalar, factors: list[Scalar]) -> tuple[list[Scalar], list[Scalar]]:
+        """Return the normal force and the horizontal push of each axle [N]; `s` is the tangent of the climb."""
+        level = 1 / ca.sqrt(1 + s * s)
+        against = [(p - s) / (1 + p * s) for p in slopes]
+        ease = [(F - p) / (1 + F * p) for F, p in zip(factors, against, strict=True)]
+        shift, rest = ca.SX(self.loads.shift), level * ca.SX(self.loads.rest)
+        across = ca.solve(ca.SX.eye(self.axles) - shift @ ca.diag(ca.vertcat(*ease)), rest)
+        W = [ca.fmax(across[i], LIGHTEST * float(self.loads.rest[i])) for i in range(self.axles)]
         # a wheel presses the slope by the share of its load that neither pull nor chassis carries
-        normal = [w * ca.sqrt(1 + p**2) / (1 + F * p) for w, p, F in zip(W, slopes, factors, strict=True)]
-        return normal, [w * each for w, each in zip(W, ease, strict=True)]
+        normal = [w * ca.sqrt(1 + p**2) / (1 + F * p) for w, p, F in zip(W, against, factors, strict=True)]
+        return normal, [w * level * (each - s) for w, each in zip(W, ease, strict=True)]
 
     @cached_property
     def initial(self) -> np.ndarray:
