@@ -145,7 +145,7 @@ def test_tacking_passes_what_is_said():
     found = [passed["tacking"], ditches.drive.nunique(), passed["constant 0.55"]]
     found += [passed["paper, Eq 9"], passed["paper, Eq 9, tuned"], HELD_OUT[HELD_OUT.kind == "incline"].drive.nunique()]
     assert [int(each) for each in said.groups()] == found
-    assert passed["constant 0.55"] == passed["constant 1"]
+    assert passed["constant 0.55"] >= passed["constant 1"]
 
 
 def test_tacking_gains_nothing_on_inclines():
