@@ -151,7 +151,14 @@ static void add_wheel(const Drive *d, const Wheel *w, const WheelLoad *sum, doub
       for (int a = 1; a < 6; ++a) row += J[a][i] * slope[a];
       row *= half;
       double *target = system->A[w->cols[i]];
-      for (integer j = first; j < last; ++j) target[w->cols[j]] -= row[j - first];
+      integer j = first;
+      if (k == 0) { /* the base's columns come first in every wheel's, and in A */
+        Row base = row;
+        base[6] = base[7] = 0.0;
+        *(Row *)target -= base;
+        j = 6;
+      }
+      for (; j < last; ++j) target[w->cols[j]] -= row[j - first];
     }
   }
   for (integer i = 0; i < w->n; ++i)
