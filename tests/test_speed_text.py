@@ -63,8 +63,8 @@ def process(name):
                   replay("washboard, former over now [x]")]),
         (rf"compiles: {N} s for the step, {N} s for a new rover, {N} s for a new set of effects",
          lambda: [replay(f"compiling {name} [s]") for name in ("the step", "a rigid body", "a set of laws")]),
-        (rf"nobody declared take {N} s of CPU with two workers",
-         lambda: [of("close_loop_speed", "close-loop, CPU [s]")]),
+        (rf"nobody declared take {N} s of CPU with two workers, {N} s on the clock",
+         lambda: [of("close_loop_speed", "close-loop, CPU [s]"), of("close_loop_speed", "close-loop, clock [s]")]),
         (rf"`rover-pin --help` takes {N} s of CPU, `drive flat` {N} s: {N} and {N} of what they took",
          lambda: [process("--help [s]"), process("drive flat [s]"), process("--help, over former [x]"),
                   process("drive flat, over former [x]")]),
@@ -87,6 +87,8 @@ def test_what_was_asked_of_the_step_is_reached():
     assert ground("ditch, 300 x 300 grid [x]") <= 1.5
     assert ground("case over drive [x]") <= 1.3
     assert ground("drive-seconds a core-second") >= 250.0
+    assert replay("ditch, former over now [x]") >= 3.5
+    assert replay("washboard, former over now [x]") >= 3.5
     assert sum(replay(f"compiling {name} [s]") for name in ("the step", "a rigid body", "a set of laws")) <= 4.0
     assert drive("memory [MB]") <= 210.0
     assert process("--help, over former [x]") <= 0.5
