@@ -248,6 +248,8 @@ def test_a_few_candidates_are_refitted_at_least_once_then_those_that_promise_a_q
 
     assert chosen(None) == "ABCDEG"
     assert chosen([]) == "ABG"
+    rows[:] = [scored("A", 2.4)]
+    assert (chosen(None), chosen([])) == ("A", "")
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,7 @@ def test_rounds_follow_as_long_as_something_is_found(looked):
 def test_pairs_are_tried_where_no_single_holds_and_the_base_leaves_more_than_the_noise(looked):
     """If there are levels for two effects, and fits are exact."""
     assert looked(Found()) == ["singles", "pairs"]
+    assert looked(Found(), folds=8) == ["singles", "pairs"]
     assert looked(Found(), adequate=True) == ["singles"]
     assert looked(Found(), folds=7) == ["singles"]
     assert looked(Found(), exact=False) == ["singles"]
@@ -106,6 +107,28 @@ def test_a_pair_pays_for_both_of_its_effects_in_units_of_the_noise(monkeypatch):
         found = SimpleNamespace(rounds=(SimpleNamespace(refits=refits),), base=fitted())
         search._pairs(found, 5, lambda said: None)
         assert seen.pop() == paid
+
+
+@pytest.mark.parametrize(
+    ("rounds", "adequate", "pairs"),
+    [(0, False, None), (1, True, []), (1, False, "pairs"), (2, False, []), (2, True, [])],
+)
+def test_pairs_join_the_second_round_where_the_first_left_more_than_the_noise(rounds, adequate, pairs, monkeypatch):
+    monkeypatch.setattr(search, "is_adequate", lambda fit: adequate)
+    monkeypatch.setattr(search, "paired", lambda base, refits, best, progress: "pairs")
+    found = SimpleNamespace(rounds=(SOMETHING,) * rounds, found=("A",) * rounds, base="base", last="last")
+    assert search._second(found, lambda said: None) == pairs
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_what_was_added_is_not_tried_again_and_scored_anew_where_fits_are_exact(exact, monkeypatch):
+    monkeypatch.setattr(search, "signatures", lambda last, tried: (last, [one.kind for one in tried]))
+    tried = [Candidate(kind, object(), ()) for kind in "AB"]
+    known = [SimpleNamespace(candidate=one) for one in tried]
+    found = SimpleNamespace(added=tried[:1], base=fitted(exact=exact), last="last", known=known)
+    assert search._left(found, tried) == (("last", ["B"]) if exact else known[1:])
+    found.added = []
+    assert search._left(found, tried) == known
 
 
 # --- units -----------------------------------------------------------------------------------------------------------
@@ -191,6 +214,53 @@ def test_what_a_law_leaves_without_a_pattern_is_scatter_up_to_four_times_the_noi
     assert (draft is drafts["base"]) is unlisted
     assert left.described is unlisted
     assert (SCATTER, WORSE_BY) == (4.0, 0.05)
+
+
+def test_where_nothing_was_found_the_base_is_judged_and_else_the_law(monkeypatch):
+    monkeypatch.setattr(judge, "is_adequate", lambda fit: False)
+    monkeypatch.setattr(judge, "holds", lambda found: True)
+    assert judge.what_is_left(SimpleNamespace(found=(), base=None)) == Left(True)
+    assert judge.what_is_left(SimpleNamespace(found=("A",), base=None)) == Left(False)
+
+
+@pytest.mark.parametrize(
+    ("answer", "against", "named", "said", "share"),
+    [
+        (Answer.NAMED, (), ("A", "B"), Answer.NAMED, 0.9),
+        (Answer.NAMED, ("it lies at its bound",), ("A", "B"), Answer.LIKE, 0.9),
+        (Answer.SET, ("it lies at its bound",), ("A", "B"), Answer.SET, 0.9),
+        (Answer.LIKE, (), ("A",), Answer.LIKE, 0.9),
+        (Answer.INADEQUATE, (), (), Answer.INADEQUATE, 0.0),
+        (Answer.NONE_FITS, (), (), Answer.NONE_FITS, 0.0),
+    ],
+)
+def test_a_verdict_keeps_what_its_answer_says(answer, against, named, said, share, monkeypatch):
+    """Both effects where they stand, the first where something is like it, none where none fits."""
+    task = SimpleNamespace(noise=None, experiment=SimpleNamespace(records=lambda model: {"A": "a", "B": "b"}))
+
+    def fit(name):
+        return SimpleNamespace(name=name, task=task)
+
+    def of(names):
+        added = tuple(Candidate(name, object(), ()) for name in names)
+        return SimpleNamespace(base=base, last=fit(names or "base"), added=added, alike=tuple(names))
+
+    base, patches = fit("base"), {
+        "graded": lambda found, left: answer,
+        "first_of": lambda found: of("A"),
+        "side_of": lambda fitted: SimpleNamespace(fit=fitted, model=fitted.name),
+        "held_out": lambda before, after, noise, seed: SimpleNamespace(channels=(), runs=()),
+        "held_out_share": lambda base, last: 0.9,
+        "vetoes": lambda found, chosen, scores: against,
+        "sentence": lambda answer, found, share, besides: answer.value,
+    }  # fmt: skip
+    for name, instead in patches.items():
+        monkeypatch.setattr(judge, name, instead)
+    found = judge.judged(("wheel-rig", "x"), of("AB"), {}, Left(False), 0)
+    assert (found.answer, found.named, found.share) == (said, named, share)
+    assert found.model == ("".join(named) or "base")
+    assert found.vetoes == (against if named else ())
+    assert found.sentence == said.value
 
 
 class Named:

@@ -64,6 +64,9 @@ def based(good=WHOLE, count=40, own=(OWN,)):
 def test_a_fold_is_left_out_where_nothing_of_it_is_compared():
     assert is_whole(based())
     assert not is_whole(based(CUT))
+    part = WHOLE.copy()
+    part[2, 0, 1] = False
+    assert is_whole(based(part)), "a block of it is not compared, the others are"
 
 
 @pytest.fixture
@@ -142,6 +145,13 @@ def test_what_gains_its_threshold_exactly_does_not_pay(monkeypatch):
     base = SimpleNamespace(chi2=100.0, task=SimpleNamespace(noise=SimpleNamespace(inflation=1.0)))
     [found] = judged(base, [((), LAW, fitted(90.0, 1.0))], lambda candidate, inflation: 10.0)
     assert (found.net, found.held_out) == (0.0, 0.0)
+
+
+def test_what_gains_a_little_more_than_its_threshold_is_asked_on_the_folds_left_out(monkeypatch):
+    monkeypatch.setattr(exact_refits, "losses_of", lambda fit: np.array([fit.chi2, 1.0]))
+    base = SimpleNamespace(chi2=100.0, task=SimpleNamespace(noise=SimpleNamespace(inflation=1.0, good=WHOLE)))
+    [found] = judged(base, [((), LAW, fitted(89.5, 1.0))], lambda candidate, inflation: 10.0)
+    assert (found.net, found.held_out) == (0.5, 10.5)
 
 
 def test_a_pair_whose_fit_does_not_end_is_none(monkeypatch):

@@ -77,4 +77,30 @@ DISCREPANCY: dict[tuple[str, str], str] = {
         "return base.task.experiment.predict(models) if models else np.zeros((0, *base.predicted.shape)): "
         "np.zeros((0, *base.predicted.shape)) -> (base.task.experiment.predict(models))",
     ): "no model is predicted by either",
+    (
+        "rover_pin/discrepancy/candidate.py",
+        "return Parameter(name, value, SPACING, low, high, fd=0.1): 0.1 -> 0.11000000000000001",
+    ): "step of a difference quotient",
+    (
+        "rover_pin/discrepancy/candidate.py",
+        "return Parameter(name, default, 1.0, low, high, log=True, prior=False, fd=0.1): 0.1 -> 0.11000000000000001",
+    ): "step of a difference quotient",
+    (
+        "rover_pin/discrepancy/compare.py",
+        "reached = max((one.net for one in [*found.values(), *others]), default=0.0): 0.0 -> 0.1",
+    ): "where none was refitted none is refitted again",
+    (
+        "rover_pin/discrepancy/compare.py",
+        "reach = ranked[0].net - 2 * ODDS * base.task.noise.inflation - NEAR * abs(ranked[0].net) "
+        "if ranked else 0.0: 0.0 -> 0.1",
+    ): "where none was refitted none is near",
+    (
+        "rover_pin/discrepancy/search.py",
+        "def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter], seed: "
+        "int = 0) -> Fit:: 0 -> 1",
+    ): "any seed will do",
+    (
+        "rover_pin/discrepancy/search.py",
+        "while len(found.rounds) < most and len(found.found) == len(found.rounds):: == -> >=",
+    ): "no more is found than there are rounds",
 }
