@@ -12,7 +12,8 @@ import numpy as np
 
 from rover_pin.discrepancy.candidate import FAR_FROM, Candidate
 from rover_pin.estimation.fit import Fit, covariance
-from rover_pin.estimation.noise import COLOURED, Absorbed, huber_weights, noise_of
+from rover_pin.estimation.noise import COLOURED, Absorbed, Noise, huber_weights, noise_of
+from rover_pin.estimation.random_field import RandomField, chance_of, learnt_sds
 from rover_pin.quantity import quantities
 
 FALSE_ALARMS = 0.05
@@ -150,24 +151,46 @@ def _reachable(signature: Signature, share: float) -> float:
     return min(max(share, low), high)
 
 
-def saturated(base: Fit, found: Sequence[Signature]) -> tuple[np.ndarray, Absorbed]:
+def saturated(base: Fit, found: Sequence[Signature], field: RandomField | None = None) -> tuple[np.ndarray, Absorbed]:
     """Return the residual (runs, channels, blocks) that no candidate and no number explains, to tell noise from.
+
+    Nor does the random field, of which as much is explained as its SDs allow, at first the sizes of its columns.
 
     Beside it stands what of the noise they took with them, the covariance of what they explain: p columns on n rows
     take p / n of the variance, and more of the memory, which made the noise of a minute's log half as large as it is.
     """
     moved = [base.slopes[one.name] for one in base.parameters] + [each.moved for each in found]
-    columns = base.task.noise.white(np.array(moved)).T
-    rows = base.rows
+    free, noise = len(moved), dataclasses.replace(base.task.noise, chance=None)
+    if field is not None:
+        moved += list(_scales(base.task.noise, field)[:, None, None, None] * field.moved)
+    columns, rows = noise.white(np.array(moved)).T, noise.white(base.residual)
     root = np.sqrt(huber_weights(rows))
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
-    normal = (columns / scale * root[:, None]).T @ (columns / scale * root[:, None]) + 1e-4 * np.eye(len(scale))
+    held = np.where(np.arange(len(scale)) < free, 1e-4, 1.0 / scale**2)
+    normal = (columns / scale * root[:, None]).T @ (columns / scale * root[:, None]) + np.diag(held)
     share = np.linalg.solve(normal, (columns / scale).T @ (root**2 * rows)) / scale
     explained = np.moveaxis(np.array(moved), 0, -1)
     doubted = explained / scale @ np.linalg.inv(np.linalg.cholesky(normal)).T
     before = np.concatenate([np.zeros_like(doubted[..., :1, :]), doubted[..., :-1, :]], axis=-2)
     absorbed = Absorbed(np.sum(doubted**2, axis=-1), np.sum(doubted * before, axis=-1))
     return np.asarray(base.residual - explained @ share), absorbed
+
+
+def _scales(noise: Noise, field: RandomField) -> np.ndarray:
+    """Return the learnt SD of each column of a field, in its size; 1 before any is learnt."""
+    learnt = [one.sd / one.kind.size for one in noise.chance.learnt] if noise.chance else [1.0] * len(field.kinds)
+    return np.array(learnt)[field.kind]
+
+
+def with_chance(base: Fit, found: Sequence[Signature], field: RandomField) -> Fit:
+    """Return the fit with the SDs of the random field learnt, what it may have done taken out of its rows."""
+    noise = base.task.noise
+    free = noise.white(np.array([base.slopes[one.name] for one in base.parameters] + [each.moved for each in found])).T
+    columns, rows = noise.white(field.moved).T, base.rows
+    root = np.sqrt(huber_weights(rows))[:, None]
+    learnt = learnt_sds(root[:, 0] * rows, root * free, root * columns, field)
+    made = dataclasses.replace(noise, chance=chance_of(field, columns, noise.good, learnt))
+    return dataclasses.replace(base, task=dataclasses.replace(base.task, noise=made))
 
 
 def entry_fee(candidates: int) -> float:

@@ -14,7 +14,16 @@ from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.exact_refits import Tried, exactly_refitted, judged, paired
 from rover_pin.discrepancy.refit import Fee, Progress, Refit, alike
-from rover_pin.discrepancy.screen import Scored, Signature, fee_of, saturated, score, signatures, with_noise
+from rover_pin.discrepancy.screen import (
+    Scored,
+    Signature,
+    fee_of,
+    saturated,
+    score,
+    signatures,
+    with_chance,
+    with_noise,
+)
 from rover_pin.errors import OptimisationError
 from rover_pin.estimation.exact import scattered
 from rover_pin.estimation.experiment import Experiment, residual
@@ -22,6 +31,7 @@ from rover_pin.estimation.fit import Fit, best_of, fit
 from rover_pin.estimation.noise import COLOURED, first_noise
 from rover_pin.estimation.numbers import is_adequate
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.random_field import RandomField
 from rover_pin.estimation.task import Task
 
 MOST = 3
@@ -57,6 +67,8 @@ class Search:
     rounds: tuple[Round, ...]
     known: tuple[Signature, ...] = field(repr=False)
     "how each candidate moves the base model"
+    field: RandomField | None = field(default=None, repr=False)
+    "what of the experiment differs from fold to fold by chance"
 
     @property
     def found(self) -> tuple[Refit, ...]:
@@ -126,9 +138,11 @@ def again(base: Fit) -> Fit:
     return fit(base.task, base.model, base.parameters, base.u, base.slopes)
 
 
-def _with_what_is_left(base: Fit, known: Sequence[Signature], least: np.ndarray) -> Fit:
-    left, absorbed = saturated(base, known)
-    return with_noise(base, left, least, absorbed)
+def _with_what_is_left(base: Fit, known: Sequence[Signature], chance: RandomField | None, least: np.ndarray) -> Fit:
+    """Return the fit with noise, and chance, as large as what nothing explains."""
+    left, absorbed = saturated(base, known, chance)
+    noisy = with_noise(base, left, least, absorbed)
+    return noisy if chance is None else with_chance(noisy, known, chance)
 
 
 def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
@@ -136,9 +150,10 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     progress(f"score test of {len(tried)} candidates")
     known = signatures(base, tried)
     least = np.full(base.predicted.shape[1], LEAST)
+    chance = base.task.experiment.random_field(base.model)
     for _ in range(LEARNT if base.task.experiment.noise() is None else 0):
-        base = again(_with_what_is_left(base, known, least))
-    found = Search(base, (), tuple(known))
+        base = again(_with_what_is_left(base, known, chance, least))
+    found = Search(base, (), tuple(known), chance)
     most = _most(base.task.experiment)
     while len(found.rounds) < most and len(found.found) == len(found.rounds):
         found = replace(found, rounds=(*found.rounds, _round(found, tried, progress)))

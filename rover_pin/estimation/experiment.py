@@ -11,6 +11,7 @@ import numpy as np
 from rover_pin.errors import ParameterError, closest
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.random_field import RandomField
 from rover_pin.quantity import Quantity, quantities
 
 Arrays = dict[str, np.ndarray]
@@ -95,6 +96,10 @@ at a minimum, and every fold is predicted by whole refits"
 
     def floor(self) -> np.ndarray | None:
         """Return the SD of each channel (channels,) that no model beats, as samples show it; None: the noise."""
+        return None
+
+    def random_field(self, model: Any) -> RandomField | None:
+        """Return what differs from fold to fold by chance and how that would move a model; None: nothing that shows."""
         return None
 
     def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rover_pin.estimation.random_field import Chance
+
 SHRINK = 0.2
 """Share by which correlations between channels are drawn to 0."""
 MOST_MEMORY = 0.95
@@ -34,6 +36,8 @@ class Noise:
     good: np.ndarray = field(repr=False)
     inflation: float = COLOURED
     "by how much chi2 by chance, and variances, exceed those of white rows; 1 where the noise is declared white"
+    chance: Chance | None = None
+    "what besides differs from run to run by chance, as the ground does"
 
     @property
     def floor(self) -> np.ndarray:
@@ -55,7 +59,8 @@ class Noise:
         steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho)
         scaled = steps / (self.sd * np.sqrt(1 - self.rho**2))[:, None]
         mixed = self.mixing @ np.where(self.good, scaled, 0.0)
-        return np.asarray(mixed[..., self.good])
+        rows = np.asarray(mixed[..., self.good])
+        return rows if self.chance is None else self.chance.taken_out(rows, self.good)
 
 
 def _innovations(residual: np.ndarray, good: np.ndarray, rho: np.ndarray) -> np.ndarray:

@@ -1,4 +1,7 @@
-"""The fitted numbers of a model with their 95 % intervals: profiles where the fit is exact, else SDs about it."""
+"""The fitted numbers of a model with their 95 % intervals: profiles where the fit is exact, else SDs about it.
+
+Of what was added the shape of chi2 along its numbers, too, all others fitted again.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from rover_pin.estimation.covariance import covariance
 from rover_pin.estimation.exact import ExactProblem
 from rover_pin.estimation.fit import Fit, fit
 from rover_pin.estimation.noise import huber
-from rover_pin.estimation.profile import NORMAL_95, Best, Interval, LowerMinimum, interval
+from rover_pin.estimation.profile import NORMAL_95, Best, Interval, LowerMinimum, Profile, interval
 
 SURPRISE = 1e-3
 """A chi2 less probable than this by the stated noise means that more is left than the noise."""
@@ -25,6 +28,8 @@ TURNS = 3
 """Lower minima found by profiles that are followed."""
 AWAY = 5.0
 """Prior SDs beyond which a number has left what is plausible of it."""
+SHARES = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
+"""Points of a profile about an optimum, as shares of half the 95 % interval."""
 AT_BOUND = 1e-6
 """A number this near to a bound, in u, stands at it."""
 
@@ -128,3 +133,35 @@ def _number(fitted: Fit, at: int, ends: Interval) -> Number:
     covered = (ends.high - ends.low) / (one.bounds[1] - one.bounds[0])
     drift, closed = u if one.prior else math.nan, ends.closed_low and ends.closed_high
     return Number(one.name, unit, one.value(u), low, high, drift, closed, stuck, one.assumed, covered)
+
+
+def profiles(fitted: Fit, names: tuple[str, ...]) -> tuple[Profile, ...]:
+    """Return the profiles of these parameters: rise of chi2 over the noise's inflation and a misfit above 1.
+
+    The others descend from where a linear model puts them, with the slopes of the fit.
+    """
+    return tuple(_profile(fitted, [one.name for one in fitted.parameters].index(name)) for name in names)
+
+
+def _profile(fitted: Fit, at: int) -> Profile:
+    one, spread = fitted.parameters[at], fitted.covariance
+    half = NORMAL_95 * float(fitted.spread[at])
+    reach = np.clip([fitted.u[at] + share * half for share in SHARES], *one.bounds)
+    points = {float(fitted.u[at]): 0.0}
+    for u in dict.fromkeys(map(float, reach)):
+        if u not in points:
+            points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at])
+    us = sorted(points)
+    unit = fitted.task.experiment.quantity(fitted.model, one.name).unit
+    return Profile(one.name, unit, tuple(one.value(u) for u in us), tuple(points[u] for u in us))
+
+
+def _rise(fitted: Fit, at: int, u: float, direction: np.ndarray) -> float:
+    """Return how far chi2 rises where one parameter is held at u."""
+    one = fitted.parameters[at]
+    start = np.delete(fitted.u + direction * (u - fitted.u[at]), at)
+    others = tuple(each for i, each in enumerate(fitted.parameters) if i != at)
+    held = fitted.task.experiment.with_values(fitted.model, {one.name: one.value(u)})
+    found = fit(fitted.task, held, others, start, fitted.slopes, reuse=True)
+    prior = u**2 if one.prior else 0.0
+    return (found.chi2 + prior - fitted.chi2) / (fitted.task.noise.inflation * max(fitted.misfit, 1.0))

@@ -15,13 +15,14 @@ from rover_pin.discrepancy.judge import Left, chosen_without, judged, with_draft
 from rover_pin.discrepancy.refit import Progress, Refit
 from rover_pin.discrepancy.search import Search, search
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.profiles import profiles
+from rover_pin.estimation.numbers import profiles
 from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, too_poor
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.free_runs import free_runs
+from rover_pin.experiments.drive_log.ground.raked import raked
 from rover_pin.experiments.drive_log.kinematic import kinematic
 from rover_pin.experiments.drive_log.model import base_model, held, with_spread
 from rover_pin.experiments.drive_log.resume import Memory
@@ -110,18 +111,19 @@ def verdict_on(log: DriveLog, found: Search, left: Remainder, seed: int, progres
     sizes = tuple(name for one in added for name in one.sizes)
     best, experiment = found.rounds[0].alike, logged(found.base)
     free = free_runs(experiment, found.base.model, verdict.model)
+    ground = raked(found.last, found.field)
     odometry = kinematic(experiment, found.base.model.rover)
     if verdict.answer is Answer.NONE_FITS:
         verdict = with_draft(verdict, drafted(found.last, left, log.about.name, progress), seed)
     return dataclasses.replace(
         verdict,
         baselines=odometry,
-        sentence=spoken(verdict.sentence, wheels),
+        sentence=" ".join(filter(None, (spoken(verdict.sentence, wheels), ground.said if ground else ""))),
         findings=findings(log),
         experiments=_experiments(best, progress),
         profiles=profiles(verdict.after.fit, sizes) if sizes and verdict.after else (),
         cautions=(*verdict.cautions, *cautions(verdict, free), *losses(verdict.scores, odometry)),
-        extra=DriveExtra(free, left),
+        extra=DriveExtra(free, left, ground),
     )
 
 

@@ -16,7 +16,7 @@ from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.profiles import profiles
+from rover_pin.estimation.numbers import profiles
 from rover_pin.experiments.wheel_rig.candidates import candidates, own_sizes, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set

@@ -13,8 +13,8 @@ from rover_pin.discrepancy import compare, exact_refits, search
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.refit import Refit, alike
 from rover_pin.discrepancy.screen import ABSORBED, STILL, Scored, Signature, _freed, started
+from rover_pin.estimation.numbers import profiles
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.profiles import profiles
 from rover_pin.quantity import Record, quantity
 
 _spec = importlib.util.spec_from_file_location(

@@ -19,11 +19,10 @@ from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, best_of, fit
 from rover_pin.estimation.gauss_newton import _moved, _searched, _steps
 from rover_pin.estimation.noise import Absorbed, Noise, declared_noise, huber, noise_of
-from rover_pin.estimation.numbers import implausible, intervals, is_adequate, settled
+from rover_pin.estimation.numbers import implausible, intervals, is_adequate, profiles, settled
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import AT_BOUND, Best, LowerMinimum, interval, rise
-from rover_pin.estimation.profiles import profiles
 from rover_pin.estimation.task import Task, objective
 from rover_pin.estimation.wording import Against, Change, Outcome, against, shown, spread
 from rover_pin.estimation.wording import interval as said_interval

@@ -49,6 +49,7 @@ from rover_pin.estimation.gauss_newton import at
 from rover_pin.estimation.noise import huber
 from rover_pin.estimation.numbers import numbers
 from rover_pin.estimation.profile import NORMAL_95
+from rover_pin.estimation.random_field import Kind, LearntSd, RandomField, chance_of
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.loop.drive import is_unknown, verdict_on
@@ -357,6 +358,35 @@ def test_noise_is_told_from_what_no_candidate_explains(made):
     tall = X.reshape(*left.shape, -1)
     beside = np.einsum("...bi,ij,...bj->...b", tall[..., 1:, :], doubt, tall[..., :-1, :])
     np.testing.assert_allclose(absorbed.lagged[..., 1:], beside, rtol=2e-2, atol=1e-6)
+
+
+def test_of_what_is_left_chance_explains_what_its_sds_allow(made):
+    """Against the expectation of the joint normal law: columns of known variance beside free ones."""
+    fitted, _ = made
+    runs, channels, blocks = linear.SHAPE
+    random = np.random.default_rng(12)
+    moved = np.zeros((2 * runs, *linear.SHAPE))
+    fold = np.arange(2 * runs) % runs
+    for column, own in enumerate(fold):
+        moved[column, own] = random.normal(size=(channels, blocks))
+    kinds = (Kind("grip", 0.05, ""), Kind("slope", 0.01, "rad"))
+    field = RandomField(kinds, np.repeat([0, 1], runs), fold, moved)
+    known = signatures(fitted, [EXIT, VISCOUS])
+    for d in ((1.0, 1.0), (2.0, 0.0)):
+        learnt = tuple(LearntSd(kind, one * kind.size, 0.0) for kind, one in zip(kinds, d, strict=True))
+        noise = fitted.task.noise
+        chance = None if d == (1.0, 1.0) else chance_of(field, noise.white(moved).T, noise.good, learnt)
+        task = dataclasses.replace(fitted.task, noise=dataclasses.replace(noise, chance=chance))
+        left, _ = saturated(dataclasses.replace(fitted, task=task), known, field)
+        free = np.array([fitted.slopes[one.name] for one in fitted.parameters] + [each.moved for each in known])
+        X, B = (noise.white(each).T for each in (free, moved))
+        rows = noise.white(fitted.residual)
+        covariance = np.eye(len(rows)) + (B * np.array(d)[field.kind] ** 2) @ B.T
+        whitened = np.linalg.inv(np.linalg.cholesky(covariance))
+        share = np.linalg.lstsq(whitened @ X, whitened @ rows, rcond=None)[0]
+        drawn = np.array(d)[field.kind] ** 2 * (B.T @ np.linalg.solve(covariance, rows - X @ share))
+        wanted = fitted.residual - np.tensordot(share, free, 1) - np.tensordot(drawn, moved, 1)
+        np.testing.assert_allclose(left, wanted, atol=5e-3)
 
 
 # --- fees ------------------------------------------------------------------------------------------------------------

@@ -10,8 +10,8 @@ import pytest
 from rover_pin.discrepancy.cross_validation import left_out, losses_of, refitted_left_out
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import first_noise, huber
+from rover_pin.estimation.numbers import profiles
 from rover_pin.estimation.profile import NORMAL_95
-from rover_pin.estimation.profiles import profiles
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread

@@ -17,7 +17,9 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.errors import ParameterError, SimulationError
 from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.random_field import RandomField
 from rover_pin.experiments.drive_log.features import LoggedRun
+from rover_pin.experiments.drive_log.ground.field import ground_field
 from rover_pin.experiments.drive_log.parameters import owners, with_record
 from rover_pin.experiments.drive_log.places import neighbours
 from rover_pin.experiments.drive_log.recent import Recent
@@ -129,6 +131,10 @@ class DriveExperiment(Experiment):
     def neighbours(self, candidate: Candidate, step: float) -> list[Candidate]:
         """Return a candidate on a stretch of the way with its edges moved."""
         return neighbours(candidate, step)
+
+    def random_field(self, model: Model) -> RandomField:
+        """Return how the ground of each run may differ from the declared."""
+        return ground_field(self, model)
 
     def kept(self, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
         """Return what was made of these runs before, or make and keep it."""

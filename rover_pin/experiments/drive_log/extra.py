@@ -1,4 +1,4 @@
-"""What only a drive log has to say besides: how far free simulations stray, and how an unlisted effect would act."""
+"""What only a drive log has to say besides: free simulations, its ground, how an unlisted effect would act."""
 
 from __future__ import annotations
 
@@ -8,18 +8,21 @@ import numpy as np
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.free_runs import FreeRun
+from rover_pin.experiments.drive_log.ground.raked import Raked
 from rover_pin.experiments.unlisted.remainder import Remainder
 
 
 class DriveExtra(NamedTuple):
-    """Runs driven freely, and what the last model leaves."""
+    """Runs driven freely, what the last model leaves, and what the drives say of their ground."""
 
     free: tuple[FreeRun, ...] = ()
     remainder: Remainder | None = None
+    ground: Raked | None = None
 
     def lines(self, added: bool) -> list[str]:
         """Return lines for a reader."""
         said = [f"free run: {line}" for line in free_lines(self.free)]
+        said += self.ground.lines if self.ground else []
         return [*said, f"left: {self.remainder.said}"] if self.remainder else said
 
     def as_dict(self) -> dict[str, Any]:
@@ -27,6 +30,7 @@ class DriveExtra(NamedTuple):
         return {
             "free_runs": [one._asdict() for one in self.free],
             "remainder": self.remainder.said if self.remainder else "",
+            "ground": self.ground.as_dict() if self.ground else None,
         }
 
 

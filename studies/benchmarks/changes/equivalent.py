@@ -14,11 +14,11 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     **ESTIMATION,
     **MOTION,
     (
-        "rover_pin/estimation/profiles.py",
+        "rover_pin/estimation/numbers.py",
         "found = fit(fitted.task, held, others, start, fitted.slopes, reuse=True): True -> False",
     ): "slopes are worked out again: slower, to the same end",
     (
-        "rover_pin/estimation/profiles.py",
+        "rover_pin/estimation/numbers.py",
         "reach = np.clip([fitted.u[at] + share * half for share in SHARES], *one.bounds): + -> -",
     ): "the shares are alike on either side",
     (

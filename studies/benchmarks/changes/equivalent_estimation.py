@@ -78,6 +78,17 @@ EXCUSES: dict[str, dict[str, str]] = {
         "0.1": "where no two blocks follow one another there is no product to divide",
     },
     "numbers.py": {
+        "points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at]): / -> *": FIRST,
+        "points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at]): spread[:, at] / spread[at, at] -> "
+        "(spread[:, at])": FIRST,
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): fitted.u + direction * (u - "
+        "fitted.u[at]) -> (fitted.u)": FIRST,
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): - -> +": FIRST,
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): fitted.u + direction * (u - "
+        "fitted.u[at]) -> (direction * (u - fitted.u[at]))": FIRST,
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): u - fitted.u[at] -> (u)": FIRST,
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): direction * (u - fitted.u[at]) -> "
+        "(direction)": FIRST,
         "TURNS = 3: 3 -> 4": MORE,
     },
     "parameter.py": {
@@ -128,19 +139,6 @@ EXCUSES: dict[str, dict[str, str]] = {
         "*limits): 0.1 -> 0.11000000000000001": FIRST,
         "return _within(limits[0] + reach * min(target / max(inside[1], 0.1 * target) * 1.05, 4.0), "
         "*limits): 0.1 * target -> (0.1)": FIRST,
-    },
-    "profiles.py": {
-        "points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at]): / -> *": FIRST,
-        "points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at]): spread[:, at] / spread[at, at] -> "
-        "(spread[:, at])": FIRST,
-        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): fitted.u + direction * (u - "
-        "fitted.u[at]) -> (fitted.u)": FIRST,
-        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): - -> +": FIRST,
-        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): fitted.u + direction * (u - "
-        "fitted.u[at]) -> (direction * (u - fitted.u[at]))": FIRST,
-        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): u - fitted.u[at] -> (u)": FIRST,
-        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): direction * (u - fitted.u[at]) -> "
-        "(direction)": FIRST,
     },
     "wording.py": {
         "if self.told and (self.high < 0 or self.low > 0):: > -> >=": EQUAL,

@@ -1,0 +1,130 @@
+"""What differs from fold to fold by chance, as ground that is raked anew: columns of known shape, SDs that are learnt.
+
+y = predicted(u) + G gamma + eps, gamma ~ N(0, diag tau^2), eps the noise. With whitened columns B, one scale d of each
+kind for its SD over the size that made the column, rows have the covariance I + B d^2 B^T: what gamma may have done is
+taken out of them, and no number has to imitate it. The d are those of greatest restricted likelihood, every uncertain
+number and every candidate left free, so that a missing effect is not taken for chance.
+Source: Patterson and Thompson, Biometrika 58 (1971) 545; Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001) 425;
+Brynjarsdottir and O'Hagan, Inverse Problems 30 (2014) 114007 (without a prior of what is left, numbers absorb it).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+MOST_SCALE = 10.0
+"""Greatest SD of a kind that is looked for, in the sizes of its columns."""
+TOLD = 1e-3
+"""Singular values of free columns below this share of the greatest are round-off; scales below it are none."""
+
+
+class Kind(NamedTuple):
+    """One way in which folds differ by chance, and the size that makes each of its columns."""
+
+    name: str
+    size: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class RandomField:
+    """What a draw of each kind at each place would move: `moved` (columns, folds, channels, samples), one fold each."""
+
+    kinds: tuple[Kind, ...]
+    kind: np.ndarray
+    "index of the kind of each column"
+    fold: np.ndarray
+    "index of the fold that each column moves"
+    moved: np.ndarray = dataclasses.field(repr=False)
+
+
+class LearntSd(NamedTuple):
+    """The SD with which folds differ in one way, and what it gains in restricted likelihood."""
+
+    kind: Kind
+    sd: float
+    "in the kind's unit; 0 where nothing speaks for it"
+    gain: float
+    "fall of -2 ln of the restricted likelihood against this SD at 0, the others as they are"
+
+
+@dataclass(frozen=True, eq=False)
+class Chance:
+    """The learnt SDs, and what they take out of the whitened rows of each fold: r -> r - W W^T r.
+
+    W = U sqrt(1 - 1 / sqrt(1 + s^2)) with B d = U s V^T, so that I - W W^T is the inverse root of I + B d^2 B^T.
+    """
+
+    learnt: tuple[LearntSd, ...]
+    basis: np.ndarray = dataclasses.field(repr=False)
+    "W (folds, channels, samples, columns)"
+
+    def taken_out(self, rows: np.ndarray, good: np.ndarray) -> np.ndarray:
+        """Return rows (..., n) of the compared samples, fold after fold, without what chance may have done."""
+        ends = np.cumsum(good.sum(axis=(1, 2)))[:-1]
+        parts = np.split(rows, ends, axis=-1)
+        kept = [part - (part @ W) @ W.T for part, W in zip(parts, map(_compared, self.basis, good), strict=True)]
+        return np.concatenate(kept, axis=-1)
+
+
+def expected(field: RandomField, learnt: Sequence[LearntSd], columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return what each column is expected to have drawn, in its kind's unit, given whitened columns and rows (n, ...).
+
+    E[gamma | r] = d (I + d G d)^-1 d b in the columns' sizes.
+    """
+    size = np.array([kind.size for kind in field.kinds])[field.kind]
+    d = np.array([one.sd for one in learnt])[field.kind] / size
+    scaled = columns * d
+    return np.asarray(size * d * np.linalg.solve(np.eye(len(d)) + scaled.T @ scaled, scaled.T @ rows))
+
+
+def _compared(table: np.ndarray, good: np.ndarray) -> np.ndarray:
+    return np.asarray(table[good])
+
+
+def chance_of(field: RandomField, columns: np.ndarray, good: np.ndarray, learnt: Sequence[LearntSd]) -> Chance:
+    """Return what these SDs take out of rows, given the whitened columns (n, columns)."""
+    scale = np.array([one.sd / one.kind.size for one in learnt])[field.kind]
+    parts = np.split(columns * scale, np.cumsum(good.sum(axis=(1, 2)))[:-1])
+    roots = [_root(part[:, np.any(part != 0.0, axis=0)]) for part in parts]
+    basis = np.zeros((*good.shape, max(root.shape[1] for root in roots)))
+    for table, own, root in zip(basis, good, roots, strict=True):
+        table[own, : root.shape[1]] = root
+    return Chance(tuple(learnt), basis)
+
+
+def _root(part: np.ndarray) -> np.ndarray:
+    u, s, _ = np.linalg.svd(part, full_matrices=False)
+    return np.asarray(u[:, s > TOLD] * np.sqrt(1 - 1 / np.sqrt(1 + s[s > TOLD] ** 2)))
+
+
+def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: RandomField) -> tuple[LearntSd, ...]:
+    """Return the SDs of greatest restricted likelihood for whitened rows (n,), `free` and drawn `columns` (n, ...).
+
+    -2 ln L = ln det(I + d G d) + r^T r - b^T d (I + d G d)^-1 d b with G = B^T B and b = B^T r, r and B without what
+    the free columns take.
+    """
+    scaled = free / np.maximum(np.linalg.norm(free, axis=0), 1e-9)
+    Q, s, _ = np.linalg.svd(scaled, full_matrices=False)
+    Q = Q[:, s > TOLD * s[0]] if s.size else Q
+    rest, B = rows - Q @ (Q.T @ rows), columns - Q @ (Q.T @ columns)
+    G, b = B.T @ B, B.T @ rest
+
+    def loss(variances: np.ndarray) -> float:
+        d = np.sqrt(variances)[field.kind]
+        M = np.eye(len(d)) + d[:, None] * G * d
+        return float(np.linalg.slogdet(M)[1] - (d * b) @ np.linalg.solve(M, d * b))
+
+    count = len(field.kinds)
+    start = np.full(count, 0.1)
+    found = minimize(loss, start, method="L-BFGS-B", bounds=[(0.0, MOST_SCALE**2)] * count).x
+    best = np.where(found > TOLD**2, found, 0.0)
+    gains = [loss(np.where(np.arange(count) == at, 0.0, best)) - loss(best) for at in range(count)]
+    rows_of = zip(field.kinds, np.sqrt(best), gains, strict=True)
+    return tuple(LearntSd(kind, kind.size * float(d), max(gain, 0.0)) for kind, d, gain in rows_of)

@@ -1,0 +1,100 @@
+"""What the drives of a log say of their ground: how much grip and slope differ, and where it is not as declared."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import COLOURED
+from rover_pin.estimation.random_field import LearntSd, RandomField, expected
+from rover_pin.estimation.wording import shown
+from rover_pin.experiments.drive_log.experiment import logged
+from rover_pin.experiments.drive_log.ground.field import KINDS, SLOPE, SLOPE_OF_RUN, shares_of
+from rover_pin.motion.replay import filled
+
+SURE = 10.8 * COLOURED
+"""Gain in -2 ln L from which slopes are not chance: chi2 of one number passes 10.8 once in 1,000."""
+MOST_OF_IT = 0.5
+"""Share of the steepest deviation from which a place belongs to the stretch that is told."""
+
+
+class Stretch(NamedTuple):
+    """The stretch of one run where the ground deviates most from the declared."""
+
+    run: str
+    slope: float
+    "mean slope along the heading beside the declared one [rad], above 0 uphill"
+    begin: float
+    end: float
+    "x of the base [m]"
+
+
+class Raked(NamedTuple):
+    """The learnt SDs of the ground, and its worst stretch where its slopes are not as declared."""
+
+    learnt: tuple[LearntSd, ...]
+    rms: float
+    "of the slope beside the declared one over all runs, as expected from the log [rad]"
+    worst: Stretch | None
+
+    @property
+    def said(self) -> str:
+        """The finding as a sentence; empty where the ground is as declared."""
+        if self.worst is None:
+            return ""
+        run, slope, begin, end = self.worst
+        return (
+            f"The ground is not as declared: its slope differs by {shown(self.rms, 'rad')} rms, most in {run}, by "
+            f"{shown(slope, 'rad')} from x = {begin:.2f} to {end:.2f} m."
+        )
+
+    @property
+    def lines(self) -> list[str]:
+        """The learnt SDs, one line."""
+        told = [f"{one.kind.name} {_size(one)}" for one in self.learnt if one.sd > 0]
+        return [f"ground, learnt (SD): {', '.join(told)}"] if told else []
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        sds = {one.kind.name: {"sd": one.sd, "unit": one.kind.unit, "gain": one.gain} for one in self.learnt}
+        return {"sds": sds, "slope_rms": self.rms, "worst": self.worst._asdict() if self.worst else None}
+
+
+def _size(one: LearntSd) -> str:
+    return shown(one.sd, one.kind.unit) if one.kind.unit else f"{one.sd:.1%}"
+
+
+def raked(fitted: Fit, field: RandomField | None) -> Raked | None:
+    """Return what a fit says of the ground of its runs; None where none was learnt."""
+    noise, experiment = fitted.task.noise, logged(fitted)
+    if field is None or noise.chance is None:
+        return None
+    learnt = noise.chance.learnt
+    plain = dataclasses.replace(noise, chance=None)
+    found = expected(field, learnt, plain.white(field.moved).T, plain.white(fitted.residual))
+    slopes = [_slope(found, field, at, shares_of(run, fitted.model.rover)) for at, run in enumerate(experiment.runs)]
+    rms = math.sqrt(float(np.mean(np.concatenate(slopes) ** 2)))
+    sure = any(one.kind in (SLOPE, SLOPE_OF_RUN) and one.gain > SURE for one in learnt)
+    return Raked(learnt, rms, _worst(fitted, slopes) if sure else None)
+
+
+def _slope(found: np.ndarray, field: RandomField, run: int, shares: np.ndarray) -> np.ndarray:
+    """Return the expected slope at each row of a run (T,)."""
+    along, whole = (found[(field.fold == run) & (field.kind == KINDS.index(kind))] for kind in (SLOPE, SLOPE_OF_RUN))
+    return np.asarray(float(whole.sum()) + (along @ shares if along.size else np.zeros(shares.shape[1])))
+
+
+def _worst(fitted: Fit, slopes: list[np.ndarray]) -> Stretch:
+    run = max(range(len(slopes)), key=lambda at: float(np.abs(slopes[at]).max()))
+    row, one = slopes[run], logged(fitted).runs[run]
+    top = int(np.argmax(np.abs(row)))
+    inside = row * np.sign(row[top]) > MOST_OF_IT * abs(row[top])
+    outside = np.flatnonzero(~inside)
+    begin = int(outside[outside < top].max(initial=-1)) + 1
+    end = int(outside[outside > top].min(initial=len(row)))
+    x = filled(one.commands.place[:, 0])[begin:end]
+    return Stretch(one.name, float(row[begin:end].mean()), float(x.min()), float(x.max()))

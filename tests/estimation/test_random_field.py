@@ -1,0 +1,122 @@
+"""What differs from fold to fold by chance: taken out of rows, learnt, and expected, against dense normal laws."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space, sqrtm
+from scipy.stats import multivariate_normal
+
+from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.random_field import Kind, LearntSd, RandomField, chance_of, expected, learnt_sds
+
+FOLDS, CHANNELS, SAMPLES = 3, 2, 12
+KINDS = (Kind("grip", 0.05, ""), Kind("slope", 0.01, "rad"))
+PER_FOLD = 4
+
+
+@pytest.fixture(scope="module")
+def field():
+    """Smooth columns, four a fold, of two kinds."""
+    random = np.random.default_rng(3)
+    count = FOLDS * PER_FOLD
+    moved = np.zeros((count, FOLDS, CHANNELS, SAMPLES))
+    fold = np.repeat(np.arange(FOLDS), PER_FOLD)
+    for at, own in enumerate(fold):
+        moved[at, own] = np.cumsum(random.normal(size=(CHANNELS, SAMPLES)), axis=1)
+    return RandomField(KINDS, np.tile([0, 0, 1, 1], FOLDS), fold, moved)
+
+
+@pytest.fixture(scope="module")
+def noise():
+    """White noise of SD 2 and 0.5; one sample of the second fold is not compared."""
+    good = np.ones((FOLDS, CHANNELS, SAMPLES), dtype=bool)
+    good[1, 0, 3] = False
+    return Noise(np.array([2.0, 0.5]), np.zeros(2), np.eye(2), good)
+
+
+def learnt_as(*sds):
+    return tuple(LearntSd(kind, sd, 0.0) for kind, sd in zip(KINDS, sds, strict=True))
+
+
+def dense(columns, field, sds):
+    """Return I + B d^2 B^T."""
+    d = np.array([sd / kind.size for sd, kind in zip(sds, KINDS, strict=True)])[field.kind]
+    return np.eye(len(columns)) + (columns * d**2) @ columns.T
+
+
+def test_what_chance_may_have_done_is_taken_out_as_the_inverse_root_of_the_whole_covariance_does(field, noise):
+    sds, columns = (0.1, 0.03), noise.white(field.moved).T
+    chance = chance_of(field, columns, noise.good, learnt_as(*sds))
+    residual = np.random.default_rng(5).normal(size=(7, FOLDS, CHANNELS, SAMPLES))
+    found = dataclasses.replace(noise, chance=chance).white(residual)
+    root = np.linalg.inv(np.real(sqrtm(dense(columns, field, sds))))
+    np.testing.assert_allclose(found, noise.white(residual) @ root, atol=1e-9)
+
+
+def test_rows_without_one_fold_are_those_of_the_other_folds(field, noise):
+    chance = chance_of(field, noise.white(field.moved).T, noise.good, learnt_as(0.1, 0.03))
+    whole = dataclasses.replace(noise, chance=chance)
+    good = noise.good.copy()
+    good[1] = False
+    residual = np.random.default_rng(6).normal(size=(FOLDS, CHANNELS, SAMPLES))
+    owner = np.nonzero(noise.good)[0]
+    found = dataclasses.replace(whole, good=good).white(residual)
+    np.testing.assert_allclose(found, whole.white(residual)[owner != 1], atol=1e-12)
+
+
+def test_where_nothing_differs_nothing_is_taken_out(field, noise):
+    chance = chance_of(field, noise.white(field.moved).T, noise.good, learnt_as(0.0, 0.0))
+    residual = np.random.default_rng(7).normal(size=(FOLDS, CHANNELS, SAMPLES))
+    np.testing.assert_array_equal(dataclasses.replace(noise, chance=chance).white(residual), noise.white(residual))
+
+
+def restricted(rows, free, covariance):
+    """Return -2 ln of the density of contrasts that no free column moves, by the normal law itself."""
+    contrasts = null_space(free.T)
+    law = multivariate_normal(np.zeros(contrasts.shape[1]), contrasts.T @ covariance @ contrasts)
+    return -2 * law.logpdf(contrasts.T @ rows)
+
+
+def test_the_learnt_sds_are_those_of_greatest_restricted_likelihood(field, noise):
+    random, columns = np.random.default_rng(8), noise.white(field.moved).T
+    free = random.normal(size=(len(columns), 3))
+    rows = np.linalg.cholesky(dense(columns, field, (0.06, 0.02))) @ random.normal(size=len(columns))
+    found = learnt_sds(rows + 20 * free @ [1.0, -2.0, 3.0], free, columns, field)
+    best = [one.sd for one in found]
+    least = restricted(rows, free, dense(columns, field, best))
+    for factors in ((1.2, 1.0), (0.8, 1.0), (1.0, 1.2), (1.0, 0.8)):
+        moved = [sd * factor for sd, factor in zip(best, factors, strict=True)]
+        assert restricted(rows, free, dense(columns, field, moved)) > least
+    for at, one in enumerate(found):
+        without = [0.0 if at == other else sd for other, sd in enumerate(best)]
+        assert one.gain == pytest.approx(restricted(rows, free, dense(columns, field, without)) - least, abs=1e-6)
+
+
+def test_sds_are_found_again_on_the_average_and_what_is_not_there_is_not(field, noise):
+    random, columns = np.random.default_rng(9), noise.white(field.moved).T
+    free = random.normal(size=(len(columns), 2))
+    root = np.linalg.cholesky(dense(columns, field, (0.1, 0.0)))
+    found = [learnt_sds(root @ random.normal(size=len(columns)), free, columns, field) for _ in range(60)]
+    grip, slope = np.array([[one.sd for one in each] for each in found]).T
+    assert np.sqrt(np.mean(grip**2)) == pytest.approx(0.1, rel=0.15)
+    assert np.mean(slope == 0.0) > 0.4
+    assert np.mean([each[1].gain > 10.8 for each in found]) == 0.0
+
+
+def test_what_a_free_column_takes_is_not_taken_for_chance(field, noise):
+    columns = noise.white(field.moved).T
+    effect = columns @ np.where(field.kind == 0, 2.0, 0.0)
+    rows = effect + 0.3 * np.random.default_rng(10).normal(size=len(columns))
+    told = [learnt_sds(rows, free, columns, field)[0].sd for free in (effect[:, None], 0.0 * effect[:, None])]
+    assert told[0] < 1e-3 < 0.05 < told[1]
+
+
+def test_the_expected_draws_are_those_of_the_joint_normal_law(field, noise):
+    sds, columns = (0.1, 0.03), noise.white(field.moved).T
+    rows = np.random.default_rng(11).normal(size=len(columns))
+    sizes = np.array([KINDS[at].size for at in field.kind])
+    variance = np.array([sds[at] ** 2 for at in field.kind])
+    across = (variance / sizes)[:, None] * columns.T
+    wanted = across @ np.linalg.solve(dense(columns, field, sds), rows)
+    np.testing.assert_allclose(expected(field, learnt_as(*sds), columns, rows), wanted, rtol=1e-9, atol=1e-12)

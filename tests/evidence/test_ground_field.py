@@ -1,0 +1,192 @@
+"""The ground of a log as a random field: what grip and slope move, what is learnt of them, and what is said."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.body.profile import FAR, Profile
+from rover_pin.body.rover import load_rover
+from rover_pin.body.shapes import flat
+from rover_pin.body.terrain import Lanes
+from rover_pin.contact import Soil
+from rover_pin.discrepancy.screen import signatures, with_chance
+from rover_pin.effects.gravity_tilt import GravityTilt
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.estimation.fit import Task, fit
+from rover_pin.estimation.noise import Noise
+from rover_pin.estimation.random_field import LearntSd
+from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.ground import field as ground
+from rover_pin.experiments.drive_log.ground import raked
+from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.motion.model import Model, base_effects
+from rover_pin.motion.motors import nexus6_motor
+from rover_pin.motion.place import Start
+from rover_pin.motion.replay import PERIOD, Commands, replay
+from rover_pin.motion.trace import Trace
+from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.traction import TorqueTraction
+
+SECONDS, SD = 12.0, 1e-3
+
+
+@pytest.fixture(scope="module")
+def model():
+    rover, soil = load_rover("nexus6"), Soil().replace(k=0.005)
+    effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), FixedAngles()))
+    return Model(rover, flat(), (soil,), nexus6_motor(), effects=effects)
+
+
+def commands(model, duty, yaw=0.0):
+    t = PERIOD * np.arange(round(SECONDS / PERIOD))
+    steer = np.zeros((len(t), sum(wheel.steer_dof is not None for wheel in model.rover.wheels)))
+    return Commands(t, np.full((len(t), 6), duty), steer, np.full((len(t), 3), np.nan), Start(yaw=yaw))
+
+
+def logged(truths, name="run"):
+    """Return a run of each truth, without noise of its sensors."""
+    found = []
+    for at, (truth, duty, yaw) in enumerate(truths):
+        asked = commands(truth, duty, yaw)
+        drive = replay(truth, asked)
+        wheels = [wheel.name for wheel in truth.rover.wheels]
+        duties = {f"duty_{wheel}": asked.duty[:, one] for one, wheel in enumerate(wheels)}
+        attrs = {"start": dataclasses.asdict(asked.start), "file": f"{name}-{at}.csv"}
+        found.append(logged_run(Trace({**drive.channels, **duties}, attrs=attrs), truth.rover))
+    return found
+
+
+@pytest.fixture(scope="module")
+def two(model):
+    return experiment_of(logged([(model, 0.6, 0.0), (model, 0.7, 0.0)]), model)
+
+
+@pytest.fixture(scope="module")
+def field(two, model):
+    return two.random_field(model)
+
+
+def of(field, kind, fold):
+    """Return the columns of a kind of one run (columns, channels, blocks)."""
+    return field.moved[(field.kind == ground.KINDS.index(kind)) & (field.fold == fold), fold]
+
+
+def test_each_column_moves_its_own_run_alone(field):
+    for at, fold in enumerate(field.fold):
+        assert not np.delete(field.moved[at], fold, axis=0).any()
+        assert np.isfinite(field.moved[at]).all()
+
+
+def test_places_share_the_way_evenly(two, model):
+    for run in two.runs:
+        shares = ground.shares_of(run, model.rover)
+        assert len(shares) > 3
+        np.testing.assert_allclose(shares.sum(axis=0), 1.0)
+        assert np.all(shares.max(axis=1) > 0.9)
+
+
+def test_a_rover_that_stands_has_one_place(two, model):
+    run = two.runs[0]
+    still = np.tile([0.3, 0.0, 0.0], (len(run.commands.t), 1))
+    stands = dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=still))
+    np.testing.assert_array_equal(ground.shares_of(stands, model.rover), np.ones((1, len(run.commands.t))))
+
+
+def test_a_long_way_has_no_more_places_than_the_most(two, model):
+    run = two.runs[0]
+    place = run.commands.place * [50.0, 1.0, 1.0]
+    far = dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=place))
+    assert len(ground.shares_of(far, model.rover)) == ground.MOST
+
+
+def test_the_grip_of_a_run_moves_what_a_soil_of_another_friction_angle_moves(two, model, field):
+    soil = model.soils[0]
+    phi = math.atan((1 + ground.GRIP.size) * math.tan(soil.phi))
+    other = model.replace(soils=(soil.replace(phi=phi), *model.soils[1:]))
+    still, gripped = two.predict([model, other])
+    scale = np.nanmax(np.abs(gripped - still), axis=2)
+    for fold in range(2):
+        moved = of(field, ground.GRIP_OF_RUN, fold)[0]
+        assert np.nanmax(np.abs(moved - (gripped - still)[fold]) / np.maximum(scale[fold], 1e-6)[:, None]) < 0.05
+
+
+def test_the_slope_of_a_run_moves_what_a_ground_of_that_slope_moves(model):
+    """The ground itself is inclined, a second way to say it: drive, currents and attitude move alike."""
+    rise = Lanes((Profile(np.array([-FAR, FAR]), np.array([-FAR, FAR]) * math.tan(ground.SLOPE.size)),))
+    experiment = experiment_of(logged([(model, 0.6, 0.0)]), model)
+    inclined = experiment_of(experiment.runs, model.replace(terrain=rise))
+    difference = inclined.predict([model.replace(terrain=rise)])[0] - experiment.predict([model])[0]
+    moved = of(experiment.random_field(model), ground.SLOPE_OF_RUN, 0)[0]
+    for name in ("path", "body_pitch", "current_ml_A", "wheel_rate_rr"):
+        row = experiment.channels.index(name)
+        use = experiment.runs[0].usable
+        wanted, found = difference[0, row, use], moved[row, use]
+        assert found @ wanted > 0.99 * np.linalg.norm(found) * np.linalg.norm(wanted), name
+        assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(wanted), rel=0.1), name
+
+
+def taught(experiment, model):
+    """Return the fit of a base model and its noise, with the ground's SDs learnt, phi free."""
+    good = np.isfinite(experiment.observed)
+    noise = Noise(np.full(len(experiment.channels), SD), np.zeros(len(experiment.channels)),
+                  np.eye(len(experiment.channels)), good)  # fmt: skip
+    base = fit(Task(experiment, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
+    chance = experiment.random_field(base.model)
+    return with_chance(base, signatures(base, ()), chance), chance
+
+
+def test_runs_on_slopes_of_their_own_are_told_and_where(model):
+    truths = [(model.having(GravityTilt(rise_x=rise, rise_y=0.0)), 0.6, 0.0) for rise in (0.02, -0.02, 0.0)]
+    experiment = experiment_of(logged(truths), model)
+    # a tilt of gravity shows in the drive, not in the attitude, which is of the table's frame: pitch is left out
+    found, chance = taught(_without(experiment, "body_pitch", "body_z"), model)
+    told = raked.raked(found, chance)
+    of_run = next(one for one in told.learnt if one.kind == ground.SLOPE_OF_RUN)
+    assert of_run.sd == pytest.approx(0.02, rel=0.4)
+    assert told.rms == pytest.approx(0.02 * math.sqrt(2 / 3), rel=0.15)
+    assert abs(told.worst.slope) == pytest.approx(0.02, rel=0.15)
+    assert told.worst.run in ("run-0", "run-1")
+    assert math.copysign(1.0, told.worst.slope) == (1.0 if told.worst.run == "run-0" else -1.0)
+    assert told.said.startswith("The ground is not as declared: its slope differs by")
+    assert "slope of a run" in told.lines[0]
+    assert told.as_dict()["worst"]["run"] == told.worst.run
+
+
+def test_ground_as_declared_is_not_doubted(model):
+    experiment = experiment_of(logged([(model, 0.6, 0.0), (model, 0.7, 0.0)]), model)
+    found, chance = taught(experiment, model)
+    told = raked.raked(found, chance)
+    assert told.worst is None
+    assert told.said == ""
+    assert told.rms < 1e-3
+
+
+def test_nothing_is_told_where_no_field_was_learnt(two, model, field):
+    good = np.isfinite(two.observed)
+    count = len(two.channels)
+    noise = Noise(np.full(count, SD), np.zeros(count), np.eye(count), good)
+    plain = fit(Task(two, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
+    assert raked.raked(plain, field) is None
+    assert raked.raked(plain, None) is None
+
+
+def test_slopes_are_doubted_beyond_chance_alone(two, model, field, monkeypatch):
+    found, chance = taught(two, model)
+    for gain, doubted in ((raked.SURE - 0.1, False), (raked.SURE + 0.1, True)):
+        learnt = tuple(LearntSd(kind, 0.01, gain if kind == ground.SLOPE else 0.0) for kind in ground.KINDS)
+        noise = found.task.noise
+        told = dataclasses.replace(noise, chance=dataclasses.replace(noise.chance, learnt=learnt))
+        one = dataclasses.replace(found, task=dataclasses.replace(found.task, noise=told))
+        assert (raked.raked(one, chance).worst is not None) is doubted
+
+
+def _without(experiment, *names):
+    keep = np.array([name not in names for name in experiment.runs[0].channels])
+    runs = tuple(
+        dataclasses.replace(run, channels=tuple(np.array(run.channels)[keep].tolist()), seen=run.seen[keep])
+        for run in experiment.runs
+    )
+    return dataclasses.replace(experiment, runs=runs)
