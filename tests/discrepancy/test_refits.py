@@ -50,6 +50,12 @@ def test_what_was_added_is_the_best_of_each_round_or_what_stands_in_its_place():
     assert searched(()).alike == searched().alike == ()
 
 
+def test_a_search_counts_what_its_first_round_scored():
+    first, second = (search.Round(scored, ()) for scored in (("A", "B", "C"), ("A",)))
+    assert search.Search(None, (first, second), ()).count == 3
+    assert search.Search(None, (), ()).count == 0
+
+
 def test_rivals_of_the_last_round_stand_for_the_whole():
     assert searched((refit("A"), refit("E"))).alike == ("A", "E")
     assert searched((refit("A"),), (refit("B"), refit("C", "D"), refit("F")), ()).alike == ("A + B", "D + C", "A + F")
@@ -280,6 +286,9 @@ def test_a_refit_that_does_no_better_than_none_starts_again_near_nothing(monkeyp
         assert (found.gain, found.fee, found.held_out) == (100.0 - kept, 7.0, 4.0)
         assert starts == pytest.approx(started_with)
         assert set(slopes) == {given}
+    made, slopes[:] = iter(chi2), []
+    compare._refit(base, base, row, lambda candidate: 7.0, np.zeros(2))
+    assert set(slopes) == {"old"}, "with the slopes of the start, unless told"
 
 
 @pytest.mark.parametrize(("share", "value"), [(0.5, 0.85), (-0.5, 1.15), (9.0, 0.1), (-9.0, 1.9)])

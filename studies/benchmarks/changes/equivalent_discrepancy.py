@@ -103,4 +103,8 @@ DISCREPANCY: dict[tuple[str, str], str] = {
         "rover_pin/discrepancy/search.py",
         "while len(found.rounds) < most and len(found.found) == len(found.rounds):: == -> >=",
     ): "no more is found than there are rounds",
+    (
+        "rover_pin/discrepancy/judge.py",
+        "alone = held_out_share(found.base, first_of(found).last) if found.found and left.unlisted else 0.0: and -> or",
+    ): "not read where nothing was found, or nothing left",
 }
