@@ -107,4 +107,8 @@ DISCREPANCY: dict[tuple[str, str], str] = {
         "rover_pin/discrepancy/judge.py",
         "alone = held_out_share(found.base, first_of(found).last) if found.found and left.unlisted else 0.0: and -> or",
     ): "not read where nothing was found, or nothing left",
+    (
+        "rover_pin/discrepancy/screen.py",
+        "before = np.concatenate([np.zeros_like(doubted[..., :1, :]), doubted[..., :-1, :]], axis=-2): -2 -> (2)",
+    ): "of four axes the last but one is number 2",
 }
