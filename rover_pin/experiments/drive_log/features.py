@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,7 @@ class LoggedRun:
     counted: np.ndarray = field(repr=False)
     "which rows are compared (T,)"
 
-    @property
+    @cached_property
     def usable(self) -> np.ndarray:
         """Which blocks are compared (blocks,)."""
         return blocks(self.counted, self.commands.period) > WHOLE
@@ -64,9 +65,9 @@ class LoggedRun:
         read = dict(channels)
         for sensor in sensors:
             read |= sensor.read(self.commands.t, read)
-        return np.array(
-            [levelled(name, blocks(row, self.commands.period), self.usable) for name, row in self._rows(read)]
-        )
+        rows = dict(self._rows(read))
+        means = blocks(np.array(list(rows.values())), self.commands.period)
+        return np.array([levelled(name, block, self.usable) for name, block in zip(rows, means, strict=True)])
 
     def measured_rows(self) -> dict[str, np.ndarray]:
         """Return the features before they are averaged over blocks, as measured (T,) by name."""
@@ -146,11 +147,11 @@ def leaky(steps: np.ndarray, period: float) -> np.ndarray:
     return np.asarray(lfilter([1.0], [1.0, -np.exp(-period / LEAK)], steps))
 
 
-def blocks(row: np.ndarray, period: float) -> np.ndarray:
-    """Return means over BLOCK; rows that do not fill the last block are left out."""
+def blocks(rows: np.ndarray, period: float) -> np.ndarray:
+    """Return means over BLOCK along the last axis; what does not fill the last block is left out."""
     length = max(1, round(BLOCK / period))
-    count = len(row) // length
-    return np.asarray(row[: count * length], dtype=float).reshape(count, length).mean(axis=1)
+    count = rows.shape[-1] // length
+    return np.asarray(rows[..., : count * length], dtype=float).reshape(*rows.shape[:-1], count, length).mean(axis=-1)
 
 
 def levelled(name: str, block: np.ndarray, use: np.ndarray) -> np.ndarray:
