@@ -46,11 +46,21 @@ def test_too_small_a_stated_noise_is_pointed_at_from_1_6_times():
     assert "repeats scatter 1.7 times as much as the stated noise" in said(rig_of(scattered(1.66)))
 
 
-def test_repeats_at_different_loads_are_not_told_from_noise():
-    data = rig_of(scattered(5.0), load=np.tile([10.0, 20.0], LEVELS))
+@pytest.mark.parametrize("loads", [(10.0, 20.0), (30.0, 50.0), (10.0, 11.5)])
+def test_runs_of_a_level_under_other_loads_are_no_repeats(loads):
+    """The set with two loads that the page asks for was told that its repeats scatter 4 times the noise."""
+    data = rig_of(scattered(5.0), load=np.tile(loads, LEVELS))
     assert "the stated noise" not in said(data)
-    near = rig_of(scattered(5.0), load=np.tile([10.0, 15.0], LEVELS))
-    assert "the stated noise" in said(near)
+    assert "no level is repeated" in said(data)
+
+
+def test_repeats_are_found_among_runs_of_two_loads():
+    """Each level twice under either load, in any order: the pooled SD is that within a load."""
+    pull = np.repeat(np.linspace(0, 1, LEVELS), 4) + np.tile([0.0, 1.0, 0.0, 1.0], LEVELS)
+    pull += np.tile([1, 1, -1, -1], LEVELS) * 3.0 * SD / np.sqrt(2)
+    data = rig_of(pull, load=np.tile([30.0, 50.0, 30.9, 49.0], LEVELS))
+    assert repeat_sd(data, data.rig.channels[0]) == pytest.approx(3.0)
+    assert "repeats scatter 3.0 times" in said(data)
 
 
 @pytest.mark.parametrize(("off", "named"), [(4.9, False), (5.1, True)])

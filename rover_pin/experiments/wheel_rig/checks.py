@@ -18,6 +18,9 @@ FEWEST_LEVELS = 3
 LEAST_RANGE = 0.15
 """Slips that span less than this tell no dependence on slip."""
 
+SAME_WEIGHT = 1.1
+"""Runs of a level whose loads, in order, step by less than this are repeats: assumed, a hung weight varies by 5 %."""
+
 OUTLYING = 5.0
 """A run this many SDs from the median of its repeats is named."""
 
@@ -88,7 +91,7 @@ def findings(data: RigSet) -> list[Finding]:
     if np.max(rig.load) < SAME_LOAD * np.min(rig.load):
         what = f"all loads are alike ({np.min(rig.load):.3g} to {np.max(rig.load):.3g} N)"
         found.append(Finding(what, "load_N", "n, c and effects of the load cannot be told; vary the load 1.5 times"))
-    if np.bincount(data.level).max() < 2:
+    if np.bincount(repeats(data)).max() < 2:
         found.append(
             Finding("no level is repeated", "level", "the noise is as stated, not measured; repeat each level")
         )
@@ -99,26 +102,33 @@ def findings(data: RigSet) -> list[Finding]:
     return found
 
 
+def repeats(data: RigSet) -> np.ndarray:
+    """Return which group of repeats each run is of: those of a level whose loads differ by less than SAME_WEIGHT."""
+    order = np.lexsort((data.rig.load, data.level))
+    load, level = data.rig.load[order], data.level[order]
+    other = (np.diff(level) != 0) | (load[1:] > SAME_WEIGHT * load[:-1])
+    group = np.empty(order.size, dtype=int)
+    group[order] = np.concatenate([[0], np.cumsum(other)])
+    return group
+
+
 def repeat_sd(data: RigSet, channel: RigChannel) -> float:
-    """Return the pooled SD of repeats in stated SDs, NaN where no level is repeated."""
-    scaled = channel.measured / channel.sd
-    count = np.bincount(data.level)
-    mean = np.bincount(data.level, scaled) / count
+    """Return the pooled SD of repeats in stated SDs, NaN where no run is repeated."""
+    scaled, group = channel.measured / channel.sd, repeats(data)
+    count = np.bincount(group)
+    mean = np.bincount(group, scaled) / count
     freedom = scaled.size - count.size
-    return float(np.sqrt(np.sum((scaled - mean[data.level]) ** 2) / freedom)) if freedom > 0 else float("nan")
+    return float(np.sqrt(np.sum((scaled - mean[group]) ** 2) / freedom)) if freedom > 0 else float("nan")
 
 
 def _of_repeats(data: RigSet, channel: RigChannel) -> list[Finding]:
     found: list[Finding] = []
-    repeats = repeat_sd(data, channel)
-    loads_differ = np.ptp(data.rig.load) > 0.5 * np.mean(data.rig.load)
-    if loads_differ:
-        return found
-    if repeats > 1.6:
-        what = f"repeats scatter {repeats:.1f} times as much as the stated noise"
+    scatter, group = repeat_sd(data, channel), repeats(data)
+    if scatter > 1.6:
+        what = f"repeats scatter {scatter:.1f} times as much as the stated noise"
         found.append(Finding(what, channel.column, "state the larger noise"))
-    for i in range(len(data.level_names)):
-        at = np.flatnonzero(data.level == i)
+    for i in range(group.max() + 1):
+        at = np.flatnonzero(group == i)
         off = np.abs(channel.measured[at] - np.median(channel.measured[at])) / channel.sd[at]
         if at.size > 2 and off.max() > OUTLYING:
             what = f"{data.runs[at[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
