@@ -24,14 +24,15 @@ from rover_pin.discrepancy.verdict import Verdict
 
 
 def experiment(folds=12, exact=True, noise="declared"):
-    return SimpleNamespace(folds=tuple(range(folds)), is_exact=exact, noise=lambda: noise)
+    return SimpleNamespace(
+        folds=tuple(range(folds)), is_exact=exact, noise=lambda: noise, random_field=lambda model: None
+    )
 
 
 def fitted(**how):
     noise = SimpleNamespace(inflation=1.5)
-    return SimpleNamespace(
-        predicted=np.zeros((1, 2, 1)), task=SimpleNamespace(experiment=experiment(**how), noise=noise)
-    )
+    task = SimpleNamespace(experiment=experiment(**how), noise=noise)
+    return SimpleNamespace(predicted=np.zeros((1, 2, 1)), task=task, model=None)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +65,7 @@ def looked(monkeypatch):
             "signatures": lambda base, tried: [],
             "_round": lambda found, tried, progress: another("singles", made.pop(0)),
             "_pairs": lambda found, count, progress: another("pairs", Found()),
-            "_with_what_is_left": lambda base, known, least: another("noise", base),
+            "_with_what_is_left": lambda base, known, chance, least: another("noise", base),
             "again": lambda base: base,
             "is_adequate": lambda base: adequate,
         }

@@ -1,6 +1,7 @@
 """The score test's parts against dense linear algebra: reach, score, what no candidate explains, where it is tried."""
 
 import math
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -40,15 +41,25 @@ def test_a_size_at_neutral_bounds_nothing_and_a_freed_number_goes_either_way():
     assert _reachable(Signature(freed, {"soil.k": 1.0}, np.zeros(1), {"soil.k": 0.5}), -1e9) == -1e9
 
 
+@dataclass(frozen=True)
+class White:
+    """Noise of SD 1 without memory, and no chance beside it."""
+
+    chance: None = None
+
+    def white(self, values):
+        return np.reshape(values, (*np.shape(values)[:-3], -1))
+
+
 def based(random, runs=3, channels=2, blocks=7, u=(0.4, -0.7), far=0.5):
     """A fit away from its optimum: one number with a prior, one without. Rows are measured minus predicted,
     columns what they change by with u; the noise is white."""
     shape = (runs, channels, blocks)
     slopes = {name: random.normal(size=shape) for name in ("a", "b")}
     residual = far * random.normal(size=shape)
-    flat = lambda values: np.reshape(values, (*np.shape(values)[:-3], -1))  # noqa: E731
+    flat = White().white
     parameters = (Parameter("a", 0.0, 1.0, -9, 9), Parameter("b", 0.0, 1.0, -9, 9, prior=False))
-    noise = SimpleNamespace(white=flat)
+    noise = White()
     return SimpleNamespace(
         rows=flat(residual), residual=residual, slopes=slopes, columns=-flat(np.array([slopes["a"], slopes["b"]])).T,
         parameters=parameters, u=np.array(u), task=SimpleNamespace(noise=noise),
