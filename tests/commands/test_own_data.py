@@ -105,3 +105,10 @@ def test_a_poor_set_is_told_so_and_a_wrong_one_refused(run):
     code, _, err = run("check-data", "poor")
     assert code == 2
     assert err.count("\n") == 1
+
+
+def test_identify_says_which_path_is_not_there(run, tmp_path):
+    code, _, err = run("identify", "nothere")
+    assert code == 2
+    assert "nothere: there is no such file or folder; give a folder with rig.toml" in err
+    assert "no such" not in run("identify", tmp_path)[2]

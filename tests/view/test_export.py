@@ -2,6 +2,8 @@
 
 import io
 import json
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +49,25 @@ def test_mcap_has_every_row_and_every_link(run, log):
     base = frames[-1][0]
     assert base["translation"]["x"] == pytest.approx(log["body_x"][-1])
     assert sum(each**2 for each in base["rotation"].values()) == pytest.approx(1.0)
+
+
+def test_rerun_has_every_link_and_every_channel(run, log):
+    pytest.importorskip("rerun", reason="an extra of its own, too large for CI's")
+    file = exported(run, "rerun")
+    assert file.suffix == ".rrd"
+    written = file.read_bytes()
+    wheels = [f"wheel_{name}_link" for name in log.wheels]
+    assert all(f"/rover/{name}".encode() in written for name in ["base_link", *wheels])
+    assert all(f"/channels/{name}".encode() in written for name in log if name != "t_s")
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg on the path")
+def test_a_film_plays_from_the_drives_first_second_to_its_last(run):
+    assert run("drive", "flat", "--set", "duration=1", "--mp4")[0] == 0
+    words = ["ffmpeg", "-v", "error", "-i", "out/drive/drive.mp4", "-f", "rawvideo", "-pix_fmt", "gray", "-"]
+    frames = subprocess.run(words, capture_output=True, check=True)
+    assert frames.stderr == b""
+    assert len(frames.stdout) > 10 * 600 * 250  # ten pictures of the size that they are drawn at
 
 
 def test_what_is_missing_is_said(run, log, monkeypatch):
