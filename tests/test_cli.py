@@ -259,7 +259,7 @@ REFUSED = [
     ("bounds --slope-deg 100", "slope = 100 deg is not allowed"),
     ("bounds --rover x", "There is no rover 'x'"),
     ("bounds --gravity z", "gravity = 'z'"),
-    ("identify gone", "gone: give a folder with rig.toml"),
+    ("identify gone", "gone: there is no such file or folder; give a folder with rig.toml"),
     ("identify empty.csv", "empty.csv"),
     (
         "close-loop gone",

@@ -44,6 +44,6 @@ def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:
         return read_traction_points(path)
     absent = "" if path.is_dir() else "there is no such file or folder; "
     raise DataError(
-        f"{path}: {absent}give a folder with rig.toml (wheel rig) or drive.toml (drive log), or a CSV file with the columns "
-        "slip, traction_factor, sd."
+        f"{path}: {absent}give a folder with rig.toml (wheel rig) or drive.toml (drive log), or a CSV file with the "
+        "columns slip, traction_factor, sd."
     )
