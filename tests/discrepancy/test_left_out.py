@@ -85,6 +85,7 @@ def test_fits_to_the_others_start_where_the_whole_one_ended_and_a_lost_run_count
 
     parameters = (Parameter("a", 2.0, 0.5, -9, 9), Parameter("b", 1.0, 0.25, -9, 9, prior=False))
     noise = SimpleNamespace(good=np.ones((RUNS, 2, 1), dtype=bool), floor=np.array([0.1, 0.3]))
+    noise.good[0, 1, 0] = False
     fitted = SimpleNamespace(
         residual=np.full((RUNS, 2, 1), 9.0), predicted=np.zeros((RUNS, 2, 1)), parameters=parameters,
         u=np.array([0.4, -1.0]), slopes={"a": np.ones(1), "b": np.ones(1)}, model=None,
@@ -97,7 +98,7 @@ def test_fits_to_the_others_start_where_the_whole_one_ended_and_a_lost_run_count
     assert [list(one[:, 0]) for one in left] == [[1.0, 1.0], [100.0, 300.0], [3.0, 3.0]]
     assert LOST == 1e3
     for run, (good, origins, start) in enumerate(seen):
-        assert list(good.all(axis=(1, 2))) == [run != each for each in range(RUNS)]
+        assert list(good.any(axis=(1, 2))) == [run != each for each in range(RUNS)], "also what is compared in part"
         assert origins == [2.0, 0.75]
         assert start == [0.4, 0.0]
 
