@@ -68,8 +68,8 @@ linear, channels = module("linear_drive"), module("drive_channels")
 OWNER = linear.owner_of_rows()
 SILENT = lambda line: None  # noqa: E731
 
-ODDS, MOST, FAR, UNKNOWN, MUCH = 20.0, 3, 3.0, 90.0, 0.1
-COLOURED, SOUGHT, ROUGH, STILL, MULTIPLES = 2.25, 3.0, 0.01, 0.3, (0.8, 1.2, 1.8, 2.7)
+ODDS, MOST, FAR, UNKNOWN, MUCH = 13.0, 3, 3.0, 90.0, 0.1
+COLOURED, SOUGHT, ROUGH, STILL, MULTIPLES = 1.5, 3.0, 0.01, 0.3, (0.8, 1.2, 1.8, 2.7)
 """The limits as they are stated: to change one is a decision, and a test says so."""
 
 
