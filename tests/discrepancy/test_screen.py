@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy import place
+from rover_pin.discrepancy import place, screen, search
 from rover_pin.discrepancy.anchor import is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.screen import Scored, Signature, _reachable, saturated, score, started, trials
@@ -190,3 +190,58 @@ def test_a_neighbour_that_gains_no_more_is_left_where_it_is(monkeypatch):
     monkeypatch.setattr(place, "score", lambda base, near: [SimpleNamespace(candidate=9, gain=5.0)])
     base = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(neighbours=lambda one, step: [9])))
     assert place.placed(base, SimpleNamespace(candidate=1, gain=5.0)).candidate == 1
+
+
+# --- chance beside the noise -----------------------------------------------------------------------------------------
+
+
+def field_of(random):
+    """A random field of two columns (shares of SD 1, each at its own size)."""
+    return SimpleNamespace(moved=random.normal(size=(2, 3, 2, 7)), kind=np.array([0, 1]), kinds=("grip", "slope"))
+
+
+def test_a_random_field_explains_as_much_as_its_sds_allow():
+    """Least squares with a prior of SD 1 on each of its columns, next to none on the others."""
+    random = np.random.default_rng(6)
+    base, field = based(random, far=3.0), field_of(random)
+    left, _ = saturated(base, [Signature(RATE, {}, random.normal(size=(3, 2, 7)))], field)
+    moved = np.array([base.slopes["a"], base.slopes["b"], random_signature(6), *field.moved])
+    X, root = moved.reshape(5, -1).T, np.sqrt(weights_of(base.rows))
+    prior = np.diag([*(1e-2 * np.linalg.norm(X[:, :3], axis=0)), 1.0, 1.0])
+    share, *_ = np.linalg.lstsq(
+        np.vstack([root[:, None] * X, prior]), np.concatenate([root * base.rows, np.zeros(5)]), rcond=None
+    )
+    np.testing.assert_allclose(left.ravel(), base.rows - X @ share, atol=1e-8)
+
+
+def random_signature(seed):
+    """The signature that is drawn after the base and the field."""
+    random = np.random.default_rng(seed)
+    based(random, far=3.0)
+    field_of(random)
+    return random.normal(size=(3, 2, 7))
+
+
+def test_sds_are_learnt_from_weighted_rows_beside_numbers_and_candidates(monkeypatch):
+    random, seen = np.random.default_rng(7), []
+    base, field, moved = based(random, far=6.0), field_of(random), random.normal(size=(3, 2, 7))
+    monkeypatch.setattr(screen, "learnt_sds", lambda *given: seen.extend(given) or ())
+    monkeypatch.setattr(screen, "chance_of", lambda *given: None)
+    monkeypatch.setattr(screen.dataclasses, "replace", lambda record, **values: record)
+    base.task.noise.__dict__["good"] = None
+    screen.with_chance(base, [Signature(RATE, {}, moved)], field)
+    rows, free, columns, given = seen
+    W = np.diag(weights_of(base.rows)) ** 0.5
+    X = np.array([base.slopes["a"], base.slopes["b"], moved]).reshape(3, -1).T
+    assert given is field
+    np.testing.assert_allclose(rows, W @ base.rows)
+    np.testing.assert_allclose(free, W @ X)
+    np.testing.assert_allclose(columns, W @ field.moved.reshape(2, -1).T)
+
+
+@pytest.mark.parametrize("field", [None, "field"])
+def test_chance_is_learnt_beside_the_noise_where_there_is_a_field(field, monkeypatch):
+    monkeypatch.setattr(search, "saturated", lambda base, known, chance: ("left", "absorbed"))
+    monkeypatch.setattr(search, "with_noise", lambda base, left, least, absorbed: "noisy")
+    monkeypatch.setattr(search, "with_chance", lambda noisy, known, chance: (noisy, chance))
+    assert search._with_what_is_left("base", [], field, "least") == ("noisy" if field is None else ("noisy", field))
