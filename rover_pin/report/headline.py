@@ -17,8 +17,9 @@ FEW = 4
 
 
 def headline(verdict: Verdict, manner: Manner) -> str:
-    """Return the verdict in one sentence with numbers and units."""
-    return capital(human(SENTENCES[verdict.answer](verdict, manner), kinds_of(verdict)))
+    """Return the verdict in one sentence with numbers and units, and what else of these data is to be known first."""
+    said = capital(human(SENTENCES[verdict.answer](verdict, manner), kinds_of(verdict)))
+    return f"{said} {manner.besides}" if manner.besides else said
 
 
 def by_outcome(scores: Sequence[ChannelScore], *outcomes: Outcome) -> list[ChannelScore]:

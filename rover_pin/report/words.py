@@ -30,6 +30,8 @@ class Manner(NamedTuple):
     "the meaning of a fold's name, as 'S = 0.5'"
     evidence: tuple[str, ...] = ()
     "what only this kind of data can say for a verdict"
+    besides: str = ""
+    "what else of these data is to be known first, a sentence"
 
 
 def brief(value: float, unit: str, digits: int = 2) -> str:

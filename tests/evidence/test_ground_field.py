@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -150,7 +151,12 @@ def test_runs_on_slopes_of_their_own_are_told_and_where(model):
     assert abs(told.worst.slope) == pytest.approx(0.02, rel=0.15)
     assert told.worst.run in ("run-0", "run-1")
     assert math.copysign(1.0, told.worst.slope) == (1.0 if told.worst.run == "run-0" else -1.0)
-    assert told.said.startswith("The ground is not as declared: its slope differs by")
+    way = "more uphill" if told.worst.run == "run-0" else "more downhill"
+    assert re.fullmatch(
+        rf"The ground is not as declared: its slope differs by 0\.9\d? deg rms, most in {told.worst.run}, "
+        rf"1\.\d deg {way} from x = [-\d.]+ to [\d.]+ m\.",
+        told.said,
+    )
     assert "slope of a run" in told.lines[0]
     assert told.as_dict()["worst"]["run"] == told.worst.run
 

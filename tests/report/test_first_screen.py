@@ -106,6 +106,13 @@ def test_a_run_that_the_others_predict_worse_is_a_doubt(verdict, after, doubted)
     assert any(one.startswith(line) for one in doubt(dataclasses.replace(verdict, runs=runs), RIG)) is doubted
 
 
+def test_what_is_to_be_known_first_follows_the_headline(verdict):
+    plain = headline(verdict, RIG)
+    assert headline(verdict, RIG._replace(besides="The ground is not as declared.")) == (
+        f"{plain} The ground is not as declared."
+    )
+
+
 def test_folds_that_all_choose_the_same_are_said_once(verdict):
     chosen = {f"{level}.0": "SupplySag" for level in range(16)}
     said = WhichEffect(dataclasses.replace(verdict, chosen=chosen), RIG).content()["again"]

@@ -42,12 +42,14 @@ SHOWN = 2
 
 
 def manner_of(verdict: Verdict) -> Manner:
-    """Return what a drive log calls its parts, and what its free runs say."""
+    """Return what a drive log calls its parts, and what its free runs and its ground say."""
+    extra = extra_of(verdict)
     return Manner(
         "on runs it never saw",
         "runs",
         words_of,
-        evidence=tuple(_free_said(extra_of(verdict).free) if verdict.named else ()),
+        evidence=tuple(_free_said(extra.free) if verdict.named else ()),
+        besides=extra.ground.said if extra.ground else "",
     )
 
 

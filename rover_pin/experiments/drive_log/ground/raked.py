@@ -47,9 +47,10 @@ class Raked(NamedTuple):
         if self.worst is None:
             return ""
         run, slope, begin, end = self.worst
+        uphill = "more uphill" if slope > 0 else "more downhill"
         return (
-            f"The ground is not as declared: its slope differs by {shown(self.rms, 'rad')} rms, most in {run}, by "
-            f"{shown(slope, 'rad')} from x = {begin:.2f} to {end:.2f} m."
+            f"The ground is not as declared: its slope differs by {_degrees(self.rms)} rms, most in {run}, "
+            f"{_degrees(abs(slope))} {uphill} from x = {begin:.2f} to {end:.2f} m."
         )
 
     @property
@@ -66,6 +67,10 @@ class Raked(NamedTuple):
 
 def _size(one: LearntSd) -> str:
     return shown(one.sd, one.kind.unit) if one.kind.unit else f"{one.sd:.1%}"
+
+
+def _degrees(slope: float) -> str:
+    return f"{math.degrees(slope):.2g} deg"
 
 
 def raked(fitted: Fit, field: RandomField | None) -> Raked | None:
