@@ -18,6 +18,7 @@ from rover_pin.settings import Setting
 from rover_pin.terminal import allowed, fact, told
 
 ROOT = Path(__file__).parents[1]
+PROSE = ("meaning", "acts")
 
 
 def on_files(files: Files, config: Any) -> Files:
@@ -42,6 +43,21 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     return markdown.replace("<!-- rooms -->", _rooms()) if "<!-- rooms -->" in markdown else markdown
 
 
+def on_page_content(html: str, **_: Any) -> str:
+    """Keep an option in one piece where a line of code is wrapped: browsers break a line after a hyphen."""
+    option = r"(?<![\w&;-])(--?[a-z][\w-]*)"
+    code = re.compile(r"(<code[^>]*>)(.*?)(</code>)", re.DOTALL)
+    return code.sub(lambda found: found[1] + _marked(option, found[2]) + found[3], html)
+
+
+def _marked(pattern: str, html: str) -> str:
+    """Mark what is found in the text between tags."""
+    parts = re.split(r"(<[^>]+>)", html)
+    return "".join(
+        part if part.startswith("<") else re.sub(pattern, r'<span class="option">\1</span>', part) for part in parts
+    )
+
+
 def _entries(title: str, entries: list[Any], command: str) -> str:
     parts = [f"# {title}\n\nMade from the package, as `rover-pin list {title.lower()}` prints it.\n"]
     for each in entries:
@@ -51,7 +67,7 @@ def _entries(title: str, entries: list[Any], command: str) -> str:
         for name, value in each.facts.items():
             if name not in ("file", "title") and (value or value == 0):
                 words, said = fact(name, value).split(": ", 1)
-                parts.append(f"\n- {words}: `{said}`")
+                parts.append(f"\n- {words}: {_plain(said) if name in PROSE else _code(said)}")
         parts.append(f"\n\n{_table(each.numbers)}\n" if each.numbers else "\n")
     return "".join(parts)
 
@@ -77,6 +93,10 @@ def _table(numbers: Any) -> str:
 
 def _default(setting: Setting) -> str:
     return _plain(told(setting.value, setting.unit))
+
+
+def _code(text: str) -> str:
+    return f"`{text.replace('`', '')}`"
 
 
 def _plain(text: str) -> str:
@@ -122,5 +142,5 @@ def _commands() -> str:
     for name, command in sorted(group.commands.items()):
         context = typer.main.get_command(app).make_context("rover-pin", [name, "--help"], resilient_parsing=True)
         said = command.get_help(type(context)(command, info_name=f"rover-pin {name}", parent=None))
-        parts.append(f"\n## {name}\n\n```text\n{said}\n```\n")
+        parts.append(f"\n## {name}\n\n```{{ .text .columns }}\n{said}\n```\n")
     return "".join(parts)
