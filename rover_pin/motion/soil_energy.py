@@ -78,8 +78,8 @@ class EnergyWarning(NamedTuple):
 def energy_warning(model: Model, trace: Trace) -> EnergyWarning:
     """Return what is to be said of a drive's energy from nowhere.
 
-    What traction alone gave is its law's, at any step: of 1,000 random drives without another sign it gave in 49, and
-    none of them moved at half the step; of 45 whose account fell 3 did.
+    What traction alone gave is its law's, at any step; the soil's account may fall by a coarse step. (Of 1,000 random
+    drives of an earlier form of this account traction alone gave in 49, of which none moved at half the step.)
     """
     if len(trace.t) < 2:
         return EnergyWarning()

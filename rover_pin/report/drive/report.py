@@ -158,7 +158,7 @@ class WhereItIsWrong(Section):
     """Measured and modelled channels, and what is left of them, along the runs that are missed most."""
 
     verdict: Verdict
-    title: ClassVar[str] = "Where the model is wrong"
+    title: ClassVar[str] = "Where the error lives"
     template: ClassVar[str] = "drive/where_it_is_wrong.html"
 
     def content(self) -> Mapping[str, Any] | None:

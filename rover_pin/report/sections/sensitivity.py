@@ -61,12 +61,19 @@ class Untold(Section):
         def name(one: Sensitivity) -> str:
             return full(one.name, kinds) + (f", {one.places} places" if one.places > 1 else "")
 
-        untold = [Row((name(one), one.why, one.size)) for one in found if not one.told]
+        held = _accepted(self.verdict.search)
+        untold = [Row((name(one), one.why, one.size)) for one in found if not one.told and one.name not in held]
         told = [Row((name(one), one.size, one.usual)) for one in found if one.told]
         return {
             "untold": Table(("candidate", "why not", "would show from about"), tuple(untold)),
             "told": Table(("candidate", "would show from about", "of its usual size"), tuple(told)),
         }
+
+
+def _accepted(search: Search | None) -> set[str]:
+    """Return the kinds that a refit told after all: a linear estimate at the usual size may deny a greater one."""
+    rounds = search.rounds if search else ()
+    return {one.candidate.kind for each in rounds for one in each.refits if one.accepted}
 
 
 def sensitivities(search: Search) -> tuple[Sensitivity, ...]:
