@@ -199,11 +199,11 @@ def identify(
 ) -> None:
     """Fit soil parameters to data, and say which the data tell.
 
-    The rest is --set's, --soil's, the data's or Table 1's; k_1 is uncertain where it decides and nothing measured it.
+    The rest is --set's, --soil's, the data's or Table 1's, each listed with what it moves within its range; k_1 is
+    uncertain where it decides and nothing measured it.
     """
-    from rover_pin.identification.arc_doubt import with_arc_doubt
-    from rover_pin.identification.identify import identify as fit
     from rover_pin.loop.data_check import checked_evidence
+    from rover_pin.loop.identified import identified
     from rover_pin.parameters import soil_named
     from rover_pin.settings import Settings
 
@@ -217,7 +217,7 @@ def identify(
     names = tuple(name.strip() for name in free.split(",") if name.strip())
     for finding in findings:
         log.warning("%s", finding)
-    found = fit(evidence, start, *with_arc_doubt(evidence, start, names, priors(prior), frozenset(said)))
+    found = identified(evidence, start, names, priors(prior), frozenset(said))
     print(json_text(found.as_dict()) if as_json else found.report())
 
 

@@ -62,7 +62,7 @@ class Problem:
         for name in priors:
             if name not in space.names:
                 raise ParameterError(f"the prior of '{name}' has no free parameter: {closest(name, space.names)}")
-        self.data, self.space, self.priors = tuple(data), space, dict(priors)
+        self.data, self.space, self.priors, self.widen = tuple(data), space, dict(priors), widen
         self.measured = np.concatenate([channel.measured for one in data for channel in one.channels])
         self.sd = widen * np.concatenate([channel.sd for one in data for channel in one.channels])
         self._predictors = [one.predictor(space.names) for one in data]

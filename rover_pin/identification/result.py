@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +22,7 @@ class Verdict(Enum):
     FOUND = "found"
     HELD_AT_PRIOR = "held at prior"
     NOT_IDENTIFIABLE = "not identifiable"
+    DEPENDS = "depends on the assumed"
 
 
 class Estimate(NamedTuple):
@@ -38,6 +41,53 @@ class Estimate(NamedTuple):
     verdict: Verdict
     reason: str
     "a sentence"
+    depends_on: tuple[str, ...] = ()
+    "the held numbers that move it out of its interval within their ranges"
+
+    @property
+    def said(self) -> str:
+        """The verdict in words, with the names of what it depends on."""
+        return " ".join((self.verdict.value, " and ".join(self.depends_on))).rstrip()
+
+
+class Held(NamedTuple):
+    """A number of wheel or soil that a fit holds, in SI."""
+
+    name: str
+    unit: str
+    value: float
+    source: str
+    "where the value is from"
+    low: float
+    "lower end of the range in which it may be wrong, 95 %"
+    high: float
+    doubt: str
+    "where the range is from"
+    ends: tuple[Mapping[str, float], Mapping[str, float]] = (MappingProxyType({}), MappingProxyType({}))
+    "what to change of wheel and soil at either end"
+
+
+class Assumed(NamedTuple):
+    """A number that was held, and what the free ones become at the ends of its range."""
+
+    held: Held
+    moved: Mapping[str, tuple[float, float]]
+    "free name -> values refitted at either end, NaN where nothing fits; empty where it moves no prediction"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values; SI units."""
+        row = {name: value for name, value in self.held._asdict().items() if name != "ends"}
+        return {**row, "moves": {name: list(ends) for name, ends in self.moved.items()}}
+
+    def line(self, units: Mapping[str, str]) -> str:
+        """Return the number, its source, its range and what that moves, as text; `units` are those of the free."""
+        held = self.held
+        said = f"{held.name} = {with_unit((held.value,), held.unit)} ({held.source})"
+        if held.low == held.high:
+            return f"{said}: {held.doubt}"
+        said += f", {with_unit((held.low, held.high), held.unit)} ({held.doubt})"
+        moves = [f"{name} {with_unit(ends, units[name])}" for name, ends in self.moved.items()]
+        return f"{said}: {'; '.join(moves) or 'does not enter these data'}"
 
 
 class ChannelFit(NamedTuple):
@@ -84,6 +134,8 @@ class Identification:
     "factor by which SDs and intervals are widened, 1 where the model meets the data within their noise"
     starts: Starts
     soil: Soil
+    held: tuple[Assumed, ...] = ()
+    "what was not free, as `with_held` found it; empty where it was not asked"
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of a free parameter."""
@@ -106,8 +158,9 @@ class Identification:
                 "low": estimate.low,
                 "high": estimate.high,
                 "unit": estimate.unit,
-                "verdict": estimate.verdict.value,
+                "verdict": estimate.said,
                 "reason": estimate.reason,
+                "depends_on": list(estimate.depends_on),
             }
             for estimate in self.estimates
         }
@@ -119,6 +172,7 @@ class Identification:
             "freedom": self.freedom,
             "misfit": self.misfit,
             "channels": [channel._asdict() for channel in self.channels],
+            "held": [one.as_dict() for one in self.held],
         }
 
     def report(self) -> str:
@@ -134,7 +188,16 @@ class Identification:
             f"  {c.name}: RMSE {c.rmse:.3g} {c.unit} over {c.points} points, chi2 {c.chi2:.4g}" for c in self.channels
         ]
         lines += [f"weakest combination: {self._weakest()}", *self._strong_correlations(), self._starts()]
-        return "\n".join(lines)
+        return "\n".join([*lines, *self._held()])
+
+    def _held(self) -> list[str]:
+        units = {estimate.name: estimate.unit for estimate in self.estimates}
+        head = (
+            ["held, each with its source and 95 % range, and what the free ones become at the ends of that:"]
+            if self.held
+            else []
+        )
+        return [*head, *(f"  {one.line(units)}" for one in self.held)]
 
     def _weakest(self) -> str:
         names = [estimate.name for estimate in self.estimates]
@@ -160,3 +223,10 @@ def _line(estimate: Estimate) -> str:
     if estimate.verdict is Verdict.NOT_IDENTIFIABLE:
         return f"{estimate.name}: {interval} {unit}: {estimate.reason}"
     return f"{estimate.name} = {value:.4g}{spread(sd, value)} {unit}, {interval}: {estimate.reason}"
+
+
+def with_unit(values: Sequence[float], unit: str) -> str:
+    """Return a number, or the ends of a range, in the unit of a report."""
+    factor, name = (180 / math.pi, "deg") if unit == "rad" else (1.0, unit)
+    said = [f"{factor * value:.4g}" if math.isfinite(value) else "no fit" for value in values]
+    return f"{' to '.join(said)} {name}".rstrip()

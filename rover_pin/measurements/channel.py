@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,6 +20,12 @@ FIELDS: tuple[str, ...] = (*quantities(Wheel), *quantities(Soil))
 
 DECLARED_SD, UNDECLARED_SD = 0.35, 0.7
 """Relative SD of a modulus that is declared without one (bench tests), or not at all: assumed, as in the loop."""
+
+WIDTH_95 = 1.959964
+"""Half a normal distribution's central 95 %, in SDs."""
+
+ASSUMED = "assumed of one stated without an SD"
+"""Where a range is from that nobody stated."""
 
 Predictor = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Values of `FIELDS` -> predictions [m] and their Jacobian with respect to the free ones [m, p], channel by channel."""
@@ -121,6 +128,20 @@ class SideForce(RigChannel):
         return 0.0
 
 
+class Known(NamedTuple):
+    """A number that was measured, or declared, apart from the points [SI]."""
+
+    source: str
+    "where the value is from"
+    low: float
+    high: float
+    doubt: str
+    "where the range is from"
+    at_low: Mapping[str, float] = MappingProxyType({})
+    "what else the same measurement says where the number is at `low`"
+    at_high: Mapping[str, float] = MappingProxyType({})
+
+
 class Evidence(Protocol):
     """One measured data set. A fit takes any number of them."""
 
@@ -144,6 +165,10 @@ class Evidence(Protocol):
     @property
     def doubts(self) -> Mapping[str, float]:
         """The SDs that are stated with them, by name (SI)."""
+
+    @property
+    def known(self) -> Mapping[str, Known]:
+        """What the data say of the range of a number, by name: of the wheel's sizes, or by another measurement."""
 
     def declared_soil(self, soil: Soil) -> Soil:
         """Return `soil` with what the data declare of it."""

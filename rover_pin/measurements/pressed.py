@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -11,10 +12,13 @@ from scipy.optimize import minimize_scalar
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
+from rover_pin.measurements.channel import Known
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.tables import read_table
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import wheel_forces
+from rover_pin.toml_file import table_in, text_in
+from rover_pin.trust import Trust
 
 SHALLOWEST = 0.004
 """Sinkages above this [m] count: before, the contact settles and the zero of the depth is uncertain."""
@@ -26,6 +30,9 @@ DEEPEST, STRONGEST = 10.0, 1e7
 """Sinkage [m] and force [N] that no wheel is pressed in by."""
 
 EXPONENTS = (0.3, 2.5)
+
+UNSURE = 0.1
+"""Relative uncertainty that is granted to an independent measurement that states none."""
 
 
 class Trial(NamedTuple):
@@ -72,6 +79,15 @@ def read_trials(path: Path, surface: str) -> tuple[Trial, ...]:
     return tuple(_trial(str(name), rows.loc[group.index], where) for name, group in rows.groupby(keys))
 
 
+def declared_trials(about: Mapping[str, Any], folder: Path, where: str, trust: Trust) -> tuple[Trial, ...]:
+    """Return the trials of a `rig.toml`'s `penetration`, none where it names none; errors as of `read_trials`."""
+    files = table_in(about, "files", where)
+    if "penetration" not in files:
+        return ()
+    surface = text_in(table_in(about, "wheel", where), "surface", where)
+    return read_trials(trust.within(folder, text_in(files, "penetration", where), where), surface)
+
+
 def _trial(name: str, rows: pd.DataFrame, where: str) -> Trial:
     depth, force = column(rows["sinkage_m"], "sinkage_m", where), column(rows["force_N"], "force_N", where)
     for values, what, most in ((depth, "sinkage_m", DEEPEST), (force, "force_N", STRONGEST)):
@@ -105,6 +121,30 @@ def exponent(trials: tuple[Trial, ...], wheel: Wheel) -> float:
         return float(sum(residual @ residual for residual in rest))
 
     return float(minimize_scalar(misfit, bounds=EXPONENTS, method="bounded", options={"xatol": 1e-3}).x)
+
+
+def pressed_known(trials: tuple[Trial, ...], wheel: Wheel, stated: float | None) -> dict[str, Known]:
+    """Return what trials say of k_1 (then all of k_1 + k_2 b) and, unless it is stated, of n, with their spread.
+
+    The modulus belongs to its exponent: where n moves, k_1 is what the trials say at that n. Both are granted 10 %.
+    """
+    if not trials:
+        return {}
+    b, said = float(wheel.b), f"the same wheel pressed in without turning, {len(trials)} trials"
+
+    def pressure(n: float) -> np.ndarray:
+        return np.asarray(press(trials, wheel, n).moduli * b**n)
+
+    n = exponent(trials, wheel) if stated is None else stated
+    found = pressure(n)
+    doubt = f"between the trials, and {UNSURE:.0%}"
+    known = {"k_1": Known(said, (1 - UNSURE) * float(found.min()), (1 + UNSURE) * float(found.max()), doubt)}
+    if stated is None:
+        own = [exponent((trial,), wheel) for trial in trials]
+        low, high = max((1 - UNSURE) * min(own), EXPONENTS[0]), min((1 + UNSURE) * max(own), EXPONENTS[1])
+        along = ({"k_1": float(pressure(end).mean())} for end in (low, high))
+        known["n"] = Known(said, low, high, doubt, *along)
+    return known
 
 
 def _unit_force(trial: Trial, wheel: Wheel, n: float) -> np.ndarray:

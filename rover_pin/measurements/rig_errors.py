@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from rover_pin.contact import Scalar, Wheel
-from rover_pin.quantity import Record, declared_sds, quantity, record_from
+from rover_pin.measurements.channel import ASSUMED, WIDTH_95, Known
+from rover_pin.quantity import Record, declared_sds, quantities, quantity, record_from
+
+SIZE_SD = 0.01
+"""Relative SD of a wheel's r or b that states none: assumed, as of a drive log's radii (`Sampling.wheel_error`)."""
 
 
 @dataclass(frozen=True)
@@ -65,3 +70,19 @@ def unsure_sizes(table: Mapping[str, Any], where: str) -> dict[str, float]:
         An SD that is no positive number.
     """
     return {f"wheel.{name}": sd for name, sd in declared_sds(table, Wheel, where).items()}
+
+
+def known_sizes(wheel: Wheel, ranges: Mapping[str, tuple[float, float]], sds: Mapping[str, float]) -> dict[str, Known]:
+    """Return r and b with the range that `[wheel]` states, cut to 1.96 of its SD where it states one (`wheel.r`)."""
+    known = {}
+    for name in quantities(wheel):
+        value, sd = float(getattr(wheel, name)), sds.get(f"wheel.{name}", math.inf)
+        if name in ranges or math.isfinite(sd):
+            low, high = ranges.get(name, (-math.inf, math.inf))
+            low, high = max(low, value - WIDTH_95 * sd), min(high, value + WIDTH_95 * sd)
+            doubt = "its declared SD" if math.isfinite(sd) else "its declared range"
+        else:
+            low, high = value * (1 - WIDTH_95 * SIZE_SD), value * (1 + WIDTH_95 * SIZE_SD)
+            doubt = ASSUMED
+        known[name] = Known("declared with the data", low, high, doubt)
+    return known

@@ -15,7 +15,7 @@ import pandas as pd
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
-from rover_pin.measurements.channel import Channel, Predictor, TractionFactor
+from rover_pin.measurements.channel import Channel, Known, Predictor, TractionFactor
 from rover_pin.measurements.checks import column, not_negative, positive, same_length, slips
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.tables import read_table
@@ -203,6 +203,11 @@ class TractionPoints:
     def loads(self) -> np.ndarray:
         """W [N] where the arc follows from it; nothing where the angles are given, whatever the load."""
         return np.asarray(self.load) if isinstance(self.angles, SinkageAngles) else np.empty(0)
+
+    @property
+    def known(self) -> Mapping[str, Known]:
+        """Nothing: what is not sure of wheel and loads is in the points' errors."""
+        return {}
 
     def declared_soil(self, soil: Soil) -> Soil:
         """Return `soil` with what the data declare of it."""

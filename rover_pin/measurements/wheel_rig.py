@@ -14,10 +14,11 @@ import pandas as pd
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.measurements.channel import FIELDS, DrawbarPull, Predictor, RigChannel, SideForce, Sinkage, Torque
+from rover_pin.measurements.channel import FIELDS, DrawbarPull, Known, Predictor, RigChannel, SideForce, Sinkage, Torque
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
 from rover_pin.measurements.prediction import CompiledPrediction
-from rover_pin.measurements.rig_errors import RigErrors, stated_errors, unsure_sizes
+from rover_pin.measurements.pressed import Trial, declared_trials, exponent, press, pressed_known
+from rover_pin.measurements.rig_errors import RigErrors, known_sizes, stated_errors, unsure_sizes
 from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
 from rover_pin.measurements.tables import read_table
 from rover_pin.parameters.bekker import bekker, bekker_si
@@ -83,6 +84,8 @@ class WheelRig:
         Angle between heading and travel, positive to the wheel's right [rad].
     errors, error_sd : RigErrors and mapping
         What the rig adds to its readings, and `rig.name` or `wheel.name` -> SD of what is not sure.
+    trials : tuple of Trial
+        The same wheel pressed into the same soil without turning.
 
     Raises
     ------
@@ -102,6 +105,7 @@ class WheelRig:
     slip_angle: Any = field(default=0.0, repr=False)
     errors: RigErrors = field(default_factory=RigErrors)
     error_sd: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    trials: tuple[Trial, ...] = ()
 
     tells: ClassVar[frozenset[str]] = frozenset(FIELDS) - {"theta_1", "theta_2"}
     told_by: ClassVar[str] = "a wheel rig, whose arc follows from the load"
@@ -152,13 +156,25 @@ class WheelRig:
         return replace(self, slip=slip, load=load, channels=channels, levels=levels, slip_angle=angle)
 
     def declared_soil(self, soil: Soil) -> Soil:
-        """Return `soil` with what the data declare of it, Bekker's constants converted for this wheel's width."""
+        """Return `soil` with what the data declare of it, Bekker's constants converted for this wheel's width.
+
+        Where the wheel was pressed in, that tells k_1 + k_2 b, all put into k_1, and n unless it is declared.
+        """
         known = {name: value for name, value in self.declared.items() if name in quantities(Soil)}
         soil = soil.replace(**known)
+        if self.trials:
+            n = float(soil.n) if "n" in self.declared else exponent(self.trials, self.wheel)
+            return soil.replace(n=n, k_1=press(self.trials, self.wheel, n).mean * self.wheel.b**n, k_2=0.0)
         if not BEKKER_UNITS.keys() <= self.declared.keys():
             return soil
         k_1, k_2 = bekker(self.declared["k_c"], self.declared["k_phi"], soil.n, self.wheel.b)
         return soil.replace(k_1=k_1, k_2=k_2)
+
+    @property
+    def known(self) -> Mapping[str, Known]:
+        """The sizes of the wheel that have a range or an SD, and n and k_1 where the wheel was pressed in."""
+        sizes = known_sizes(self.wheel, self.wheel_range, self.error_sd)
+        return {**sizes, **pressed_known(self.trials, self.wheel, self.declared.get("n"))}
 
 
 def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
@@ -202,6 +218,7 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
             slip_angle=slip_angles(table, f"{folder.name}/{points.name}"),
             errors=errors,
             error_sd={**error_sd, **unsure_sizes(wheel_table, where)},
+            trials=declared_trials(about, folder, where, trust),
         )
     except ParameterError as error:
         raise DataError(str(error)) from error

@@ -16,7 +16,7 @@ from rover_pin.contact import Soil
 from rover_pin.errors import DataError
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.finding import Finding
-from rover_pin.measurements.pressed import Trial, exponent, press, read_trials
+from rover_pin.measurements.pressed import Trial, press
 from rover_pin.measurements.tables import read_table
 from rover_pin.measurements.wheel_rig import ANGLE, CHANNELS, SideForce, WheelRig, read_wheel_rig
 from rover_pin.quantity import quantities
@@ -56,9 +56,6 @@ class RigSet:
     level_names: tuple[str, ...]
     runs: tuple[str, ...] = field(repr=False)
     speeds: np.ndarray | None = field(default=None, repr=False)
-    trials: tuple[Trial, ...] = field(default=(), repr=False)
-    soil_stated: tuple[str, ...] = ()
-    "which soil constants came with the data"
     source: str = ""
     misspelt: tuple[Finding, ...] = ()
     "columns that are not read, but look like one that is missing"
@@ -75,8 +72,6 @@ class RigSet:
             tuple(map(str, names[order])),
             tuple(np.array(self.runs)[keep]),
             None if self.speeds is None else self.speeds[keep],
-            self.trials,
-            self.soil_stated,
             self.source,
             self.misspelt,
         )
@@ -87,12 +82,12 @@ class RigSet:
         One width tells k_1 + k_2 b only, so all of it is put into k_1.
         """
         soil = self.rig.declared_soil(Soil())
-        b = float(self.rig.wheel.b)
-        soil = soil.replace(k_1=soil.k_1 + soil.k_2 * b, k_2=0.0)
-        if not self.trials:
-            return soil
-        n = soil.n if "n" in self.soil_stated else exponent(self.trials, self.rig.wheel)
-        return soil.replace(n=n, k_1=press(self.trials, self.rig.wheel, n).mean * b**n)
+        return soil.replace(k_1=soil.k_1 + soil.k_2 * float(self.rig.wheel.b), k_2=0.0)
+
+    @property
+    def trials(self) -> tuple[Trial, ...]:
+        """The same wheel pressed in without turning."""
+        return self.rig.trials
 
     def independent(self, n: float) -> tuple[Independent, ...]:
         """Return what other measurements say of the soil, at the exponent n."""
@@ -124,13 +119,8 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     table = read_table(points, ("slip", "load_N"))
     here = f"{folder.name}/{points.name}"
     speeds = _speeds(table, rig.slip, np.asarray(rig.slip_angle), here)
-    trials: tuple[Trial, ...] = ()
-    if "penetration" in files:
-        surface = text_in(table_in(about, "wheel", where), "surface", where)
-        trials = read_trials(trust.within(folder, text_in(files, "penetration", where), where), surface)
     names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
-    stated = tuple(rig.declared)
-    data = as_rig_set(rig, names, speeds, trials, stated, str(about.get("source", "")))
+    data = as_rig_set(rig, names, speeds, str(about.get("source", "")))
     return replace(data, misspelt=(*_misspelt(table, here), *_askew(rig, here)))
 
 
@@ -152,8 +142,6 @@ def as_rig_set(
     rig: WheelRig,
     runs: tuple[str, ...] = (),
     speeds: np.ndarray | None = None,
-    trials: tuple[Trial, ...] = (),
-    soil_stated: tuple[str, ...] = (),
     source: str = "",
 ) -> RigSet:
     """Return a `WheelRig` as a `RigSet`: its own levels, or classes of slip where it names none."""
@@ -163,7 +151,7 @@ def as_rig_set(
     order = np.argsort([slip[level == i].mean() for i in range(len(names))])
     place = np.argsort(order)
     runs = runs or tuple(f"run {i + 1}" for i in range(slip.size))
-    return RigSet(rig, place[level], tuple(map(str, names[order])), runs, speeds, trials, soil_stated, source)
+    return RigSet(rig, place[level], tuple(map(str, names[order])), runs, speeds, source)
 
 
 def _classes(slip: np.ndarray) -> np.ndarray:

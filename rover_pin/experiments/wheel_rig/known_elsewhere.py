@@ -8,9 +8,7 @@ from rover_pin.contact import Soil
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import Against, against, interval, shown
 from rover_pin.experiments.wheel_rig.data import Independent, RigSet
-
-UNSURE = 0.1
-"""Relative uncertainty that is granted to an independent measurement that states none."""
+from rover_pin.measurements.pressed import UNSURE
 
 
 class Flag(NamedTuple):

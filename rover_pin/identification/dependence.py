@@ -1,0 +1,113 @@
+"""What a fit's numbers hang on: each number that was held is moved to the ends of its range, and the fit done again."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rover_pin.errors import OptimisationError
+from rover_pin.estimation.descent import descend
+from rover_pin.estimation.problem import Prior, Problem
+from rover_pin.identification.identifiability import REMEDY
+from rover_pin.identification.identify import build
+from rover_pin.identification.result import Assumed, Estimate, Held, Identification, Verdict, with_unit
+from rover_pin.measurements.channel import Evidence
+from rover_pin.quantity import quantities
+
+SAME = 1e-9
+"""Change of a prediction, in SDs, below which a number does not enter it."""
+
+
+def with_held(
+    found: Identification, data: Evidence, held: Sequence[Held], priors: Mapping[str, Prior] | None = None
+) -> Identification:
+    """Return a fit with what its numbers do when one that was held moves within its range.
+
+    Each held number is set to both ends of its range and the free ones are fitted again from where they were. A number
+    that was found and then leaves its 95 % interval, by one held number or by several together (their distances, each
+    over that to the interval's end, summed as squares), depends on what was assumed of these.
+
+    Parameters
+    ----------
+    found : Identification
+        Of these `data` with these `priors`.
+    held : sequence of Held
+        As `held_numbers` gives them.
+    """
+    names = tuple(one.name for one in found.estimates)
+    fit = build(data, found.soil, names, priors or {}).widened(found.misfit)
+    u = descend(fit, fit.space.start())[0]
+    moved = [[_refit(data, fit, change, u) for change in one.ends] for one in held]
+    rows = tuple(_assumed(fit, one, ends) for one, ends in zip(held, moved, strict=True))
+    estimates = tuple(_judged(fit, one, u[at], rows) for at, one in enumerate(found.estimates))
+    return dataclasses.replace(found, estimates=estimates, held=rows)
+
+
+def _refit(data: Evidence, fit: Problem, change: Mapping[str, float], u: np.ndarray) -> np.ndarray | None:
+    """Return u fitted again, NaN where nothing fits, None where no prediction changes."""
+    if not change:
+        return None
+    sizes: dict[str, Any] = {name: value for name, value in change.items() if name in quantities(type(data.wheel))}
+    own = dataclasses.replace(data, wheel=data.wheel.replace(**sizes)) if sizes else data  # type: ignore[type-var]
+    base = fit.space.base.copy()
+    for name, value in change.items():
+        base[fit.space.known.index(name)] = value
+    changed = Problem((own,), dataclasses.replace(fit.space, base=base), fit.priors, float(fit.widen))
+    if np.allclose(changed.evaluate(u)[0], fit.evaluate(u)[0], rtol=0.0, atol=SAME):
+        return None
+    try:
+        return descend(changed, u)[0]
+    except (ValueError, np.linalg.LinAlgError, OptimisationError):
+        return np.full(len(u), np.nan)
+
+
+def _assumed(fit: Problem, held: Held, ends: Sequence[np.ndarray | None]) -> Assumed:
+    if all(u is None for u in ends):
+        return Assumed(held, {})
+    start = fit.space.start()
+    low, high = (fit.space.values(start if u is None else u) for u in ends)
+    return Assumed(held, {name: (float(low[at]), float(high[at])) for at, name in enumerate(fit.space.names)})
+
+
+def _judged(fit: Problem, one: Estimate, u: float, rows: Sequence[Assumed]) -> Estimate:
+    """Return an estimate that was found with the verdict that what it depends on leaves it."""
+    if one.verdict is not Verdict.FOUND:
+        return one
+    far = {row.held.name: _distance(fit, one, u, row.moved[one.name]) for row in rows if row.moved}
+    blamed = _blamed(far)
+    if not blamed:
+        return one
+    reason = _reason(one, rows, blamed, far[blamed[0]] > 1.0)
+    return one._replace(verdict=Verdict.DEPENDS, reason=reason, depends_on=tuple(blamed))
+
+
+def _distance(fit: Problem, one: Estimate, u: float, ends: tuple[float, float]) -> float:
+    """Return how far the farther end lies from the estimate, over the interval's end on that side, in u."""
+    coordinate = next(axis.coordinate for axis in fit.space.axes if axis.name == one.name)
+    low, high = u - coordinate.u(one.low), coordinate.u(one.high) - u
+    shifts = [coordinate.u(end) - u if math.isfinite(end) else math.inf for end in ends]
+    return max(shift / high if shift > 0 else -shift / low for shift in shifts)
+
+
+def _blamed(far: Mapping[str, float]) -> list[str]:
+    """Return what moves a number out of its interval: each that does alone, else the fewest that do together."""
+    order = sorted(far, key=lambda name: -far[name])
+    alone = [name for name in order if far[name] > 1.0]
+    if alone:
+        return alone
+    for count in range(2, len(order) + 1):
+        if math.hypot(*(far[name] for name in order[:count])) > 1.0:
+            return order[:count]
+    return []
+
+
+def _reason(one: Estimate, rows: Sequence[Assumed], blamed: Sequence[str], alone: bool) -> str:
+    """Return the verdict's sentence: what it depends on, where each moves it, and what would tell the first."""
+    moved = {row.held.name: with_unit(row.moved[one.name], one.unit) for row in rows if row.moved}
+    said = " and ".join(f"{name} (it becomes {moved[name]})" for name in blamed)
+    remedy = REMEDY[blamed[0].partition(" ")[0]]
+    return f"depends on the assumed {said}{'' if alone else ' together'}: {remedy}"

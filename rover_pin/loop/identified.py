@@ -1,0 +1,72 @@
+"""What `rover-pin identify` says: a fit, what it hangs on, and what was measured of the same numbers elsewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from rover_pin.contact import Soil
+from rover_pin.estimation.numbers import Number
+from rover_pin.estimation.problem import Prior
+from rover_pin.experiments.wheel_rig.data import as_rig_set
+from rover_pin.experiments.wheel_rig.known_elsewhere import Flag, flags
+from rover_pin.identification.arc_doubt import with_arc_doubt
+from rover_pin.identification.dependence import with_held
+from rover_pin.identification.held import held_numbers
+from rover_pin.identification.identify import identify
+from rover_pin.identification.result import Identification
+from rover_pin.measurements.channel import Evidence
+from rover_pin.measurements.wheel_rig import WheelRig
+
+BY_HAND = "--set"
+"""Source of a number that the user has set."""
+
+
+class Identified(NamedTuple):
+    """A fit with all that it assumes."""
+
+    found: Identification
+    elsewhere: tuple[Flag, ...]
+    "fitted constants of a rig against other measurements of them, as `close-loop` has them"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values, for JSON; SI units."""
+        return self.found.as_dict() | {"elsewhere": [flag.as_dict() for flag in self.elsewhere]}
+
+    def report(self) -> str:
+        """Return all of it as text."""
+        return "\n".join([self.found.report(), *(f"measured elsewhere: {flag.said}" for flag in self.elsewhere)])
+
+
+def identified(
+    data: Evidence,
+    soil: Soil,
+    free: Sequence[str],
+    priors: Mapping[str, Prior] | None = None,
+    by_hand: frozenset[str] = frozenset(),
+) -> Identified:
+    """Fit parameters, say which the data tell, and what moves them of what was held.
+
+    Parameters
+    ----------
+    soil : Soil
+        Where to start, and the values of all that is not free: `data.declared_soil(...)` where they are the data's.
+    by_hand : set of str
+        Constants of `soil` that the user has set.
+
+    Raises
+    ------
+    ParameterError, DataError, OptimisationError
+        As `identify`.
+    """
+    names, known = with_arc_doubt(data, soil, free, priors or {}, by_hand)
+    held = held_numbers(data, soil, names, dict.fromkeys(by_hand, BY_HAND))
+    found = with_held(identify(data, soil, names, known), data, held, known)
+    return Identified(found, _elsewhere(found, data) if isinstance(data, WheelRig) else ())
+
+
+def _elsewhere(found: Identification, data: WheelRig) -> tuple[Flag, ...]:
+    told = [one for one in found.estimates if math.isfinite(one.value)]
+    numbers = tuple(Number(one.name, one.unit, one.value, one.low, one.high, math.nan) for one in told)
+    return flags(as_rig_set(data), found.soil, float(data.wheel.b), numbers)
