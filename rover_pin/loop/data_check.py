@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rover_pin.experiments.drive_log.checks.log import check as check_log
+from rover_pin.experiments.drive_log.checks.log import data_findings
+from rover_pin.experiments.drive_log.checks.log import refuse_unfit as refuse_log
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
@@ -51,7 +53,9 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
 
 
 def checked_evidence(path: str | Path, trust: Trust = Trust()) -> tuple[Evidence, tuple[Finding, ...]]:
-    """Return measured data to fit parameters to, and what their check found: a drive log is checked as by the loop.
+    """Return measured data to fit parameters to, and what their check found: a drive log is refused as by the loop.
+
+    What the loop alone lacks, as excitation that tells effects apart, is not among the findings.
 
     Parameters
     ----------
@@ -65,7 +69,9 @@ def checked_evidence(path: str | Path, trust: Trust = Trust()) -> tuple[Evidence
     """
     found: tuple[Finding, ...] = ()
     if is_file(Path(path) / "drive.toml") and not is_file(Path(path) / "rig.toml"):
-        found = check_log(read_drive_log(path, trust)).found
+        drives = read_drive_log(path, trust)
+        refuse_log(drives)
+        found = data_findings(drives)
     return read_evidence(path, trust), found
 
 

@@ -103,12 +103,22 @@ def findings(log: DriveLog) -> tuple[Finding, ...]:
     return gathered(_findings(log))
 
 
+def data_findings(log: DriveLog) -> tuple[Finding, ...]:
+    """Return those of the findings that say of the data what any fit to them should know: channels, gaps, sensors."""
+    return gathered([*column_findings(log), *_of_runs(log)])
+
+
 def _findings(log: DriveLog) -> Iterator[Finding]:
+    yield from column_findings(log)
+    yield from declared_findings(log)
+    yield from _of_runs(log)
+    yield from drive_excitation.excitation_findings(driven(log), log.about.name)
+
+
+def _of_runs(log: DriveLog) -> Iterator[Finding]:
     runs, motor = driven(log), declared_motor(log)
     joined = log.load_rover().differential is not None
     terrain, whole = _terrain(log), _whole_motor(log)
-    yield from column_findings(log)
-    yield from declared_findings(log)
     for run in telling(runs, len(runs), "runs checked"):
         yield from start_findings(run)
         if terrain is not None:
@@ -121,7 +131,6 @@ def _findings(log: DriveLog) -> Iterator[Finding]:
         yield from current_findings(run, whole) if whole else ()
         if joined:
             yield from differential_findings(run)
-    yield from drive_excitation.excitation_findings(runs, log.about.name)
 
 
 def too_poor(log: DriveLog) -> str:
