@@ -114,10 +114,10 @@ def _doubts(verdict: Verdict, manner: Manner) -> Iterator[str]:
             f"{two_digits(left.before)} -> {two_digits(left.after)}): what it tells they do not"
         )
     loud = [one for one in worst(verdict.scores) if one.after > LOUD * one.floor]
-    if loud and verdict.named:
-        one = loud[0]
+    if loud and (verdict.named or verdict.answer is Answer.NONE_NEEDED):
+        one, still = loud[0], "still " if verdict.named else ""
         times = two_digits(one.times(one.after))
-        yield f"{manner.channel(one.name)} is still missed by {times} times its noise"
+        yield f"{manner.channel(one.name)} is {still}missed by {times} times its noise"
     yield from (one for one in verdict.cautions if one.partition(":")[0] not in verdict.vetoes)
     for finding in verdict.findings:
         yield f"the data check says: {finding}"

@@ -76,6 +76,16 @@ def test_answers_that_add_nothing_say_so_and_do_not_claim_a_cause(answered):
     assert "nothing needs to be added" in headline(answered(Answer.NONE_NEEDED), RIG).lower()
 
 
+@pytest.mark.parametrize(("times", "doubted"), [(1.4, False), (5.6, True)])
+def test_a_channel_far_above_its_noise_is_a_doubt_where_nothing_is_added(answered, times, doubted):
+    """A ground that is learnt may take the excess, so that nothing is needed; the reader is told of it."""
+    one = answered(Answer.NONE_NEEDED)
+    score = one.scores[0]
+    loud = score._replace(after=times * score.floor)
+    lines = doubt(dataclasses.replace(one, scores=(loud,)), manner_of(one))
+    assert any(line.endswith("is missed by 5.6 times its noise.") for line in lines) is doubted
+
+
 def test_what_cannot_be_told_apart_is_said_as_either_or(answered):
     one = answered(Answer.SET)
     said = headline(one, RIG)
