@@ -202,6 +202,7 @@ def identify(
     The rest is --set's, --soil's, the data's or Table 1's, each listed with what it moves within its range; k_1 is
     uncertain where it decides and nothing measured it.
     """
+    from rover_pin.loop.behind_points import behind_points
     from rover_pin.loop.data_check import checked_evidence
     from rover_pin.loop.identified import identified
     from rover_pin.parameters import soil_named
@@ -217,7 +218,8 @@ def identify(
     names = tuple(name.strip() for name in free.split(",") if name.strip())
     for finding in findings:
         log.warning("%s", finding)
-    found = identified(evidence, start, names, priors(prior), frozenset(said))
+    behind = behind_points(data, Trust(everything=trust))
+    found = identified(evidence, start, names, priors(prior), frozenset(said), behind)
     print(json_text(found.as_dict()) if as_json else found.report())
 
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.errors import OptimisationError
+from rover_pin.errors import DataError, OptimisationError
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.identification.identifiability import REMEDY
 from rover_pin.identification.identify import build
-from rover_pin.identification.result import Assumed, Estimate, Held, Identification, Verdict, with_unit
+from rover_pin.identification.result import Assumed, Change, Estimate, Held, Identification, Verdict, with_unit
 from rover_pin.measurements.channel import Evidence
 from rover_pin.quantity import quantities
 
@@ -47,22 +47,32 @@ def with_held(
     return dataclasses.replace(found, estimates=estimates, held=rows)
 
 
-def _refit(data: Evidence, fit: Problem, change: Mapping[str, float], u: np.ndarray) -> np.ndarray | None:
+def _refit(data: Evidence, fit: Problem, change: Change, u: np.ndarray) -> np.ndarray | None:
     """Return u fitted again, NaN where nothing fits, None where no prediction changes."""
-    if not change:
+    if not callable(change) and not change:
         return None
-    sizes: dict[str, Any] = {name: value for name, value in change.items() if name in quantities(type(data.wheel))}
+    try:
+        changed = _again(fit, change()) if callable(change) else _changed(data, fit, change)
+        there, here = changed.evaluate(u)[0], fit.evaluate(u)[0]
+        if there.shape == here.shape and np.allclose(there, here, rtol=0.0, atol=SAME):
+            return None
+        return descend(changed, u)[0]
+    except (ValueError, np.linalg.LinAlgError, OptimisationError, DataError):
+        return np.full(len(u), np.nan)
+
+
+def _again(fit: Problem, data: Evidence, base: np.ndarray | None = None) -> Problem:
+    space = fit.space if base is None else dataclasses.replace(fit.space, base=base)
+    return Problem((data,), space, fit.priors, fit.widen)
+
+
+def _changed(data: Evidence, fit: Problem, change: Mapping[str, float]) -> Problem:
+    sizes: dict[str, Any] = {name: value for name, value in change.items() if name in quantities(data.wheel)}
     own = dataclasses.replace(data, wheel=data.wheel.replace(**sizes)) if sizes else data  # type: ignore[type-var]
     base = fit.space.base.copy()
     for name, value in change.items():
         base[fit.space.known.index(name)] = value
-    changed = Problem((own,), dataclasses.replace(fit.space, base=base), fit.priors, float(fit.widen))
-    if np.allclose(changed.evaluate(u)[0], fit.evaluate(u)[0], rtol=0.0, atol=SAME):
-        return None
-    try:
-        return descend(changed, u)[0]
-    except (ValueError, np.linalg.LinAlgError, OptimisationError):
-        return np.full(len(u), np.nan)
+    return _again(fit, own, base)
 
 
 def _assumed(fit: Problem, held: Held, ends: Sequence[np.ndarray | None]) -> Assumed:
@@ -109,5 +119,5 @@ def _reason(one: Estimate, rows: Sequence[Assumed], blamed: Sequence[str], alone
     """Return the verdict's sentence: what it depends on, where each moves it, and what would tell the first."""
     moved = {row.held.name: with_unit(row.moved[one.name], one.unit) for row in rows if row.moved}
     said = " and ".join(f"{name} (it becomes {moved[name]})" for name in blamed)
-    remedy = REMEDY[blamed[0].partition(" ")[0]]
+    remedy = REMEDY.get(blamed[0].partition(" ")[0], "measure it, and declare it with its sd")
     return f"depends on the assumed {said}{'' if alone else ' together'}: {remedy}"

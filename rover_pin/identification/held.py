@@ -113,10 +113,10 @@ class _Given:
         about, declared = DOUBTS[name], self._is_declared(name)
         if declared and name in self.data.doubts:
             sd = self.data.doubts[name]
-            return *_ends(value, sd / abs(value) if about.relative else sd, about.relative), "its declared SD"
+            return *range_of(value, sd / abs(value) if about.relative else sd, about.relative), "its declared SD"
         if not declared and name not in self.said and name in quantities(self.soil):
-            return *_ends(value, about.otherwise, about.relative), "assumed of another soil's"
-        return *_ends(value, about.stated * (value if name == "c" else 1.0), about.relative), ASSUMED
+            return *range_of(value, about.otherwise, about.relative), "assumed of another soil's"
+        return *range_of(value, about.stated * (value if name == "c" else 1.0), about.relative), ASSUMED
 
     def _source(self, name: str) -> str:
         record = self._record(name)
@@ -128,7 +128,8 @@ class _Given:
         return quantities(record)[name].source if getattr(record, name) == default else "as given"
 
 
-def _ends(value: float, sd: float, relative: bool) -> tuple[float, float]:
+def range_of(value: float, sd: float, relative: bool = False) -> tuple[float, float]:
+    """Return the 95 % range of a number by its SD, that of its logarithm where it is `relative`."""
     if not relative:
         return value - WIDTH_95 * sd, value + WIDTH_95 * sd
     low, high = sorted((value * math.exp(-WIDTH_95 * sd), value * math.exp(WIDTH_95 * sd)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
@@ -14,6 +14,7 @@ import numpy as np
 from rover_pin.contact import Soil
 from rover_pin.errors import ParameterError, closest
 from rover_pin.estimation.wording import spread
+from rover_pin.measurements.channel import Evidence
 
 
 class Verdict(Enum):
@@ -50,8 +51,12 @@ class Estimate(NamedTuple):
         return " ".join((self.verdict.value, " and ".join(self.depends_on))).rstrip()
 
 
+Change = Mapping[str, float] | Callable[[], Evidence]
+"""Numbers of wheel and soil, or the data worked out again."""
+
+
 class Held(NamedTuple):
-    """A number of wheel or soil that a fit holds, in SI."""
+    """A number that a fit holds, in SI."""
 
     name: str
     unit: str
@@ -63,8 +68,8 @@ class Held(NamedTuple):
     high: float
     doubt: str
     "where the range is from"
-    ends: tuple[Mapping[str, float], Mapping[str, float]] = (MappingProxyType({}), MappingProxyType({}))
-    "what to change of wheel and soil at either end"
+    ends: tuple[Change, Change] = (MappingProxyType({}), MappingProxyType({}))
+    "what changes at either end"
 
 
 class Assumed(NamedTuple):

@@ -15,7 +15,7 @@ from rover_pin.identification.arc_doubt import with_arc_doubt
 from rover_pin.identification.dependence import with_held
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import identify
-from rover_pin.identification.result import Identification
+from rover_pin.identification.result import Held, Identification
 from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.wheel_rig import WheelRig
 
@@ -45,6 +45,7 @@ def identified(
     free: Sequence[str],
     priors: Mapping[str, Prior] | None = None,
     by_hand: frozenset[str] = frozenset(),
+    behind: Sequence[Held] = (),
 ) -> Identified:
     """Fit parameters, say which the data tell, and what moves them of what was held.
 
@@ -54,6 +55,8 @@ def identified(
         Where to start, and the values of all that is not free: `data.declared_soil(...)` where they are the data's.
     by_hand : set of str
         Constants of `soil` that the user has set.
+    behind : sequence of Held
+        What the data were worked out with: `behind_points` of a drive log.
 
     Raises
     ------
@@ -61,7 +64,7 @@ def identified(
         As `identify`.
     """
     names, known = with_arc_doubt(data, soil, free, priors or {}, by_hand)
-    held = held_numbers(data, soil, names, dict.fromkeys(by_hand, BY_HAND))
+    held = (*held_numbers(data, soil, names, dict.fromkeys(by_hand, BY_HAND)), *behind)
     found = with_held(identify(data, soil, names, known), data, held, known)
     return Identified(found, _elsewhere(found, data) if isinstance(data, WheelRig) else ())
 

@@ -60,13 +60,16 @@ def read_drive_points(folder: str | Path, sampling: Sampling = SAMPLING, trust: 
     return drive_points(log, record_from(Motor, log.about.motor, f"{folder}: [motor]"), sampling)
 
 
-def drive_points(log: DriveLog, motor: Motor, sampling: Sampling = SAMPLING) -> TractionPoints:
+def drive_points(
+    log: DriveLog, motor: Motor, sampling: Sampling = SAMPLING, lag: RelaxedSlip | None = None
+) -> TractionPoints:
     """Return mean torque factors T / (r W) by class of slip, with the SDs of both means.
 
     Single samples of slip are too noisy to be classed: a class would gather what the noise brought there, and the curve
     would come out too flat (regression dilution). So samples are averaged over steady windows first, a window is put in
     its class by the slip of the windows before and after it, whose noise is not its own (an instrumental variable), and
-    each class has an error in both axes, which `TractionPoints` weighs. All wheels are gathered.
+    each class has an error in both axes, which `TractionPoints` weighs. All wheels are gathered. `lag` is that of the
+    slip behind its speeds, the rover's usual one where it is not given.
 
     Raises
     ------
@@ -94,7 +97,7 @@ def drive_points(log: DriveLog, motor: Motor, sampling: Sampling = SAMPLING) -> 
             f"{log.folder}: the slip of a window of {length:g} s scatters by {scatter:.2g}, more than a class of "
             f"{1.0 / sampling.levels:g}: drive longer at constant duty, or track the rover more finely."
         )
-    lag, angles = usual_slip(rover), usual_angles(rover, log.about.angles)
+    lag, angles = lag or usual_slip(rover), usual_angles(rover, log.about.angles)
     by_load = sampling.loads if isinstance(angles, SinkageAngles) else math.inf
     classes = classed([pair for windows in runs for pair in instrumented(windows, length, lag)], sampling, by_load)
     if not classes:

@@ -18,7 +18,7 @@ from rover_pin.measurements.channel import FIELDS, DrawbarPull, Known, Predictor
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.pressed import Trial, declared_trials, exponent, press, pressed_known
-from rover_pin.measurements.rig_errors import RigErrors, known_sizes, stated_errors, unsure_sizes
+from rover_pin.measurements.rig_errors import RigErrors, declared_ranges, stated_errors, stated_ranges, unsure_sizes
 from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
 from rover_pin.measurements.tables import read_table
 from rover_pin.parameters.bekker import bekker, bekker_si
@@ -73,7 +73,7 @@ class WheelRig:
     channels : tuple of RigChannel
         What was measured: `DrawbarPull`, `Torque`, `Sinkage`, `SideForce`, each with the standard deviation of one run.
     wheel_range : mapping
-        name -> (low, high) of wheel parameters that are known only so well.
+        name -> (low, high) of sizes of the wheel, or constants of the soil, that are known only so well.
     declared : mapping
         name -> value (SI) of soil constants that come with the data from another measurement.
     levels : array [points]
@@ -172,9 +172,12 @@ class WheelRig:
 
     @property
     def known(self) -> Mapping[str, Known]:
-        """The sizes of the wheel that have a range or an SD, and n and k_1 where the wheel was pressed in."""
-        sizes = known_sizes(self.wheel, self.wheel_range, self.error_sd)
-        return {**sizes, **pressed_known(self.trials, self.wheel, self.declared.get("n"))}
+        """The wheel's sizes, soil constants that state a range, and n and k_1 where the wheel was pressed in."""
+        stated = {name: self.declared[name] for name in self.wheel_range if name in self.declared}
+        sds = {name: sd for name, sd in self.doubts.items() if name in stated}
+        sds |= {name.removeprefix("wheel."): sd for name, sd in self.error_sd.items()}
+        declared = declared_ranges({**self.wheel.values(), **stated}, self.wheel_range, sds)
+        return {**declared, **pressed_known(self.trials, self.wheel, self.declared.get("n"))}
 
 
 def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
@@ -211,7 +214,7 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
             load=table["load_N"],
             channels=_channels(table, table_in(about, "noise", where), where),
             name=str(about.get("name", folder.name)),
-            wheel_range=_ranges(wheel_table, where),
+            wheel_range=stated_ranges({**wheel_table, **table_in(about, "soil", where)}, where),
             declared=_declared(table_in(about, "soil", where), where),
             levels=table["level"].to_numpy() if "level" in table else None,
             doubts=declared_sds(table_in(about, "soil", where), Soil, where),
@@ -264,15 +267,6 @@ def _refuse_undersized(table: Mapping[str, Any], where: str) -> None:
     for name in quantities(Wheel):
         if name not in table:
             raise DataError(f"{where}: [wheel] has no {name}; write {name} = {{ value, unit = 'm' }}.")
-
-
-def _ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, float]]:
-    ranges = {}
-    for name, entry in table.items():
-        if isinstance(entry, Mapping) and {"low", "high"} <= entry.keys():
-            unit, place = entry.get("unit", "m"), f"{where}: {name}"
-            ranges[name] = (to_si(entry["low"], unit, "m", place), to_si(entry["high"], unit, "m", place))
-    return ranges
 
 
 def _declared(table: Mapping[str, Any], where: str) -> dict[str, float]:

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 
 from rover_pin.cli import app
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import OptimisationError
+from rover_pin.errors import DataError, OptimisationError
 from rover_pin.estimation.problem import Prior
 from rover_pin.experiments.drive_log.model import SOIL_SD, UNDECLARED
 from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
@@ -26,7 +27,7 @@ from rover_pin.loop.identified import identified
 from rover_pin.measurements.channel import FIELDS, DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.pressed import EXPONENTS, exponent, press
 from rover_pin.measurements.reading import read_evidence
-from rover_pin.measurements.rig_errors import known_sizes
+from rover_pin.measurements.rig_errors import declared_ranges
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.soil.traction import load_traction_factor
@@ -141,14 +142,43 @@ def test_what_nobody_states_is_as_unsure_as_in_the_loops():
     [
         ({}, {}, (0.06 * (1 - 0.01959964), 0.06 * (1 + 0.01959964)), "assumed of one stated without an SD"),
         ({"r": (0.058, 0.0601)}, {}, (0.058, 0.0601), "its declared range"),
-        ({}, {"wheel.r": 1e-3}, (0.06 - 1.959964e-3, 0.06 + 1.959964e-3), "its declared SD"),
-        ({"r": (0.0590, 0.0601)}, {"wheel.r": 1e-3}, (0.0590, 0.0601), "its declared SD"),
+        ({}, {"r": 1e-3}, (0.06 - 1.959964e-3, 0.06 + 1.959964e-3), "its declared SD"),
+        ({"r": (0.0590, 0.0601)}, {"r": 1e-3}, (0.0590, 0.0601), "its declared SD"),
     ],
 )
 def test_sizes_of_the_wheel_have_the_range_that_the_set_states(ranges, sds, ends, doubt):
-    found = known_sizes(WHEEL, ranges, sds)["r"]
+    found = declared_ranges(WHEEL.values(), ranges, sds)["r"]
     assert (found.low, found.high) == pytest.approx(ends)
     assert found.doubt == doubt
+
+
+def set_with(folder, soil):
+    """Return a copy of a measured set with another table [soil]."""
+    copytree(DATA / "ding-2011-smooth", folder)
+    path = folder / "rig.toml"
+    head, _, rest = path.read_text(encoding="utf-8").partition("[soil]")
+    path.write_text(f"{head}[soil]\n{soil}\n[noise]{rest.partition('[noise]')[2]}", encoding="utf-8")
+    return folder
+
+
+def test_a_constant_of_the_soil_may_state_its_range(tmp_path):
+    phi = 'phi = { value = 30.0, unit = "deg", low = 28.0, high = 33.0 }'
+    soil = phi + "\nn = { value = 1.0, sd = 0.1, low = 0.9, high = 2.0 }"
+    data = read_evidence(set_with(tmp_path / "set", soil))
+    own = data.declared_soil(Soil())
+    phi, n = row("phi", data, own, ("k",)), row("n", data, own, ("k",))
+    assert (phi.low, phi.high) == pytest.approx((math.radians(28.0), math.radians(33.0)))
+    assert (phi.doubt, phi.source) == ("its declared range", "declared with the data")
+    assert (n.low, n.high) == pytest.approx((0.9, 1.1959964))
+
+
+@pytest.mark.parametrize("ends", ["low = 31.0, high = 33.0", "low = 33.0, high = 28.0"])
+def test_a_range_that_leaves_its_value_out_is_refused(tmp_path, ends):
+    folder = set_with(tmp_path / "set", f'phi = {{ value = 30.0, unit = "deg", {ends} }}')
+    with pytest.raises(
+        DataError, match=r"phi = 0\.5236 is not between its low = .* and high = .* \[SI\]"
+    ):
+        read_evidence(folder)
 
 
 # --- what moves ------------------------------------------------------------------------------------------------------
