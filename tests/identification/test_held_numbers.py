@@ -175,9 +175,7 @@ def test_a_constant_of_the_soil_may_state_its_range(tmp_path):
 @pytest.mark.parametrize("ends", ["low = 31.0, high = 33.0", "low = 33.0, high = 28.0"])
 def test_a_range_that_leaves_its_value_out_is_refused(tmp_path, ends):
     folder = set_with(tmp_path / "set", f'phi = {{ value = 30.0, unit = "deg", {ends} }}')
-    with pytest.raises(
-        DataError, match=r"phi = 0\.5236 is not between its low = .* and high = .* \[SI\]"
-    ):
+    with pytest.raises(DataError, match=r"phi = 0\.5236 is not between its low = .* and high = .* \[SI\]"):
         read_evidence(folder)
 
 
