@@ -125,7 +125,9 @@ class _Given:
         if self._is_declared(name):
             return "declared with the data"
         default = next(field.default for field in dataclasses.fields(record) if field.name == name)
-        return quantities(record)[name].source if getattr(record, name) == default else "as given"
+        if getattr(record, name) == default:
+            return quantities(record)[name].source
+        return "of the data's wheel" if record is self.data.wheel else "as given"
 
 
 def range_of(value: float, sd: float, relative: bool = False) -> tuple[float, float]:

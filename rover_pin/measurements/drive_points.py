@@ -108,9 +108,11 @@ def drive_points(
     slip, factor, sd, *others = points_of(classes, sampling, constant_doubt(log.about.motor)).T
     declared, doubts = declared_soil(log, rover)
     slip_sd, shared, slip_shared, load = others
+    shared_errors = (slip_sd, shared, slip_shared)
     return TractionPoints(
-        slip, factor, sd, rover.wheel, TorqueTraction(), angles, slip_sd, shared, slip_shared, load, declared, doubts
-    )
+        slip, factor, sd, rover.wheel, TorqueTraction(), angles, *shared_errors, load, declared, doubts,
+        sized_soil(log, rover),
+    )  # fmt: skip
 
 
 def declared_soil(log: DriveLog, rover: Rover) -> tuple[dict[str, float], dict[str, float]]:
@@ -121,10 +123,16 @@ def declared_soil(log: DriveLog, rover: Rover) -> tuple[dict[str, float], dict[s
     where, table = f"{log.folder}: [soil]", log.about.soil
     soil = record_from(Soil, table, where)
     known, doubts = {name: getattr(soil, name) for name in table}, declared_sds(table, Soil, where)
-    if has_papers_wheel(rover) or {"k_1", "k_2"}.intersection(table):
+    if not sized_soil(log, rover):
         return known, doubts
     k_1 = float(own_soil(rover).value.k_1)
     return {"k_1": k_1, **known}, {"k_1": UNDECLARED_SD * k_1, **doubts}
+
+
+def sized_soil(log: DriveLog, rover: Rover) -> str:
+    """Return how k_1 was chosen where the log declares no modulus and the wheel is not the paper's, else nothing."""
+    declared = {"k_1", "k_2"}.intersection(log.about.soil)
+    return "" if has_papers_wheel(rover) or declared else "; ".join(own_soil(rover).assumed) or "the rover's own soil"
 
 
 def instrumented(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> list[tuple[float, Window]]:

@@ -15,7 +15,7 @@ import pandas as pd
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
-from rover_pin.measurements.channel import Channel, Known, Predictor, TractionFactor
+from rover_pin.measurements.channel import UNDECLARED_SD, WIDTH_95, Channel, Known, Predictor, TractionFactor
 from rover_pin.measurements.checks import column, not_negative, positive, same_length, slips
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.tables import read_table
@@ -132,6 +132,8 @@ class TractionPoints:
         name -> value (SI) of soil constants that come with the data.
     doubts : mapping
         name -> SD (SI) that is declared with one of them.
+    sized : str
+        How a k_1 of `declared` was chosen that nobody declared.
 
     Raises
     ------
@@ -151,6 +153,7 @@ class TractionPoints:
     load: Any = field(default=(), repr=False)
     declared: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     doubts: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    sized: str = ""
 
     tells: ClassVar[frozenset[str]] = frozenset({"k", "phi"})
     told_by: ClassVar[str] = "the traction factor F(S) alone"
@@ -206,8 +209,11 @@ class TractionPoints:
 
     @property
     def known(self) -> Mapping[str, Known]:
-        """Nothing: what is not sure of wheel and loads is in the points' errors."""
-        return {}
+        """A k_1 that was sized, within a factor exp(1.96 UNDECLARED_SD)."""
+        if not self.sized:
+            return {}
+        k_1, factor = self.declared["k_1"], math.exp(WIDTH_95 * UNDECLARED_SD)
+        return {"k_1": Known(self.sized, k_1 / factor, k_1 * factor, "assumed, as nobody measured it")}
 
     def declared_soil(self, soil: Soil) -> Soil:
         """Return `soil` with what the data declare of it."""

@@ -19,6 +19,7 @@ from rover_pin.description.layout import rover_folder
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import DataError
 from rover_pin.identification.arc_doubt import with_arc_doubt
+from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.result import Verdict
 from rover_pin.measurements import drive_points as module
@@ -32,6 +33,7 @@ from rover_pin.measurements.drive_points import (
 )
 from rover_pin.measurements.reading import read_evidence
 from rover_pin.measurements.steady_windows import Window, line, pooled
+from rover_pin.motion.defaults import own_soil
 from rover_pin.motion.drive_log import read_drive_log, write_drive_log
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.sensors import Sensors, measured
@@ -140,6 +142,23 @@ def test_a_modulus_that_nobody_measured_is_uncertain_with_the_rest(tmp_path):
     for name in ("k", "phi"):
         assert found[name].low < float(getattr(truth, name)) < found[name].high
         assert found[name].verdict is not Verdict.FOUND
+
+
+def test_a_modulus_that_was_sized_is_not_said_to_be_declared(tmp_path):
+    cart_log(tmp_path)
+    path = tmp_path / "drive.toml"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join(one for one in lines if not one.startswith(("k_1 ", "k_2 "))), encoding="utf-8")
+    points = read_drive_points(tmp_path)
+    soil = points.declared_soil(Soil())
+    held = {one.name: one for one in held_numbers(points, soil, ("k", "phi"))}
+    assert "in which a wheel under" in held["k_1"].source
+    assert held["k_1"].value == soil.k_1 == own_soil(scenario("flat", rover="cart").model.rover).value.k_1
+    assert (
+        held["k_1"].high / soil.k_1 == pytest.approx(soil.k_1 / held["k_1"].low) == pytest.approx(math.exp(1.372), 1e-3)
+    )
+    assert held["n"].source == "declared with the data"
+    assert held["r"].source == "of the data's wheel"
 
 
 def test_a_log_says_what_it_knows_of_its_soil(tmp_path):
