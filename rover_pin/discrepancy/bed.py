@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.judge import Question
 from rover_pin.estimation.experiment import Experiment
@@ -60,6 +62,10 @@ class Bed(Experiment):
     @abstractmethod
     def noise(self) -> Noise:
         """Return the noise as declared, or as repeats show it: never what the model leaves."""
+
+    def along(self) -> tuple[str, np.ndarray] | None:
+        """Return over what a picture shows samples, with unit, and its values [folds, samples]; None: in turn."""
+        return None
 
     def insufficient(self) -> str:
         """Return why these data cannot tell anything, and what to measure; empty where they can."""

@@ -115,6 +115,10 @@ class SlipSlope(Bed):
         """Return white noise of the declared SDs."""
         return declared_noise(self.sd, self.observed)
 
+    def along(self) -> tuple[str, np.ndarray]:
+        """Return the slopes [deg]."""
+        return "slope [deg]", np.degrees(self.slopes)
+
     def insufficient(self) -> str:
         """Return why too few slopes tell nothing."""
         count = len(np.unique(np.round(np.degrees(self.slopes[np.isfinite(self.slopes)]), 1)))

@@ -125,4 +125,4 @@ def _doubts(verdict: Verdict, manner: Manner) -> Iterator[str]:
     if verdict.named:
         yield f"only the {tried} candidates of the list were tried: something outside of it may do the same"
     elif verdict.answer is Answer.NONE_NEEDED:
-        yield "an effect too small to show in these data may act: the sizes that would show are listed below"
+        yield "an effect too small to show in these data may act; 'what could not be told' has the sizes that would"

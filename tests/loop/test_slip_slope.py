@@ -14,6 +14,7 @@ from rover_pin.errors import DataError
 from rover_pin.experiments import slip_slope
 from rover_pin.experiments.slip_slope import SlipSlope
 from rover_pin.loop.close import close_the_loop
+from rover_pin.report.bed.report import panel
 from rover_pin.vehicle.new_rover import new_rover
 
 _file = Path(__file__).parents[1] / "oracle" / "slope_generator.py"
@@ -53,6 +54,17 @@ def test_a_table_with_nothing_hidden_needs_nothing_and_tells_the_soil(tmp_path):
     told = {one.name: one for one in found.after.numbers}
     assert told["soil.phi"].low < math.radians(31.5) < told["soil.phi"].high
     assert found.after.misfit < 1.5
+
+
+def test_its_picture_shows_slip_over_slope(tmp_path):
+    """As the table has it, each slip over the slope beside it."""
+    made = folder(tmp_path)
+    table = np.genfromtxt(made / "points.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    (axes,) = panel(SlipSlope.read(made), 0, []).axes
+    (measured,) = [line for line in axes.lines if line.get_label() == "measured"]
+    drawn = sorted(zip(*measured.get_data(), strict=True))
+    assert np.array(drawn) == pytest.approx(np.array(sorted(zip(table["slope_deg"], table["slip"], strict=True))))
+    assert axes.get_xlabel() == "slope [deg]"
 
 
 def test_a_slope_that_no_slip_climbs_is_stuck(tmp_path):

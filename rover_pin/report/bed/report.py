@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from rover_pin.discrepancy.bed import Bed
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import in_words
 from rover_pin.report.first_screen import FirstScreen
@@ -28,7 +28,7 @@ from rover_pin.report.words import Manner, as_text, kinds_of, listing, spoken
 MANNER = Manner("where it was not fitted", "folds")
 
 
-def write_report(verdict: Verdict, bed: Experiment, out: Path) -> list[Path]:
+def write_report(verdict: Verdict, bed: Bed, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
     count = int(np.isfinite(bed.observed).any(axis=1).sum())
     kicker = f"{count} points in {len(bed.folds)} folds; {listing(bed.channels)}"
@@ -46,31 +46,36 @@ def write_report(verdict: Verdict, bed: Experiment, out: Path) -> list[Path]:
     return write_page(Head(bed.name, kicker, headline(verdict, MANNER)), sections, out)
 
 
-def _picture(verdict: Verdict, bed: Experiment) -> Picture | None:
+def _picture(verdict: Verdict, bed: Bed) -> Picture | None:
     if verdict.before is None or verdict.after is None:
         return None
     added = listing(spoken(name, kinds_of(verdict)) for name in verdict.named)
     sides = [(verdict.before.fit, BEFORE, "_", "base model, fitted")]
     sides += [(verdict.after.fit, AFTER, "x", f"with {added}")] if added else []
-    panels = tuple(_panel(bed, row, sides) for row in range(len(bed.channels)))
+    panels = tuple(panel(bed, row, sides) for row in range(len(bed.channels)))
     said = [f"{one.name} {one.before:.2g} to {one.after:.2g} {one.unit}" for one in verdict.scores]
     alt = f"Measured and modelled {listing(bed.channels)}, point by point; error where not fitted: {listing(said)}."
-    return Picture(panels, alt, "Each point once, fold after fold; a fold begins at each line.")
+    order = "" if bed.along() else ", fold after fold; a fold begins at each line"
+    return Picture(panels, alt, f"Each point once{order}.")
 
 
 Side = tuple[Fit, str, str, str]
 
 
-def _panel(bed: Experiment, row: int, sides: list[Side]) -> Figure:
+def panel(bed: Bed, row: int, sides: list[Side]) -> Figure:
+    """Return a channel's picture: measured and modelled, over what the bed says, else sample by sample."""
     figure = Figure(figsize=(4.6, 3.6), layout="constrained")
     axis, factor, unit = figure.subplots(), *in_words(bed.unit(bed.channels[row]))
     seen = np.isfinite(bed.observed[:, row])
-    axis.plot(factor * bed.observed[:, row][seen], "ko", ms=4, label="measured")
+    words, values = bed.along() or ("point", np.cumsum(seen).reshape(seen.shape) - 1)
+    axis.plot(values[seen], factor * bed.observed[:, row][seen], "ko", ms=4, label="measured")
     for fitted, colour, marker, label in sides:
-        axis.plot(factor * fitted.predicted[:, row][seen], marker, color=colour, ms=8, mew=1.6, label=label)
-    for begin in _begins(seen):
+        axis.plot(
+            values[seen], factor * fitted.predicted[:, row][seen], marker, color=colour, ms=8, mew=1.6, label=label
+        )
+    for begin in () if bed.along() else _begins(seen):
         axis.axvline(begin - 0.5, color="#b0b0b0", lw=0.7)
-    axis.set(xlabel="point", ylabel=f"{as_text(bed.channels[row])} [{unit or '-'}]")
+    axis.set(xlabel=words, ylabel=f"{as_text(bed.channels[row])} [{unit or '-'}]")
     axis.grid(alpha=0.25, axis="y")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8.5)
     return figure

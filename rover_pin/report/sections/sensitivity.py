@@ -109,8 +109,11 @@ def _why(row: Scored, share: float) -> str:
 
 
 def _size(row: Scored, share: float, base: Fit) -> str:
-    """Return the size from which a candidate would show: a share of the way from neutral to its signature's size."""
-    if not math.isfinite(share):
+    """Return the size from which a candidate would show: a share of the way from neutral to its signature's size.
+
+    None where its whole way moves nothing: a share of that is no estimate.
+    """
+    if not math.isfinite(share) or row.visible <= STILL:
         return "none"
     sizes = []
     for name, size in row.signature.sizes.items():
