@@ -16,9 +16,16 @@ from rover_pin.identification.dependence import with_held
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import identify
 from rover_pin.identification.result import Held, Identification
-from rover_pin.measurements.channel import Evidence
+from rover_pin.measurements.channel import DrawbarPull, Evidence, RigChannel, Sinkage, Torque
 from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.quantity import quantities
 
+OF_CHANNELS: dict[type[RigChannel], tuple[str, ...]] = {
+    DrawbarPull: ("pull_tare", "crosstalk", "force_scale"),
+    Torque: ("torque_tare",),
+    Sinkage: ("sinkage_zero",),
+}
+"""Which errors of a rig are in which channel; that of the load is in all."""
 BY_HAND = "--set"
 """Source of a number that the user has set."""
 
@@ -64,9 +71,19 @@ def identified(
         As `identify`.
     """
     names, known = with_arc_doubt(data, soil, free, priors or {}, by_hand)
-    held = (*held_numbers(data, soil, names, dict.fromkeys(by_hand, BY_HAND)), *behind)
+    rig = _of_the_rig(data) if isinstance(data, WheelRig) else ()
+    held = (*held_numbers(data, soil, names, dict.fromkeys(by_hand, BY_HAND)), *rig, *behind)
     found = with_held(identify(data, soil, names, known), data, held, known)
     return Identified(found, _elsewhere(found, data) if isinstance(data, WheelRig) else ())
+
+
+def _of_the_rig(data: WheelRig) -> tuple[Held, ...]:
+    """Return what the rig may add to its readings: a fit of the soil alone takes all of it as stated."""
+    errors, about = data.errors, quantities(data.errors)
+    names = ["load_scale", *(name for one in data.channels for name in OF_CHANNELS.get(type(one), ()))]
+    said = "exact: with an sd in [rig], close-loop fits it"
+    rows = ((name, float(getattr(errors, name)), about[name]) for name in names)
+    return tuple(Held(f"rig.{name}", one.unit, value, one.source, value, value, said) for name, value, one in rows)
 
 
 def _elsewhere(found: Identification, data: WheelRig) -> tuple[Flag, ...]:

@@ -411,6 +411,17 @@ def test_the_smooth_wheel_says_what_its_sand_was_pressed_to():
     assert found.as_dict()["elsewhere"][0]["source"] == flag.independent.source
 
 
+def test_what_a_rig_may_add_to_its_readings_is_listed_by_channel():
+    rows = {one.held.name: one for one in identified(rig((DrawbarPull, Sinkage)), TRUTH, ("k", "k_1")).found.held}
+    assert [name for name in rows if name.startswith("rig.")] == [
+        "rig.load_scale", "rig.pull_tare", "rig.crosstalk", "rig.force_scale", "rig.sinkage_zero",
+    ]  # fmt: skip
+    assert rows["rig.load_scale"].line({}) == (
+        "rig.load_scale = 1 (load over that stated: 1): exact: with an sd in [rig], close-loop fits it"
+    )
+    assert "rig.torque_tare" in [one.held.name for one in identified(rig(), TRUTH, ("phi",)).found.held]
+
+
 def test_a_drives_k_hangs_on_its_angle_and_its_phi_does_not():
     """j of Eq (2) grows with theta_1 at large slips, with its cube at none; a fit holds j / k."""
     data = read_evidence(DATA / "steepening-slope")
