@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from rover_pin.motion.driving import Drive
 
 PUSH = 1e-4
@@ -34,10 +32,12 @@ def thrown_by_a_push(drive: Drive) -> str:
 
 
 def _fastest(drive: Drive) -> float:
-    """Return the greatest speed along the ground [m/s] that follows; infinite where a step fails."""
+    """Return the greatest speed along the ground [m/s] that follows, no further than THROWN; infinite: a step fails."""
     fastest = 0.0
     for _ in range(max(1, round(WATCHED / drive.timing.dt))):
         if drive.stepper.step():
             return math.inf
-        fastest = max(fastest, float(np.linalg.norm(drive.state.v[:2])))
+        fastest = max(fastest, math.hypot(*drive.state.v[:2]))
+        if fastest > THROWN:
+            break
     return fastest
