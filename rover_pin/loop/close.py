@@ -118,8 +118,8 @@ def close_the_loop(
     if scheduler is not None:
         raise ParameterError("A wheel-rig set takes one core some seconds: leave scheduler out, it is for drive logs.")
     assert not isinstance(data, DriveLog)
-    rigs = rig_set_of(data, allowed)
     with alone_in(out):
+        rigs = rig_set_of(data, allowed)
         return close_rig_loop(rigs, _start(rigs, asked), asked, progress)
 
 
