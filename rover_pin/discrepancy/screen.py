@@ -163,13 +163,15 @@ def saturated(base: Fit, found: Sequence[Signature], field: RandomField | None =
     free, noise = len(moved), dataclasses.replace(base.task.noise, chance=None)
     if field is not None:
         moved += list(_scales(base.task.noise, field)[:, None, None, None] * field.moved)
-    columns, rows = noise.white(np.array(moved)).T, noise.white(base.residual)
+    explained = np.moveaxis(np.array(moved), 0, -1)
+    columns, rows = noise.white(np.moveaxis(explained, -1, 0)).T, noise.white(base.residual)
     root = np.sqrt(huber_weights(rows))
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
     held = np.where(np.arange(len(scale)) < free, 1e-4, 1.0 / scale**2)
-    normal = (columns / scale * root[:, None]).T @ (columns / scale * root[:, None]) + np.diag(held)
-    share = np.linalg.solve(normal, (columns / scale).T @ (root**2 * rows)) / scale
-    explained = np.moveaxis(np.array(moved), 0, -1)
+    scaled = columns / scale
+    weighted = scaled * root[:, None]
+    normal = weighted.T @ weighted + np.diag(held)
+    share = np.linalg.solve(normal, scaled.T @ (root**2 * rows)) / scale
     doubted = explained / scale @ np.linalg.inv(np.linalg.cholesky(normal)).T
     before = np.concatenate([np.zeros_like(doubted[..., :1, :]), doubted[..., :-1, :]], axis=-2)
     absorbed = Absorbed(np.sum(doubted**2, axis=-1), np.sum(doubted * before, axis=-1))
@@ -187,8 +189,8 @@ def with_chance(base: Fit, found: Sequence[Signature], field: RandomField) -> Fi
     noise = base.task.noise
     free = noise.white(np.array([base.slopes[one.name] for one in base.parameters] + [each.moved for each in found])).T
     columns, rows = noise.white(field.moved).T, base.rows
-    root = np.sqrt(huber_weights(rows))[:, None]
-    learnt = learnt_sds(root[:, 0] * rows, root * free, root * columns, field)
+    root = np.sqrt(huber_weights(rows))
+    learnt = learnt_sds(root * rows, root[:, None] * free, root[:, None] * columns, field)
     made = dataclasses.replace(noise, chance=chance_of(field, columns, noise.good, learnt))
     return dataclasses.replace(base, task=dataclasses.replace(base.task, noise=made))
 

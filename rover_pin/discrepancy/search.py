@@ -67,7 +67,7 @@ class Search:
     rounds: tuple[Round, ...]
     known: tuple[Signature, ...] = field(repr=False)
     "how each candidate moves the base model"
-    field: RandomField | None = field(default=None, repr=False)
+    chance: RandomField | None = field(default=None, repr=False)
     "what of the experiment differs from fold to fold by chance"
 
     @property

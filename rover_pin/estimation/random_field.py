@@ -69,7 +69,9 @@ class Chance:
         """Return rows (..., n) of the compared samples, fold after fold, without what chance may have done."""
         ends = np.cumsum(good.sum(axis=(1, 2)))[:-1]
         parts = np.split(rows, ends, axis=-1)
-        kept = [part - (part @ W) @ W.T for part, W in zip(parts, map(_compared, self.basis, good), strict=True)]
+        kept = [
+            part - (part @ table[own]) @ table[own].T for part, table, own in zip(parts, self.basis, good, strict=True)
+        ]
         return np.concatenate(kept, axis=-1)
 
 
@@ -82,10 +84,6 @@ def expected(field: RandomField, learnt: Sequence[LearntSd], columns: np.ndarray
     d = np.array([one.sd for one in learnt])[field.kind] / size
     scaled = columns * d
     return np.asarray(size * d * np.linalg.solve(np.eye(len(d)) + scaled.T @ scaled, scaled.T @ rows))
-
-
-def _compared(table: np.ndarray, good: np.ndarray) -> np.ndarray:
-    return np.asarray(table[good])
 
 
 def chance_of(field: RandomField, columns: np.ndarray, good: np.ndarray, learnt: Sequence[LearntSd]) -> Chance:

@@ -111,7 +111,7 @@ def verdict_on(log: DriveLog, found: Search, left: Remainder, seed: int, progres
     sizes = tuple(name for one in added for name in one.sizes)
     best, experiment = found.rounds[0].alike, logged(found.base)
     free = free_runs(experiment, found.base.model, verdict.model)
-    ground = raked(found.last, found.field)
+    ground = raked(found.last, found.chance)
     odometry = kinematic(experiment, found.base.model.rover)
     if verdict.answer is Answer.NONE_FITS:
         verdict = with_draft(verdict, drafted(found.last, left, log.about.name, progress), seed)

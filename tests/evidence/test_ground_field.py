@@ -23,10 +23,11 @@ from rover_pin.experiments.drive_log.features import logged_run
 from rover_pin.experiments.drive_log.ground import field as ground
 from rover_pin.experiments.drive_log.ground import raked
 from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
 from rover_pin.motion.place import Start
-from rover_pin.motion.replay import PERIOD, Commands, replay
+from rover_pin.motion.replay import PERIOD, Commands, Replay, replay
 from rover_pin.motion.trace import Trace
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
@@ -101,6 +102,23 @@ def test_a_long_way_has_no_more_places_than_the_most(two, model):
     place = run.commands.place * [50.0, 1.0, 1.0]
     far = dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=place))
     assert len(ground.shares_of(far, model.rover)) == ground.MOST
+
+
+def test_runs_in_which_nothing_moves_tell_nothing(two, model, monkeypatch):
+    """A rover that cannot be set down has replays without a place; they are no reason to stop."""
+    monkeypatch.setattr(
+        type(two), "nudged", lambda self, model, asked: [Replay({"t_s": two.runs[0].commands.t})] * len(asked)
+    )
+    monkeypatch.setattr(type(two), "predict", lambda self, models: np.zeros((1, *two.observed.shape)))
+    assert not ground.ground_columns(two, model)["moved"].any()
+
+
+def test_what_was_worked_out_once_is_kept(two, model, field, tmp_path):
+    kept = dataclasses.replace(two, memory=Memory(tmp_path, "key"))
+    first = kept.random_field(model)
+    np.testing.assert_array_equal(first.moved, field.moved)
+    assert len(list((tmp_path / ".resume").glob("*.npz"))) == 1
+    np.testing.assert_array_equal(dataclasses.replace(kept).random_field(model).moved, first.moved)
 
 
 def test_the_grip_of_a_run_moves_what_a_soil_of_another_friction_angle_moves(two, model, field):

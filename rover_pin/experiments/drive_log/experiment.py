@@ -19,7 +19,7 @@ from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.random_field import RandomField
 from rover_pin.experiments.drive_log.features import LoggedRun
-from rover_pin.experiments.drive_log.ground.field import ground_field
+from rover_pin.experiments.drive_log.ground.field import KINDS, ground_columns
 from rover_pin.experiments.drive_log.parameters import owners, with_record
 from rover_pin.experiments.drive_log.places import neighbours
 from rover_pin.experiments.drive_log.recent import Recent
@@ -134,7 +134,8 @@ class DriveExperiment(Experiment):
 
     def random_field(self, model: Model) -> RandomField:
         """Return how the ground of each run may differ from the declared."""
-        return ground_field(self, model)
+        made = self.kept(("random field", model), lambda: ground_columns(self, model))
+        return RandomField(KINDS, **made)
 
     def kept(self, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
         """Return what was made of these runs before, or make and keep it."""
@@ -142,23 +143,32 @@ class DriveExperiment(Experiment):
 
     def replays(self, model: Model, nudges: Sequence[Nudge] | None = None) -> tuple[Replay, ...]:
         """Return the replays of one model, perhaps nudged, one nudge a run."""
-        asked = zip(self.runs, nudges or [Nudge()] * len(self.runs), self.rests, strict=True)
-        return tuple(self._spread(_replayed, [(model, run.commands, one, rest) for run, one, rest in asked]))
+        return self.nudged(model, list(enumerate(nudges or [Nudge()] * len(self.runs))))
+
+    def nudged(self, model: Model, asked: Sequence[tuple[int, Nudge]]) -> tuple[Replay, ...]:
+        """Return the replays of one model on these runs, by index, under these nudges."""
+        return tuple(
+            self._spread(_replayed, [(model, self.runs[at].commands, one, self.rests[at]) for at, one in asked])
+        )
 
     def read(self, replays: Sequence[Replay], sensors: Sequence[SensorEffect]) -> np.ndarray:
         """Return the features (runs, channels, blocks) of replays as these sensors report them."""
-        pairs = zip(self.runs, replays, strict=True)
-        return self._padded([run.features(replay.channels, sensors) for run, replay in pairs])
+        return np.array([self.read_run(at, replay, sensors) for at, replay in enumerate(replays)])
+
+    def read_run(self, at: int, replay: Replay, sensors: Sequence[SensorEffect]) -> np.ndarray:
+        """Return the features (channels, blocks) of one run's replay as these sensors report them."""
+        return self._common(self.runs[at], self.runs[at].features(replay.channels, sensors))
 
     def _spread(self, function: Callable[..., Any], asked: list[tuple[Any, ...]]) -> list:
         return list(telling(results(function, asked, self.jobs, short=True), len(asked), "replays"))
 
     def _padded(self, tables: Sequence[np.ndarray]) -> np.ndarray:
         """Return tables (channels, blocks) of the runs as one array, the common channels, gaps at the ends."""
-        whole = np.full((len(self.runs), len(self.channels), self.length), np.nan)
-        for at, (run, table) in enumerate(zip(self.runs, tables, strict=True)):
-            rows = [run.channels.index(name) for name in self.channels]
-            whole[at, :, : table.shape[1]] = table[rows]
+        return np.array([self._common(run, table) for run, table in zip(self.runs, tables, strict=True)])
+
+    def _common(self, run: LoggedRun, table: np.ndarray) -> np.ndarray:
+        whole = np.full((len(self.channels), self.length), np.nan)
+        whole[:, : table.shape[1]] = table[[run.channels.index(name) for name in self.channels]]
         return whole
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.ndimage import uniform_filter1d
 
 from rover_pin.body.rover import Rover
 from rover_pin.effects.effect import SensorEffect
-from rover_pin.estimation.random_field import Kind, RandomField
+from rover_pin.estimation.random_field import Kind
 from rover_pin.experiments.drive_log.features import BLOCK, LoggedRun
 from rover_pin.motion.defaults import scale
 from rover_pin.motion.model import Model
@@ -35,30 +35,47 @@ class Driven(Protocol):
     def runs(self) -> Sequence[LoggedRun]:
         """The runs."""
 
-    def replays(self, model: Model, nudges: Sequence[Nudge] | None = None) -> Sequence[Replay]:
-        """Return the replays of one model, perhaps nudged, one nudge a run."""
+    def predict(self, models: Sequence[Model]) -> np.ndarray:
+        """Return the features of each model (models, runs, channels, blocks)."""
 
-    def read(self, replays: Sequence[Replay], sensors: Sequence[SensorEffect]) -> np.ndarray:
-        """Return the features (runs, channels, blocks) of replays as these sensors report them."""
+    def nudged(self, model: Model, asked: Sequence[tuple[int, Nudge]]) -> Sequence[Replay]:
+        """Return the replays of one model on these runs, by index, under these nudges."""
+
+    def read_run(self, at: int, replay: Replay, sensors: Sequence[SensorEffect]) -> np.ndarray:
+        """Return the features (channels, blocks) of one run's replay as these sensors report them."""
 
 
-def ground_field(experiment: Driven, model: Model) -> RandomField:
-    """Return how each run's features would move if the ground differed at each place of its way.
+def ground_columns(experiment: Driven, model: Model) -> dict[str, np.ndarray]:
+    """Return how each run's features would move if the ground differed at each place of its way, and as a whole.
 
     Grip is a share of tan phi; a slope is one along the heading: a force against the motion, -m g slope, and what it
-    does to pitch and height. One place's share falls evenly to 0 at its neighbours.
+    does to pitch and height. One place's share falls evenly to 0 at its neighbours; the whole is the sum of all places.
+    `kind`, `fold` and `moved` are those of a `RandomField` of the KINDS.
     """
-    shares = [shares_of(run, model.rover) for run in experiment.runs]
-    base = experiment.replays(model)
-    still = experiment.read(base, model.sensor_effects)
+    still, sensors = experiment.predict([model])[0], model.sensor_effects
     weight = model.built.mass * abs(model.gravity)
-    places = max(len(one) for one in shares)
-    by_place = [[_at(one, place) for one in shares] for place in range(places)]
-    moved = {
-        GRIP: [_moved(experiment, model, still, [Nudge(grip=GRIP.size * one) for one in rows]) for rows in by_place],
-        SLOPE: [_sloped(experiment, model, still, rows, weight) for rows in by_place],
-    }
-    return _columns(moved, [len(one) for one in shares])
+    places = [(at, share) for at, run in enumerate(experiment.runs) for share in shares_of(run, model.rover)]
+    grips = experiment.nudged(model, [(at, Nudge(grip=GRIP.size * share)) for at, share in places])
+    pushed = experiment.nudged(model, [(at, Nudge(force=-weight * SLOPE.size * share)) for at, share in places])
+    slopes = [_tilted(experiment.runs[at], one, share) for (at, share), one in zip(places, pushed, strict=True)]
+    columns = []
+    for along, whole, replays in ((GRIP, GRIP_OF_RUN, grips), (SLOPE, SLOPE_OF_RUN, slopes)):
+        moved: list[list[np.ndarray]] = [[] for _ in experiment.runs]
+        for (at, _), one in zip(places, replays, strict=True):
+            moved[at].append(_finite(experiment.read_run(at, one, sensors) - still[at]))
+        for at, own in enumerate(moved):
+            columns += [(along, at, each) for each in own if len(own) > 1]
+            columns.append((whole, at, np.sum(own, axis=0)))
+    table = np.zeros((len(columns), *still.shape))
+    for row, (_, at, each) in zip(table, columns, strict=True):
+        row[at] = each
+    kind, fold = np.array([(KINDS.index(kind), at) for kind, at, _ in columns]).T
+    return {"kind": kind, "fold": fold, "moved": table}
+
+
+def _finite(change: np.ndarray) -> np.ndarray:
+    """Return a change, none where one of two drives ended or nothing is compared."""
+    return np.nan_to_num(change, posinf=0.0, neginf=0.0)
 
 
 def shares_of(run: LoggedRun, rover: Rover) -> np.ndarray:
@@ -73,45 +90,16 @@ def shares_of(run: LoggedRun, rover: Rover) -> np.ndarray:
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(way - knots[:, None]) / (knots[1] - knots[0])))
 
 
-def _at(shares: np.ndarray, place: int) -> np.ndarray:
-    return np.asarray(shares[place]) if place < len(shares) else np.zeros(shares.shape[1])
-
-
-def _moved(
-    experiment: Driven,
-    model: Model,
-    still: np.ndarray,
-    nudges: list[Nudge],
-    seen: Callable[[int, Replay], Replay] = lambda run, replay: replay,
-) -> np.ndarray:
-    replays = [seen(run, one) for run, one in enumerate(experiment.replays(model, nudges))]
-    return np.nan_to_num(experiment.read(replays, model.sensor_effects) - still)
-
-
-def _sloped(experiment: Driven, model: Model, still: np.ndarray, shares: list[np.ndarray], weight: float) -> np.ndarray:
-    def tilted(run: int, replay: Replay) -> Replay:
-        slope, one = SLOPE.size * shares[run], experiment.runs[run]
-        steps = np.array([np.diff(replay.channels[f"body_{axis}"], prepend=np.nan) for axis in "xy"])
-        ahead = np.nan_to_num(np.cos(one.heading) * steps[0] + np.sin(one.heading) * steps[1])
-        channels = {
-            **replay.channels,
-            "body_pitch": replay.channels["body_pitch"] - slope,
-            "body_z": replay.channels["body_z"] + np.cumsum(slope * ahead),
-        }
-        return dataclasses.replace(replay, channels=channels)
-
-    nudges = [Nudge(force=-weight * SLOPE.size * share) for share in shares]
-    return _moved(experiment, model, still, nudges, tilted)
-
-
-def _columns(moved: dict[Kind, list[np.ndarray]], counts: list[int]) -> RandomField:
-    """Return one column for each place of each run, and for each run as a whole, the sum of its places."""
-    kinds, columns, folds = [], [], []
-    for along, whole in ((GRIP, GRIP_OF_RUN), (SLOPE, SLOPE_OF_RUN)):
-        for run, count in enumerate(counts):
-            own = [np.where(np.arange(len(counts))[:, None, None] == run, each, 0.0) for each in moved[along][:count]]
-            several = own if count > 1 else []
-            columns += [*several, np.sum(own, axis=0)]
-            kinds += [KINDS.index(along)] * len(several) + [KINDS.index(whole)]
-            folds += [run] * (len(several) + 1)
-    return RandomField(KINDS, np.array(kinds), np.array(folds), np.array(columns))
+def _tilted(run: LoggedRun, replay: Replay, share: np.ndarray) -> Replay:
+    """Return a replay as sensors on a ground inclined by this share would see it; as it is where nothing moved."""
+    if "body_z" not in replay.channels:
+        return replay
+    slope = SLOPE.size * share
+    steps = np.array([np.diff(replay.channels[f"body_{axis}"], prepend=np.nan) for axis in "xy"])
+    ahead = np.nan_to_num(np.cos(run.heading) * steps[0] + np.sin(run.heading) * steps[1])
+    channels = {
+        **replay.channels,
+        "body_pitch": replay.channels["body_pitch"] - slope,
+        "body_z": replay.channels["body_z"] + np.cumsum(slope * ahead),
+    }
+    return dataclasses.replace(replay, channels=channels)
