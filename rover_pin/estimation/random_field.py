@@ -123,6 +123,9 @@ def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: R
     start = np.full(count, 0.1)
     found = minimize(loss, start, method="L-BFGS-B", bounds=[(0.0, MOST_SCALE**2)] * count).x
     best = np.where(found > TOLD**2, found, 0.0)
-    gains = [loss(np.where(np.arange(count) == at, 0.0, best)) - loss(best) for at in range(count)]
+    without = [np.where(np.arange(count) == at, 0.0, 1.0) for at in range(count)]
+    for each in without:  # where nothing is told of a kind, the search stays where it began
+        best = best * each if loss(best * each) <= loss(best) + TOLD else best
+    gains = [loss(best * each) - loss(best) for each in without]
     rows_of = zip(field.kinds, np.sqrt(best), gains, strict=True)
     return tuple(LearntSd(kind, kind.size * float(d), max(gain, 0.0)) for kind, d, gain in rows_of)

@@ -120,3 +120,28 @@ def test_the_expected_draws_are_those_of_the_joint_normal_law(field, noise):
     across = (variance / sizes)[:, None] * columns.T
     wanted = across @ np.linalg.solve(dense(columns, field, sds), rows)
     np.testing.assert_allclose(expected(field, learnt_as(*sds), columns, rows), wanted, rtol=1e-9, atol=1e-12)
+
+
+def test_of_what_no_column_tells_nothing_is_learnt(field, noise):
+    """Neither where a kind moves nothing nor where it has no column at all."""
+    random = np.random.default_rng(12)
+    columns = noise.white(field.moved).T
+    free, rows = random.normal(size=(len(columns), 2)), 3 * random.normal(size=len(columns))
+    silent = columns * (field.kind == 0)
+    alone = dataclasses.replace(field, kind=np.zeros_like(field.kind))
+    for found in (learnt_sds(rows, free, silent, field), learnt_sds(rows, free, columns, alone)):
+        assert found[1].sd == 0.0
+        assert found[1].gain == 0.0
+    assert [one.sd for one in learnt_sds(rows, free, 0.0 * columns, field)] == [0.0, 0.0]
+
+
+def test_two_kinds_that_say_the_same_share_what_one_would_have(field, noise):
+    """Their variances add up: none is dropped for the other's sake, and the other not for its."""
+    columns = noise.white(field.moved).T
+    rows = np.linalg.cholesky(dense(columns, field, (0.2, 0.04))) @ np.random.default_rng(13).normal(size=len(columns))
+    none, zeros = np.zeros((len(columns), 0)), np.zeros_like(field.kind)
+    one = learnt_sds(rows, none, columns, dataclasses.replace(field, kind=zeros))
+    both = np.concatenate([columns, columns], axis=1)
+    two = learnt_sds(rows, none, both, dataclasses.replace(field, kind=np.concatenate([zeros, zeros + 1])))
+    assert one[0].sd > 0.1
+    assert sum((each.sd / each.kind.size) ** 2 for each in two) == pytest.approx((one[0].sd / 0.05) ** 2, rel=1e-2)

@@ -197,14 +197,18 @@ def test_nothing_is_told_where_no_field_was_learnt(two, model, field):
     assert raked.raked(plain, None) is None
 
 
-def test_slopes_are_doubted_beyond_chance_alone(two, model, field, monkeypatch):
+@pytest.mark.parametrize(
+    ("gain", "rms", "doubted"), [(-0.1, 2.0, False), (0.1, 2.0, True), (100.0, 0.99, False), (0.1, 1.01, True)]
+)
+def test_slopes_are_doubted_beyond_chance_and_what_a_survey_tells(two, model, monkeypatch, gain, rms, doubted):
     found, chance = taught(two, model)
-    for gain, doubted in ((raked.SURE - 0.1, False), (raked.SURE + 0.1, True)):
-        learnt = tuple(LearntSd(kind, 0.01, gain if kind == ground.SLOPE else 0.0) for kind in ground.KINDS)
-        noise = found.task.noise
-        told = dataclasses.replace(noise, chance=dataclasses.replace(noise.chance, learnt=learnt))
-        one = dataclasses.replace(found, task=dataclasses.replace(found.task, noise=told))
-        assert (raked.raked(one, chance).worst is not None) is doubted
+    learnt = tuple(LearntSd(kind, 0.01, raked.SURE + gain if kind == ground.SLOPE else 0.0) for kind in ground.KINDS)
+    noise = found.task.noise
+    told = dataclasses.replace(noise, chance=dataclasses.replace(noise.chance, learnt=learnt))
+    one = dataclasses.replace(found, task=dataclasses.replace(found.task, noise=told))
+    of_whole = chance.kind == ground.KINDS.index(ground.SLOPE_OF_RUN)
+    monkeypatch.setattr(raked, "expected", lambda *asked: np.where(of_whole, rms * math.radians(0.1), 0.0))
+    assert (raked.raked(one, chance).worst is not None) is doubted
 
 
 def _without(experiment, *names):

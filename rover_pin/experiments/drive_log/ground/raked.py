@@ -18,6 +18,8 @@ from rover_pin.motion.replay import filled
 
 SURE = 10.8 * COLOURED
 """Gain in -2 ln L from which slopes are not chance: chi2 of one number passes 10.8 once in 1,000."""
+SURVEYED = math.radians(0.1)
+"""Slope [rad, rms] to which a ground counts as declared, however sure a difference is: 2 mm a metre (assumed)."""
 MOST_OF_IT = 0.5
 """Share of the steepest deviation from which a place belongs to the stretch that is told."""
 
@@ -34,7 +36,7 @@ class Stretch(NamedTuple):
 
 
 class Raked(NamedTuple):
-    """The learnt SDs of the ground, and its worst stretch where its slopes are not as declared."""
+    """The learnt SDs of the ground, and its worst stretch where slopes are off by more than SURVEYED."""
 
     learnt: tuple[LearntSd, ...]
     rms: float
@@ -84,7 +86,7 @@ def raked(fitted: Fit, field: RandomField | None) -> Raked | None:
     slopes = [_slope(found, field, at, shares_of(run, fitted.model.rover)) for at, run in enumerate(experiment.runs)]
     rms = math.sqrt(float(np.mean(np.concatenate(slopes) ** 2)))
     sure = any(one.kind in (SLOPE, SLOPE_OF_RUN) and one.gain > SURE for one in learnt)
-    return Raked(learnt, rms, _worst(fitted, slopes) if sure else None)
+    return Raked(learnt, rms, _worst(fitted, slopes) if sure and rms > SURVEYED else None)
 
 
 def _slope(found: np.ndarray, field: RandomField, run: int, shares: np.ndarray) -> np.ndarray:
