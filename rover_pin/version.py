@@ -1,28 +1,3 @@
-"""The version, said once, and what tells this code from any other."""
-
-from __future__ import annotations
-
-import hashlib
-from collections.abc import Iterable
-from functools import lru_cache
-from importlib.resources import files
-from pathlib import Path
+"""The version, said once."""
 
 __version__ = "0.1.0"
-
-
-def key_of_code(others: Iterable[Path] = ()) -> str:
-    """Return a key of this program, its version and its very code, and of the code in other files."""
-    found = hashlib.sha256(_own().encode())
-    for file in sorted(others):
-        found.update(hashlib.sha256(file.read_bytes()).digest())
-    return found.hexdigest()[:32]
-
-
-@lru_cache(maxsize=1)
-def _own() -> str:
-    package = Path(str(files("rover_pin")))
-    found = hashlib.sha256(__version__.encode())
-    for file in sorted(file for kind in ("*.py", "*.c") for file in package.rglob(kind)):
-        found.update(hashlib.sha256(file.read_bytes()).digest())
-    return found.hexdigest()

@@ -13,7 +13,7 @@ from typing import Any
 from rover_pin.bounded import content
 from rover_pin.cluster import Workers, results
 from rover_pin.errors import DataError
-from rover_pin.version import key_of_code
+from rover_pin.own_code import key_of_code
 
 FILE = "evaluations.jsonl"
 Progress = Callable[[str, int, int], None]

@@ -34,9 +34,9 @@ from rover_pin.loop.provenance import Asked, provenance
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.effect_files import file_of, user_effects
 from rover_pin.motion.model import Model
+from rover_pin.own_code import key_of_code
 from rover_pin.report.drive.cautions import cautions
 from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
-from rover_pin.version import key_of_code
 
 RIVALS = 2
 """Rivals of the best for which a separating run is proposed."""

@@ -18,7 +18,7 @@ from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.experiments.drive_log.resume import FOLDER, Memory, digest
 from rover_pin.motion.drive_log import read_drive_log
-from rover_pin.version import key_of_code
+from rover_pin.own_code import key_of_code
 
 _spec = importlib.util.spec_from_file_location("drive_sets", Path(__file__).parent / "drive_sets.py")
 drive_sets = importlib.util.module_from_spec(_spec)
