@@ -17,7 +17,7 @@ from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.measurements.folded import read_folded
+from rover_pin.experiments.folded import read_folded
 from rover_pin.motion.laws import motor_law, numbers
 from rover_pin.motion.motor import Motor
 from rover_pin.quantity import record_from

@@ -33,8 +33,8 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, closest
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.folded import read_folded
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
-from rover_pin.measurements.folded import read_folded
 from rover_pin.motion.defaults import own_soil, usual_angles
 from rover_pin.motion.effect_files import reading_traction
 from rover_pin.motion.model import base_effects
