@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from rover_pin.contact import Soil
 from rover_pin.estimation.problem import Prior
-from rover_pin.measurements.channel import DECLARED_SD, UNDECLARED_SD, Evidence, Sinkage
+from rover_pin.measurements.channel import Evidence, Sinkage
+from rover_pin.measurements.known import DECLARED_SD, UNDECLARED_SD
 from rover_pin.soil.stress import modulus
 
 MODULUS = ("k_1", "k_2", "n")

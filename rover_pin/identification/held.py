@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from rover_pin.contact import Soil
 from rover_pin.identification.result import Held
-from rover_pin.measurements.channel import ASSUMED, DECLARED_SD, FIELDS, UNDECLARED_SD, WIDTH_95, Evidence, Known
-from rover_pin.measurements.rig_errors import SIZE_SD
+from rover_pin.measurements.channel import FIELDS, Evidence
+from rover_pin.measurements.known import ASSUMED, DECLARED_SD, SIZE_SD, UNDECLARED_SD, Known, range_of
 from rover_pin.quantity import Record, quantities
 from rover_pin.soil.stress import modulus
 
@@ -128,11 +128,3 @@ class _Given:
         if getattr(record, name) == default:
             return quantities(record)[name].source
         return "of the data's wheel" if record is self.data.wheel else "as given"
-
-
-def range_of(value: float, sd: float, relative: bool = False) -> tuple[float, float]:
-    """Return the 95 % range of a number by its SD, that of its logarithm where it is `relative`."""
-    if not relative:
-        return value - WIDTH_95 * sd, value + WIDTH_95 * sd
-    low, high = sorted((value * math.exp(-WIDTH_95 * sd), value * math.exp(WIDTH_95 * sd)))
-    return low, high

@@ -9,10 +9,9 @@ from typing import Any
 
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.experiments.drive_log.model import MOTOR_SD
-from rover_pin.identification.held import range_of
 from rover_pin.identification.result import Held
-from rover_pin.measurements.channel import ASSUMED, DECLARED_SD
 from rover_pin.measurements.drive_points import SAMPLING, drive_points
+from rover_pin.measurements.known import ASSUMED, DECLARED_SD, range_of
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.motion.defaults import usual_slip
 from rover_pin.motion.drive_log import DriveLog, read_drive_log

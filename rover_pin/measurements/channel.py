@@ -4,28 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.measurements.checks import column, positive, same_length
+from rover_pin.measurements.known import Known
 from rover_pin.quantity import quantities
 from rover_pin.soil.sinkage import sinkage
 from rover_pin.soil.traction import WheelForces
 
 FIELDS: tuple[str, ...] = (*quantities(Wheel), *quantities(Soil))
 """Every parameter that can be free, in the order in which a predictor takes them."""
-
-DECLARED_SD, UNDECLARED_SD = 0.35, 0.7
-"""Relative SD of a modulus that is declared without one (bench tests), or not at all: assumed, as in the loop."""
-
-WIDTH_95 = 1.959964
-"""Half a normal distribution's central 95 %, in SDs."""
-
-ASSUMED = "assumed of one stated without an SD"
-"""Where a range is from that nobody stated."""
 
 Predictor = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Values of `FIELDS` -> predictions [m] and their Jacobian with respect to the free ones [m, p], channel by channel."""
@@ -126,20 +117,6 @@ class SideForce(RigChannel):
     def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
         """Return 0: Eqs (2)-(7) run straight; a `RigModel` has the side force."""
         return 0.0
-
-
-class Known(NamedTuple):
-    """A number that was measured, or declared, apart from the points [SI]."""
-
-    source: str
-    "where the value is from"
-    low: float
-    high: float
-    doubt: str
-    "where the range is from"
-    at_low: Mapping[str, float] = MappingProxyType({})
-    "what else the same measurement says where the number is at `low`"
-    at_high: Mapping[str, float] = MappingProxyType({})
 
 
 class Evidence(Protocol):

@@ -14,7 +14,7 @@ from rover_pin.body.rover import Rover
 from rover_pin.contact import Soil
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import DataError
-from rover_pin.measurements.channel import UNDECLARED_SD
+from rover_pin.measurements.known import UNDECLARED_SD
 from rover_pin.measurements.steady_windows import Steady, Window, steady_windows
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.motion.defaults import has_papers_wheel, own_soil, usual_angles, usual_slip

@@ -12,8 +12,8 @@ from scipy.optimize import minimize_scalar
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
-from rover_pin.measurements.channel import Known
 from rover_pin.measurements.checks import column
+from rover_pin.measurements.known import Known
 from rover_pin.measurements.tables import read_table
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import wheel_forces

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.errors import DataError
-from rover_pin.measurements.channel import ASSUMED, WIDTH_95, Known
-from rover_pin.quantity import Record, declared_sds, quantities, quantity, record_from, to_si
-
-SIZE_SD = 0.01
-"""Relative SD of a wheel's r or b that states none: assumed, as of a drive log's radii (`Sampling.wheel_error`)."""
+from rover_pin.contact import Scalar, Wheel
+from rover_pin.quantity import Record, declared_sds, quantity, record_from
 
 
 @dataclass(frozen=True)
@@ -71,39 +65,3 @@ def unsure_sizes(table: Mapping[str, Any], where: str) -> dict[str, float]:
         An SD that is no positive number.
     """
     return {f"wheel.{name}": sd for name, sd in declared_sds(table, Wheel, where).items()}
-
-
-def stated_ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, float]]:
-    """Return name -> (low, high), in SI, of each size of the wheel or constant of the soil that states both.
-
-    Raises
-    ------
-    ParameterError
-        An unknown unit, or no number.
-    DataError
-        A range that does not hold its value.
-    """
-    ranges = {}
-    for name, about in (quantities(Wheel) | quantities(Soil)).items():
-        entry, place = table.get(name), f"{where}: {name}"
-        if isinstance(entry, Mapping) and {"low", "high"} <= entry.keys():
-            unit = entry.get("unit", about.unit)
-            low, value, high = (to_si(entry.get(end), unit, about.unit, place) for end in ("low", "value", "high"))
-            if not low <= value <= high:
-                raise DataError(f"{place} = {value:.4g} is not between its low = {low:.4g} and high = {high:.4g} [SI].")
-            ranges[name] = (low, high)
-    return ranges
-
-
-def declared_ranges(
-    values: Mapping[str, float], ranges: Mapping[str, tuple[float, float]], sds: Mapping[str, float]
-) -> dict[str, Known]:
-    """Return declared numbers with the range that is stated, cut to 1.96 of a stated SD; of neither, that of a size."""
-    known = {}
-    for name, value in values.items():
-        sd = sds.get(name, math.inf if name in ranges else SIZE_SD * value)
-        low, high = ranges.get(name, (-math.inf, math.inf))
-        low, high = max(low, value - WIDTH_95 * sd), min(high, value + WIDTH_95 * sd)
-        doubt = "its declared SD" if name in sds else "its declared range" if name in ranges else ASSUMED
-        known[name] = Known("declared with the data", low, high, doubt)
-    return known

@@ -15,8 +15,9 @@ import pandas as pd
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
-from rover_pin.measurements.channel import UNDECLARED_SD, WIDTH_95, Channel, Known, Predictor, TractionFactor
+from rover_pin.measurements.channel import Channel, Predictor, TractionFactor
 from rover_pin.measurements.checks import column, not_negative, positive, same_length, slips
+from rover_pin.measurements.known import UNDECLARED_SD, Known, range_of
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.tables import read_table
 from rover_pin.parameters import NEXUS6_WHEEL
@@ -212,8 +213,8 @@ class TractionPoints:
         """A k_1 that was sized, within a factor exp(1.96 UNDECLARED_SD)."""
         if not self.sized:
             return {}
-        k_1, factor = self.declared["k_1"], math.exp(WIDTH_95 * UNDECLARED_SD)
-        return {"k_1": Known(self.sized, k_1 / factor, k_1 * factor, "assumed, as nobody measured it")}
+        low, high = range_of(self.declared["k_1"], UNDECLARED_SD, relative=True)
+        return {"k_1": Known(self.sized, low, high, "assumed, as nobody measured it")}
 
     def declared_soil(self, soil: Soil) -> Soil:
         """Return `soil` with what the data declare of it."""

@@ -14,11 +14,12 @@ import pandas as pd
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.measurements.channel import FIELDS, DrawbarPull, Known, Predictor, RigChannel, SideForce, Sinkage, Torque
+from rover_pin.measurements.channel import FIELDS, DrawbarPull, Predictor, RigChannel, SideForce, Sinkage, Torque
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
+from rover_pin.measurements.known import Known, declared_ranges, stated_ranges
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.pressed import Trial, declared_trials, exponent, press, pressed_known
-from rover_pin.measurements.rig_errors import RigErrors, declared_ranges, stated_errors, stated_ranges, unsure_sizes
+from rover_pin.measurements.rig_errors import RigErrors, stated_errors, unsure_sizes
 from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
 from rover_pin.measurements.tables import read_table
 from rover_pin.parameters.bekker import bekker, bekker_si

@@ -25,9 +25,9 @@ from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.result import Assumed, Held, Verdict
 from rover_pin.loop.identified import identified
 from rover_pin.measurements.channel import FIELDS, DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.known import declared_ranges
 from rover_pin.measurements.pressed import EXPONENTS, exponent, press
 from rover_pin.measurements.reading import read_evidence
-from rover_pin.measurements.rig_errors import declared_ranges
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.soil.traction import load_traction_factor
