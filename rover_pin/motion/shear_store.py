@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from rover_pin.contact import Wheel
+from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.motion import laws
 from rover_pin.motion.model import Model
 from rover_pin.motion.trace import Trace
-from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.angles import Angles, FixedAngles
 from rover_pin.soil.sinkage import sinkage
 from rover_pin.soil.traction import wheel_forces
 
@@ -47,9 +49,11 @@ def shear_store(model: Model, trace: Trace) -> ShearStore:
     if not isinstance(slip, RelaxedSlip):
         return ShearStore(np.zeros(len(load)), np.zeros(len(load)))
     lagging = _lagging(trace.t, trace.stack("slip"), float(slip.damping))
-    wheels = [mount.wheel for mount in model.rover.wheels]
-    shear = {wheel: _integral_of_shear(model, wheel) for wheel in dict.fromkeys(wheels)}
-    stretched = [np.interp(s, GRID, shear[wheel]) for wheel, s in zip(wheels, lagging.T, strict=True)]
+    angles = next((each.angles for each in model.effects if isinstance(each, SoilTraction)), FixedAngles())
+    # As plain numbers, whatever they came as: so the soil is found again.
+    soil = Soil(*laws.numbers(model.soils[:1]).tolist())
+    shear = [_integral_of_shear(angles, soil, mount.wheel) for mount in model.rover.wheels]
+    stretched = [np.interp(s, GRID, integral) for s, integral in zip(lagging.T, shear, strict=True)]
     held = float(slip.length) * np.column_stack(stretched)
     return ShearStore(np.sum(load * np.diff(held, axis=0, prepend=held[:1]), axis=1), np.sum(load * held, axis=1))
 
@@ -62,10 +66,9 @@ def _lagging(t: np.ndarray, S: np.ndarray, damping: float) -> np.ndarray:
     return s
 
 
-def _integral_of_shear(model: Model, wheel: Wheel) -> np.ndarray:
-    """Return int M ds at the slips of GRID, from where M is 0: 0 where it is least."""
-    angles = next((each.angles for each in model.effects if isinstance(each, SoilTraction)), FixedAngles())
-    soil = model.soils[0]
+@lru_cache(maxsize=64)
+def _integral_of_shear(angles: Angles, soil: Soil, wheel: Wheel) -> np.ndarray:
+    """Return int M ds at the slips of GRID, from where M is 0: 0 where it is least; not to be written to."""
     forces = wheel_forces(ca.DM(GRID), *angles.angles(sinkage(soil.theta_1, wheel), wheel, soil), wheel, soil)
     M = np.array(forces.torque / (wheel.r * forces.f_n)).ravel()
     whole = np.concatenate([[0.0], np.cumsum(0.5 * (M[1:] + M[:-1]) * np.diff(GRID))])
