@@ -232,12 +232,12 @@ def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.nda
     rover = model.rover
     q, v, record, attitude, moved = (rows[name] for name in ("q", "v", "record", "attitude", "moved"))
     found = {"t_s": run.t}
-    torque = shared(model, record[:, :, RECORD.index("torque")])
+    current = record[:, :, RECORD.index("current")]
+    if run.held:
+        current = shared(model, record[:, :, RECORD.index("torque")]) / float(model.motor.constant)
     for i, wheel in enumerate(rover.wheels):
         found[f"wheel_rate_{wheel.name}"] = v[:, wheel.dof]
-        found[f"current_{wheel.name}_A"] = record[:, i, RECORD.index("current")]
-        if run.held:
-            found[f"current_{wheel.name}_A"] = torque[:, i] / float(model.motor.constant)
+        found[f"current_{wheel.name}_A"] = current[:, i]
         for name in ("slip", "sinkage", "normal", "tangential"):
             found[f"{name}_{wheel.name}"] = record[:, i, RECORD.index(name)]
     found |= {name: q[:, index] for name, index in rover.angles.items()}
