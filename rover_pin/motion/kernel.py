@@ -13,7 +13,6 @@ from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.kernel_rover import rover_fields
 from rover_pin.motion.kernel_terrain import terrain_fields
 from rover_pin.motion.model import Model
-from rover_pin.motion.native.compiled_body import compiled_body
 from rover_pin.motion.native.library import aligned, library, sizes
 from rover_pin.motion.native.shared import ENERGY, RECORD, DriveStruct, fill
 from rover_pin.motion.state import DriveState
@@ -109,12 +108,11 @@ class Kernel:
 
     def _bind_rover(self, rover: Any) -> None:
         """Bind what moves and what is recorded; `rover_fields` holds what the rover decides."""
-        pin_model, made = self.pin_model, compiled_body(self.fixed.known)
-        column, ends = np.zeros(made.ends["potential"]), made.ends
+        pin_model, ends = self.pin_model, self.fixed.body.ends
+        column = np.zeros(ends["potential"])
         self.gravity, self.armature = np.array(pin_model.gravity.linear), np.array(pin_model.armature)
         self.servo_wheels = [i for i, wheel in enumerate(rover.wheels) if wheel.steer_dof is not None]
         self.servo_target = np.zeros(max(1, len(self.servo_wheels)))
-        self.keep["rigid_handle"] = made
         self._set(
             rigid=column,
             nle=column[ends["inertia"] :],
@@ -155,7 +153,7 @@ class Kernel:
     def _bind_laws(self) -> None:
         model = self.model
         room = sizes(library())
-        made, rigid = compiled_laws(structure_of(model)), self.keep["rigid_handle"].work
+        made, rigid = compiled_laws(structure_of(model)), self.fixed.body.work
         self.soils = np.array([laws.numbers([soil]) for soil in model.soils])
         assert made.lanes == room.lanes, "the laws and the step are compiled for other lanes"
         self._set(

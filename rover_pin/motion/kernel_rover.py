@@ -12,7 +12,7 @@ import pinocchio as pin
 from rover_pin.body.rover import Rover
 from rover_pin.errors import ParameterError
 from rover_pin.motion import laws
-from rover_pin.motion.native.compiled_body import Known, compiled_body, order_of_elimination
+from rover_pin.motion.native.compiled_body import CompiledBody, Known, compiled_body, order_of_elimination
 from rover_pin.motion.native.shared import MAX_COLS, MAX_DOF, DriveStruct, fill
 from rover_pin.motion.suspension import suspension_dofs
 
@@ -31,7 +31,7 @@ class RoverFields:
     "the arrays that the struct points at"
     pin_model: pin.Model
     "with the motors' rotors on the wheels"
-    known: Known
+    body: CompiledBody
 
 
 @lru_cache(maxsize=64)
@@ -41,18 +41,19 @@ def rover_fields(rover: Rover, armature: float, strength: float, rigid_different
     `pushed`: effects act on its body.
     """
     pin_model, known = armed(rover, armature), Known.of(rover.model)
+    body = compiled_body(known)
     struct, keep = DriveStruct(), dict[str, Any]()
     for fields in (
         _wheels(rover, pin_model),
         _joints(rover, pin_model),
         _couplings(rover, known, rigid_differential, pushed),
-        _rigid_body(known),
+        _rigid_body(body),
         _springs(rover, strength, pushed),
     ):
         fill(struct, keep, fields)
     for each in keep.values():
         each.flags.writeable = False
-    return RoverFields(struct, keep, pin_model, known)
+    return RoverFields(struct, keep, pin_model, body)
 
 
 def _wheels(rover: Rover, model: pin.Model) -> dict[str, Any]:
@@ -123,8 +124,7 @@ def _elimination(rover: Rover, known: Known, coupled: list[Any], pushed: bool) -
     return {"n_free": len(order), "free_order": np.array(order), "free_count": count, "free_above": table}
 
 
-def _rigid_body(known: Known) -> dict[str, Any]:
-    made = compiled_body(known)
+def _rigid_body(made: CompiledBody) -> dict[str, Any]:
     return {
         "n_inertia": len(made.rows),
         "inertia_place": np.concatenate([made.rows * MAX_DOF + made.columns, made.columns * MAX_DOF + made.rows]),
