@@ -13,16 +13,13 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from former import ROOT, as_installed, checkout
-from process_cost import PROGRAM, children
+from former import ROOT, checkout
+from process_cost import timed
 from speed_table import keep, reader
 
 from rover_pin.body.profile import Profile
@@ -101,11 +98,8 @@ def plan(random: np.random.Generator, duration: float) -> Callable[[Reading], np
 def report(label: str, package: Path, logs: Path) -> tuple[float, float]:
     """Print what the loop of a package's version costs on these logs, and its answer; return CPU and clock [s]."""
     with TemporaryDirectory() as out:
-        before, begin = children(), time.perf_counter()
-        words = [sys.executable, "-c", PROGRAM, "close-loop", str(logs), "--out", out, "--workers", str(WORKERS)]
-        env = as_installed(package)
-        ran = subprocess.run(words, cwd=logs.parent, env=env, check=False, capture_output=True, text=True)
-        seconds, clock = children() - before, time.perf_counter() - begin
+        words = ["close-loop", str(logs), "--out", out, "--workers", str(WORKERS)]
+        ran, seconds, clock = timed(words, package, logs.parent)
     answer = next((line for line in ran.stdout.splitlines() if "log" in line or "list" in line), ran.stderr[-300:])
     print(
         f"{label}: {seconds:.0f} s of CPU, {clock:.0f} s on the clock, load {os.getloadavg()[0]:.1f}; {answer.strip()}"

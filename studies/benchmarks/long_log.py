@@ -12,15 +12,12 @@ from __future__ import annotations
 
 import math
 import os
-import subprocess
-import sys
-import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from former import ROOT, as_installed
-from process_cost import PROGRAM, children
+from former import ROOT
+from process_cost import timed
 from speed_table import reader
 
 from rover_pin.body.profile import Profile
@@ -80,10 +77,8 @@ def plan(random: np.random.Generator, seconds: float) -> Controller:
 
 def report(words: tuple[str, ...], folder: Path) -> None:
     """Print what a command costs, and the line that says what was kept or answered."""
-    before, begin = children(), time.perf_counter()
-    command, env = [sys.executable, "-c", PROGRAM, *words], as_installed(ROOT)
-    ran = subprocess.run(command, cwd=folder, env=env, check=True, capture_output=True, text=True)
-    cpu, clock = children() - before, time.perf_counter() - begin
+    ran, cpu, clock = timed(words, ROOT, folder)
+    ran.check_returncode()
     print(f"{words[0]}: {clock:.0f} s on the clock, {cpu:.0f} s of CPU, load {os.getloadavg()[0]:.1f}")
     print("\n".join(f"    {line.strip()}" for line in ran.stdout.splitlines() if "kept" in line or "log" in line[:12]))
 

@@ -13,6 +13,8 @@ import os
 import resource
 import subprocess
 import sys
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -63,16 +65,22 @@ def compared(words: list[str], earlier: Path, out: str, runs: int) -> tuple[floa
 
 def cpu_seconds(words: list[str], package: Path, out: str) -> float:
     """Return the CPU time [s] of one command of the package in this folder."""
-    before = children()
-    subprocess.run(
-        [sys.executable, "-c", PROGRAM, *words],
-        cwd=out,
-        env=as_installed(package, out),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        check=True,
-    )
-    return children() - before
+    ran, seconds, _ = timed(words, package, out, out)
+    ran.check_returncode()
+    return seconds
+
+
+def timed(
+    words: Sequence[str], package: Path, folder: Path | str, kept: Path | str = ""
+) -> tuple[subprocess.CompletedProcess[str], float, float]:
+    """Run a command of the package in a folder; return what came of it, its CPU time with workers and its time [s].
+
+    Byte code is `kept` in a folder of its own, if given.
+    """
+    before, begin = children(), time.perf_counter()
+    command, env = [sys.executable, "-c", PROGRAM, *words], as_installed(package, kept)
+    ran = subprocess.run(command, cwd=folder, env=env, check=False, capture_output=True, text=True)
+    return ran, children() - before, time.perf_counter() - begin
 
 
 def children() -> float:
