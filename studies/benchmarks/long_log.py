@@ -10,6 +10,7 @@ and of CPU, workers included; beside other work the clock says little.
 
 from __future__ import annotations
 
+import argparse
 import math
 import os
 from pathlib import Path
@@ -18,7 +19,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from former import ROOT
 from process_cost import timed
-from speed_table import reader
 
 from rover_pin.body.profile import Profile
 from rover_pin.body.rover import load_rover
@@ -41,8 +41,9 @@ DRIFT = 5e-4
 
 def main() -> None:
     """Measure and print."""
-    asked = reader(__doc__, "two minutes of driving instead of an hour").parse_args()
-    seconds = 120.0 if asked.quick else HOUR
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="two minutes of driving instead of an hour")
+    seconds = 120.0 if parser.parse_args().quick else HOUR
     with TemporaryDirectory() as folder:
         recorded(Path(folder) / "drive.csv", seconds)
         for words in (
