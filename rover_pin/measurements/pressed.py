@@ -102,10 +102,7 @@ def _trial(name: str, rows: pd.DataFrame, where: str) -> Trial:
 
 def press(trials: tuple[Trial, ...], wheel: Wheel, n: float) -> Pressed:
     """Return K_eff of each trial by least squares: no shear, the arc reaches as far behind as in front."""
-    moduli = []
-    for trial in trials:
-        unit = _unit_force(trial, wheel, n)
-        moduli.append(float(trial.force @ unit / (unit @ unit)))
+    moduli = [_modulus(trial, _unit_force(trial, wheel, n)) for trial in trials]
     return Pressed(n, np.array(moduli), tuple(trial.name for trial in trials))
 
 
@@ -113,38 +110,37 @@ def exponent(trials: tuple[Trial, ...], wheel: Wheel) -> float:
     """Return the n that meets all trials best, each with its own K_eff."""
 
     def misfit(n: float) -> float:
-        found = press(trials, wheel, n)
-        rest = [
-            trial.force - modulus * _unit_force(trial, wheel, n)
-            for trial, modulus in zip(trials, found.moduli, strict=True)
-        ]
+        units = ((trial, _unit_force(trial, wheel, n)) for trial in trials)
+        rest = (trial.force - _modulus(trial, unit) * unit for trial, unit in units)
         return float(sum(residual @ residual for residual in rest))
 
     return float(minimize_scalar(misfit, bounds=EXPONENTS, method="bounded", options={"xatol": 1e-3}).x)
 
 
-def pressed_known(trials: tuple[Trial, ...], wheel: Wheel, stated: float | None) -> dict[str, Known]:
+def pressed_known(trials: tuple[Trial, ...], wheel: Wheel, n: float, stated: bool) -> dict[str, Known]:
     """Return what trials say of k_1 (then all of k_1 + k_2 b) and, unless it is stated, of n, with their spread.
 
     The modulus belongs to its exponent: where n moves, k_1 is what the trials say at that n. Both are granted 10 %.
     """
-    if not trials:
-        return {}
     b, said = float(wheel.b), f"the same wheel pressed in without turning, {len(trials)} trials"
 
     def pressure(n: float) -> np.ndarray:
         return np.asarray(press(trials, wheel, n).moduli * b**n)
 
-    n = exponent(trials, wheel) if stated is None else stated
     found = pressure(n)
     doubt = f"between the trials, and {UNSURE:.0%}"
     known = {"k_1": Known(said, (1 - UNSURE) * float(found.min()), (1 + UNSURE) * float(found.max()), doubt)}
-    if stated is None:
+    if not stated:
         own = [exponent((trial,), wheel) for trial in trials]
         low, high = max((1 - UNSURE) * min(own), EXPONENTS[0]), min((1 + UNSURE) * max(own), EXPONENTS[1])
         along = ({"k_1": float(pressure(end).mean())} for end in (low, high))
         known["n"] = Known(said, low, high, doubt, *along)
     return known
+
+
+def _modulus(trial: Trial, unit: np.ndarray) -> float:
+    """Return the K_eff of a trial whose force at 1 Pa/m^n is `unit`."""
+    return float(trial.force @ unit / (unit @ unit))
 
 
 def _unit_force(trial: Trial, wheel: Wheel, n: float) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
@@ -164,7 +165,7 @@ class WheelRig:
         known = {name: value for name, value in self.declared.items() if name in quantities(Soil)}
         soil = soil.replace(**known)
         if self.trials:
-            n = float(soil.n) if "n" in self.declared else exponent(self.trials, self.wheel)
+            n = self._pressed_n
             return soil.replace(n=n, k_1=press(self.trials, self.wheel, n).mean * self.wheel.b**n, k_2=0.0)
         if not BEKKER_UNITS.keys() <= self.declared.keys():
             return soil
@@ -178,7 +179,14 @@ class WheelRig:
         sds = {name: sd for name, sd in self.doubts.items() if name in stated}
         sds |= {name.removeprefix("wheel."): sd for name, sd in self.error_sd.items()}
         declared = declared_ranges({**self.wheel.values(), **stated}, self.wheel_range, sds)
-        return {**declared, **pressed_known(self.trials, self.wheel, self.declared.get("n"))}
+        if not self.trials:
+            return declared
+        return {**declared, **pressed_known(self.trials, self.wheel, self._pressed_n, stated="n" in self.declared)}
+
+    @cached_property
+    def _pressed_n(self) -> float:
+        """The exponent at which the trials tell k_1: as declared, else the one that meets them best."""
+        return self.declared["n"] if "n" in self.declared else exponent(self.trials, self.wheel)
 
 
 def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
