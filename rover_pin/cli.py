@@ -213,13 +213,12 @@ def identify(
     start = soil_named(soil or "table-1")
     changes = given.record("soil", start)
     given.finish()
-    evidence, findings = checked_evidence(data, Trust(everything=trust))
+    evidence, findings, drive = checked_evidence(data, Trust(everything=trust))
     start = (start if soil else evidence.declared_soil(start)).replace(**changes)
     names = tuple(name.strip() for name in free.split(",") if name.strip())
     for finding in findings:
         log.warning("%s", finding)
-    behind = behind_points(data, Trust(everything=trust))
-    found = identified(evidence, start, names, priors(prior), frozenset(said), behind)
+    found = identified(evidence, start, names, priors(prior), frozenset(said), behind_points(drive))
     print(json_text(found.as_dict()) if as_json else found.report())
 
 

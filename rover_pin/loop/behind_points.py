@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from rover_pin.effects.slip import RelaxedSlip
@@ -14,26 +13,23 @@ from rover_pin.measurements.drive_points import SAMPLING, drive_points
 from rover_pin.measurements.known import ASSUMED, DECLARED_SD, range_of
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.motion.defaults import usual_slip
-from rover_pin.motion.drive_log import DriveLog, read_drive_log
+from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.motor import Motor
-from rover_pin.paths import is_file
 from rover_pin.quantity import declared_sds, quantities, record_from
-from rover_pin.trust import Trust
 
 IN_POINTS = ("gear", "k_t")
 """Motor constants whose declared SD is an error that all points share."""
 OF_MOTOR = ("supply", "resistance", "k_t", "gear")
 
 
-def behind_points(path: str | Path, trust: Trust = Trust()) -> tuple[Held, ...]:
-    """Return the numbers with which a drive log's points were worked out; nothing for other data.
+def behind_points(log: DriveLog | None) -> tuple[Held, ...]:
+    """Return the numbers with which a drive log's points were worked out; nothing for data that are of no log.
 
     A number whose error is not in the points' own moves them: its ends are the points worked out again.
     """
-    if not is_file(Path(path) / "drive.toml") or is_file(Path(path) / "rig.toml"):
+    if log is None:
         return ()
-    log = read_drive_log(path, trust)
-    motor = record_from(Motor, log.about.motor, f"{path}: [motor]")
+    motor = record_from(Motor, log.about.motor, f"{log.folder}: [motor]")
     return (*_of_motor(log, motor), *_of_lag(log, motor), *_of_loads(log))
 
 
@@ -51,8 +47,9 @@ def _of_motor(log: DriveLog, motor: Motor) -> Iterator[Held]:
             yield row(value, value, f"in the doubt of {'resistance' if name == 'supply' else 'gear'}")
         else:
             sd = sds.get(name, MOTOR_SD.get(name, 0.0) * value)
-            again = [partial(_points, log, motor.replace(**{name: end})) for end in range_of(value, sd)]
-            yield row(*range_of(value, sd), "its declared SD" if name in sds else ASSUMED, (again[0], again[1]))
+            low, high = range_of(value, sd)
+            ends = (_again(log, motor.replace(**{name: low})), _again(log, motor.replace(**{name: high})))
+            yield row(low, high, "its declared SD" if name in sds else ASSUMED, ends)
 
 
 def _of_lag(log: DriveLog, motor: Motor) -> Iterator[Held]:
@@ -60,8 +57,8 @@ def _of_lag(log: DriveLog, motor: Motor) -> Iterator[Held]:
     for name, about in quantities(lag).items():
         value = float(getattr(lag, name))
         low, high = range_of(value, DECLARED_SD, relative=True)
-        ends = [partial(_points, log, motor, lag.replace(**{name: end})) for end in (low, high)]
-        yield Held(f"RelaxedSlip.{name}", about.unit, value, about.source, low, high, ASSUMED, (ends[0], ends[1]))
+        ends = (_again(log, motor, lag.replace(**{name: low})), _again(log, motor, lag.replace(**{name: high})))
+        yield Held(f"RelaxedSlip.{name}", about.unit, value, about.source, low, high, ASSUMED, ends)
 
 
 def _of_loads(log: DriveLog) -> Iterator[Held]:
@@ -71,5 +68,5 @@ def _of_loads(log: DriveLog) -> Iterator[Held]:
     yield Held("mass", "kg", mass, f"the rover's, '{log.about.rover}'", mass, mass, share)
 
 
-def _points(log: DriveLog, motor: Motor, lag: RelaxedSlip | None = None) -> TractionPoints:
-    return drive_points(log, motor, SAMPLING, lag)
+def _again(log: DriveLog, motor: Motor, lag: RelaxedSlip | None = None) -> Callable[[], TractionPoints]:
+    return partial(drive_points, log, motor, lag=lag)

@@ -14,6 +14,7 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.close import read_data
 from rover_pin.measurements.channel import Evidence
+from rover_pin.measurements.drive_points import points_of_log
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.reading import read_evidence
 from rover_pin.motion.drive_log import DriveLog, read_drive_log
@@ -52,7 +53,17 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
     return DataCheck("wheel-rig", _holds(data), tuple(findings(data)), too_poor(data, len(uncertain)))
 
 
-def checked_evidence(path: str | Path, trust: Trust = Trust()) -> tuple[Evidence, tuple[Finding, ...]]:
+class Checked(NamedTuple):
+    """Measured data to fit parameters to."""
+
+    evidence: Evidence
+    findings: tuple[Finding, ...]
+    "what their check found"
+    drive: DriveLog | None
+    "the log, where they are the points of one"
+
+
+def checked_evidence(path: str | Path, trust: Trust = Trust()) -> Checked:
     """Return measured data to fit parameters to, and what their check found: a drive log is refused as by the loop.
 
     What the loop alone lacks, as excitation that tells effects apart, is not among the findings.
@@ -67,12 +78,11 @@ def checked_evidence(path: str | Path, trust: Trust = Trust()) -> tuple[Evidence
     DataError
         What `read_evidence` refuses, and a drive log that would mislead whatever the model.
     """
-    found: tuple[Finding, ...] = ()
-    if is_file(Path(path) / "drive.toml") and not is_file(Path(path) / "rig.toml"):
-        drives = read_drive_log(path, trust)
-        refuse_log(drives)
-        found = data_findings(drives)
-    return read_evidence(path, trust), found
+    if is_file(Path(path) / "rig.toml") or not is_file(Path(path) / "drive.toml"):
+        return Checked(read_evidence(path, trust), (), None)
+    drive = read_drive_log(path, trust)
+    refuse_log(drive)
+    return Checked(points_of_log(drive), data_findings(drive), drive)
 
 
 def _holds(data: RigSet) -> str:

@@ -51,13 +51,17 @@ SAMPLING = Sampling()
 
 def read_drive_points(folder: str | Path, sampling: Sampling = SAMPLING, trust: Trust = Trust()) -> TractionPoints:
     """Return the traction points of the drive log in `folder`, which must declare its [motor]."""
-    log = read_drive_log(folder, trust)
+    return points_of_log(read_drive_log(folder, trust), sampling)
+
+
+def points_of_log(log: DriveLog, sampling: Sampling = SAMPLING) -> TractionPoints:
+    """Return the traction points of a drive log with the motor that it must declare."""
     if not log.about.motor:
         raise DataError(
-            f"{folder}: drive.toml declares no [motor], and the torque is evaluated from its characteristics: "
+            f"{log.folder}: drive.toml declares no [motor], and the torque is evaluated from its characteristics: "
             "add supply, resistance, k_t and gear."
         )
-    return drive_points(log, record_from(Motor, log.about.motor, f"{folder}: [motor]"), sampling)
+    return drive_points(log, record_from(Motor, log.about.motor, f"{log.folder}: [motor]"), sampling)
 
 
 def drive_points(

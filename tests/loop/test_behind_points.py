@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 from shutil import copytree
+from unittest.mock import patch
 
 import pytest
 
@@ -13,8 +14,10 @@ from rover_pin.identification.dependence import with_held
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.result import Held, Verdict
 from rover_pin.loop.behind_points import behind_points
+from rover_pin.loop.data_check import checked_evidence
 from rover_pin.loop.identified import identified
 from rover_pin.measurements.drive_points import drive_points, read_drive_points
+from rover_pin.motion import drive_log
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.motor import Motor
 from rover_pin.quantity import record_from
@@ -24,12 +27,22 @@ LOG = DATA / "steepening-slope"
 
 
 def told(folder):
-    return {one.name.removeprefix("motor."): one for one in behind_points(folder)}
+    return {one.name.removeprefix("motor."): one for one in behind_points(read_drive_log(folder))}
 
 
 def test_a_rig_and_a_table_have_nothing_behind_their_points(tmp_path):
-    assert behind_points(DATA / "cmu-smooth-wheel") == ()
-    assert behind_points(tmp_path / "points.csv") == ()
+    table = tmp_path / "points.csv"
+    table.write_text("slip,traction_factor,sd\n0.1,0.05,0.01\n0.4,0.1,0.01\n0.8,0.12,0.01\n")
+    for data in (DATA / "cmu-smooth-wheel", table):
+        assert behind_points(checked_evidence(data).drive) == ()
+
+
+def test_a_log_is_read_once_for_its_check_its_points_and_what_is_behind_them(run):
+    with patch.object(drive_log, "telling", wraps=drive_log.telling) as reading:
+        code, out, _ = run("identify", LOG)
+    assert code == 0
+    assert "RelaxedSlip.length" in out
+    assert reading.call_count == 1
 
 
 def test_every_number_behind_the_points_says_where_it_is_from():
@@ -62,13 +75,12 @@ def changed(folder, name, without):
 def test_a_constant_of_which_nobody_says_how_sure_it_is_moves_the_points(tmp_path):
     """The torque is gear k_t i: a gear 8 % off takes phi out of an interval that knew nothing of it."""
     folder = changed(tmp_path / "log", "gear", "sd")
-    points, gear = read_drive_points(folder), told(folder)["gear"]
+    points, gear, log = read_drive_points(folder), told(folder)["gear"], read_drive_log(folder)
     assert gear.high / gear.value == pytest.approx(1 + 1.959964 * 0.04)
-    found = identified(points, points.declared_soil(Soil()), ("k", "phi"), behind=behind_points(folder)).found
+    found = identified(points, points.declared_soil(Soil()), ("k", "phi"), behind=behind_points(log)).found
     assert found["phi"].verdict is Verdict.DEPENDS
     assert found["phi"].depends_on == ("motor.gear",)
     assert "measure it, and declare it with its sd" in found["phi"].reason
-    log = read_drive_log(folder)
     motor = record_from(Motor, log.about.motor, "here")
     moved = next(one.moved for one in found.held if one.held.name == "motor.gear")
     for side, end in enumerate((gear.low, gear.high)):
@@ -85,7 +97,9 @@ def test_a_constant_that_the_log_leaves_out_is_the_papers(tmp_path):
 
 def test_where_the_current_was_measured_the_windings_do_not_enter():
     points = read_drive_points(LOG)
-    found = identified(points, points.declared_soil(Soil()), ("k", "phi"), behind=behind_points(LOG)).found
+    found = identified(
+        points, points.declared_soil(Soil()), ("k", "phi"), behind=behind_points(read_drive_log(LOG))
+    ).found
     rows = {one.held.name: one for one in found.held}
     assert not rows["motor.resistance"].moved
     assert rows["RelaxedSlip.length"].moved

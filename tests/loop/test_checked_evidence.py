@@ -50,7 +50,7 @@ def test_a_sound_log_is_read_as_ever_and_its_findings_are_told(trace, tmp_path, 
     x = trace["body_x"].copy()
     x[200] += 0.08
     folder = written(trace, tmp_path / "log", body_x=x, body_pitch=stuck)
-    evidence, findings = checked_evidence(folder)
+    evidence, findings, _ = checked_evidence(folder)
     by_loop = check_data(folder).findings
     assert [each for each in by_loop if each in findings] == list(findings)
     assert any("jump" in str(each) for each in findings), findings
@@ -69,6 +69,6 @@ def test_what_only_the_loop_lacks_is_not_said_of_a_fit(trace, tmp_path):
 def test_a_rig_and_a_table_have_no_log_to_check(tmp_path):
     table = tmp_path / "points.csv"
     table.write_text("slip,traction_factor,sd\n0.1,0.05,0.01\n0.4,0.1,0.01\n0.8,0.12,0.01\n")
-    evidence, findings = checked_evidence(table)
+    evidence, findings, _ = checked_evidence(table)
     assert findings == ()
     assert len(evidence.slip) == 3
