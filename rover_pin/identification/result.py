@@ -13,7 +13,7 @@ import numpy as np
 
 from rover_pin.contact import Soil
 from rover_pin.errors import ParameterError, closest
-from rover_pin.estimation.wording import spread
+from rover_pin.estimation.wording import in_words, spread
 from rover_pin.measurements.channel import Evidence
 
 
@@ -222,7 +222,7 @@ class Identification:
 
 
 def _line(estimate: Estimate) -> str:
-    factor, unit = (180 / math.pi, "deg") if estimate.unit == "rad" else (1.0, estimate.unit)
+    factor, unit = _in_report(estimate.unit)
     value, sd, low, high = (factor * x for x in (estimate.value, estimate.sd, estimate.low, estimate.high))
     interval = f"95 % in [{low:.4g}, {high:.4g}]"
     if estimate.verdict is Verdict.NOT_IDENTIFIABLE:
@@ -232,6 +232,11 @@ def _line(estimate: Estimate) -> str:
 
 def with_unit(values: Sequence[float], unit: str) -> str:
     """Return a number, or the ends of a range, in the unit of a report."""
-    factor, name = (180 / math.pi, "deg") if unit == "rad" else (1.0, unit)
+    factor, name = _in_report(unit)
     said = [f"{factor * value:.4g}" if math.isfinite(value) else "no fit" for value in values]
     return f"{' to '.join(said)} {name}".rstrip()
+
+
+def _in_report(unit: str) -> tuple[float, str]:
+    """Return the factor to, and the name of, the unit of a report: SI, but degrees."""
+    return in_words(unit) if unit == "rad" else (1.0, unit)

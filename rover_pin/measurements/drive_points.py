@@ -47,6 +47,8 @@ class Sampling:
 
 
 SAMPLING = Sampling()
+IN_POINTS = ("gear", "k_t")
+"""Motor constants whose declared SD is an error that all points share: their product is the torque's constant."""
 
 
 def read_drive_points(folder: str | Path, sampling: Sampling = SAMPLING, trust: Trust = Trust()) -> TractionPoints:
@@ -209,7 +211,7 @@ def pooled(classes: Sequence[Sequence[Window]], by_wheel: bool) -> float:
 
 def constant_doubt(motor: Mapping[str, Any]) -> float:
     """Return the relative SD that the log declares for its motor's torque constant, gear k_t."""
-    declared = [motor[name] for name in ("gear", "k_t") if isinstance(motor.get(name), Mapping)]
+    declared = [motor[name] for name in IN_POINTS if isinstance(motor.get(name), Mapping)]
     return math.hypot(*(float(entry.get("sd", 0.0)) / abs(float(entry["value"])) for entry in declared))
 
 
