@@ -36,8 +36,8 @@ def worst(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
     return sorted(scores, key=lambda one: -one.times(one.before))
 
 
-def _changed(verdict: Verdict, manner: Manner, why: str) -> str:
-    """Return what is better, why, and of what nothing may be claimed."""
+def _changed(verdict: Verdict, manner: Manner, link: str, why: str) -> str:
+    """Return what is better, why (`link` is "because" or "as if"), and of what nothing may be claimed."""
     better, worse = (by_outcome(verdict.scores, one) for one in (Outcome.BETTER, Outcome.WORSE))
     if not better:
         return f"no channel is predicted better {manner.unseen} beyond its scatter, though it looks as if {why}"
@@ -52,7 +52,7 @@ def _changed(verdict: Verdict, manner: Manner, why: str) -> str:
         rest.append(f"of {len(verdict.scores)} channels {len(better)} are better and {len(worse)} worse")
     elif unclaimed:
         rest.append(f"{listing(unclaimed)}: no claim")
-    return "; ".join([f"{said} {manner.unseen}, {why}", *rest])
+    return "; ".join([f"{said} {manner.unseen}, {link} {why}", *rest])
 
 
 def _name(one: ChannelScore, manner: Manner) -> str:
@@ -65,18 +65,18 @@ def _pairs(scores: Sequence[ChannelScore]) -> list[tuple[ChannelScore, tuple[str
 
 def _named(verdict: Verdict, manner: Manner) -> str:
     kinds = kinds_of(verdict)
-    return _changed(verdict, manner, f"because {listing(cause(name, kinds) for name in verdict.named)}") + "."
+    return _changed(verdict, manner, "because", listing(cause(name, kinds) for name in verdict.named)) + "."
 
 
 def _set(verdict: Verdict, manner: Manner) -> str:
     kinds = kinds_of(verdict)
     either = listing((cause(name, kinds) for name in (verdict.alike or verdict.named)[:3]), "or")
-    return _changed(verdict, manner, f"because either {either}, which these data cannot tell") + "."
+    return _changed(verdict, manner, "because", f"either {either}, which these data cannot tell") + "."
 
 
 def _like(verdict: Verdict, manner: Manner) -> str:
     kinds = kinds_of(verdict)
-    return _changed(verdict, manner, f"as if {listing(cause(name, kinds) for name in verdict.named)}") + (
+    return _changed(verdict, manner, "as if", listing(cause(name, kinds) for name in verdict.named)) + (
         "; something like it is missing, but the name does not stand alone."
     )
 

@@ -48,7 +48,18 @@ def test_what_got_worse_stands_in_the_sentence(rig):
 
 def test_without_a_better_channel_nothing_is_claimed(rig):
     said = headline(dataclasses.replace(rig, scores=(PULL,)), RIG)
-    assert said.startswith("No channel is predicted better on slips it never saw beyond its scatter")
+    assert said == (
+        "No channel is predicted better on slips it never saw beyond its scatter, though it looks as if sand gives way "
+        "as the wheel slips (slip-sinkage)."
+    )
+
+
+def test_something_like_an_effect_is_said_as_if_it_were_the_cause(rig):
+    like = dataclasses.replace(rig, answer=Answer.LIKE)
+    better = headline(dataclasses.replace(like, scores=(SINKAGE,)), RIG)
+    assert "on slips it never saw, as if sand gives way as the wheel slips (slip-sinkage); something" in better
+    none = headline(dataclasses.replace(like, scores=(PULL,)), RIG)
+    assert "beyond its scatter, though it looks as if sand gives way as the wheel slips (slip-sinkage); some" in none
 
 
 @pytest.mark.parametrize("answer", Answer)
