@@ -20,7 +20,8 @@ from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
 from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
-from rover_pin.loop.close import read_start
+from rover_pin.loop.close import read_data
+from rover_pin.loop.start import start_on
 from rover_pin.motion.effect_files import run_file, user_effects
 from rover_pin.motion.model_toml import read_model, write_model
 from rover_pin.scenarios import scenario
@@ -97,7 +98,7 @@ def swept(model, trust=Trust()):
 def through_rig(model, trust=Trust()):
     path = write_rig_model(RigModel(Wheel(), Soil()), model.parent / "rig.toml")
     path.write_text(path.read_text() + "".join(model.read_text().rpartition("[[effect]]")[1:]))
-    return read_start(path, RIG, trust)
+    return start_on(read_data(RIG, trust), path, trust)
 
 
 WAYS = {

@@ -160,8 +160,3 @@ def _drive_log(data: object, trust: Trust = Trust()) -> DriveLog | None:
 def read_data(data: str | Path, trust: Trust = Trust()) -> RigSet | DriveLog:
     """Return the data in a folder; files that they name lie there, unless `trust` allows more."""
     return _drive_log(data, trust) or read_rig_set(data, trust)
-
-
-def read_start(model: str | Path, data: str | Path, trust: Trust = Trust()) -> RigModel | Model:
-    """Return the model of a file that a loop on these data can start from; see `start_on`."""
-    return start_on(read_data(data, trust), model, trust)

@@ -15,7 +15,8 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.loop.close import close_the_loop, read_start
+from rover_pin.loop.close import close_the_loop, read_data
+from rover_pin.loop.start import start_on
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.model_toml import read_model
 from rover_pin.motion.simulate import simulate
@@ -130,7 +131,7 @@ def test_a_log_of_ones_own_rover_gives_a_model_that_reads_back_from_anywhere(tmp
     close_the_loop("log", out="out/loop")
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
-    assert read_start(tmp_path / "out" / "loop" / "model.toml", folder).rover.name == "own"
+    assert start_on(read_data(folder), tmp_path / "out" / "loop" / "model.toml").rover.name == "own"
 
 
 def test_a_model_of_the_other_kind_is_refused(tmp_path):
@@ -145,7 +146,7 @@ def test_a_model_of_the_other_kind_is_refused(tmp_path):
 def test_a_drive_model_is_read_on_the_logs_ground(tmp_path):
     folder = drive_sets.write(tmp_path / "log", runs=1, duration=1.0)
     verdict = close_the_loop(folder, out=tmp_path / "out")
-    model = read_start(tmp_path / "out" / "model.toml", folder)
+    model = start_on(read_data(folder), tmp_path / "out" / "model.toml")
     assert model.terrain == read_drive_log(folder).terrain()
     assert model.soils == verdict.model.soils
 

@@ -14,7 +14,7 @@ from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.separating_run import separating_run
-from rover_pin.loop.close import close_the_loop, read_start
+from rover_pin.loop.close import close_the_loop, read_data
 from rover_pin.loop.drive import spoken
 from rover_pin.motion.drive_log import About, DriveLog
 from rover_pin.motion.model import Model
@@ -72,7 +72,7 @@ def test_the_warning_goes_with_the_runs_that_are_chosen(tmp_path):
 
 def test_a_folder_with_neither_file_names_both(tmp_path):
     message = r"there is neither rig\.toml nor drive\.toml in it; give that of a wheel-rig set \(rig\.toml\) or of a dr"
-    for ask in (close_the_loop, lambda data: read_start(tmp_path / "model.toml", data)):
+    for ask in (close_the_loop, read_data):
         with pytest.raises(DataError, match=message):
             ask(tmp_path)
 

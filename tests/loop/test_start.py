@@ -16,7 +16,8 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
-from rover_pin.loop.close import read_start
+from rover_pin.loop.close import read_data
+from rover_pin.loop.start import start_on
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.model_toml import write_model
 from rover_pin.scenarios import scenario
@@ -32,7 +33,7 @@ def wheels(tmp_path):
 
 
 def test_a_wheels_model_starts_the_loop_of_a_log(wheels):
-    model, log = read_start(wheels, LOG), read_drive_log(LOG)
+    model, log = start_on(read_data(LOG), wheels), read_drive_log(LOG)
     assert model.soils[0] == SAND
     assert model.effect(SlipSinkage).n_1 == 0.7
     assert model.effect(SoilTraction) == PAPER[0]
@@ -54,7 +55,7 @@ def test_a_rovers_model_goes_to_a_rig_without_what_a_rig_has_not(tmp_path, caplo
     model = scenario("flat").model
     path = write_model(model.having(ExitAngle(e_1=0.2)).having(WeakMotor(g=0.3, wheel=0)), tmp_path / "model.toml")
     with caplog.at_level(logging.WARNING):
-        start = read_start(path, RIG)
+        start = start_on(read_data(RIG), path)
     assert start.wheel == Wheel(0.0625, 0.06)
     assert start.soil == model.soils[0]
     assert [type(effect) for effect in start.effects] == [SoilTraction, MotionResistance, ExitAngle]
@@ -65,12 +66,12 @@ def test_a_rovers_model_goes_to_a_rig_without_what_a_rig_has_not(tmp_path, caplo
 def test_what_stands_in_no_file_of_a_model_is_refused(tmp_path):
     none = write_rig_model(RigModel(Wheel(), SAND, ()), tmp_path / "none.toml")
     with pytest.raises(DataError, match=r"must have one \[\[effect\]\] SoilTraction"):
-        read_start(none, LOG)
+        start_on(read_data(LOG), none)
     (tmp_path / "odd.toml").write_text("kind = 'odd'\n")
     with pytest.raises(DataError, match="kind = 'odd' is not a rig model"):
-        read_start(tmp_path / "odd.toml", RIG)
+        start_on(read_data(RIG), tmp_path / "odd.toml")
     with pytest.raises(DataError, match="kind = 'odd'"):
-        read_start(tmp_path / "odd.toml", LOG)
+        start_on(read_data(LOG), tmp_path / "odd.toml")
 
 
 def test_an_added_effect_has_the_number_of_its_word(run, tmp_path):
