@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from rover_pin.body.acceleration import supporting_dofs
 from rover_pin.body.rover import Rover
 from rover_pin.errors import ParameterError
 from rover_pin.motion import laws
@@ -57,7 +58,7 @@ def rover_fields(rover: Rover, armature: float, strength: float, rigid_different
 
 
 def _wheels(rover: Rover, model: pin.Model) -> dict[str, Any]:
-    columns = [supports(model, wheel.joint) for wheel in rover.wheels]
+    columns = [supporting_dofs(model, wheel.joint) for wheel in rover.wheels]
     most = max(map(len, columns))
     if model.nv > MAX_DOF or most > MAX_COLS:
         raise ParameterError(
@@ -160,15 +161,6 @@ def rim_inertia(model: pin.Model, rover: Rover) -> np.ndarray:
     """Return what each wheel turns about its axle [kg m^2], its rotor included: the same in any configuration."""
     M = pin.crba(model, model.createData(), pin.neutral(model))
     return np.array([M[wheel.dof, wheel.dof] for wheel in rover.wheels])
-
-
-def supports(model: pin.Model, joint: int) -> list[int]:
-    """Return the indices of the velocities that move this joint, from the base outwards."""
-    return [
-        index
-        for each in list(model.supports[joint])[1:]
-        for index in range(model.joints[each].idx_v, model.joints[each].idx_v + model.joints[each].nv)
-    ]
 
 
 def armed(rover: Rover, armature: float) -> pin.Model:
