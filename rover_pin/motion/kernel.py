@@ -45,8 +45,7 @@ class Kernel:
         self.record = np.zeros((len(rover.wheels), len(RECORD)))
         self.loads, self.foreseen = np.zeros((len(rover.wheels), 6)), np.zeros((len(rover.wheels), 4))
         self.energy, self.impulse, self.differential = np.zeros(len(ENERGY)), np.zeros(3), np.zeros(1)
-        share = model.gravity * rover.mass / len(rover.wheels)
-        self._set(wheel_share=share, dt=dt, direction_speed=direction_speed, symmetric=int(symmetric), accounts=1)
+        self._set(dt=dt, direction_speed=direction_speed, symmetric=int(symmetric), accounts=1)
         self._bind_rover(rover)
         self._bind_state(state)
         self._bind_terrain()
@@ -123,6 +122,7 @@ class Kernel:
             gravity=self.gravity,
             armature=self.armature,
             servo_target=self.servo_target,
+            wheel_share=self.model.wheel_share,
             du=np.zeros(pin_model.nv),
             foreseen=self.foreseen,
             record=self.record,

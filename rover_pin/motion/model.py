@@ -122,7 +122,12 @@ class Model:
     def built(self) -> Rover:
         """The rover as it is driven: under the model's gravity, with what its effects make it carry and lean."""
         changes = tuple((effect.ballast(), effect.rise()) for effect in self.body_effects)
-        return built_rover(self.rover, self.gravity, changes)
+        return built_rover(self.rover, float(self.gravity), changes)
+
+    @property
+    def wheel_share(self) -> float:
+        """An equal share of the rover's weight for each wheel [N]."""
+        return self.gravity * self.built.mass / len(self.rover.wheels)
 
     @property
     def all_effects(self) -> tuple[AnyEffect, ...]:

@@ -47,7 +47,7 @@ class Plain:
         n = len(self.rover.wheels)
         self.record, self.loads, self.energy = np.zeros((n, len(RECORD))), np.zeros((n, 6)), np.zeros(len(ENERGY))
         self.impulse, self.differential = np.zeros(3), np.zeros(1)
-        self.share = model.gravity * self.rover.mass / n
+        self.share = model.wheel_share
         self.foreseen, self.misjudged, self.pivoted = np.zeros((n, 4)), 0.0, 0
         self.duty = np.zeros(n)
         self.held_rate: np.ndarray | None = None

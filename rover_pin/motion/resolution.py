@@ -90,9 +90,8 @@ def _firmness(stepper: Any, model: Model) -> float:
 
 def contact_frequency(model: Model, state: DriveState) -> float:
     """Return omega [rad/s] of `parts` for a rover in the configuration of `state`."""
-    rover, motor = model.built, model.motor
+    rover, motor, share = model.built, model.motor, model.wheel_share
     mobility = _mobility(rover, float(motor.armature), model.rigid_differential, state.q.tobytes())
-    share = model.gravity * rover.mass / len(rover.wheels)
     soils = [model.soils[index] for index in sorted(model.terrain.ground_indices)]
     firmest = {wheel: max(stiffness(share, wheel, soil) for soil in soils) for wheel in {w.wheel for w in rover.wheels}}
     root = np.sqrt([firmest[mount.wheel] for mount in rover.wheels])
