@@ -159,26 +159,26 @@ def _simulate(asked: Asked, start: Start | DriveState | Ended) -> Trace:
     if hasattr(asked.controller, "reset"):
         asked.controller.reset()
     attrs = {"set_down": begin.standing} if begin.standing else {}
-    halver = _Halver(asked, begin.state.copy(), begin.standing) if asked.settle_doubts else None
-    return _traced(asked, _begun(asked, begin.state), _place(begin.state), attrs, halver)
+    again = _Again(asked, begin.state.copy(), begin.standing) if asked.settle_doubts else None
+    return _traced(asked, _begun(asked, begin.state), _place(begin.state), attrs, again)
 
 
-class _Halver(NamedTuple):
-    """Drives as asked, from this state, at half the step."""
+class _Again(NamedTuple):
+    """Drives once more from where a drive began, to find or settle what speaks against it."""
 
     asked: Asked
     state: DriveState
     standing: str
 
-    @property
-    def doubts(self) -> list[str]:
-        """What speaks against the start."""
+    def pushed(self) -> list[str]:
+        """Return the doubt of a start at rest that a push throws off, if it does."""
         if self.standing != RESTS:
             return []
         doubt = thrown_by_a_push(_begun(self.asked, self.state.copy()))
         return [doubt] if doubt else []
 
-    def __call__(self, rows: np.ndarray, stop: str) -> Halved | None:
+    def halved(self, rows: np.ndarray, stop: str) -> Halved | None:
+        """Return what half the step makes of the drive with these rows, if its commands are known."""
         controller = repeating(self.asked.controller, rows, self.asked.timing)
         if controller is None:
             return None
@@ -211,7 +211,7 @@ def _gone_on(asked: Asked, end: Ended) -> Trace:
 
 
 def _traced(
-    asked: Asked, drive: Drive, place: tuple[float, float], attrs: dict[str, Any], halver: _Halver | None = None
+    asked: Asked, drive: Drive, place: tuple[float, float], attrs: dict[str, Any], again: _Again | None = None
 ) -> Trace:
     """Run a drive and return its trace, with where it ended if it can go on."""
     ran, stepper = asked.run(drive, asked.duration, asked.progress), drive.stepper
@@ -221,9 +221,9 @@ def _traced(
     trace = trace_of(asked.model, rows, attrs)
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     doubts, energy = doubts_of(drive.model, rows, ran.counted.missed), energy_warning(asked.model, trace)
-    doubts += halver.doubts if halver and len(rows) else []
+    doubts += again.pushed() if again and len(rows) else []
     signs = any([*certain, *doubts, energy.doubted])
-    half = halver(rows, ran.stop) if halver and signs and len(rows) else None
+    half = again.halved(rows, ran.stop) if again and signs and len(rows) else None
     trace = told(trace, [*certain, *spoken(doubts, half), pivot_warning(stepper.pivoted), energy.said])
     if ran.stop != "duration":
         return trace
