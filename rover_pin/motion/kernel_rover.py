@@ -15,7 +15,7 @@ from rover_pin.errors import ParameterError
 from rover_pin.motion import laws
 from rover_pin.motion.native.compiled_body import CompiledBody, Known, compiled_body, order_of_elimination
 from rover_pin.motion.native.shared import MAX_COLS, MAX_DOF, DriveStruct, fill
-from rover_pin.motion.suspension import suspension_dofs
+from rover_pin.motion.suspension import suspension_dofs, suspension_places
 
 SERVO_GAIN = (20.0, 0.2)
 """Stiffness [N m/rad] and damping [N m s/rad] of a steering servo (assumed: stiff beside the wheel's side forces)."""
@@ -138,20 +138,20 @@ def _springs(rover: Rover, strength: float, pushed: bool) -> dict[str, Any]:
     model = rover.model
     q_of = {model.joints[j].idx_v: model.joints[j].idx_q for j in range(2, model.njoints)}
     servos = [wheel.steer_dof for wheel in rover.wheels if wheel.steer_dof is not None]
-    stops = suspension_dofs(rover)
-    limits = [(model.lowerPositionLimit[q_of[i]], model.upperPositionLimit[q_of[i]]) for i in stops]
+    stops, places = suspension_dofs(rover), suspension_places(rover)
+    limits = [(model.lowerPositionLimit[place], model.upperPositionLimit[place]) for place in places]
     body_dofs = [*range(6), *stops] if pushed else []
     return {
         "n_body": len(body_dofs),
         "body_dof": np.array(body_dofs or [0], dtype=np.int64),
-        "body_q": np.array([q_of[i] for i in stops] or [0], dtype=np.int64),
+        "body_q": np.array(places or [0], dtype=np.int64),
         "n_servos": len(servos),
         "servo_dof": np.array(servos or [0], dtype=np.int64),
         "servo_q": np.array([q_of[i] for i in servos] or [0], dtype=np.int64),
         "servo_gain": strength * np.array(SERVO_GAIN),
         "n_stops": len(stops),
         "stop_dof": np.array(stops or [0], dtype=np.int64),
-        "stop_q": np.array([q_of[i] for i in stops] or [0], dtype=np.int64),
+        "stop_q": np.array(places or [0], dtype=np.int64),
         "stop_limits": np.array(limits or [(0.0, 0.0)]).ravel(),
         "stop_gain": strength * np.array(STOP_GAIN),
     }
