@@ -27,7 +27,7 @@ LACKS = {
     "body_z": "no height: slopes come of the pitch alone",
     "body_roll": "no roll: loads of left and right wheels are taken as equal",
 }
-"""What is missed where no column begins so, and what cannot be answered then."""
+"""What is missed where no column has this in its name (a raw current is one too), and what cannot be answered then."""
 
 
 class Understood(NamedTuple):
@@ -66,7 +66,7 @@ def understood(seen: Recording, told: Sequence[Guess], where: str) -> Understood
     _refuse_without(values, rates, seen, where)
     _take(found, values, seen, joint_guesses(seen))
     guesses = tuple(each for each in found.values() if each.target in values)
-    lacks = tuple(said for start, said in LACKS.items() if not any(start in name for name in values))
+    lacks = tuple(said for part, said in LACKS.items() if not any(part in name for name in values))
     used = {name for each in guesses for name in _sources(each, where)}
     unused = tuple(each.name for each in seen.words if each.name not in used)
     return Understood(guesses, values, lacks, unused)
