@@ -12,10 +12,9 @@ from rover_pin.contact import Soil
 from rover_pin.identification.result import Held
 from rover_pin.measurements.channel import FIELDS, Evidence
 from rover_pin.measurements.known import ASSUMED, DECLARED_SD, SIZE_SD, UNDECLARED_SD, Known, range_of
+from rover_pin.measurements.rig_keys import BEKKER_UNITS
 from rover_pin.quantity import Record, quantities
 from rover_pin.soil.stress import modulus
-
-BEKKER = frozenset({"k_c", "k_phi"})
 
 
 class Doubt(NamedTuple):
@@ -105,7 +104,7 @@ class _Given:
 
     def _is_declared(self, name: str) -> bool:
         """Return whether the data declare it, k_1 and k_2 also by k_c and k_phi."""
-        names = BEKKER if name in ("k_1", "k_2") and name not in self.data.declared else {name}
+        names = BEKKER_UNITS.keys() if name in ("k_1", "k_2") and name not in self.data.declared else {name}
         return self._is_datas(name) and self.data.declared.keys() >= names
 
     def _range(self, name: str, value: float) -> tuple[float, float, str]:
