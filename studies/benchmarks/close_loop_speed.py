@@ -45,10 +45,10 @@ WORKERS = 2
 
 def main() -> None:
     """Measure and print."""
-    parser = reader(__doc__, "2 runs of 6 s")
+    parser = reader(__doc__, "2 runs of 12 s")
     parser.add_argument("--against", help="an earlier version, from the repository's history")
     asked = parser.parse_args()
-    runs, duration = (2, 6.0) if asked.quick else (8, 30.0)
+    runs, duration = (2, 12.0) if asked.quick else (8, 30.0)
     with TemporaryDirectory() as folder:
         logs = write(Path(folder) / "logs", runs, duration)
         seconds, clock = report(f"close-loop on {runs} runs of {duration:g} s", ROOT, logs)
