@@ -172,11 +172,32 @@ def test_runs_on_slopes_of_their_own_are_told_and_where(model):
     way = "more uphill" if told.worst.run == "run-0" else "more downhill"
     assert re.fullmatch(
         rf"The ground is not as declared: its slope differs by 0\.9\d? deg rms, most in {told.worst.run}, "
-        rf"1\.\d deg {way} from x = [-\d.]+ to [\d.]+ m\.",
+        rf"1\.\d deg {way} from \(x, y\) = \([-\d.]+, -?0\.00\) to \([\d.]+, -?0\.00\) m\.",
         told.said,
     )
     assert "slope of a run" in told.lines[0]
     assert told.as_dict()["worst"]["run"] == told.worst.run
+
+
+def test_the_ends_of_a_stretch_are_in_the_direction_that_the_rover_faces(model):
+    """Driven towards -x: what is uphill towards +x is downhill on this way, which is told from the larger x on."""
+    tilted = model.having(GravityTilt(rise_x=0.02, rise_y=0.0))
+    truths = [(tilted, 0.6, math.pi), (model, 0.6, math.pi), (model, 0.7, math.pi)]
+    found, chance = taught(_without(experiment_of(logged(truths), model), "body_pitch", "body_z"), model)
+    worst = raked.raked(found, chance).worst
+    assert worst.run == "run-0"
+    assert worst.slope < -0.01
+    assert worst.begin[0] - worst.end[0] > 0.1
+    assert abs(worst.begin[1] - worst.end[1]) < 0.05
+    back = dataclasses.replace(logged_runs(found)[0], heading=logged_runs(found)[0].heading + math.pi)
+    turned = dataclasses.replace(found.task.experiment, runs=(back, *logged_runs(found)[1:]))
+    task = dataclasses.replace(found.task, experiment=turned)
+    again = raked.raked(dataclasses.replace(found, task=task), chance).worst
+    assert (again.begin, again.end) == (worst.end, worst.begin)
+
+
+def logged_runs(found):
+    return found.task.experiment.runs
 
 
 def test_ground_as_declared_is_not_doubted(model):

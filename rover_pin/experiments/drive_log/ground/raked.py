@@ -30,9 +30,9 @@ class Stretch(NamedTuple):
     run: str
     slope: float
     "mean slope along the heading beside the declared one [rad], above 0 uphill"
-    begin: float
-    end: float
-    "x of the base [m]"
+    begin: tuple[float, float]
+    end: tuple[float, float]
+    "x and y of the base [m], in the direction that the rover faces"
 
 
 class Raked(NamedTuple):
@@ -48,11 +48,12 @@ class Raked(NamedTuple):
         """The finding as a sentence; empty where the ground is as declared."""
         if self.worst is None:
             return ""
-        run, slope, begin, end = self.worst
+        run, slope, *ends = self.worst
+        begin, end = (f"({x:.2f}, {y:.2f})" for x, y in ends)
         uphill = "more uphill" if slope > 0 else "more downhill"
         return (
             f"The ground is not as declared: its slope differs by {_degrees(self.rms)} rms, most in {run}, "
-            f"{_degrees(abs(slope))} {uphill} from x = {begin:.2f} to {end:.2f} m."
+            f"{_degrees(abs(slope))} {uphill} from (x, y) = {begin} to {end} m."
         )
 
     @property
@@ -103,5 +104,8 @@ def _worst(fitted: Fit, slopes: list[np.ndarray]) -> Stretch:
     outside = np.flatnonzero(~inside)
     begin = int(outside[outside < top].max(initial=-1)) + 1
     end = int(outside[outside > top].min(initial=len(row)))
-    x = filled(one.commands.place[:, 0])[begin:end]
-    return Stretch(one.name, float(row[begin:end].mean()), float(x.min()), float(x.max()))
+    path = np.column_stack([filled(one.commands.place[:, axis])[begin:end] for axis in (0, 1)])
+    facing = np.array([math.cos(one.heading[top]), math.sin(one.heading[top])])
+    ends = path[[0, -1]] if (path[-1] - path[0]) @ facing >= 0 else path[[-1, 0]]
+    first, last = ((float(x), float(y)) for x, y in ends)
+    return Stretch(one.name, float(row[begin:end].mean()), first, last)
