@@ -30,6 +30,17 @@ def test_a_good_log_has_no_fault_and_lacks_nothing():
     assert found.too_poor == ""
 
 
+def test_a_run_that_stands_for_its_whole_length_is_told():
+    still = {name: np.zeros_like(row) if name.startswith(MOVING) else row for name, row in GOOD[1].items()}
+    still |= {name: np.full_like(row, row[0]) for name, row in GOOD[1].items() if name.startswith("body_")}
+    said = [str(each) for each in findings(log_of(GOOD[0], still, *GOOD[2:])) if "nothing of this run" in each.what]
+    assert said == [
+        "run-2.csv: the rover stands or turns on the spot, so nothing of this run is compared, and leaving it out "
+        "tests nothing; drop it from drive.toml, or drive ahead or back for 5 s or more in it."
+    ]
+
+
+MOVING = ("duty_", "wheel_rate_", "current_")
 X, T = GOOD[0]["body_x"], GOOD[0]["t_s"]
 
 

@@ -14,6 +14,7 @@ from rover_pin.contact import Wheel
 from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.checks import excitation as drive_excitation
 from rover_pin.experiments.drive_log.checks.columns import absurd_faults, column_faults, column_findings, gap_findings
+from rover_pin.experiments.drive_log.checks.compared import compared_findings
 from rover_pin.experiments.drive_log.checks.currents import current_faults, current_findings
 from rover_pin.experiments.drive_log.checks.declared import (
     declared_findings,
@@ -112,6 +113,7 @@ def _findings(log: DriveLog) -> Iterator[Finding]:
     yield from column_findings(log)
     yield from declared_findings(log)
     yield from _of_runs(log)
+    yield from compared_findings(log)
     yield from drive_excitation.excitation_findings(driven(log), log.about.name)
 
 
