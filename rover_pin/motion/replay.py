@@ -98,7 +98,7 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
     Raises
     ------
     DataError
-        A channel that a replay needs and the log does not have, or fewer than two rows.
+        A channel that a replay needs and the log does not have, fewer than two rows, or no place where a run begins.
     """
     t, x, y, yaw = log.need("t_s", "body_x", "body_y", "body_yaw")
     held = log.held
@@ -113,8 +113,19 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
     duty = np.column_stack([_held(column)[at] for column in told.T]) if rate is None else shares(rate)
     place = np.column_stack([averaged(t, column, rows, period) for column in (x, y, np.unwrap(_held(yaw)))])
     declared = log.attrs.get("start")
-    start = Start(**declared) if declared else Start(*np.nanmean(place[:FIRST_ROWS], axis=0).tolist())
+    start = Start(**declared) if declared else _begun(log, place[:FIRST_ROWS], period)
     return Commands(rows, duty, np.column_stack(steer) if steer else np.zeros((len(rows), 0)), place, start, rate)
+
+
+def _begun(log: Trace, first: np.ndarray, period: float) -> Start:
+    """Return the mean of the first rows as the start of a run that declares none."""
+    if not np.isfinite(first).any(axis=0).all():
+        raise DataError(
+            f"{log.attrs.get('file', 'the run')}: no place is known in the first {len(first) * period:.2g} s and "
+            "no start is declared; give its [[run]] a start (x, y, yaw), or drop the rows before the first known "
+            "body_x and body_y."
+        )
+    return Start(*np.nanmean(first, axis=0).tolist())
 
 
 def shares(rate: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 import dataclasses
 import importlib.util
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from rover_pin.experiments.drive_log.checks.driven import Driven
 from rover_pin.experiments.drive_log.checks.excitation import levels
 from rover_pin.experiments.drive_log.checks.log import check, driven, faults, findings, refuse_unfit, too_poor
 from rover_pin.motion.drive_log import read_drive_log, write_drive_log
+from rover_pin.motion.replay import commands
 from rover_pin.motion.trace import Trace
 
 _spec = importlib.util.spec_from_file_location("drive_channels", Path(__file__).parent / "drive_channels.py")
@@ -40,6 +42,20 @@ def test_a_run_that_stands_for_its_whole_length_is_told():
     ]
 
 
+def test_a_run_whose_begin_is_not_tracked_needs_a_declared_start():
+    log = changed(body_x=gap(GOOD[0]["body_x"], 0, 100))
+    told = dataclasses.replace(log.runs[0], attrs={**log.runs[0].attrs, "start": {"x": 0.1, "y": 0.0, "yaw": 0.0}})
+    assert commands(told, WHEELS, ()).start.x == 0.1
+    nowhere = dataclasses.replace(told, attrs={"file": "run-1.csv"})
+    said = (
+        "run-1.csv: no place is known in the first 0.25 s and no start is declared; give its [[run]] a start "
+        "(x, y, yaw), or drop the rows before the first known body_x and body_y."
+    )
+    with pytest.raises(DataError, match=re.escape(said)):
+        commands(nowhere, WHEELS, ())
+
+
+WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
 MOVING = ("duty_", "wheel_rate_", "current_")
 X, T = GOOD[0]["body_x"], GOOD[0]["t_s"]
 
