@@ -190,7 +190,8 @@ class Identification:
                 "times, and hold only if the missing effect does not move the parameters"
             ]
         lines += [
-            f"  {c.name}: RMSE {c.rmse:.3g} {c.unit} over {c.points} points, chi2 {c.chi2:.4g}" for c in self.channels
+            f"  {c.name}: RMSE {f'{c.rmse:.3g} {c.unit}'.rstrip()} over {c.points} points, chi2 {c.chi2:.4g}"
+            for c in self.channels
         ]
         lines += [f"weakest combination: {self._weakest()}", *self._strong_correlations(), self._starts()]
         return "\n".join([*lines, *self._held()])

@@ -30,7 +30,7 @@ from rover_pin.identification.identify import (
 )
 from rover_pin.identification.judge import judge
 from rover_pin.identification.posterior import Chain, Posterior, _walkers, log_density
-from rover_pin.identification.result import Estimate, Identification, Starts, Verdict, _line
+from rover_pin.identification.result import ChannelFit, Estimate, Identification, Starts, Verdict, _line
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.measurements.wheel_rig import WheelRig
@@ -377,6 +377,15 @@ def test_a_profile_keeps_within_the_bounds_at_all_its_values(values):
     data = TractionPoints([0.1, 0.3, 0.5, 0.8], [0.02, 0.05, 0.08, 0.1], 0.03)
     with pytest.raises(ParameterError, match="the profile of k leaves"):
         profile(data, Soil(), ("k",), "k", np.array(values))
+
+
+def test_an_error_without_a_unit_leaves_no_gap():
+    one = Estimate("k", "m", 1.0, 0.1, 0.5, 1.5, Verdict.FOUND, "found")
+    channels = (ChannelFit("traction factor", "", 18, 0.00474, 4.7), ChannelFit("sinkage", "m", 15, 0.00449, 839.3))
+    ones = (np.eye(1), np.ones(1), np.eye(1), channels)
+    said = Identification((one,), *ones, 844.0, 31, 1.0, Starts(1, 1, 1, ()), Soil()).report()
+    assert "  traction factor: RMSE 0.00474 over 18 points, chi2 4.7\n" in said
+    assert "  sinkage: RMSE 0.00449 m over 15 points, chi2 839.3\n" in said
 
 
 @pytest.mark.parametrize(("widened", "said"), [(1.0, False), (1.5, True)])
