@@ -5,10 +5,8 @@ import re
 import shlex
 import subprocess
 import sys
-from functools import cache, lru_cache
 from pathlib import Path
 from shutil import copyfile
-from tempfile import mkdtemp
 from typing import NamedTuple
 
 import pytest
@@ -182,30 +180,28 @@ def commands():
     return [line for line in found if line not in ELSEWHERE]
 
 
-@lru_cache(maxsize=1)
-def folder():
-    """A folder of the results with what a checkout has beside the README, and what a reader is said to have."""
-    made = Path(mkdtemp(prefix="readme"))
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of results, of this test alone, with what a checkout has and what a reader is said to have."""
     for name in ("studies", "urdf"):
-        (made / name).symlink_to(ROOT / name)
-    copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", made / "mine.csv")
-    copyfile(ROOT / "urdf" / "cart.urdf", made / "my_rover.urdf")
-    return made
+        (tmp_path / name).symlink_to(ROOT / name)
+    copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", tmp_path / "mine.csv")
+    copyfile(ROOT / "urdf" / "cart.urdf", tmp_path / "my_rover.urdf")
+    return tmp_path
 
 
-@cache
-def printed(command):
-    """What a command prints, run after those that it needs."""
+def printed(command, folder):
+    """What a command prints, run after those that it needs, and no others."""
     about = COMMANDS.get(command, Command())
     for other in about.needs:
-        printed(other)
+        printed(other, folder)
     program, *words = shlex.split(command)
     start = ["-m", "rover_pin.cli"] if program == "rover-pin" else []
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     env = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "BROWSER": "true"}  # opens nothing
     got = subprocess.run(
         [sys.executable, *start, *words],
-        cwd=folder(),
+        cwd=folder,
         env=env,
         capture_output=True,
         text=True,
@@ -262,8 +258,8 @@ def test_what_is_run_by_hand_is_a_command_of_the_pages():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", [each for each in commands() if each not in BY_HAND])
-def test_a_command_runs_and_prints_what_the_pages_say(command):
-    came = printed(command)
+def test_a_command_runs_and_prints_what_the_pages_say(command, folder):
+    came = printed(command, folder)
     for claim in COMMANDS.get(command, Command()).claims:
         said, found = re.search(claim.said, TEXT), re.search(claim.printed, came)
         assert found, f"{claim.printed} is not printed: {came[:2000]}"
