@@ -30,6 +30,7 @@ def plan(seed, count, shares=None, only=None):
     decks = {
         "off-list": iter(hidden.dealt(sorted(hidden.OFF_LIST), count, random)),
         "sensor": iter(hidden.dealt(sorted(hidden.SENSOR), count, random)),
+        "other-law": iter(hidden.dealt(sorted(hidden.OTHER_LAWS), count, random)),
     }
     found = []
     for index, kind in enumerate(kinds, 1):
