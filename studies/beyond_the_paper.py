@@ -207,7 +207,7 @@ def steepest(case: DriveCase) -> float:
     F = np.array([float(load_traction_factor(s, model.soils[0], model.rover.wheel, law.form, law.angles)) for s in S])
     if case.post_peak:
         past = model.effect(PostPeak)
-        F = F * (1.0 - past.fraction * (1.0 - np.exp(-((S / past.S_w) ** 2))))
+        F = F * (1.0 - np.array([float(past.lost(s)) for s in S]))
     resistance = model.effect(MotionResistance)
     slowest = 1.0 / HELD_OUT
     held_back = float(resistance.R) * slowest / math.hypot(slowest, float(resistance.fading(slowest)))

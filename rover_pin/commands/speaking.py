@@ -1,4 +1,4 @@
-"""How much a command says on its way: `-q`, `-v` and `--version`, which every command and the program itself take."""
+"""What a command says: on its way by `-q`, `-v` and `--version`, which all take, and of words that it cannot take."""
 
 import copy
 import logging
@@ -8,8 +8,11 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from rover_pin.errors import ParameterError, closest
 from rover_pin.version import __version__
 
+MISTYPED: type[Exception] = typer.BadParameter.__mro__[1]
+"""What the command line's library raises of words that it cannot take; which module it is in hangs on the version."""
 LEVELS = {"quiet": logging.WARNING, "": logging.INFO, "verbose": logging.DEBUG}
 
 
@@ -47,6 +50,36 @@ class Speaking(TyperGroup):
             option.expose_value = False
         for command in self.commands.values():
             command.params = [*command.params, *shared]
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that the first word names.
+
+        Raises
+        ------
+        ParameterError
+            It names none.
+        """
+        if args[0] not in self.commands and not args[0].startswith("-"):
+            raise ParameterError(f"There is no command '{args[0]}'; {closest(args[0], self.commands)}")
+        return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command.
+
+        Raises
+        ------
+        ParameterError
+            A word that it cannot take, in one sentence.
+        """
+        try:
+            return super().invoke(ctx)
+        except MISTYPED as error:
+            raise ParameterError(_refused(error)) from None
+
+
+def _refused(error: Any) -> str:
+    said = " ".join(error.format_message().split()).rstrip(".")
+    return f"{said}; rover-pin {error.ctx.info_name} --help lists what it takes." if error.ctx else f"{said}."
 
 
 def _say_version(given: bool) -> None:

@@ -35,6 +35,10 @@ class PostPeak(Effect):
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return what failure takes off the shear."""
-        lost = self.fraction * (1.0 - ca.exp(-((contact.S / self.S_w) ** 2)))
+        lost = self.lost(contact.S)
         pull = pull_of_shear(load.torque, contact.wheel, contact.S)
         return Load(f_t=-lost * pull, f_y=-lost * load.f_y, torque=-lost * load.torque)
+
+    def lost(self, S: Scalar) -> Scalar:
+        """Return the share L of the shear that is lost at slip S."""
+        return self.fraction * (1.0 - ca.exp(-((S / self.S_w) ** 2)))

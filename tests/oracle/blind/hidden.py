@@ -101,7 +101,7 @@ OTHER_LAWS = {
     "SquareSag": lambda random, s: {"R_2": 4.0 * s},
     "SpringTether": lambda random, s: {"k": 0.4 * s},
 }
-"""Causes of the list by other laws: friction that falls with the rate, a supply that sags with the square, a cable that is a spring."""
+"""Friction that falls with the rate, a supply that sags with the square of the current, a cable that is a spring."""
 LISTED = SOIL | MOTOR | BODY
 ALL = LISTED | SENSOR | OFF_LIST | ALIASES | OTHER_LAWS
 SHARES = {"single": 0.40, "pair": 0.08, "none": 0.20, "off-list": 0.15, "sensor": 0.05, "other-law": 0.12}
