@@ -12,13 +12,14 @@ import numpy as np
 
 from rover_pin.body.rover import Rover, load_rover
 from rover_pin.columns import columns_text, replace_file
-from rover_pin.errors import DataError
+from rover_pin.errors import DataError, closest
 from rover_pin.importing.clock import find_clock
 from rover_pin.importing.guess import Guess, Recording, recording
 from rover_pin.importing.raw import read_raw
 from rover_pin.importing.splitting import Part, chosen, parts
 from rover_pin.importing.understood import Understood, drive_of, lines, understood
 from rover_pin.importing.written import Run, Sheet, toml_of
+from rover_pin.motion.channels import WHOLE, is_column
 from rover_pin.motion.drive_log import FILE
 from rover_pin.paths import is_file, named_from
 from rover_pin.time_left import telling
@@ -78,9 +79,24 @@ def import_log(
         )
     own = load_rover(str(rover))
     given = [Guess(name, {"formula": text}, "told", True) for name, text in (told or {}).items()]
+    _refuse_unread(given, own)
     each = (_read(path, own, given, most) for path in paths)
     readings = list(telling(each, len(paths), "recordings read"))
     return _written(folder, paths, rover, own, readings)
+
+
+def _refuse_unread(told: Sequence[Guess], rover: Rover) -> None:
+    """Refuse a column that is none of a drive log of this rover, and of which no other that was told is made."""
+    wheels = [mount.name for mount in rover.wheels]
+    used = {word for each in told for word in re.findall(r"\w+", str(each.entry["formula"]))}
+    for name in (each.target for each in told):
+        if not is_column(name, wheels) and name not in used:
+            kinds = ("wheel_rate_{}", "duty_{}", "current_{}_A", "raw_current_{}")
+            there = (*WHOLE, *rover.angles, *(kind.format(wheel) for kind in kinds for wheel in wheels))
+            raise DataError(
+                f"--column {name}: a drive log of {rover.name} has no column '{name}', and nothing else that is told "
+                f"is made of it: {closest(name, there)}"
+            )
 
 
 @dataclass(frozen=True)

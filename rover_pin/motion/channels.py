@@ -61,6 +61,15 @@ def wheel_of(name: str) -> str | None:
     return None
 
 
+def is_column(name: str, wheels: Iterable[str]) -> bool:
+    """Return whether a name is that of a drive log's column, of one of these wheels where any are given."""
+    if name in WHOLE or name.startswith(tuple(BY_START)):
+        return True
+    ends = [name[len(kind) + 1 :] for kind in PER_WHEEL if name.startswith(f"{kind}_")]
+    ends += [name[len("current_") : -len("_A")]] if name.startswith("current_") and name.endswith("_A") else []
+    return any(end in wheels for end in ends) if wheels else bool(ends)
+
+
 def is_current(name: str) -> bool:
     """Return whether a channel is a motor's current, in amperes or in counts."""
     return name.startswith(("current_", "raw_current_"))

@@ -108,6 +108,19 @@ def estimated(run: Trace, rover: Rover) -> Terrain:
     return grid.surface(scipy.sparse.vstack(rows).tocsr(), np.concatenate(right))
 
 
+def level_on(ground: Terrain, rover: Rover, place: np.ndarray) -> dict[str, np.ndarray]:
+    """Return pitch, roll [rad] and height [m] of a plank of the rover's base on a ground, at x, y, yaw (T, 3)."""
+    x, y, yaw = place.T
+    length, track = base_of(rover)
+
+    def rise(ahead: np.ndarray, left: np.ndarray, over: float) -> np.ndarray:
+        ends = [ground.height(x + half * over * ahead, y + half * over * left) for half in (0.5, -0.5)]
+        return np.asarray(np.arctan((ends[0] - ends[1]) / over))
+
+    pitch, roll = -rise(np.cos(yaw), np.sin(yaw), length), rise(-np.sin(yaw), np.cos(yaw), track)
+    return {"body_pitch": pitch, "body_roll": roll, "body_z": np.asarray(ground.height(x, y))}
+
+
 def _level(rows: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
     """Return the rows less their mean: the zero of the height is the tracker's."""
     mean = scipy.sparse.csr_matrix(np.full((rows.shape[0], 1), 1.0)) @ scipy.sparse.csr_matrix(rows.mean(axis=0))

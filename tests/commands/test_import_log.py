@@ -44,6 +44,9 @@ def test_odometry_is_written_down_and_then_refused(run):
         (("--column", "body_x=x", "--column", "body_z"), "--column body_z: give NAME=FORMULA"),
         (("--column", "body_x=x", "--column", "body_x=y"), "--column body_x=y: give NAME=FORMULA"),
         (("--column", "body_x=open('x')"), "there is no function 'open'"),
+        (("--column", "body_zz=z"), "no column 'body_zz', and nothing else that is told is made of it: did you mean"),
+        (("--column", "wheel_rate_f1=1"), "did you mean 'wheel_rate_f"),
+        (("--column", "body_x=body_yz"), "there is no column 'body_yz'"),
         (("--rover", "nowhere.toml"), "nowhere"),
     ],
 )
@@ -53,3 +56,11 @@ def test_errors_are_one_sentence(run, words, said):
     assert code == 2
     assert said in err
     assert err.count("\n") == 1
+
+
+def test_a_column_that_others_are_made_of_needs_no_name_of_a_log(run):
+    recordings.plain(recordings.truth(), Path())
+    made = ("--column", "shifted=col('x [m]') + 1", "--column", "body_x=shifted - 1")
+    code, out, _ = run("import-log", "plain.csv", "--rover", "cart", *made)
+    assert code == 0
+    assert "body_x = shifted - 1" in out

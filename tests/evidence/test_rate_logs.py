@@ -9,23 +9,34 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rover_pin.body.profile import Profile
+from rover_pin.body.rover import load_rover
+from rover_pin.body.terrain import Lanes
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
+from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.calibrate import calibrated_on, raw_current_numbers, with_raw_currents
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import check, faults
 from rover_pin.experiments.drive_log.experiment import experiment_of
-from rover_pin.experiments.drive_log.features import logged_runs
+from rover_pin.experiments.drive_log.features import comparable_rows, logged_runs
+from rover_pin.experiments.drive_log.ground.stance import runs_on_told_ground
 from rover_pin.experiments.drive_log.menu import menu
 from rover_pin.experiments.drive_log.model import base_model, held, nuisances, with_spread
 from rover_pin.loop.close import close_the_loop
-from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.motion.defaults import own_motor, own_soil, usual_angles, usual_slip
+from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
+from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
 from rover_pin.motion.place import Start
-from rover_pin.motion.replay import replay
+from rover_pin.motion.replay import Commands, replay, shares
+from rover_pin.motion.simulate import simulate
+from rover_pin.motion.timing import Timing
+from rover_pin.motion.trace import Trace
+from rover_pin.soil.traction import TorqueTraction
 
 _spec = importlib.util.spec_from_file_location("drive_sets", Path(__file__).parent / "drive_sets.py")
 drive_sets = importlib.util.module_from_spec(_spec)
@@ -116,6 +127,54 @@ def test_the_runs_of_the_menu_can_be_held_to_rates(log):
     assert np.all(commands.rate == 1.0)
     driven = replay(run.on(model), commands).channels
     assert driven["wheel_rate_fl"][20:] == pytest.approx(1.0, abs=1e-5)
+
+
+def on_a_plane(folder, slope, yaw):
+    """A cart's drive over a plane that rises along +x, exact, without duties or any word of the ground."""
+    cart, x = load_rover("cart"), np.array([-9.0, 9.0])
+    soil = own_soil(cart).value
+    effects = base_effects(soil, cart, SoilTraction(TorqueTraction(), usual_angles(cart)))
+    ground = Lanes((Profile(x, math.tan(slope) * x),))
+    model = Model(cart, ground, (soil,), own_motor(cart).value, usual_slip(cart), effects)
+    start, timing = Start(0.0, 0.0, yaw), Timing(sample=0.1)
+    driven = simulate(model, lambda reading: 0.6, 8.0, start, timing=timing, settle_doubts=False)
+    wheels = tuple(wheel.name for wheel in cart.wheels)
+    keep = [name for name in driven if name == "t_s" or name.startswith(("body_", "wheel_rate_"))]
+    seen = Trace({name: driven[name] for name in keep if not name.startswith("body_v")}, {}, {})
+    write_drive_log(folder, {"run": seen}, About("plane", rover="cart", wheels=wheels))
+    return read_drive_log(folder)
+
+
+@pytest.mark.parametrize(("slope", "yaw"), [(0.0, 0.0), (6.0, 0.0), (6.0, math.pi)])
+def test_what_a_rover_sinks_deeper_behind_is_no_slope_of_the_ground(tmp_path, slope, yaw):
+    """The level of a cart is nose up by .1 to .5 deg on any ground; a wheel's scale was named for that."""
+    log = on_a_plane(tmp_path, math.radians(slope), yaw)
+    model = with_spread(base_model(log), motors=False)
+    (as_level,), (told,) = logged_runs(log, model.rover), runs_on_told_ground(log, model)
+    rises = []
+    for run in (as_level, told):
+        ground, x = run.commands.terrain, run.commands.place[20:-10, 0]
+        rise = (ground.height(x + 0.28, 0.0 * x) - ground.height(x - 0.28, 0.0 * x)) / 0.56
+        rises.append(float(np.mean(np.degrees(np.arctan(rise)))))
+    off = np.abs(np.array(rises) - slope)
+    assert off[0] > 0.1
+    assert off[1] < 0.05
+
+
+def test_a_ground_that_is_declared_is_nobody_s_level(log):
+    model = base_model(log)
+    assert [one.commands.terrain for one in runs_on_told_ground(log, model)] == [None, None]
+
+
+def test_wheels_that_turn_round_from_one_row_to_the_next_are_not_compared():
+    """At 10 Hz none is seen standing: what the reversal shoved was taken for what the model missed for 6 s."""
+    t = np.arange(0.0, 8.0, 0.1)
+    rate = np.where(t < 4.0, 1.0, -1.0)[:, None] * np.ones(4)
+    run = Commands(t, shares(rate), np.zeros((len(t), 0)), np.zeros((len(t), 3)), Start(), rate)
+    counted = comparable_rows(run, rate.T)
+    assert not counted[(t > 3.95) & (t < 5.45)].any()
+    assert counted[(t > 1.05) & (t < 3.95)].all()
+    assert counted[t > 5.65].all()
 
 
 SCALES = {"fl": 700.0, "fr": -750.0, "ml": 800.0, "mr": -850.0, "rl": 900.0, "rr": -950.0}

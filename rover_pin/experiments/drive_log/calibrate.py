@@ -16,7 +16,7 @@ from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import experiment_of
-from rover_pin.experiments.drive_log.features import logged_runs
+from rover_pin.experiments.drive_log.ground.stance import runs_on_told_ground
 from rover_pin.experiments.drive_log.model import nuisances
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.drive_log.resume import Memory
@@ -34,7 +34,7 @@ def calibrated_on(
     """Return the model fitted to a log, every run replayed from where the rover stood at its start."""
     model = with_raw_currents(log, model)
     progress("setting the rover down at every start")
-    experiment = experiment_of(logged_runs(log, model.rover), model, jobs, memory)
+    experiment = experiment_of(runs_on_told_ground(log, model, jobs), model, jobs, memory)
     progress("calibrating the base model")
     return calibrated(experiment, model, (*nuisances(log, model), *raw_current_numbers(log, model)))
 

@@ -167,7 +167,8 @@ def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
     duty, rate = run.duty.mean(axis=1), rows.mean(axis=0)
     if run.held:
         size = np.abs(rows).mean(axis=0)
-        standing = size < min(SLOW, SLOW_SHARE * float(np.max(size)))
+        turned = np.sum(rows * np.roll(rows, 1, axis=1), axis=0) < 0.0
+        standing = (size < min(SLOW, SLOW_SHARE * float(np.max(size)))) | (turned & (t > t[0]))
     else:
         standing = (np.abs(rate) < SLOW) | (np.sign(rate) * np.sign(duty) < 0)
     since = np.where(standing, t, -np.inf)

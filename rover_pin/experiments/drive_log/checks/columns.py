@@ -8,7 +8,7 @@ import numpy as np
 
 from rover_pin.errors import closest
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.channels import BY_START, PER_WHEEL, WHOLE
+from rover_pin.motion.channels import WHOLE, is_column
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.trace import Trace
 
@@ -76,7 +76,7 @@ def absurd_faults(log: DriveLog) -> Iterator[Finding]:
 
 
 def _instead(name: str, run: Trace) -> str:
-    near = closest(name, [other for other in run.channels if not known(other, ())])
+    near = closest(name, [other for other in run.channels if not is_column(other, ())])
     said = near.partition("?")[0] + "? rename it, or" if near.startswith("did you mean") else ""
     return f"{said} record it: duties, wheel rates and {', '.join(POSE)} are needed".strip()
 
@@ -90,7 +90,7 @@ def column_findings(log: DriveLog) -> Iterator[Finding]:
                 yield Finding(f"{name} not recorded", str(run.attrs["file"]), lost)
     for run in log.runs:
         for name in run.channels:
-            if not known(name, log.about.wheels):
+            if not is_column(name, log.about.wheels):
                 names = (*WHOLE, *needed(log.about.wheels), *(f"current_{wheel}_A" for wheel in log.about.wheels))
                 near = closest(name, names)
                 meant = f"did you mean {near.split(chr(39))[1]}" if near.startswith("did you mean") else "leave it out"
@@ -99,16 +99,6 @@ def column_findings(log: DriveLog) -> Iterator[Finding]:
 
 def _recorded(run: Trace, name: str) -> bool:
     return name in run and bool(np.isfinite(run[name]).any())
-
-
-def known(name: str, wheels: tuple[str, ...]) -> bool:
-    """Return whether a column is one of a drive log's, of these wheels where any are given."""
-    if name in WHOLE or name.startswith(tuple(BY_START)):
-        return True
-    if name.startswith("current_") and name.endswith("_A"):
-        return True
-    ends = [name[len(kind) + 1 :] for kind in PER_WHEEL if name.startswith(f"{kind}_")]
-    return any(end in wheels for end in ends) if wheels else bool(ends)
 
 
 def gap_findings(run: Trace) -> Iterator[Finding]:
