@@ -18,7 +18,7 @@ SLIDING = (0, 1, 5)
 UNTOLD = 1e-6
 """Singular value over the greatest below which a combination of loads moves no balance."""
 SHARED = 0.1
-"""Share of such a combination of unit length up to which a load, or the sum of an axle, counts as told."""
+"""Share of any such combination of unit length up to which a load, or the sum of an axle, counts as told."""
 SHARES = 4
 """Rounds in which the shares of resistance and side force are found; each is some ten times nearer."""
 
@@ -160,18 +160,17 @@ def told_together(rover: Rover, foot: Footing, jacobians: np.ndarray) -> list[tu
     A rigid chassis on four wheels shares its weight over the diagonals as the ground's warp has it, which no balance
     knows: (+, -, -, +) over its wheels changes neither the sum of an axle nor a moment.
     """
-    push = np.hstack([foot.normal, 0.0 * foot.normal])
     upright = [place for place in _free_places(rover) if place not in SLIDING]
-    lifts = np.einsum("nij,ni->jn", jacobians, push)[upright]
+    lifts = np.einsum("nij,ni->jn", jacobians[:, :3], foot.normal)[upright]
     _, sizes, directions = np.linalg.svd(np.column_stack([lifts, constraint_rows(rover).T[upright]]))
     open_ = directions[int(np.sum(sizes > UNTOLD * sizes[0])) :, : len(rover.wheels)].T
     groups: list[tuple[int, ...]] = []
     others: list[int] = []
     for axle in dict.fromkeys(wheel.axle for wheel in rover.wheels):
         wheels = tuple(i for i, wheel in enumerate(rover.wheels) if wheel.axle == axle)
-        if np.all(np.abs(open_[list(wheels)]) < SHARED):
+        if np.all(np.linalg.norm(open_[list(wheels)], axis=1) < SHARED):
             groups += [(i,) for i in wheels]
-        elif np.all(np.abs(open_[list(wheels)].sum(axis=0)) < SHARED):
+        elif np.linalg.norm(open_[list(wheels)].sum(axis=0)) < SHARED:
             groups.append(wheels)
         else:
             others += wheels

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import brentq
 
 from rover_pin.body.driven_loads import configuration, driven_loads, footing, told_together
 from rover_pin.body.rover import load_rover
@@ -99,14 +100,18 @@ def test_four_wheels_on_a_rigid_body_share_what_balances():
     assert loads == pytest.approx(wheel_loads(cart, 0.0), rel=1e-9)
 
 
-def rigid(wheels):
-    """Return a chassis with pairs of wheels at these places along it, no suspension."""
-    sides = [(name, x, side, y) for name, x in wheels for side, y in (("l", 0.3), ("r", -0.3))]
+def rigid(wheels, skew=0.0, lift=0.0):
+    """Return a chassis with pairs of wheels at these places along it, no suspension.
+
+    The front left wheel stands farther ahead and the right one less by `skew` [m]; the middle axle is higher by `lift`.
+    """
+    sides = [(name, x + skew * (name == "front") * math.copysign(1.0, y), side, y, -0.1 + lift * (name == "middle"))
+             for name, x in wheels for side, y in (("l", 0.3), ("r", -0.3))]  # fmt: skip
     return "".join(
         f'<link name="w{name}{side}"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" '
         f'izz="0.01"/></inertial></link><joint name="{name}{side}" type="continuous"><parent link="hull"/>'
-        f'<child link="w{name}{side}"/><origin xyz="{x} {y} -0.1"/><axis xyz="0 1 0"/></joint>'
-        for name, x, side, y in sides
+        f'<child link="w{name}{side}"/><origin xyz="{x} {y} {z}"/><axis xyz="0 1 0"/></joint>'
+        for name, x, side, y, z in sides
     )
 
 
@@ -116,8 +121,8 @@ HULL = (
 )
 
 
-def rigid_rover(folder, wheels):
-    (folder / "rigid.urdf").write_text(HULL + rigid(wheels) + "</robot>")
+def rigid_rover(folder, wheels, **places):
+    (folder / "rigid.urdf").write_text(HULL + rigid(wheels, **places) + "</robot>")
     axles = "".join(f'{name} = ["{name}l", "{name}r"]\n' for name, _ in wheels)
     size = "[wheel]\nr = { value = 0.1, unit = 'm' }\nb = { value = 0.1, unit = 'm' }\n"
     (folder / "rigid.toml").write_text(f'name = "rigid"\nurdf = "rigid.urdf"\nbase = "hull"\n[wheels]\n{axles}{size}')
@@ -136,6 +141,28 @@ def test_a_rigid_chassis_leaves_loads_open(tmp_path, wheels, groups):
     rover = rigid_rover(tmp_path, wheels)
     for attitude in ((0.0, 0.0, 0.0), (0.1, -0.2, 0.4)):
         assert told_together(rover, *footing(rover, configuration(rover, attitude, {}))) == groups
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.095, True), (0.105, False)])
+def test_an_axle_s_sum_is_told_where_no_open_combination_moves_it_by_a_tenth(tmp_path, share, told):
+    """Front wheels at x + s and x - s: loads (1, -1 - e, e / 2 + g, e / 2 - g) balance where e = 2 s / (2 x - s)."""
+
+    def moved(skew):
+        e = 2 * skew / (0.6 - skew)
+        g = (2 + e) / 2
+        return e / math.sqrt(1 + (1 + e) ** 2 + (e / 2 + g) ** 2 + (e / 2 - g) ** 2)
+
+    rover = rigid_rover(tmp_path, (("front", 0.3), ("back", -0.3)), skew=brentq(lambda s: moved(s) - share, 0.0, 0.2))
+    found = told_together(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
+    assert found == ([(0, 1), (2, 3)] if told else [(0, 1, 2, 3)])
+
+
+@pytest.mark.parametrize("lift", [0.0, 0.02, 0.05])
+def test_the_balance_along_the_ground_tells_no_load(tmp_path, lift):
+    """Three rigid axles on a crest: normals that lean along x tell their loads only if nothing else resists there."""
+    rover = rigid_rover(tmp_path, (("front", 0.3), ("middle", 0.0), ("back", -0.3)), lift=lift)
+    found = told_together(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
+    assert found == [(0, 1, 2, 3, 4, 5)]
 
 
 @pytest.mark.parametrize("name", ["nexus6", "nexus6_links"])
