@@ -68,13 +68,12 @@ def _both_sides(part: Lanes) -> tuple[Profile, Profile]:
 
 
 def _joined(parts: Sequence[Profile], seams: Sequence[float]) -> Profile:
-    """Return the first part up to the first seam, the second from there, and so on; parts are level at their seams."""
+    """Return the first part up to the first seam, the second from there, and so on; at seams all is level sand."""
     ends = [-math.inf, *seams, math.inf]
     x, z, ground = [], [], []
     for part, (low, high) in zip(parts, itertools.pairwise(ends), strict=True):
         own = (part.x > low) & (part.x < high)
-        start = [low] if math.isfinite(low) else []
-        x += [*start, *part.x[own]]
-        z += [*np.atleast_1d(part.height(np.array(start))), *part.z[own]]
-        ground += [0] * len(start) + list(part.ground[np.clip(np.flatnonzero(own), 0, part.ground.size - 1)])
+        x += list(part.x[own])
+        z += list(part.z[own])
+        ground += list(part.ground[np.clip(np.flatnonzero(own), 0, part.ground.size - 1)])
     return Profile(np.array(x), np.array(z), np.array(ground[:-1]))

@@ -263,5 +263,5 @@ def clip_at_bisector(
     if side * a <= -r:
         return 1.0, -1.0
     edge, turn = math.asin(-a / r), math.copysign(math.pi, side)
-    delta = math.asin(max(-1.0, min(1.0, float(own @ ahead))))
+    delta = math.atan2(own @ ahead, own @ bisector)
     return max(arc[0], min(edge, turn - edge) + delta), min(arc[1], max(edge, turn - edge) + delta)

@@ -24,6 +24,8 @@ PIECES = 24
 """Straight pieces of a bump or of one wave of a washboard."""
 ROCK_PIECES = 12
 DEG = math.pi / 180.0
+ROUND_OFF = 1e-12
+"""Share of a stretch by which rocks that fill it may be longer in the last digits."""
 FARTHEST = 1e6
 """Place [m] or angle [rad] beyond which millimetres and milliradians are lost in round-off."""
 
@@ -174,14 +176,14 @@ def rocks(
     _within("smallest diameter", smallest, 1e-3, 100.0)
     _within("largest diameter", largest, smallest, 100.0)
     count = int(count)
-    if count * largest > length:
+    if count * largest - length > ROUND_OFF * length:
         raise ParameterError(
             f"{count} rocks of up to {largest:g} m may not fit into {length:g} m: "
             "ask for fewer, or for a longer stretch."
         )
     rng = np.random.default_rng(int(seed))
     size, left = rng.uniform(smallest, largest, count), rng.random(count) < 0.5
-    free = np.sort(rng.uniform(0.0, length - np.sum(size), count))
+    free = np.sort(rng.uniform(0.0, max(length - float(np.sum(size)), 0.0), count))
     begin = start + free + np.concatenate([[0.0], np.cumsum(size)[:-1]])
     sides = (
         _rock_row(begin[side], size[side], (start - LEAD, start + length + LEAD), ground) for side in (~left, left)
@@ -275,13 +277,13 @@ def _bump_profile(height: float, length: float, at: float, ground: int) -> Profi
 def _rock_row(begin: np.ndarray, size: np.ndarray, ends: tuple[float, float], ground: int) -> Profile:
     turn = np.linspace(math.pi, 0.0, ROCK_PIECES + 1)
     arch = np.concatenate([[0.0], np.sin(turn[1:-1]), [0.0]])
-    x, z, soil = [ends[0]], [0.0], [0]
+    x, z, soil = [ends[0]], [0.0], list[int]()
     for low, diameter in zip(begin, size, strict=True):
         skip = 1 if low - x[-1] <= 1e-9 else 0
         x.extend((low + 0.5 * diameter * (1.0 + np.cos(turn)))[skip:])
         z.extend((0.5 * diameter * arch)[skip:])
         soil.extend(([0] + [ground] * ROCK_PIECES)[skip:])
-    return _polyline([*x, ends[1]], [*z, 0.0], [*soil, 0][1:])
+    return _polyline([*x, ends[1]], [*z, 0.0], [*soil, 0])
 
 
 def _grid(height: Callable[[np.ndarray, np.ndarray], np.ndarray], spacing: float) -> HeightGrid:

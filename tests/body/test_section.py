@@ -119,6 +119,27 @@ def test_forces_are_continuous_along_a_ditch(wall, depth):
     assert largest_jump(8001) < 0.6 * largest_jump(4001)
 
 
+@pytest.mark.parametrize(("gap", "sunk"), [(1.01, 0.9), (1.06, 0.9), (0.95, 0.65)])
+@pytest.mark.parametrize("ahead", [1.0, -1.0])
+def test_a_lip_at_the_wheel_s_reach_ends_the_ground_s_arc(gap, sunk, ahead):
+    """Before a wall of 80 deg that falls: of the rim only what is nearer to the level than to the wall presses on it.
+
+    From a lip beyond the reach the wall is not touched.
+    """
+    lip, foot = ahead * gap * R, ahead * (gap * R + 0.02)
+    x, z = [-ahead, lip, foot, foot + 0.3 * ahead], [0.0, 0.0, *[-0.02 * math.tan(math.radians(80.0))] * 2]
+    profile = Profile(*zip(*sorted(zip(x, z, strict=True)), strict=True))
+    found = patches(Lanes((profile,)), upright(0.0, (1.0 - sunk) * R), R, B, [1.0])
+    assert gap < 1.0 or len(found) == 1
+    (level,) = (patch for patch in found if patch.facet.normal[2] == 1.0)
+    along = np.array([math.cos(math.radians(40.0)), -ahead * math.sin(math.radians(40.0))])
+    theta = np.linspace(-math.pi, math.pi, 200001)
+    rim = np.column_stack([np.sin(theta), -np.cos(theta)])
+    own = ahead * ((rim - [ahead * gap, sunk - 1.0]) @ along) < 0.0
+    weight = np.maximum(np.cos(theta) - (1.0 - sunk), 0.0) * np.cos(theta)
+    assert level.share == pytest.approx(weight[own].sum() / weight.sum(), rel=1e-3)
+
+
 @settings(max_examples=40, deadline=None)
 @given(x=st.floats(0.4, 0.8), z=st.floats(R - 0.05, R))
 def test_a_ditch_mirrored_end_to_end_gives_mirrored_forces(x, z):
@@ -133,6 +154,14 @@ def test_a_level_height_grid_is_flat_ground():
     frame = upright(0.033, R - 0.007, 0.4)
     level = resultant(patches(flat(), frame, R, B, [1.0]))
     assert resultant(patches(grid, frame, R, B, [1.0])) == pytest.approx(level, rel=1e-9)
+
+
+@pytest.mark.parametrize("soils", [(0, 1), (1, 0)])
+def test_two_soils_of_one_plane_are_two_facets(soils):
+    ground = np.repeat([soils[:1] * 20, soils[1:] * 20], 10, axis=0)
+    grid = HeightGrid(-1.0, -1.0, 0.1, 0.1, np.zeros((21, 21)), ground)
+    (strip,) = strips(grid, upright(0.0, R - 0.007), R, B)
+    assert [facet.ground for facet in strip.facets] == list(soils)
 
 
 def test_a_wheel_in_the_air_has_no_patch():

@@ -27,6 +27,18 @@ def test_extended_profile_is_the_same_ground():
     assert ground.tolist() == [0, 0, 1, 1]
 
 
+@pytest.mark.parametrize("far", [0.0, 3e3, 1e6])
+def test_a_straight_run_is_straight_wherever_it_lies(far):
+    """Points amid a slope of 0.1 are off it by the last digit of the greatest coordinate: they are left out."""
+    x = far + np.array([0.0, 0.1, 0.3, 0.7, 1.0, 2.0])
+    for ends in (x, -x[::-1]):
+        for up in (0.0, far):
+            straight = Profile(ends, up + 0.1 * (ends - far)).straightened()
+            assert straight.x.tolist() == [ends[0], ends[-1]]
+    bent = Profile(x, np.where(x > far + 0.5, 1e-8 * max(1.0, far), 0.0))
+    assert bent.straightened().x.size == 4
+
+
 def test_lanes_pick_the_profile_by_side():
     level = Profile([0.0, 1.0], [0.0, 0.0])
     terrain = Lanes((level, RAMP), (0.0,))
@@ -87,6 +99,15 @@ def test_grid_symmetry():
     assert not HeightGrid(0.0, 0.0, 1.0, 1.0, z).mirror_symmetric
     assert not HeightGrid(0.0, -1.0, 1.0, 1.0, z, [[0, 1]]).mirror_symmetric
     assert HeightGrid(0.0, 3.0, 1.0, 1.0, [[0.0, 0.0], [1.0, 1.0]]).mirror_symmetric
+    level, mixed = np.zeros((3, 4)), np.array([[0.0, 1.0, 2.0, 0.0], [0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    for z, ground, symmetric in (
+        (level, [[0, 1, 0], [2, 0, 2]], True),
+        (level, [[0, 1, 2], [0, 0, 0]], False),
+        (mixed, 0, False),
+        (mixed[1:], 0, True),
+    ):
+        assert HeightGrid(0.0, -1.5, 1.0, 1.0, z, ground).mirror_symmetric is symmetric
+        assert not HeightGrid(0.0, -1.5 + 1e-9, 1.0, 1.0, mixed[1:]).mirror_symmetric
 
 
 @pytest.mark.parametrize("terrain", [Lanes((RAMP, RAMP), (0.1,)), GRID], ids=["lanes", "grid"])

@@ -108,9 +108,99 @@ def test_rocks_are_half_buried_and_apart(seed, count):
     assert not terrain.mirror_symmetric
 
 
+@pytest.mark.parametrize(("count", "diameter"), [(3, 0.1), (6, 0.3), (10, 0.07), (20, 0.05), (20, 0.1)])
+def test_rocks_may_fill_their_length(count, diameter):
+    """Sums of decimal diameters exceed the length, or fall short of it, in their last digits."""
+    for seed in range(3):
+        terrain = shapes.rocks(seed, count, 0.5, count * diameter, (diameter, diameter))
+        hard = sum(np.count_nonzero(profile.ground == 1) for profile in terrain.profiles)
+        assert hard == count * shapes.ROCK_PIECES
+        tops = 0.5 + diameter * (np.arange(count) + 0.5)
+        sides = [terrain.height(tops, y) for y in (-0.1, 0.1)]
+        assert np.maximum(*sides) == pytest.approx(np.full(count, 0.5 * diameter))
+    assert shapes.rocks(0, 3, 0.5, 0.3, (0.1, 0.1)).ground_indices == {0, 1}
+
+
+def test_rocks_may_be_a_millimetre_or_100_m():
+    assert len(shapes.rocks(0, 1, length=1.0, diameters=(1e-3, 1e-3)).profiles) == 2
+    assert len(shapes.rocks(0, 1, length=500.0, diameters=(100.0, 100.0)).profiles) == 2
+
+
+def test_all_is_sand_but_rocks_unless_it_is_said():
+    for make in (shapes.flat, shapes.growing_slope, shapes.bump, shapes.one_sided_bump, shapes.ditch, shapes.step,
+                 shapes.washboard, shapes.hills):  # fmt: skip
+        assert make().ground_indices == {0}, make.__name__
+    assert shapes.rocks().ground_indices == {0, 1}
+
+
+@pytest.mark.parametrize(
+    ("terrain", "low", "high"),
+    [
+        (shapes.flat(), -1.0, 1.0),
+        (shapes.incline(0.1), 0.0, 2.0),
+        (shapes.growing_slope(), -0.5, 3.5),
+        (shapes.bump(), -0.5, 1.8),
+        (shapes.one_sided_bump(), -1.0, 1.8),
+        (shapes.ditch(), -0.5, 1.7),
+        (shapes.step(), -0.5, 1.5 + 0.05 / math.tan(89 * DEG)),
+        (shapes.rocks(), -0.5, 3.5),
+        (shapes.washboard(), -0.5, 4.5),
+    ],
+    ids=lambda value: None if isinstance(value, float) else "",
+)
+def test_a_metre_is_described_before_and_behind_a_shape_of_its_usual_size(terrain, low, high):
+    """20 deg at 10 deg/m; a bump of 0.3 m; a ditch of 0.2 m; a wall of 89 deg; 2 m of rocks; 10 waves of 0.3 m."""
+    assert terrain.extent[:2] == pytest.approx((low, high), abs=1e-12)
+    for profile in terrain.profiles:
+        assert (profile.x[0], profile.x[-1]) in {tuple(terrain.extent[:2]), (-1.0, 1.0), (-0.5, 1.8)}
+        assert profile.height(np.array([low - 50.0, low, low + 1.0])).tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    "terrain", [shapes.bump(), shapes.one_sided_bump(), shapes.ditch(), shapes.rocks(), shapes.washboard()]
+)
+def test_behind_what_is_crossed_the_ground_is_level_again(terrain):
+    for y in (-0.1, 0.1):
+        behind = terrain.extent.x_high + np.array([-1.0, -0.5, 0.0, 50.0])
+        assert terrain.height(behind, y) == pytest.approx(np.zeros(4), abs=1e-15)
+
+
+@pytest.mark.parametrize("terrain", [shapes.cross_slope(0.1), shapes.hills()], ids=["plane", "hills"])
+def test_a_grid_is_20_m_long_and_8_m_wide_about_the_start(terrain):
+    assert terrain.extent == pytest.approx((-2.0, 18.0, -4.0, 4.0))
+
+
 def test_the_same_seed_gives_the_same_ground():
     assert shapes.rocks(3) == shapes.rocks(3) != shapes.rocks(4)
     assert shapes.hills(3) == shapes.hills(3) != shapes.hills(4)
+
+
+def test_obstacles_are_as_high_as_they_usually_are():
+    for terrain, place, height in (
+        (shapes.bump(), 0.65, 0.04),
+        (shapes.one_sided_bump(), 0.65, 0.04),
+        (shapes.ditch(), 0.6, -0.05),
+        (shapes.step(), 2.0, 0.05),
+        (shapes.washboard(), 0.65, 0.02),
+    ):
+        assert terrain.height(place, 0.1) == pytest.approx(height, abs=1e-12)
+    assert shapes.growing_slope().slope_at(9.0, 0.0) == pytest.approx(20 * DEG)
+    assert shapes.ditch().slope_at(0.51, 0.0) == pytest.approx(-30 * DEG)
+
+
+def test_a_seed_is_the_same_ground_in_every_version():
+    """Studies and logs name their ground by its seed."""
+    assert shapes.hills(0).height(1.0, 0.5) == pytest.approx(0.016238273894624556, abs=1e-12)
+    assert shapes.hills(0).height(7.3, -2.1) == pytest.approx(0.0367874018692319, abs=1e-12)
+    starts = [profile.x[np.flatnonzero(profile.ground)][:: shapes.ROCK_PIECES] for profile in shapes.rocks(0).profiles]
+    assert starts[0] == pytest.approx([0.5396101467, 0.7556805696, 1.0645383315, 1.5055432487, 1.8725024665])
+    assert starts[1] == pytest.approx([1.2885900958, 1.7440867664, 2.2221563198])
+
+
+def test_places_are_allowed_up_to_a_thousand_kilometres():
+    assert shapes.incline(0.1, 1e6).slope_at(1e6 + 0.5, 0.0) == pytest.approx(0.1)
+    with pytest.raises(ParameterError, match=r"start = 1000001 m is not allowed|start = 1e\+06 m is not allowed"):
+        shapes.incline(0.1, 1e6 + 1.0)
 
 
 def test_cross_slope_rises_to_the_left():
@@ -142,6 +232,13 @@ def test_a_stretch_without_end():
     assert laid.ground_at(np.array([-50.0, 4.9, 5.1, 500.0]), 0.0).tolist() == [0, 0, 1, 1]
 
 
+@pytest.mark.parametrize("ends", [(-9.0, -4.0), (-math.inf, -4.0), (-4.0, 0.3), (-4.0, 6.0), (0.3, 6.0), (6.0, 9.0)])
+def test_a_stretch_beyond_the_points_ends_where_it_is_said(ends):
+    """Flat ground has points at -1 and 1 m; its last pieces go on without end."""
+    laid, x = shapes.with_ground(shapes.flat(), *ends, 1), np.arange(-30.0, 30.0, 0.25) + 0.01
+    assert laid.ground_at(x, 0.0).tolist() == ((x > ends[0]) & (x < ends[1])).astype(int).tolist()
+
+
 def test_a_stretch_on_a_grid():
     laid = shapes.with_ground(shapes.cross_slope(0.1), 1.0, 2.0, 1)
     assert laid.ground_at(np.array([0.95, 1.05, 1.95, 2.05]), 0.3).tolist() == [0, 1, 1, 0]
@@ -168,6 +265,10 @@ def test_a_stretch_on_a_grid():
         (lambda: shapes.rocks(-1), "seed = -1"),
         (lambda: shapes.rocks(0, 30), "30 rocks of up to 0.1 m may not fit into 2 m"),
         (lambda: shapes.rocks(0, diameters=(0.1, 0.05)), "largest diameter = 0.05"),
+        (lambda: shapes.rocks(0, 1, diameters=(9.9e-4, 0.1)), "smallest diameter = 0.00099 is not allowed"),
+        (lambda: shapes.rocks(0, 1, diameters=("small", 0.1)), "smallest diameter = 'small' is not a number"),
+        (lambda: shapes.rocks(0, 1, length=500.0, diameters=(1.0, 101.0)), "largest diameter = 101 is not allowed"),
+        (lambda: shapes.rocks(0, 1, length=500.0, diameters=(101.0, 101.0)), "smallest diameter = 101 is not allowed"),
         (lambda: shapes.cross_slope(1.5), "angle = 1.5"),
         (lambda: shapes.hills(0, wavelength=0.01), "wavelength = 0.01"),
         (lambda: shapes.with_ground(shapes.flat(), 1.0, 1.0, 1), "empty stretch"),
