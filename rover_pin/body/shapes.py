@@ -24,8 +24,6 @@ PIECES = 24
 """Straight pieces of a bump or of one wave of a washboard."""
 ROCK_PIECES = 12
 DEG = math.pi / 180.0
-ROUND_OFF = 1e-12
-"""Share of a stretch by which rocks that fill it may be longer in the last digits."""
 FARTHEST = 1e6
 """Place [m] or angle [rad] beyond which millimetres and milliradians are lost in round-off."""
 
@@ -176,7 +174,7 @@ def rocks(
     _within("smallest diameter", smallest, 1e-3, 100.0)
     _within("largest diameter", largest, smallest, 100.0)
     count = int(count)
-    if count * largest - length > ROUND_OFF * length:
+    if count * largest > length * (1.0 + 1e-12):  # their sum may be off in its last digits
         raise ParameterError(
             f"{count} rocks of up to {largest:g} m may not fit into {length:g} m: "
             "ask for fewer, or for a longer stretch."
