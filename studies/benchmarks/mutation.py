@@ -72,6 +72,17 @@ STEP = (
     "going_on failure resolution simulate independent"
 )
 """Tests that run the compiled step: its twin first, then what is known of it otherwise."""
+MOTION = (
+    "audit body_law compiled_laws compiled_run driving failure going_on half_step happened hoist instant kernel "
+    "kernel_rover kernel_terrain laws log_terrain motor motors pace place plain plain_law plain_run poise relaxation "
+    "replay resolution run_terrain sensors shear_store simulate soil_energy state suspension timing"
+)
+"""Laws, decisions and the drive itself."""
+LOGS = (
+    "bag_columns built channels column_map command defaults draw drive_log effect_files effect_words library_cache "
+    "model model_toml poses processor record ros_bag rows saved toolchain trace trace_files"
+)
+"""What reads, writes and names models and logs."""
 ROOMS = {
     "soil": Room(("rover_pin/soil/*.py",), ("tests/soil/test_*.py",)),
     "effects": Room(("rover_pin/effects/*.py",), LAWS),
@@ -79,8 +90,10 @@ ROOMS = {
         ("rover_pin/body/*.py",),
         ("tests/body/test_*.py", "tests/oracle/test_oracle_dynamics.py", "tests/motion/test_native_ground.py"),
     ),
-    "motion": Room(("rover_pin/motion/*.py",), ("tests/motion/test_*.py",)),
+    "motion": Room(_files("motion", MOTION), ("tests/motion/test_*.py",)),
+    "logs": Room(_files("motion", LOGS), ("tests/motion/test_*.py",)),
     "step": Room(("rover_pin/motion/native/*.c",), _named("motion", STEP)),
+    "native": Room(("rover_pin/motion/native/*.py",), _named("motion", f"{STEP} native_shared kernel_rover")),
     "estimation": Room(
         ("rover_pin/estimation/*.py",),
         ("tests/estimation/test_*.py", *_named("evidence", f"descent drive_noise evidence_profile wording {LINEAR}")),

@@ -63,6 +63,17 @@ def test_c_is_changed_outside_of_comments_directives_and_loops_heads(loaded):
     ]  # fmt: skip
 
 
+def test_what_builds_the_kept_models_is_changed_before_they_are_built(loaded, tmp_path):
+    """A model that was built without the change would hide it; of what runs later or while imported, none would."""
+    file = tmp_path / "law.py"
+    file.write_text("TWICE = 2.0\n\n\ndef builds(a):\n    return a + 1.5\n\n\ndef later(a):\n    return a - 2.5\n")
+    found = [(file, one) for one in loaded("python").changes(file.read_text())]
+    kept = loaded("kept").Kept(tmp_path / "kept.json")
+    trial = loaded("trial").Trial(tmp_path, found, kept, (1.0, 0.0))
+    trial._built = {"law.py": [5]}
+    assert {one.line: trial._builds(path, one) for path, one in found} == {1: False, 5: True, 9: False}
+
+
 def test_every_excuse_is_still_of_a_change_that_is_made(loaded):
     makers, excused = {".py": loaded("python"), ".c": loaded("c")}, loaded("equivalent").EQUIVALENT
     for (file, told), reason in excused.items():

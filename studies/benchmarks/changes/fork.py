@@ -7,8 +7,9 @@ import os
 import resource
 import select
 import signal
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 MEMORY = 6 << 30
 
@@ -46,9 +47,23 @@ def _alone() -> None:
     """Make this fork a group of its own, silent and bounded in memory."""
     os.setsid()
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
-    silence = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(silence, 1)
-    os.dup2(silence, 2)
+    _silenced(1)
+    _silenced(2)
+
+
+@contextlib.contextmanager
+def silence() -> Iterator[None]:
+    """Keep quiet for a while what is written to the standard output."""
+    sys.stdout.flush()
+    before = os.dup(1)
+    _silenced(1)
+    yield
+    sys.stdout.flush()
+    os.dup2(before, 1)
+
+
+def _silenced(file: int) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), file)
 
 
 def _write(file: int, words: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from typing import NamedTuple
 
 Sign = tuple[str, tuple[str, ...]]
@@ -158,3 +159,23 @@ class Changes(ast.NodeVisitor):
 def changes(text: str) -> list[Mutant]:
     """Return all changes of a Python text."""
     return Changes(text).found
+
+
+@functools.lru_cache(maxsize=4)
+def _nodes(text: str) -> list[ast.AST]:
+    return list(ast.walk(ast.parse(text.encode("latin-1"))))
+
+
+def lines_of(text: str, mutant: Mutant) -> set[int] | None:
+    """Return the lines whose execution runs the changed expression; None where it runs while modules are imported."""
+    function, statement = None, None
+    for node in _nodes(text):
+        if isinstance(node, ast.stmt) and node.lineno <= mutant.line <= (node.end_lineno or node.lineno):
+            statement = node if statement is None or node.lineno >= statement.lineno else statement
+            inner = isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and mutant.line >= node.body[0].lineno
+            function = node if inner else function
+    if function is None or statement is None:
+        return None
+    body = getattr(statement, "body", None)
+    last = body[0].lineno - 1 if body else statement.end_lineno or statement.lineno
+    return set(range(statement.lineno, max(last, statement.lineno) + 1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import ast
+import functools
 import json
 import math
 import os
@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from changes.fork import forked
+from changes.fork import forked, silence
 from changes.graft import UngraftableError, grafted
 from changes.kept import Kept, digest, test_digest
-from changes.python import Mutant
+from changes.python import Mutant, lines_of
 from changes.recompile import recompiled
+from changes.warm import lines_of_warming, warm
 
 PATIENCE, LEAST = 10.0, 5.0
 """A test may take so many times what it takes on the code as it is, and so much more [s of CPU]."""
@@ -28,6 +29,8 @@ QUICK = 0.3
 """Tests of so little CPU [s] are asked of a change outside of functions though they run no line of its file."""
 BEGUN = 0.02
 """What a test takes besides its own time [s of CPU]."""
+REHEARSED = 20.0
+"""How long the tests of the compiled step are rehearsed [s of CPU]."""
 LONGEST = 1800.0
 """Time [s] after which a change counts as one that hangs, whatever it waits for."""
 UNGRAFTED = 98
@@ -62,7 +65,7 @@ class Trial:
     def __init__(self, tree: Path, changes: Sequence[tuple[Path, Mutant]], kept: Kept, limits: tuple[float, float]):
         self.tree, self.changes, self.kept = tree, changes, kept
         self.sources = {str(path.relative_to(tree)): digest(path) for path, _ in changes}
-        self.longest, self.end = limits
+        self.longest, self.end, self.warm = *limits, False
         self.failed, self.tried, self.broken = False, list[Tried](), list[str]()
         self.kills: Counter[tuple[Path, str]] = Counter()
         self.blind: Counter[tuple[Path, str]] = Counter()
@@ -78,9 +81,34 @@ class Trial:
         self.broken = [name for name, known in self.known.items() if known.taken < 0.0]
         self.all_tests = digest(*sorted({item.path for item in session.items}))
         self.all_tests += "" if self.longest == math.inf else f" to {self.longest:g} s"
-        for path, mutant in self.changes:
-            self._try(path, mutant)
+        for each in sorted(self.changes, key=lambda each: not self._builds(*each)):
+            self._try(*each)
         return True
+
+    @functools.cached_property
+    def _built(self) -> dict[str, list[int]]:
+        code, said = forked(lambda tell: tell(json.dumps(lines_of_warming(self.tree))), LONGEST)
+        return dict(json.loads(said)) if code == 0 else {}
+
+    def _builds(self, path: Path, mutant: Mutant) -> bool:
+        """Return whether a change lies in what builds the models that are kept: then none may be there before."""
+        lines = lines_of(path.read_text(encoding="latin-1"), mutant) if path.suffix == ".py" else None
+        return lines is not None and not lines.isdisjoint(self._built.get(str(path.relative_to(self.tree)), ()))
+
+    def _warm(self, rehearse: bool) -> None:
+        """Build what every fork would build; where the compiled step is changed, which builds nothing, by its tests."""
+        warm()
+        self.warm = True
+        first = time.process_time()
+        for name, known in sorted(self.known.items(), key=lambda one: one[1].taken) if rehearse else ():
+            begun = time.process_time()
+            if begun - first > REHEARSED:
+                break
+            if 0.0 <= known.taken <= self.longest and any(each in known.lines for each in STEP):
+                self._run([self.items[name]])
+                taken, self.failed = -1.0 if self.failed else time.process_time() - begun, False
+                self.known[name] = known._replace(taken=taken)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
 
     def _learnt(self, item: pytest.Item) -> list[Any]:
         """Return CPU time and lines of a test; a time below 0 where it fails on the code as it is."""
@@ -136,6 +164,9 @@ class Trial:
         if killer is None and time.monotonic() > self.end:
             return
         if killer is None:
+            if not (self.warm or self._builds(path, mutant)):
+                with silence():
+                    self._warm(path.suffix == ".c")
             killer = self._killer(path, mutant)
             test = self.items.get(killer.partition(" ")[0])
             self.kept.put(key, [killer, _digest(test) if test else self.all_tests])
@@ -249,21 +280,8 @@ def _digest(test: pytest.Item) -> str:
 
 STEP = ("rover_pin/motion/kernel.py", "rover_pin/motion/native/__init__.py")
 """Tests that run one of these run the C of the step, or read it."""
-OPTIONS = [
-    "-x",
-    "-q",
-    "--tb=no",
-    "-s",
-    "-p",
-    "no:cacheprovider",
-    "-p",
-    "no:xdist",
-    "-p",
-    "no:benchmark",
-    "-p",
-    "no:faulthandler",
-]
-OPTIONS += ["-W", "ignore::pytest.PytestAssertRewriteWarning", "-m", "not slow"]
+OPTIONS = "-x -q --tb=no -s -p no:cacheprovider -p no:xdist -p no:benchmark -p no:faulthandler -m".split()
+OPTIONS += ["not slow", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
 
 
 class First:
@@ -278,18 +296,3 @@ class First:
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         """Note a file that cannot be collected."""
         self.failed = self.failed or (f"{report.nodeid} (it cannot be collected)" if report.failed else "")
-
-
-def lines_of(text: str, mutant: Mutant) -> set[int] | None:
-    """Return the lines whose execution runs the changed expression; None where it runs while modules are imported."""
-    function, statement = None, None
-    for node in ast.walk(ast.parse(text.encode("latin-1"))):
-        if isinstance(node, ast.stmt) and node.lineno <= mutant.line <= (node.end_lineno or node.lineno):
-            statement = node if statement is None or node.lineno >= statement.lineno else statement
-            inner = isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and mutant.line >= node.body[0].lineno
-            function = node if inner else function
-    if function is None or statement is None:
-        return None
-    body = getattr(statement, "body", None)
-    last = body[0].lineno - 1 if body else statement.end_lineno or statement.lineno
-    return set(range(statement.lineno, max(last, statement.lineno) + 1))
