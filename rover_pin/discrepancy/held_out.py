@@ -118,7 +118,8 @@ def _by_channel(
     good, found, floor = noise.good, [], floor_of(experiment, noise)
     for row, name in enumerate(experiment.channels):
         squares = [np.where(good, one, 0.0)[:, row] ** 2 for one in pair]
-        low, high = _change(np.array([_resampled(experiment, each) for each in squares]), 0.5, random)
+        seen = np.full(len(good), True) if experiment.is_timed else good[:, row].any(axis=1)
+        low, high = _change(np.array([_resampled(experiment, each[seen]) for each in squares]), 0.5, random)
         was, now = (float(np.sqrt(each.sum() / max(int(good[:, row].sum()), 1))) for each in squares)
         unit, change = experiment.unit(name), now / max(was, 1e-300) - 1
         levels, of = _levels(experiment, noise.good[:, row], squares), "runs" if experiment.is_timed else "folds"
@@ -171,8 +172,9 @@ def _resampled(experiment: Experiment, squares: np.ndarray) -> np.ndarray:
 
 
 def _levels(experiment: Experiment, good: np.ndarray, squares: Sequence[np.ndarray]) -> tuple[LevelError, ...]:
-    count = np.maximum(good.sum(axis=1), 1)
-    errors = [np.sqrt(each.sum(axis=1) / count).tolist() for each in squares]
+    count = good.sum(axis=1)
+    seen = np.where(count > 0, 1.0, np.nan)  # a fold without this channel has no error, not an error of 0
+    errors = [(seen * np.sqrt(each.sum(axis=1) / np.maximum(count, 1))).tolist() for each in squares]
     return tuple(LevelError(*one) for one in zip(experiment.folds, *errors, strict=True))
 
 

@@ -17,7 +17,7 @@ Predictor = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class Measured(Protocol):
-    """Data that can be fitted: channels with `measured` values and their `sd`, and a model of them."""
+    """Data that can be fitted: channels with `measured` values, NaN where none, their `sd`, and a model of them."""
 
     @property
     def channels(self) -> Sequence[Any]:
@@ -63,8 +63,10 @@ class Problem:
             if name not in space.names:
                 raise ParameterError(f"the prior of '{name}' has no free parameter: {closest(name, space.names)}")
         self.data, self.space, self.priors, self.widen = tuple(data), space, dict(priors), widen
-        self.measured = np.concatenate([channel.measured for one in data for channel in one.channels])
-        self.sd = widen * np.concatenate([channel.sd for one in data for channel in one.channels])
+        measured = np.concatenate([channel.measured for one in data for channel in one.channels])
+        self._seen = np.isfinite(measured)
+        self.measured = measured[self._seen]
+        self.sd = widen * np.concatenate([channel.sd for one in data for channel in one.channels])[self._seen]
         self._predictors = [one.predictor(space.names) for one in data]
         self._prior_at = [space.names.index(name) for name in priors]
         self._prior_mean = np.array([prior.mean for prior in priors.values()])
@@ -89,8 +91,8 @@ class Problem:
         """Return residuals [rows] and their Jacobian [rows, p] at u."""
         fields, slopes = self.space.fields(u), self.space.slopes(u)
         parts = [predict(fields) for predict in self._predictors]
-        left = residual(self.measured, np.concatenate([values for values, _ in parts])) / self.sd
-        jacobian = -np.concatenate([slope for _, slope in parts]) * slopes / self.sd[:, None]
+        left = residual(self.measured, np.concatenate([values for values, _ in parts])[self._seen]) / self.sd
+        jacobian = -np.concatenate([slope for _, slope in parts])[self._seen] * slopes / self.sd[:, None]
         if not self.priors:
             return left, jacobian
         at = self._prior_at

@@ -12,7 +12,7 @@ from rover_pin.contact import Soil
 from rover_pin.identification.result import Held
 from rover_pin.measurements.channel import FIELDS, Evidence
 from rover_pin.measurements.known import ASSUMED, DECLARED_SD, SIZE_SD, UNDECLARED_SD, Known, range_of
-from rover_pin.measurements.rig_keys import BEKKER_UNITS
+from rover_pin.measurements.rig_file import BEKKER_UNITS
 from rover_pin.quantity import Record, quantities
 from rover_pin.soil.stress import modulus
 

@@ -238,8 +238,9 @@ def _identification(
 def _channel_fits(problem: Problem, u: np.ndarray) -> tuple[ChannelFit, ...]:
     residual, at, fits = problem.evaluate(u)[0], 0, []
     for channel in (channel for one in problem.data for channel in one.channels):
-        part = residual[at : at + channel.measured.size]
-        at += channel.measured.size
-        rmse = float(np.sqrt(np.mean((part * channel.sd) ** 2)))
+        sd = channel.sd[np.isfinite(channel.measured)]
+        part = residual[at : at + sd.size]
+        at += sd.size
+        rmse = float(np.sqrt(np.mean((part * sd) ** 2)))
         fits.append(ChannelFit(channel.name, channel.unit, part.size, rmse, float(part @ part)))
     return tuple(fits)

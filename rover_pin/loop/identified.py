@@ -36,14 +36,22 @@ class Identified(NamedTuple):
     found: Identification
     elsewhere: tuple[Flag, ...]
     "fitted constants of a rig against other measurements of them, as `close-loop` has them"
+    unused: tuple[str, ...] = ()
+    "what the data declare of lugs and sand"
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, for JSON; SI units."""
-        return self.found.as_dict() | {"elsewhere": [flag.as_dict() for flag in self.elsewhere]}
+        return self.found.as_dict() | {
+            "elsewhere": [flag.as_dict() for flag in self.elsewhere],
+            "unused": list(self.unused),
+        }
 
     def report(self) -> str:
         """Return all of it as text."""
-        return "\n".join([self.found.report(), *(f"measured elsewhere: {flag.said}" for flag in self.elsewhere)])
+        lines = [self.found.report(), *(f"measured elsewhere: {flag.said}" for flag in self.elsewhere)]
+        if self.unused:
+            lines.append(f"not used: {', '.join(self.unused)}, which Eqs (2)-(7) do not have; close-loop's effects do")
+        return "\n".join(lines)
 
 
 def identified(
@@ -74,7 +82,9 @@ def identified(
     rig = _of_the_rig(data) if isinstance(data, WheelRig) else ()
     held = (*held_numbers(data, soil, names, dict.fromkeys(by_hand, BY_HAND)), *rig, *behind)
     found = with_held(identify(data, soil, names, known), data, held, known)
-    return Identified(found, _elsewhere(found, data) if isinstance(data, WheelRig) else ())
+    if not isinstance(data, WheelRig):
+        return Identified(found, ())
+    return Identified(found, _elsewhere(found, data), tuple(name for name, value in data.beside.items() if value))
 
 
 def _of_the_rig(data: WheelRig) -> tuple[Held, ...]:

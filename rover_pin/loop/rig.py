@@ -26,6 +26,7 @@ from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.left import Left, RigExtra
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model
+from rover_pin.experiments.wheel_rig.presets import told
 from rover_pin.experiments.wheel_rig.remainder import remainders
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
@@ -112,7 +113,8 @@ def on_rig(
     verdict = concluded(question, progress, seed)
     assert verdict.before is not None
     assert verdict.after is not None
-    extra = RigExtra(_left(data, verdict.before, seed), _left(data, verdict.after, seed))
+    tried = [one.effect for one in candidates(data, model, rig_kinds(effects))]
+    extra = RigExtra(_left(data, verdict.before, seed), _left(data, verdict.after, seed), told(data.rig, tried))
     return dataclasses.replace(
         verdict,
         extra=extra,

@@ -31,17 +31,25 @@ class Channel:
 
     name: ClassVar[str] = ""
     unit: ClassVar[str] = ""
+    may_miss: ClassVar[bool] = False
+    "whether NaN is a cell that was not measured"
 
     def __post_init__(self) -> None:
         where = type(self).__name__
-        measured = column(self.measured, self.name, where)
-        sd = column(np.atleast_1d(self.sd), "sd", where)
+        measured = column(self.measured, self.name, where, gaps=self.may_miss)
+        sd = column(np.atleast_1d(self.sd), "sd", where, gaps=self.may_miss)
         if sd.size == 1:
             sd = np.full(measured.size, sd[0])
         same_length(where, measured=measured, sd=sd)
+        sd = column(np.where(np.isnan(measured), np.mean(sd[np.isfinite(sd)]), sd), "sd", where)
         positive(sd, "sd", self.unit, where)
         object.__setattr__(self, "measured", measured)
         object.__setattr__(self, "sd", sd)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Which points have a value [points]."""
+        return np.isfinite(self.measured)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +64,7 @@ class RigChannel(Channel):
     """A channel of a wheel rig, computed from the wheel forces at the entry angle that carries the load."""
 
     column: ClassVar[str] = ""
+    may_miss: ClassVar[bool] = True
 
     @staticmethod
     def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
@@ -117,6 +126,10 @@ class SideForce(RigChannel):
     def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
         """Return 0: Eqs (2)-(7) run straight; a `RigModel` has the side force."""
         return 0.0
+
+
+RIG_CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce)
+"""The channels of a rig, in the order in which they are read and predicted."""
 
 
 class Evidence(Protocol):

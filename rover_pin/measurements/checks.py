@@ -12,15 +12,18 @@ import numpy as np
 from rover_pin.errors import DataError
 
 
-def column(values: Any, name: str, where: str) -> np.ndarray:
-    """Return `values` as a one-dimensional array of finite floats, not empty."""
+def column(values: Any, name: str, where: str, gaps: bool = False) -> np.ndarray:
+    """Return `values` as a one-dimensional array of finite floats, not empty; with `gaps` NaN is a missing cell."""
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise DataError(f"{where}: {name} holds something that is not a number ({error}); give numbers only.") from None
     if array.ndim != 1 or array.size == 0:
         raise DataError(f"{where}: {name} has no data; give at least one measured point, as a plain list of numbers.")
-    _refuse_where(~np.isfinite(array), array, f"{where}: {name}", "is missing or not finite", "remove or fill that row")
+    bad = np.isinf(array) if gaps else ~np.isfinite(array)
+    _refuse_where(bad, array, f"{where}: {name}", "is missing or not finite", "remove or fill that row")
+    if np.isnan(array).all():
+        raise DataError(f"{where}: {name} has no number in any row; leave that column out.")
     array.setflags(write=False)
     return array
 
@@ -59,9 +62,10 @@ def not_negative(values: np.ndarray, name: str, unit: str, where: str) -> None:
 def depths(values: np.ndarray, radius: float, name: str, where: str) -> None:
     """Refuse sinkages deeper than the axle, which millimetres taken for metres are."""
     if (values > radius).any():
+        row = int(np.nanargmax(values))
         raise DataError(
-            f"{where}: {name} reaches {values.max():g} m in row {int(values.argmax()) + 1}, deeper than the axle of a "
-            f"wheel of radius {radius:g} m; if these are millimetres, divide them by 1000."
+            f"{where}: {name} reaches {values[row]:g} m in row {row + 1}, deeper than the axle of a wheel of radius "
+            f"{radius:g} m; if these are millimetres, divide them by 1000."
         )
 
 

@@ -12,8 +12,9 @@ import pandas as pd
 from rover_pin.columns import replace_file
 from rover_pin.contact import Wheel
 from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.measurements.channel import RIG_CHANNELS, SideForce
 from rover_pin.measurements.tables import read_table
-from rover_pin.measurements.wheel_rig import ANGLE, CHANNELS, STRAIGHT, SideForce
+from rover_pin.measurements.wheel_rig import ANGLE, STRAIGHT
 from rover_pin.quantity import to_si
 from rover_pin.toml_file import toml_text
 
@@ -39,6 +40,7 @@ KNOWN = (
     Known("lateral_sd_N", "N", ("lateral sd", "side force sd")),
     Known("travel_speed_mps", "m/s", ("travel speed", "carriage speed", "v", "vx")),
     Known("rim_speed_mps", "m/s", ("rim speed", "circumferential speed")),
+    Known("slope_rad", "rad", ("slope", "slope angle", "incline")),
     Known("slip_angle_rad", "rad", ("slip angle", "beta")),
     Known("run", "text", ("run", "test", "trial", "id")),
     Known("level", "text", ("level", "slip level")),
@@ -63,7 +65,7 @@ class Read(NamedTuple):
         DataError
             A channel without a column of its SD and without a stated one.
         """
-        for kind in CHANNELS:
+        for kind in RIG_CHANNELS:
             name, _, unit = kind.column.rpartition("_")
             if kind.column in self.table and name not in stated and f"{name}_sd_{unit}" not in self.table:
                 raise DataError(
@@ -102,7 +104,7 @@ def read_foreign(file: Path) -> Read:
             f"{SideForce.column} is not used: a side force is looked at in runs with {ANGLE} above {STRAIGHT} only; "
             "add that column, positive where the wheel travels to its right"
         )
-    if not any(kind.column in made for kind in CHANNELS):
+    if not any(kind.column in made for kind in RIG_CHANNELS):
         raise DataError(f"{file}: nothing that was measured is known: name it drawbar_pull_N, torque_Nm or sinkage_m.")
     missing = [name for name in NEEDED if name not in made]
     if missing:
@@ -145,7 +147,7 @@ def _in_si(values: Any, unit: str, known: Known, where: str) -> Any:
 
 def channel_unit(name: str) -> str:
     """Return the unit of a channel that can have noise: drawbar_pull, torque, sinkage, lateral."""
-    units = {kind.column.rpartition("_")[0]: kind.unit for kind in CHANNELS}
+    units = {kind.column.rpartition("_")[0]: kind.unit for kind in RIG_CHANNELS}
     if name not in units:
         raise ParameterError(f"--noise {name}: there is no such channel: {closest(name, units)}")
     return units[name]

@@ -68,7 +68,7 @@ def _impossible(rig: WheelRig) -> Iterator[Finding]:
         yield Finding(what, rig.name, f"give newtons, from {LOADS[0]:g} to {LOADS[1]:g}")
     for channel in rig.channels:
         yield from _too_much(rig, channel)
-        finest = float(np.min(channel.sd / np.max(np.abs(channel.measured), initial=1e-300)))
+        finest = float(np.min(channel.sd / np.nanmax(np.abs(channel.measured), initial=1e-300)))
         if finest < FINEST:
             what = f"the noise of {channel.column} is {finest:.2g} of what was measured, no sensor's"
             yield Finding(what, rig.name, "state the SD of one run, from repeats")
@@ -82,11 +82,12 @@ def _too_much(rig: WheelRig, channel: RigChannel) -> Iterator[Finding]:
     share = np.abs(_over_load(rig, channel))
     of = "load times radius" if isinstance(channel, Torque) else "load"
     todo = f"check the units of {channel.column} and load_N"
-    if np.median(share) > MOST_FORCE:
-        yield Finding(f"{channel.column} is {np.median(share):.3g} times the {of}, more than any soil gives",
+    if np.nanmedian(share) > MOST_FORCE:
+        yield Finding(f"{channel.column} is {np.nanmedian(share):.3g} times the {of}, more than any soil gives",
                       rig.name, todo)  # fmt: skip
-    elif share.max() > EVER:
-        what = f"{channel.column} is {share.max():.3g} times the {of} in row {int(share.argmax()) + 1}"
+    elif np.nanmax(share) > EVER:
+        row = int(np.nanargmax(share)) + 1
+        what = f"{channel.column} is {np.nanmax(share):.3g} times the {of} in row {row}"
         yield Finding(what, rig.name, "mend or remove that row")
 
 
@@ -99,6 +100,7 @@ def _signs(rig: WheelRig) -> Iterator[Finding]:
         (DrawbarPull, rig.slip < -DRIVING, -1.0, f" at slips below {-DRIVING:g}, where the wheel brakes", "forwards"),
     ):
         for channel in (each for each in rig.channels if isinstance(each, kind)):
+            use = use & channel.seen
             if use.any() and np.median(sign * channel.measured[use]) < -SURE * np.median(channel.sd[use]):
                 word = "negative" if sign > 0.0 else "positive"
                 what = f"{channel.column} is {word}{when} ({np.median(channel.measured[use]):.3g} in the median)"
@@ -110,11 +112,11 @@ def _work(rig: WheelRig) -> Iterator[Finding]:
     torque, pull = _channel(rig, Torque), _channel(rig, DrawbarPull)
     if torque is None:
         return
-    use = rig.slip > SLIPPING
+    use = (rig.slip > SLIPPING) & torque.seen
     share = float(np.median(_over_load(rig, torque)[use])) if use.any() else np.inf
     if pull is not None:
         put_in, out, _ = work(rig, torque, pull)
-        drives = (rig.slip > DRIVING) & (out > 0.0)
+        drives = (rig.slip > DRIVING) & (out > 0.0) & torque.seen
         if drives.any() and np.median(out[drives]) > GIVES_BACK * np.median(put_in[drives]):
             times = f"gives out {np.median(out[drives]) / np.median(put_in[drives]):.3g} times the work that its"
             what = f"the driving wheel {times} torque puts in, in the median"
@@ -138,18 +140,22 @@ def _little_torque(rig: WheelRig, share: float) -> Finding:
 
 
 def _units(rig: WheelRig) -> Iterator[Finding]:
-    wheel, use = rig.wheel, rig.slip > DRIVING
+    wheel = rig.wheel
     slender = float(wheel.b) / (2.0 * float(wheel.r))
     if not SLENDER[0] <= slender <= SLENDER[1]:
         what = f"the wheel is {slender:.2g} times as wide as high"
         yield Finding(what, rig.name, "check r and b of [wheel], and their units")
-    for channel in (each for each in rig.channels if type(each) in MUCH_FORCE and use.any()):
+    for channel in (each for each in rig.channels if type(each) in MUCH_FORCE):
+        use = (rig.slip > DRIVING) & channel.seen
+        if not use.any():
+            continue
         share = float(np.median(_over_load(rig, channel)[use]))
         if share > MUCH_FORCE[type(channel)]:
             of = "load times radius" if isinstance(channel, Torque) else "load"
             what = f"{channel.column} is {share:.3g} times the {of} in the median, more than sand gives"
             yield Finding(what, rig.name, "see whether load_N is in kg, or a sensor carries an offset")
-    torque, slipping = _channel(rig, Torque), rig.slip > SLIPPING
+    torque = _channel(rig, Torque)
+    slipping = (rig.slip > SLIPPING) & torque.seen if torque is not None else np.zeros(1, dtype=bool)
     if torque is not None and slipping.any():
         share = float(np.median(_over_load(rig, torque)[slipping]))
         if share < LITTLE_TORQUE:
@@ -167,7 +173,7 @@ def _pulls(rig: WheelRig) -> Iterator[Finding]:
             what = f"{int(gains.sum())} of {gains.size} runs give out more work than their torque puts in"
             yield Finding(what, rig.name, "a torque sensor's zero, or the wheel's r, is off")
     yield from _falling_pull(rig, pull)
-    most = float(np.max(np.abs(_over_load(rig, pull))))
+    most = float(np.nanmax(np.abs(_over_load(rig, pull))))
     if np.ptp(rig.slip) > SLIPPING and most < LEAST_PULL:
         what = f"drawbar_pull_N is never more than {most:.2g} of the load, at slips {np.ptp(rig.slip):.2g} apart"
         yield Finding(what, rig.name, "soil gives a tenth and more: check the units of both")
@@ -175,7 +181,7 @@ def _pulls(rig: WheelRig) -> Iterator[Finding]:
 
 def _falling_pull(rig: WheelRig, pull: RigChannel) -> Iterator[Finding]:
     """Yield a pull that falls with slip until it drags, as one with its sign turned does."""
-    use = np.flatnonzero(rig.slip > -DRIVING)
+    use = np.flatnonzero((rig.slip > -DRIVING) & pull.seen)
     if use.size < FEW or np.ptp(rig.slip[use]) < SLIPPING:
         return
     order = use[np.argsort(rig.slip[use])]

@@ -14,24 +14,28 @@ import numpy as np
 import pandas as pd
 
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.measurements.channel import FIELDS, DrawbarPull, Predictor, RigChannel, SideForce, Sinkage, Torque
+from rover_pin.errors import DataError, ParameterError
+from rover_pin.measurements.channel import FIELDS, RIG_CHANNELS, Predictor, RigChannel, SideForce, Sinkage
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
 from rover_pin.measurements.known import Known, declared_ranges, stated_ranges
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.pressed import Trial, declared_trials, exponent, press, pressed_known
 from rover_pin.measurements.rig_errors import RigErrors, stated_errors, unsure_sizes
-from rover_pin.measurements.rig_keys import BEKKER_UNITS, refuse_unknown_keys
-from rover_pin.measurements.tables import read_table
-from rover_pin.parameters.bekker import bekker, bekker_si
-from rover_pin.quantity import declared_sds, quantities, record_from, refuse_strange, to_si
+from rover_pin.measurements.rig_file import (
+    BEKKER_UNITS,
+    declared_beside,
+    declared_constants,
+    number_si,
+    read_points,
+    refuse_unknown_keys,
+    rim_of,
+)
+from rover_pin.parameters.bekker import bekker
+from rover_pin.quantity import declared_sds, quantities, record_from
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import wheel_forces
-from rover_pin.toml_file import read_toml, table_in, text_in
+from rover_pin.toml_file import read_toml, table_in
 from rover_pin.trust import Trust
-
-CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce)
-"""The channels of a rig, in the order in which they are read and predicted."""
 
 ANGLE = "slip_angle_rad"
 STRAIGHT = 0.01
@@ -88,6 +92,8 @@ class WheelRig:
         What the rig adds to its readings, and `rig.name` or `wheel.name` -> SD of what is not sure.
     trials : tuple of Trial
         The same wheel pressed into the same soil without turning.
+    beside : mapping
+        name -> value (SI) of `rig_file.BESIDE` that is declared: lugs, density, angle of repose.
 
     Raises
     ------
@@ -108,6 +114,7 @@ class WheelRig:
     errors: RigErrors = field(default_factory=RigErrors)
     error_sd: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     trials: tuple[Trial, ...] = ()
+    beside: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     tells: ClassVar[frozenset[str]] = frozenset(FIELDS) - {"theta_1", "theta_2"}
     told_by: ClassVar[str] = "a wheel rig, whose arc follows from the load"
@@ -118,7 +125,7 @@ class WheelRig:
         load = np.full(slip.size, load[0]) if load.size == 1 else load
         if not self.channels:
             raise DataError(
-                f"{self.name}: no channel was measured; give one of {', '.join(c.column for c in CHANNELS)}."
+                f"{self.name}: no channel was measured; give one of {', '.join(c.column for c in RIG_CHANNELS)}."
             )
         same_length(self.name, slip=slip, load=load, **{c.column: c.measured for c in self.channels})
         slips(slip, "slip", self.name)
@@ -151,8 +158,13 @@ class WheelRig:
         return replace(self, channels=tuple(channel for channel in self.channels if isinstance(channel, kinds)))
 
     def rows(self, keep: Any) -> Self:
-        """Return the set with these points only, chosen as NumPy chooses: a mask, indices or a slice."""
-        channels = tuple(type(channel)(channel.measured[keep], channel.sd[keep]) for channel in self.channels)
+        """Return the set with these points only, chosen as NumPy chooses: a mask, indices or a slice.
+
+        A channel of which none of these points has a value is left out.
+        """
+        channels = tuple(
+            type(each)(each.measured[keep], each.sd[keep]) for each in self.channels if each.seen[keep].any()
+        )
         levels = None if self.levels is None else self.levels[keep]
         slip, load, angle = self.slip[keep], self.load[keep], self.slip_angle[keep]
         return replace(self, slip=slip, load=load, channels=channels, levels=levels, slip_angle=angle)
@@ -207,30 +219,25 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
     if about.get("kind") != "wheel-rig":
         raise DataError(f"{where}: kind = {about.get('kind')!r} is not a wheel rig; write kind = 'wheel-rig'.")
     refuse_unknown_keys(about, where)
-    points = trust.within(folder, text_in(table_in(about, "files", where), "points", where, "points.csv"), where)
-    table = read_table(points, ("slip", "load_N"))
-    _refuse_other_units(table, f"{folder.name}/{points.name}")
     try:
-        wheel_table = {
-            name: entry for name, entry in table_in(about, "wheel", where).items() if name in quantities(Wheel)
-        }
-        wheel = record_from(Wheel, wheel_table, where)
+        sizes, rim_share = rim_of(about, where)
+        table = read_points(folder, about, rim_share, trust)
         errors, error_sd = stated_errors(table_in(about, "rig", where), f"{where}: [rig]")
-        _refuse_undersized(wheel_table, where)
         return WheelRig(
-            wheel=wheel,
+            wheel=record_from(Wheel, sizes, where),
             slip=table["slip"],
             load=table["load_N"],
             channels=_channels(table, table_in(about, "noise", where), where),
             name=str(about.get("name", folder.name)),
-            wheel_range=stated_ranges({**wheel_table, **table_in(about, "soil", where)}, where),
-            declared=_declared(table_in(about, "soil", where), where),
+            wheel_range=stated_ranges({**sizes, **table_in(about, "soil", where)}, where),
+            declared=declared_constants(table_in(about, "soil", where), where),
             levels=table["level"].to_numpy() if "level" in table else None,
             doubts=declared_sds(table_in(about, "soil", where), Soil, where),
-            slip_angle=slip_angles(table, f"{folder.name}/{points.name}"),
+            slip_angle=slip_angles(table, f"{folder.name}: the points"),
             errors=errors,
-            error_sd={**error_sd, **unsure_sizes(wheel_table, where)},
+            error_sd={**error_sd, **unsure_sizes(sizes, where)},
             trials=declared_trials(about, folder, where, trust),
+            beside=declared_beside(about, where),
         )
     except ParameterError as error:
         raise DataError(str(error)) from error
@@ -243,57 +250,22 @@ def slip_angles(table: pd.DataFrame, where: str) -> np.ndarray:
 
 def _channels(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> tuple[RigChannel, ...]:
     askew = (np.abs(slip_angles(table, where)) > STRAIGHT).any()
-    present = [kind for kind in CHANNELS if kind.column in table and (askew or kind is not SideForce)]
+    present = [kind for kind in RIG_CHANNELS if kind.column in table and (askew or kind is not SideForce)]
     return tuple(
-        kind(column(table[kind.column], kind.column, where), _sd(kind, table, noise, where)) for kind in present
+        kind(column(table[kind.column], kind.column, where, gaps=True), _sd(kind, table, noise, where))
+        for kind in present
     )
 
 
 def _sd(kind: type[RigChannel], table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> Any:
     stem, _, suffix = kind.column.rpartition("_")
     if stem in noise:
-        return _si(noise[stem], kind.unit, f"{where}: noise of {stem}")
+        return number_si(noise[stem], kind.unit, f"{where}: noise of {stem}")
     if f"{stem}_over_load" in noise:
-        share = _si(noise[f"{stem}_over_load"], "", f"{where}: {stem}_over_load")
+        share = number_si(noise[f"{stem}_over_load"], "", f"{where}: {stem}_over_load")
         return share * column(table["load_N"], "load_N", where)
     if f"{stem}_sd_{suffix}" in table:
         return table[f"{stem}_sd_{suffix}"]
     raise DataError(
         f"{where}: the noise of {stem} is not stated; write [noise] {stem} = {{ value, unit = '{kind.unit}' }}."
     )
-
-
-def _si(entry: Any, expected: str, where: str) -> float:
-    if isinstance(entry, Mapping):
-        refuse_strange(entry, where)
-    value, unit = (entry.get("value"), entry.get("unit", expected)) if isinstance(entry, Mapping) else (entry, expected)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise DataError(f"{where} has no number; write {{ value = 1.0, unit = '{expected}' }}.")
-    return to_si(value, unit, expected, where)
-
-
-def _refuse_undersized(table: Mapping[str, Any], where: str) -> None:
-    for name in quantities(Wheel):
-        if name not in table:
-            raise DataError(f"{where}: [wheel] has no {name}; write {name} = {{ value, unit = 'm' }}.")
-
-
-def _declared(table: Mapping[str, Any], where: str) -> dict[str, float]:
-    units = {name: about.unit for name, about in quantities(Soil).items()}
-    found = {name: _si(entry, units[name], f"{where}: {name}") for name, entry in table.items() if name in units}
-    for name in (each for each in BEKKER_UNITS if each in table):
-        entry = table[name] if isinstance(table[name], Mapping) else {"value": table[name]}
-        unit, place = str(entry.get("unit", BEKKER_UNITS[name])), f"{where}: {name}"
-        found[name] = bekker_si(name, _si({**entry, "unit": ""}, "", place), unit, found.get("n"), place)
-    return found
-
-
-def _refuse_other_units(table: pd.DataFrame, where: str) -> None:
-    """Refuse a column such as `sinkage_mm`, or `sinkage` alone: it would be read as not measured."""
-    columns = ("slip", "load_N", *(kind.column for kind in CHANNELS))
-    stems = {name.rpartition("_")[0] or name: name for name in columns}
-    for name in map(str, table.columns):
-        stem = name if name in stems else name.rpartition("_")[0]
-        if name not in columns and stem in stems:
-            expected = stems[stem]
-            raise DataError(f"{where}: column '{name}' is not read: {closest(name, [expected])} Convert it to SI.")

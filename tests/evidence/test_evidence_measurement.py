@@ -73,7 +73,9 @@ def test_noise_may_come_from_a_column(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("25,1.0", "25,", r"drawbar_pull_N is missing or not finite in row 1 \(nan\); remove or fill that row"),
+        ("25,1.0", ",1.0", r"load is missing or not finite in row 1 \(nan\); remove or fill that row"),
+        ("25,1.0", "25,inf", r"drawbar_pull_N is missing or not finite in row 1 \(inf\); remove or fill that row"),
+        (",1.0,0.01\nb,0.3,25,2.0", ",,0.01\nb,0.3,25,", "drawbar_pull_N has no number in any row; leave that column"),
         ("25,2.0", "-25,2.0", r"load is not positive in row 2 \(-25\)"),
         ("b,0.3", "b,-1.3", r"slip lies outside \[-1, 1\] in row 2 \(-1.3\)"),
         ("b,0.3", "b,30", "slip reaches 30, which looks like percent; give a fraction"),

@@ -271,14 +271,14 @@ def scaled(name, factor):
 
 
 def with_nan(table):
-    table["sinkage_m"][2] = math.nan
+    table["load_N"][2] = math.nan
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         (lambda table: table.pop("load_N"), "has no column 'load_N'"),
-        (with_nan, "sinkage_m is missing or not finite in row 3"),
+        (with_nan, "load is missing or not finite in row 3"),
         (scaled("sinkage_m", 1e3), "if these are millimetres, divide them by 1000"),
         (scaled("slip", 100.0), "looks like percent"),
         (scaled("drawbar_pull_N", 1e3), "more than any soil gives; check the units of drawbar_pull_N"),

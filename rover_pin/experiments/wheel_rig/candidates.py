@@ -14,6 +14,7 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS
 from rover_pin.experiments.wheel_rig.model import ASKEW, NOMINAL, RigModel, conditions, predictor
+from rover_pin.experiments.wheel_rig.presets import is_of_other_wheel, preset_candidate
 from rover_pin.motion.effect_files import AnyEffect, package_effects, reading_traction, user_effects
 
 OF_SPEED = 0.05
@@ -63,12 +64,13 @@ def _of_folder(path: Path) -> list[type[Effect]]:
 def candidates(data: RigSet, model: RigModel, kinds: Sequence[type[Effect]]) -> tuple[Candidate, ...]:
     """Return what the model may lack of these kinds: what it does not have, and these data can show.
 
-    An effect of speed is left out where the set has no speeds: what was assumed of them would decide.
+    An effect of speed is left out where the set has no speeds: what was assumed of them would decide; one of lugs
+    where the wheel is said to have none.
     """
     present = {type(effect).__name__ for effect in model.effects}
     effects = [added(kind, model) for kind in kinds if kind.__name__ not in present]
     shown = [effect for effect in effects if data.speeds is not None or not needs_speeds(data, model, effect)]
-    return tuple(plain_candidate(effect) for effect in shown)
+    return tuple(preset_candidate(effect, data.rig) for effect in shown if not is_of_other_wheel(effect, data.rig))
 
 
 def added(kind: type[Effect], model: RigModel) -> Effect:

@@ -55,16 +55,17 @@ SAME = 1e-6
 
 
 def _refuse_frozen(channel: RigChannel, where: str) -> None:
-    if channel.measured.size > 2 and np.ptp(channel.measured) == 0.0:
+    values = channel.measured[channel.seen]
+    if values.size > 2 and np.ptp(values) == 0.0:
         raise DataError(
-            f"{where}: {channel.column} is {channel.measured[0]:g} in all {channel.measured.size} runs, as of a sensor "
+            f"{where}: {channel.column} is {values[0]:g} in all {values.size} runs, as of a sensor "
             "that is stuck or unplugged; remove the column or mend it."
         )
 
 
 def too_poor(data: RigSet, nuisances: int) -> str:
     """Return why the set cannot tell an effect from its nuisance parameters and what would, or an empty string."""
-    values = sum(channel.measured.size for channel in data.rig.channels)
+    values = sum(int(channel.seen.sum()) for channel in data.rig.channels)
     if len(data.level_names) < FEWEST_LEVELS:
         return (
             f"{len(data.level_names)} levels of slip: with one held out nothing that depends on slip is left to fit; "
@@ -96,10 +97,17 @@ def findings(data: RigSet) -> list[Finding]:
             Finding("no level is repeated", "level", "the noise is as stated, not measured; repeat each level")
         )
     if data.speeds is None:
-        found.append(Finding("no speeds", "rim_speed_mps", "effects of speed are left out; record both speeds"))
+        todo = "effects of speed are left out; give rim or travel speed, as a column or in [speed]"
+        found.append(Finding("no speeds", "rim_speed_mps", todo))
     for channel in rig.channels:
-        found += _of_repeats(data, channel)
+        found += [*_missing_cells(channel), *_of_repeats(data, channel)]
     return found
+
+
+def _missing_cells(channel: RigChannel) -> list[Finding]:
+    empty = int((~channel.seen).sum())
+    what = f"{empty} of {channel.seen.size} runs have no {channel.name}"
+    return [Finding(what, channel.column, "their other channels are used")] if empty else []
 
 
 def repeats(data: RigSet) -> np.ndarray:
@@ -114,10 +122,10 @@ def repeats(data: RigSet) -> np.ndarray:
 
 def repeat_sd(data: RigSet, channel: RigChannel) -> float:
     """Return the pooled SD of repeats in stated SDs, NaN where no run is repeated."""
-    scaled, group = channel.measured / channel.sd, repeats(data)
+    scaled, group = (channel.measured / channel.sd)[channel.seen], repeats(data)[channel.seen]
     count = np.bincount(group)
-    mean = np.bincount(group, scaled) / count
-    freedom = scaled.size - count.size
+    mean = np.bincount(group, scaled) / np.maximum(count, 1)
+    freedom = scaled.size - np.count_nonzero(count)
     return float(np.sqrt(np.sum((scaled - mean[group]) ** 2) / freedom)) if freedom > 0 else float("nan")
 
 
@@ -128,9 +136,11 @@ def _of_repeats(data: RigSet, channel: RigChannel) -> list[Finding]:
         what = f"repeats scatter {scatter:.1f} times as much as the stated noise"
         found.append(Finding(what, channel.column, "state the larger noise"))
     for i in range(group.max() + 1):
-        at = np.flatnonzero(group == i)
+        at = np.flatnonzero((group == i) & channel.seen)
+        if at.size < 3:
+            continue
         off = np.abs(channel.measured[at] - np.median(channel.measured[at])) / channel.sd[at]
-        if at.size > 2 and off.max() > OUTLYING:
+        if off.max() > OUTLYING:
             what = f"{data.runs[at[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
             found.append(Finding(what, channel.column, "look at that run; it counts less in the fits"))
     return found

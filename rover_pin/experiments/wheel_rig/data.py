@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 from pathlib import Path
@@ -14,13 +14,14 @@ import pandas as pd
 
 from rover_pin.contact import Soil
 from rover_pin.errors import DataError
+from rover_pin.measurements.channel import RIG_CHANNELS, SideForce
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.pressed import Trial, press
-from rover_pin.measurements.tables import read_table
-from rover_pin.measurements.wheel_rig import ANGLE, CHANNELS, SideForce, WheelRig, read_wheel_rig
+from rover_pin.measurements.rig_file import SLOPE, number_si, read_points, rim_of
+from rover_pin.measurements.wheel_rig import ANGLE, WheelRig, read_wheel_rig
 from rover_pin.quantity import quantities
-from rover_pin.toml_file import read_toml, table_in, text_in
+from rover_pin.toml_file import read_toml, table_in
 from rover_pin.trust import Trust
 
 SAME_LEVEL = 0.02
@@ -28,9 +29,12 @@ SAME_LEVEL = 0.02
 
 SPEEDS = ("travel_speed_mps", "rim_speed_mps")
 
+STANDS = 1e-3
+"""Share of the faster of rim and travel below which a speed stands still."""
+
 RIG_FILE = "rig.toml"
 
-OTHERS = ("slip", "load_N", "run", "level", ANGLE, *SPEEDS)
+OTHERS = ("slip", "load_N", "run", "level", ANGLE, SLOPE, "slope_sd_rad", *SPEEDS)
 """Columns of the points that are read besides the channels and their SDs."""
 
 ALIKE = 0.7
@@ -90,12 +94,16 @@ class RigSet:
         return self.rig.trials
 
     def independent(self, n: float) -> tuple[Independent, ...]:
-        """Return what other measurements say of the soil, at the exponent n."""
+        """Return what other measurements say of the soil, at the exponent n, and of the wheel's lugs."""
         known = [
             Independent(name, quantities(Soil)[name].unit, value, value, "stated with the data")
             for name, value in self.rig.declared.items()
             if name in quantities(Soil) and name not in ("n", "k_1", "k_2")
         ]
+        lugs = self.rig.beside.get("lug_height", 0.0)
+        if lugs > 0.0:
+            names = ("LugExcavation.h_l", "Grousers.h_s")
+            known += [Independent(name, "m", lugs, lugs, "lug_height of [wheel]") for name in names]
         if self.trials:
             moduli = press(self.trials, self.rig.wheel, n).moduli
             said = f"the same wheel pressed in without turning, {len(moduli)} trials"
@@ -114,11 +122,10 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     folder = Path(folder)
     rig, about = read_wheel_rig(folder, trust), read_toml(folder / RIG_FILE)
     where = f"{folder.name}/{RIG_FILE}"
-    files = table_in(about, "files", where)
-    points = trust.within(folder, text_in(files, "points", where, "points.csv"), where)
-    table = read_table(points, ("slip", "load_N"))
-    here = f"{folder.name}/{points.name}"
-    speeds = _speeds(table, rig.slip, np.asarray(rig.slip_angle), here)
+    table = read_points(folder, about, rim_of(about, where)[1], trust)
+    here = f"{folder.name}/{table_in(about, 'files', where).get('points', 'points.csv')}"
+    stated = _stated_speeds(table, table_in(about, "speed", where), where)
+    speeds = _speeds(stated, rig.slip, np.asarray(rig.slip_angle), here)
     names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
     data = as_rig_set(rig, names, speeds, str(about.get("source", "")))
     return replace(data, misspelt=(*_misspelt(table, here), *_askew(rig, here)))
@@ -127,7 +134,7 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
 def _misspelt(table: pd.DataFrame, where: str) -> Iterator[Finding]:
     """Yield columns that are not read and are spelt nearly as one that is not there."""
     present = [str(name) for name in table.columns]
-    channels = [kind.column for kind in CHANNELS]
+    channels = [kind.column for kind in RIG_CHANNELS]
     missing = [name for name in (*OTHERS, *channels) if name not in present]
     noises = ["_sd_".join(name.rsplit("_", 1)) for name in channels]
     for name in (each for each in present if each not in (*OTHERS, *channels, *noises)):
@@ -170,15 +177,27 @@ def _askew(rig: WheelRig, where: str) -> Iterator[Finding]:
         yield Finding(what, where, f"their side force was not measured: give it as {SideForce.column}")
 
 
-def _speeds(table: pd.DataFrame, slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray | None:
-    """Return the speeds of travel along the wheel's plane and of the rim [runs, 2], or None.
+def _stated_speeds(table: pd.DataFrame, declared: Mapping[str, Any], where: str) -> pd.DataFrame:
+    """Return the table with the speeds of [speed] where it has no column of its own: of the carriage, of the rim."""
+    made = {
+        name: number_si(declared[key], "m/s", f"{where}: [speed] {key}")
+        for name, key in zip(SPEEDS, ("carriage", "rim"), strict=True)
+        if key in declared and name not in table
+    }
+    return table.assign(**made)
 
-    Refuses speeds that contradict the slip.
+
+def _speeds(table: pd.DataFrame, slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray | None:
+    """Return the speeds of travel along the wheel's plane and of the rim [runs, 2], or None where neither is known.
+
+    Of one alone the other follows from Eq (1). Refuses speeds that contradict the slip.
     """
-    if not set(SPEEDS) <= set(table.columns):
+    known = {name: column(table[name], name, where) for name in SPEEDS if name in table}
+    if not known:
         return None
-    travel, rim = (column(table[name], name, where) for name in SPEEDS)
-    travel = travel * np.cos(angle)
+    if len(known) == 1:
+        return _by_slip(known, slip, angle, where)
+    travel, rim = known[SPEEDS[0]] * np.cos(angle), known[SPEEDS[1]]
     own = (rim - travel) / np.maximum(np.maximum(np.abs(rim), np.abs(travel)), 1e-12)
     off = np.abs(own - slip)
     if off.max() > 0.05:
@@ -188,3 +207,17 @@ def _speeds(table: pd.DataFrame, slip: np.ndarray, angle: np.ndarray, where: str
             "units and signs of slip, rim_speed_mps and travel_speed_mps."
         )
     return np.column_stack([travel, rim])
+
+
+def _by_slip(known: Mapping[str, np.ndarray], slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray:
+    """Return both speeds [runs, 2], of which one is known, by Eq (1)."""
+    ((name, speed),) = known.items()
+    rim, travel = 1.0 + np.minimum(slip, 0.0), 1.0 - np.maximum(slip, 0.0)
+    speed, share = (speed * np.cos(angle), travel) if name == SPEEDS[0] else (speed, rim)
+    if np.min(share) < STANDS:
+        row = int(np.argmin(share))
+        raise DataError(
+            f"{where}: row {row + 1} has slip {slip[row]:.3g}, at which {name} is 0 and does not tell the other speed; "
+            "give columns of both."
+        )
+    return np.column_stack([travel, rim]) * (speed / share)[:, None]

@@ -146,8 +146,23 @@ class RigExperiment(Experiment):
         """Return which soil constants are uncertain, and what is assumed of those that these channels tell in part.
 
         k and phi where a force was measured, k_1 where the sinkage was, with no prior; the exit ratio with SD 0.1;
-        where loads differ n with SD 0.3 and c with 300 Pa or its own size; what rig.toml states with an SD.
+        where loads differ n with SD 0.3 and c with 300 Pa or its own size. What rig.toml states with an SD has that
+        prior around the stated value, and is uncertain whatever was measured.
         """
+        stated = {one.name: one for one in self._stated(model)}
+        own = [stated.pop(one.name, one) for one in self._of_the_soil(model)]
+        return (*own, *stated.values(), *self._of_the_rig(model))
+
+    def _stated(self, model: RigModel) -> Iterator[Parameter]:
+        """Yield the soil constants that [soil] states with an SD, around what it states."""
+        declared = self.data.soil()
+        for name, sd in self.data.rig.doubts.items():
+            value, log = float(getattr(declared, name)), name in ("k", "k_1")
+            one = self.parameter(model, f"soil.{name}", sd / value if log and value > 0 else sd, log and value > 0)
+            yield dataclasses.replace(one, origin=value, high=MOST_EXIT if name == "exit_ratio" else one.high)
+
+    def _of_the_soil(self, model: RigModel) -> tuple[Parameter, ...]:
+        """Return the uncertain soil constants, as if nothing were stated of them."""
         kinds, load = {type(channel) for channel in self.data.rig.channels}, self.data.rig.load
         found: list[Parameter] = []
         if kinds & {DrawbarPull, Torque}:
@@ -164,7 +179,7 @@ class RigExperiment(Experiment):
         if np.max(load) >= SAME_LOAD * np.min(load):
             sd = max(300.0, self.value(model, "soil.c"))
             found += [self.parameter(model, "soil.n", 0.3), self.parameter(model, "soil.c", sd)]
-        return (*found, *self._of_the_rig(model))
+        return tuple(found)
 
     def _of_the_rig(self, model: RigModel) -> Iterator[Parameter]:
         """Yield what rig.toml states with an SD: errors of the rig, and sizes of the wheel within their range."""

@@ -33,13 +33,16 @@ class RigExtra(NamedTuple):
 
     before: Left
     after: Left
+    declared: tuple[str, ...] = ()
+    "how what is declared of lugs and sand was used"
 
     def lines(self, added: bool) -> list[str]:
         """Return lines for a reader."""
-        said = [f"before: {flag.said}" for flag in self.before.flags]
+        said = [f"declared: {line}" for line in self.declared]
+        said += [f"before: {flag.said}" for flag in self.before.flags]
         said += [f"after: {flag.said}" for flag in self.after.flags] if added else []
         return [*said, *(f"left: {one.said}" for one in self.after.remainders)]
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
-        return {"before": self.before.as_dict(), "after": self.after.as_dict()}
+        return {"before": self.before.as_dict(), "after": self.after.as_dict(), "declared": list(self.declared)}

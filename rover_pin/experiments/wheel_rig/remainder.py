@@ -88,20 +88,21 @@ def remainders(data: RigSet, residual: np.ndarray) -> tuple[Remainder, ...]:
 
 
 def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> Remainder:
-    slip, load = np.asarray(data.rig.slip), np.asarray(data.rig.load)
-    missing = residual * channel.sd
-    varies = load.max() >= SAME_LOAD * load.min()
-    powers, of_load = _smooth(slip, load / load.mean() - 1, residual, channel.sd, varies)
-    smooth = np.polynomial.polynomial.polyval(slip, powers) + of_load * (load / load.mean() - 1)
+    seen, whole = channel.seen, np.asarray(data.rig.load)
+    slip, load, sd, residual = np.asarray(data.rig.slip)[seen], whole[seen], channel.sd[seen], residual[seen]
+    missing = residual * sd
+    varies = whole.max() >= SAME_LOAD * whole.min()
+    powers, of_load = _smooth(slip, load / whole.mean() - 1, residual, sd, varies)
+    smooth = np.polynomial.polynomial.polyval(slip, powers) + of_load * (load / whole.mean() - 1)
     total = float(residual @ residual)
-    rest = (missing - smooth) / channel.sd
+    rest = (missing - smooth) / sd
     return Remainder(
         channel.name,
         channel.unit,
         float(np.sqrt(np.mean(residual**2))),
         _correlation(slip, missing),
         _correlation(load, missing) if varies else float("nan"),
-        tuple(_level(data, channel, missing, number) for number in range(len(data.level_names))),
+        tuple(_level(data, channel, missing, number) for number in np.unique(data.level[seen]).tolist()),
         tuple(float(c) for c in powers),
         of_load,
         1 - float(rest @ rest) / max(total, 1e-300),
@@ -134,10 +135,11 @@ def _smooth(
 
 
 def _level(data: RigSet, channel: RigChannel, missing: np.ndarray, number: int) -> Level:
-    at = data.level == number
+    at = (data.level == number) & channel.seen
     noise = float(np.sqrt(np.mean(channel.sd[at] ** 2) / at.sum()))
     slip, load = np.asarray(data.rig.slip)[at], np.asarray(data.rig.load)[at]
-    return Level(data.level_names[number], float(slip.mean()), float(load.mean()), float(missing[at].mean()), noise)
+    mean = float(missing[at[channel.seen]].mean())
+    return Level(data.level_names[number], float(slip.mean()), float(load.mean()), mean, noise)
 
 
 def _correlation(one: np.ndarray, other: np.ndarray) -> float:

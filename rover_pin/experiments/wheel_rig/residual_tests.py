@@ -41,20 +41,27 @@ def residual_tests(data: RigSet, residual: np.ndarray, seed: int) -> tuple[Resid
     of the rows; and of each residual with that of the run next to it in slip, and with that of the next run: whiteness.
     The p-values are two-sided, by permuting the residuals.
     """
-    slip, load = np.asarray(data.rig.slip), np.asarray(data.rig.load)
-    against = {"slip": slip, SLIP_SQUARED: _curvature(slip), ORDER: np.arange(slip.size, dtype=float)}
-    if load.max() >= SAME_LOAD * load.min():
-        against["load"] = load
-    statistics = {name: _with(values) for name, values in against.items()}
-    statistics |= {NEIGHBOURS: _with_next(np.argsort(slip, kind="stable")), NEXT_RUN: _with_next(np.arange(slip.size))}
+    load = np.asarray(data.rig.load)
+    varies = bool(load.max() >= SAME_LOAD * load.min())
     return tuple(
-        ResidualTest(channel.name, name, *_tested(row, statistic, seed))
+        ResidualTest(channel.name, name, *_tested(row[channel.seen], statistic, seed))
         for channel, row in zip(data.rig.channels, residual, strict=True)
-        for name, statistic in statistics.items()
+        for name, statistic in _statistics(data, channel.seen, varies).items()
     )
 
 
 Statistic = Callable[..., np.ndarray]
+
+
+def _statistics(data: RigSet, seen: np.ndarray, varies: bool) -> dict[str, Statistic]:
+    """Return what the residuals of these runs are tested with."""
+    slip, load = np.asarray(data.rig.slip)[seen], np.asarray(data.rig.load)[seen]
+    against = {"slip": slip, SLIP_SQUARED: _curvature(slip), ORDER: np.arange(slip.size, dtype=float)}
+    if varies:
+        against["load"] = load
+    statistics = {name: _with(values) for name, values in against.items()}
+    order = {NEIGHBOURS: np.argsort(slip, kind="stable"), NEXT_RUN: np.arange(slip.size)}
+    return statistics | {name: _with_next(each) for name, each in order.items()}
 
 
 def _tested(row: np.ndarray, statistic: Statistic, seed: int) -> tuple[float, float]:

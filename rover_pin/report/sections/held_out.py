@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -85,6 +86,8 @@ def baseline_table(verdict: Verdict, manner: Manner) -> Table | None:
 
 
 def _level(each: Any, score: ChannelScore, added: bool) -> str:
+    if not math.isfinite(each.before):
+        return "-"
     before = shown(each.before, score.unit)
     return f"{before} to {shown(each.after, score.unit)}" if added else before
 
