@@ -15,7 +15,10 @@ REPORT = "report.html"
 
 
 def close_loop(
-    data: Annotated[Path, typer.Argument(help="A wheel-rig set or a drive log: folder with rig.toml or drive.toml.")],
+    data: Annotated[
+        list[Path],
+        typer.Argument(help="Folder with rig.toml or drive.toml; of rig sets in one sand, several."),
+    ],
     model: Annotated[Path | None, typer.Option(help="Model file to start from, as an earlier run wrote it.")] = None,
     effects: Effects = None,
     trust: Trusted = False,
@@ -42,7 +45,7 @@ def close_loop(
     say = (lambda said: None) if as_json else log.info
     with stoppable():
         verdict = close_the_loop(
-            data, model, effects, out, say,
+            data[0] if len(data) == 1 else tuple(data), model, effects, out, say,
             jobs=workers, scheduler=scheduler or None, experiment=experiment, trust=trust,
         )  # fmt: skip
     if as_json:

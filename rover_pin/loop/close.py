@@ -14,10 +14,12 @@ from rover_pin.discrepancy.bed import Bed
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import DataError, ParameterError
+from rover_pin.experiments.joint_rig.sets import read_joint
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.bed import close_on_bed, own_kind, read_bed
 from rover_pin.loop.drive import close_drive_loop
+from rover_pin.loop.joint import close_joint_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
 from rover_pin.loop.provenance import Asked
 from rover_pin.loop.rig import close_rig_loop, rig_set_of
@@ -32,7 +34,7 @@ from rover_pin.workers import ending_workers
 
 
 def close_the_loop(
-    data: str | Path | WheelRig | RigSet | DriveLog | Bed,
+    data: str | Path | WheelRig | RigSet | DriveLog | Bed | tuple[str | Path, ...],
     model: RigModel | Soil | Model | str | Path | None = None,
     effects: str | Path | None = None,
     out: str | Path | None = None,
@@ -47,8 +49,9 @@ def close_the_loop(
 
     Parameters
     ----------
-    data : path, WheelRig, RigSet, DriveLog or Bed
-        A folder with rig.toml or drive.toml, or the data in memory, as `read_data` gives them.
+    data : path, WheelRig, RigSet, DriveLog, Bed or tuple of paths
+        A folder with rig.toml or drive.toml, or the data in memory, as `read_data` gives them; several folders with
+        rig.toml are a joint fit: one sand, each its own wheel.
     model : RigModel, Soil, Model, path or None
         Where to start: for a rig a RigModel or a soil, for a drive log a Model, for either a model file; else what the
         data declare.
@@ -92,6 +95,8 @@ def close_the_loop(
     refuse_both(jobs or None, scheduler)
     if effects is not None:
         refuse_unfit_effects(effects)
+    if isinstance(data, tuple):
+        return _jointly(Asked(tuple(data), model, effects, out, experiment, trust, seed), progress)
     experiment = experiment or own_kind(data)
     asked = Asked(data, model, effects, out, experiment, trust, seed)
     if isinstance(data, Bed) or experiment is not None:
@@ -121,6 +126,18 @@ def close_the_loop(
     with alone_in(out):
         rigs = rig_set_of(data, allowed)
         return close_rig_loop(rigs, _start(rigs, asked), asked, progress)
+
+
+def _jointly(asked: Asked, progress: Progress) -> Verdict:
+    """Return the verdict on several rig sets."""
+    for what, given in (("a model", asked.model), ("an experiment's file", asked.experiment)):
+        if given is not None:
+            raise DataError(f"{given}: a joint fit of several rig sets does not take {what}; leave it out.")
+    for folder in asked.data:
+        if not is_file(Path(folder) / RIG_FILE):
+            raise DataError(f"{folder}: there is no {RIG_FILE} in it; several data are rig sets in one sand.")
+    with alone_in(asked.out):
+        return close_joint_loop(read_joint(asked.data, Trust(everything=asked.trust)), asked, progress)
 
 
 def _start(data: RigSet | DriveLog, asked: Asked) -> Any:

@@ -30,12 +30,18 @@ class Asked:
     @property
     def command(self) -> str:
         """The command line that repeats the loop, or why there is none."""
-        for name, held in (("data", self.data), ("a model", self.model)):
+        for name, held in (*(("data", one) for one in self.folders), ("a model", self.model)):
             if not isinstance(held, (str, Path, type(None))):
                 return f"close_the_loop(...) on {name} in memory"
         if self.seed:
-            return f"close_the_loop({str(self.data)!r}, ..., seed={self.seed})"
+            words = [str(one) for one in self.folders]
+            return f"close_the_loop({(words[0] if len(words) == 1 else words)!r}, ..., seed={self.seed})"
         return self._line(self.effects, self.out)
+
+    @property
+    def folders(self) -> tuple[Any, ...]:
+        """The data, one or several."""
+        return self.data if isinstance(self.data, tuple) else (self.data,)
 
     def again_with(self, effects: Path) -> str:
         """Return the command line that tries this effect too; nothing where no line repeats the loop, or it has one."""
@@ -46,7 +52,7 @@ class Asked:
         options = {"--model": self.model, "--effects": effects, "--out": out, "--experiment": self.experiment}
         words = [str(word) for option, value in options.items() if value for word in (option, value)]
         trusted = ["--trust"] if self.trust else []
-        return shlex.join(["rover-pin", "close-loop", str(self.data), *words, *trusted])
+        return shlex.join(["rover-pin", "close-loop", *map(str, self.folders), *words, *trusted])
 
 
 def provenance(asked: Asked, seconds: float) -> dict[str, Any]:

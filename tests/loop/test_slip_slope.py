@@ -60,7 +60,8 @@ def test_its_picture_shows_slip_over_slope(tmp_path):
     """As the table has it, each slip over the slope beside it."""
     made = folder(tmp_path)
     table = np.genfromtxt(made / "points.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
-    (axes,) = panel(SlipSlope.read(made), 0, []).axes
+    bed = SlipSlope.read(made)
+    (axes,) = panel(bed, 0, [], bed.along()).axes
     (measured,) = [line for line in axes.lines if line.get_label() == "measured"]
     drawn = sorted(zip(*measured.get_data(), strict=True))
     assert np.array(drawn) == pytest.approx(np.array(sorted(zip(table["slope_deg"], table["slip"], strict=True))))

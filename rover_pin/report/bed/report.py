@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from rover_pin.discrepancy.bed import Bed
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import in_words
 from rover_pin.report.first_screen import FirstScreen
@@ -52,7 +53,7 @@ def _picture(verdict: Verdict, bed: Bed) -> Picture | None:
     added = listing(spoken(name, kinds_of(verdict)) for name in verdict.named)
     sides = [(verdict.before.fit, BEFORE, "_", "base model, fitted")]
     sides += [(verdict.after.fit, AFTER, "x", f"with {added}")] if added else []
-    panels = tuple(panel(bed, row, sides) for row in range(len(bed.channels)))
+    panels = tuple(panel(bed, row, sides, bed.along()) for row in range(len(bed.channels)))
     said = [f"{one.name} {one.before:.2g} to {one.after:.2g} {one.unit}" for one in verdict.scores]
     alt = f"Measured and modelled {listing(bed.channels)}, point by point; error where not fitted: {listing(said)}."
     order = "" if bed.along() else ", fold after fold; a fold begins at each line"
@@ -60,20 +61,21 @@ def _picture(verdict: Verdict, bed: Bed) -> Picture | None:
 
 
 Side = tuple[Fit, str, str, str]
+Along = tuple[str, np.ndarray]
 
 
-def panel(bed: Bed, row: int, sides: list[Side]) -> Figure:
-    """Return a channel's picture: measured and modelled, over what the bed says, else sample by sample."""
+def panel(bed: Experiment, row: int, sides: list[Side], along: Along | None = None) -> Figure:
+    """Return a channel's picture: measured and modelled, over `along`, else sample by sample."""
     figure = Figure(figsize=(4.6, 3.6), layout="constrained")
     axis, factor, unit = figure.subplots(), *in_words(bed.unit(bed.channels[row]))
     seen = np.isfinite(bed.observed[:, row])
-    words, values = bed.along() or ("point", np.cumsum(seen).reshape(seen.shape) - 1)
+    words, values = along or ("point", np.cumsum(seen).reshape(seen.shape) - 1)
     axis.plot(values[seen], factor * bed.observed[:, row][seen], "ko", ms=4, label="measured")
     for fitted, colour, marker, label in sides:
         axis.plot(
             values[seen], factor * fitted.predicted[:, row][seen], marker, color=colour, ms=8, mew=1.6, label=label
         )
-    for begin in () if bed.along() else _begins(seen):
+    for begin in () if along else _begins(seen):
         axis.axvline(begin - 0.5, color="#b0b0b0", lw=0.7)
     axis.set(xlabel=words, ylabel=f"{as_text(bed.channels[row])} [{unit or '-'}]")
     axis.grid(alpha=0.25, axis="y")

@@ -1,0 +1,214 @@
+"""Several rig sets in one sand as one experiment: levels of each set are its folds, its noise is its own."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.effects.effect import Effect
+from rover_pin.estimation.experiment import Experiment, Sensitivities
+from rover_pin.estimation.noise import Noise, declared_noise
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.joint_rig.model import OWN, JointModel, Part
+from rover_pin.experiments.wheel_rig.candidates import added, needs_speeds
+from rover_pin.experiments.wheel_rig.checks import FEWEST_LEVELS
+from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment
+from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
+from rover_pin.experiments.wheel_rig.presets import LUGS, is_of_other_wheel, preset_candidate
+from rover_pin.identification.identifiability import SAME_LOAD
+from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.wheel_rig import WheelRig
+
+OTHER_WIDTH = 1.05
+"""Widths that differ by this tell k_1 and k_2 apart: from here k_2 is free."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointRig(Experiment):
+    """The runs of several sets; folds are the levels of each, channels all that any of them measured."""
+
+    sets: Mapping[str, RigSet]
+    twice: tuple[Finding, ...] = ()
+    is_exact = True
+
+    @cached_property
+    def _each(self) -> dict[str, RigExperiment]:
+        return {name: RigExperiment(data) for name, data in self.sets.items()}
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """The sets' names."""
+        return " + ".join(self.sets)
+
+    @property
+    def kinds(self) -> tuple[Any, ...]:
+        """The channels that any set has, in their order."""
+        present = {type(channel) for data in self.sets.values() for channel in data.rig.channels}
+        return tuple(kind for kind in ROWS if kind in present)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(kind.name for kind in self.kinds)
+
+    def unit(self, channel: str) -> str:
+        """Return the unit of a channel."""
+        return str(next(kind.unit for kind in self.kinds if kind.name == channel))
+
+    @property
+    def folds(self) -> tuple[str, ...]:
+        """`set: level` of every level of every set."""
+        return tuple(f"{name}: {level}" for name, data in self.sets.items() for level in data.level_names)
+
+    def of_set(self, name: str) -> np.ndarray:
+        """Return which folds are of a set (folds,)."""
+        return np.array([one == name for one, data in self.sets.items() for _ in data.level_names])
+
+    def _whole(self, tables: Mapping[str, np.ndarray], empty: float) -> np.ndarray:
+        """Return tables (..., levels, own channels, own samples) of every set as one, `empty` where a set has none."""
+        samples = max(table.shape[-1] for table in tables.values())
+        wide = []
+        for name, table in tables.items():
+            rows = [self.channels.index(channel) for channel in self._each[name].channels]
+            own = np.full((*table.shape[:-2], len(self.channels), samples), empty)
+            own[..., rows, : table.shape[-1]] = table
+            wide.append(own)
+        return np.concatenate(wide, axis=-3)
+
+    @cached_property
+    def observed(self) -> np.ndarray:
+        """What was measured (folds, channels, samples); NaN where nothing was."""
+        return self._whole({name: one.observed for name, one in self._each.items()}, np.nan)
+
+    def noise(self) -> Noise:
+        """Return white noise of the SDs that each set states."""
+        sd = self._whole({name: one.noise().sd for name, one in self._each.items()}, 1.0)
+        return declared_noise(sd, self.observed)
+
+    def base_model(self) -> JointModel:
+        """Return the soil as the first set with pressing trials declares it, else as the one that declares most."""
+        sets = self.sets.values()
+        first = max(sets, key=lambda data: (bool(data.trials), len(data.rig.declared)))
+        askew = any(data.rig.askew.any() for data in sets)
+        parts = {
+            name: Part(data.rig.wheel, data.rig.errors, data.rig.beside.get("lug_height"))
+            for name, data in self.sets.items()
+        }
+        return JointModel(first.soil(), ASKEW if askew else PAPER, parts)
+
+    def records(self, model: Any) -> dict[str, Any]:
+        """Return the soil, the effects, and `set.wheel` and `set.rig` of each."""
+        own = {f"{name}.{kind}": getattr(part, field) for name, part in model.parts.items() for kind, field in OWN}
+        return {"soil": model.soil, **{type(one).__name__: one for one in model.effects}, **own}
+
+    def replaced(self, model: Any, owner: str, record: Any) -> Any:
+        """Return the model with another record of this name."""
+        if owner == "soil":
+            return dataclasses.replace(model, soil=record)
+        name, _, kind = owner.rpartition(".")
+        if name in model.parts:
+            part = dataclasses.replace(model.parts[name], **{dict(OWN)[kind]: record})
+            return dataclasses.replace(model, parts={**model.parts, name: part})
+        effects = tuple(record if type(one).__name__ == owner else one for one in model.effects)
+        return dataclasses.replace(model, effects=effects)
+
+    def uncertain(self, model: JointModel) -> tuple[Parameter, ...]:
+        """Return what is uncertain of any set: the soil once, wheels and errors of the rig by the name of their set."""
+        found: dict[str, Parameter] = {}
+        for name, one in self._each.items():
+            for each in one.uncertain(model.of(name)):
+                full = each.name if each.name.startswith("soil.") else f"{name}.{each.name}"
+                if full not in found or (each.prior and not found[full].prior):
+                    found[full] = dataclasses.replace(each, name=full)
+        for each in self._told_together(model):
+            found.setdefault(each.name, each)
+        return tuple(found.values())
+
+    def _told_together(self, model: JointModel) -> Iterator[Parameter]:
+        """Yield what the sets tell together, and none alone: n and c by their loads, k_2 by their widths."""
+        loads = np.concatenate([data.rig.load for data in self.sets.values()])
+        widths = [float(data.rig.wheel.b) for data in self.sets.values()]
+        if loads.max() >= SAME_LOAD * loads.min():
+            yield self.parameter(model, "soil.n", 0.3)
+            yield self.parameter(model, "soil.c", max(300.0, self.value(model, "soil.c")))
+        if max(widths) >= OTHER_WIDTH * min(widths):
+            yield self.parameter(model, "soil.k_2", self.value(model, "soil.k_1") / min(widths))
+
+    def candidates(self, model: JointModel, kinds: Sequence[type]) -> tuple[Candidate, ...]:
+        """Return what a rig can show and every set, where it needs speeds, has them for; geometry as declared."""
+        present = {type(effect) for effect in model.effects}
+        mine = [kind for kind in kinds if issubclass(kind, Effect) and kind.neutral and not kind.places]
+        able = [kind for kind in mine if not kind.before_slip and kind not in present]
+        effects = [added(kind, model.of(next(iter(self.sets)))) for kind in able]
+        sand = self.declared
+        shown = [one for one in effects if not is_of_other_wheel(one, sand) and self._shows(one, model)]
+        return tuple(preset_candidate(effect, sand) for effect in shown)
+
+    def _shows(self, effect: Effect, model: JointModel) -> bool:
+        silent = [(name, data) for name, data in self.sets.items() if data.speeds is None]
+        return not any(needs_speeds(data, model.of(name), effect) for name, data in silent)
+
+    @property
+    def declared(self) -> WheelRig:
+        """The wheel with the highest lugs, with all that any set declares of the sand."""
+        rigs = sorted((data.rig for data in self.sets.values()), key=lambda rig: rig.beside.get("lug_height", 0.0))
+        told_of_all = all("lug_height" in rig.beside for rig in rigs)
+        beside = {name: value for rig in rigs for name, value in rig.beside.items()}
+        if not told_of_all and beside.get("lug_height") == 0.0:
+            del beside["lug_height"]
+        return dataclasses.replace(rigs[-1], beside=beside)
+
+    def sensitivities(self, model: JointModel, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
+        """Return the channels of every set and their exact slopes."""
+        predicted, slopes = {}, {}
+        for name, one in self._each.items():
+            own = model.of(name)
+            local = [(at, _local(each.name, name)) for at, each in enumerate(parameters)]
+            acting = [(at, word) for at, word in local if word and _stands(own, word)]
+            asked = [dataclasses.replace(parameters[at], name=word) for at, word in acting]
+            asked = [_scaled(one, model.lug_share(name)) if _is_height(one.name) else one for one in asked]
+            found = one.sensitivities(own, asked, np.asarray(u)[[at for at, _ in acting]])
+            table = np.zeros((len(parameters), *found.predicted.shape))
+            table[[at for at, _ in acting]] = found.slopes
+            predicted[name], slopes[name] = found.predicted, table
+        return Sensitivities(self._whole(predicted, 0.0), self._whole(slopes, 0.0))
+
+    def predict(self, models: Sequence[JointModel]) -> np.ndarray:
+        """Return the channels of each model (models, folds, channels, samples)."""
+        return np.array([np.nan_to_num(self.sensitivities(one, (), np.zeros(0)).predicted) for one in models])
+
+    def insufficient(self) -> str:
+        """Return why the sets tell nothing together, and what would."""
+        if len(self.folds) >= FEWEST_LEVELS:
+            return ""
+        return f"{len(self.folds)} levels in all sets: measure at {FEWEST_LEVELS} or more, or give more sets."
+
+
+def _local(name: str, own: str) -> str:
+    """Return a parameter's name as a set's own model has it; empty where it is another set's."""
+    for kind, _ in OWN:
+        owner, found, rest = name.rpartition(f".{kind}.")
+        if found:
+            return f"{kind}.{rest}" if owner == own else ""
+    return name
+
+
+def _stands(model: RigModel, name: str) -> bool:
+    return name.rpartition(".")[0] in model.records
+
+
+def _is_height(name: str) -> bool:
+    return name.rpartition(".")[2] in LUGS
+
+
+def _scaled(one: Parameter, share: float) -> Parameter:
+    """Return a parameter whose value at u is this share of the given one's."""
+    scale = one.scale if one.log else one.scale * share
+    return dataclasses.replace(one, origin=one.origin * share, scale=scale, low=one.low * share, high=one.high * share)

@@ -1,0 +1,59 @@
+"""The model of several wheels in one sand: soil and effects are shared, wheels and the rigs' errors are each set's."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rover_pin.contact import Soil, Wheel
+from rover_pin.effects.effect import Effect
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.presets import LUGS
+from rover_pin.measurements.rig_errors import RigErrors
+
+OWN = (("wheel", "wheel"), ("rig", "errors"))
+"""Records that each set has of its own, as parameters and as a `Part` name them."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is a set's own: its wheel, its rig's errors, and the height of its lugs [m], None where it is not told."""
+
+    wheel: Wheel
+    errors: RigErrors
+    lugs: float | None
+
+
+@dataclass(frozen=True)
+class JointModel:
+    """One soil and one tuple of effects under several wheels, by the name of their set.
+
+    An effect of lugs acts under wheels that are told to have some, or not told to have none; its height is that of
+    the highest, and others have theirs in proportion.
+    """
+
+    soil: Soil
+    effects: tuple[Effect, ...]
+    parts: Mapping[str, Part]
+
+    def having(self, effect: Effect) -> JointModel:
+        """Return the model with one more effect."""
+        return dataclasses.replace(self, effects=(*self.effects, effect))
+
+    def of(self, name: str) -> RigModel:
+        """Return the model of one set."""
+        part, share = self.parts[name], self.lug_share(name)
+        acting = (effect for effect in self.effects if share > 0.0 or not _heights(effect))
+        effects = (one.replace(**{each: getattr(one, each) * share for each in _heights(one)}) for one in acting)
+        return RigModel(part.wheel, self.soil, tuple(effects), part.errors)
+
+    def lug_share(self, name: str) -> float:
+        """Return the height of a set's lugs over that of the highest; 1 where it is not told."""
+        lugs = self.parts[name].lugs
+        return lugs / max(each.lugs or 0.0 for each in self.parts.values()) if lugs else float(lugs is None)
+
+
+def _heights(effect: Effect) -> list[str]:
+    """Return which numbers of an effect are heights of lugs."""
+    return [name for name in LUGS if name in effect.neutral]

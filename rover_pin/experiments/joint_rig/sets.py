@@ -1,0 +1,76 @@
+"""Several rig sets read as one experiment: each by its name, and a run that stands in two of them used once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rover_pin.errors import DataError, ParameterError
+from rover_pin.experiments.joint_rig.experiment import JointRig
+from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import ROWS
+from rover_pin.measurements.finding import Finding
+from rover_pin.trust import Trust
+
+SAME_RUN = 0.02
+"""Runs of two sets whose loads and channels differ by less than this share of their SDs are one run."""
+GIVEN = 0.05
+"""The same of slip, slip angle [rad] and the load's share: one where they differ by less than 0.001."""
+
+
+def joined(sets: Sequence[RigSet]) -> JointRig:
+    """Return several sets as one experiment, runs that stand in two of them used once.
+
+    Raises
+    ------
+    ParameterError
+        Fewer than two sets.
+    DataError
+        Two of one name, or one of which every run stands in another.
+    """
+    if len(sets) < 2:
+        raise ParameterError("A joint fit is of two sets or more; of one, give it alone.")
+    named: dict[str, RigSet] = {}
+    findings = []
+    for data in sets:
+        name = data.rig.name
+        if name in named:
+            raise DataError(f"{name}: two sets have this name; give each its own in its rig.toml.")
+        new = ~_seen_before(data, named.values())
+        if not new.any():
+            raise DataError(f"{name}: every run of it stands in another set too; leave it out.")
+        if not new.all():
+            what = f"{int((~new).sum())} of {new.size} runs stand in another set too"
+            findings.append(Finding(what, name, "they are used once"))
+        named[name] = data if new.all() else data.rows(new)
+    return JointRig(named, tuple(findings))
+
+
+def read_joint(folders: Sequence[str | Path], trust: Trust = Trust()) -> JointRig:
+    """Return the sets of several folders as one experiment; errors as of `read_rig_set` and `joined`."""
+    return joined([read_rig_set(folder, trust) for folder in folders])
+
+
+def _seen_before(data: RigSet, others: Iterable[RigSet]) -> np.ndarray:
+    """Return which runs stand in another set already: slip, angle, load and channels are the same."""
+    seen = np.zeros(data.rig.slip.size, dtype=bool)
+    for other in others:
+        mine, theirs = _fingerprint(data, other), _fingerprint(other, data)
+        near = np.abs(mine[:, None] - theirs[None]) < SAME_RUN
+        seen |= (near | (np.isnan(mine[:, None]) & np.isnan(theirs[None]))).all(axis=2).any(axis=1)
+    return seen
+
+
+def _fingerprint(data: RigSet, other: RigSet) -> np.ndarray:
+    """Return slip, angle, ln load and the channels of both sets over their SDs (runs, numbers)."""
+    rig, both = data.rig, {type(one) for one in data.rig.channels} & {type(one) for one in other.rig.channels}
+    sd = {kind: _mean_sd(data, kind) + _mean_sd(other, kind) for kind in both}
+    given = np.array([rig.slip, rig.slip_angle, np.log(rig.load)]) / GIVEN
+    ordered = sorted((one for one in rig.channels if type(one) in both), key=lambda one: ROWS.index(type(one)))
+    return np.vstack([given, *(one.measured / sd[type(one)] for one in ordered)]).T
+
+
+def _mean_sd(data: RigSet, kind: type) -> float:
+    return float(next(one.sd.mean() for one in data.rig.channels if type(one) is kind))

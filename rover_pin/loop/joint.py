@@ -1,0 +1,107 @@
+"""The loop on several rig sets in one sand: one soil and one answer, with the errors of each set beside it."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.judge import Question, concluded
+from rover_pin.discrepancy.refit import Progress
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.baselines import Baseline, curves
+from rover_pin.estimation.wording import shown
+from rover_pin.experiments.joint_rig.experiment import JointRig
+from rover_pin.experiments.joint_rig.left import JointExtra, SetError
+from rover_pin.experiments.wheel_rig.candidates import rig_kinds
+from rover_pin.experiments.wheel_rig.checks import findings
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.model_file import write_model
+from rover_pin.experiments.wheel_rig.presets import told
+from rover_pin.loop.provenance import Asked, provenance
+from rover_pin.loop.verdict_file import written_last
+from rover_pin.measurements.finding import Finding
+from rover_pin.measurements.rig_physics import refuse_impossible
+from rover_pin.report.joint.report import write_report
+from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
+
+
+def close_joint_loop(joint: JointRig, asked: Asked, progress: Progress) -> Verdict:
+    """Return what one model of several sets lacks; see `close_the_loop`.
+
+    Raises
+    ------
+    DataError
+        A set that no wheel on any soil gives.
+    OptimisationError
+        The base model cannot be fitted at all.
+    """
+    begun = time.monotonic()
+    for data in joint.sets.values():
+        refuse_impossible(data.rig)
+    say_what_is_replaced(asked.out, OF_A_LOOP)
+    verdict = on_sets(joint, rig_kinds(asked.effects), progress, asked.seed)
+    verdict.provenance.update(provenance(asked, time.monotonic() - begun))
+    if asked.out is None:
+        return verdict
+    out = Path(asked.out)
+    files = [write_model(verdict.model.of(name), out / f"model-{name}.toml", verdict.sentence) for name in joint.sets]
+    return written_last(verdict, (*files, *write_report(verdict, joint, out)), out)
+
+
+def on_sets(joint: JointRig, kinds: Sequence[type], progress: Progress, seed: int = 0) -> Verdict:
+    """Return the verdict on sets that were read and checked."""
+    model, poor = joint.base_model(), joint.insufficient()
+    said = tuple(_findings(joint))
+    if poor:
+        return Verdict("wheel-rig", Answer.CANNOT_TELL, joint.name, poor, model, findings=said)
+    numbers = joint.uncertain(model)
+    question = Question(
+        "wheel-rig", joint.name, joint, model, numbers, lambda base: joint.candidates(base.model, kinds)
+    )
+    verdict = concluded(question, progress, seed)
+    tried = [one.effect for one in joint.candidates(model, kinds)]
+    extra = JointExtra(tuple(_errors(joint, verdict)), told(joint.declared, tried))
+    return dataclasses.replace(verdict, extra=extra, findings=said, cautions=(*verdict.cautions, *_losses(extra.sets)))
+
+
+def _findings(joint: JointRig) -> list[Finding]:
+    """Return what the check of each set found, the set's name before its place."""
+    own = [(name, each) for name, data in joint.sets.items() for each in findings(data)]
+    return [*joint.twice, *(each._replace(where=f"{name}, {each.where}") for name, each in own)]
+
+
+def _errors(joint: JointRig, verdict: Verdict) -> list[SetError]:
+    """Return the held-out errors of every channel of every set, and of the best curve through that set alone."""
+    rows = []
+    for name, data in joint.sets.items():
+        experiment, folds = RigExperiment(data), joint.of_set(name)
+        channels = [(each, experiment.unit(each)) for each in experiment.channels]
+        best = _best(curves(experiment.observed, experiment.given, channels))
+        for (channel, unit), noise in zip(channels, experiment.sd, strict=True):
+            count = np.isfinite(joint.observed[folds, joint.channels.index(channel)]).sum(axis=1)
+            score = next(one for one in verdict.scores if one.name == channel)
+            levels = np.array([(one.before, one.after) for one in score.levels])[folds]
+            was, now = np.sqrt(count @ np.nan_to_num(levels) ** 2 / count.sum()).tolist()
+            rows.append(SetError(name, channel, unit, was, now, float(noise), best[channel].curve, best[channel].error))
+    return rows
+
+
+def _best(found: Sequence[Baseline]) -> dict[str, Baseline]:
+    """Return the best curve of each channel."""
+    channels = {one.channel for one in found}
+    return {name: min((one for one in found if one.channel == name), key=lambda one: one.error) for name in channels}
+
+
+def _losses(sets: Sequence[SetError]) -> list[str]:
+    """Return where a curve through a set's own points predicts its levels better than the joint model."""
+    return [
+        f"held out, {one.channel} of {one.set} is predicted better by a {one.curve} of that set alone "
+        f"({shown(one.curve_error, one.unit)} against {shown(one.after, one.unit)})"
+        for one in sets
+        if one.curve_error < one.after
+    ]

@@ -1,0 +1,86 @@
+"""A joint fit's verdict as a page: the sections that any verdict has, and the errors of each set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.wording import shown
+from rover_pin.experiments.joint_rig.experiment import JointRig
+from rover_pin.experiments.joint_rig.left import JointExtra
+from rover_pin.report.bed.report import Side, panel
+from rover_pin.report.first_screen import FirstScreen
+from rover_pin.report.headline import headline
+from rover_pin.report.page import Head, write_page
+from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
+from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
+from rover_pin.report.sections.held_out import HeldOut
+from rover_pin.report.sections.numbers import Numbers
+from rover_pin.report.sections.physics import Physics
+from rover_pin.report.sections.sensitivity import Untold
+from rover_pin.report.sections.which_effect import WhichEffect
+from rover_pin.report.svg import AFTER, BEFORE
+from rover_pin.report.words import Manner, kinds_of, listing, spoken
+
+MANNER = Manner("on slips it never saw", "levels of slip")
+
+
+def write_report(verdict: Verdict, joint: JointRig, out: Path) -> list[Path]:
+    """Write report.html and its figures, and return their paths."""
+    count = int(np.isfinite(joint.observed).any(axis=1).sum())
+    kicker = f"{len(joint.sets)} sets in one sand: {count} runs at {len(joint.folds)} levels of slip"
+    sections = [
+        FirstScreen(verdict, MANNER, _picture(verdict, joint), "points"),
+        SetBySet(verdict),
+        HeldOut(verdict, MANNER),
+        Physics(verdict, MANNER),
+        WhichEffect(verdict, MANNER),
+        Numbers(verdict),
+        Untold(verdict),
+        Warnings(verdict, MANNER),
+        DataCheck(verdict),
+        Repeat(verdict, model_file=False),
+    ]
+    return write_page(Head(joint.name, kicker, headline(verdict, MANNER)), sections, out)
+
+
+def _picture(verdict: Verdict, joint: JointRig) -> Picture | None:
+    if verdict.before is None or verdict.after is None:
+        return None
+    added = listing(spoken(name, kinds_of(verdict)) for name in verdict.named)
+    sides: list[Side] = [(verdict.before.fit, BEFORE, "_", "base model, fitted")]
+    sides += [(verdict.after.fit, AFTER, "x", f"with {added}")] if added else []
+    panels = tuple(panel(joint, row, sides) for row in range(len(joint.channels)))
+    said = listing(
+        f"{one.name} {shown(one.before, one.unit)} to {shown(one.after, one.unit)}" for one in verdict.scores
+    )
+    alt = f"Measured and modelled {listing(joint.channels)}, point by point; error where not fitted: {said}."
+    return Picture(panels, alt, f"Each run once, {', then '.join(joint.sets)}; a level begins at each line.")
+
+
+@dataclass(frozen=True, eq=False)
+class SetBySet(Section):
+    """The held-out errors of each set, and of a curve through that set alone."""
+
+    verdict: Verdict
+    title: ClassVar[str] = "Set by set"
+    template: ClassVar[str] = "joint/set_by_set.html"
+
+    def content(self) -> Mapping[str, Any] | None:
+        """Return the table; None where nothing was fitted."""
+        if not isinstance(self.verdict.extra, JointExtra):
+            return None
+        added = bool(self.verdict.named)
+        rows = []
+        for one in self.verdict.extra.sets:
+            errors = [shown(each, one.unit) for each in ((one.before, one.after) if added else (one.before,))]
+            curve = f"{shown(one.curve_error, one.unit)} ({one.curve})"
+            cells = (f"{one.set}: {one.channel}", *errors, shown(one.noise, one.unit), curve)
+            rows.append(Row(cells, AWAY * (one.curve_error < one.after)))
+        heads = ("set and channel, not fitted", *before_and_after(added), "noise", "a curve of that set alone")
+        return {"table": Table(heads, tuple(rows), "Held-out errors of each set")}

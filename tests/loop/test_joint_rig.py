@@ -1,0 +1,207 @@
+"""Several rig sets in one sand: one soil and one answer, wheels and rig errors of their own, each set's errors told."""
+
+import dataclasses
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.contact import Wheel
+from rover_pin.discrepancy.search import calibrated
+from rover_pin.effects.bulldozing import Bulldozing
+from rover_pin.effects.lug_excavation import LugExcavation
+from rover_pin.effects.slip_softening import SlipSoftening
+from rover_pin.errors import DataError, ParameterError
+from rover_pin.experiments.joint_rig.experiment import JointRig
+from rover_pin.experiments.joint_rig.sets import joined, read_joint
+from rover_pin.experiments.wheel_rig.candidates import rig_kinds
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.model_file import read_model
+from rover_pin.loop.close import close_the_loop
+from rover_pin.loop.joint import on_sets
+from rover_pin.loop.provenance import Asked
+
+_file = Path(__file__).parents[1] / "oracle" / "rig_generator.py"
+_spec = importlib.util.spec_from_file_location("rig_generator_joint", _file)
+hidden = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(hidden)
+
+SLIPS = (0.0, 0.15, 0.3, 0.5, 0.75)
+TARE = 1.5
+
+
+def written(folder, name, effect="none", r=0.0625, b=0.06, seed=0, toml="", tare=0.0, loads=(15.0, 40.0)):
+    """A set of a wheel of these sizes, by a generator that shares no code, in the one sand."""
+    rig = hidden.Rig(effect)
+    rig.r, rig.b = r, b
+    table = hidden.rig_set(rig, loads=loads, slips=SLIPS, repeats=1, seed=seed)
+    table["drawbar_pull_N"] = table["drawbar_pull_N"] + tare
+    path = hidden.write(folder / name, rig, table)
+    text = (path / "rig.toml").read_text().replace('name = "hidden"', f'name = "{name}"')
+    (path / "rig.toml").write_text(text.replace("[wheel]\n", f"[wheel]\n{toml}"))
+    return path
+
+
+@pytest.fixture(scope="module")
+def sets(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("joint")
+    small = written(folder, "small", seed=1)
+    large = written(folder, "large", r=0.125, b=0.10, seed=2, tare=TARE, loads=(60.0,))
+    text = (large / "rig.toml").read_text()
+    (large / "rig.toml").write_text(text + '\n[rig]\npull_tare = { value = 0.0, sd = 3.0, unit = "N" }\n')
+    return small, large
+
+
+def fitted(joint):
+    model = joint.base_model()
+    return calibrated(joint, model, joint.uncertain(model))
+
+
+def test_one_soil_under_two_wheels_and_an_error_of_one_rig_alone(sets):
+    """K of the sand holds at both widths, so k_2 is 0; the tare is the large wheel's, and of its size."""
+    joint = read_joint(sets)
+    found = fitted(joint)
+    names = [one.name for one in found.parameters]
+    assert "large.rig.pull_tare" in names
+    assert not [name for name in names if name.startswith("small.")]
+    assert {"soil.k", "soil.phi", "soil.k_1", "soil.k_2", "soil.n", "soil.c"} <= set(names)
+    true = hidden.Rig("none").soil
+    assert found.value("soil.phi") == pytest.approx(true["phi"], abs=0.03)
+    assert found.value("soil.k") == pytest.approx(true["k"], rel=0.15)
+    at = [found.value("soil.k_1") + found.value("soil.k_2") * b for b in (0.06, 0.10)]
+    assert at == pytest.approx([true["K"]] * 2, rel=0.15)
+    assert found.value("large.rig.pull_tare") == pytest.approx(TARE, abs=0.6)
+    assert found.misfit < 1.3
+
+
+def test_a_set_cut_in_two_is_fitted_as_the_whole(sets):
+    whole = read_rig_set(sets[0])
+    low = whole.level < 2
+    parts = [
+        dataclasses.replace(part, rig=dataclasses.replace(part.rig, name=name))
+        for name, part in (("low", whole.rows(low)), ("high", whole.rows(~low)))
+    ]
+    experiment = RigExperiment(whole)
+    model = RigModel(whole.rig.wheel, whole.soil(), errors=whole.rig.errors)
+    alone = calibrated(experiment, model, experiment.uncertain(model))
+    together = fitted(joined(parts))
+    assert [one.name for one in together.parameters] == [one.name for one in alone.parameters]
+    assert together.u == pytest.approx(alone.u, abs=1e-3)
+    assert together.misfit == pytest.approx(alone.misfit, rel=1e-5)
+
+
+def test_slopes_are_differences_of_predictions_lugs_of_two_heights_and_none_included(sets, tmp_path):
+    folders = [
+        *sets,
+        written(tmp_path, "low", toml="lug_height = 0.003\n", seed=3),
+        written(tmp_path, "high", toml="lug_height = 0.006\n", seed=4),
+        written(tmp_path, "smooth", toml='surface = "smooth"\n', seed=5),
+    ]
+    joint = read_joint(folders)
+    base = joint.base_model()
+    lugs = next(one for one in joint.candidates(base, rig_kinds()) if one.kind == "LugExcavation")
+    assert lugs.effect.h_l == 0.006
+    model = lugs.on(base)
+    heights = {
+        name: [one.h_l for one in model.of(name).effects if isinstance(one, LugExcavation)] for name in joint.sets
+    }
+    assert heights == {"small": [0.006], "large": [0.006], "low": [0.003], "high": [0.006], "smooth": []}
+    numbers = (*joint.uncertain(base), *lugs.parameters)
+    u = np.full(len(numbers), 0.1)
+    slopes = joint.sensitivities(model, numbers, u).slopes
+    for at, one in enumerate(numbers):
+        step = 1e-5 * np.eye(len(u))[at]
+        up, down = (joint.sensitivities(model, numbers, u + each).predicted for each in (step, -step))
+        np.testing.assert_allclose(slopes[at], (up - down) / 2e-5, atol=1e-7 + 1e-5 * np.nanmax(np.abs(slopes[at])),
+                                   err_msg=one.name)  # fmt: skip
+    named = joint.with_values(model, {one.name: one.value(0.1) for one in numbers})
+    np.testing.assert_allclose(
+        joint.predict([named])[0], np.nan_to_num(joint.sensitivities(model, numbers, u).predicted)
+    )
+
+
+def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
+    small = read_rig_set(sets[0])
+    other = dataclasses.replace(small, rig=dataclasses.replace(small.rig, name="again"))
+    more = written(tmp_path, "more", seed=7)
+    rows = (more / "points.csv").read_text().splitlines() + (sets[0] / "points.csv").read_text().splitlines()[1:4]
+    (more / "points.csv").write_text("\n".join(rows) + "\n")
+    joint = read_joint((sets[0], more))
+    assert [str(one) for one in joint.twice] == ["more: 3 of 13 runs stand in another set too; they are used once."]
+    assert int(np.isfinite(joint.observed[:, 0]).sum()) == 20
+    with pytest.raises(DataError, match="again: every run of it stands in another set too; leave it out"):
+        joined([small, other])
+
+
+def test_what_is_no_joint_fit_is_refused(sets, tmp_path):
+    with pytest.raises(ParameterError, match="of two sets or more"):
+        joined([read_rig_set(sets[0])])
+    twin = written(tmp_path, "small", seed=9)
+    with pytest.raises(DataError, match="small: two sets have this name; give each its own"):
+        read_joint((sets[0], twin))
+    with pytest.raises(DataError, match=r"nowhere: there is no rig.toml in it; several data are rig sets in one sand"):
+        close_the_loop((sets[0], tmp_path / "nowhere"))
+    with pytest.raises(DataError, match="a joint fit of several rig sets does not take a model; leave it out"):
+        close_the_loop(sets, model="model.toml")
+
+
+def test_too_few_levels_in_all_sets_cannot_tell(sets):
+    parts = [read_rig_set(each) for each in sets]
+    joint = JointRig({one.rig.name: one.rows(one.level == 0) for one in parts})
+    verdict = on_sets(joint, (), lambda said: None)
+    assert verdict.answer.value == "cannot tell"
+    assert verdict.sentence == "2 levels in all sets: measure at 3 or more, or give more sets."
+
+
+def test_the_command_that_repeats_it_has_all_folders():
+    asked = Asked((Path("a"), Path("b c")), out="out")
+    assert asked.command == "rover-pin close-loop a 'b c' --out out"
+    assert Asked(("a", "b"), seed=2).command == "close_the_loop(['a', 'b'], ..., seed=2)"
+
+
+@pytest.fixture(scope="module")
+def softened(tmp_path_factory):
+    """Two wheels in sand that slip softens: the loop on both, with two effects to choose from."""
+    folder = tmp_path_factory.mktemp("softened")
+    sizes = (("small", 0.0625, 0.06, (25.0,)), ("large", 0.125, 0.06, (60.0,)))
+    sets = [written(folder, name, "slip_softening", r, b, 3, "", 0.0, loads) for name, r, b, loads in sizes]
+    return read_joint(sets), on_sets(read_joint(sets), (SlipSoftening, Bulldozing), lambda said: None)
+
+
+def test_what_both_sets_lack_is_named_and_each_sets_errors_are_told(softened):
+    joint, verdict = softened
+    assert verdict.named == ("SlipSoftening",)
+    rows = {(one.set, one.channel): one for one in verdict.extra.sets}
+    assert set(rows) == {(name, channel) for name in joint.sets for channel in joint.channels}
+    for name in joint.sets:
+        one = rows[name, "sinkage"]
+        assert one.after < 0.5 * one.before
+        levels = [each.after for each in next(s for s in verdict.scores if s.name == "sinkage").levels]
+        own = [error for error, fold in zip(levels, joint.folds, strict=True) if fold.startswith(f"{name}: ")]
+        assert one.after == pytest.approx(np.sqrt(np.mean(np.square(own)))), "as many runs at each level"
+        assert f"{name}: held-out sinkage" in verdict.summary()
+    lost = [one for one in verdict.extra.sets if one.curve_error < one.after]
+    assert sum("of that set alone" in said for said in verdict.cautions) == len(lost)
+
+
+@pytest.mark.slow
+def test_the_whole_loop_on_two_sets_writes_a_report_and_a_model_of_each(sets, tmp_path):
+    verdict = close_the_loop(sets, out=tmp_path)
+    assert verdict.answer.value == "no effect needed"
+    page = (tmp_path / "report.html").read_text()
+    assert "Set by set" in page
+    assert "small: sinkage" in page
+    assert {one.name for one in verdict.files} >= {
+        "model-small.toml",
+        "model-large.toml",
+        "report.html",
+        "verdict.json",
+    }
+    assert read_model(tmp_path / "model-large.toml").wheel == Wheel(0.125, 0.10)
+    kept = json.loads((tmp_path / "verdict.json").read_text())
+    assert [one["set"] for one in kept["extra"]["sets"]] == ["small"] * 3 + ["large"] * 3
+    assert kept["command"].startswith("rover-pin close-loop ")
