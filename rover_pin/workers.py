@@ -37,6 +37,8 @@ def ending_workers() -> Iterator[None]:
     try:
         yield
     except (KeyboardInterrupt, SystemExit):
+        if own:
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one would end this by a traceback
         _end_all()
         raise
     finally:

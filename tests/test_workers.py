@@ -54,11 +54,12 @@ def until(condition, seconds=60.0):
 def test_a_stopped_sweep_leaves_no_workers_and_says_what_is_kept(tmp_path, stop, send):
     """SIGTERM as `kill` sends it, to the program alone; Ctrl-C as a terminal does, to its workers as well.
 
-    A shell lets what it starts in the background ignore SIGINT, and these tests with it.
+    A shell lets what it starts in the background ignore SIGINT, and these tests with it. No tool of the system is
+    there: where loky lacks psutil it looks for workers' children by pgrep, and without that the program hung.
     """
     script, out = tmp_path / "slow.py", tmp_path / "out"
     script.write_text(SWEEP)
-    env = {**os.environ, "PYTHONPATH": str(Path(rover_pin.__file__).parents[1])}
+    env = {**os.environ, "PYTHONPATH": str(Path(rover_pin.__file__).parents[1]), "PATH": str(tmp_path)}
     process = subprocess.Popen(
         [sys.executable, str(script), str(out)], env=env, stderr=subprocess.PIPE, text=True, start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
