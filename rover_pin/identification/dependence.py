@@ -17,6 +17,7 @@ from rover_pin.identification.identify import build
 from rover_pin.identification.result import Assumed, Change, Estimate, Held, Identification, Verdict, with_unit
 from rover_pin.measurements.channel import Evidence
 from rover_pin.quantity import quantities
+from rover_pin.time_left import telling
 
 SAME = 1e-9
 """Change of a prediction, in SDs, below which a number does not enter it."""
@@ -41,7 +42,9 @@ def with_held(
     names = tuple(one.name for one in found.estimates)
     fit = build(data, found.soil, names, priors or {}).widened(found.misfit)
     u = descend(fit, fit.space.start())[0]
-    moved = [[_refit(data, fit, change, u) for change in one.ends] for one in held]
+    moved = [
+        [_refit(data, fit, change, u) for change in one.ends] for one in telling(held, len(held), "held numbers moved")
+    ]
     rows = tuple(_assumed(fit, one, ends) for one, ends in zip(held, moved, strict=True))
     estimates = tuple(_judged(fit, one, u[at], rows) for at, one in enumerate(found.estimates))
     return dataclasses.replace(found, estimates=estimates, held=rows)

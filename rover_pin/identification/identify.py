@@ -21,6 +21,7 @@ from rover_pin.identification.result import ChannelFit, Estimate, Identification
 from rover_pin.identification.soil_space import space
 from rover_pin.measurements.channel import FIELDS, Evidence
 from rover_pin.quantity import quantities
+from rover_pin.time_left import telling
 
 SAME_CHI2 = 0.01
 """Starts within this of the lowest chi2 ended at the same fit."""
@@ -92,7 +93,7 @@ def identify(
     problem = build(data, soil, free, priors or {})
     starts = scatter(problem, search)
     refuse_untold(problem, starts)
-    ended = [_solve(problem, u) for u in starts]
+    ended = list(telling((_solve(problem, u) for u in starts), len(starts), "starts fitted"))
     best = _lowest(problem, ended)
     widen = misfit(best.chi2, problem.freedom)
     judged = problem.widened(widen)

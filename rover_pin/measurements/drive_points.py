@@ -23,6 +23,7 @@ from rover_pin.motion.motor import Motor
 from rover_pin.quantity import declared_sds, record_from
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import TorqueTraction
+from rover_pin.time_left import telling
 from rover_pin.trust import Trust
 
 
@@ -94,7 +95,8 @@ def drive_points(
         if len(trace.t) < 2:
             raise DataError(f"{log.folder}: run {trace.attrs['file']} has {len(trace.t)} row: leave it out.")
     for length in sampling.lengths:
-        runs = [steady_windows(trace, rover, motor, length, sampling.steady) for trace in log.runs]
+        cut = (steady_windows(trace, rover, motor, length, sampling.steady) for trace in log.runs)
+        runs = list(telling(cut, len(log.runs), f"runs cut into windows of {length:g} s"))
         scatter = rms([window.slip_sd for windows in runs for window in windows])
         if scatter < 0.5 / sampling.levels:
             break

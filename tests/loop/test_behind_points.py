@@ -1,12 +1,15 @@
 """What a drive log's points were worked out with is listed, and worked out again where its error is not in them."""
 
+import logging
 import math
+import re
 from pathlib import Path
 from shutil import copytree
 from unittest.mock import patch
 
 import pytest
 
+from rover_pin import time_left
 from rover_pin.contact import Soil
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import DataError
@@ -43,6 +46,15 @@ def test_a_log_is_read_once_for_its_check_its_points_and_what_is_behind_them(run
     assert code == 0
     assert "RelaxedSlip.length" in out
     assert reading.call_count == 1
+
+
+def test_a_long_identification_tells_how_far_it_is(run, monkeypatch, caplog):
+    monkeypatch.setattr(time_left, "SECONDS_BETWEEN_LINES", 0.0)
+    with caplog.at_level(logging.INFO):
+        assert run("identify", LOG)[0] == 0
+    said = [record.getMessage() for record in caplog.records]
+    for what in ("runs cut into windows of 2 s", "starts fitted", "held numbers moved"):
+        assert any(re.match(rf"{what}: 1 of \d+, about .* left", line) for line in said), what
 
 
 def test_every_number_behind_the_points_says_where_it_is_from():
