@@ -8,7 +8,7 @@ import typer
 from rover_pin.commands.options import AsJson
 from rover_pin.errors import ParameterError, closest
 from rover_pin.paths import is_file
-from rover_pin.results_folder import alone_in, say_what_is_replaced
+from rover_pin.results_folder import alone_in
 from rover_pin.terminal import progress, report
 
 SETS = {"rig": "rig.toml", "drive-log": "drive.toml", "slip-slope": "slope.toml"}
@@ -34,7 +34,6 @@ def demo(
     others = [file for each, file in SETS.items() if each != kind and is_file(folder / file)]
     if others:
         raise ParameterError(f"{folder}: another kind of set is there ({others[0]}): give another --out.")
-    say_what_is_replaced(folder, (SETS[kind],))
     from rover_pin.demo import drive_log, rig, slip_slope
     from rover_pin.demo import hidden as hiding
 

@@ -21,8 +21,11 @@ from rover_pin.motion.effect_words import effect_of, word_of
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.quantity import declared
+from rover_pin.results_folder import say_what_is_replaced
 from rover_pin.toml_file import toml_text
 
+KINDS = ("rig.toml", "drive.toml", "slope.toml")
+"""Files that say of a folder what set is in it."""
 ANY, NONE = "any", "nothing"
 CONTACT = ("SlipSinkage.n_1=0.7", "ExitAngle.e_1=0.4", "PostPeak.fraction=0.4")
 """What chance may hide in a wheel's contact, at sizes that such sets show."""
@@ -64,7 +67,11 @@ def contact_effect(word: str) -> Effect | None:
 
 
 def keep_truth(folder: Path, hidden: AnyEffect | None, soil: Soil, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Write the truth beside the folder of a set, never in it; return it."""
+    """Write the truth beside the folder of a set, never in it; return it. It is the first that is written.
+
+    Nothing is left then that could refuse the set, so that what it replaces is said here.
+    """
+    say_what_is_replaced(folder, KINDS)
     truth = {"hidden": NONE if hidden is None else word_of(hidden), **about, "soil": declared(soil)}
     replace_file(truth_file(folder), toml_text(truth))
     return truth

@@ -105,6 +105,16 @@ def test_a_set_of_another_kind_is_not_written_over(run):
     assert "another kind of set is there (rig.toml)" in err
 
 
+def test_what_is_replaced_is_said_by_who_replaces_it(run):
+    assert run("demo", "rig", "--out", "made")[2] == ""
+    code, _, err = run("demo", "rig", "--hidden", "SupplySag", "--out", "made")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "replaces" not in err
+    code, _, err = run("demo", "rig", "--out", "made")
+    assert code == 0
+    assert "which this one replaces as it writes its own: rig.toml" in err
+
+
 @pytest.mark.slow
 def test_the_loop_answers_what_the_rig_hides(run, tmp_path):
     assert run("demo", "rig", "--hidden", "SlipSinkage.n_1=0.7", "--out", "made")[0] == 0
