@@ -111,9 +111,12 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
     steer = [_held(log[f"steer_{wheel}"])[at] if f"steer_{wheel}" in log else np.zeros(len(rows)) for wheel in steered]
     rate = np.column_stack([filled(averaged(t, each, rows, period)) for each in told.T]) if held else None
     duty = np.column_stack([_held(column)[at] for column in told.T]) if rate is None else shares(rate)
-    place = np.column_stack([averaged(t, column, rows, period) for column in (x, y, np.unwrap(_held(yaw)))])
+    course = np.unwrap(_held(yaw))
+    begun = np.column_stack([averaged(t, column, rows[:FIRST_ROWS], period) for column in (x, y, course)])
     declared = log.attrs.get("start")
-    start = Start(**declared) if declared else _begun(log, place[:FIRST_ROWS], period)
+    start = Start(**declared) if declared else _begun(log, begun, period)
+    known = np.where(np.isfinite(yaw), course, np.nan)
+    place = np.column_stack([averaged(t, column, rows, period) for column in (x, y, known)])
     return Commands(rows, duty, np.column_stack(steer) if steer else np.zeros((len(rows), 0)), place, start, rate)
 
 

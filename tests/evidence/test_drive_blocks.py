@@ -119,6 +119,22 @@ def test_gaps_are_not_compared(driven):
     assert np.isfinite(run.seen[run.channels.index("wheel_rate_fr"), 6])
 
 
+def test_a_heading_that_was_lost_is_not_the_last_that_was_known(driven):
+    """It was held over the gap and compared, and the rover was drawn to it."""
+    log, rover = as_logged(driven), load_rover("nexus6")
+    lost = (log.t > 1.5) & (log.t < 3.0)
+    gone = {"body_yaw": np.where(lost, np.nan, log["body_yaw"])}
+    run = logged_run(Trace({**log.channels, **gone}, attrs=dict(log.attrs)), rover)
+    whole = logged_run(log, rover)
+    inside = (run.commands.t > 1.55) & (run.commands.t < 2.95)
+    assert np.isnan(run.commands.place[inside, 2]).all()
+    assert np.isfinite(run.commands.place[~((run.commands.t > 1.45) & (run.commands.t < 3.05))]).all()
+    row = run.channels.index("heading")
+    blind = (run.times > 1.5) & (run.times < 3.0)
+    assert np.isnan(run.seen[row, blind]).all()
+    assert np.isfinite(whole.seen[row, blind]).all()
+
+
 def test_features_of_the_log_equal_those_of_its_own_channels(driven):
     run = logged_run(as_logged(driven), load_rover("nexus6"))
     again = run.features({name: np.asarray(row) for name, row in run.measured.items()})
