@@ -14,7 +14,16 @@ from rover_pin.estimation.descent import descend
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.identification.identifiability import REMEDY
 from rover_pin.identification.identify import build
-from rover_pin.identification.result import Assumed, Change, Estimate, Held, Identification, Verdict, with_unit
+from rover_pin.identification.result import (
+    Assumed,
+    Change,
+    Estimate,
+    Held,
+    Identification,
+    Verdict,
+    hanging_on,
+    with_unit,
+)
 from rover_pin.measurements.channel import Evidence
 from rover_pin.quantity import quantities
 from rover_pin.time_left import telling
@@ -94,8 +103,9 @@ def _judged(fit: Problem, one: Estimate, u: float, rows: Sequence[Assumed]) -> E
     blamed = _blamed(far)
     if not blamed:
         return one
-    reason = _reason(one, rows, blamed, far[blamed[0]] > 1.0)
-    return one._replace(verdict=Verdict.DEPENDS, reason=reason, depends_on=tuple(blamed))
+    measured = tuple(row.held.name for row in rows if row.held.measured and row.held.name in blamed)
+    told = one._replace(verdict=Verdict.DEPENDS, depends_on=tuple(blamed), measured=measured)
+    return told._replace(reason=_reason(told, rows, far[blamed[0]] > 1.0))
 
 
 def _distance(fit: Problem, one: Estimate, u: float, ends: tuple[float, float]) -> float:
@@ -118,9 +128,12 @@ def _blamed(far: Mapping[str, float]) -> list[str]:
     return []
 
 
-def _reason(one: Estimate, rows: Sequence[Assumed], blamed: Sequence[str], alone: bool) -> str:
+def _reason(one: Estimate, rows: Sequence[Assumed], alone: bool) -> str:
     """Return the verdict's sentence: what it depends on, where each moves it, and what would tell the first."""
+    blamed = one.depends_on
     moved = {row.held.name: with_unit(row.moved[one.name], one.unit) for row in rows if row.moved}
-    said = " and ".join(f"{name} (it becomes {moved[name]})" for name in blamed)
+    said = hanging_on({name: f"{name} (it becomes {moved[name]})" for name in blamed}, one.measured)
     remedy = REMEDY.get(blamed[0].partition(" ")[0], "measure it, and declare it with its sd")
-    return f"depends on the assumed {said}{'' if alone else ' together'}: {remedy}"
+    if blamed[0] in one.measured:
+        remedy = f"it was measured, but not closely enough; {remedy}"
+    return f"depends on {said}{'' if alone else ' together'}: {remedy}"

@@ -16,6 +16,9 @@ from rover_pin.measurements.rig_file import BEKKER_UNITS
 from rover_pin.quantity import Record, quantities
 from rover_pin.soil.stress import modulus
 
+STATED = "its declared SD"
+"""Where the range of a number is from whose SD the data state."""
+
 
 class Doubt(NamedTuple):
     """SD that is assumed of a number that states none."""
@@ -78,12 +81,15 @@ class _Given:
         value, about, known = float(getattr(record, name)), quantities(record)[name], self.known.get(name)
         if known is not None and self._is_datas(name):
             ends = ({name: known.low, **known.at_low}, {name: known.high, **known.at_high})
-            return Held(name, about.unit, value, known.source, known.low, known.high, known.doubt, ends)
+            return Held(
+                name, about.unit, value, known.source, known.low, known.high, known.doubt, ends, known.doubt != ASSUMED
+            )
         if name in ("k_1", "k_2") and not value:
             return Held(name, about.unit, value, self._source(name), value, value, "the other stands for k_1 + k_2 b")
         low, high, doubt = self._range(name, value)
         low, high = max(low, about.low), min(high, about.high)
-        return Held(name, about.unit, value, self._source(name), low, high, doubt, ({name: low}, {name: high}))
+        ends = ({name: low}, {name: high})
+        return Held(name, about.unit, value, self._source(name), low, high, doubt, ends, doubt == STATED)
 
     def pressure(self) -> Held:
         """Return k_1 + k_2 b, of which k_1 takes what moves."""
@@ -91,7 +97,7 @@ class _Given:
         by = "k_2" if "k_2" in self.said else "k_1"
         low, high, doubt = self._range(by, value)
         ends = ({"k_1": low - wide}, {"k_1": high - wide})
-        return Held("k_1 + k_2 b", "Pa", value, self._source(by), low, high, doubt, ends)
+        return Held("k_1 + k_2 b", "Pa", value, self._source(by), low, high, doubt, ends, doubt == STATED)
 
     def _record(self, name: str) -> Record:
         return self.data.wheel if name in quantities(self.data.wheel) else self.soil
@@ -112,7 +118,7 @@ class _Given:
         about, declared = DOUBTS[name], self._is_declared(name)
         if declared and name in self.data.doubts:
             sd = self.data.doubts[name]
-            return *range_of(value, sd / abs(value) if about.relative else sd, about.relative), "its declared SD"
+            return *range_of(value, sd / abs(value) if about.relative else sd, about.relative), STATED
         if not declared and name not in self.said and name in quantities(self.soil):
             return *range_of(value, about.otherwise, about.relative), "assumed of another soil's"
         return *range_of(value, about.stated * (value if name == "c" else 1.0), about.relative), ASSUMED

@@ -23,7 +23,7 @@ class Verdict(Enum):
     FOUND = "found"
     HELD_AT_PRIOR = "held at prior"
     NOT_IDENTIFIABLE = "not identifiable"
-    DEPENDS = "depends on the assumed"
+    DEPENDS = "depends on"
 
 
 class Estimate(NamedTuple):
@@ -44,11 +44,23 @@ class Estimate(NamedTuple):
     "a sentence"
     depends_on: tuple[str, ...] = ()
     "the held numbers that move it out of its interval within their ranges"
+    measured: tuple[str, ...] = ()
+    "those of them whose range is a measurement's or was declared, not assumed"
 
     @property
     def said(self) -> str:
         """The verdict in words, with the names of what it depends on."""
-        return " ".join((self.verdict.value, " and ".join(self.depends_on))).rstrip()
+        words = {name: name for name in self.depends_on}
+        return " ".join((self.verdict.value, hanging_on(words, self.measured))).rstrip()
+
+
+def hanging_on(words: Mapping[str, str], measured: Sequence[str]) -> str:
+    """Return what a number depends on, name -> words: those that were assumed, then those that were measured."""
+    parts = []
+    for kind, own in (("assumed", False), ("measured", True)):
+        names = [said for name, said in words.items() if (name in measured) == own]
+        parts += [f"the {kind} {' and '.join(names)}"] if names else []
+    return " and ".join(parts)
 
 
 Change = Mapping[str, float] | Callable[[], Evidence]
@@ -70,6 +82,8 @@ class Held(NamedTuple):
     "where the range is from"
     ends: tuple[Change, Change] = (MappingProxyType({}), MappingProxyType({}))
     "what changes at either end"
+    measured: bool = False
+    "whether the range is a measurement's, or declared"
 
 
 class Assumed(NamedTuple):

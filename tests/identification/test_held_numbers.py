@@ -22,7 +22,7 @@ from rover_pin.identification import dependence
 from rover_pin.identification.dependence import _blamed, with_held
 from rover_pin.identification.held import DOUBTS, held_numbers
 from rover_pin.identification.identify import Search, identify
-from rover_pin.identification.result import Assumed, Held, Verdict
+from rover_pin.identification.result import Assumed, Held, Verdict, hanging_on
 from rover_pin.loop.identified import identified
 from rover_pin.measurements.channel import FIELDS, DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.known import declared_ranges
@@ -246,6 +246,27 @@ def test_a_modulus_held_at_twice_the_truth_is_blamed():
         moved = next(each for each in found.held if each.held.name == "k_1").moved[name]
         assert min(moved) < float(getattr(TRUTH, name)) < max(moved)
         assert name not in found.found
+
+
+def test_what_was_measured_is_not_called_assumed():
+    """The same modulus, declared with the SD of a coarse measurement: it decides as well, and nobody assumed it."""
+    wrong = TRUTH.replace(k_1=2.0 * TRUTH.k_1)
+    known = {name: float(getattr(wrong, name)) for name in ("c", "n", "exit_ratio", "k_1")}
+    sds = {"c": 5.0, "n": 0.005, "exit_ratio": 0.005, "k_1": 0.35 * wrong.k_1}
+    found = judged(rig(declared=known, doubts=sds), wrong, ("k", "phi"))
+    one = found["phi"]
+    assert one.verdict is Verdict.DEPENDS
+    assert one.measured == one.depends_on[:1] == ("k_1",)
+    assert one.said == "depends on the measured k_1"
+    assert one.reason.startswith("depends on the measured k_1 (it becomes ")
+    assert "): it was measured, but not closely enough; sinkage under a known load tells" in one.reason
+
+
+def test_what_a_number_depends_on_is_told_by_kind():
+    words = {"exit_ratio": "exit_ratio (a)", "n": "n (b)", "c": "c (c)"}
+    assert hanging_on(words, ("n",)) == "the assumed exit_ratio (a) and c (c) and the measured n (b)"
+    assert hanging_on(words, ()) == "the assumed exit_ratio (a) and n (b) and c (c)"
+    assert hanging_on({"n": "n"}, ("n",)) == "the measured n"
 
 
 def sure(value):
