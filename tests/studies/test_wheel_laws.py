@@ -1,14 +1,15 @@
 """The study of wheel laws: its laws reach what it says, on levels held out."""
 
 import importlib
+from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 
 @pytest.fixture
 def study(monkeypatch):
-    from pathlib import Path
-
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "studies"))
     return importlib.import_module("wheel_laws")
 
@@ -23,9 +24,51 @@ def test_a_braked_wheel_ploughs_as_its_volume_says(study):
     assert fit.value("Ploughing.a_b") == pytest.approx(1.0, abs=0.1)
 
 
+ROOT = Path(__file__).parents[2]
+
+
+def shown(rows, name, law):
+    """The errors of one law on one set as the page has them; "-" where the study has none."""
+    found = rows[(rows["set"] == name) & (rows["law"] == law)]
+    if found.empty:
+        return "-"
+    row = found.iloc[0]
+    errors = (row["drawbar_pull_N"], row["sinkage_mm"], row["side_force_N"])
+    return " / ".join(f"{error:.2f}" for error in errors if not np.isnan(error))
+
+
+def test_the_page_has_the_table_that_the_study_wrote():
+    rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
+    page = (ROOT / "docs" / "validation.md").read_text().partition("## Measured wheels")[2].partition("\n## ")[0]
+    table = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line[:2] == "| "]
+    assert [row[0] for row in table[2:]] == [
+        "smooth", "lugged", "braked", "both signs", "slip angles", "lugged from smooth",
+    ]  # fmt: skip
+    for name, law, held_out, quadratic, process, one_soil, _ in table[2:]:
+        assert held_out == shown(rows, name, law)
+        assert quadratic == shown(rows, name, "quadratic")
+        assert process == shown(rows, name, "Gaussian process")
+        assert one_soil == shown(rows, f"one sand: {name}", "+ smooth rims + rate")
+
+
+def test_the_page_compares_with_what_was_to_be_reached(study):
+    page = (ROOT / "docs" / "validation.md").read_text()
+    for name, (pull, sinkage, _) in study.REACH.items():
+        (line,) = (each for each in page.splitlines() if each.startswith(f"| {name} |"))
+        asked = line.strip("| ").split("|")[-1].split("/")
+        assert (asked[0].strip() == "-") == (pull is None)
+        assert float(asked[1]) == sinkage
+        assert pull is None or float(asked[0]) == pull
+
+
 @pytest.mark.slow
 def test_side_force_and_both_signs_of_slip_are_reached(study):
-    rows = {(row.set, row.law): row for row in study.table()}
+    made = study.table()
+    rows = {(row.set, row.law): row for row in made}
+    kept = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
+    assert [(row.set, row.law) for row in made] == list(zip(kept["set"], kept["law"], strict=True))
+    for name in ("drawbar_pull_N", "sinkage_mm", "side_force_N"):
+        np.testing.assert_allclose([getattr(row, name) for row in made], kept[name], rtol=0.1, atol=0.05)
     both = rows["both signs", "softening + ploughing"]
     assert (both.drawbar_pull_N < 1.5, both.sinkage_mm < 2.5) == (True, True)
     askew = rows["slip angles", "+ softening + flank + rate"]

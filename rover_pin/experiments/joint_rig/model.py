@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.effect import Effect
+from rover_pin.effects.interface_friction import InterfaceFriction
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.presets import LUGS
 from rover_pin.measurements.rig_errors import RigErrors
@@ -30,7 +31,8 @@ class JointModel:
     """One soil and one tuple of effects under several wheels, by the name of their set.
 
     An effect of lugs acts under wheels that are told to have some, or not told to have none; its height is that of
-    the highest, and others have theirs in proportion.
+    the highest, and others have theirs in proportion. `InterfaceFriction`, of a smooth rim, acts under wheels that are
+    not told to have lugs: between lugs sand shears on sand.
     """
 
     soil: Soil
@@ -44,7 +46,7 @@ class JointModel:
     def of(self, name: str) -> RigModel:
         """Return the model of one set."""
         part, share = self.parts[name], self.lug_share(name)
-        acting = (effect for effect in self.effects if share > 0.0 or not _heights(effect))
+        acting = (effect for effect in self.effects if _acts(effect, part.lugs))
         effects = (one.replace(**{each: getattr(one, each) * share for each in _heights(one)}) for one in acting)
         return RigModel(part.wheel, self.soil, tuple(effects), part.errors)
 
@@ -52,6 +54,11 @@ class JointModel:
         """Return the height of a set's lugs over that of the highest; 1 where it is not told."""
         lugs = self.parts[name].lugs
         return lugs / max(each.lugs or 0.0 for each in self.parts.values()) if lugs else float(lugs is None)
+
+
+def _acts(effect: Effect, lugs: float | None) -> bool:
+    """Return whether an effect acts under a wheel with lugs of this height, None where it is not told."""
+    return not lugs if isinstance(effect, InterfaceFriction) else lugs != 0.0 or not _heights(effect)
 
 
 def _heights(effect: Effect) -> list[str]:
