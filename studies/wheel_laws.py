@@ -48,7 +48,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -58,6 +58,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from forms.curves import BASELINES, left_out
 from forms.sinkage import DingMetres, Exponential, Lyasko, Squared
 
 from rover_pin.discrepancy.cross_validation import refitted_left_out
@@ -71,7 +72,6 @@ from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.slip_softening import SlipSoftening
-from rover_pin.estimation.baselines import gaussian_process, mean, quadratic
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.joint_rig.model import JointModel
 from rover_pin.experiments.joint_rig.sets import joined as joined_sets
@@ -286,24 +286,6 @@ def one_sand(sets: Sequence[RigSet]) -> list[Row]:
             errors = (rms["drawbar pull"], 1e3 * rms["sinkage"], rms["side force"])
             rows.append(Row(f"one sand: {NAMES[name]}", law, *errors, sizes(fit)))
     return rows
-
-
-Predict = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-
-
-def left_out(data: RigSet, predict: Predict) -> np.ndarray:
-    """Return the errors [channels, runs] of a baseline, each level predicted from the others."""
-    inputs = np.column_stack([data.rig.slip, np.asarray(data.rig.slip_angle)])
-    inputs = inputs[:, np.ptp(inputs, axis=0) > 0]
-    error = np.zeros((len(data.rig.channels), len(inputs)))
-    for number, channel in enumerate(data.rig.channels):
-        for level in range(len(data.level_names)):
-            out = data.level == level
-            error[number, out] = predict(inputs[~out], channel.measured[~out], inputs[out]) - channel.measured[out]
-    return error
-
-
-BASELINES = {"mean": mean, "quadratic": quadratic, "Gaussian process": gaussian_process}
 
 
 if __name__ == "__main__":

@@ -1,0 +1,27 @@
+"""Curves through measured points, each slip level predicted from the others: what a user would otherwise take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from rover_pin.estimation.baselines import gaussian_process, mean, quadratic
+from rover_pin.experiments.wheel_rig.data import RigSet
+
+Predict = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def left_out(data: RigSet, predict: Predict) -> np.ndarray:
+    """Return the errors [channels, runs] of a baseline, each level predicted from the others."""
+    inputs = np.column_stack([data.rig.slip, np.asarray(data.rig.slip_angle)])
+    inputs = inputs[:, np.ptp(inputs, axis=0) > 0]
+    error = np.zeros((len(data.rig.channels), len(inputs)))
+    for number, channel in enumerate(data.rig.channels):
+        for level in range(len(data.level_names)):
+            out = data.level == level
+            error[number, out] = predict(inputs[~out], channel.measured[~out], inputs[out]) - channel.measured[out]
+    return error
+
+
+BASELINES = {"mean": mean, "quadratic": quadratic, "Gaussian process": gaussian_process}
