@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.search import calibrated
 from rover_pin.effects.bulldozing import Bulldozing
+from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.errors import DataError
@@ -327,3 +329,17 @@ def test_a_soil_constant_with_an_sd_is_a_prior_of_the_loops_fits(plain, tmp_path
         assert [one.name for one in found.parameters].count("soil.phi") == 1
     assert ends[1e-5] == pytest.approx(value, abs=1e-4)
     assert abs(ends[10.0] - free) < math.radians(1.5)
+
+
+# --- slow carriages --------------------------------------------------------------------------------------------------
+
+
+def test_how_the_hole_of_a_slow_wheel_depends_on_its_speed_is_told():
+    page = (Path(__file__).parents[2] / "docs" / "data-wheel-rig.md").read_text()
+    told_so = re.search(r"sinks (.*?)\.\n", page, re.DOTALL)[1]
+    pairs = [tuple(map(float, pair)) for pair in re.findall(r"([\d.]+) mm\s+at (\d+) mm/s", told_so)]
+    assert [speed for _, speed in pairs] == [50.0, 10.0, 5.0, 1.0]
+    model = RigModel(Wheel(0.0625, 0.06), Soil(k=0.008)).having(DiggingMemory())
+    for sinkage, speed in pairs:
+        found = model.predict(25.0, 0.5, np.array([[1e-3 * speed, 2e-3 * speed]])).sinkage[0]
+        assert 1e3 * found == pytest.approx(sinkage, abs=0.06)
