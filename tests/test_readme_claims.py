@@ -85,7 +85,7 @@ COMMANDS = {
     )),
     "python studies/wheel_laws.py": Command((
         Claim(rf"\| braked \| ploughing \| {NUMBER} / {NUMBER} \| {NUMBER} / {NUMBER} \|",
-              rf"braked; reach .* ploughing +{NUMBER} +{NUMBER} .*? quadratic +{NUMBER} +{NUMBER} "),
+              rf"braked; reach .*? ploughing +{NUMBER} +{NUMBER} .*? quadratic +{NUMBER} +{NUMBER} "),
     )),
     "python studies/close_the_loop.py": Command((
         Claim(rf"the base model misses by {NUMBER} mm, with softening and a relaxation over 66 mm of travel by "
