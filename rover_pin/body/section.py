@@ -157,7 +157,7 @@ def cut_lane(terrain: Lanes, frame: WheelFrame, r: float, lane: int) -> list[Fac
     corners = np.column_stack([dx, -(frame.axle[0] * dx + frame.axle[2] * dz) / across, dz])
     points = np.column_stack([corners @ frame.forward, corners @ frame.up])
     near = np.flatnonzero((x[1:] > frame.centre[0] - 1.05 * r) & (x[:-1] <= frame.centre[0] + 1.05 * r))
-    pieces = range(max(near[0] - 1, 0), min(near[-1] + 1, len(ground) - 1) + 1)
+    pieces = range(max(near[0] - 1, 0), min(near[-1] + 2, len(ground)))
     made = []
     for k in pieces:
         length = math.hypot(x[k + 1] - x[k], z[k + 1] - z[k])

@@ -202,7 +202,7 @@ def washboard(amplitude: Amplitude = 0.01, wavelength: Wavelength = 0.3, count: 
 @checked("terrain")
 def cross_slope(angle: Tilt) -> HeightGrid:
     """Return a plane that rises to the left by `angle` [rad]: z = y tan(angle), 20 m long and 8 m wide."""
-    return _grid(lambda x, y: y * math.tan(angle) + 0.0 * x, 0.1)
+    return _grid(lambda _, y: y * math.tan(angle), 0.1)
 
 
 @checked("terrain")

@@ -30,14 +30,14 @@ def test_a_part_is_what_it_is_alone(part, stretch, y):
 
 
 @pytest.mark.parametrize("y", TRACKS)
-@pytest.mark.parametrize("size", [0.2, 3.0])
-def test_distances_and_rocks_grow_with_the_wheels(size, y):
+@pytest.mark.parametrize(("size", "count"), [(0.2, 60), (3.0, 6)])
+def test_distances_and_rocks_grow_with_the_wheels(size, count, y):
     """Rocks from 0.5 on, 0.8 before and behind the ditch, rocks of 5 to 10 cm: each times the size."""
-    ground, between = paper_field(size=size, rocks_length=2.0), 0.8 * size
+    ground, between = paper_field(count=count, size=size, rocks_length=2.0), 0.8 * size
     ditch = 0.5 * size + 2.0 + between
     slope = ditch + 0.2 + between
     for part, low, high in (
-        (shapes.rocks(1, 6, 0.5 * size, 2.0, (0.05 * size, 0.1 * size)), -9.0, ditch - 1e-9),
+        (shapes.rocks(1, count, 0.5 * size, 2.0, (0.05 * size, 0.1 * size)), -9.0, ditch - 1e-9),
         (shapes.ditch(at=ditch), ditch - between, slope - 1e-9),
         (shapes.growing_slope(start=slope), slope - between, slope + 9.0),
     ):

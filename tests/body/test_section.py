@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rover_pin.body.profile import Profile
-from rover_pin.body.section import _patches_of, strips, wheel_frame
+from rover_pin.body.section import _patches_of, lane_share, strips, wheel_frame
 from rover_pin.body.section import patches as patches_and_sinkage
 from rover_pin.body.shapes import ditch, flat, incline, one_sided_bump
 from rover_pin.body.terrain import HeightGrid, Lanes
@@ -23,6 +23,18 @@ def patches(*given):
 
 def upright(x, z, yaw=0.0, y=0.0):
     return wheel_frame(np.array([x, y, z]), np.array([-math.sin(yaw), math.cos(yaw), 0.0]))
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-1.2, 1.2))
+def test_a_wheel_s_frame_is_upright_in_its_plane(yaw, lean):
+    """Of unit vectors at right angles to the axle `up` is the one that is highest; forward is level."""
+    axle = np.array([-math.sin(yaw) * math.cos(lean), math.cos(yaw) * math.cos(lean), math.sin(lean)])
+    frame = wheel_frame(np.zeros(3), axle)
+    assert np.array([frame.forward, axle, frame.up]) @ np.array([frame.forward, axle, frame.up]).T == pytest.approx(
+        np.eye(3), abs=1e-12
+    )
+    assert frame.up[2] == pytest.approx(math.cos(lean))
+    assert frame.forward == pytest.approx([math.cos(yaw), math.sin(yaw), 0.0], abs=1e-12)
 
 
 def resultant(found):
@@ -55,6 +67,28 @@ def test_flat_ground_is_one_whole_patch():
     (patch,) = patches(flat(), upright(0.3, R - 0.006), R, B, [1.0])
     assert (patch.share, patch.tilt) == (1.0, 0.0)
     assert patch.h == pytest.approx(0.006, abs=1e-15)
+
+
+@pytest.mark.parametrize("sunk", [0.97, 0.99, 1.5, 2.5])
+def test_a_wheel_in_level_ground_is_reckoned_sunk_by_0_98_of_its_radius_at_most(sunk):
+    (patch,) = patches(flat(), upright(0.0, (1.0 - sunk) * R), R, B, [0.8])
+    assert (patch.share, patch.tilt, patch.turn) == (1.0, 0.0, 1.0)
+    assert patch.h == pytest.approx(min(sunk, 0.98) * R)
+    assert patch.depth == pytest.approx(min(sunk, 1.999) * R)
+
+
+@pytest.mark.parametrize("left", [1.0, -1.0])
+@pytest.mark.parametrize("off", [0.0, 0.5e-3, 1.05e-3, 0.1])
+def test_a_wheel_that_heads_across_a_slope_sees_it_level(left, off):
+    """Its axle points along x, up or down the slope, where no plane of it cuts the profile: at least by a thousandth."""
+    terrain = incline(math.radians(12.0), start=-5.0)
+    axle = np.array([left * math.sqrt(1.0 - off * off), off, 0.0])
+    frame = wheel_frame(np.array([0.3, 0.0, terrain.height(0.3, 0.0) + 0.9 * R]), axle)
+    (patch,) = patches(terrain, frame, R, B, [1.0])
+    slope = math.tan(math.radians(12.0)) * max(off, 1e-3)
+    assert abs(patch.facet.in_plane[0] / patch.facet.in_plane[1]) == pytest.approx(slope, rel=1e-4)
+    assert patch.h == pytest.approx(R - 0.9 * R * math.cos(math.atan(slope)), rel=1e-6)
+    assert patch.facet.normal == pytest.approx(terrain.normal(0.3, 0.0))
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, 1.5, 2.6, -1.0])
@@ -119,7 +153,9 @@ def test_forces_are_continuous_along_a_ditch(wall, depth):
     assert largest_jump(8001) < 0.6 * largest_jump(4001)
 
 
-@pytest.mark.parametrize(("gap", "sunk"), [(1.01, 0.9), (1.06, 0.9), (0.95, 0.65)])
+@pytest.mark.parametrize(
+    ("gap", "sunk"), [(1.01, 0.9), (1.06, 0.9), (0.95, 0.65), (-0.5, 0.9), (-0.8, 0.9), (-0.8, 0.7)]
+)
 @pytest.mark.parametrize("ahead", [1.0, -1.0])
 def test_a_lip_at_the_wheel_s_reach_ends_the_ground_s_arc(gap, sunk, ahead):
     """Before a wall of 80 deg that falls: of the rim only what is nearer to the level than to the wall presses on it.
@@ -162,6 +198,47 @@ def test_two_soils_of_one_plane_are_two_facets(soils):
     grid = HeightGrid(-1.0, -1.0, 0.1, 0.1, np.zeros((21, 21)), ground)
     (strip,) = strips(grid, upright(0.0, R - 0.007), R, B)
     assert [facet.ground for facet in strip.facets] == list(soils)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-0.4, 0.4), st.sampled_from(["lane", "grid"]))
+def test_a_cut_s_corners_lie_on_the_ground_and_its_facets_along_it(yaw, lean, kind):
+    """In the plane of a wheel that leans, at any heading; a grid's to the third correction, on waves of 3 deg."""
+    if kind == "lane":
+        terrain = Lanes((Profile([-1.0, -0.01, 0.02, 1.0], [0.3, 0.0, 0.005, 0.5]),))
+    else:
+        x, y = np.meshgrid(0.1 * np.arange(21) - 1.0, 0.1 * np.arange(21) - 1.0, indexing="ij")
+        terrain = HeightGrid(-1.0, -1.0, 0.1, 0.1, 0.01 * np.sin(5.0 * x + 3.0 * y))
+    axle = np.array([-math.sin(yaw) * math.cos(lean), math.cos(yaw) * math.cos(lean), math.sin(lean)])
+    frame = wheel_frame(np.array([0.0, 0.0, terrain.height(0.0, 0.0) + 0.9 * R]), axle)
+    (strip,) = strips(terrain, frame, R, B)
+    if abs(axle[1]) < 1e-3:
+        return
+    for facet in strip.facets:
+        places = [frame.centre + s * frame.forward + t * frame.up for s, t in (facet.start, facet.end)]
+        for x, y, z in places:
+            assert z == pytest.approx(terrain.height(x, y), abs=1e-12 * max(1.0, abs(y)) if kind == "lane" else 1e-7)
+        assert facet.normal @ (places[1] - places[0]) == pytest.approx(0.0, abs=1e-9 * max(1.0, abs(places[0][1])))
+        assert facet.normal[2] > 0.0
+
+
+def test_two_slopes_of_a_grid_are_two_facets():
+    x, _ = np.meshgrid(np.linspace(-1.0, 1.0, 21), np.zeros(21), indexing="ij")
+    (strip,) = strips(HeightGrid(-1.0, -1.0, 0.1, 0.1, -0.2 * np.abs(x)), upright(0.0, R - 0.007), R, B)
+    slopes = np.array([-facet.normal[0] / facet.normal[2] for facet in strip.facets])
+    assert slopes == pytest.approx([0.2, -0.2], abs=1e-9)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4, 1.1, math.pi / 2, 2.5])
+@pytest.mark.parametrize("at", [-0.6, -0.45, -0.2, 0.1, 0.48, 0.6])
+def test_a_lane_carries_by_six_s_times_one_minus_s_over_the_width_along_y(yaw, at):
+    """The width is that of the rim, b |cos yaw|, and of about a contact's length, r |sin yaw|."""
+    width = B * abs(math.cos(yaw)) + R * abs(math.sin(yaw))
+    terrain, frame = Lanes((LEVEL, LEVEL), (0.02,)), upright(0.0, R, yaw, 0.02 + at * width)
+    s = np.linspace(0.0, min(max(0.5 - at, 0.0), 1.0), 2001)
+    share, slope = lane_share(terrain, frame, R, B, 0)
+    assert share == pytest.approx(np.trapezoid(6.0 * s * (1.0 - s), s), abs=1e-6)
+    assert slope == pytest.approx(-6.0 * s[-1] * (1.0 - s[-1]) / width, abs=1e-9)
+    assert lane_share(terrain, frame, R, B, 1) == pytest.approx((1.0 - share, -slope))
 
 
 def test_a_wheel_in_the_air_has_no_patch():
@@ -244,6 +321,8 @@ def test_parts_of_a_straight_run_add_up_to_it(at, depth, yaw, slopes, exponent):
     for facet in strip.facets:
         ends = [facet.start + share * (facet.end - facet.start) for share in (0.0, 1 / 3, 2 / 3, 1.0)]
         thirds += [facet._replace(start=a, end=b) for a, b in pairwise(ends)]
-    whole, parts = (_patches_of(strip._replace(facets=each), R, [exponent]) for each in (strip.facets, thirds))
-    pull = [sum(np.append(p.share * p.facet.normal, [p.tilt, p.turn]) for p in each) for each in (whole, parts)]
+    whole, parts = (
+        _patches_of(strip._replace(facets=each, slope=7.0), R, [exponent]) for each in (strip.facets, thirds)
+    )
+    pull = [sum(np.append(p.share * p.facet.normal, [p.tilt, p.turn, p.side]) for p in each) for each in (whole, parts)]
     assert pull[0] == pytest.approx(pull[1], abs=1e-5 if exponent != 1.0 else 1e-12)

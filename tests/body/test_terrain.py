@@ -20,6 +20,10 @@ def test_profile_height_and_slope_inside_and_beyond():
     assert RAMP.slope(np.array([-2.0, 0.5, 1.0, 9.0])) == pytest.approx([0.5, 0.5, 0.0, 0.0])
 
 
+def test_soils_are_counted_up_to_999():
+    assert Profile([0.0, 1.0], [0.0, 0.0], [999]).ground.tolist() == [999]
+
+
 def test_extended_profile_is_the_same_ground():
     x, z, ground = RAMP.extended()
     assert z == pytest.approx(RAMP.height(x))
@@ -37,6 +41,18 @@ def test_a_straight_run_is_straight_wherever_it_lies(far):
             assert straight.x.tolist() == [ends[0], ends[-1]]
     bent = Profile(x, np.where(x > far + 0.5, 1e-8 * max(1.0, far), 0.0))
     assert bent.straightened().x.size == 4
+
+
+@pytest.mark.parametrize(("reach", "slope"), [(1e6, 0.1), (2e4, 50.0), (-1e6, 0.1), (-2e4, 50.0)])
+def test_what_is_straight_is_told_by_the_greatest_coordinate(reach, slope):
+    """From 0 to far away along x, or up a wall: rounded heights amid the run are off it by their last digits."""
+    x = np.sort(reach * np.concatenate([[0.0, 1.0], np.random.default_rng(0).random(40)]))
+    assert Profile(x, slope * x).straightened().x.tolist() == [x[0], x[-1]]
+
+
+@pytest.mark.parametrize(("off", "size"), [(1.7e-15, 2), (1.85e-15, 3)])
+def test_within_a_metre_a_point_is_off_a_line_by_eight_last_digits(off, size):
+    assert Profile([0.0, 0.5, 1.0], [0.0, off, 0.0]).straightened().x.size == size
 
 
 def test_lanes_pick_the_profile_by_side():
@@ -102,6 +118,7 @@ def test_grid_symmetry():
     level, mixed = np.zeros((3, 4)), np.array([[0.0, 1.0, 2.0, 0.0], [0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
     for z, ground, symmetric in (
         (level, [[0, 1, 0], [2, 0, 2]], True),
+        (np.array([[0.0, 0.0, 0.05, 0.0], [0.0, 0.0, 0.0, 0.0]]), 0, False),
         (level, [[0, 1, 2], [0, 0, 0]], False),
         (mixed, 0, False),
         (mixed[1:], 0, True),
@@ -138,6 +155,7 @@ def test_arrays_are_copied_and_read_only():
         (lambda: Profile([0.0, 0.01], [0.0, 1.0]), "from x = 0 m to 0.01 m is 89.43 deg steep; at most 89 deg"),
         (lambda: Profile([0.0, 1.0], [0.0, 0.0], [-1]), "whole numbers from 0 up"),
         (lambda: Profile([0.0, 1.0], [0.0, 0.0], [0.5]), "whole numbers from 0 up"),
+        (lambda: Profile([0.0, 1.0], [0.0, 0.0], [1000]), "whole numbers from 0 up"),
         (lambda: Profile([0.0, 1.0], [0.0, 0.0], [0, 1]), "of shape (1,)"),
         (lambda: Lanes(()), "Lanes with 0 profiles"),
         (lambda: Lanes((RAMP, RAMP)), "one border less than profiles"),

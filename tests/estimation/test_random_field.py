@@ -145,3 +145,62 @@ def test_two_kinds_that_say_the_same_share_what_one_would_have(field, noise):
     two = learnt_sds(rows, none, both, dataclasses.replace(field, kind=np.concatenate([zeros, zeros + 1])))
     assert one[0].sd > 0.1
     assert sum((each.sd / each.kind.size) ** 2 for each in two) == pytest.approx((one[0].sd / 0.05) ** 2, rel=1e-2)
+
+
+def alone(kind):
+    """One column of this kind."""
+    return RandomField((kind,), np.zeros(1, dtype=int), np.zeros(1, dtype=int), np.zeros((1, 1, 1, 4)))
+
+
+def one_column(length, rows_along, size=0.05):
+    """One kind with one column of this length, rows along it, and a free column of nothing."""
+    columns = np.zeros((4, 1))
+    columns[1, 0] = length
+    rows = np.array([0.7, rows_along, -0.2, 0.1])
+    return learnt_sds(rows, np.zeros((4, 0)), columns, alone(Kind("grip", size, "")))[0]
+
+
+@pytest.mark.parametrize("length", [0.5, 1.0, 30.0])
+@pytest.mark.parametrize("rows_along", [1.3, 2.0, 3.3])
+def test_of_one_column_the_sd_and_its_gain_are_in_closed_form(length, rows_along):
+    """-2 ln L = ln(1 + d^2 g) - d^2 b^2 / (1 + d^2 g): least at d^2 = (q - 1) / g, by q - 1 - ln q, with q = b^2 / g."""
+    found, square = one_column(length, rows_along), rows_along**2
+    assert found.sd == pytest.approx(0.05 * np.sqrt(square - 1) / length, rel=1e-3)
+    assert found.gain == pytest.approx(square - 1 - np.log(square), rel=1e-5)
+
+
+@pytest.mark.parametrize(("excess", "told"), [(0.0442, False), (0.0465, True)])
+def test_a_gain_below_a_thousandth_is_none(excess, told):
+    """b^2 / g - 1 - ln(b^2 / g) is .00095 and .00105."""
+    found = one_column(1.0, np.sqrt(1 + excess))
+    assert (found.sd > 0.0) is told
+    assert found.gain == pytest.approx(excess - np.log1p(excess) if told else 0.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("scale", "told"), [(0.5e-3, False), (5e-3, True)])
+def test_a_scale_below_a_thousandth_of_the_size_is_none(scale, told):
+    found = one_column(1 / scale, np.sqrt(2.0))
+    assert found.sd == pytest.approx(0.05 * scale if told else 0.0, rel=5e-2)
+
+
+def test_no_sd_beyond_ten_sizes_is_looked_for():
+    assert one_column(1.0, 200.0).sd == pytest.approx(0.5)
+    assert one_column(1.0, 9.0).sd == pytest.approx(0.05 * np.sqrt(80.0), rel=1e-3)
+
+
+@pytest.mark.parametrize(("apart", "told"), [(0.95e-3, False), (1.05e-3, True)])
+def test_free_columns_that_differ_by_less_than_a_thousandth_are_one(apart, told):
+    """Two columns of unit length, at an angle whose half has this tangent: the rest of the space is chance's."""
+    free = np.array([[1.0, 1.0], [apart, -apart], [0.0, 0.0], [0.0, 0.0]])
+    columns = np.array([[0.0], [1.0], [0.0], [0.0]])
+    (found,) = learnt_sds(np.array([0.0, 3.0, 0.0, 0.0]), 1e-5 * free, columns, alone(KINDS[0]))
+    assert (found.sd == 0.0) is told
+
+
+@pytest.mark.parametrize(("scale", "told"), [(0.95e-3, False), (1.05e-3, True)])
+def test_of_chance_that_moves_rows_by_less_than_a_thousandth_nothing_is_taken_out(scale, told):
+    columns, good = np.array([[0.0], [1.0], [0.0]]), np.ones((1, 1, 3), dtype=bool)
+    found = chance_of(alone(KINDS[0]), columns, good, (LearntSd(KINDS[0], scale * 0.05, 0.0),))
+    rows = np.array([1.0, 1e6, 2.0])
+    taken = 1e6 * (1 - 1 / np.sqrt(1 + scale**2)) if told else 0.0
+    assert rows - found.taken_out(rows, good) == pytest.approx([0.0, taken, 0.0], rel=1e-4)

@@ -1,5 +1,6 @@
 """Changes that no test can notice, because they change no result: file, change as it is told, and the reason."""
 
+from changes.equivalent_body import BODY
 from changes.equivalent_discrepancy import DISCREPANCY
 from changes.equivalent_estimation import ESTIMATION
 from changes.equivalent_motion import MOTION
@@ -10,6 +11,7 @@ WORDS = "how many words a hint has"
 START = "where a start lies within its bounds: the descent comes to the same"
 
 EQUIVALENT: dict[tuple[str, str], str] = {
+    **BODY,
     **DISCREPANCY,
     **ESTIMATION,
     **MOTION,
