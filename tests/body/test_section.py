@@ -80,7 +80,7 @@ def test_a_wheel_in_level_ground_is_reckoned_sunk_by_0_98_of_its_radius_at_most(
 @pytest.mark.parametrize("left", [1.0, -1.0])
 @pytest.mark.parametrize("off", [0.0, 0.5e-3, 1.05e-3, 0.1])
 def test_a_wheel_that_heads_across_a_slope_sees_it_level(left, off):
-    """Its axle points along x, up or down the slope, where no plane of it cuts the profile: at least by a thousandth."""
+    """Its axle points along x, up or down the slope, where its plane cuts no profile: at least by a thousandth."""
     terrain = incline(math.radians(12.0), start=-5.0)
     axle = np.array([left * math.sqrt(1.0 - off * off), off, 0.0])
     frame = wheel_frame(np.array([0.3, 0.0, terrain.height(0.3, 0.0) + 0.9 * R]), axle)

@@ -65,6 +65,7 @@ def test_lanes_pick_the_profile_by_side():
     assert not terrain.mirror_symmetric
     assert Lanes((RAMP, level, RAMP), (-0.1, 0.1)).mirror_symmetric
     assert not Lanes((RAMP, level, RAMP), (-0.1, 0.2)).mirror_symmetric
+    assert not Lanes((RAMP, level, RAMP), (-0.1, 0.101)).mirror_symmetric
 
 
 def test_floats_give_floats_and_arrays_broadcast():

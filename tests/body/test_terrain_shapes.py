@@ -265,6 +265,7 @@ def test_a_stretch_on_a_grid():
         (lambda: shapes.washboard(count=0), "count = 0"),
         (lambda: shapes.washboard(count=2.5), "terrain.count = 2.5 is not allowed: it must be a whole number"),
         (lambda: shapes.rocks(-1), "seed = -1"),
+        (lambda: shapes.rocks(0, 21), "21 rocks of up to 0.1 m may not fit into 2 m"),
         (lambda: shapes.rocks(0, 30), "30 rocks of up to 0.1 m may not fit into 2 m"),
         (lambda: shapes.rocks(0, diameters=(0.1, 0.05)), "largest diameter = 0.05"),
         (lambda: shapes.rocks(0, 1, diameters=(9.9e-4, 0.1)), "smallest diameter = 0.00099 is not allowed"),

@@ -163,7 +163,7 @@ def one_column(length, rows_along, size=0.05):
 @pytest.mark.parametrize("length", [0.5, 1.0, 30.0])
 @pytest.mark.parametrize("rows_along", [1.3, 2.0, 3.3])
 def test_of_one_column_the_sd_and_its_gain_are_in_closed_form(length, rows_along):
-    """-2 ln L = ln(1 + d^2 g) - d^2 b^2 / (1 + d^2 g): least at d^2 = (q - 1) / g, by q - 1 - ln q, with q = b^2 / g."""
+    """ln(1 + d^2 g) - d^2 b^2 / (1 + d^2 g) is least at d^2 = (q - 1) / g, by q - 1 - ln q, with q = b^2 / g."""
     found, square = one_column(length, rows_along), rows_along**2
     assert found.sd == pytest.approx(0.05 * np.sqrt(square - 1) / length, rel=1e-3)
     assert found.gain == pytest.approx(square - 1 - np.log(square), rel=1e-5)
