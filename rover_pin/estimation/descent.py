@@ -92,7 +92,8 @@ def _step(
     """Return the best step of length `radius` or less that leaves no bound, and whether it is the full Newton step."""
     low, high, held = limits
     gradient = jacobian.T @ residual
-    free = ~(((u <= low) & (gradient > 0)) | ((u >= high) & (gradient < 0)))
+    free = ~((u <= low) & (gradient > 0))
+    free &= ~((u >= high) & (gradient < 0))
     if held is not None:
         free[held] = False
     while free.any():

@@ -136,8 +136,9 @@ def _next(
 ) -> float:
     """Return the next trial: stretch until the target is passed, then secant and middle of the bracket in turn."""
     if outside is None:
-        reach = inside[0] - limits[0]
-        return _within(limits[0] + reach * min(target / max(inside[1], 0.1 * target) * 1.05, 4.0), *limits)
+        risen = max(inside[1], 0.1 * target)
+        stretch = min(1.05 * target / risen, 4.0)
+        return _within(limits[0] + stretch * (inside[0] - limits[0]), *limits)
     share = (target - inside[1]) / (outside[1] - inside[1]) if turn % 3 else 0.5
     return inside[0] + share * (outside[0] - inside[0])
 

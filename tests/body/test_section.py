@@ -25,7 +25,8 @@ def upright(x, z, yaw=0.0, y=0.0):
     return wheel_frame(np.array([x, y, z]), np.array([-math.sin(yaw), math.cos(yaw), 0.0]))
 
 
-@given(st.floats(-3.0, 3.0), st.floats(-1.2, 1.2))
+@pytest.mark.parametrize("yaw", [0.0, 0.6, -2.1, 2.6])
+@pytest.mark.parametrize("lean", [0.0, 0.9, -0.4])
 def test_a_wheel_s_frame_is_upright_in_its_plane(yaw, lean):
     """Of unit vectors at right angles to the axle `up` is the one that is highest; forward is level."""
     axle = np.array([-math.sin(yaw) * math.cos(lean), math.cos(yaw) * math.cos(lean), math.sin(lean)])
@@ -200,23 +201,23 @@ def test_two_soils_of_one_plane_are_two_facets(soils):
     assert [facet.ground for facet in strip.facets] == list(soils)
 
 
-@given(st.floats(-3.0, 3.0), st.floats(-0.4, 0.4), st.sampled_from(["lane", "grid"]))
+@pytest.mark.parametrize("kind", ["lane", "grid"])
+@pytest.mark.parametrize("yaw", [0.0, 0.6, -2.1, 2.6])
+@pytest.mark.parametrize("lean", [0.0, 0.4, -0.3])
 def test_a_cut_s_corners_lie_on_the_ground_and_its_facets_along_it(yaw, lean, kind):
-    """In the plane of a wheel that leans, at any heading; a grid's to the third correction, on waves of 3 deg."""
+    """In the plane of a wheel that leans, at any heading; a grid's on a slope of 17 deg with waves, in three corrections."""
     if kind == "lane":
         terrain = Lanes((Profile([-1.0, -0.01, 0.02, 1.0], [0.3, 0.0, 0.005, 0.5]),))
     else:
         x, y = np.meshgrid(0.1 * np.arange(21) - 1.0, 0.1 * np.arange(21) - 1.0, indexing="ij")
-        terrain = HeightGrid(-1.0, -1.0, 0.1, 0.1, 0.01 * np.sin(5.0 * x + 3.0 * y))
+        terrain = HeightGrid(-1.0, -1.0, 0.1, 0.1, 0.2 * x + 0.2 * y + 0.003 * np.sin(5.0 * x))
     axle = np.array([-math.sin(yaw) * math.cos(lean), math.cos(yaw) * math.cos(lean), math.sin(lean)])
     frame = wheel_frame(np.array([0.0, 0.0, terrain.height(0.0, 0.0) + 0.9 * R]), axle)
     (strip,) = strips(terrain, frame, R, B)
-    if abs(axle[1]) < 1e-3:
-        return
     for facet in strip.facets:
         places = [frame.centre + s * frame.forward + t * frame.up for s, t in (facet.start, facet.end)]
         for x, y, z in places:
-            assert z == pytest.approx(terrain.height(x, y), abs=1e-12 * max(1.0, abs(y)) if kind == "lane" else 1e-7)
+            assert z == pytest.approx(terrain.height(x, y), abs=1e-12 * max(1.0, abs(y)) if kind == "lane" else 1e-12)
         assert facet.normal @ (places[1] - places[0]) == pytest.approx(0.0, abs=1e-9 * max(1.0, abs(places[0][1])))
         assert facet.normal[2] > 0.0
 

@@ -122,6 +122,7 @@ def test_grid_symmetry():
         (np.array([[0.0, 0.0, 0.05, 0.0], [0.0, 0.0, 0.0, 0.0]]), 0, False),
         (level, [[0, 1, 2], [0, 0, 0]], False),
         (mixed, 0, False),
+        (np.array([[1.0, 1.0, 1.05, 1.0], [1.0, 1.0, 1.0, 1.0]]), 0, False),
         (mixed[1:], 0, True),
     ):
         assert HeightGrid(0.0, -1.5, 1.0, 1.0, z, ground).mirror_symmetric is symmetric

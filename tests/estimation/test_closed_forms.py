@@ -599,6 +599,58 @@ def test_the_rise_is_the_root_of_what_chi2_gained_and_others_follow():
     assert u == pytest.approx([1.5, 1.5 * covariance[0, 1] / covariance[0, 0]], abs=1e-5)
 
 
+@pytest.mark.parametrize("guess", [1e-4, 0.05, 1.0, 30.0])
+def test_an_interval_is_found_from_any_guess_of_its_width(guess):
+    """Its first trial is 1.96 guessed SDs away; it goes on from there, outwards or inwards, to the same end."""
+    A = np.array([[1.0, 0.8], [0.0, 0.6], [0.3, -0.2]])
+    covariance = np.linalg.inv(A.T @ A)
+    found = interval(Rows(A, np.zeros(3), (-50.0, -50.0), (50.0, 50.0)), Best(np.zeros(2), 0.0, guess * covariance), 0)
+    assert (found.low, found.high) == pytest.approx(
+        np.array([-1.0, 1.0]) * 1.959964 * covariance[0, 0] ** 0.5, rel=4e-3
+    )
+    assert (found.closed_low, found.closed_high) == (True, True)
+
+
+class Valleys(Rows):
+    """Two valleys of u1, at 5, where chi2 is 0, and near 0, where it is 6: u0 is free of both."""
+
+    def __init__(self):
+        super().__init__(np.eye(2), np.zeros(2), (-50.0, -50.0), (50.0, 50.0))
+
+    def evaluate(self, u):
+        rows = np.array([u[0], 2.0 * u[1] * (u[1] - 5.0), 0.5 * (u[1] - 5.0)])
+        return rows, np.array([[1.0, 0.0], [0.0, 4.0 * u[1] - 10.0], [0.0, 0.5]])
+
+
+def test_an_interval_is_that_of_the_valley_of_the_fit():
+    """Refits begin where the fit is: another valley, that they fall into from elsewhere, is none of its own."""
+    problem = Valleys()
+    other, chi2 = descend(problem, np.zeros(2))
+    assert abs(other[1]) < 0.1
+    assert chi2 > 5.0
+    found = interval(problem, Best(np.array([0.0, 5.0]), 0.0, np.diag([1.0, 0.01])), 0)
+    assert (found.low, found.high) == pytest.approx((-1.959964, 1.959964), rel=4e-3)
+
+
+def given_slopes(chi2, factor):
+    """Return where a fit of a ends whose given slopes are so many times too steep: each turn goes a share of the way."""
+    task = made(noise=0.0, sd=1.0, a=0.0, b=0.0)
+    start = math.sqrt(chi2 / float(np.sum(X[0] ** 2)))
+    found = fit(task, Plane(), (number("a", prior=False),), np.array([start]), {"plane.a": factor * X[0]}, reuse=True)
+    return found.u[0] / start
+
+
+def test_a_usual_fit_takes_six_turns():
+    """Each goes a third of the way."""
+    assert given_slopes(200.0, 3.0) == pytest.approx((2 / 3) ** 6)
+
+
+@pytest.mark.parametrize(("gain", "turns"), [(0.29, 3), (0.31, 4)])
+def test_a_turn_that_gains_less_than_three_tenths_is_the_last(gain, turns):
+    """Each turn goes two thirds of the way, and gains 8 / 9 of chi2; the third gains `gain`."""
+    assert given_slopes(gain * 9 / 8 * 81, 1.5) == pytest.approx(3.0**-turns)
+
+
 def test_another_number_is_pinned_where_it_ends_at_its_bound_on_one_side_alone():
     A = np.array([[1.0, 0.0], [-0.5, 1.0]])
     problem = Rows(A, np.zeros(2), (-50.0, -50.0), (50.0, 0.4))
@@ -641,8 +693,9 @@ def test_a_lower_minimum_is_one_that_is_lower_by_a_thousandth(fall, lower):
 def test_a_descent_leaves_a_bound_that_it_began_on():
     low, high = (-1.0, -1.0), (2.0, 2.0)
     for start in ([-1.0, 2.0], [2.0, -1.0], [-1.0, -1.0], [2.0, 2.0]):
-        u, _ = descend(Rows(np.eye(2), np.array([0.3, 0.7]), low, high), np.array(start))
-        assert u == pytest.approx([0.3, 0.7], abs=1e-6)
+        for least in ([0.3, 0.7], [-0.9, 1.9], [1.9, -0.9]):
+            u, _ = descend(Rows(np.eye(2), np.array(least), low, high), np.array(start))
+            assert u == pytest.approx(least, abs=1e-6)
 
 
 def test_what_others_cannot_reproduce_of_a_column_knows_no_unit():
