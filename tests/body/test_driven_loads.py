@@ -100,13 +100,18 @@ def test_four_wheels_on_a_rigid_body_share_what_balances():
     assert loads == pytest.approx(wheel_loads(cart, 0.0), rel=1e-9)
 
 
-def rigid(wheels, skew=0.0, lift=0.0):
+def rigid(wheels, skew=0.0, lift=0.0, inward=0.0):
     """Return a chassis with pairs of wheels at these places along it, no suspension.
 
-    The front left wheel stands farther ahead and the right one less by `skew` [m]; the middle axle is higher by `lift`.
+    The front left wheel stands farther ahead and the right one less by `skew` [m], and farther in by `inward`; the
+    middle axle is higher by `lift`.
     """
-    sides = [(name, x + skew * (name == "front") * math.copysign(1.0, y), side, y, -0.1 + lift * (name == "middle"))
-             for name, x in wheels for side, y in (("l", 0.3), ("r", -0.3))]  # fmt: skip
+    sides = []
+    for name, x in wheels:
+        for side, sign in (("l", 1.0), ("r", -1.0)):
+            off = skew * sign if name == "front" else 0.0
+            y = 0.3 * sign + (inward if name + side == "frontr" else 0.0)
+            sides.append((name, x + off, side, y, lift - 0.1 if name == "middle" else -0.1))
     return "".join(
         f'<link name="w{name}{side}"><inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" '
         f'izz="0.01"/></inertial></link><joint name="{name}{side}" type="continuous"><parent link="hull"/>'
@@ -157,10 +162,17 @@ def test_an_axle_s_sum_is_told_where_no_open_combination_moves_it_by_a_tenth(tmp
     assert found == ([(0, 1), (2, 3)] if told else [(0, 1, 2, 3)])
 
 
+def test_a_load_that_is_told_beside_one_that_is_not_tells_no_axle(tmp_path):
+    """The front right wheel stands amid the line from front left to back right: (1, -2, 0, 1) balances."""
+    rover = rigid_rover(tmp_path, (("front", 0.3), ("back", -0.3)), skew=0.2, inward=0.299)
+    found = told_together(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
+    assert found == [(0, 1, 2, 3)]
+
+
 @pytest.mark.parametrize("lift", [0.0, 0.02, 0.05])
 def test_the_balance_along_the_ground_tells_no_load(tmp_path, lift):
     """Three rigid axles on a crest: normals that lean along x tell their loads only if nothing else resists there."""
-    rover = rigid_rover(tmp_path, (("front", 0.3), ("middle", 0.0), ("back", -0.3)), lift=lift)
+    rover = rigid_rover(tmp_path, (("front", 0.3), ("middle", 0.1), ("back", -0.3)), lift=lift)
     found = told_together(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
     assert found == [(0, 1, 2, 3, 4, 5)]
 

@@ -13,7 +13,7 @@ from rover_pin.scenarios import scenario
 TRACKS = (-0.16, 0.16)
 
 
-@pytest.mark.parametrize("y", TRACKS)
+@pytest.mark.parametrize("y", [*TRACKS, -1e-3, 1e-3])
 @pytest.mark.parametrize(
     ("part", "stretch"),
     [

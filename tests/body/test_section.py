@@ -157,19 +157,20 @@ def test_forces_are_continuous_along_a_ditch(wall, depth):
 @pytest.mark.parametrize(
     ("gap", "sunk"), [(1.01, 0.9), (1.06, 0.9), (0.95, 0.65), (-0.5, 0.9), (-0.8, 0.9), (-0.8, 0.7)]
 )
+@pytest.mark.parametrize("fall", [1.0, -1.0])
 @pytest.mark.parametrize("ahead", [1.0, -1.0])
-def test_a_lip_at_the_wheel_s_reach_ends_the_ground_s_arc(gap, sunk, ahead):
-    """Before a wall of 80 deg that falls: of the rim only what is nearer to the level than to the wall presses on it.
+def test_a_lip_at_the_wheel_s_reach_ends_the_ground_s_arc(gap, sunk, ahead, fall):
+    """Before a wall of 80 deg that falls or rises: of the rim only what is nearer to the level than to the wall presses on it.
 
     From a lip beyond the reach the wall is not touched.
     """
     lip, foot = ahead * gap * R, ahead * (gap * R + 0.02)
-    x, z = [-ahead, lip, foot, foot + 0.3 * ahead], [0.0, 0.0, *[-0.02 * math.tan(math.radians(80.0))] * 2]
+    x, z = [-ahead, lip, foot, foot + 0.3 * ahead], [0.0, 0.0, *[-fall * 0.02 * math.tan(math.radians(80.0))] * 2]
     profile = Profile(*zip(*sorted(zip(x, z, strict=True)), strict=True))
     found = patches(Lanes((profile,)), upright(0.0, (1.0 - sunk) * R), R, B, [1.0])
-    assert gap < 1.0 or len(found) == 1
+    assert gap < 1.0 or fall < 0.0 or len(found) == 1
     (level,) = (patch for patch in found if patch.facet.normal[2] == 1.0)
-    along = np.array([math.cos(math.radians(40.0)), -ahead * math.sin(math.radians(40.0))])
+    along = np.array([math.cos(math.radians(40.0)), -fall * ahead * math.sin(math.radians(40.0))])
     theta = np.linspace(-math.pi, math.pi, 200001)
     rim = np.column_stack([np.sin(theta), -np.cos(theta)])
     own = ahead * ((rim - [ahead * gap, sunk - 1.0]) @ along) < 0.0
@@ -205,7 +206,7 @@ def test_two_soils_of_one_plane_are_two_facets(soils):
 @pytest.mark.parametrize("yaw", [0.0, 0.6, -2.1, 2.6])
 @pytest.mark.parametrize("lean", [0.0, 0.4, -0.3])
 def test_a_cut_s_corners_lie_on_the_ground_and_its_facets_along_it(yaw, lean, kind):
-    """In the plane of a wheel that leans, at any heading; a grid's on a slope of 17 deg with waves, in three corrections."""
+    """In the plane of a wheel that leans, at any heading; a grid's on waves, in three corrections."""
     if kind == "lane":
         terrain = Lanes((Profile([-1.0, -0.01, 0.02, 1.0], [0.3, 0.0, 0.005, 0.5]),))
     else:

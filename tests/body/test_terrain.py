@@ -50,6 +50,13 @@ def test_what_is_straight_is_told_by_the_greatest_coordinate(reach, slope):
     assert Profile(x, slope * x).straightened().x.tolist() == [x[0], x[-1]]
 
 
+def test_what_is_straight_is_told_by_the_greatest_x_where_it_is_rounded_most():
+    """A kilometre's millionth part: places along a slope are rounded to 1e-10 m, its heights are not."""
+    a = np.sort(np.append([0.0, 1.0], np.random.default_rng(1).random(20)))
+    found = Profile(np.append(0.0, 1e6 + a), np.append(0.0, 0.1 * a)).straightened()
+    assert found.x.tolist() == [0.0, 1e6, 1e6 + 1.0]
+
+
 @pytest.mark.parametrize(("off", "size"), [(1.7e-15, 2), (1.85e-15, 3)])
 def test_within_a_metre_a_point_is_off_a_line_by_eight_last_digits(off, size):
     assert Profile([0.0, 0.5, 1.0], [0.0, off, 0.0]).straightened().x.size == size
@@ -105,6 +112,7 @@ def test_gradient_is_the_derivative_of_the_height(x, y):
 
 def test_slope_along_a_heading():
     plane = HeightGrid(0.0, 0.0, 1.0, 1.0, [[0.0, 0.3], [0.1, 0.4]])
+    assert plane.normal(0.5, 0.5) == pytest.approx(np.array([-0.1, -0.3, 1.0]) / np.sqrt(1.1))
     assert plane.slope_at(0.5, 0.5) == pytest.approx(np.arctan(0.1))
     assert plane.slope_at(0.5, 0.5, np.pi / 2) == pytest.approx(np.arctan(0.3))
     assert plane.slope_at(0.5, 0.5, np.pi) == pytest.approx(-np.arctan(0.1))
@@ -163,7 +171,8 @@ def test_arrays_are_copied_and_read_only():
         (lambda: Lanes((RAMP, RAMP)), "one border less than profiles"),
         (lambda: Lanes((RAMP, RAMP, RAMP), (0.1, 0.0)), "increasing"),
         (lambda: HeightGrid(0.0, 0.0, 0.0, 1.0, np.zeros((2, 2))), "dx = 0 m"),
-        (lambda: HeightGrid(0.0, np.inf, 1.0, 1.0, np.zeros((2, 2))), "y0 has a number that is not finite"),
+        (lambda: HeightGrid(0.0, np.inf, 1.0, 1.0, np.zeros((2, 2))), "y0 has a number that is not finite: remove it"),
+        (lambda: HeightGrid(0.0, 0.0, 1.0, 1e-3, [[0.0, 0.0, 1.0]] * 2), "points 1 and 2 along y is 89.94 deg"),
         (lambda: HeightGrid(0.0, 0.0, 1.0, 1.0, np.zeros((1, 2))), "z of shape (1, 2)"),
         (lambda: HeightGrid(0.0, 0.0, 1.0, 1e-3, [[0.0, 0.0], [0.0, 1.0]]), "points 0 and 1 along y is 89.94 deg"),
         (lambda: HeightGrid(0.0, 0.0, 1.0, 1.0, np.zeros((2, 2)), [[0, 1]]), "one a cell"),

@@ -190,6 +190,18 @@ def test_obstacles_are_as_high_as_they_usually_are():
     assert shapes.ditch().slope_at(0.51, 0.0) == pytest.approx(-30 * DEG)
 
 
+def test_a_slope_that_grows_has_a_piece_each_half_degree_and_two_at_least():
+    for steepest, pieces in ((0.2, 2), (1.1, 3), (20.0, 40)):
+        assert shapes.growing_slope(steepest=steepest * DEG).profiles[0].x.size == pieces + 3
+
+
+def test_walls_of_89_degrees_stand_wherever_they_are():
+    """Rounded coordinates make some of them steeper in their last digits."""
+    for height in np.linspace(0.01, 0.5, 40):
+        for at in (0.1, 7.3, 55.0):
+            assert shapes.step(float(height), at=at).height(at + 1.0, 0.0) == pytest.approx(height)
+
+
 def test_a_seed_is_the_same_ground_in_every_version():
     """Studies and logs name their ground by its seed."""
     assert shapes.hills(0).height(1.0, 0.5) == pytest.approx(0.016238273894624556, abs=1e-12)
@@ -244,6 +256,9 @@ def test_a_stretch_beyond_the_points_ends_where_it_is_said(ends):
 def test_a_stretch_on_a_grid():
     laid = shapes.with_ground(shapes.cross_slope(0.1), 1.0, 2.0, 1)
     assert laid.ground_at(np.array([0.95, 1.05, 1.95, 2.05]), 0.3).tolist() == [0, 1, 1, 0]
+    for reach, last in ((1.048, 0), (1.052, 1)):
+        edge = shapes.with_ground(shapes.cross_slope(0.1), 0.5, reach, 1)
+        assert edge.ground_at(1.05, 0.0) == last
     assert laid.height(1.5, 0.7) == shapes.cross_slope(0.1).height(1.5, 0.7)
 
 

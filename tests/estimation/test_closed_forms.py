@@ -633,7 +633,7 @@ def test_an_interval_is_that_of_the_valley_of_the_fit():
 
 
 def given_slopes(chi2, factor):
-    """Return where a fit of a ends whose given slopes are so many times too steep: each turn goes a share of the way."""
+    """Return where a fit of a ends whose given slopes are so many times too steep, as a share of where it began."""
     task = made(noise=0.0, sd=1.0, a=0.0, b=0.0)
     start = math.sqrt(chi2 / float(np.sum(X[0] ** 2)))
     found = fit(task, Plane(), (number("a", prior=False),), np.array([start]), {"plane.a": factor * X[0]}, reuse=True)
