@@ -160,9 +160,9 @@ def test_forces_are_continuous_along_a_ditch(wall, depth):
 @pytest.mark.parametrize("fall", [1.0, -1.0])
 @pytest.mark.parametrize("ahead", [1.0, -1.0])
 def test_a_lip_at_the_wheel_s_reach_ends_the_ground_s_arc(gap, sunk, ahead, fall):
-    """Before a wall of 80 deg that falls or rises: of the rim only what is nearer to the level than to the wall presses on it.
+    """Of the rim only what is nearer to the level than to a wall of 80 deg that falls or rises presses on the level.
 
-    From a lip beyond the reach the wall is not touched.
+    From a lip beyond the reach a wall that falls is not touched.
     """
     lip, foot = ahead * gap * R, ahead * (gap * R + 0.02)
     x, z = [-ahead, lip, foot, foot + 0.3 * ahead], [0.0, 0.0, *[-fall * 0.02 * math.tan(math.radians(80.0))] * 2]

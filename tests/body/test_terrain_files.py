@@ -88,6 +88,10 @@ def test_polyline_refusals(write, text, says):
         ("x_m,y_m,z_m\n0,0,0\n0,1,0\n", "column 'x_m' is 0 m everywhere"),
         ("x_m,y_m,z_m\n0,0,0\n0,1,0\n1,0,0\n", "0 rows for x = 1 m, y = 1 m; the 2 by 2 grid"),
         ("x_m,y_m,z_m\n0,0,0\n0,1,0\n1,0,0\n1,1,0\n1,1,0\n", "2 rows for x = 1 m, y = 1 m"),
+        ("x_m,y_m,z_m\n3,5,0\n3,9,0\n5,9,0\n7,5,0\n7,9,0\n", "0 rows for x = 5 m, y = 5 m; the 3 by 2 grid"),
+        ("x_m,y_m,z_m\n3,5,0\n3,9,0\n5,5,0\n7,5,0\n7,9,0\n", "0 rows for x = 5 m, y = 9 m; the 3 by 2 grid"),
+        ("x_m,y_m,z_m\n3,5,0\n3,9,0\n3,9,0\n7,5,0\n", "2 rows for x = 3 m, y = 9 m; the 2 by 2 grid"),
+        ("x_m,y_m,z_m\n3,5,0\n7,5,0\n7,9,0\n7,9,0\n", "0 rows for x = 3 m, y = 9 m; the 2 by 2 grid"),
         (
             "x_m,y_m,z_m\n0,0,0\n0,1,0\n1,0,0\n1,1,0\n2.5,0,0\n2.5,1,0\n",
             "line 4: column 'x_m' = 1 m is not on a grid of",
@@ -100,6 +104,25 @@ def test_polyline_refusals(write, text, says):
 def test_grid_refusals(write, text, says):
     with pytest.raises(DataError, match=re.escape(says)):
         from_grid(write(text))
+
+
+def test_coordinates_reach_a_kilometre(write):
+    assert from_polyline(write("x_m,z_m\n-1000,0\n1000,5\n")).extent.x_high == 1000.0
+    with pytest.raises(DataError, match="column 'x_m' reaches 1001 m"):
+        from_polyline(write("x_m,z_m\n0,0\n1001,5\n"))
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.95e-3, False), (1.05e-3, True), (-0.95e-3, False), (-1.05e-3, True)])
+def test_a_grid_line_may_be_a_thousandth_of_the_spacing_off_its_place(write, off, refused):
+    """The spacing is 2 m; places that differ by round-off are one."""
+    x = (1.0, 3.0 + 2.0 * off, 5.0, 7.0)
+    rows = "".join(f"{at!r},{y!r},0\n" for at in x for y in (0.5, 0.8))
+    file = write("x_m,y_m,z_m\n" + rows.replace("5.0,0.8", f"5.000000000000001,{0.5 + 0.1 + 0.2!r}"))
+    if refused:
+        with pytest.raises(DataError, match=r"column 'x_m' = .* m is not on a grid of spacing 2 m from 1 m"):
+            from_grid(file)
+    else:
+        assert from_grid(file).extent == pytest.approx((1.0, 7.0, 0.5, 0.8))
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,8 @@ EXCUSES: dict[str, dict[str, str]] = {
         "pieces = range(max(near[0] - 1, 0), min(near[-1] + 2, len(ground))): 2 -> 3": REACH,
         "t = -r: -r -> (r)": "where Newton begins: of 1,200 wheels on hills no corner moved by more than 2e-15 m",
         "for _ in range(3):: 3 -> 4": "a step more: of 1,200 wheels on hills no corner moved by more than 1e-15 m",
+        "return max(arc[0], min(edge, turn - edge) + delta), min(arc[1], max(edge, turn - edge) + delta): turn - edge "
+        "-> (turn)": "a bisector crosses an arc twice only where the wheel is inside a wall that rises behind it",
         "side: float = 0.0: 0.0 -> 0.1": "is set by whoever asks for patches, from the strip's share",
         "return 1.0, -1.0: 1.0 -> 1.1": EMPTY,
         "return 1.0, -1.0: -1.0 -> (1.0)": EMPTY,
