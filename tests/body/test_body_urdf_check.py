@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rover_pin import remembered
+from rover_pin.body import urdf_check
 from rover_pin.body.rover import load_rover
 from rover_pin.body.statics import wheel_loads
-from rover_pin.body.urdf_check import check_urdf
+from rover_pin.body.urdf_check import UrdfReport, _notes, _stance_notes, _standing_faults, check_urdf
 from rover_pin.description import readers
+from rover_pin.description.layout import read_layout
+from rover_pin.description.readers import free_tree
+from rover_pin.description.tree import read_tree
 from rover_pin.errors import ParameterError, UrdfError
 from rover_pin.scenarios import scenario
+from rover_pin.trust import Trust
 
 URDF = Path(__file__).parents[2] / "urdf"
 TEXT = (URDF / "nexus6.urdf").read_text()
@@ -34,6 +41,66 @@ def test_the_rovers_that_come_along_have_no_faults(name):
     assert report.ok
     assert report.facts
     assert all("without a TOML" in note for note in report.notes)
+
+
+def test_a_report_says_what_the_rover_is():
+    whole, alone, cart = (check_urdf(URDF / name) for name in ("nexus6.toml", "nexus6.urdf", "cart.toml"))
+    wheels = "wheel_fl, wheel_fr, wheel_ml, wheel_mr, wheel_rl, wheel_rr"
+    assert f"6 wheels: {wheels}" in whole.facts
+    assert "differential: rocker_l and rocker_r" in whole.facts
+    assert "differential: none" in cart.facts
+    (joints,) = (fact for fact in alone.facts if fact.startswith("continuous joints: "))
+    assert sorted(joints.partition(": ")[2].split(", ")) == sorted(wheels.split(", "))
+    assert (whole.loads, alone.loads) == (True, False)
+    assert not UrdfReport("x.urdf", (), (), ()).loads
+    assert [any("without a TOML" in note for note in each.notes) for each in (whole, alone)] == [False, True]
+    assert "There is no rover file" in check_urdf(URDF / "none.yaml").faults[0]
+
+
+@pytest.mark.parametrize(("share", "noted"), [(0.95e-3, False), (1.05e-3, True)])
+def test_wheels_off_their_plane_by_a_thousandth_are_noted(share, noted):
+    """Two diagonal wheels higher and two lower by this share of half the distance between the axles."""
+    layout = read_layout(URDF / "cart.toml", Trust())
+    model = free_tree(layout.text)
+    joints = [model.getJointId(name) for name in layout.wheel_joints]
+    places = np.array([model.jointPlacements[joint].translation for joint in joints])
+    middle, warp = places.mean(axis=0), np.ptp(places[:, 0]) / 2 * share
+    for joint, place in zip(joints, places, strict=True):
+        sign = np.sign(place[0] - middle[0]) * np.sign(place[1] - middle[1])
+        model.jointPlacements[joint].translation = np.array([place[0], place[1], middle[2] + sign * warp])
+    assert np.ptp(places[:, 0]) > np.ptp(places[:, 1]), "the axles are farther apart than the wheels"
+    assert any("do not stand on one plane" in note for note in _stance_notes(layout, model)) is noted
+
+
+@pytest.mark.parametrize(
+    ("fails_at", "load", "words"),
+    [
+        (None, 0.05, []),
+        (None, 0.0, ["would have to be held down"]),
+        (0.0, 1.0, ["fell"]),
+        (0.02, 1.0, ["fell"]),
+        (-0.02, 1.0, ["fell"]),
+    ],
+)
+def test_a_rover_stands_on_the_level_and_on_two_hundredths_either_way(monkeypatch, fails_at, load, words):
+    asked = []
+
+    def loads(_, slope):
+        asked.append(slope)
+        if slope == fails_at:
+            raise ParameterError("fell")
+        return np.full(4, load)
+
+    monkeypatch.setattr(urdf_check, "wheel_loads", loads)
+    faults = list(_standing_faults(read_layout(URDF / "cart.toml", Trust())))
+    assert [any(word in fault for fault in faults) for word in words] == [True] * len(faults)
+    assert fails_at is not None or asked == [0.0, 0.02, -0.02]
+
+
+def test_what_was_changed_on_the_way_is_noted():
+    layout = read_layout(URDF / "cart.toml", Trust())
+    changed = dataclasses.replace(layout, changes=("a mesh was left out",))
+    assert "a mesh was left out" in list(_notes(read_tree(layout.text, "cart.urdf"), changed))
 
 
 def test_a_urdf_alone_needs_a_wheel(tmp_path):

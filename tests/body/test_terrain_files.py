@@ -106,6 +106,11 @@ def test_grid_refusals(write, text, says):
         from_grid(write(text))
 
 
+def test_a_grid_of_another_ending_is_read_as_rows(write):
+    rows = "x_m,y_m,z_m\n0,0,0\n0,1,0\n1,0,0.5\n1,1,0\n"
+    assert from_grid(write(rows, "ground.txt")) == from_grid(write(rows))
+
+
 def test_coordinates_reach_a_kilometre(write):
     assert from_polyline(write("x_m,z_m\n-1000,0\n1000,5\n")).extent.x_high == 1000.0
     with pytest.raises(DataError, match="column 'x_m' reaches 1001 m"):
