@@ -32,7 +32,9 @@ def covariance(problem: LeastSquares, u: np.ndarray) -> np.ndarray:
 
 
 def _inverse_square(jacobian: np.ndarray) -> np.ndarray:
-    _, values, directions = np.linalg.svd(jacobian, full_matrices=False)
+    rows, count = jacobian.shape
+    whole = np.vstack([jacobian, np.zeros((max(count - rows, 0), count))])
+    _, values, directions = np.linalg.svd(whole, full_matrices=False)
     return (directions.T / np.maximum(values, 1e-9) ** 2) @ directions
 
 

@@ -90,7 +90,7 @@ class Fit:
         found = [plain, self._clustered(each * (stretch[-1] + 1) + stretch)]
         if runs >= FEW:
             wide = float(stdtrit(runs - 1, 0.975) / ndtri(0.975))
-            found.append(wide**2 * self._clustered(each + 0 * stretch))
+            found.append(wide**2 * self._clustered(each))
         return np.asarray(np.sqrt(np.max(found, axis=0)))
 
     def _clustered(self, owner: np.ndarray) -> np.ndarray:

@@ -111,7 +111,8 @@ def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: R
     scaled = free / np.maximum(np.linalg.norm(free, axis=0), 1e-9)
     Q, s, _ = np.linalg.svd(scaled, full_matrices=False)
     Q = Q[:, s > TOLD * s[0]] if s.size else Q
-    rest, B = rows - Q @ (Q.T @ rows), columns - Q @ (Q.T @ columns)
+    rest = rows - Q @ (Q.T @ rows)
+    B = columns - Q @ (Q.T @ columns)
     G, b = B.T @ B, B.T @ rest
 
     def loss(variances: np.ndarray) -> float:

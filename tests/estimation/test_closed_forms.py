@@ -2,10 +2,11 @@
 
 import math
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.optimize import OptimizeResult, approx_fprime, lsq_linear
+from scipy.optimize import OptimizeResult, approx_fprime, brentq, lsq_linear
 from scipy.stats import chi2 as chi2_law
 
 from rover_pin.errors import DataError, ParameterError
@@ -13,7 +14,7 @@ from rover_pin.estimation import baselines
 from rover_pin.estimation.coordinates import Axis, Linear, Log, Space
 from rover_pin.estimation.covariance import covariance as data_covariance
 from rover_pin.estimation.covariance import own_share
-from rover_pin.estimation.descent import descend
+from rover_pin.estimation.descent import _damped, descend
 from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, best_of, fit
@@ -22,7 +23,7 @@ from rover_pin.estimation.noise import Absorbed, Noise, declared_noise, huber, n
 from rover_pin.estimation.numbers import implausible, intervals, is_adequate, profiles, settled
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.problem import Prior, Problem
-from rover_pin.estimation.profile import AT_BOUND, Best, LowerMinimum, interval, rise
+from rover_pin.estimation.profile import Best, LowerMinimum, interval, rise
 from rover_pin.estimation.task import Task, objective
 from rover_pin.estimation.wording import Against, Change, Outcome, against, shown, spread
 from rover_pin.estimation.wording import interval as said_interval
@@ -514,6 +515,8 @@ def test_an_interval_about_a_fit_is_1_96_sd_and_ends_at_bounds_that_it_does_not_
         assert off.high == pytest.approx(MIDDLE + min(bounds[1], 1.959964 * own))
         assert off.closed is (bounds == (-10.0, 10.0))
     assert not wide._replace(at_bound=False).note
+    assert wide._replace(at_bound=True).note == "at its bound"
+    assert type(wide)(*wide[:6]).covered == 0.0
     assert wide.said.endswith("mm]")
     assert type(wide)(*wide[:6]).note == ""
 
@@ -554,6 +557,19 @@ def test_what_is_left_is_too_much_where_chance_makes_it_in_one_of_a_thousand(sha
     assert widened == pytest.approx(1.0 if adequate else math.sqrt(found.misfit))
 
 
+@pytest.mark.parametrize(("surprise", "adequate"), [(1.05e-3, True), (0.95e-3, False)])
+def test_less_likely_than_one_in_a_thousand_is_too_much(surprise, adequate):
+    task = made(exact=True, noise=0.3)
+
+    def widened(factor):
+        noise = replace(task.noise, sd=task.noise.sd * factor)
+        return fit(replace(task, noise=noise), Plane(), (number("a"), number("b", prior=False)))
+
+    limit = float(chi2_law.isf(surprise, 59))
+    factor = brentq(lambda one: huber(widened(one).rows) - limit, 0.1, 2.0, rtol=1e-6)
+    assert is_adequate(widened(factor)) is adequate
+
+
 class Rows:
     """A problem of two numbers within bounds, linear with this matrix."""
 
@@ -568,13 +584,13 @@ class Rows:
         return self.A @ u - self.y, self.A
 
 
-@pytest.mark.parametrize(("near", "pinned"), [(0.8, True), (1.2, False)])
+@pytest.mark.parametrize(("near", "pinned"), [(0.95, True), (1.05, False)])
 @pytest.mark.parametrize("side", [-1, 1])
 def test_another_number_is_pinned_within_a_ten_thousandth_of_its_range(near, pinned, side):
     """Where u0's interval ends, u1 stands just off its own bound."""
     A = np.array([[1.0, 0.0], [0.0, 1.0]])
     edge = 1.0
-    y = np.array([0.0, side * (edge - near * AT_BOUND * 2.0 * edge)])
+    y = np.array([0.0, side * (edge - near * 1e-4 * 2.0 * edge)])
     problem = Rows(A, y, (-9.0, -edge), (9.0, edge))
     found = interval(problem, Best(y.copy(), 0.0, np.eye(2)), 0)
     assert (found.low, found.high) == pytest.approx((-1.959964, 1.959964), rel=4e-3)
@@ -597,14 +613,17 @@ def test_the_rise_is_the_root_of_what_chi2_gained_and_others_follow():
     z, u = rise(problem, best, 0, 1.5, np.zeros(2))
     assert z == pytest.approx(1.5 / math.sqrt(covariance[0, 0]), rel=1e-6)
     assert u == pytest.approx([1.5, 1.5 * covariance[0, 1] / covariance[0, 0]], abs=1e-5)
+    above = Rows(np.vstack([A, np.zeros(2)]), np.array([0.0, 0.0, 0.0, 2.0]), (-50.0, -50.0), (50.0, 50.0))
+    assert rise(above, Best(np.zeros(2), 4.0, covariance), 0, 1.5, np.zeros(2))[0] == pytest.approx(z)
 
 
+@pytest.mark.parametrize("unit", [1e-5, 1.0, 1e3])
 @pytest.mark.parametrize("guess", [1e-4, 0.05, 1.0, 30.0])
-def test_an_interval_is_found_from_any_guess_of_its_width(guess):
+def test_an_interval_is_found_from_any_guess_of_its_width(guess, unit):
     """Its first trial is 1.96 guessed SDs away; it goes on from there, outwards or inwards, to the same end."""
-    A = np.array([[1.0, 0.8], [0.0, 0.6], [0.3, -0.2]])
+    A, far = np.array([[1.0, 0.8], [0.0, 0.6], [0.3, -0.2]]) / unit, 50.0 * unit
     covariance = np.linalg.inv(A.T @ A)
-    found = interval(Rows(A, np.zeros(3), (-50.0, -50.0), (50.0, 50.0)), Best(np.zeros(2), 0.0, guess * covariance), 0)
+    found = interval(Rows(A, np.zeros(3), (-far, -far), (far, far)), Best(np.zeros(2), 0.0, guess * covariance), 0)
     assert (found.low, found.high) == pytest.approx(
         np.array([-1.0, 1.0]) * 1.959964 * covariance[0, 0] ** 0.5, rel=4e-3
     )
@@ -612,37 +631,144 @@ def test_an_interval_is_found_from_any_guess_of_its_width(guess):
 
 
 class Valleys(Rows):
-    """Two valleys of u1, at 5, where chi2 is 0, and near 0, where it is 6: u0 is free of both."""
+    """Two valleys of u1, at 5, where chi2 is 0, and near 0, where it is 6: u0, least at 7, is free of both."""
 
     def __init__(self):
         super().__init__(np.eye(2), np.zeros(2), (-50.0, -50.0), (50.0, 50.0))
 
     def evaluate(self, u):
-        rows = np.array([u[0], 2.0 * u[1] * (u[1] - 5.0), 0.5 * (u[1] - 5.0)])
+        rows = np.array([u[0] - 7.0, 2.0 * u[1] * (u[1] - 5.0), 0.5 * (u[1] - 5.0)])
         return rows, np.array([[1.0, 0.0], [0.0, 4.0 * u[1] - 10.0], [0.0, 0.5]])
 
 
 def test_an_interval_is_that_of_the_valley_of_the_fit():
     """Refits begin where the fit is: another valley, that they fall into from elsewhere, is none of its own."""
     problem = Valleys()
-    other, chi2 = descend(problem, np.zeros(2))
+    other, chi2 = descend(problem, np.array([7.0, 0.0]))
     assert abs(other[1]) < 0.1
     assert chi2 > 5.0
-    found = interval(problem, Best(np.array([0.0, 5.0]), 0.0, np.diag([1.0, 0.01])), 0)
-    assert (found.low, found.high) == pytest.approx((-1.959964, 1.959964), rel=4e-3)
+    for together in (0.0, -0.6, 0.6):
+        guess = 2.0 * np.array([[1.0, together], [together, 0.5]])
+        found = interval(problem, Best(np.array([7.0, 5.0]), 0.0, guess), 0)
+        assert (found.low, found.high) == pytest.approx((7.0 - 1.959964, 7.0 + 1.959964), abs=8e-3)
 
 
-def given_slopes(chi2, factor):
+class Scripted(Rows):
+    """One number of next to no slope, whose chi2 falls by these at each evaluation after the first."""
+
+    def __init__(self, falls):
+        super().__init__(np.eye(1), np.zeros(1), (-1e9,), (1e9,))
+        self.left = [10.0 - sum(falls[:count]) for count in range(len(falls) + 1)]
+
+    def evaluate(self, u):
+        return np.array([math.sqrt(self.left.pop(0))]), np.array([[1e-3]])
+
+
+def test_a_descent_ends_where_three_steps_in_a_row_gain_less_than_a_millionth():
+    little, falls = 0.9e-6, []
+    for few in (1, 2, 2):
+        falls += [*[little] * few, 1.0, 1.1e-6]
+    problem = Scripted([*falls, little, little, little, 1.0, 1.0])
+    assert descend(problem, np.zeros(1))[1] == pytest.approx(7.0, abs=1e-4)
+    assert len(problem.left) == 2
+
+
+def test_given_slopes_that_are_stale_do_not_end_a_fit():
+    """Slopes of next to nothing promise nothing: a usual fit ends there, one to its end computes its own."""
+    task = made(noise=0.0, a=1.0, b=0.0)
+    for stale, end in ((False, 0.2), (True, 1.0)):
+        found = fit(task, Plane(), (number("a", prior=False),), np.array([0.2]), {"plane.a": 1e-9 * X[0]}, stale=stale)
+        assert found.u == pytest.approx([end], abs=1e-6)
+
+
+class Constant(Experiment):
+    """One channel that is a everywhere, of five runs of two stretches."""
+
+    channels, folds = ("y",), tuple("pqrst")
+    observed = np.tile(np.repeat([1.0, -1.0], STRETCH), (5, 1, 1))
+
+    def predict(self, models):
+        return np.array([np.full(self.observed.shape, one.a) for one in models])
+
+    def records(self, model):
+        return {"plane": model}
+
+    def replaced(self, model, owner, record):
+        return record
+
+
+def test_stretches_of_several_runs_are_clusters_of_their_own():
+    """Ten sums of 8 or -8 of 80 rows: variance 10 / 9 x 640 / 80^2; runs sum to nothing."""
+    bed = Constant()
+    found = fit(Task(bed, declared_noise(np.array([1.0]), bed.observed)), Plane(), (number("a", prior=False),))
+    assert found.u == pytest.approx([0.0], abs=1e-9)
+    assert found.spread**2 == pytest.approx([10 / 9 * 640 / 80**2], rel=1e-6)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_stray_that_channels_share_counts_as_three_sds_in_what_they_share(sign):
+    residual, good = np.random.default_rng(21).normal(size=(1, 2, 60)), np.ones((1, 2, 60), dtype=bool)
+    good[:, :, [29, 31]] = False
+    mixings = []
+    for stray in (4.5, 60.0):
+        residual[:, :, 30] = sign * stray
+        mixings.append(noise_of(residual, good, np.zeros(2)).mixing)
+    assert mixings[0] == pytest.approx(mixings[1], rel=1e-12)
+
+
+def test_a_channel_that_is_nowhere_compared_has_its_least_noise():
+    good = np.ones((1, 2, 9), dtype=bool)
+    good[:, 1] = False
+    found = noise_of(np.random.default_rng(3).normal(size=(1, 2, 9)), good, np.array([0.0, 0.3]))
+    assert found.sd[1] == 0.3
+    assert found.rho[1] == 0.0
+
+
+def given_slopes(chi2, factor, reuse=True):
     """Return where a fit of a ends whose given slopes are so many times too steep, as a share of where it began."""
     task = made(noise=0.0, sd=1.0, a=0.0, b=0.0)
     start = math.sqrt(chi2 / float(np.sum(X[0] ** 2)))
-    found = fit(task, Plane(), (number("a", prior=False),), np.array([start]), {"plane.a": factor * X[0]}, reuse=True)
+    found = fit(task, Plane(), (number("a", prior=False),), np.array([start]), {"plane.a": factor * X[0]}, reuse)
     return found.u[0] / start
 
 
 def test_a_usual_fit_takes_six_turns():
     """Each goes a third of the way."""
     assert given_slopes(200.0, 3.0) == pytest.approx((2 / 3) ** 6)
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.52, True), (0.48, False)])
+def test_slopes_are_computed_again_where_a_turn_gains_less_than_half_of_what_it_promised(share, kept):
+    """Slopes that are 1 / (1 - w) times too steep leave w of the way, and gain 1 - w^2 of chi2."""
+    left = math.sqrt(1.0 - share)
+    assert given_slopes(200.0, 1.0 / (1.0 - left), reuse=False) == pytest.approx(left**6 if kept else 0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("radius", [0.02, 0.3, 3.0, 40.0])
+def test_a_step_within_a_radius_is_as_long_as_it_within_a_hundredth(radius):
+    draw = np.random.default_rng(17)
+    shortened = 0
+    for _ in range(30):
+        jacobian, residual = draw.normal(size=(6, 3)) * [1.0, 0.1, 3.0], 10.0 * draw.normal(size=6)
+        step, newton = _damped(jacobian, residual, radius)
+        shortened += not newton
+        if newton:
+            assert step == pytest.approx(-np.linalg.lstsq(jacobian, residual, rcond=None)[0])
+            assert np.linalg.norm(step) <= radius
+        else:
+            assert radius * (1 - 1e-9) <= np.linalg.norm(step) <= 1.01 * radius
+    assert shortened > 3
+
+
+def test_chi2_is_infinite_where_a_model_has_no_value():
+    for row, chi2 in ((np.nan, np.inf), (np.inf, np.inf), (2.0, 4.0)):
+        assert Problem.chi2(SimpleNamespace(evaluate=lambda _, row=row: (np.array([row]), None)), np.zeros(1)) == chi2
+
+
+def test_a_number_is_moved_by_its_sds_unless_it_is_said_otherwise():
+    bed = Line(np.zeros((FOLDS, 1, SAMPLES)))
+    assert bed.parameter(Plane(a=2.0), "plane.a", 0.5).value(1.0) == pytest.approx(2.5)
+    assert bed.parameter(Plane(a=2.0), "plane.a", 0.5, log=True).value(1.0) == pytest.approx(2.0 * math.exp(0.5))
 
 
 @pytest.mark.parametrize(("gain", "turns"), [(0.29, 3), (0.31, 4)])
@@ -710,6 +836,7 @@ def test_what_others_cannot_reproduce_of_a_column_knows_no_unit():
 def test_a_covariance_of_fewer_rows_than_numbers_is_huge_where_nothing_is_told():
     found = data_covariance(Rows(np.array([[1.0, 0.0]]), np.zeros(1), (-5.0, -5.0), (5.0, 5.0)), np.zeros(2))
     assert found[0, 0] == pytest.approx(1.0)
+    assert found[1, 1] > 1e12
 
 
 class Bent(Rows):

@@ -54,6 +54,15 @@ def test_what_chance_may_have_done_is_taken_out_as_the_inverse_root_of_the_whole
     np.testing.assert_allclose(found, noise.white(residual) @ root, atol=1e-9)
 
 
+def test_a_fold_that_fewer_columns_move_has_fewer_taken_out(field, noise):
+    moved = field.moved * (np.arange(len(field.kind)) > 1)[:, None, None, None]
+    columns, sds = noise.white(moved).T, (0.1, 0.03)
+    found = dataclasses.replace(noise, chance=chance_of(field, columns, noise.good, learnt_as(*sds)))
+    residual = np.random.default_rng(15).normal(size=(FOLDS, CHANNELS, SAMPLES))
+    root = np.linalg.inv(np.real(sqrtm(dense(columns, field, sds))))
+    np.testing.assert_allclose(found.white(residual), noise.white(residual) @ root, atol=1e-9)
+
+
 def test_rows_without_one_fold_are_those_of_the_other_folds(field, noise):
     chance = chance_of(field, noise.white(field.moved).T, noise.good, learnt_as(0.1, 0.03))
     whole = dataclasses.replace(noise, chance=chance)
@@ -195,6 +204,14 @@ def test_free_columns_that_differ_by_less_than_a_thousandth_are_one(apart, told)
     columns = np.array([[0.0], [1.0], [0.0], [0.0]])
     (found,) = learnt_sds(np.array([0.0, 3.0, 0.0, 0.0]), 1e-5 * free, columns, alone(KINDS[0]))
     assert (found.sd == 0.0) is told
+
+
+def test_what_free_columns_take_does_not_depend_on_their_units(field, noise):
+    random, columns = np.random.default_rng(14), noise.white(field.moved).T
+    free = random.normal(size=(len(columns), 3))
+    rows = columns @ random.normal(size=columns.shape[1]) + random.normal(size=len(columns))
+    told = [[one.sd for one in learnt_sds(rows, free * unit, columns, field)] for unit in (1.0, [1e-6, 1.0, 1e4])]
+    assert told[0] == pytest.approx(told[1], rel=5e-3), "as near as the search comes"
 
 
 @pytest.mark.parametrize(("scale", "told"), [(0.95e-3, False), (1.05e-3, True)])

@@ -5,9 +5,11 @@ FIRST = (
     "ways, moved by 4 %, no other by more than 0.01 SD; of 216 ends and rises of fits that are not exact none by 5e-4"
 )
 CUT = "where a bracket is cut: of 252 ends of profiles of 43 bent problems one moved by 4 %, no other by 0.02 SD"
+DAMPS = "which damped steps are tried; the lowest is taken"
 MORE = "one more try before it gives up, or ends where it was as good"
 LEAVES = "what would leave its bound is taken out below: of 129 descents to a box's faces none ended higher by 1e-6"
 BOX = "where a search begins, or ends far from any likely value"
+ACROSS = "columns without what is taken are at right angles to it: their products with the rows are the same"
 EQUAL = "two numbers that are worked out are never equal"
 LATER = "ends where no step is left instead: of 129 descents on 43 bent problems none ended elsewhere"
 LOOKS = "a fit that gains nothing by new slopes looks once more: of 96 fits none ended elsewhere by 2e-4 of chi2"
@@ -16,6 +18,8 @@ BOUNDED = "keeps from 0 / 0: the radius bounds what is not told"
 
 EXCUSES: dict[str, dict[str, str]] = {
     "baselines.py": {
+        "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: 2.5 -> 2.75": BOX,
+        "starts = [np.array([0.0, -2.0, *[length] * inputs.shape[1]]) for length in (-1.0, 0.0)]: 1.0 -> 1.1": BOX,
         "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: 4.0 -> 4.4": BOX,
         "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: 2.0 -> 2.2": BOX,
         "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: 3.0 -> 3.3000000000000003": BOX,
@@ -32,7 +36,7 @@ EXCUSES: dict[str, dict[str, str]] = {
         "free = ~((u <= low) & (gradient > 0)): 0 -> 1": LEAVES,
         "free = ~((u <= low) & (gradient > 0)): > -> >=": EQUAL,
         "free &= ~((u >= high) & (gradient < 0)): < -> <=": EQUAL,
-        "radius, idle = 1.0, 0: 0 -> 1": MORE,
+        "radius, idle = 1.0, 0: 1.0 -> 1.1": LATER,
         "idle = idle + 1 if fall < GAIN else 0: idle + 1 -> (idle)": LATER,
         "if share[first] >= 1:: >= -> >": "a share of 1 ends where the step does",
         "idle = idle + 1 if fall < GAIN else 0: 1 -> 2": MORE,
@@ -60,6 +64,11 @@ EXCUSES: dict[str, dict[str, str]] = {
         "right = -(columns.T @ (weights * rows)) - np.where(np.diag(prior) == 1.0, u, 0.0): == -> "
         ">=": "it is 1 or next to 0",
         "TO_THE_END = 40, 12: 12 -> 13": MORE,
+        "TO_THE_END = 40, 12: 40 -> 41": MORE,
+        "DAMPED = 1e1, 1e2, 1e3, 1e4, 1e5: 1e2 -> 110.00000000000001": DAMPS,
+        "DAMPED = 1e1, 1e2, 1e3, 1e4, 1e5: 1e3 -> 1100.0": DAMPS,
+        "DAMPED = 1e1, 1e2, 1e3, 1e4, 1e5: 1e4 -> 11000.0": DAMPS,
+        "DAMPED = 1e1, 1e2, 1e3, 1e4, 1e5: 1e5 -> 110000.00000000001": DAMPS,
         "was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(own): == -> "
         ">=": "what is missing is always among its own",
         "RENEWALS = 2: 2 -> 3": MORE,
@@ -75,6 +84,7 @@ EXCUSES: dict[str, dict[str, str]] = {
         "shared = np.maximum(known.astype(float) @ known.T, 1.0): 1.0 -> "
         "1.1": "keeps 0 from 0 / 0: channels that share one block tell no correlation",
         "if self.sd.ndim > 1:: 1 -> 2": "SDs are of channels or of every block: one dimension, or three",
+        "product = float(np.mean(one[both] * other[both])) if both.any() else 0.0: 0.0 -> 0.1": "then the power is 0",
         "power = float(np.nanmean(clipped**2)) if both.any() else 0.0: 0.0 -> "
         "0.1": "where no two blocks follow one another there is no product to divide",
     },
@@ -91,9 +101,13 @@ EXCUSES: dict[str, dict[str, str]] = {
         "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): direction * (u - fitted.u[at]) -> "
         "(direction)": FIRST,
         "TURNS = 3: 3 -> 4": MORE,
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): + -> -": FIRST,
+        "start = np.delete(fitted.u + direction * (u - fitted.u[at]), at): * -> /": FIRST,
     },
     "parameter.py": {
         "fd: float = 0.3: 0.3 -> 0.33": "any step of a difference",
+        "return np.array([one.bounds for one in parameters]).reshape(-1, 2): 1 "
+        "-> 2": "any negative number stands for what is left",
     },
     "profile.py": {
         "return np.clip(best.u + along * (x - best.u[index]), problem.space.low, "
@@ -117,6 +131,10 @@ EXCUSES: dict[str, dict[str, str]] = {
         "z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if kept is best.u else kept): "
         "is -> is not": FIRST,
         "x = _within(centre + side * target * sd, centre, bound): side * target -> (side)": FIRST,
+        "if abs(z - target) < CLOSE * target:: * -> /": "an end that is found nearer",
+        "share = (target - inside[1]) / (outside[1] - inside[1]) if turn % 3 else 0.5: 3 -> 4": CUT,
+        "inside, outside, kept = (centre, 0.0), None, best.u: 0.0 -> 0.1": CUT,
+        "stretch = min(1.05 * target / risen, 4.0): 1.05 * target / risen -> (1.05 * target)": FIRST,
         "risen = max(inside[1], 0.1 * target): * -> /": FIRST,
         "risen = max(inside[1], 0.1 * target): 0.1 * target -> (0.1)": FIRST,
         "risen = max(inside[1], 0.1 * target): 0.1 -> 0.11000000000000001": FIRST,
@@ -133,7 +151,17 @@ EXCUSES: dict[str, dict[str, str]] = {
         "/ (outside[1] - inside[1]) -> (0.5)": CUT,
         "x = _within(centre + side * target * sd, centre, bound): * -> /": FIRST,
     },
+    "random_field.py": {
+        "start = np.full(count, 0.1): 0.1 -> 0.11000000000000001": "where the search begins: see the closed forms",
+        "best = np.where(found > TOLD**2, found, 0.0): 0.0 -> 0.1": "what is worse than nothing is dropped below",
+        "best = np.where(found > TOLD**2, found, 0.0): > -> >=": EQUAL,
+        "rest = rows - Q @ (Q.T @ rows): - -> +": ACROSS,
+        "rest = rows - Q @ (Q.T @ rows): rows - Q @ (Q.T @ rows) -> (rows)": ACROSS,
+        'found = minimize(loss, start, method="L-BFGS-B", bounds=[(0.0, MOST_SCALE**2)] * count).x: [(0.0, '
+        "MOST_SCALE**2)] * count -> ([(0.0, MOST_SCALE**2)])": "scipy takes one pair of bounds for all",
+    },
     "wording.py": {
+        "if self.told and (self.high < 0 or self.low > 0):: < -> <=": EQUAL,
         "if self.told and (self.high < 0 or self.low > 0):: > -> >=": EQUAL,
         "def spread(sd: float, size: float = 1.0) -> str:: 1.0 -> "
         "1.1": "no SD lies between one and 1.1 billionths of a size",
