@@ -2,7 +2,7 @@
 
 FIRST = (
     "where a refit or a trial begins: of 252 ends of profiles of 43 bent problems one, to which refits come by several "
-    "ways, moved by 4 %, no other by more than 0.01 SD; of 216 ends and rises of fits that are not exact none by 5e-4"
+    "ways, moved by 4 %, no other by more than 0.01 SD; of 216 ends and rises of fits none by 1.1e-3"
 )
 CUT = "where a bracket is cut: of 252 ends of profiles of 43 bent problems one moved by 4 %, no other by 0.02 SD"
 DAMPS = "which damped steps are tried; the lowest is taken"
@@ -11,7 +11,7 @@ LEAVES = "what would leave its bound is taken out below: of 129 descents to a bo
 BOX = "where a search begins, or ends far from any likely value"
 ACROSS = "columns without what is taken are at right angles to it: their products with the rows are the same"
 EQUAL = "two numbers that are worked out are never equal"
-LATER = "ends where no step is left instead: of 129 descents on 43 bent problems none ended elsewhere"
+LATER = "ends where no step is left instead: of 129 descents on 43 bent problems none ended elsewhere by 2e-6"
 LOOKS = "a fit that gains nothing by new slopes looks once more: of 96 fits none ended elsewhere by 2e-4 of chi2"
 
 BOUNDED = "keeps from 0 / 0: the radius bounds what is not told"
@@ -32,14 +32,11 @@ EXCUSES: dict[str, dict[str, str]] = {
     },
     "descent.py": {
         "values = np.maximum(values, 1e-12 * max(values[0], 1e-300)): max -> min": BOUNDED,
-        "IDLE = 3: 3 -> 4": MORE,
         "free = ~((u <= low) & (gradient > 0)): 0 -> 1": LEAVES,
         "free = ~((u <= low) & (gradient > 0)): > -> >=": EQUAL,
         "free &= ~((u >= high) & (gradient < 0)): < -> <=": EQUAL,
         "radius, idle = 1.0, 0: 1.0 -> 1.1": LATER,
-        "idle = idle + 1 if fall < GAIN else 0: idle + 1 -> (idle)": LATER,
         "if share[first] >= 1:: >= -> >": "a share of 1 ends where the step does",
-        "idle = idle + 1 if fall < GAIN else 0: 1 -> 2": MORE,
         "trial[first] = (low if step[first] < 0 else high)[first]: < -> "
         "<=": "the first bound is of a step that is not 0",
         "if not fall > promised / 4:: > -> >=": EQUAL,
@@ -47,8 +44,6 @@ EXCUSES: dict[str, dict[str, str]] = {
         "if fall > 0:: > -> >=": EQUAL,
         "if radius < SMALLEST or idle == IDLE:: == -> >=": "it grows by one a step",
         "STEPS = 400: 400 -> 401": MORE,
-        "idle = idle + 1 if fall < GAIN else 0: idle + 1 -> (0)": LATER,
-        "idle = idle + 1 if fall < GAIN else 0: idle + 1 -> (1)": LATER,
     },
     "exact.py": {
         "root = np.sqrt(np.where(stray, huber_losses(rows), 1.0)): 1.0 -> 1.1": "not read where no row is a stray",
