@@ -80,6 +80,15 @@ def test_its_model_frees_no_motor_and_lacks_none(log):
     assert not [name for name in experiment.channels if name.startswith(("wheel_rate_", "current_"))]
 
 
+@pytest.mark.parametrize(("rover", "free"), [("nexus6", False), ("cart", True)])
+def test_the_side_force_is_uncertain_where_nothing_steers(tmp_path, rover, free):
+    """What scrubs alone holds its heading by it: taken as exact, flank pressure was named where a cable dragged."""
+    folder = write(tmp_path, runs=1, duration=3.0, rover=rover)
+    log = only(folder, lambda name: not name.startswith(DROPPED))
+    own = [one for one in nuisances(log, with_spread(base_model(log), motors=False)) if "SideShear" in one.name]
+    assert [one.scale for one in own] == ([0.5] if free else [])
+
+
 def test_a_tacho_gain_moves_the_replay_and_other_sensors_only_what_they_read(log):
     model = with_spread(base_model(log), motors=False)
     experiment = experiment_of(logged_runs(log, model.rover), model)

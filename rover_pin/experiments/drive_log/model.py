@@ -9,6 +9,7 @@ from typing import Any
 from rover_pin.body.rover import Rover
 from rover_pin.contact import Soil
 from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
@@ -36,6 +37,9 @@ MOTOR_SD = {"gear": 0.04, "resistance": 0.04}
 """Relative SD of a motor constant that is declared without one (assumed: data sheets)."""
 LEVEL_SD = math.tan(math.radians(1.0))
 """SD of the slope of a ground that a log's own level told: its zero is off by a degree (assumed), as if R differed."""
+SIDE_SD = 0.5
+"""Relative SD of the side force (assumed: the law gives half of that of a measured wheel). It is free where nothing
+steers: such a rover turns, and holds its heading, by scrub alone."""
 RESISTANCE_SD = 0.25
 """Relative SD of a motion resistance that is declared without one, or not at all (assumed)."""
 
@@ -97,7 +101,8 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
     """Return the numbers that are uncertain without anything being missing, with their priors.
 
     The soil's phi, k, k_1 and, where the contact angles are fixed, theta_1; the motor's gear and resistance; the motion
-    resistance; a gain for each motor and tachogenerator. SDs are the log's where it states them.
+    resistance; a gain for each motor and tachogenerator; where wheels are held to their rates and none steers, the side
+    force. SDs are the log's where it states them.
     """
     declared = log.about.soil
     found = [parameter(model, "soil.phi", _sd(log.folder, declared, "phi", "rad", SOIL_SD["phi"]))]
@@ -108,12 +113,19 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
         unit = {"k": "m", "k_1": "Pa"}[name]
         sd = _sd(log.folder, declared, name, unit, SOIL_SD[name] * value) / value
         found.append(parameter(model, f"soil.{name}", sd, log=True))
-    found += _of_motors(log, model) if not held(log) else []
+    found += _of_motors(log, model) if not held(log) else _of_scrub(model)
     for R in (float(one.R) for one in model.effects if isinstance(one, MotionResistance) and one.R):
         sd = _sd(log.folder, log.about.resistance, "R", "", RESISTANCE_SD * R, widen=False)
         sd = math.hypot(sd, LEVEL_SD) if any(log.is_estimated(run) for run in log.runs) else sd
         found.append(parameter(model, "MotionResistance.R", sd / R, log=True))
     return (*found, *(parameter(model, f"TachoScale[{one.name}].e", TACHO_TO_TACHO) for one in model.rover.wheels))
+
+
+def _of_scrub(model: Model) -> list[Parameter]:
+    """Return the scale of the side force of a rover that does not steer."""
+    scrubs = all(wheel.steer_dof is None for wheel in model.rover.wheels)
+    has = any(isinstance(one, SideShear) and one.scale for one in model.effects)
+    return [parameter(model, "SideShear.scale", SIDE_SD, log=True)] if scrubs and has else []
 
 
 def _of_motors(log: DriveLog, model: Model) -> list[Parameter]:
