@@ -14,6 +14,7 @@ EQUAL = "two numbers that are worked out are never equal"
 LATER = "ends where no step is left instead: of 129 descents on 43 bent problems none ended elsewhere by 2e-6"
 LOOKS = "a fit that gains nothing by new slopes looks once more: of 96 fits none ended elsewhere by 2e-4 of chi2"
 
+ZEROS = "more rows of zeros tell nothing"
 BOUNDED = "keeps from 0 / 0: the radius bounds what is not told"
 
 EXCUSES: dict[str, dict[str, str]] = {
@@ -29,6 +30,13 @@ EXCUSES: dict[str, dict[str, str]] = {
         "starts = [np.array([0.0, -2.0, *[length] * inputs.shape[1]]) for length in (-1.0, 0.0)]: 2.0 -> 2.2": BOX,
         "bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]: 1.0 -> 1.1": BOX,
         "starts = [np.array([0.0, -2.0, *[length] * inputs.shape[1]]) for length in (-1.0, 0.0)]: -1.0 -> (1.0)": BOX,
+    },
+    "covariance.py": {
+        "whole = np.vstack([jacobian, np.zeros((max(count - rows, 0), count))]): count - rows -> (count)": ZEROS,
+        "whole = np.vstack([jacobian, np.zeros((max(count - rows, 0), count))]): - -> +": ZEROS,
+        "whole = np.vstack([jacobian, np.zeros((max(count - rows, 0), count))]): 0 -> 1": ZEROS,
+        "_, values, directions = np.linalg.svd(whole, full_matrices=False): False -> True": "with as many "
+        "rows as numbers all directions are there",
     },
     "descent.py": {
         "values = np.maximum(values, 1e-12 * max(values[0], 1e-300)): max -> min": BOUNDED,
