@@ -666,7 +666,7 @@ class Scripted(Rows):
 
 def test_a_descent_ends_where_three_steps_in_a_row_gain_less_than_a_millionth():
     little, falls = 0.9e-6, []
-    for few in (1, 2, 2):
+    for few in (2, 1, 2):
         falls += [*[little] * few, 1.0, 1.1e-6]
     problem = Scripted([*falls, little, little, little, 1.0, 1.0])
     assert descend(problem, np.zeros(1))[1] == pytest.approx(7.0, abs=1e-4)

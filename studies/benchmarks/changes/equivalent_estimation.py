@@ -134,6 +134,7 @@ EXCUSES: dict[str, dict[str, str]] = {
         "z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if kept is best.u else kept): "
         "is -> is not": FIRST,
         "x = _within(centre + side * target * sd, centre, bound): side * target -> (side)": FIRST,
+        "along = best.covariance[:, index] / best.covariance[index, index]: / -> *": FIRST,
         "if abs(z - target) < CLOSE * target:: * -> /": "an end that is found nearer",
         "share = (target - inside[1]) / (outside[1] - inside[1]) if turn % 3 else 0.5: 3 -> 4": CUT,
         "inside, outside, kept = (centre, 0.0), None, best.u: 0.0 -> 0.1": CUT,
