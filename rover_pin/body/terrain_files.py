@@ -119,7 +119,7 @@ def _column_grid(table: Columns) -> HeightGrid:
 
 
 def _not_once(points: np.ndarray, count: int) -> tuple[int, int]:
-    """Return the first of `count` points that has not one row, and how many it has; (0, 1) where all have one.
+    """Return the first of `count` points that has not one row, and how many it has; 1 where all have one.
 
     Takes memory for the rows only: a few scattered ones would span a grid of their square.
     """
@@ -129,7 +129,7 @@ def _not_once(points: np.ndarray, count: int) -> tuple[int, int]:
     twice = np.flatnonzero(rows[:first] > 1)
     if twice.size:
         return int(twice[0]), int(rows[twice[0]])
-    return (first, 0) if first < count else (0, 1)
+    return first, int(first >= count)
 
 
 def _lattice(table: Columns, name: str, values: np.ndarray) -> tuple[float, float, np.ndarray]:
