@@ -246,6 +246,9 @@ def test_after_an_early_end_the_last_good_row_stands_for_the_rest():
     assert 0 < last < len(x) - 1
     assert np.array_equal(x[: last + 1], whole.channels["body_x"][: last + 1])
     assert np.all(x[last:] == x[last])
+    sunk = np.max([whole.channels[f"sinkage_{wheel.name}"] for wheel in buried.rover.wheels], axis=0)
+    looked = np.flatnonzero(sunk > 0.21 * 0.045)
+    assert last == looked[looked % 10 == 0][0] - 1, "of every tenth row, which are looked at, it failed the next"
 
 
 def test_the_first_row_of_a_replay_that_fails_at_once_is_where_it_is():

@@ -1,16 +1,22 @@
 """What a log's rows are made into before they are driven again: rows of equal distance, commands, place and rates."""
 
+import dataclasses
 import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from rover_pin.body.shapes import flat
 from rover_pin.errors import DataError
+from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.place import Start
 from rover_pin.motion.replay import Nudge, averaged, commands, filled, shared, shares
+from rover_pin.motion.replay import _channels as channels_of
 from rover_pin.motion.replay import _fields as fields
+from rover_pin.motion.rows import row_type
 from rover_pin.motion.trace import Trace
+from rover_pin.scenarios import scenario
 
 NAN = math.nan
 
@@ -91,6 +97,12 @@ def test_a_declared_start_is_taken_and_an_unknown_one_is_refused():
     assert commands(log(body_x=x, attrs=told), ("a",), ()).start.x == 1.0
 
 
+def test_a_run_s_own_ground_takes_the_place_of_the_models():
+    run, model, ground = commands(log(), ("a",), ()), scenario("flat").model, flat()
+    assert run.on(model) is model
+    assert dataclasses.replace(run, terrain=ground).on(model).terrain is ground
+
+
 def test_means_of_rows_leave_gaps_and_what_lies_beyond_out():
     t = np.array([0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.26])
     values = np.array([1.0, 3.0, 5.0, NAN, NAN, 7.0, 9.0])
@@ -126,3 +138,32 @@ def test_a_nudge_is_added_to_the_duty_and_places_are_drawn_to_within_a_second():
     assert "grip_rows" not in found
     assert found["share"] == pytest.approx(0.05), "a row of 50 ms, with a time constant of 1 s"
     assert fields(model, run, Nudge())["duty_rows"] == pytest.approx(run.duty)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_channels_are_what_the_model_did_without_what_it_was_drawn(held):
+    model, n = scenario("flat").model, 5
+    rng, rows = np.random.default_rng(4), np.zeros(n, dtype=row_type(model))
+    for name in ("q", "v", "record", "attitude", "moved", "velocity"):
+        rows[name] = rng.normal(size=rows[name].shape)
+    rows["attitude"][:, 2] = [3.0, 3.1, -3.1, -3.0, -2.9]
+    found = channels_of(model, SimpleNamespace(t=np.arange(n), held=held), rows)
+    for at, axis in enumerate("xy"):
+        assert found[f"body_{axis}"] + rows["moved"][:, at] == pytest.approx(rows["q"][:, at])
+    assert np.array_equal(found["body_z"], rows["q"][:, 2])
+    yaw = found["body_yaw"] + rows["moved"][:, 2]
+    assert yaw == pytest.approx([3.0, 3.1, 2 * math.pi - 3.1, 2 * math.pi - 3.0, 2 * math.pi - 2.9])
+    for at, name in enumerate(("roll", "pitch")):
+        assert np.array_equal(found[f"body_{name}"], rows["attitude"][:, at])
+    for at, axis in enumerate("xyz"):
+        assert np.array_equal(found[f"body_v{axis}"], rows["velocity"][:, at])
+    for at, wheel in enumerate(model.rover.wheels):
+        told = {name: rows["record"][:, at, RECORD.index(name)] for name in RECORD}
+        current = told["torque"] / float(model.motor.constant) if held else told["current"]
+        assert found[f"current_{wheel.name}_A"] == pytest.approx(current)
+        assert np.array_equal(found[f"wheel_rate_{wheel.name}"], rows["v"][:, wheel.dof])
+        for name in ("slip", "sinkage", "normal", "tangential"):
+            assert np.array_equal(found[f"{name}_{wheel.name}"], told[name])
+    assert np.array_equal(found["battery_V"], rows["record"][:, 0, RECORD.index("supply")])
+    for name, place in model.rover.angles.items():
+        assert np.array_equal(found[name], rows["q"][:, place])

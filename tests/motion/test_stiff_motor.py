@@ -4,10 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rover_pin.control.constant import ConstantDuty
+from rover_pin.errors import ParameterError
 from rover_pin.motion.kernel_rover import armed, rim_inertia
 from rover_pin.motion.motor import RINGS, Motor, unringing
 from rover_pin.motion.motors import MOTORS, motor_named
@@ -25,11 +26,30 @@ def left_after_a_step(z):
 
 
 @given(z=st.floats(1e-6, 1e9))
+@example(z=5.7)
+@example(z=6.3)
 def test_no_step_turns_back_more_than_half_of_a_rate(z):
     left = left_after_a_step(z)
     assert -0.5 - 1e-9 <= left <= 1.0
     midpoint = (1.0 - z / 2.0) / (1.0 + z / 2.0)
-    assert left == pytest.approx(midpoint if z <= RINGS else -0.5, abs=1e-9)
+    assert left == pytest.approx(midpoint if z <= 6.0 else -0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize(("delta", "omega", "torque"), [(0.55, 1.2, 0.02), (0.3, 0.05, 0.25), (1.0, 30.0, 0.97)])
+def test_a_calibrated_motor_turns_so_fast_under_so_much(delta, omega, torque):
+    motor = Motor()
+    made = motor.calibrated(delta, omega, torque)
+    drive = made.drive(delta, omega)
+    assert float(drive.constant * drive.current) == pytest.approx(torque)
+    for name in ("supply", "stall_torque", "armature"):
+        assert float(getattr(made, name)) == pytest.approx(float(getattr(motor, name)))
+
+
+@pytest.mark.parametrize(("delta", "omega"), [(0.25, 1.0), (0.2, 1.0), (0.5, 0.0), (0.5, -1.0)])
+def test_no_motor_holds_more_than_its_duty_gives_or_turns_back(delta, omega):
+    motor = Motor()
+    with pytest.raises(ParameterError, match="raise the stall torque or the duty, and ask for a positive rate"):
+        motor.calibrated(delta, omega, 0.25 * float(motor.stall_torque))
 
 
 def test_a_slope_that_drives_or_vanishes_is_left_alone():

@@ -6,7 +6,7 @@ static void turn(double angle, double *sine, double *cosine) {
   const double x = angle * angle;
   if (x < SMALL_ANGLE * SMALL_ANGLE) {
     *sine = angle * (1.0 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x / 362880))));
-    *cosine = 1.0 - x * (1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320 - x / 3628800))));
+    *cosine = 1.0 - x * (1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x / 40320)));
   } else {
     *sine = sin(angle);
     *cosine = cos(angle);
@@ -19,8 +19,8 @@ static void advance_base(double *q, const double *v, double dt) {
   double a, b, s, c; /* (1 - cos)/angle^2, (angle - sin)/angle^3, sin(angle/2)/angle, cos(angle/2) */
   if (angle < SMALL_ANGLE) { /* series, to the last digit: most steps, and without the loss of the differences */
     a = 1.0 / 2 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320 - x / 3628800)));
-    b = 1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880 - x / 39916800)));
-    s = 1.0 / 2 - x * (1.0 / 48 - x * (1.0 / 3840 - x * (1.0 / 645120 - x / 185794560)));
+    b = 1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x / 362880));
+    s = 1.0 / 2 - x * (1.0 / 48 - x * (1.0 / 3840 - x / 645120));
     c = 1.0 - x * (1.0 / 8 - x * (1.0 / 384 - x * (1.0 / 46080 - x / 10321920)));
   } else {
     a = (1.0 - cos(angle)) / x;

@@ -92,4 +92,21 @@ MOTION: dict[tuple[str, str], str] = {
         "rover_pin/motion/resolution.py",
         "PRESSED, FIRMEST = 1e-3, 100.0: 1e-3 -> 0.0011",
     ): "a difference over a little more depth: the same slope",
+    (
+        "rover_pin/motion/resolution.py",
+        "state.q[2] -= PRESSED * float(h[touching].min()): min -> max",
+    ): "a difference over a little more depth: the same slope",
+    (
+        "rover_pin/motion/replay.py",
+        "if good < len(loop.rows):: < -> <=",
+    ): "behind the last row stands none",
+    (
+        "rover_pin/motion/replay.py",
+        'return {**given, "place_rows": place, "share": run.period / HOLD, "check_every": CHECKED}: '
+        "run.period / HOLD -> (run.period)",
+    ): "a quotient by 1 s",
+    (
+        f"{STEP}settle.c",
+        "double dt = sqrt(FURTHEST * s->radius / s->gravity), left = unbalanced(d, s);: * -> /",
+    ): "how long the first step is: those after it go by whether they come nearer to rest, to the same rest",
 }
