@@ -109,4 +109,12 @@ MOTION: dict[tuple[str, str], str] = {
         f"{STEP}settle.c",
         "double dt = sqrt(FURTHEST * s->radius / s->gravity), left = unbalanced(d, s);: * -> /",
     ): "how long the first step is: those after it go by whether they come nearer to rest, to the same rest",
+    (
+        "rover_pin/motion/happened.py",
+        "last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(len(sign))[:, None], -1), axis=0): 1 -> 2",
+    ): "any row before the first means that there was none",
+    (
+        "rover_pin/motion/replay.py",
+        "at = np.minimum(np.searchsorted(t, rows - period / 2), len(t) - 1): len(t) - 1 -> (len(t))",
+    ): "for rounding alone: a replay's rows end with the log",
 }
