@@ -214,3 +214,18 @@ def test_a_drive_that_ended_says_where_and_a_row_alone_says_nothing():
 def test_a_short_drive_is_judged_by_two_rows_at_least(count):
     assert told(count=count, rate=0.0, travel=0.0, gave=0.0)[0] == "stalled"
     assert told(count=count, rate=1.0, travel=0.06)[1].startswith("drives on at 0.06 m/s")
+
+
+def test_a_drive_whose_heading_nobody_saw_is_told_without_it():
+    whole = trace(travel=0.06)
+    bare = Trace({name: whole[name] for name in whole if name != "body_yaw"}, attrs=whole.attrs)
+    assert happened(bare).sentence == "drives on at 0.06 m/s, at x = 1.20 m"
+
+
+def test_rates_are_over_the_time_that_they_took():
+    """Rows twice as far apart."""
+    assert told(t_s=2.0 * T, rate=1.0, travel=0.06, body_x=-0.001, body_yaw=0.1 * T)[1].startswith(
+        "turns left on the spot at 2.9 deg/s, at x = 0.00 m"
+    )
+    assert told(t_s=2.0 * T, rate=1.0, travel=0.06)[1].startswith("drives on at 0.06 m/s")
+    assert "creep at 2.4 mm/s" in told(t_s=2.0 * T, rate=0.024, travel=0.0, gave=0.01)[1]

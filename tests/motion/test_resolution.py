@@ -14,6 +14,7 @@ from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.errors import SimulationError
 from rover_pin.motion import half_step
 from rover_pin.motion.audit import balance_warning, doubts_of, load_warning, mean_load
+from rover_pin.motion.going_on import Counted
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.kernel_rover import armed
 from rover_pin.motion.native.shared import RECORD
@@ -125,8 +126,9 @@ class Springs:
 
     def step(self):
         depth = self.rest - self.state.q[2]
-        self.record[:, RECORD.index("sinkage")] = self.h + depth if self.h else 0.0
-        self.record[:, RECORD.index("normal")] = 10.0 + self.springs * depth if self.h else 0.0
+        there = np.broadcast_to(self.h, 6) > 0.0
+        self.record[:, RECORD.index("sinkage")] = np.where(there, self.h + depth, 0.0)
+        self.record[:, RECORD.index("normal")] = np.where(there, 10.0 + self.springs * depth, 0.0)
 
 
 @pytest.mark.parametrize(("firmer", "told"), [(0.5, 1.0), (1.05, 1.05), (30.0, 30.0), (99.0, 99.0), (105.0, 100.0)])
@@ -136,6 +138,8 @@ def test_firmness_is_how_much_stiffer_the_firmest_wheel_stands(firmer, told):
     assert firmness(stepper, model) == pytest.approx(told, rel=1e-6)
     assert stepper.state.q[2] == stepper.rest
     assert firmness(Springs(model, firmer, h=0.0), model) == 1.0, "in the air"
+    lifted = Springs(model, firmer, h=np.array([0.005, 0.0, 0.0, 0.005, 0.005, 0.005]))
+    assert firmness(lifted, model) == pytest.approx(told, rel=1e-6)
 
 
 def test_the_shipped_grounds_keep_their_step():
@@ -281,6 +285,23 @@ def test_a_twentieth_of_the_load_is_rough_and_two_thousandths_are_calm(first, la
     stub = Told((0.0, 0.0), 0.0)
     driven(stub, 2, commanded=lambda k: True)
     assert stub.tried == lengths
+
+
+def test_what_the_finest_step_before_misjudged_counts_by_its_own_length():
+    """Two calm steps of the finest, then one of twice that which is told that the last misjudged its forces."""
+
+    class Told(Rough):
+        def step(self):
+            super().step()
+            self.misjudged = 0.06 if len(self.tried) == 3 else 0.0
+            return 0
+
+    stub = Told((0.0, 0.0), 0.0)
+    pace = Pace(stub, 64.0)
+    pace.go_on(Counted(0.0, 0, 1, 0.5))
+    assert pace.advance(True) == 0
+    assert stub.tried[:5] == [1.0, 1.0, 2.0, 1.0, 1.0]
+    assert pace.missed == pytest.approx(0.5 + 0.06)
 
 
 def test_a_step_that_explodes_is_taken_again_until_the_finest():

@@ -117,4 +117,12 @@ MOTION: dict[tuple[str, str], str] = {
         "rover_pin/motion/replay.py",
         "at = np.minimum(np.searchsorted(t, rows - period / 2), len(t) - 1): len(t) - 1 -> (len(t))",
     ): "for rounding alone: a replay's rows end with the log",
+    (
+        "rover_pin/motion/pace.py",
+        "off = 0.0 if status else self.stepper.misjudged: 0.0 -> 0.1",
+    ): "a step that failed is taken again or ends the drive: what it misjudged is not read",
+    (
+        "rover_pin/motion/happened.py",
+        "last = float(ratio[-1]) if ratio.size else 1.0: 1.0 -> 1.1",
+    ): "any share from a half on drives",
 }
