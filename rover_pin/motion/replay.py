@@ -107,7 +107,7 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
         raise DataError(f"{log.attrs.get('file', 'the run')}: a replay needs two rows at least.")
     period = max(PERIOD, round(float(np.median(np.diff(t))) / DT) * DT)
     rows = t[0] + period * np.arange(1 + math.floor((t[-1] - t[0]) / period + 1e-6))
-    at = np.minimum(np.searchsorted(t, rows - period / 2), len(t) - 1)
+    at = np.searchsorted(t, rows - period / 2)
     steer = [_held(log[f"steer_{wheel}"])[at] if f"steer_{wheel}" in log else np.zeros(len(rows)) for wheel in steered]
     rate = np.column_stack([filled(averaged(t, each, rows, period)) for each in told.T]) if held else None
     duty = np.column_stack([_held(column)[at] for column in told.T]) if rate is None else shares(rate)

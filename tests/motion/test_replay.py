@@ -10,8 +10,8 @@ import pytest
 from rover_pin.body.shapes import flat
 from rover_pin.errors import DataError
 from rover_pin.motion.native.shared import RECORD
-from rover_pin.motion.place import Start
-from rover_pin.motion.replay import Nudge, averaged, commands, filled, shared, shares
+from rover_pin.motion.place import Start, settled
+from rover_pin.motion.replay import Nudge, averaged, commands, filled, replay, shared, shares
 from rover_pin.motion.replay import _channels as channels_of
 from rover_pin.motion.replay import _fields as fields
 from rover_pin.motion.rows import row_type
@@ -167,3 +167,11 @@ def test_channels_are_what_the_model_did_without_what_it_was_drawn(held):
     assert np.array_equal(found["battery_V"], rows["record"][:, 0, RECORD.index("supply")])
     for name, place in model.rover.angles.items():
         assert np.array_equal(found[name], rows["q"][:, place])
+
+
+def test_a_replay_whose_numbers_are_lost_has_diverged():
+    drive = scenario("flat", duration=0.5)
+    wheels = tuple(wheel.name for wheel in drive.model.rover.wheels)
+    run, rest = commands(drive.drive(), wheels, ()), settled(drive.model, Start())
+    rest.v[0] = NAN
+    assert replay(drive.model, run, rest=rest).stop == "diverged"

@@ -114,10 +114,6 @@ MOTION: dict[tuple[str, str], str] = {
         "last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(len(sign))[:, None], -1), axis=0): 1 -> 2",
     ): "any row before the first means that there was none",
     (
-        "rover_pin/motion/replay.py",
-        "at = np.minimum(np.searchsorted(t, rows - period / 2), len(t) - 1): len(t) - 1 -> (len(t))",
-    ): "for rounding alone: a replay's rows end with the log",
-    (
         "rover_pin/motion/pace.py",
         "off = 0.0 if status else self.stepper.misjudged: 0.0 -> 0.1",
     ): "a step that failed is taken again or ends the drive: what it misjudged is not read",
