@@ -60,7 +60,7 @@ def test_two_rows_are_the_least():
         commands(log(count=1, attrs={"file": "day.csv"}), ("a",), ())
 
 
-def test_gaps_of_a_command_hold_the_last_and_a_heading_does_not_jump():
+def test_gaps_of_a_command_hold_the_last_and_a_heading_neither_jumps_nor_is_made_up():
     yaw = np.where(np.arange(40) < 20, 3.1, -3.1)
     yaw[25] = NAN
     duty = np.full(40, 0.2)
@@ -68,7 +68,8 @@ def test_gaps_of_a_command_hold_the_last_and_a_heading_does_not_jump():
     duty[6] = 0.4
     run = commands(log(duty_a=duty, body_yaw=yaw, steer_a=np.linspace(0.0, 0.39, 40)), ("a",), ("a", "b"))
     assert run.duty[:10, 0] == pytest.approx([0.2] * 6 + [0.4] * 3 + [0.2])
-    assert run.place[20:, 2] == pytest.approx(2 * math.pi - 3.1)
+    assert np.flatnonzero(np.isnan(run.place[:, 2])).tolist() == [25]
+    assert np.delete(run.place[:, 2], 25)[20:] == pytest.approx(2 * math.pi - 3.1)
     assert run.steer[:, 0] == pytest.approx(np.linspace(0.0, 0.39, 40))
     assert not run.steer[:, 1].any(), "a wheel without a channel is not steered"
 
