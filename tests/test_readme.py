@@ -60,10 +60,12 @@ def test_what_it_says_of_trust_is_what_the_tables_say():
     def count(table, what):
         return next(row[1] for row in table if what in row[0])
 
-    named = ("detectable: named, or in the stated set", "detectable: named alone")
-    alike = ["nothing hidden: false alarm", "on no list, beyond the noise: abstained", "95 % intervals that hold"]
+    alike = [
+        "detectable: named, or in the stated set", "nothing hidden: false alarm",
+        "on no list, beyond the noise: abstained", "95 % intervals that hold",
+    ]  # fmt: skip
     said = [row[1:] for row in rows(TEXT) if " of " in row[1]]
-    found = [[count(rigs, named[0]), count(logs, named[1])], *([count(rigs, w), count(logs, w)] for w in alike)]
+    found = [[count(rigs, what), count(logs, what)] for what in alike]
     assert [[cell.strip("*") for cell in row] for row in said] == found
 
 

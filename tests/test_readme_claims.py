@@ -135,7 +135,7 @@ COMMANDS = {
 BY_HAND = {
     "python studies/blind_rig.py": "307 loops, an hour and a half",
     "python studies/blind_rig.py --every 7": "44 loops, a quarter of an hour; `test_validation_text` reads its sets",
-    "python studies/blind_test.py --first 90": "90 loops on drive logs, hours",
+    "python studies/blind_test.py": "100 loops on drive logs, an hour; `test_validation_text` reads its sets",
     "python studies/fig10_ditch.py": "1,200 drives, ten minutes; `test_readme_tables` reads the table that it wrote",
     "python studies/tune_gains.py": "two tunings, a minute of CPU; its table as well",
     "python studies/digging.py": "570 drives, four minutes of CPU; `test_readme_tables` reads the table that it wrote",
