@@ -143,6 +143,7 @@ BY_HAND = {
     "`test_readme_tables` reads it and `test_fig8_log` finds it again",
     "python studies/slip_sensing.py": "100 drives under four controls, eight minutes of CPU",
     "python studies/beyond_the_paper.py": "a tuning on the full rover, three minutes of CPU; its table as well",
+    "python studies/benchmarks/long_log.py": "a loop on an hour's recording, seven minutes of CPU",
     "python studies/benchmarks/drive_speed.py": "times, which hang on the machine",
     "python studies/benchmarks/ground_speed.py": "times",
     "python studies/benchmarks/process_cost.py --quick": "times",
