@@ -16,7 +16,7 @@ from rover_pin.estimation.wording import in_words
 from rover_pin.report.first_screen import FirstScreen
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
-from rover_pin.report.section import Picture
+from rover_pin.report.section import Picture, Section
 from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
 from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers
@@ -33,18 +33,24 @@ def write_report(verdict: Verdict, bed: Bed, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
     count = int(np.isfinite(bed.observed).any(axis=1).sum())
     kicker = f"{count} points in {len(bed.folds)} folds; {listing(bed.channels)}"
-    sections = [
-        FirstScreen(verdict, MANNER, _picture(verdict, bed), "points"),
-        HeldOut(verdict, MANNER),
-        Physics(verdict, MANNER),
-        WhichEffect(verdict, MANNER),
+    sections = sections_of(verdict, MANNER, _picture(verdict, bed))
+    return write_page(Head(bed.name, kicker, headline(verdict, MANNER)), sections, out)
+
+
+def sections_of(verdict: Verdict, manner: Manner, picture: Picture | None, *own: Section) -> list[Section]:
+    """Return the sections of a verdict on channels sample by sample, with its own after the first screen."""
+    return [
+        FirstScreen(verdict, manner, picture, "points"),
+        *own,
+        HeldOut(verdict, manner),
+        Physics(verdict, manner),
+        WhichEffect(verdict, manner),
         Numbers(verdict),
         Untold(verdict),
-        Warnings(verdict, MANNER),
+        Warnings(verdict, manner),
         DataCheck(verdict),
         Repeat(verdict, model_file=False),
     ]
-    return write_page(Head(bed.name, kicker, headline(verdict, MANNER)), sections, out)
 
 
 def _picture(verdict: Verdict, bed: Bed) -> Picture | None:

@@ -13,17 +13,10 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import shown
 from rover_pin.experiments.joint_rig.experiment import JointRig
 from rover_pin.experiments.joint_rig.left import JointExtra
-from rover_pin.report.bed.report import Side, panel
-from rover_pin.report.first_screen import FirstScreen
+from rover_pin.report.bed.report import Side, panel, sections_of
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
-from rover_pin.report.sections.closing import DataCheck, Repeat, Warnings
-from rover_pin.report.sections.held_out import HeldOut
-from rover_pin.report.sections.numbers import Numbers
-from rover_pin.report.sections.physics import Physics
-from rover_pin.report.sections.sensitivity import Untold
-from rover_pin.report.sections.which_effect import WhichEffect
 from rover_pin.report.svg import AFTER, BEFORE
 from rover_pin.report.words import Manner, kinds_of, listing, spoken
 
@@ -34,18 +27,7 @@ def write_report(verdict: Verdict, joint: JointRig, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
     count = int(np.isfinite(joint.observed).any(axis=1).sum())
     kicker = f"{len(joint.sets)} sets in one sand: {count} runs at {len(joint.folds)} levels of slip"
-    sections = [
-        FirstScreen(verdict, MANNER, _picture(verdict, joint), "points"),
-        SetBySet(verdict),
-        HeldOut(verdict, MANNER),
-        Physics(verdict, MANNER),
-        WhichEffect(verdict, MANNER),
-        Numbers(verdict),
-        Untold(verdict),
-        Warnings(verdict, MANNER),
-        DataCheck(verdict),
-        Repeat(verdict, model_file=False),
-    ]
+    sections = sections_of(verdict, MANNER, _picture(verdict, joint), SetBySet(verdict))
     return write_page(Head(joint.name, kicker, headline(verdict, MANNER)), sections, out)
 
 
