@@ -70,10 +70,15 @@ def east(lat: Array, lon: Array) -> Array:
 
 def course(x: Array, y: Array, t: Array) -> Array:
     """Return the direction of travel [rad] over the second around each row, held where it is too slow to tell."""
+    return heading(x, y, t, np.ones(len(t)))
+
+
+def heading(x: Array, y: Array, t: Array, v: Array) -> Array:
+    """Return the course [rad] of a rover that drives ahead where v > 0 and backwards where v < 0."""
     known = np.isfinite(x + y)
     if known.sum() < 2:
         return np.full(len(t), np.nan)
-    dx, dy = (change(each, t, known) for each in (x, y))
+    dx, dy = (np.where(v < 0, -1.0, 1.0) * change(each, t, known) for each in (x, y))
     way = np.hypot(dx, dy)
     use = way > 0.3 * np.median(way[way > 0]) if np.any(way > 0) else way > 0
     if not use.any():
@@ -102,7 +107,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
     "atan": (np.arctan, 1), "atan2": (np.arctan2, 2), "sqrt": (np.sqrt, 1), "abs": (np.abs, 1), "hypot": (np.hypot, 2),
     "sign": (np.sign, 1), "radians": (np.radians, 1), "degrees": (np.degrees, 1), "unwrapped": (unwrapped, 1),
     "roll": (roll, 4), "pitch": (pitch, 4), "yaw": (yaw, 4), "north": (north, 2), "east": (east, 2),
-    "course": (course, 3), "rate": (rate, 2),
+    "course": (course, 3), "heading": (heading, 4), "rate": (rate, 2),
 }  # fmt: skip
 """What a formula may call, and with how many numbers."""
 CONSTANTS = {"pi": np.pi}

@@ -39,6 +39,7 @@ from rover_pin.toml_file import read_toml
 from rover_pin.trust import Trust
 from rover_pin.vehicle.composed import Made, composed
 from rover_pin.vehicle.scene import scaled
+from rover_pin.vehicle.side_force import on_its_side
 
 ALGEBRAIC_DT = 0.0025
 """Step [s] with Eq (1) itself, which is stiffer than the relaxed slip: within 0.1 mm over 20 s of the ditch."""
@@ -134,6 +135,7 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor` (speed-like, torque-like: `motion.motors`),
         `motor.FIELD`, `gravity` (name or m/s^2),
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
+        `side` (combined, shear: law of the side force; combined where wheels go sideways, see `vehicle.side_force`),
         `add` (effects, or words for them as "DiggingMemory.c_d=0.1,length=0.05": see `motion.effect_words`),
         `effect.CLASS.FIELD`, `cruise_slip` (takes the resistance R with which the soil as driven is cruised at this
         slip; without it R is the named soil's for 0.05, whatever `soil.FIELD` is set to), `model` (a drive's model
@@ -220,7 +222,8 @@ def _model(scene: Scene, asked: Settings) -> Made:
     if size != 1.0 and k is not None and asked.values.get("soil.k") == k:
         asked.values["soil.k"] = size * k
         assumed = (*assumed, f"soil: k = {size * k:.3g} m, which this scene has as {k:g} m for Nexus 6's wheels")
-    model = model.replace(terrain=terrain)
+    model, side = on_its_side(model.replace(terrain=terrain), asked, scene.askew, of_file)
+    assumed = (*assumed, *side)
     ground = model.soils[0].replace(**asked.record("soil", model.soils[0]))
     motor = model.motor.replace(**asked.record("motor", model.motor))
     gravity = gravity_named(asked.take("gravity", model.gravity, GRAVITIES, "or a number in m/s^2"))

@@ -27,6 +27,8 @@ class Scene:
     symmetric: bool = False
     cruise_slip: float | None = None
     "the slip for which the resistance is chosen on the scene's own soil; else it is that of the named soil"
+    askew: bool = False
+    "whether wheels go sideways on it"
     about: str = ""
     "what it is, where the terrain's own docstring does not say it"
 
@@ -42,13 +44,14 @@ SCENES: dict[str, Scene] = {
     "rocks": Scene(shapes.rocks, 30.0),
     "field": Scene(paper_field, 120.0, settings={"soil.k": 0.010}, cruise_slip=CRUISE_SLIP),
     "washboard": Scene(shapes.washboard, 20.0, symmetric=True),
-    "cross-slope": Scene(shapes.cross_slope, 20.0, {"angle": 6 * DEG}),
+    "cross-slope": Scene(shapes.cross_slope, 20.0, {"angle": 6 * DEG}, askew=True),
     "hills": Scene(shapes.hills, 30.0),
     "turn": Scene(
         shapes.flat,
         30.0,
         settings={"control": "turn", "soil.k": 0.003},
         cruise_slip=CRUISE_SLIP,
+        askew=True,
         about="A turn of 1 m radius on level ground, wheels steered",
     ),
     "point-turn": Scene(
@@ -56,6 +59,7 @@ SCENES: dict[str, Scene] = {
         20.0,
         settings={"control": "point-turn", "soil.k": 0.003},
         cruise_slip=CRUISE_SLIP,
+        askew=True,
         about="A turn on the spot on level ground, wheels steered",
     ),
     "polyline": Scene(from_polyline, 30.0, {"path": "terrain.csv"}, about="Your own ground: x_m, z_m of a CSV file"),

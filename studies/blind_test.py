@@ -22,7 +22,7 @@ What the paper says
 What differs
     The hidden effects follow the same laws as the package's, written down and integrated once more.
 
-Run: python studies/blind_test.py [--quick] [--calibrate] [--sets N] [--first N] [--workers N] [--out DIR]
+Run: python studies/blind_test.py [--quick] [--calibrate] [--sets N] [--under any] [--first N] [--workers N] [--out DIR]
 """
 
 from __future__ import annotations
@@ -83,6 +83,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one set")
     parser.add_argument("--calibrate", action="store_true", help="the seed on which limits are set")
     parser.add_argument("--sets", type=int, default=100)
+    parser.add_argument("--under", default="plain", help="any: some with drift, coarse encoders, on the Moon")
     parser.add_argument("--first", type=int, help="answer and score only so many of the sets; they are shuffled")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/blind_test"))
@@ -90,6 +91,7 @@ def main() -> None:
     seed, count = CALIBRATION if options.calibrate or options.quick else REPORTED, 1 if options.quick else options.sets
     sets, answers = options.out / f"sets-{seed}", options.out / f"answers-{seed}.json"
     made = ["--out", sets, "--seed", seed, "--sets", count, "--workers", options.workers, "--answers", answers]
+    made += ["--under", options.under]
     subprocess.run([sys.executable, str(MAKE), *map(str, made)], check=True)
     folders = [sets / f"set_{number + 1:04d}" for number in range(min(options.first or count, count))]
     run = Parallel(n_jobs=options.workers, batch_size=1)
@@ -122,7 +124,7 @@ def case_of(folder: Path, truth: dict[str, Any]) -> Case:
     told = one.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
     oracle = true_fit(one.search, names) if kind in (Kind.SINGLE, Kind.PAIR, Kind.OTHER_LAW) else None
     return Case(
-        f"{folder.name} {' + '.join(names)} {[round(each['severity'], 1) for each in hidden]}",
+        f"{folder.name} {' + '.join(names)} {[round(each['severity'], 1) for each in hidden]}{under_of(truth)}",
         kind,
         names,
         one.answer,
@@ -133,6 +135,12 @@ def case_of(folder: Path, truth: dict[str, Any]) -> Case:
         loss(found.last if told else found.base),
         math.nan if oracle is None else loss(oracle[-1].fit),
     )
+
+
+def under_of(truth: dict[str, Any]) -> str:
+    """Return under what a set was driven and read, where that is not the usual."""
+    under = truth.get("under", "plain")
+    return "" if under == "plain" else f" ({under})"
 
 
 def name_of(hidden: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.drive_log.model import base_model
 from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.motion.model_toml import write_model
 from rover_pin.scenarios import scenario
 from rover_pin.scenes import SCENES
 
@@ -61,6 +62,52 @@ def test_the_log_of_a_drive_declares_what_made_it(tmp_path):
     assert log.about.motor["supply"]["value"] == 7.2
     assert log.terrain() == drive.model.terrain
     assert np.array_equal(log.runs[0]["body_x"], trace["body_x"])
+
+
+SIDEWAYS = {"CombinedShear", "FlankPressure"}
+
+
+def side(name, **settings):
+    made = scenario(name, duration=1.0, **settings)
+    kinds = {type(one).__name__ for one in made.model.effects} & (SIDEWAYS | {"SideShear"})
+    return kinds, [one for one in made.assumed if "side force" in one]
+
+
+@pytest.mark.parametrize("name", ["turn", "point-turn", "cross-slope"])
+def test_where_wheels_go_sideways_thrust_and_side_force_share_one_strength(name):
+    """The law of the wheel rigs, said in the trace, with a way back."""
+    kinds, said = side(name)
+    assert kinds == SIDEWAYS
+    assert "side = shear has SideShear instead" in said[0]
+    assert side(name, side="shear") == ({"SideShear"}, [])
+    assert side(name, side="combined") == (SIDEWAYS, [])
+    assert said[0] in scenario(name, duration=0.2).drive().attrs["assumed"]
+
+
+def test_straight_drives_keep_the_side_force_of_logs_and_turning_ones_do_not():
+    assert side("flat") == ({"SideShear"}, [])
+    assert side("flat", control="turn")[0] == side("flat", side="combined")[0] == SIDEWAYS
+    angled = scenario("turn", angles="sinkage", form="gross").model
+    shear, traction = (next(one for one in angled.effects if type(one).__name__ == name)
+                       for name in ("CombinedShear", "SoilTraction"))  # fmt: skip
+    assert (shear.form, shear.angles) == (traction.form, traction.angles)
+    with pytest.raises(ParameterError, match=r"side = 'shaer'.*did you mean 'shear'"):
+        scenario("turn", side="shaer")
+
+
+def test_a_model_that_is_read_keeps_its_own_side_force_unless_one_is_asked_for(tmp_path):
+    write_model(scenario("turn", side="shear").model, tmp_path / "model.toml", "as before")
+    file = str(tmp_path / "model.toml")
+    assert side("cross-slope", model=file) == ({"SideShear"}, [])
+    assert side("cross-slope", model=file, side="combined")[0] == SIDEWAYS
+
+
+def test_across_a_slope_the_shared_strength_holds_small_slip_angles_better():
+    """Drift 3.0 deg in place of 4.0 on 10 deg; straight drives are the same."""
+    drifts = [-scenario("cross-slope", duration=6.0, side=law).drive()["body_y"][-1] for law in ("combined", "shear")]
+    assert 0 < drifts[0] < 0.8 * drifts[1]
+    ways = [scenario("flat", duration=2.0, side=law).drive()["body_x"][-1] for law in ("combined", "shear")]
+    assert ways[0] == pytest.approx(ways[1], rel=1e-6)
 
 
 def resistance(**settings):

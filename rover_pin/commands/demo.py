@@ -6,12 +6,11 @@ from typing import Annotated
 import typer
 
 from rover_pin.commands.options import AsJson
+from rover_pin.demo import SETS
 from rover_pin.errors import ParameterError, closest
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
 from rover_pin.terminal import progress, report
-
-SETS = {"rig": "rig.toml", "drive-log": "drive.toml", "slip-slope": "slope.toml"}
 
 
 def demo(

@@ -38,7 +38,7 @@ def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
             "`Scenario.write_log`."
         )
     made = scenario(name, **_plain(settings), trust=trust).model
-    return Subject(path.stem, trace, made.rover, made.terrain, mesh_folder(str(settings.get("rover", "nexus6"))))
+    return Subject(path.stem, trace, made.rover, made.ground, mesh_folder(str(settings.get("rover", "nexus6"))))
 
 
 def _plain(settings: Any) -> dict[str, Any]:

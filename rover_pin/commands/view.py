@@ -81,7 +81,7 @@ def write_asked(chosen: "Scenario", trace: "Trace", wanted: list[str], out: Path
     from rover_pin.view.subject import Subject, mesh_folder
 
     meshes = mesh_folder(str(chosen.settings.get("rover", "nexus6")))
-    subject = Subject(chosen.name, trace, chosen.model.rover, chosen.model.terrain, meshes)
+    subject = Subject(chosen.name, trace, chosen.model.rover, chosen.model.ground, meshes)
     return [write_seen(subject, None, out / name) for name in wanted]
 
 

@@ -134,7 +134,7 @@ class Reduced:
         reach = FASTEST * CRUISE_SPEED * self.duration
         low, high = self.start - 1.0, self.start + 1.0 + reach
         radius = float(rover.wheel.r) - self.sunk
-        return wheel_path(self.model.terrain, radius, self.loads.half_track, low, high)
+        return wheel_path(self.model.ground, radius, self.loads.half_track, low, high)
 
     @cached_property
     def ode(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:

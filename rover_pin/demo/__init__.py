@@ -2,3 +2,6 @@
 
 `hidden` says what may be hidden; `rig`, `drive_log` and `slip_slope` write a set each, and what they hid beside it.
 """
+
+SETS = {"rig": "rig.toml", "drive-log": "drive.toml", "slip-slope": "slope.toml"}
+"""The kinds, and the file that says of a folder what set is in it."""

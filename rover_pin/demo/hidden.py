@@ -13,6 +13,7 @@ from rover_pin.body.rover import load_rover
 from rover_pin.body.shapes import flat
 from rover_pin.columns import replace_file
 from rover_pin.contact import Soil
+from rover_pin.demo import SETS
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
@@ -24,8 +25,6 @@ from rover_pin.quantity import declared
 from rover_pin.results_folder import say_what_is_replaced
 from rover_pin.toml_file import toml_text
 
-KINDS = ("rig.toml", "drive.toml", "slope.toml")
-"""Files that say of a folder what set is in it."""
 ANY, NONE = "any", "nothing"
 CONTACT = ("SlipSinkage.n_1=0.7", "ExitAngle.e_1=0.4", "PostPeak.fraction=0.4")
 """What chance may hide in a wheel's contact, at sizes that such sets show."""
@@ -71,7 +70,7 @@ def keep_truth(folder: Path, hidden: AnyEffect | None, soil: Soil, about: Mappin
 
     Nothing is left then that could refuse the set, so that what it replaces is said here.
     """
-    say_what_is_replaced(folder, KINDS)
+    say_what_is_replaced(folder, tuple(SETS.values()))
     truth = {"hidden": NONE if hidden is None else word_of(hidden), **about, "soil": declared(soil)}
     replace_file(truth_file(folder), toml_text(truth))
     return truth

@@ -246,9 +246,10 @@ def _turned(robot: _Robot, forms: Forms) -> Iterator[str]:
         if wrong:
             told = ", ".join(f"'{name}'" for name in wrong)
             sense = "turn left" if direction == 2 else "roll forward" if role == "wheel" else "lift the wheels before"
+            points = f"joint '{wrong[0]}' points" if len(wrong) == 1 else f"joints {told} point"
             yield (
-                f"{role} joint{'s' * (len(wrong) > 1)} {told} point to -{'xyz'[direction]}: angles and rates are "
-                f"counted the other way round, so that positive ones {sense}."
+                f"{role} {points} to -{'xyz'[direction]}: angles and rates are counted the other way round, "
+                f"so that positive ones {sense}."
             )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from rover_pin.discrepancy.cross_validation import refitted_left_out
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.experiment import Experiment
-from rover_pin.estimation.fit import STRETCH, Fit
+from rover_pin.estimation.fit import STRETCH, Fit, table_of
 from rover_pin.estimation.noise import Noise, huber_losses
 from rover_pin.estimation.wording import AT_FLOOR, Change, shown
 
@@ -146,12 +146,25 @@ class Excess(NamedTuple):
 def beyond_floor(fitted: Fit) -> tuple[Excess, ...]:
     """Return the channels that a fit leaves with more than AT_FLOOR times what no model beats, the worst first."""
     experiment, good = fitted.task.experiment, fitted.task.noise.good
-    left, count = np.where(good, fitted.residual, 0.0) ** 2, np.maximum(good.sum(axis=(0, 2)), 1)
-    times = np.sqrt(left.sum(axis=(0, 2)) / count) / np.maximum(floor_of(experiment, fitted.task.noise), 1e-300)
-    worst = np.sqrt(left.sum(axis=2) / np.maximum(good.sum(axis=2), 1)).argmax(axis=0)
+    times = _rms(fitted.residual, good, (0, 2)) / np.maximum(floor_of(experiment, fitted.task.noise), 1e-300)
+    worst = _rms(fitted.residual, good).argmax(axis=0)
     rows = zip(experiment.channels, times, worst, strict=True)
     found = [Excess(name, float(one), experiment.folds[at]) for name, one, at in rows if one > AT_FLOOR]
     return tuple(sorted(found, key=lambda one: -one.times))
+
+
+def _rms(left: np.ndarray, good: np.ndarray, axes: int | tuple[int, int] = 2) -> np.ndarray:
+    """Return the RMS of what is left where it is good, over the samples of a fold's channel; 0 where none is."""
+    squares = np.where(good, left, 0.0) ** 2
+    return np.sqrt(squares.sum(axis=axes) / np.maximum(good.sum(axis=axes), 1))
+
+
+def most_left(fitted: Fit) -> Excess:
+    """Return the channel and fold that a fit leaves with most, in RMS of the stated noise."""
+    rms = _rms(table_of(fitted), fitted.task.noise.good)
+    fold, channel = np.unravel_index(int(rms.argmax()), rms.shape)
+    experiment = fitted.task.experiment
+    return Excess(experiment.channels[channel], float(rms[fold, channel]), experiment.folds[fold])
 
 
 def losses(scores: Sequence[ChannelScore], baselines: Sequence[Baseline]) -> tuple[str, ...]:

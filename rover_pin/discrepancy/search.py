@@ -37,7 +37,11 @@ from rover_pin.estimation.task import Task
 MOST = 3
 """Effects that are added at most."""
 FOLDS_EACH = 4
-"""Levels that each effect needs where a fit is exact: on nine levels three laws imitated a drag that is on no list."""
+"""Levels that each effect needs where a fit is exact: on nine levels three laws imitated a drag that is on no list; and
+each of a pair that is tried where no single effect holds."""
+FOLDS_OF_TWO = 5
+"""Levels from which a second effect is looked for once one was found whose law holds as published: with its shapes
+freed, on seven levels, one imitated that drag together with another."""
 LEARNT = 2
 """How often noise and base are fitted in turn."""
 STARTS = 6
@@ -73,7 +77,11 @@ class Search:
     @property
     def found(self) -> tuple[Refit, ...]:
         """The best of every round that found something, in turn."""
-        return tuple(each.alike[0] for each in self.rounds if each.alike)
+        return self.before(len(self.rounds))
+
+    def before(self, number: int) -> tuple[Refit, ...]:
+        """The best of every round before this one that found something."""
+        return tuple(each.alike[0] for each in self.rounds[:number] if each.alike)
 
     @property
     def added(self) -> tuple[Candidate, ...]:
@@ -154,10 +162,9 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     for _ in range(LEARNT if base.task.experiment.noise() is None else 0):
         base = again(_with_what_is_left(base, known, chance, least))
     found = Search(base, (), tuple(known), chance)
-    most = _most(base.task.experiment)
-    while len(found.rounds) < most and len(found.found) == len(found.rounds):
+    while len(found.rounds) < _most(base.task.experiment, found.added) and len(found.found) == len(found.rounds):
         found = replace(found, rounds=(*found.rounds, _round(found, tried, progress)))
-    if not found.found and most > 1 and base.task.experiment.is_exact and not is_adequate(base):
+    if not found.found and _bears_pairs(base.task.experiment) and not is_adequate(base):
         found = replace(found, rounds=(*found.rounds, _pairs(found, len(tried), progress)))
     return found
 
@@ -167,9 +174,17 @@ def attempted(here: Fit, tried: Sequence[Candidate], progress: Progress) -> tupl
     return _round(Search(here, (), tuple(signatures(here, tried))), tried, progress).refits
 
 
-def _most(experiment: Experiment) -> int:
+def _most(experiment: Experiment, added: Sequence[Candidate] = ()) -> int:
     """Return how many rounds there are at most; where a fit is exact, as many effects as there are levels for."""
-    return min(max(len(experiment.folds) // FOLDS_EACH, 1), MOST) if experiment.is_exact else MOST + 1
+    if not experiment.is_exact:
+        return MOST + 1
+    levels, bent = len(experiment.folds), any(one.freed for one in added)
+    return min(max(levels // FOLDS_EACH, 2 if levels >= FOLDS_OF_TWO and not bent else 1), MOST)
+
+
+def _bears_pairs(experiment: Experiment) -> bool:
+    """Return whether two effects may be tried together where no single one holds: an exact fit, levels for both."""
+    return experiment.is_exact and len(experiment.folds) >= 2 * FOLDS_EACH
 
 
 def _round(found: Search, tried: Sequence[Candidate], progress: Progress) -> Round:
@@ -210,4 +225,5 @@ def _pairs(found: Search, count: int, progress: Progress) -> Round:
 
 def fee_after(before: Sequence[Round], count: int, inflation: float = COLOURED) -> Fee:
     """Return what each of `count` candidates must gain once these rounds have added theirs."""
-    return partial(fee_of, count=count, taken=sum(each.alike[0].gain for each in before), inflation=inflation)
+    taken = sum(one.gain for each in before for one in each.alike[:1])
+    return partial(fee_of, count=count, taken=taken, inflation=inflation)

@@ -6,13 +6,16 @@ import math
 from collections.abc import Callable, Sequence
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.held_out import beyond_floor
+from rover_pin.discrepancy.held_out import beyond_floor, most_left
 from rover_pin.discrepancy.search import Search
-from rover_pin.estimation.numbers import implausible, is_adequate, numbers
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.numbers import chance_of, implausible, is_adequate, numbers
 from rover_pin.estimation.wording import shown
 
 MOST_SAID = 3
 """Channels that a sentence names."""
+RARE = 0.05
+"""Share of sets in which chance leaves as much, below which that is said."""
 
 
 def sentence(answer: Answer, found: Search, share: float, besides: tuple[str, Sequence[str]]) -> str:
@@ -62,6 +65,8 @@ def _like(found: Search, share: float, left: str, against: Sequence[str]) -> str
 
 
 def _none_needed(found: Search, share: float, left: str, against: Sequence[str]) -> str:
+    if found.base.task.experiment.noise() is not None and chance_of(found.base) < RARE:
+        return _rare(found.base)
     over = () if found.base.task.experiment.floor() is None else beyond_floor(found.base)
     if not over:
         return "the calibrated base model meets the data within their noise, and no candidate gains more than chance."
@@ -70,6 +75,16 @@ def _none_needed(found: Search, share: float, left: str, against: Sequence[str])
     return (
         "no candidate gains more than chance, but the calibrated base model leaves more than the samples scatter: "
         f"{worst}{more}."
+    )
+
+
+def _rare(base: Fit) -> str:
+    """Return what is said where declared noise leaves so much seldom, though no candidate takes it."""
+    most = most_left(base)
+    return (
+        "no candidate gains more than chance, but the calibrated base model leaves more than the declared noise mostly "
+        f"does: reduced chi-square {base.misfit:.3g}, as chance has it in {chance_of(base):.1%} of sets, most in "
+        f"{most.channel} of {most.fold} ({most.times:.2g} times its noise); measure again, or doubt the declared noise."
     )
 
 

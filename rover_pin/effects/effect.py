@@ -171,10 +171,10 @@ class Ballast(NamedTuple):
 
 @dataclass(frozen=True)
 class BodyEffect(Record):
-    """An effect on the rover's body: what pushes it besides wheels and motors, what it weighs, where down is.
+    """An effect on the rover's body: what pushes it besides wheels and motors, its weight, where down and ground are.
 
-    `push` is a formula of scalars, taken fully implicitly in the speeds; it has no own states. `ballast` and `rise` are
-    read once, before the drive.
+    `push` is a formula of scalars, taken fully implicitly in the speeds; it has no own states. `ballast`, `rise` and
+    `bend` are read once, before the drive.
     """
 
     title: ClassVar[str] = ""
@@ -210,6 +210,13 @@ class BodyEffect(Record):
     def rise(self) -> tuple[float, float]:
         """Return by what angle what is taken for level rises towards +x and towards +y [rad]."""
         return 0.0, 0.0
+
+    def bend(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return x, increasing, and by how much the ground there is higher than declared, straight in between [m].
+
+        Beyond both ends it goes on as high as there; without any x the ground is as declared.
+        """
+        return (), ()
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,14 @@ class Fit:
         return self.parameters[at].value(self.u[at])
 
 
+def table_of(fitted: Fit) -> np.ndarray:
+    """Return the whitened residuals as (folds, channels, samples); NaN where nothing is compared."""
+    good = fitted.task.noise.good
+    table = np.full(good.shape, np.nan)
+    table[good] = fitted.rows
+    return table
+
+
 def covariance(columns: np.ndarray, rows: np.ndarray, parameters: Sequence[Parameter]) -> np.ndarray:
     """Return (J^T W J + priors)^-1."""
     weighted = columns * huber_weights(rows)[:, None]

@@ -71,7 +71,12 @@ class Number(NamedTuple):
 
 def is_adequate(fitted: Fit, surprise: float = SURPRISE) -> bool:
     """Return whether what is left is as large as it may be by the stated noise."""
-    return bool(huber(fitted.rows) <= chi2_law.isf(surprise, fitted.freedom))
+    return chance_of(fitted) >= surprise
+
+
+def chance_of(fitted: Fit) -> float:
+    """Return the probability that the stated noise leaves as much as a fit does, or more."""
+    return float(chi2_law.sf(huber(fitted.rows), fitted.freedom))
 
 
 def implausible(fitted: Fit) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -26,6 +26,29 @@ TURNS = {
 """Ways to count a heading, the usual ones first, as formulas of it."""
 
 
+BY_COURSE = "course(body_x, body_y, t_s)"
+"""What stands for a heading that is not recorded."""
+BOTH_WAYS = 0.05
+"""Share of rows at which the wheels run the other way, from which a rover drives both ways."""
+TURNS_FROM = 0.1
+"""Share of the fastest rate from which a wheel turns: less is noise of one that stands."""
+
+
+def share_back(rates: np.ndarray) -> float:
+    """Return the share of the rows at which a wheel turns backwards, of those at which it turns at all."""
+    size = np.abs(np.nan_to_num(rates))
+    turning = rates[size > TURNS_FROM * np.max(size, initial=0.0)]
+    return float(np.mean(turning < 0.0)) if turning.size else 0.0
+
+
+def backwards(rates: Mapping[str, np.ndarray]) -> Guess | None:
+    """Return the heading by the course of a rover whose wheels run both ways; None where they run one way."""
+    if not BOTH_WAYS < share_back(np.nanmean(list(rates.values()), axis=0)) < 1.0 - BOTH_WAYS:
+        return None
+    why = "no heading is recorded, so the course stands for it, turned round where the wheels run backwards"
+    return Guess("body_yaw", {"formula": f"heading(body_x, body_y, t_s, {' + '.join(rates)})"}, why)
+
+
 def headings(seen: Recording, x: np.ndarray | None, y: np.ndarray | None) -> Iterator[Guess]:
     """Yield body_yaw: a yaw, a quaternion's, a compass's, else the course."""
     angle, sure, why = _yaw(seen)
@@ -37,7 +60,7 @@ def headings(seen: Recording, x: np.ndarray | None, y: np.ndarray | None) -> Ite
             yield Guess("body_yaw", {"formula": angle}, why, sure)
     elif x is not None and y is not None:
         why = "no heading is recorded, so the course stands for it: wrong by the angle of any crabbing"
-        yield Guess("body_yaw", {"formula": "course(body_x, body_y, t_s)"}, why)
+        yield Guess("body_yaw", {"formula": BY_COURSE}, why)
 
 
 def _yaw(seen: Recording) -> tuple[str, bool, str]:

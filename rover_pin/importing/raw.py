@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +16,14 @@ from rover_pin.importing.matlab import mat_table
 from rover_pin.importing.text_table import text_table
 from rover_pin.motion.ros_bag import is_bag
 from rover_pin.paths import exists
+
+DATED = re.compile(
+    r"(?:(?P<first>\d{1,2})[./-](?P<second>\d{1,2})[./-](?P<year>\d{4})[ T,]+)?(?P<time>\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)"
+    r"(?: ?Z| ?UTC)?$"
+)
+"""A time of day, perhaps after a date that begins with day or month."""
+NO_DAY = pd.Timestamp("2000-01-01")
+"""What stands for the day where only times are told."""
 
 
 class Raw(NamedTuple):
@@ -81,7 +90,24 @@ def _as_numbers(column: pd.Series) -> pd.Series | None:
     if numbers.notna().sum() > 0.5 * column.notna().sum():
         return numbers
     try:
-        dates = pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
+        dates = pd.to_datetime(_as_iso(column.astype(str)), errors="coerce", utc=True, format="ISO8601")
     except (ValueError, TypeError, OverflowError):
         return None
     return dates.dt.as_unit("ns").astype("int64") if dates.notna().mean() > 0.99 else None
+
+
+def _as_iso(column: pd.Series) -> pd.Series:
+    """Return dates with the day or the month first, and times of day, as ISO 8601; what is neither as it is.
+
+    Which of day and month comes first only matters where a drive passes midnight; a time of day does so once at most.
+    """
+    parts = column.str.strip().str.extract(DATED)
+    if not parts["time"].notna().mean() > 0.99:
+        return column
+    time = parts["time"].str.replace(",", ".").str.zfill(8)
+    if parts["year"].isna().any():
+        hours = parts["time"].str.split(":").str[0].astype(float)
+        day = NO_DAY + pd.to_timedelta((hours.diff() < -12).cumsum(), unit="D")
+        return day.dt.strftime("%Y-%m-%d") + "T" + time
+    month, day = ("first", "second") if (parts["second"].astype(float) > 12).any() else ("second", "first")
+    return parts["year"] + "-" + parts[month].str.zfill(2) + "-" + parts[day].str.zfill(2) + "T" + time

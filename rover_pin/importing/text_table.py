@@ -23,7 +23,7 @@ ENCODINGS = (
 )
 POINT = re.compile(r"[+-]?\d*\.?\d+(?:[eE][+-]?\d+)?")
 COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?|[+-]?\d+")
-DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+DATE = re.compile(r"(?:\d{4}-\d\d-\d\d|\d{1,2}[./-]\d{1,2}[./-]\d{4})[T ]+\d{1,2}:\d\d|\d{1,2}:\d\d:\d\d")
 EMPTY = ("", "nan", "NaN", "NA", "null", "None", "inf", "-inf", "-")
 UNIT = re.compile(r"[\[(]?\s*[\w/°%*^² .µ-]{0,12}\s*[\])]?")
 

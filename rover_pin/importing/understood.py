@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.errors import DataError
 from rover_pin.formula import change, names_in, quoted
-from rover_pin.importing.attitude import headings, tilts
+from rover_pin.importing.attitude import BY_COURSE, backwards, headings, tilts
 from rover_pin.importing.guess import Guess, Recording
 from rover_pin.importing.pose import places
 from rover_pin.importing.splitting import Drive
@@ -64,6 +64,10 @@ def understood(seen: Recording, told: Sequence[Guess], where: str) -> Understood
     _take(found, values, seen, wheel_guesses(seen, along(seen.t, values)))
     rates = {f"wheel_rate_{mount.name}": f"the rate of wheel {mount.name}" for mount in seen.rover.wheels}
     _refuse_without(values, rates, seen, where)
+    ahead = backwards({name: values[name] for name in rates})
+    if ahead is not None and found["body_yaw"].entry.get("formula") == BY_COURSE:
+        del found["body_yaw"], values["body_yaw"]
+        _take(found, values, seen, [ahead])
     _take(found, values, seen, joint_guesses(seen))
     guesses = tuple(each for each in found.values() if each.target in values)
     lacks = tuple(said for part, said in LACKS.items() if not any(part in name for name in values))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -12,7 +12,7 @@ from rover_pin.body.parts import WheelMount
 from rover_pin.body.rover import Rover
 from rover_pin.body.wheel_base import wheel_places
 from rover_pin.formula import quoted
-from rover_pin.importing.attitude import angle_unit
+from rover_pin.importing.attitude import BOTH_WAYS, angle_unit, share_back
 from rover_pin.importing.guess import Guess, Recording, column
 from rover_pin.importing.words import (
     AHEAD,
@@ -67,13 +67,16 @@ def _reach(seen: Recording, each: Word) -> float:
     return float(np.nanmax(np.abs(seen.table[each.name].to_numpy(dtype=float)), initial=0.0))
 
 
-def matched(seen: Recording, words: set[str]) -> dict[str, Word]:
-    """Return the column of each wheel whose name has one of these words, or is that of the wheel's joint."""
+def matched(seen: Recording, words: set[str], units: Collection[str] = ()) -> dict[str, Word]:
+    """Return the column of each wheel whose name has one of these words, or one of these units: that needs no language.
+
+    Whose it is tells the name of the wheel's joint, or its corner.
+    """
     found: dict[str, tuple[float, Word]] = {}
     for each in seen.words:
-        if not each.has(words):
+        if not (each.has(words) or each.unit in units):
             continue
-        score = 1.0 - 0.5 * each.has(COMMAND) + 0.5 * each.has(WHEEL)
+        score = 0.5 + 0.5 * each.has(words) - 0.5 * each.has(COMMAND) + 0.5 * each.has(WHEEL)
         for mount in _owners(each, seen.rover):
             if score > found.get(mount, (0.0, each))[0]:
                 found[mount] = (score, each)
@@ -115,7 +118,7 @@ def _axles(rover: Rover, place: str) -> list[int]:
 
 
 def _rates(seen: Recording, speed: np.ndarray | None) -> Iterator[Guess]:
-    found = {mount: each for mount, each in matched(seen, RATE | {"drehzahl"}).items() if _is_rate(each)}
+    found = {mount: each for mount, each in matched(seen, RATE | {"drehzahl"}, RATES).items() if _is_rate(each)}
     if len(found) < len(seen.rover.wheels):
         yield from _of_twist(seen)
         return
@@ -150,6 +153,9 @@ def _against(values: np.ndarray, speed: np.ndarray | None) -> bool:
     if speed is None:
         return False
     known = np.isfinite(values + speed)
+    back = share_back(values)
+    if np.mean(speed[known] < 0.0) < BOTH_WAYS and BOTH_WAYS < back < 1.0 - BOTH_WAYS:
+        return False  # the heading is but the course, and tells no sense
     size = math.sqrt(float(np.sum(values[known] ** 2)) * float(np.sum(speed[known] ** 2)))
     return size > 0.0 and float(np.sum(values[known] * speed[known])) / size < -0.5
 

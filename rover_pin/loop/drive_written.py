@@ -6,9 +6,11 @@ import os
 from pathlib import Path
 
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.loop.provenance import Asked
 from rover_pin.loop.verdict_file import draft_written, written_last
 from rover_pin.motion.drive_log import DriveLog
+from rover_pin.motion.model import Model
 from rover_pin.motion.model_toml import write_model
 from rover_pin.report.drive.report import write_report
 
@@ -17,6 +19,13 @@ def written(verdict: Verdict, log: DriveLog, asked: Asked, out: Path) -> Verdict
     """Write model.toml, report.html with its figures and verdict.json; return the verdict with their paths."""
     named = Path(log.rover)
     rover = "" if named.suffix == "" else os.path.relpath(named.resolve(), out.resolve())
-    files = [write_model(verdict.model, out / "model.toml", verdict.sentence, rover)]
+    files = [write_model(on_its_ground(verdict), out / "model.toml", verdict.sentence, rover)]
     verdict, draft = draft_written(verdict, asked, out)
     return written_last(verdict, (*files, *draft, *write_report(verdict, log, out)), out)
+
+
+def on_its_ground(verdict: Verdict) -> Model:
+    """Return a verdict's model, on the ground that its drives tell where they share most of what is not as declared."""
+    ground, model = extra_of(verdict).ground, verdict.model
+    assert isinstance(model, Model)
+    return model if ground is None or ground.bend is None else model.having(ground.bend)

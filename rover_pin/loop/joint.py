@@ -65,7 +65,7 @@ def on_sets(joint: JointRig, kinds: Sequence[type], progress: Progress, seed: in
     )
     verdict = concluded(question, progress, seed)
     tried = [one.effect for one in joint.candidates(model, kinds)]
-    extra = JointExtra(tuple(_errors(joint, verdict)), told(joint.declared, tried))
+    extra = JointExtra(tuple(_errors(joint, verdict)), told(joint.declared, tried, model.effects))
     return dataclasses.replace(verdict, extra=extra, findings=said, cautions=(*verdict.cautions, *_losses(extra.sets)))
 
 

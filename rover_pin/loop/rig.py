@@ -17,7 +17,7 @@ from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import profiles
-from rover_pin.experiments.wheel_rig.candidates import candidates, own_sizes, rig_kinds
+from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
 from rover_pin.experiments.wheel_rig.draft import drafted
@@ -26,7 +26,7 @@ from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.left import Left, RigExtra
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model
-from rover_pin.experiments.wheel_rig.presets import told
+from rover_pin.experiments.wheel_rig.presets import known_trench, told
 from rover_pin.experiments.wheel_rig.remainder import remainders
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
@@ -88,13 +88,14 @@ def _start(data: RigSet, model: RigModel | Soil | None) -> RigModel:
     if isinstance(model, RigModel):
         return model
     soil = model if isinstance(model, Soil) else data.soil()
-    return RigModel(data.rig.wheel, soil, ASKEW if data.rig.askew.any() else PAPER, data.rig.errors)
+    effects = (*(ASKEW if data.rig.askew.any() else PAPER), *known_trench(data.rig))
+    return RigModel(data.rig.wheel, soil, effects, data.rig.errors)
 
 
 def question_of(experiment: RigExperiment, model: RigModel, effects: str | Path | None = None) -> Question:
     """Return what is asked of a rig set: which effect its model lacks, soil constants and own sizes free."""
     data, kinds = experiment.data, rig_kinds(effects)
-    numbers = (*experiment.uncertain(model), *own_sizes(model))
+    numbers = numbers_of(experiment, model)
     lacks: Callable[[Fit], Sequence[Candidate]] = lambda base: candidates(data, base.model, kinds)  # noqa: E731
     return Question(
         "wheel-rig", data.rig.name, experiment, model, numbers, lacks, lambda base: drafted(experiment, base)
@@ -114,7 +115,9 @@ def on_rig(
     assert verdict.before is not None
     assert verdict.after is not None
     tried = [one.effect for one in candidates(data, model, rig_kinds(effects))]
-    extra = RigExtra(_left(data, verdict.before, seed), _left(data, verdict.after, seed), told(data.rig, tried))
+    extra = RigExtra(
+        _left(data, verdict.before, seed), _left(data, verdict.after, seed), told(data.rig, tried, model.effects)
+    )
     return dataclasses.replace(
         verdict,
         extra=extra,

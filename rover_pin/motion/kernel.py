@@ -148,7 +148,7 @@ class Kernel:
 
     def _bind_terrain(self) -> None:
         radius = max(float(wheel.wheel.r) for wheel in self.model.rover.wheels)
-        self._set(**terrain_fields(self.model.terrain, radius))
+        self._set(**terrain_fields(self.model.ground, radius))
 
     def _bind_laws(self) -> None:
         model = self.model

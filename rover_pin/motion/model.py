@@ -18,7 +18,7 @@ from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
-from rover_pin.motion.built import built_rover
+from rover_pin.motion.built import built_ground, built_rover
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.suspension import joints_of, suspension_dofs
 from rover_pin.parameters.gravity import EARTH
@@ -123,6 +123,11 @@ class Model:
         """The rover as it is driven: under the model's gravity, with what its effects make it carry and lean."""
         changes = tuple((effect.ballast(), effect.rise()) for effect in self.body_effects)
         return built_rover(self.rover, float(self.gravity), changes)
+
+    @property
+    def ground(self) -> Terrain:
+        """The terrain as it is driven: with what effects make it bend."""
+        return built_ground(self.terrain, [effect.bend() for effect in self.body_effects])
 
     @property
     def wheel_share(self) -> float:

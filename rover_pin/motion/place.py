@@ -84,7 +84,7 @@ def _at_rest(effect: BodyEffect) -> BodyEffect:
 
 def hovering(model: Model, start: Start) -> DriveState:
     """Return the state with the wheels just touching, pitched and rolled as the terrain is at `start`."""
-    rover, terrain = model.rover, model.terrain
+    rover, terrain = model.rover, model.ground
     normal = np.asarray(terrain.normal(start.x, start.y))
     heading = np.array([math.cos(start.yaw), math.sin(start.yaw), 0.0])
     forward = heading - np.array([0.0, 0.0, (heading @ normal) / normal[2]])

@@ -40,7 +40,7 @@ class Plain:
 
     def __init__(self, model: Model, state: DriveState, dt: float, symmetric: bool):
         self.model, self.state, self.dt, self.symmetric = model, state, dt, symmetric
-        self.rover = model.built
+        self.rover, self.ground = model.built, model.ground
         self.pin_model = armed(self.rover, float(model.motor.armature))
         self.data = self.pin_model.createData()
         self.rim_inertia = rim_inertia(self.pin_model, self.rover)
@@ -135,7 +135,7 @@ class Plain:
         J = pin.getJointJacobian(self.pin_model, self.data, mount.joint, pin.LOCAL_WORLD_ALIGNED)
         frame = wheel_frame(centre, J[3:, mount.dof].copy())
         exponents = [float(soil.n) for soil in self.model.soils]
-        found, sinkage = patches(self.model.terrain, frame, float(mount.wheel.r), float(mount.wheel.b), exponents)
+        found, sinkage = patches(self.ground, frame, float(mount.wheel.r), float(mount.wheel.b), exponents)
         nx = self.state.contact.shape[1]
         airborne = not found
         if airborne and nx:

@@ -74,7 +74,7 @@ def _fields(model: Model, state: DriveState, kernel: Kernel) -> dict[str, Any]:
         "radius": radius,
         "most_slid": 10.0 * min(float(soil.k) for soil in model.soils) / radius,
         "place": state.q[:2].copy(),
-        "rise": np.array(model.terrain.gradient(*state.q[:2]), dtype=float),
+        "rise": np.array(model.ground.gradient(*state.q[:2]), dtype=float),
         "lengths": lengths,
         "most_shear": np.array(MOST_SHEAR),
     }

@@ -79,7 +79,7 @@ def _firmness(stepper: Any, model: Model) -> float:
         return 1.0
     state.q[2] -= PRESSED * float(h[touching].min())
     stepper.step()
-    soil = model.soils[int(model.terrain.ground_at(float(state.q[0]), float(state.q[1])))]
+    soil = model.soils[int(model.ground.ground_at(float(state.q[0]), float(state.q[1])))]
     ratios = [
         (record[i, 3] - load[i]) / (record[i, 2] - h[i]) / stiffness(float(load[i]), mount.wheel, soil)
         for i, mount in enumerate(model.rover.wheels)
@@ -92,7 +92,7 @@ def contact_frequency(model: Model, state: DriveState) -> float:
     """Return omega [rad/s] of `parts` for a rover in the configuration of `state`."""
     rover, motor, share = model.built, model.motor, model.wheel_share
     mobility = _mobility(rover, float(motor.armature), model.rigid_differential, state.q.tobytes())
-    soils = [model.soils[index] for index in sorted(model.terrain.ground_indices)]
+    soils = [model.soils[index] for index in sorted(model.ground.ground_indices)]
     firmest = {wheel: max(stiffness(share, wheel, soil) for soil in soils) for wheel in {w.wheel for w in rover.wheels}}
     root = np.sqrt([firmest[mount.wheel] for mount in rover.wheels])
     return math.sqrt(float(np.linalg.eigvalsh(root[:, None] * mobility * root)[-1]))

@@ -9,7 +9,7 @@ In `[terrain]`, for every run, or as `terrain = { ... }` of a `[[run]]`::
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ import scipy
 from rover_pin.body.rover import Rover
 from rover_pin.body.shapes import flat
 from rover_pin.body.terrain import HeightGrid, Terrain
-from rover_pin.body.wheel_base import base_of
+from rover_pin.body.wheel_base import base_of, corners
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.trace import Trace
 from rover_pin.quantity import to_si
@@ -28,7 +28,7 @@ SLOPE_SD, HEIGHT_SD, BEND_SD = math.radians(0.5), 0.03, 0.15
 """Assumed SDs of a block's pitch and roll [rad], of its height [m], and of the ground's bend over a base [rad]."""
 BLOCK = 0.5
 """Time over which pitch, roll and height are averaged [s]."""
-CELLS = 3.0
+CELLS = 7.0
 """Cells of the grid to a wheelbase."""
 MOST = 100
 """Cells along each side at most; a run that goes further has larger ones."""
@@ -80,45 +80,51 @@ def estimated(run: Trace, rover: Rover) -> Terrain:
 
     With z the heights at the corners of a grid, minimise
 
-        sum ((z(p + L u/2) - z(p - L u/2)) / L + tan pitch)^2 / s^2 + the same across by roll and the track
-        + sum (z(p) - z_0 - body_z)^2 / h^2 + sum (bends of z over L)^2 / b^2
+        sum (rise from the back wheels to the front / L + tan pitch)^2 / s^2 + the same across by roll and the track
+        + sum (mean z under the wheels - z_0 - body_z)^2 / h^2 + sum (bends of z over L)^2 / b^2
 
-    over all blocks, p the place, u the heading, L the wheelbase. What is shorter than the rover is smoothed out, and a
-    zero error of the level is a slope of the ground.
+    over all blocks, L the wheelbase, the bends those of patches of L by L: each cell has its bend, and counts by its
+    share of a patch. What is shorter than the rover is smoothed out, and a zero error of the level is a
+    slope of the ground. The wheels stand beside the way: were the way itself to rise as the body, bends would be small
+    beside it, and the replayed rover would stand up to half a degree otherwise than the measured one.
     """
     blocks = _blocks(run)
     if blocks is None:
         return flat()
-    length, track = base_of(rover)
+    base = max(base_of(rover))
     x, y, yaw = blocks["body_x"], blocks["body_y"], blocks["body_yaw"]
-    grid = _Grid.around(x, y, max(length, track))
-    ahead, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
+    grid = _Grid.around(x, y, max(base, float(np.max(np.linalg.norm(corners(rover), axis=-1)))))
     bends = grid.bends()
-    rows, right = [bends * (max(length, track) / grid.size / BEND_SD)], [np.zeros(bends.shape[0])]
-    for name, sign, way, over in (("body_pitch", -1.0, ahead, length), ("body_roll", 1.0, left, track)):
+    rows, right = [bends / BEND_SD], [np.zeros(bends.shape[0])]
+    under = _under(grid.at, rover, np.array([x, y, yaw]))
+    for name, sign, rise in (("body_pitch", -1.0, under[0]), ("body_roll", 1.0, under[1])):
         if name in blocks:
             use = np.isfinite(blocks[name])
-            ends = [grid.at(*(np.array([x, y]) + half * over * way)[:, use]) for half in (0.5, -0.5)]
-            rows.append((ends[0] - ends[1]) / (over * SLOPE_SD))
+            rows.append(rise[use] / SLOPE_SD)
             right.append(sign * np.tan(np.clip(blocks[name][use], -STEEPEST, STEEPEST)) / SLOPE_SD)
     if "body_z" in blocks:
         use = np.isfinite(blocks["body_z"])
-        rows.append(_level(grid.at(x[use], y[use])) / HEIGHT_SD)
+        rows.append(_level(under[2][use]) / HEIGHT_SD)
         right.append((blocks["body_z"][use] - np.mean(blocks["body_z"][use])) / HEIGHT_SD)
     return grid.surface(scipy.sparse.vstack(rows).tocsr(), np.concatenate(right))
 
 
 def level_on(ground: Terrain, rover: Rover, place: np.ndarray) -> dict[str, np.ndarray]:
-    """Return pitch, roll [rad] and height [m] of a plank of the rover's base on a ground, at x, y, yaw (T, 3)."""
-    x, y, yaw = place.T
-    length, track = base_of(rover)
+    """Return pitch, roll [rad] and height [m] of a rover that stands rigid on a ground, at x, y, yaw (T, 3)."""
+    ahead, left, height = _under(ground.height, rover, place.T)
+    return {"body_pitch": -np.arctan(ahead), "body_roll": np.arctan(left), "body_z": np.asarray(height)}
 
-    def rise(ahead: np.ndarray, left: np.ndarray, over: float) -> np.ndarray:
-        ends = [ground.height(x + half * over * ahead, y + half * over * left) for half in (0.5, -0.5)]
-        return np.asarray(np.arctan((ends[0] - ends[1]) / over))
 
-    pitch, roll = -rise(np.cos(yaw), np.sin(yaw), length), rise(-np.sin(yaw), np.cos(yaw), track)
-    return {"body_pitch": pitch, "body_roll": roll, "body_z": np.asarray(ground.height(x, y))}
+def _under(height: Callable[..., Any], rover: Rover, place: np.ndarray) -> tuple[Any, Any, Any]:
+    """Return the rise ahead and to the left under the wheels, and their mean height, at x, y, yaw (3, T).
+
+    `height` gives the heights at places, or the rows of weights that make them.
+    """
+    x, y, yaw = place
+    (c, s), (length, track) = (np.cos(yaw), np.sin(yaw)), base_of(rover)
+    (fl, fr), (bl, br) = ([height(x + c * a - s * b, y + s * a + c * b) for a, b in axle] for axle in corners(rover))
+    ahead, left = (fl + fr - bl - br) / (2.0 * length), (fl + bl - fr - br) / (2.0 * track)
+    return ahead, left, (fl + fr + bl + br) / 4.0
 
 
 def _level(rows: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:

@@ -148,7 +148,7 @@ def _simulate(asked: Asked, start: Start | DriveState | Ended) -> Trace:
     model, duration, timing, symmetric = asked.model, asked.duration, asked.timing, asked.symmetric
     if not (math.isfinite(duration) and duration > 0.0):
         raise SimulationError(f"duration = {duration:g} s is not allowed: give a positive time.")
-    if symmetric and not model.terrain.mirror_symmetric:
+    if symmetric and not model.ground.mirror_symmetric:
         raise SimulationError("A mirror-symmetric drive needs a terrain that is the same on the left and on the right.")
     if symmetric and model.built.up[1] != 0.0:
         raise SimulationError("A mirror-symmetric drive needs gravity without a pull to one side: set rise_y to 0.")

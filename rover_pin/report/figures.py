@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from rover_pin.discrepancy.held_out import ChannelScore
-from rover_pin.discrepancy.refit import Fee
+from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.screen import Scored
 from rover_pin.discrepancy.search import Round, Search, fee_after
 from rover_pin.effects.names import spoken
@@ -27,57 +28,73 @@ BEATEN, REFUSED = "#8fb4c2", "#b9bdbf"
 """Colours of what was accepted and beaten, and of what was not accepted."""
 
 
+class Bar(NamedTuple):
+    """A candidate of a look: what it gains, what it must, and its refit, if it was refitted."""
+
+    name: str
+    gain: float
+    fee: float
+    refit: Refit | None
+
+
 def candidates_figure(search: Search, kinds: Iterable[type]) -> Figure:
     """Return the gain of the leading candidates of every look against what chance gives the best of them."""
-    rows = [leaders(look, FIRST if not number else LATER) for number, look in enumerate(search.rounds)]
+    rows = [_bars(search, number) for number in range(len(search.rounds))]
     heights = [len(each) + 1.2 for each in rows]
     figure = Figure(figsize=(6.2, 0.3 * sum(heights) + 1.5), layout="constrained")
     axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
-    for number, (axis, look, shown) in enumerate(zip(axes, search.rounds, rows, strict=True)):
-        _candidates(
-            axis, look, shown[::-1], fee_after(search.rounds[:number], search.count, search.base.task.noise.inflation)
-        )
-        names = [as_text(spoken(row.candidate.name, kinds)) for row in shown[::-1]]
+    for number, (axis, look, bars) in enumerate(zip(axes, search.rounds, rows, strict=True)):
+        _candidates(axis, look, bars[::-1])
+        names = [as_text(spoken(bar.name, kinds)) for bar in bars[::-1]]
         axis.set_yticks(range(len(names)), names, fontsize=8.5)
-        base = listing(spoken(one.name, kinds) for one in search.found[:number]) or "the base model"
-        axis.set_title(f"added to {as_text(base)}", fontsize=9.5, loc="left")
+        base = listing(spoken(one.name, kinds) for one in search.before(number)) or "the base model"
+        axis.set_title(f"{'' if look.scored else 'pairs, '}added to {as_text(base)}", fontsize=9.5, loc="left")
     axes[-1].set_xlabel("gain in chi2")
+    axes[-1].set_xlim(left=LEAST_GAIN)  # only now: a limit ends the growth with what is drawn, in all of them
     figure.legend(handles=_signs(), loc="outside upper left", ncols=2, frameon=False, fontsize=8.5)
     return figure
 
 
-def leaders(look: Round, most: int) -> list[Scored]:
+def _bars(search: Search, number: int) -> list[Bar]:
     """Return the leading candidates of a look and all refitted ones, by refitted or else promised gain.
 
-    Of an effect that was sought all over the ground only the best place, unless another was refitted.
+    Pairs are refitted without having been scored; of these only the leading ones and what was chosen.
     """
-    refitted = {one.name: one.gain for one in look.refits}
+    look, most = search.rounds[number], LATER if number else FIRST
+    must_gain = fee_after(search.rounds[:number], search.count, search.base.task.noise.inflation)
+    refits = {one.name: one for one in look.refits}
+    rows = [row for row in _leaders(look.scored, refits, most) if row.candidate.name not in refits]
+    scored = {row.candidate.name for row in look.scored}
+    pairs = sorted((one for one in look.refits if one.name not in scored), key=lambda one: -one.gain)
+    left_out = [one for one in pairs[most:] if one not in look.alike]
+    bars = [Bar(row.candidate.name, row.gain, must_gain(row.candidate), None) for row in rows]
+    bars += [Bar(one.name, one.gain, one.fee, one) for one in look.refits if one not in left_out]
+    return sorted(bars, key=lambda bar: -bar.gain)
+
+
+def _leaders(scored: Sequence[Scored], refitted: Container[str], most: int) -> list[Scored]:
+    """Return the leading candidates; of an effect sought all over the ground its best place, or what was refitted."""
     kept: list[Scored] = []
     places = set()
-    for row in look.scored:
+    for row in scored:
         name, kind = row.candidate.name, row.candidate.kind
         if name not in refitted and (not row.told or ("@" in name and kind in places) or len(kept) >= most):
             continue
         places.add(kind)
         kept.append(row)
-    return sorted(kept, key=lambda row: -refitted.get(row.candidate.name, row.gain))
+    return kept
 
 
-def _candidates(axis: Axes, look: Round, rows: Sequence[Scored], must_gain: Fee) -> None:
-    refits = {one.name: one for one in look.refits}
-    for place, row in enumerate(rows):
-        one = refits.get(row.candidate.name)
-        gain = row.gain if one is None else one.gain
+def _candidates(axis: Axes, look: Round, bars: Sequence[Bar]) -> None:
+    for place, (_, gain, fee, one) in enumerate(bars):
         colour = AFTER if one in look.alike else BEATEN if one is not None and one.accepted else REFUSED
         if gain > LEAST_GAIN:
             axis.barh(place, gain - LEAST_GAIN, left=LEAST_GAIN, color=colour, height=0.7)
         if one is not None:
             axis.plot(max(gain, LEAST_GAIN), place, "D", color="k", ms=4, clip_on=False)
-        fee = must_gain(row.candidate) if one is None else one.fee
         axis.plot([fee, fee], [place - 0.45, place + 0.45], color=BEFORE, lw=1.8)
-    axis.set_ylim(-0.7, len(rows) - 0.3)
+    axis.set_ylim(-0.7, len(bars) - 0.3)
     axis.set_xscale("log")
-    axis.set_xlim(left=LEAST_GAIN)
     axis.grid(alpha=0.25, axis="x")
 
 

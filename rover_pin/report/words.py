@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable
+from textwrap import fill
 from typing import NamedTuple
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import meaning_of, spoken, title_of
 from rover_pin.estimation.wording import in_words
 from rover_pin.motion.effect_files import package_effects
+
+KEY = 36
+"""Letters of a line of a picture's key: two columns of them are as wide as a panel."""
 
 
 def _same(name: str) -> str:
@@ -80,6 +84,11 @@ def listing(parts: Iterable[str], last: str = "and") -> str:
     """Return parts as in a sentence: a, b and c."""
     parts = list(parts)
     return f" {last} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
+
+
+def key(added: str) -> str:
+    """Return what stands beside the line of a model with what was added, in lines that fit in a narrow picture."""
+    return fill(f"with {added}", KEY)
 
 
 def two_digits(value: float) -> str:

@@ -5,8 +5,9 @@
 
 Operators are swapped, terms dropped, constants changed by a tenth, comparisons turned, branches exchanged, one at a
 time, in a copy of the tree. Each is tried on the tests that run its statement, those first that cost least for what
-they noticed of its file, until one fails. What survives is printed with its place and change, with `--killers` also
-what noticed the others; what changes no result stands in changes/equivalent.py with the reason. Numbers inside
+they noticed of its file, until one fails. All changes of the compiled step's functions stand in one library, chosen by
+a number (changes/switch.py). What survives is printed with its place and change, with `--killers` also what noticed the
+others; what changes no result stands in changes/equivalent.py with the reason. Numbers inside
 `quantity(...)` are declarations, not laws, and are left alone, as are messages and types. Results are kept in `--keep`,
 good as long as the changed file and the test that noticed are the same (of what survives: all tests), so that a run
 that was stopped goes on; `--tally` puts into a table what is known of each room and what was not tried. `--quick` tries
@@ -44,7 +45,10 @@ QUICK = 4
 
 LINEAR = "drive_anchor drive_decisions drive_left_out"
 """Tests of what the loop decides on linear models, whose answers are known."""
-DRIVEN = "drive_blocks drive_candidates drive_declared drive_experiment drive_place drive_rows loop_first_steps"
+DRIVEN = (
+    "drive_blocks drive_candidates drive_contrast drive_declared drive_experiment drive_numbers drive_place drive_rows "
+    "drive_runs loop_first_steps"
+)
 """Tests of what a drive log is taken for."""
 
 
@@ -69,7 +73,7 @@ LAWS = ("tests/effects/test_[!e]*.py", *_named("effects", "every_effect exit_ang
 """All but whole drives with every effect, which take minutes and say little of one law."""
 STEP = (
     "step_parts kernel_twin rigid_body elimination stiff_motor lanes native_ground native_control compiled_loop "
-    "going_on failure resolution simulate independent"
+    "going_on failure resolution simulate independent joint_gains settling native_pace native_commands many_patches"
 )
 """Tests that run the compiled step: its twin first, then what is known of it otherwise."""
 MOTION = (
@@ -78,6 +82,7 @@ MOTION = (
     "replay resolution run_terrain sensors shear_store simulate soil_energy state suspension timing"
 )
 """Laws, decisions and the drive itself."""
+SOURCES = tuple(f"rover_pin/motion/native/{name}" for name in ("*.c", "drive.h", "types.h"))
 LOGS = (
     "bag_columns built channels column_map command defaults draw drive_log effect_files effect_words library_cache "
     "model model_toml poses processor record ros_bag rows saved toolchain trace trace_files"
@@ -92,7 +97,7 @@ ROOMS = {
     ),
     "motion": Room(_files("motion", MOTION), ("tests/motion/test_*.py",)),
     "logs": Room(_files("motion", LOGS), ("tests/motion/test_*.py",)),
-    "step": Room(("rover_pin/motion/native/*.c",), _named("motion", STEP)),
+    "step": Room(SOURCES, _named("motion", STEP)),
     "native": Room(("rover_pin/motion/native/*.py",), _named("motion", f"{STEP} native_shared kernel_rover")),
     "estimation": Room(
         ("rover_pin/estimation/*.py",),
@@ -230,7 +235,7 @@ def made(tree: Path, room: str) -> list[tuple[Path, python.Mutant]]:
     found: list[tuple[Path, python.Mutant]] = []
     for path in sorted(each for pattern in ROOMS[room].files for each in tree.glob(pattern)):
         text = path.read_text(encoding="latin-1")
-        found += [(path, one) for one in (c.changes(text) if path.suffix == ".c" else python.changes(text))]
+        found += [(path, one) for one in (python.changes(text) if path.suffix == ".py" else c.changes(text))]
     return found
 
 

@@ -24,4 +24,11 @@ def left_out(data: RigSet, predict: Predict) -> np.ndarray:
     return error
 
 
+def carried_over(data: RigSet, other: RigSet, predict: Predict) -> np.ndarray:
+    """Return the errors [channels, runs] on another wheel of a baseline that is fitted to all points of this one."""
+    seen, asked = (np.asarray(each.rig.slip)[:, None] for each in (data, other))
+    pairs = zip(data.rig.channels, other.rig.channels, strict=True)
+    return np.array([predict(seen, one.measured, asked) - two.measured for one, two in pairs])
+
+
 BASELINES = {"mean": mean, "quadratic": quadratic, "Gaussian process": gaussian_process}

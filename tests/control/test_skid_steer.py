@@ -7,7 +7,7 @@ import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.control.steering import Turn
-from rover_pin.effects.side_shear import SideShear
+from rover_pin.effects.flank_pressure import FlankPressure
 from rover_pin.scenarios import scenario
 
 CART = load_rover("cart")
@@ -44,11 +44,10 @@ def test_it_turns_by_less_than_its_wheels_say(name):
 
 def test_without_side_force_it_turns_more():
     """The scrub is the side force's: with a tenth of it the same duties turn the cart further."""
+    little = {"effect.CombinedShear.share": 0.1, "effect.FlankPressure.share": 0.1 * FlankPressure().share}
     free, dragged = (
-        yaw_rate_and_kinematic(
-            scenario("point-turn", rover="cart", duration=12.0, **{"effect.SideShear.scale": scale}).drive()
-        )
-        for scale in (0.1, SideShear().scale)
+        yaw_rate_and_kinematic(scenario("point-turn", rover="cart", duration=12.0, **sides).drive())
+        for sides in (little, {})
     )
     assert free[0] / free[1] > 1.1 * dragged[0] / dragged[1]
 

@@ -18,8 +18,10 @@ from rover_pin.discrepancy.held_out import (
     beyond_floor,
     floor_of,
     losses,
+    most_left,
 )
 from rover_pin.discrepancy.refit import Refit
+from rover_pin.discrepancy.sentence import sentence
 from rover_pin.discrepancy.verdict import SCHEMA, Verdict
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.numbers import DRIFTED
@@ -118,6 +120,38 @@ def test_a_channel_that_was_never_compared_leaves_nothing():
         residual=np.full((2, 1, 2), 2.0), task=SimpleNamespace(experiment=experiment(), noise=noise(good))
     )
     assert beyond_floor(one) == (Excess("pull", 4.0, "a"),)
+
+
+def test_the_most_is_left_where_the_rms_in_sds_is_greatest_of_what_was_compared():
+    good = np.ones((2, 2, 2), dtype=bool)
+    good[0, 0, 1] = good[1, 1] = False
+    rows = np.array([3.0, 0.1, 0.1, 2.0, 3.2])  # a: pull, twice sinkage; b: twice pull
+    names = experiment(channels=("pull", "sinkage"))
+    fitted = SimpleNamespace(rows=rows, task=SimpleNamespace(experiment=names, noise=noise(good)))
+    assert most_left(fitted) == Excess("pull", 3.0, "a")
+    fitted.rows = np.array([2.0, 0.1, 0.1, 2.0, 3.2])
+    assert most_left(fitted) == Excess("pull", pytest.approx(((4.0 + 3.2**2) / 2) ** 0.5), "b")
+
+
+def left_by_a_null(chi2, declared=True):
+    """A search that found nothing on a base whose 40 rows have this chi2, most in fold b."""
+    good = np.ones((2, 1, 20), dtype=bool)
+    rows = np.full(40, 0.5)
+    rows[20:] = np.sqrt((chi2 - 20 * 0.25) / 20)
+    names = SimpleNamespace(**vars(experiment()), noise=lambda: object() if declared else None)
+    task = SimpleNamespace(experiment=names, noise=noise(good))
+    base = SimpleNamespace(rows=rows, freedom=40, misfit=chi2 / 40, task=task, residual=rows.reshape(2, 1, 20))
+    return SimpleNamespace(base=base)
+
+
+def test_what_a_declared_noise_seldom_leaves_is_said_though_no_effect_is_needed():
+    """The 95 % point of chi2 with 40 degrees of freedom is 55.76; it was silent up to one set in 1,000."""
+    said = sentence(Answer.NONE_NEEDED, left_by_a_null(55.7), 0.0, ("", ()))
+    assert said.startswith("the calibrated base model meets the data within their noise")
+    said = sentence(Answer.NONE_NEEDED, left_by_a_null(66.77), 0.0, ("", ()))
+    assert "reduced chi-square 1.67, as chance has it in 0.5% of sets, most in pull of b (1.8 times its noise)" in said
+    learnt = left_by_a_null(66.77, declared=False)
+    assert "meets the data" in sentence(Answer.NONE_NEEDED, learnt, 0.0, ("", ()))
 
 
 # --- by run ----------------------------------------------------------------------------------------------------------

@@ -36,11 +36,15 @@ def fitted(**how):
 
 
 @pytest.mark.parametrize(
-    ("folds", "exact", "most"), [(3, True, 1), (7, True, 1), (8, True, 2), (12, True, 3), (40, True, 3), (3, False, 4)]
+    ("folds", "exact", "most"),
+    [(3, True, 1), (4, True, 1), (5, True, 2), (11, True, 2), (12, True, 3), (40, True, 3), (3, False, 4)],
 )
-def test_an_effect_needs_four_levels_and_there_are_three_at_most(folds, exact, most):
+def test_five_levels_bear_two_effects_twelve_three(folds, exact, most):
     """Where fits are not exact, three and a round that finds none."""
     assert search._most(experiment(folds, exact)) == most
+    assert search._most(experiment(folds, exact), [Candidate("A", object(), (), freed=("A.q",))]) == (
+        1 if exact and folds < 8 else most
+    )
 
 
 class Found:

@@ -5,6 +5,7 @@ import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.control.constant import ConstantDuty
+from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.effect import BodyEffect, Push
 from rover_pin.effects.gravity_tilt import GravityTilt
@@ -29,6 +30,7 @@ EFFECTS = {
     "tether": TetherDrag(),
     "ballast": PointMass(m=0.3, shift_x=0.02, shift_z=0.03),
     "tilt": GravityTilt(rise_x=0.01, rise_y=-0.03),
+    "bent ground": BentGround(s_1=0.05, s_3=-0.04, x_from=-0.1, length=0.6),
     "hard patch": HardPatch(x_from=0.1),
     "larger wheels": WheelScale(e=0.05),
 }

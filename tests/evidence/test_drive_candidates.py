@@ -16,6 +16,7 @@ from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.errors import ParameterError
 from rover_pin.experiments.drive_log.candidates import candidate_of, candidates, sized
+from rover_pin.motion.effect_files import package_effects
 from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
 
@@ -43,6 +44,12 @@ def test_every_candidate_can_be_added_to_the_rover():
     for name in ("nexus6", "cart"):
         made = model(name)
         assert all(each.effect in each.on(made).all_effects for each in candidates(made, BENCH, (), None))
+
+
+def test_a_bent_ground_is_no_candidate():
+    """The random field of the ground has every slope along the way: a bend beside it would be counted twice."""
+    kinds = {kind.__name__ for kind in package_effects() if kind.neutral}
+    assert "BentGround" in kinds - tried("nexus6").keys()
 
 
 def test_what_acts_in_a_differential_or_in_pivots_is_tried_only_where_they_are(tmp_path):

@@ -122,8 +122,8 @@ def test_each_edge_of_a_patch_is_moved_either_way_unless_too_little_is_left():
     ends = [(one.effect.x_from, one.effect.x_from + one.effect.length) for one in found]
     assert ends == [pytest.approx(each) for each in ((0.9, 1.3), (1.1, 1.3), (1.0, 1.2), (1.0, 1.4))]
     assert [one.place for one in found] == ["0.900", "1.100", "1.000", "1.000"]
-    assert len(neighbours(patch(length=0.14), 0.1)) == 2
-    assert len(neighbours(patch(length=0.16), 0.1)) == 4
+    assert len(neighbours(patch(length=0.149), 0.1)) == 2
+    assert len(neighbours(patch(length=0.151), 0.1)) == 4
     assert neighbours(candidate_of(SupplySag()), 0.1) == []
 
 

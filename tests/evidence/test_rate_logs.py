@@ -140,13 +140,18 @@ def test_the_runs_of_the_menu_can_be_held_to_rates(log):
 
 def on_a_plane(folder, slope, yaw):
     """A cart's drive over a plane that rises along +x, exact, without duties or any word of the ground."""
-    cart, x = load_rover("cart"), np.array([-9.0, 9.0])
+    x = np.array([-9.0, 9.0])
+    return over(folder, Profile(x, math.tan(slope) * x), Start(0.0, 0.0, yaw))
+
+
+def over(folder, profile, start, seconds=8.0):
+    """A cart's drive over a profile along x, exact, without duties or any word of the ground."""
+    cart = load_rover("cart")
     soil = own_soil(cart).value
     effects = base_effects(soil, cart, SoilTraction(TorqueTraction(), usual_angles(cart)))
-    ground = Lanes((Profile(x, math.tan(slope) * x),))
-    model = Model(cart, ground, (soil,), own_motor(cart).value, usual_slip(cart), effects)
-    start, timing = Start(0.0, 0.0, yaw), Timing(sample=0.1)
-    driven = simulate(model, lambda reading: 0.6, 8.0, start, timing=timing, settle_doubts=False)
+    model = Model(cart, Lanes((profile,)), (soil,), own_motor(cart).value, usual_slip(cart), effects)
+    timing = Timing(sample=0.1)
+    driven = simulate(model, lambda reading: 0.6, seconds, start, timing=timing, settle_doubts=False)
     wheels = tuple(wheel.name for wheel in cart.wheels)
     keep = [name for name in driven if name == "t_s" or name.startswith(("body_", "wheel_rate_"))]
     seen = Trace({name: driven[name] for name in keep if not name.startswith("body_v")}, {}, {})
@@ -168,6 +173,20 @@ def test_what_a_rover_sinks_deeper_behind_is_no_slope_of_the_ground(tmp_path, sl
     off = np.abs(np.array(rises) - slope)
     assert off[0] > 0.1
     assert off[1] < 0.05
+
+
+def test_a_wave_under_a_cart_is_not_flattened(tmp_path):
+    """Bends counted by how fine the grid was: crests of 3 m lost a tenth of their slope, and the way ahead was wrong by
+    2 mm in 2 s where all numbers were true. An hour of such drives was answered "none of these", nothing hidden.
+    """
+    x = np.arange(-6.0, 6.01, 0.1)
+    wave = Profile(x, 0.05 * np.sin(2 * math.pi * x / 3.1) + 0.3 * np.sin(2 * math.pi * x / 17.0))
+    log = over(tmp_path, wave, Start(-2.0, 0.0, 0.0), 30.0)
+    model = with_spread(base_model(log), motors=False)
+    experiment = experiment_of(runs_on_told_ground(log, model), model)
+    left = experiment.observed - experiment.predict([model])[0]
+    path = left[0, experiment.channels.index("path")]
+    assert math.sqrt(float(np.nanmean(path**2))) < 1e-3
 
 
 def test_a_ground_that_is_declared_is_nobody_s_level(log):

@@ -17,13 +17,13 @@ from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.errors import DataError
 from rover_pin.estimation.numbers import Number
-from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
+from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
 from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.presets import preset_candidate, told
+from rover_pin.experiments.wheel_rig.presets import known_trench, preset_candidate, told
 from rover_pin.identification.identify import identify
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identified import identified
@@ -256,6 +256,38 @@ def test_fitted_lugs_are_held_against_their_height(plain, tmp_path):
     number = Number("LugExcavation.h_l", "m", 0.0127, 0.010, 0.016, 0.0)
     (flag,) = flags(data, data.soil(), 0.06, (number,))
     assert flag.said == "LugExcavation.h_l = 12.7 mm [10 mm, 16 mm] sits away from 5 mm (lug_height of [wheel])"
+
+
+def test_a_wheel_with_declared_lugs_has_their_trench_from_the_start(tmp_path):
+    """Its depth is known but for how full the pockets are; what is missing besides is told from it."""
+    rig = hidden.Rig(sizes={"lug_trench": 0.006, "rate_dependence": 0.1})
+    table = hidden.rig_set(rig, loads=(15.0, 40.0), slips=(0.0, 0.2, 0.4, 0.6, 0.8), repeats=2, speeds=(0.01, 0.04))
+    folder = hidden.write(tmp_path / "trench", rig, table)
+    told_lugs = changed(folder, tmp_path / "lugs", lambda text: declared(text, "lug_height = 0.005\n"))
+    verdict = close_the_loop(told_lugs)
+    assert verdict.named == ("RateDependence",)
+    numbers = {one.name: one for one in verdict.after.numbers}
+    height = numbers["LugExcavation.h_l"]
+    assert height.prior == "0.005 +- 0.0015"
+    assert height.low < 0.006 < height.high
+    assert "lug_height is where a fit starts with LugExcavation.h_l = 5 mm, which the model starts with" in (
+        verdict.extra.declared
+    )
+    before = {type(one).__name__ for one in verdict.before.model.effects}
+    assert before == {"SoilTraction", "LugExcavation"}
+
+
+def test_a_model_of_ones_own_needs_no_trench_and_its_height_is_as_declared_where_it_has_one(plain, tmp_path):
+    data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS)))
+    experiment, bare = RigExperiment(data), RigModel(data.rig.wheel, data.soil())
+    without = [one.name for one in numbers_of(experiment, bare)]
+    assert "LugExcavation.h_l" not in without
+    model = bare.having(*known_trench(data.rig)).having(ExitAngle())
+    found = {one.name: one for one in numbers_of(experiment, model)}
+    assert found.keys() == {*without, "LugExcavation.h_l", "ExitAngle.e_1"}
+    height = found["LugExcavation.h_l"]
+    assert (height.prior, height.origin, height.scale) == (True, 0.005, pytest.approx(0.0015))
+    assert not found["ExitAngle.e_1"].prior
 
 
 def test_a_radius_over_the_lugs_is_read_as_the_rims(plain, tmp_path):

@@ -95,11 +95,19 @@ def test_the_course_is_the_direction_of_travel_and_held_where_it_stands():
     assert evaluate("course(x, y, t)", {"x": x, "y": y, "t": t}, "here") == pytest.approx(0.7, abs=1e-9)
 
 
+def test_a_heading_by_the_course_stays_where_the_rover_drives_back():
+    t = np.arange(0.0, 20.0, 0.1)
+    v = np.where(t < 10.0, 0.1, -0.1)
+    far = np.cumsum(0.1 * v)
+    columns = {"x": far * math.cos(2.9), "y": far * math.sin(2.9), "t": t, "v": v}
+    assert evaluate("heading(x, y, t, v)", columns, "here") == pytest.approx(2.9, abs=1e-9)
+
+
 def test_every_function_takes_gaps_and_keeps_the_length():
     gaps = np.array([1.0, math.nan, 0.5, 0.2, math.nan])
     for name, (_, count) in FUNCTIONS.items():
         columns = {letter: gaps + at for at, letter in enumerate("abcd")} | {"t": np.arange(5.0)}
-        letters = "abt" if name == "course" else "at" if name == "rate" else "abcd"[:count]
+        letters = {"course": "abt", "heading": "abtc"}.get(name) or ("at" if name == "rate" else "abcd"[:count])
         assert evaluate(f"{name}({', '.join(letters)})", columns, "here").shape == (5,)
 
 

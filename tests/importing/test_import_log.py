@@ -253,3 +253,30 @@ def test_the_rover_of_a_log_is_found_from_its_folder(seen, tmp_path):
     log = read_drive_log(tmp_path / "log")
     assert log.about.rover == "../cart.toml"
     assert log.load_rover().mass == load_rover("cart").mass
+
+
+CLOCKS = {
+    "day first": lambda t: f"12.04.2026 09:31:{t:06.3f}".replace(".", ",", 3).replace("12,04,", "12.04."),
+    "month first": lambda t: f"4/13/2026 9:31:{t:06.3f} UTC",
+    "time of day": lambda t: f"23:59:{50 + t:06.3f}" if t < 10 else f"0:00:{t - 10:06.3f}",
+}
+
+
+@pytest.mark.parametrize("habit", CLOCKS)
+def test_dates_are_the_clock_in_any_language_and_revolutions_a_minute_the_wheels(habit, tmp_path):
+    """Czech: no word of it is known; the dates tell the clock, unit and corner the wheels, the wheels the way ahead."""
+    t = np.arange(0.1, 40.0, 0.1)
+    ahead = np.where(t < 20.0, 1.0, -1.0)
+    rate = ahead * (0.8 + 0.2 * np.sin(t))
+    x = np.cumsum(0.1 * 0.09 * rate)
+    columns = {"Datum a čas": [CLOCKS[habit](each % 60) for each in t], "X [mm]": 1e3 * x, "Y [mm]": 300.0 + 0.0 * x}
+    columns |= {f"Otáčky {name} [RPM]": rate * 30 / math.pi for name in ("fl", "fr", "bl", "br")}
+    pd.DataFrame(columns).to_csv(tmp_path / "jizda.csv", sep=";", decimal=",", index=False)
+    _, log = imported(tmp_path / "jizda.csv", tmp_path)
+    run = log.runs[0]
+    assert np.diff(run.t) == pytest.approx(0.1, abs=1e-6)
+    assert run["wheel_rate_br"] == pytest.approx(rate[: len(run.t)], abs=1e-6)
+    assert run["body_yaw"] == pytest.approx(0.0, abs=1e-6)
+    back = log.runs[-1]
+    assert np.all(back["wheel_rate_fl"] < 0.0)
+    assert back["body_yaw"] == pytest.approx(0.0, abs=1e-6)

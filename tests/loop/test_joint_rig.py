@@ -124,6 +124,33 @@ def test_slopes_are_differences_of_predictions_lugs_of_two_heights_and_none_incl
     )
 
 
+def test_lugs_dig_from_the_start_where_every_set_tells_what_it_has(sets, tmp_path):
+    """One height for both, the lower wheel's in proportion; slopes of it are differences of predictions."""
+    low, high, smooth = (
+        written(tmp_path, "low", toml="lug_height = 0.003\n", seed=3),
+        written(tmp_path, "high", toml="lug_height = 0.006\n", seed=4),
+        written(tmp_path, "smooth", toml='surface = "smooth"\n', seed=5),
+    )
+    joint = read_joint([low, high, smooth])
+    base = joint.base_model()
+    heights = {
+        name: [one.h_l for one in base.of(name).effects if isinstance(one, LugExcavation)] for name in joint.sets
+    }
+    assert heights == {"low": [0.003], "high": [0.006], "smooth": []}
+    numbers = joint.uncertain(base)
+    (at,) = [at for at, one in enumerate(numbers) if "h_l" in one.name]
+    assert (numbers[at].name, numbers[at].origin, numbers[at].scale) == ("LugExcavation.h_l", 0.006, 0.3 * 0.006)
+    assert "LugExcavation" not in {one.kind for one in joint.candidates(base, rig_kinds())}
+    u = np.full(len(numbers), 0.1)
+    slopes = joint.sensitivities(base, numbers, u).slopes[at]
+    step = 1e-5 * np.eye(len(u))[at]
+    up, down = (joint.sensitivities(base, numbers, u + each).predicted for each in (step, -step))
+    np.testing.assert_allclose(slopes, (up - down) / 2e-5, atol=1e-7 + 1e-5 * np.nanmax(np.abs(slopes)))
+    assert np.nanmax(np.abs(slopes)) > 0
+    untold = read_joint([sets[0], high]).base_model()
+    assert "LugExcavation" not in {type(one).__name__ for one in untold.effects}
+
+
 def test_a_run_that_stands_in_two_sets_is_used_once(sets, tmp_path):
     small = read_rig_set(sets[0])
     other = dataclasses.replace(small, rig=dataclasses.replace(small.rig, name="again"))

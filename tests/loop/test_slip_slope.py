@@ -56,6 +56,18 @@ def test_a_table_with_nothing_hidden_needs_nothing_and_tells_the_soil(tmp_path):
     assert found.after.misfit < 1.5
 
 
+@pytest.mark.slow
+def test_digging_that_the_foreign_generator_hides_is_found_in_a_table_that_is_fine_enough(tmp_path):
+    """n + 0.8 S; with an SD of 0.01 phi and R take it, with 0.003 and slopes up to a slip of 0.57 they cannot."""
+    made = folder(tmp_path, sd=0.003, slopes=(*generator.SLOPES, 16.0, 18.0), digs=0.8)
+    found = close_the_loop(made)
+    assert found.answer in (Answer.NAMED, Answer.SET), found.summary()
+    assert "SlipSinkage" in found.alike
+    if found.named == ("SlipSinkage",):
+        told = {one.name: one for one in found.after.numbers}
+        assert told["SlipSinkage.n_1"].low < 0.8 < told["SlipSinkage.n_1"].high
+
+
 def test_its_picture_shows_slip_over_slope(tmp_path):
     """As the table has it, each slip over the slope beside it."""
     made = folder(tmp_path)

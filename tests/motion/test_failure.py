@@ -86,6 +86,23 @@ def test_the_compiled_loop_measures_what_has_sunk_by_the_wheel_s_radius(depth):
     assert outcome is (Outcome.FAILS if depth > 0.5 else Outcome.DONE)
 
 
+@pytest.mark.parametrize("roll", [8.0, -8.0])
+@pytest.mark.parametrize("pitch", [5.0, -5.0])
+def test_the_compiled_loop_looks_at_every_wheel(roll, pitch):
+    """Rolled and pitched so that one of the corners' wheels alone is deep."""
+    q, v, at = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv), RECORD.index("sinkage")
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([roll, pitch, 0.0]))).coeffs()
+    height = 0.2
+    while (sunk := compiled(q, v, height)[1]["record"][:, at]).max() == 0.0:
+        height -= 0.003
+    deepest, r = int(np.argmax(sunk)), float(ROVER.wheels[0].wheel.r)
+    for depth, outcome in ((0.49, Outcome.DONE), (0.51, Outcome.FAILS)):
+        found, row = compiled(q, v, height + sunk[deepest] - depth * r)
+        assert row["record"][deepest, at] == pytest.approx(depth * r, rel=0.01)
+        assert np.delete(row["record"][:, at], deepest).max() < 0.45 * r
+        assert found is outcome
+
+
 def test_a_joint_may_go_10_deg_past_its_stop():
     for side in (1, -1):
         assert asked(joint=side * math.radians(9.5)) is None

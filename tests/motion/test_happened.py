@@ -39,7 +39,7 @@ CASES = {
     "slip control": ("ditch", {"control": "true"}, "stalled", "no wheel turns at a duty of 0.0"),
     "skid-steer on the spot": (
         "point-turn",
-        {"rover": "cart", "duration": 33.0},
+        {"rover": "cart", "duration": 33.0, "side": "shear"},
         "stalled",
         "all but stalled since 2.6 s: the wheels creep at 1.5 mm/s, 1.9 % of their speed without a load",
     ),

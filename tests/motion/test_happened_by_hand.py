@@ -45,6 +45,11 @@ def test_half_of_what_the_rims_turn_is_driving_and_less_than_a_tenth_is_stuck(tr
         assert said.endswith(" from the start" if kind == "stuck" else f"at x = {20.0 * sign * travel:.2f} m")
 
 
+def test_a_rover_is_driven_by_one_wheel():
+    assert told(duty=(0.5, 0.0), travel=0.06)[0] == "driving"
+    assert told(duty=(0.0, np.where(LATE, 0.0, 0.5)), travel=0.06)[0] == "stopped"
+
+
 def test_a_rover_that_has_not_turned_by_a_radius_drives():
     assert told(rate=0.0049 / R, travel=0.0)[0] == "driving"
     assert told(rate=0.0051 / R, travel=0.0)[0] == "stuck"
@@ -56,8 +61,10 @@ def test_stuck_is_since_the_last_radius_of_which_it_travelled_a_tenth():
     assert found.kind == "stuck"
     assert found.since == pytest.approx(9.9), "one row at 50 mm/s and nine at 5 are 9.5 % of what the rims turn"
     assert found.sentence == f"stuck at x = 0.55 m since {found.since:.1f} s: all wheels above S = 0.96"
+    assert happened(trace(travel=0.0)).since == 0.0, "from its first row on"
     halting = happened(trace(travel=np.where(T < 5.05, 0.0, np.where(LATE, 0.005, 0.05))))
     assert halting.since == found.since, "it was free in between"
+    assert happened(trace(travel=0.0, slip_a=0.057, slip_b=0.9)).sentence.endswith(": all wheels above S = 0.05")
     assert "above" not in happened(trace(travel=0.0, slip_a=-0.2, slip_b=0.9)).sentence
 
 
@@ -112,11 +119,11 @@ def test_a_fiftieth_of_the_drive_is_its_start(row, words):
 @pytest.mark.parametrize(("far", "kind"), [(0.0099, "held"), (0.0101, "slid")])
 def test_a_rover_that_nobody_drives_is_held_within_a_tenth_of_a_radius(far, kind):
     for sense, word in ((1.0, "forwards"), (-1.0, "back")):
-        x, y = 3.2 + 0.6 * far * sense * T / 20.0, 0.8 * far * T / 20.0
+        x, y = 3.2 + 0.6 * far * sense * T / 20.0, 0.8 * far * T / 20.0 - 1.1
         found, said = told(duty=0.0, rate=0.0, travel=0.001 * sense, body_x=x, body_y=y)
         assert found == kind
         still = "held: not driven, it stood still to 9.9 mm"
-        slid = f"slid {word} by 10 mm without being driven, at x = {3.2 + 0.006 * sense:.2f} m, y = 0.01 m"
+        slid = f"slid {word} by 10 mm without being driven, at x = {3.2 + 0.006 * sense:.2f} m, y = -1.09 m"
         assert said == (still if kind == "held" else slid)
     found, said = told(duty=0.0, rate=0.0, travel=0.0, body_x=np.where((T > 4.0) & (T < 6.0), 0.05, 0.0))
     assert found == "slid", "there and back"
@@ -144,6 +151,14 @@ def test_four_changes_of_sense_are_a_swing(changes, swings):
     sense = np.where(T < 10.5, np.sign(np.sin(30.0 * T)), (-1.0) ** np.minimum((T - 10.5) // 2.0, changes))
     sense = np.where(T < 10.0, sense, np.where(T < 10.5, 1.0, sense))
     assert ("swing" in told(duty=0.0, rate=0.1 * sense, travel=0.0, body_x=0.0)[1]) is swings
+
+
+def test_the_later_half_begins_with_its_middle_row():
+    """Of 201 rows the 101st: a change of sense that follows it counts."""
+    sense = (-1.0) ** np.searchsorted([101, 121, 141, 161], np.arange(COUNT), side="right")
+    assert "swing" in told(duty=0.0, rate=0.1 * sense, travel=0.0, body_x=0.0)[1]
+    before = (-1.0) ** np.searchsorted([100, 121, 141, 161], np.arange(COUNT), side="right")
+    assert "swing" not in told(duty=0.0, rate=0.1 * before, travel=0.0, body_x=0.0)[1]
 
 
 def test_a_rover_that_is_no_longer_driven_has_stopped_since():
@@ -180,7 +195,7 @@ def test_a_rover_turns_on_the_spot_whose_body_goes_a_fifth_of_its_wheels_way(sha
 
 @pytest.mark.parametrize(("turned", "words"), [(4.9, False), (5.1, True), (-5.1, True)])
 def test_five_degrees_are_a_turn(turned, words):
-    said = told(rate=1.0, travel=0.06, body_x=0.0, body_yaw=math.radians(turned) * T / 20.0)[1]
+    said = told(rate=1.0, travel=0.06, body_x=0.0, body_yaw=2.0 + math.radians(turned) * T / 20.0)[1]
     assert (f"turned by {turned:.0f} deg" in said) is words
     assert ("on the spot" in said) is words
 
@@ -231,5 +246,7 @@ def test_rates_are_over_the_time_that_they_took():
     assert told(t_s=2.0 * T, rate=1.0, travel=0.06, body_x=-0.001, body_yaw=0.1 * T)[1].startswith(
         "turns left on the spot at 2.9 deg/s, at x = 0.00 m"
     )
+    slow = told(t_s=200.0 * T, rate=0.01, travel=6e-4, body_x=0.0, body_yaw=0.1 * T)[1]
+    assert slow.startswith("turns left on the spot at 0.029 deg/s")
     assert told(t_s=2.0 * T, rate=1.0, travel=0.06)[1].startswith("drives on at 0.06 m/s")
     assert "creep at 2.4 mm/s" in told(t_s=2.0 * T, rate=0.024, travel=0.0, gave=0.01)[1]

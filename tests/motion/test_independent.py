@@ -156,7 +156,7 @@ def test_both_simulators_drive_alike(name, settings, command, duration, start):
     [
         ("incline", {"terrain.start": 0.3}, uneven, 6.0, Start()),
         ("incline", SLOPE, onwards, 4.0, Start(yaw=2.5)),
-        ("turn", {}, bending, 6.0, Start()),
+        ("turn", {"side": "shear"}, bending, 6.0, Start()),
         ("one-sided-bump", {**SAND, "terrain.at": 0.2}, onwards, 8.0, Start()),
         ("step", {"soil.k": 0.005, "cruise_slip": 0.05, "terrain.at": 0.22, "terrain.height": 0.03,
           "terrain.wall_angle_deg": 60.0},

@@ -62,6 +62,15 @@ def test_a_push_after_which_a_step_fails_is_told_while_it_is_watched(fails, told
     assert bool(thrown_by_a_push(Growing(0.0, fails=fails))) is told
 
 
+def test_a_coarse_step_is_watched_once():
+    """Of 0.1 s, the coarsest: a second step is beyond what is watched."""
+    drive = Growing(0.0, fails=1)
+    drive.timing = SimpleNamespace(dt=0.1)
+    assert thrown_by_a_push(drive) == ""
+    drive.fails = 0
+    assert thrown_by_a_push(drive)
+
+
 def test_the_limits_are_as_stated():
     assert (PUSH, THROWN, WATCHED) == (1e-4, 0.05, 0.05)
 

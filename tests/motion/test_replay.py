@@ -14,6 +14,7 @@ from rover_pin.motion.place import Start, settled
 from rover_pin.motion.replay import Nudge, averaged, commands, filled, replay, shared, shares
 from rover_pin.motion.replay import _channels as channels_of
 from rover_pin.motion.replay import _fields as fields
+from rover_pin.motion.replay import _with_last as with_last
 from rover_pin.motion.rows import row_type
 from rover_pin.motion.trace import Trace
 from rover_pin.scenarios import scenario
@@ -176,3 +177,9 @@ def test_a_replay_whose_numbers_are_lost_has_diverged():
     run, rest = commands(drive.drive(), wheels, ()), settled(drive.model, Start())
     rest.v[0] = NAN
     assert replay(drive.model, run, rest=rest).stop == "diverged"
+
+
+@pytest.mark.parametrize(("good", "rows"), [(4, [1, 2, 3, 4]), (3, [1, 2, 3, 3]), (1, [1, 1, 1, 1]), (0, [9, 9, 9, 9])])
+def test_after_an_early_end_stands_the_last_good_row_or_where_the_rover_is(good, rows):
+    loop = SimpleNamespace(rows=np.array([1.0, 2.0, 3.0, 4.0]), now=lambda: 9.0)
+    assert with_last(loop, good).tolist() == rows

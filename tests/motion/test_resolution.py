@@ -13,7 +13,7 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.errors import SimulationError
 from rover_pin.motion import half_step
-from rover_pin.motion.audit import balance_warning, doubts_of, load_warning, mean_load
+from rover_pin.motion.audit import airborne, balance_warning, braked, doubts_of, load_warning, mean_load
 from rover_pin.motion.going_on import Counted
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.kernel_rover import armed
@@ -142,6 +142,22 @@ def test_firmness_is_how_much_stiffer_the_firmest_wheel_stands(firmer, told):
     assert firmness(lifted, model) == pytest.approx(told, rel=1e-6)
 
 
+def test_the_lightest_rover_has_its_firmness_too():
+    """Wheels that carry 20 mN, as of a rover of 12 g on the Moon's sixth, stand on the ground all the same."""
+    model = scenario("flat").model
+    stepper = Springs(model, 1.0)
+    usual = stepper.step
+
+    def step():
+        usual()
+        stepper.record[:, RECORD.index("normal")] -= 9.98
+
+    stepper.step = step
+    heavy, light = (stiffness(load, model.rover.wheel, model.soils[0]) for load in (10.0, 0.02))
+    assert firmness(stepper, model) == pytest.approx(heavy / light, rel=1e-6)
+    assert heavy > 5.0 * light
+
+
 def test_the_shipped_grounds_keep_their_step():
     for soil in ("table-1", "dry-sand", "lunar-nominal", "mars-sand"):
         model = scenario("flat", soil=soil).model
@@ -165,6 +181,7 @@ def test_ground_too_stiff_for_any_step_is_refused_in_one_sentence():
             simulate(stiff, ConstantDuty(0.5), 1.0, start)
     omega = contact_frequency(stiff, state)
     assert parts(stiff, state, 199.5 * 1.2 / omega) == 200
+    assert parts(stiff, state, 3.0 * (1.0 + 1e-12) * 1.2 / omega) == 3, "round-off is no part"
     with pytest.raises(SimulationError, match="takes 201 parts of a step, and 200 are allowed"):
         parts(stiff, state, 200.5 * 1.2 / omega)
 
@@ -418,6 +435,8 @@ def test_a_mean_load_that_is_not_the_weight_is_told(load, told):
     enough["impulse"] *= 2.0
     assert load_warning(model, enough) != ""
     short = rows_of(model, 60, np.s_[:0], duration=0.49)
+    assert airborne(rows_of(model, 60, np.s_[:], duration=0.49)) == 0.0
+    assert braked(rows_of(model, 60, np.s_[:0])[:0]) == 0.0
     short["impulse"] *= 2.0
     assert load_warning(model, short) == ""
 
@@ -481,6 +500,35 @@ def test_rows_after_the_first_number_that_is_not_finite_are_left_out():
 def test_half_the_step_is_half_of_what_is_taken():
     timing = Timing(0.005)
     assert timing.refined(3).dt == pytest.approx(0.005 / 3)
+    assert timing.halved().refined(3).divided == 1, "what is taken is not divided again"
     assert timing.halved().refined(3).dt == pytest.approx(0.005 / 6)
     assert timing.halved().halved().refined(1).dt == pytest.approx(0.00125)
     assert math.isclose(timing.halved().dt, 0.005)
+
+
+def test_a_drive_of_no_rows_or_of_lost_numbers_is_not_taken_for_a_good_one():
+    model = scenario("flat").model
+    rows = rows_of(model, 60, np.s_[:0])
+    assert len(doubts_of(model, rows[:0], 1e-5)) == 1, "no time in which anything may be misjudged"
+    rows["impulse"][-1] = np.nan
+    assert mean_load(model, rows) == math.inf
+    assert "inf times the rover's weight" in load_warning(model, rows)
+
+
+def test_a_step_is_taken_to_follow_a_command_unless_told():
+    class Told(Rough):
+        def step(self):
+            super().step()
+            self.misjudged = float(len(self.tried) == 2)
+            return 0
+
+    for commanded, tried in (((), [64.0, 64.0]), ((False,), [64.0, 64.0, 16.0])):
+        pace = Pace(Told((0.0, 0.0), 0.0), 64.0)
+        assert pace.advance() == pace.advance(*commanded) == 0
+        assert pace.stepper.tried[:3] == tried
+
+
+def test_a_tenth_of_a_second_is_the_coarsest_step():
+    assert Timing(0.1, 0.1, 0.1).dt == 0.1
+    with pytest.raises(SimulationError, match=r"dt = 0\.101 s is not allowed"):
+        Timing(0.101, 0.101, 0.101)

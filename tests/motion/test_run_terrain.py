@@ -1,5 +1,6 @@
 """The ground of a single run: declared as a slope, or told by pitch, roll and height."""
 
+import dataclasses
 import math
 import subprocess
 import sys
@@ -12,8 +13,9 @@ from rover_pin.body.terrain_files import to_grid
 from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import LEVEL_SD, base_model, nuisances, with_spread
+from rover_pin.motion import run_terrain as run_terrain_file
 from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
-from rover_pin.motion.run_terrain import estimated, run_terrain
+from rover_pin.motion.run_terrain import estimated, level_on, run_terrain
 from rover_pin.motion.trace import Trace
 
 CART = load_rover("cart")
@@ -75,6 +77,59 @@ def test_the_ground_is_estimated_from_the_pitch(yaw, curve):
     drive = run(yaw, pitch, curve=curve)
     found = slope_of(estimated(drive, CART), drive)
     assert found == pytest.approx(-drive["body_pitch"][20:-20], abs=1.0 * DEG)
+
+
+WAVE = 2 * math.pi / 3.1
+
+
+def wavy(x):
+    """Heights of a wave of 3.1 m across the way, and their slopes."""
+    return 0.05 * np.sin(WAVE * x), 0.05 * WAVE * np.cos(WAVE * x)
+
+
+def over_the_wave(seconds=40.0):
+    """What the cart's level is where it stands on the wave with all wheels, its axles 0.28 m before and behind."""
+
+    def pitch(x, y, heading):
+        return -np.arctan((wavy(x + 0.28)[0] - wavy(x - 0.28)[0]) / 0.56)
+
+    return run(0.0, pitch, seconds=seconds)
+
+
+def test_the_ground_under_each_wheel_is_that_which_carries_it():
+    """The pull goes by the slope at the wheels, not along the way: half a degree was a tenth of the way on 12 deg."""
+    drive = over_the_wave()
+    ground, x = estimated(drive, CART), drive["body_x"][40:-40]
+    for ahead in (0.28, -0.28):
+        for beside in (0.26, -0.26):
+            slope = ground.gradient(x + ahead, np.full(len(x), beside))[0]
+            off = np.arctan(slope) - np.arctan(wavy(x + ahead)[1])
+            assert float(np.sqrt(np.mean(off**2))) < 0.35 * DEG
+
+
+@pytest.mark.parametrize("cells", [3.5, 14.0])
+def test_how_fine_the_grid_is_does_not_say_how_stiff_the_ground_is(cells, monkeypatch):
+    """With more cells the bends over a base had counted by their square, and the wave was flattened."""
+    drive = over_the_wave(10.0)
+    usual = slope_of(estimated(drive, CART), drive)
+    monkeypatch.setattr(run_terrain_file, "CELLS", cells)
+    assert slope_of(estimated(drive, CART), drive) == pytest.approx(usual, abs=0.1 * DEG)
+
+
+def test_a_frame_before_the_wheels_is_not_where_they_stand():
+    """A level is that of the ground under the wheels, wherever a URDF puts the frame of the base."""
+    shifted = CART.model.copy()
+    for mount in CART.wheels:
+        placement = shifted.jointPlacements[mount.joint].copy()
+        placement.translation = placement.translation - np.array([0.4, 0.0, 0.0])
+        shifted.jointPlacements[mount.joint] = placement
+    behind = dataclasses.replace(CART, model=shifted)
+    drive = run(0.0, lambda x, y, heading: -np.arctan(0.15 * np.sin(2.0 * x)))
+    ground, x = estimated(drive, behind), drive["body_x"][80:-40]
+    rise = ground.height(x - 0.12, np.full(len(x), 0.26)) - ground.height(x - 0.68, np.full(len(x), 0.26))
+    assert np.arctan(rise / 0.56) == pytest.approx(-drive["body_pitch"][80:-40], abs=0.5 * DEG)
+    level = level_on(ground, behind, np.array([[2.0, 0.0, 0.0]]))["body_pitch"][0]
+    assert level == pytest.approx(-math.atan(0.15 * math.sin(4.0)), abs=0.5 * DEG)
 
 
 def test_noise_of_the_pitch_does_not_become_ground():

@@ -1,5 +1,7 @@
 """Sensors: the declared noise, no truth, the same seed the same log, effects as their equations say."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,11 @@ from rover_pin.effects.sensor_bias import SensorBias
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.effects.velocity_filter import VelocityFilter
+from rover_pin.motion.command import Reading
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.saved import save_trace
-from rover_pin.motion.sensors import Sensors, measured
+from rover_pin.motion.sensors import Sensed, Sensors, measured
+from rover_pin.motion.trace import Trace
 from rover_pin.quantity import quantities
 from rover_pin.scenarios import scenario
 
@@ -86,3 +90,43 @@ def test_a_simulated_log_is_read_like_a_measured_one(trace, tmp_path):
     log = measured(trace, Sensors(), 5)
     again = read_drive_log(save_trace(log, tmp_path / "log")).runs[0]
     assert all(np.array_equal(again[name], log[name]) for name in log.channels)
+
+
+@pytest.mark.parametrize("with_current", [True, False])
+def test_a_log_has_what_the_test_bed_s_sensors_see(with_current):
+    seen = {"t_s", "duty_a", "body_x", "wheel_rate_a", "current_a_A", "battery_V"}
+    truth = {"slip_a", "torque_a", "travel_a", "energy_motor", "differential_Nm"}
+    whole = Trace({name: np.arange(3.0) for name in seen | truth}, attrs={"wheels": ["a"]})
+    log = measured(whole, EXACT, 0, with_current=with_current)
+    assert set(log) == (seen if with_current else seen - {"current_a_A"})
+    assert set(measured(whole, EXACT, 0)) == seen, "unless told"
+
+
+def test_a_controller_reads_noise_of_either_sign_in_whole_steps():
+    class Kept:
+        def __init__(self):
+            self.read = []
+
+        def __call__(self, reading):
+            self.read.append(reading)
+            return 0.5
+
+        def reset(self):
+            self.read.clear()
+
+    kept, sensors = Kept(), Sensors()
+    sensed, bare = Sensed(kept, sensors, 3), np.zeros(6)
+    reading = Reading(0.0, bare, np.ones(6), 0.1 * np.ones(6), np.zeros(4), (0.01, -0.02, 0.3), None)
+    for _ in range(200):
+        sensed(reading)
+    rates = np.array([each.wheel_rate for each in kept.read])
+    np.testing.assert_allclose(rates / 0.005, np.round(rates / 0.005))
+    assert np.mean(rates) == pytest.approx(1.0, abs=2e-3)
+    assert np.std(rates) == pytest.approx(math.hypot(0.01, 0.005 / 12**0.5), rel=0.1)
+    assert np.std([each.current for each in kept.read]) == pytest.approx(0.002, rel=0.1)
+    attitudes = np.array([each.attitude for each in kept.read])
+    np.testing.assert_allclose(attitudes.mean(axis=0), [0.01, -0.02, 0.3], atol=2e-3)
+    first = rates[0].tolist()
+    sensed.reset()
+    sensed(reading)
+    assert kept.read[0].wheel_rate.tolist() == first

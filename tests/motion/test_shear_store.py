@@ -34,7 +34,7 @@ def sheared(trace, slip, load):
     return dataclasses.replace(trace, channels=channels)
 
 
-@pytest.mark.parametrize("top", [0.05, 0.6, -0.4])
+@pytest.mark.parametrize("top", [0.05, 0.6, -0.4, -1.0])
 def test_what_was_stored_comes_back_at_a_steady_load(flat, top):
     """L f_n int M ds by quadrature, over a slip that rises and falls; after the way back nothing is missing."""
     model, trace = flat

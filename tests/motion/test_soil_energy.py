@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from scipy.integrate import cumulative_trapezoid
 
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.motion import simulate as simulate_module
-from rover_pin.motion.soil_energy import EnergyWarning, carriers, energy_warning, gift
+from rover_pin.motion import soil_energy
+from rover_pin.motion.shear_store import ShearStore
+from rover_pin.motion.soil_energy import EnergyWarning, Gift, _of_traction, carriers, energy_warning, gift
 from rover_pin.scenarios import scenario
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
@@ -181,3 +184,55 @@ def test_traction_that_gives_is_told_and_not_doubted():
     assert "from nowhere" in found.said
     assert "account" not in found.said
     assert not found.doubted
+
+
+@pytest.mark.parametrize(("set_down", "fall"), [(False, 0.0), (True, 0.1)])
+def test_before_the_first_row_a_rover_that_was_set_down_has_had_nothing(set_down, fall):
+    """An account that stands at -0.1 J, and wheels that lift: what the greatest sinkage held may have been given."""
+    model, trace = driven("flat", duration=0.1)
+    h, load = np.array([0.002, 0.004, 0.003]), 20.0
+    held = load * h / (float(model.soils[0].n) + 1.5)
+    channels = {name: np.zeros(3) for name in trace.channels} | {"t_s": np.array([0.05, 0.1, 0.15])}
+    channels |= {"sinkage_fl": h, "normal_fl": np.full(3, load), "energy_soil": held - held.max() - 0.1}
+    made = dataclasses.replace(trace, channels=channels, attrs={"set_down": "at rest"} if set_down else {})
+    assert gift(model, made).soil == pytest.approx(fall)
+
+
+@pytest.mark.parametrize(
+    ("meanwhile", "share"), [(4.0, ", 25 % of the motors' work meanwhile"), (1.1, ", 91 % of"), (0.9, "")]
+)
+def test_a_gift_is_told_as_a_share_of_the_motors_work_that_exceeds_it(meanwhile, share):
+    trace = SimpleNamespace(attrs={"traction_form": "net"})
+    said = _of_traction(trace, Gift(1.0, 0.0, meanwhile), 0.5)
+    assert said.startswith(f"the net form's traction gave 1 J from nowhere{share}")
+    assert ("meanwhile" in said) == bool(share)
+    assert _of_traction(trace, Gift(1.0, 0.0, meanwhile), 1.1) == ""
+
+
+@pytest.mark.parametrize(
+    ("gave", "taken", "held", "unstored"),
+    [
+        ((0.0, 0.9), (0.2, -0.5), (0.3, 0.0), 0.6),
+        ((0.0, 0.1), (0.2, -0.5), (0.3, 0.0), 0.1),
+        ((0.0, 0.9), (0.2, -0.5), (0.4, 0.0), 0.5),
+        ((1.0, -0.02), (-1.0, 0.05), (1.0, 1.0), 0.0),
+    ],
+)
+def test_what_sheared_soil_had_not_stored_is_what_it_gave_beyond_that(gave, taken, held, unstored, monkeypatch):
+    """Row by row beyond what it gave back, and what it gave back beyond all that it had: no more than was given."""
+    store = ShearStore(np.array(taken), np.array(held))
+    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: store)
+    assert soil_energy._unstored(None, None, np.array(gave)) == pytest.approx(unstored)
+
+
+@pytest.mark.parametrize("v", [1e-4, 1e-3, 0.04])
+def test_the_resistance_that_a_pull_pays_fades_with_the_travel_over_the_rim(v):
+    """One wheel at 1 rad/s under 20 N that pulls by 1 N and asks for no torque: all that it pulls with is a gift."""
+    model, trace = driven("flat", slip="algebraic", duration=0.1)
+    (resists,) = (each for each in model.effects if isinstance(each, MotionResistance))
+    channels = {name: np.zeros(2) for name in trace.channels} | {"t_s": np.array([0.0, 2.0])}
+    wheel = {"normal": 20.0, "tangential": 1.0, "travel": v, "wheel_rate": 1.0}
+    channels |= {f"{name}_fl": np.full(2, value) for name, value in wheel.items()}
+    fades = v / np.hypot(v, float(resists.fading(0.045)))
+    gave = (1.0 + float(resists.R) * 20.0 * fades) * v * 2.0
+    assert gift(model, dataclasses.replace(trace, channels=channels, attrs={})).traction == pytest.approx(gave)

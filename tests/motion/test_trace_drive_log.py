@@ -8,7 +8,7 @@ import pytest
 from rover_pin.body import shapes
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
-from rover_pin.motion.log_terrain import write_terrain
+from rover_pin.motion.log_terrain import terrain_from, write_terrain
 from rover_pin.motion.saved import load_trace, save_trace
 from rover_pin.motion.trace import Trace
 from rover_pin.toml_file import read_toml, toml_text
@@ -177,6 +177,8 @@ def test_text_in_parquet_names_the_row(log):
         ('polyline = "climb.csv"\n', "no column 'x_m'"),
         ('polylines = ["g.csv", "g.csv"]\n', "[terrain]: Lanes with 2 profiles"),
         ('polyline = "g.csv"\npatch = [3]\n', "patch = 3: give"),
+        ('polyline = "g.csv"\npatch = [["ground"]]\n', "patch = ['ground']: give"),
+        ('polyline = "g.csv"\npatch = [{ ground = 1, to = 2 }]\n', "patch = {'ground': 1, 'to': 2}: give"),
         ('polyline = "g.csv"\npatch = [{ ground = 1, x_to = "a" }]\n', "x_from and x_to must be numbers"),
         ('polyline = "g.csv"\npatch = [{ ground = -1 }]\n', "[terrain]: A profile's ground"),
     ],
@@ -186,6 +188,11 @@ def test_mistakes_in_the_terrain(log, table, says):
     (folder / "g.csv").write_text("x_m,z_m\n0,0\n1,0\n")
     with pytest.raises(DataError, match=re.escape(says)):
         read_drive_log(folder).terrain()
+
+
+def test_a_terrain_s_file_beside_a_folder_that_is_gone_is_named(tmp_path):
+    with pytest.raises(DataError, match=r"names the file 'g\.csv', which is not there"):
+        terrain_from({"polyline": "g.csv"}, tmp_path / "gone")
 
 
 def test_other_refusals(tmp_path, log):

@@ -1,5 +1,6 @@
 """Slip of a four-wheeler on slopes by bisection: statics by hand, Eqs (2)-(7) by `independent.soil`; no rover_pin."""
 
+import dataclasses
 import importlib.util
 import math
 import sys
@@ -36,31 +37,56 @@ def bisected(of, low, high):
     return 0.5 * (low + high)
 
 
-def pull(S, load, ground, R):
-    """Pull of a wheel that carries a load: torque over radius less R times the load."""
+def stands(S, load, ground):
+    """Entry angle of a wheel that carries a load, and its torque."""
 
     def forces(theta):
         at = np.array([theta])
         return soil.forces(np.array([S]), at, -ground.exit_ratio * at, ground, field_log.R, field_log.B)
 
     theta = bisected(lambda theta: forces(theta)[0][0] - load, 1e-3, 1.5)
-    return forces(theta)[1][0] / field_log.R - R * load
+    return theta, forces(theta)[1][0]
 
 
-def slip(slope, ground, R):
+def rut(theta, ground):
+    """Work of compaction of a rut per length, b int p dz from where the wheel leaves it, Eq (4): trapezia."""
+    across = np.linspace(-ground.exit_ratio * theta, theta, 4001)
+    depth = np.maximum(np.cos(across) - math.cos(theta), 0.0)
+    pressure = (ground.k_1 + ground.k_2 * field_log.B) * (field_log.R / field_log.B * depth) ** ground.n
+    return field_log.B * field_log.R * np.trapezoid(pressure * np.sin(across), across)
+
+
+def pull(S, load, ground, R, digs=0.0):
+    """Pull of a wheel that carries a load: torque over radius less R times the load.
+
+    Hidden, `digs`: the exponent n grows by so much times a driving slip, and what the deeper rut costs to press more
+    than that of a wheel that does not slip is lost.
+    """
+    softer = dataclasses.replace(ground, n=ground.n + digs * max(S, 0.0))
+    theta, torque = stands(S, load, softer)
+    lost = rut(theta, softer) - rut(stands(S, load, ground)[0], ground) if digs else 0.0
+    return torque / field_log.R - R * load - lost
+
+
+def slip(slope, ground, R, digs=0.0):
     front, rear = loads(slope, 0.0)
     asked = MASS * G * math.sin(slope)
-    return bisected(lambda S: 2 * (pull(S, front, ground, R) + pull(S, rear, ground, R)) - asked, -0.4, 0.97)
+
+    def left(S):
+        return 2 * (pull(S, front, ground, R, digs) + pull(S, rear, ground, R, digs)) - asked
+
+    return bisected(left, -0.4, 0.97)
 
 
-def write(folder, ground=field_log.SOIL, R=0.05, seed=0, repeats=3, sd=SD):
+def write(folder, ground=field_log.SOIL, R=0.05, seed=0, repeats=3, sd=SD, slopes=SLOPES, digs=0.0):
     """Write points.csv; return slopes [deg] and true slips."""
     random = np.random.default_rng(seed)
-    true = np.array([slip(math.radians(slope), ground, R) for slope in SLOPES])
+    true = np.array([slip(math.radians(slope), ground, R, digs) for slope in slopes])
     rows = ["run,slope_deg,slip,slip_sd"]
     for run in range(repeats):
         rows += [
-            f"day-{run},{a:g},{S + sd * random.standard_normal():.5f},{SD}" for a, S in zip(SLOPES, true, strict=True)
+            f"day-{run},{a:g},{S + sd * random.standard_normal():.5f},{sd or SD}"
+            for a, S in zip(slopes, true, strict=True)
         ]
     (folder / "points.csv").write_text("\n".join(rows) + "\n")
-    return np.array(SLOPES), true
+    return np.array(slopes), true

@@ -12,6 +12,7 @@ import importlib.util
 import json
 import re
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -31,9 +32,9 @@ HERE = Path(__file__).parent / "blind"
 _spec = importlib.util.spec_from_file_location("blind", HERE / "__init__.py")
 sys.modules["blind"] = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(sys.modules["blind"])
-campaign, drive, hidden, rover, sealed, sensors, world = (
+campaign, circumstance, drive, hidden, rover, sealed, sensors, world = (
     importlib.import_module(f"blind.{name}")
-    for name in ("campaign", "drive", "hidden", "rover", "sealed", "sensors", "world")
+    for name in ("campaign", "circumstance", "drive", "hidden", "rover", "sealed", "sensors", "world")
 )
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
@@ -85,11 +86,12 @@ def with_effect(name):
     return BASE.having(kind(**{**kind.neutral, **numbers}))
 
 
-def both(cases, duration, timing=Timing()):
+def both(cases, duration, timing=Timing(), gravity=9.81):
     """Drive (effect name, track) cases here in one batch and there one by one, from the package's rest."""
     runs, theirs, rests = [], [], []
     for name, (lanes, borders, start, duty, steer) in cases:
-        model = with_effect(name).replace(terrain=Lanes(tuple(Profile(*each) for each in lanes), borders))
+        ground = Lanes(tuple(Profile(*each) for each in lanes), borders)
+        model = with_effect(name).replace(terrain=ground, gravity=gravity)
         rest = settled(model, Start(*start))
 
         def command(reading, duty=duty, steer=steer):
@@ -97,7 +99,9 @@ def both(cases, duration, timing=Timing()):
             return Command(duty[at], steer[at])
 
         theirs.append(simulate(model, command, duration, rest.copy(), timing))
-        numbers = {"R": RESISTANCE} | {f"{name}.{key}": value for key, value in numbers_of(name).items()}
+        numbers = {"R": RESISTANCE, "gravity": gravity} | {
+            f"{name}.{key}": value for key, value in numbers_of(name).items()
+        }
         runs.append(world.Run(numbers, lanes, borders, start, duty, steer))
         rests.append((model, rest))
     mine = drive.drive(runs, duration, start=states(rover.Rovers(runs), rests))
@@ -162,6 +166,11 @@ def test_it_imports_nothing_of_the_package():
 def test_it_drives_as_the_package_does():
     for mine, theirs in both([("none", track) for track in tracks()[1:3]], 1.5):
         assert_alike(mine, theirs)
+
+
+def test_it_drives_on_the_moon_as_the_package_does():
+    (mine, theirs), *_ = both([("none", tracks()[1])], 1.5, gravity=circumstance.MOON)
+    assert_alike(mine, theirs)
 
 
 @pytest.mark.slow
@@ -253,6 +262,70 @@ def test_a_plan_has_the_shares_and_every_effect():
     assert all(1.0 <= one["severity"] <= 10.0 for each in sets for one in each["hidden"])
     assert all(len({one["effect"] for one in each["hidden"]}) == 2 for each in sets if each["kind"] == "pair")
     assert sets == sealed.plan(1, 100) != sealed.plan(2, 100)
+
+
+def test_circumstances_have_their_shares_and_change_nothing_else_of_a_plan():
+    plain, any_ = sealed.plan(1, 200), sealed.plan(1, 200, under="any")
+    assert [{**one, "under": "plain"} for one in any_] == plain
+    counts = {name: [one["under"] for one in any_].count(name) / 200 for name in circumstance.NAMES}
+    assert counts == pytest.approx(circumstance.SHARES, abs=0.08)
+    assert sealed.plan(1, 3, under="moon") == [{**one, "under": "moon"} for one in sealed.plan(1, 3)]
+    still, moon = (campaign.data_set(1, 5, "none", [], under) for under in ("plain", "moon"))
+    assert np.array_equal(still["heights"], moon["heights"])
+    assert (still["gravity"], moon["gravity"]) == (9.81, 1.62)
+    assert all(run.numbers["gravity"] == 1.62 for _, _, run in moon["runs"])
+
+
+def rows_of_a_run(rate):
+    t = 0.05 * np.arange(1, 401)
+    names = ("body_x", "body_y", "body_z", "body_roll", "body_pitch", "body_yaw", "body_vx", "rocker_l", "steer_fl")
+    turns = {f"wheel_rate_{wheel}": np.full(400, rate) for wheel in WHEELS}
+    return {"t_s": t} | {name: np.sin(0.3 * t) for name in names} | turns
+
+
+def test_a_tracker_drifts_slowly_and_from_where_it_starts():
+    true = rows_of_a_run(1.0)
+    read = [circumstance.read("drift", true, np.random.default_rng(seed)) for seed in range(60)]
+    assert set(true) == set(read[0])
+    for name, values in true.items():
+        wander = np.array([one[name] - values for one in read])
+        assert (name in circumstance.DRIFT) == bool(wander.any())
+        if name in circumstance.DRIFT:
+            assert not wander[:, 0].any()
+            late = wander[:, 300:]  # against the start, as far off as two draws
+            assert np.sqrt(np.mean(late**2)) == pytest.approx(np.sqrt(2) * circumstance.DRIFT[name], rel=0.25)
+            assert np.abs(np.diff(wander)).max() < 0.1 * circumstance.DRIFT[name]
+
+
+def test_a_coarse_encoder_loses_no_count_and_declares_its_noise():
+    """What it counts in all is the angle to a count; its rates are whole counts, as far off as the log declares."""
+    true = rows_of_a_run(1.1)
+    true |= {f"wheel_rate_{wheel}": 1.1 + 0.3 * np.sin((1 + at) * true["t_s"]) for at, wheel in enumerate(WHEELS)}
+    read, step = circumstance.read("coarse", true, np.random.default_rng(2)), 2 * np.pi / circumstance.COUNTS
+    off = []
+    for wheel in WHEELS:
+        name = f"wheel_rate_{wheel}"
+        counts = read[name] * 0.05 / step
+        assert counts == pytest.approx(np.round(counts), abs=1e-6)
+        assert np.abs(np.cumsum(0.05 * (read[name] - true[name]))).max() <= step * 1.001
+        off.append(read[name] - true[name])
+    declared = circumstance.noise("coarse")
+    assert np.std(off) == pytest.approx(declared["wheel_rate"], rel=0.1)
+    assert np.std(read["rocker_l"] - true["rocker_l"]) == pytest.approx(declared["angle"], rel=0.15)
+    assert circumstance.read("plain", true, None) is true
+    assert circumstance.noise("drift") == circumstance.noise("moon") == {}
+
+
+def test_a_log_declares_its_gravity_and_its_encoders(tmp_path):
+    sets = [{"index": at, "kind": "none", "hidden": [], "under": name} for at, name in ((1, "moon"), (3, "coarse"))]
+    sealed.generate(tmp_path / "sets", sets, 4, tmp_path / "answers.json", duration=0.5)
+    moon, coarse = (read_drive_log(tmp_path / "sets" / f"set_{at:04d}") for at in (1, 3))
+    assert moon.about.gravity == pytest.approx(1.62)
+    assert coarse.about.gravity == pytest.approx(9.81)
+    declared = tomllib.loads((coarse.folder / "drive.toml").read_text())["noise"]
+    assert declared["wheel_rate"]["value"] == circumstance.noise("coarse")["wheel_rate"]
+    told = sealed.opened(tmp_path / "sets", tmp_path / "answers.json")["sets"]
+    assert [one["under"] for one in told] == ["moon", "coarse"]
 
 
 def test_what_a_log_declares_is_honest():

@@ -3,13 +3,18 @@
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.report import page as page_module
+from rover_pin.report.bed.report import panel
 from rover_pin.report.drive.report import write_report
 from rover_pin.report.page import marked
+from rover_pin.report.words import key
 
 CSS = (Path(page_module.__file__).parent / "page.css").read_text(encoding="utf-8")
 
@@ -127,3 +132,16 @@ def test_text_has_the_contrast_of_level_aa(scheme):
 
 def test_docstrings_show_their_code_and_no_tags():
     assert marked("see `a < b` <i>") == "see <code>a &lt; b</code> &lt;i&gt;"
+
+
+def test_the_key_of_a_picture_fits_beside_its_panel():
+    """Two or three long names ran out of the picture on both sides."""
+    seen = np.array([[1.0], [2.0]])
+    bed = SimpleNamespace(channels=("pull",), observed=seen, unit=lambda name: "N")
+    fitted, added = SimpleNamespace(predicted=seen), "ploughing, slip-softening, excavation by lugs and rate-dependence"
+    sides = [(fitted, "k", "_", "base model, fitted"), (fitted, "k", "x", key(added))]
+    figure = panel(bed, 0, sides, ("slip", seen))
+    FigureCanvasAgg(figure).draw()
+    box = figure.legends[0].get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.width

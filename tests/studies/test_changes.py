@@ -1,9 +1,14 @@
 """The mutation run's changes: what is changed in Python and C, what is left alone, and no stale excuse."""
 
+import ctypes
 import importlib
+import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from rover_pin.motion.toolchain import compiler
 
 ROOT = Path(__file__).parents[2]
 
@@ -54,12 +59,23 @@ def test_declarations_messages_and_indices_are_left_alone(loaded):
 
 def test_c_is_changed_outside_of_comments_directives_and_loops_heads(loaded):
     text = (
-        "#define N 2.0\n/* a + b */\nfor (int i = 0; i < 3 - 1; ++i) {\n"
-        "  x = -fmin(a * 2.5, b) + 1e-3; /* - */\n  if (x > 0.0 && y) x += 1.0;\n}\n"
+        "#include <a + b>\n/* a + b */\nfor (int i = 0; i < 3 - 1; ++i) {\n"
+        "  x = -fmin(a * 2.5, b) + 1e-7; /* - */\n  if (x > 0.0 && y) x += 1.0;\n}\n"
     )
     assert said(loaded("c").changes(text)) == [
         "= - -> =", "fmin( -> fmax(", "* -> /", "2.5 -> 2.75", "+ -> -", "> -> <=", "0.0 -> 0.1", "&& -> ||",
         "+= -> -=", "1.0 -> 1.1",
+    ]  # fmt: skip
+
+
+def test_named_thresholds_and_divisors_of_c_are_changed_and_sizes_are_not(loaded):
+    text = (
+        "#define LEAST 1e-3 /* m */\n#define N 8\n#define MOST_STEPS 300\n#define NEXT (a + b)\n"
+        "static double larger(double a) { return -a / 6; }\nx = smaller(a[3], LEAST);\n"
+        '_Static_assert(sizeof(A) == 8 * N, "a + b");\n'
+    )
+    assert said(loaded("c").changes(text)) == [
+        "1e-3 -> 0.0011", "300 -> 330", "return - -> return", "/ -> *", "6 -> 7", "smaller( -> larger(",
     ]  # fmt: skip
 
 
@@ -75,9 +91,10 @@ def test_what_builds_the_kept_models_is_changed_before_they_are_built(loaded, tm
 
 
 def test_every_excuse_is_still_of_a_change_that_is_made(loaded):
-    makers, excused = {".py": loaded("python"), ".c": loaded("c")}, loaded("equivalent").EQUIVALENT
+    excused = loaded("equivalent").EQUIVALENT
     for (file, told), reason in excused.items():
-        made = [one.said for one in makers[Path(file).suffix].changes((ROOT / file).read_text(encoding="latin-1"))]
+        maker = loaded("python" if file.endswith(".py") else "c")
+        made = [one.said for one in maker.changes((ROOT / file).read_text(encoding="latin-1"))]
         assert told in made, (file, told)
         assert reason
 
@@ -137,7 +154,7 @@ def test_a_test_is_known_by_its_own_text_and_what_it_shares(loaded, tmp_path):
 def test_no_change_survives_in_the_last_runs(loaded):
     """Of what a row says was tried; the run says so with the command at the head of studies/benchmarks/mutation.py."""
     rows = loaded("tally").read(ROOT / "studies" / "results" / "mutation.csv")
-    whole = {"soil", "effects", "body", "estimation"}
+    whole = {"soil", "effects", "body", "estimation", "drive_log"}
     assert whole <= {row["room"] for row in rows}
     for row in rows:
         assert int(row["tried"]) == int(row["noticed"]) + int(row["survived"])
@@ -148,3 +165,59 @@ def test_no_change_survives_in_the_last_runs(loaded):
         if row["room"] in whole:
             assert not untried, row["room"]
             assert int(row["tried"]) > 300, row["room"]
+
+
+def test_the_page_tells_the_last_run_of_every_room(loaded):
+    rows = loaded("tally").read(ROOT / "studies" / "results" / "mutation.csv")
+    page = (ROOT / "CONTRIBUTING.md").read_text().partition("## What the tests notice")[2].partition("\n## ")[0]
+    told = [[each.strip() for each in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("|")]
+    assert told[2:] == [[row[name] for name in ("room", "tried", "survived", "excused", "left")] for row in rows]
+
+
+C_TEXT = """
+static double twice(double x) { return 2.0 * x; }
+
+/* Sum + more. */
+static double sum(const double *x, int n, double room[2]) {
+  double total = -twice(x[0]);
+  for (int i = 1; i < n; ++i) {
+    total += x[i] * 0.5;
+  }
+  room[1] = total > 3.0 ? total : 3.5;
+  return total;
+}
+
+void fill(double *out) {
+  const double x[3] = {1.0, 2.0, 3.0};
+  out[0] = sum(x, 3, out + 1);
+}
+"""
+
+
+def test_a_switch_holds_every_change_of_a_function_as_it_would_be_alone(loaded, tmp_path):
+    """All in one library, chosen by a number in memory, against one library for each."""
+    switch, found = loaded("switch"), loaded("c").changes(C_TEXT)
+    numbered = list(enumerate(found, 1))
+    text, numbers = switch.switched(C_TEXT, numbered)
+    assert numbers == {number for number, _ in numbered}
+    together, told = compiled(text, tmp_path / "together"), set()
+    for number, one in [(0, None), *numbered]:
+        switch.CHOSEN.value = number
+        wanted = filled(compiled(one.of(C_TEXT) if one else C_TEXT, tmp_path / f"alone{number}"))
+        assert filled(together) == wanted, one
+        told.add(str(wanted))
+    switch.CHOSEN.value = 0
+    assert len(told) > 8
+
+
+def compiled(text, stem):
+    stem.with_suffix(".c").write_text(text)
+    command = [*compiler(), "-shared", "-fPIC", "-w", "-o", str(stem.with_suffix(".so")), str(stem.with_suffix(".c"))]
+    subprocess.run(command, check=True)
+    return ctypes.CDLL(str(stem.with_suffix(".so")))
+
+
+def filled(library):
+    out = np.zeros(3)
+    library.fill(ctypes.c_void_p(out.ctypes.data))
+    return out.tolist()

@@ -12,6 +12,7 @@ import numpy as np
 
 from rover_pin.body.rover import Rover
 from rover_pin.discrepancy.candidate import SPACING, Candidate
+from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.sensor_bias import SensorBias
@@ -65,11 +66,12 @@ def shows(effect: AnyEffect, experiment: DriveExperiment) -> bool:
     """Return whether an effect can show in such logs.
 
     Wheels held to their rates hide what acts in the motors; where each run tells its own ground, no tilt of all shows.
+    A bent ground never does: the random field of the ground has every slope along the way already, and what it says
+    it says as such (`ground.raked`), so that the same misfit would be counted twice.
     """
     own_ground = any(run.commands.terrain is not None for run in experiment.runs)
-    return not (experiment.held and isinstance(effect, MotorEffect)) and not (
-        own_ground and type(effect) is GravityTilt
-    )
+    hidden = (experiment.held and isinstance(effect, MotorEffect)) or (own_ground and type(effect) is GravityTilt)
+    return not hidden and not isinstance(effect, BentGround)
 
 
 def candidate_of(effect: AnyEffect) -> Candidate:
@@ -137,7 +139,7 @@ def _places(experiment: DriveExperiment, length: float) -> list[float]:
     """
     xs = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
     low, high = float(np.nanmin(xs)) - 0.1, float(np.nanmax(xs)) + 0.1
-    count = max(1, math.ceil((high - low) / SPACING))
+    count = math.ceil((high - low) / SPACING)
     places = range(count) if count <= MOST_PLACES else _passed_twice(experiment, low, count)
     return [low + SPACING * at - length / 4 for at in places]
 
@@ -148,6 +150,6 @@ def _passed_twice(experiment: DriveExperiment, low: float, count: int) -> list[i
     for run in experiment.runs:
         x = run.commands.place[:, 0]
         at = np.unique(np.floor((x[np.isfinite(x)] - low) / SPACING).astype(int))
-        passed[np.clip(at, 0, count - 1)] += 1
+        passed[at] += 1
     shared = np.flatnonzero(passed > 1)
     return [int(at) for at in shared[:: max(1, math.ceil(len(shared) / MOST_PLACES))]]

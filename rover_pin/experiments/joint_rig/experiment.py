@@ -21,7 +21,14 @@ from rover_pin.experiments.wheel_rig.checks import FEWEST_LEVELS
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
-from rover_pin.experiments.wheel_rig.presets import LUGS, is_of_other_wheel, preset_candidate
+from rover_pin.experiments.wheel_rig.presets import (
+    LUGS,
+    TRENCH,
+    is_of_other_wheel,
+    known_heights,
+    known_trench,
+    preset_candidate,
+)
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.wheel_rig import WheelRig
@@ -93,7 +100,10 @@ class JointRig(Experiment):
         return declared_noise(sd, self.observed)
 
     def base_model(self) -> JointModel:
-        """Return the soil as the first set with pressing trials declares it, else as the one that declares most."""
+        """Return the soil as the first set with pressing trials declares it, else as the one that declares most.
+
+        Lugs dig from the start where every set tells what it has.
+        """
         sets = self.sets.values()
         first = max(sets, key=lambda data: (bool(data.trials), len(data.rig.declared)))
         askew = any(data.rig.askew.any() for data in sets)
@@ -101,7 +111,9 @@ class JointRig(Experiment):
             name: Part(data.rig.wheel, data.rig.errors, data.rig.beside.get("lug_height"))
             for name, data in self.sets.items()
         }
-        return JointModel(first.soil(), ASKEW if askew else PAPER, parts)
+        told = all("lug_height" in data.rig.beside for data in sets)
+        trench = known_trench(self.declared) if told else ()
+        return JointModel(first.soil(), (*(ASKEW if askew else PAPER), *trench), parts)
 
     def records(self, model: Any) -> dict[str, Any]:
         """Return the soil, the effects, and `set.wheel` and `set.rig` of each."""
@@ -124,11 +136,14 @@ class JointRig(Experiment):
         found: dict[str, Parameter] = {}
         for name, one in self._each.items():
             for each in one.uncertain(model.of(name)):
+                if each.name == TRENCH:
+                    continue
                 full = each.name if each.name.startswith("soil.") else f"{name}.{each.name}"
                 if full not in found or (each.prior and not found[full].prior):
                     found[full] = dataclasses.replace(each, name=full)
         for each in self._told_together(model):
             found.setdefault(each.name, each)
+        found |= {each.name: each for each in known_heights(self.declared, self, model)}
         return tuple(found.values())
 
     def _told_together(self, model: JointModel) -> Iterator[Parameter]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.fit import Fit, table_of
 from rover_pin.estimation.noise import spread
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import blocks
@@ -128,9 +128,7 @@ def draft_effect(remainder: Remainder, name: str) -> str:
 
 def channel_remainders(scene: Scene) -> tuple[ChannelRemainder, ...]:
     """Return what each channel leaves."""
-    noise = scene.fit.task.noise
-    rows = np.full(noise.good.shape, np.nan)
-    rows[noise.good] = scene.fit.rows
+    rows = table_of(scene.fit)
     signals = _signals(scene)
     return tuple(_channel(scene, name, rows[:, at], signals) for at, name in enumerate(scene.experiment.channels))
 
@@ -215,9 +213,7 @@ def replicates(experiment: DriveExperiment, fit: Fit) -> Replicates | None:
     ]
     if not pairs:
         return None
-    noise = fit.task.noise
-    rows = np.full(noise.good.shape, np.nan)
-    rows[noise.good] = fit.rows
+    rows = table_of(fit)
     apart = np.array([rows[i] - rows[j] for i, j in pairs]) / math.sqrt(2.0)
     floor = {}
     for at, name in enumerate(experiment.channels):

@@ -12,7 +12,7 @@ from rover_pin.effects.effect import Effect
 from rover_pin.errors import DataError
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.experiment import ROWS
+from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, NOMINAL, RigModel, conditions, predictor
 from rover_pin.experiments.wheel_rig.presets import is_of_other_wheel, preset_candidate
 from rover_pin.motion.effect_files import AnyEffect, package_effects, reading_traction, user_effects
@@ -95,7 +95,14 @@ def _moved(data: RigSet, model: RigModel, effect: Effect, speeds: np.ndarray | N
     return np.nan_to_num((with_it - without) / sd)
 
 
-def own_sizes(model: RigModel) -> tuple[Parameter, ...]:
-    """Return the sizes of the effects that a model already has, but for what it starts from."""
+def own_sizes(model: RigModel, known: Sequence[Parameter] = ()) -> tuple[Parameter, ...]:
+    """Return the sizes of the effects that a model already has, but for what it starts from, and for the known ones."""
     own = [plain_candidate(effect) for effect in model.effects if effect not in ASKEW]
-    return tuple(one.size(name) for one in own for name in one.sizes)
+    told = {one.name for one in known}
+    return tuple(one.size(name) for one in own for name in one.sizes if name not in told)
+
+
+def numbers_of(experiment: RigExperiment, model: RigModel) -> tuple[Parameter, ...]:
+    """Return the free numbers of a model: what is uncertain of the set, and the sizes of the effects it has."""
+    known = experiment.uncertain(model)
+    return (*known, *own_sizes(model, known))

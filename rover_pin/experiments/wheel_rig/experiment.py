@@ -16,6 +16,7 @@ from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import UNBALANCED, RigModel, RigPredictor, conditions, predictor
+from rover_pin.experiments.wheel_rig.presets import known_heights
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.soil_space import MOST_EXIT
 from rover_pin.measurements.channel import DrawbarPull, RigChannel, SideForce, Sinkage, Torque
@@ -147,11 +148,13 @@ class RigExperiment(Experiment):
 
         k and phi where a force was measured, k_1 where the sinkage was, with no prior; the exit ratio with SD 0.1;
         where loads differ n with SD 0.3 and c with 300 Pa or its own size. What rig.toml states with an SD has that
-        prior around the stated value, and is uncertain whatever was measured.
+        prior around the stated value, and is uncertain whatever was measured. Lugs of declared height, where the model
+        has them dig, fill their pockets to 1 +- 0.3.
         """
         stated = {one.name: one for one in self._stated(model)}
         own = [stated.pop(one.name, one) for one in self._of_the_soil(model)]
-        return (*own, *stated.values(), *self._of_the_rig(model))
+        lugs = known_heights(self.data.rig, self, model)
+        return (*own, *stated.values(), *lugs, *self._of_the_rig(model))
 
     def _stated(self, model: RigModel) -> Iterator[Parameter]:
         """Yield the soil constants that [soil] states with an SD, around what it states."""

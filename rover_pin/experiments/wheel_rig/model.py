@@ -5,23 +5,20 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from rover_pin.contact import Contact, Load, Soil, Wheel
+from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.effect import Effect
-from rover_pin.effects.slip import sliding_speed
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, ParameterError
-from rover_pin.measurements.channel import FIELDS
+from rover_pin.experiments.wheel_rig.steady_law import VALUES, Law, parameter_names, steady_law
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.quantity import quantities
 from rover_pin.soil.angles import SinkageAngles
-from rover_pin.soil.sinkage import power_law_guess
 from rover_pin.soil.traction import NetTraction
 
 PAPER: tuple[Effect, ...] = (SoilTraction(NetTraction(), SinkageAngles()),)
@@ -31,25 +28,13 @@ ASKEW: tuple[Effect, ...] = (*PAPER, CombinedShear(1.0, NetTraction(), SinkageAn
 """The same with its shear along and across: what a wheel at a slip angle starts from."""
 
 STEPS = 6
-"""Newton steps on ln h; the base model needs 3, an effect that changes the exponent up to 6."""
+"""Newton steps on ln h, at most; the base model needs 3, an effect that changes the exponent up to 6."""
 
-SLOWEST = 1e-9
-"""Speed [m/s] below which nothing moves."""
-
-LEAP = 1.5
-"""Longest Newton step in ln h."""
-
-DEEPEST = 0.98
-"""Greatest sinkage over radius that Newton's method tries."""
+SETTLED = 1e-8
+"""Newton's last step in ln h and the states: the error after it is of its square."""
 
 UNBALANCED = 1e-6
 """Relative error of the carried load from which a prediction is refused."""
-
-CONDITIONS = 5
-"""Inputs of a steady run: load [N], slip [-], speed along the heading, rim speed, speed along the axle [m/s]."""
-
-VALUES = 4
-"""What is predicted at each run."""
 
 
 class Steady(NamedTuple):
@@ -110,8 +95,7 @@ class RigModel:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters: those of wheel and soil, `Effect.parameter`, `rig.error`."""
-        own = [f"{type(effect).__name__}.{name}" for effect in self.effects for name in quantities(effect)]
-        return (*FIELDS, *own, *(f"rig.{name}" for name in quantities(RigErrors)))
+        return parameter_names(self.effects)
 
     def vector(self) -> np.ndarray:
         """Return the values of all parameters, in the order of `names`."""
@@ -173,89 +157,34 @@ class Predicted(NamedTuple):
 class RigPredictor:
     """The channels of a model structure at given runs, as a function of all its parameters."""
 
-    def __init__(self, function: ca.Function, runs: np.ndarray, repeats: np.ndarray, free: int):
-        self._function, self._runs, self._free = function, ca.DM(runs.T), free
-        self._repeats = repeats
+    def __init__(self, law: Law, runs: np.ndarray, repeats: np.ndarray, free: int):
+        self._law, self._runs, self._repeats, self._free = law, ca.DM(runs.T), repeats, free
 
     def __call__(self, vector: np.ndarray) -> Predicted:
         """Return the prediction at these values of all parameters."""
-        out = self._function(self._runs, ca.DM(vector)).full()[:, self._repeats]
+        p = ca.DM(vector)
+        out = self._law.point(self._balanced(p), self._runs, p).full()[:, self._repeats]
         jacobian = out[VALUES + 1 :].reshape(self._free, VALUES, self._repeats.size).transpose(1, 2, 0)
         return Predicted(out[:VALUES], jacobian, out[VALUES])
+
+    def _balanced(self, p: ca.DM) -> ca.DM:
+        """Return z of every run after Newton's steps, as many as the slowest run needs."""
+        z = self._law.first(self._runs, p)
+        for _ in range(STEPS):
+            before, z = z, self._law.newton(z, self._runs, p)
+            if not float(ca.norm_inf(z - before)) > SETTLED:
+                break
+        return z
 
 
 def predictor(model: RigModel, free: Sequence[str], runs: np.ndarray) -> RigPredictor:
     """Return the predictor of a model's structure at `runs` [runs, 5], with derivatives by the `free` parameters."""
     different, repeats = np.unique(runs, axis=0, return_inverse=True)
-    return RigPredictor(_mapped(model.structure, tuple(free), len(different)), different, repeats.ravel(), len(free))
+    law = steady_law(model.structure, tuple(free), len(different))
+    return RigPredictor(law, different, repeats.ravel(), len(free))
 
 
 def _skeleton(effect: Effect) -> Effect:
     """Return the effect with default numbers: what its compiled law depends on."""
     fields = {field.name: field.default for field in dataclasses.fields(effect)}
     return effect.replace(**{name: fields[name] for name in quantities(effect)})
-
-
-@lru_cache(maxsize=256)
-def _mapped(effects: tuple[Effect, ...], free: tuple[str, ...], runs: int) -> ca.Function:
-    return _run(effects, free).map("runs", "serial", runs, [1], [])
-
-
-@lru_cache(maxsize=256)
-def _run(effects: tuple[Effect, ...], free: tuple[str, ...]) -> ca.Function:
-    """Return (conditions, parameters) -> one column: the channels, the load's error, derivatives column by column.
-
-    z = (ln h, states) solves F = (ln f_n - ln W, rates) = 0; its derivative dz/dp = -(dF/dz)^-1 dF/dp is exact there.
-    """
-    names = RigModel(Wheel(), Soil(), effects).names
-    condition, p = ca.SX.sym("condition", CONDITIONS), ca.SX.sym("p", len(names))
-    z = ca.SX.sym("z", 1 + sum(len(effect.states) for effect in effects))
-    errors = RigErrors().replace(**{one: p[names.index(f"rig.{one}")] for one in quantities(RigErrors)})
-    true = ca.vertcat(condition[0] * errors.load_scale, condition[1:])
-    load, balance, start = _chained(effects, true, p, z)
-    values = ca.vertcat(*errors.read(load.f_t, load.torque, ca.exp(z[0]), load.f_y, true[0]))
-    wanted = ca.vertcat(*(p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
-    slope = ca.jacobian(balance, z)
-    step = -_solve(slope, balance)
-    newton = ca.Function("newton", [z, condition, p], [_limited(z, step, p[FIELDS.index("r")])])
-    total = ca.jacobian(values, wanted) - ca.mtimes(ca.jacobian(values, z), _solve(slope, ca.jacobian(balance, wanted)))
-    column = ca.densify(ca.vertcat(values, balance[0], ca.vec(ca.densify(total))))
-    point = ca.Function("point", [z, condition, p], [column])
-    first = ca.Function("first", [condition, p], [start])
-    at_condition, at_p = ca.MX.sym("condition", CONDITIONS), ca.MX.sym("p", len(names))
-    at = first(at_condition, at_p)
-    for _ in range(STEPS):
-        at = newton(at, at_condition, at_p)
-    return ca.Function("run", [at_condition, at_p], [point(at, at_condition, at_p)])
-
-
-def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) -> tuple[Load, ca.SX, ca.SX]:
-    """Return the load of all effects in turn, what must vanish at the balance, and where Newton's method starts."""
-    values = iter(ca.vertsplit(p))
-    wheel = Wheel().replace(**{name: next(values) for name in quantities(Wheel)})
-    soil = Soil().replace(**{name: next(values) for name in quantities(Soil)})
-    own = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in effects]
-    states = iter(ca.vertsplit(z)[1:])
-    x = [tuple(next(states) for _ in effect.states) for effect in effects]
-    load, S, v_x, rim, v_y = ca.vertsplit(condition)
-    contact = Contact(S, 0.0, ca.exp(z[0]), v_x, v_y, 0.0, rim, 0.0, 0.0, wheel, soil)
-    contact = contact._replace(S_y=v_y / ca.fmax(sliding_speed(contact), SLOWEST))
-    for effect, own_states in zip(own, x, strict=True):
-        contact = effect.amend(contact, own_states)
-    push = Load()
-    for effect, own_states in zip(own, x, strict=True):
-        push = push.plus(effect.load(contact, push, own_states))
-    rates = [rate for effect, own_states in zip(own, x, strict=True) for rate in effect.rate(contact, push, own_states)]
-    shallow = 2 * wheel.r * ca.sin(ca.exp(power_law_guess(ca.log(load), wheel, soil)) / 2) ** 2
-    start = ca.vertcat(ca.log(shallow), *[0.0] * (z.numel() - 1))
-    return push, ca.vertcat(ca.log(push.f_n / load), *rates), start
-
-
-def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    return right / matrix if matrix.numel() == 1 else ca.solve(matrix, right)
-
-
-def _limited(z: ca.SX, step: ca.SX, r: ca.SX) -> ca.SX:
-    """Return z after the step, ln h within a leap and above the axle."""
-    ln_h = ca.fmin(z[0] + ca.fmax(ca.fmin(step[0], LEAP), -LEAP), ca.log(DEEPEST * r))
-    return ca.vertcat(ln_h, *(z[i] + step[i] for i in range(1, z.numel())))

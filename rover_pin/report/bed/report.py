@@ -24,7 +24,7 @@ from rover_pin.report.sections.physics import Physics
 from rover_pin.report.sections.sensitivity import Untold
 from rover_pin.report.sections.which_effect import WhichEffect
 from rover_pin.report.svg import AFTER, BEFORE
-from rover_pin.report.words import Manner, as_text, kinds_of, listing, spoken
+from rover_pin.report.words import Manner, as_text, key, kinds_of, listing, spoken
 
 MANNER = Manner("where it was not fitted", "folds")
 
@@ -56,10 +56,7 @@ def sections_of(verdict: Verdict, manner: Manner, picture: Picture | None, *own:
 def _picture(verdict: Verdict, bed: Bed) -> Picture | None:
     if verdict.before is None or verdict.after is None:
         return None
-    added = listing(spoken(name, kinds_of(verdict)) for name in verdict.named)
-    sides = [(verdict.before.fit, BEFORE, "_", "base model, fitted")]
-    sides += [(verdict.after.fit, AFTER, "x", f"with {added}")] if added else []
-    panels = tuple(panel(bed, row, sides, bed.along()) for row in range(len(bed.channels)))
+    panels = panels_of(verdict, bed, bed.along())
     said = [f"{one.name} {one.before:.2g} to {one.after:.2g} {one.unit}" for one in verdict.scores]
     alt = f"Measured and modelled {listing(bed.channels)}, point by point; error where not fitted: {listing(said)}."
     order = "" if bed.along() else ", fold after fold; a fold begins at each line"
@@ -68,6 +65,16 @@ def _picture(verdict: Verdict, bed: Bed) -> Picture | None:
 
 Side = tuple[Fit, str, str, str]
 Along = tuple[str, np.ndarray]
+
+
+def panels_of(verdict: Verdict, bed: Experiment, along: Along | None = None) -> tuple[Figure, ...]:
+    """Return one picture a channel: what was measured, the base model, and the model with what was named, if any."""
+    assert verdict.before is not None
+    assert verdict.after is not None
+    added = listing(spoken(name, kinds_of(verdict)) for name in verdict.named)
+    sides: list[Side] = [(verdict.before.fit, BEFORE, "_", "base model, fitted")]
+    sides += [(verdict.after.fit, AFTER, "x", key(added))] if added else []
+    return tuple(panel(bed, row, sides, along) for row in range(len(bed.channels)))
 
 
 def panel(bed: Experiment, row: int, sides: list[Side], along: Along | None = None) -> Figure:
@@ -85,7 +92,7 @@ def panel(bed: Experiment, row: int, sides: list[Side], along: Along | None = No
         axis.axvline(begin - 0.5, color="#b0b0b0", lw=0.7)
     axis.set(xlabel=words, ylabel=f"{as_text(bed.channels[row])} [{unit or '-'}]")
     axis.grid(alpha=0.25, axis="y")
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=8.5)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=8.5)
     return figure
 
 

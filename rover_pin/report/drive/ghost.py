@@ -58,7 +58,7 @@ class Ghosts(Section):
 
 def _begun(log: DriveLog, sides: Sides, run: str) -> Iterator[str]:
     model, experiment = sides.before.model, sides.experiment
-    measured = Subject(run, log.run(run), model.rover, model.terrain, mesh_folder(log.rover))
+    measured = Subject(run, log.run(run), model.rover, model.ground, mesh_folder(log.rover))
     others = [(driven(experiment, model, run, measured, "base model"), "orange")]
     if sides.added:
         others.append((driven(experiment, sides.after.model, run, measured, "with what was added"), "blue"))

@@ -13,12 +13,11 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import shown
 from rover_pin.experiments.joint_rig.experiment import JointRig
 from rover_pin.experiments.joint_rig.left import JointExtra
-from rover_pin.report.bed.report import Side, panel, sections_of
+from rover_pin.report.bed.report import panels_of, sections_of
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table, before_and_after
-from rover_pin.report.svg import AFTER, BEFORE
-from rover_pin.report.words import Manner, kinds_of, listing, spoken
+from rover_pin.report.words import Manner, listing
 
 MANNER = Manner("on slips it never saw", "levels of slip")
 
@@ -34,15 +33,13 @@ def write_report(verdict: Verdict, joint: JointRig, out: Path) -> list[Path]:
 def _picture(verdict: Verdict, joint: JointRig) -> Picture | None:
     if verdict.before is None or verdict.after is None:
         return None
-    added = listing(spoken(name, kinds_of(verdict)) for name in verdict.named)
-    sides: list[Side] = [(verdict.before.fit, BEFORE, "_", "base model, fitted")]
-    sides += [(verdict.after.fit, AFTER, "x", f"with {added}")] if added else []
-    panels = tuple(panel(joint, row, sides) for row in range(len(joint.channels)))
     said = listing(
         f"{one.name} {shown(one.before, one.unit)} to {shown(one.after, one.unit)}" for one in verdict.scores
     )
     alt = f"Measured and modelled {listing(joint.channels)}, point by point; error where not fitted: {said}."
-    return Picture(panels, alt, f"Each run once, {', then '.join(joint.sets)}; a level begins at each line.")
+    return Picture(
+        panels_of(verdict, joint), alt, f"Each run once, {', then '.join(joint.sets)}; a level begins at each line."
+    )
 
 
 @dataclass(frozen=True, eq=False)

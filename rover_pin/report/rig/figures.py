@@ -16,6 +16,7 @@ from rover_pin.experiments.wheel_rig.model import UNBALANCED, RigModel, conditio
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
 from rover_pin.report.svg import AFTER, BEFORE, GREY
+from rover_pin.report.words import key
 
 PANEL = (5.2, 3.0)
 POINTS = 80
@@ -33,7 +34,7 @@ class Look(NamedTuple):
 def looks(before: RigModel, after: RigModel | None, added: str) -> list[Look]:
     """Return the models that are drawn: the base model, and that with what was added."""
     found = [Look(before, BEFORE, "--", "base model, fitted")]
-    return found if after is None else [*found, Look(after, AFTER, "-", f"with {added}")]
+    return found if after is None else [*found, Look(after, AFTER, "-", key(added))]
 
 
 def channel_panels(data: RigSet, shown: Sequence[Look]) -> tuple[Figure, ...]:

@@ -52,7 +52,7 @@ class WhichEffect(Section):
 
     def _table(self, found: Search, at: int, each: Round) -> Table:
         kinds = kinds_of(self.verdict)
-        base = listing(full(one.name, kinds) for one in found.found[:at]) or "the base model"
+        base = listing(full(one.name, kinds) for one in found.before(at)) or "the base model"
         held = f"gain on {self.manner.folds} left out"
         heads = ("candidate", "gain in chi2", "must gain", "net", held, "its numbers", "judged")
         rows = [

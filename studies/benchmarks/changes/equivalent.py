@@ -2,8 +2,10 @@
 
 from changes.equivalent_body import BODY
 from changes.equivalent_discrepancy import DISCREPANCY
+from changes.equivalent_drive_log import DRIVE_LOG
 from changes.equivalent_estimation import ESTIMATION
 from changes.equivalent_motion import MOTION
+from changes.equivalent_step import STEP
 
 SHIFT = "the least shift keeps a ratio finite where nothing is sheared; any other does"
 NOT_ZERO = "keeps tanh(x) / x from 0 / 0 at a pivot that stands: any tiny number does"
@@ -13,8 +15,10 @@ START = "where a start lies within its bounds: the descent comes to the same"
 EQUIVALENT: dict[tuple[str, str], str] = {
     **BODY,
     **DISCREPANCY,
+    **DRIVE_LOG,
     **ESTIMATION,
     **MOTION,
+    **STEP,
     (
         "rover_pin/estimation/numbers.py",
         "found = fit(fitted.task, held, others, start, fitted.slopes, reuse=True): True -> False",

@@ -121,4 +121,100 @@ MOTION: dict[tuple[str, str], str] = {
         "rover_pin/motion/happened.py",
         "last = float(ratio[-1]) if ratio.size else 1.0: 1.0 -> 1.1",
     ): "any share from a half on drives",
+    (
+        "rover_pin/motion/happened.py",
+        'sense, halting = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much": '
+        "== -> >=",
+    ): "it drives or creeps: of the two words driving is the later",
+    (
+        "rover_pin/motion/plain.py",
+        "out = self.body(seen, np.zeros(0), laws.numbers(self.model.body_effects)): 0 -> 1",
+    ): "a law without states reads none",
+    (
+        "rover_pin/motion/run_terrain.py",
+        'right.append((blocks["body_z"][use] - np.mean(blocks["body_z"][use])) / HEIGHT_SD): '
+        'blocks["body_z"][use] - np.mean(blocks["body_z"][use]) -> (blocks["body_z"][use])',
+    ): "the rows of the heights sum to 0, so that a constant on the right changes no normal equation but its round-off",
+    (
+        "rover_pin/motion/laws.py",
+        'code = ca.CodeGenerator("laws.c", {"with_header": False}): False -> True',
+    ): "a header is a file of its own, which the text has not",
+    (
+        "rover_pin/motion/laws.py",
+        "contact = Contact(S=0.0, S_y=0.0, wheel=wheel, soil=soil, **geometry)  # type: ignore[arg-type]: 0.0 -> 0.1",
+    ): "every model has a law of slip, which sets both",
+    (
+        "rover_pin/motion/plain_run.py",
+        "now = np.zeros(1, dtype=rows.dtype): 1 -> 2",
+    ): "the first of its rows alone is written and read",
+    (
+        "rover_pin/motion/plain.py",
+        "self.servo_target = np.zeros(max(1, len(self.servo_wheels))): 1 -> 2",
+    ): "room for the target of a servo that is not there",
+    (
+        "rover_pin/motion/plain.py",
+        "return Facet(np.array([-1.0, -1.0]), np.array([1.0, -1.0]), frame.up, 0): 1.0 -> 1.1",
+    ): "in the air nothing pushes: of that facet only the normal is read",
+    (
+        "rover_pin/motion/plain.py",
+        "return Facet(np.array([-1.0, -1.0]), np.array([1.0, -1.0]), frame.up, 0): -1.0 -> (1.0)",
+    ): "in the air nothing pushes: of that facet only the normal is read",
+    (
+        "rover_pin/motion/replay.py",
+        'return {**given, "place_rows": place, "share": run.period / HOLD, "check_every": CHECKED}: / -> *',
+    ): "a quotient by 1 s",
+    (
+        "rover_pin/motion/body_law.py",
+        "s = _Symbols(base[:3], base[3:], still, angles, rest, ca.SX(0), rest): 0 -> 1",
+    ): "energy at an instant: no step is read",
+    (
+        "rover_pin/motion/plain.py",
+        "found = [Patch(1e-9, 0.0, 0.0, 0.0, 0.0, _below(frame))]: 0.0 -> 0.1",
+    ): "in the air: a tenth of what presses 1 nm deep is round-off",
+    (
+        "rover_pin/motion/happened.py",
+        'turn = math.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0]) if "body_yaw" in trace else 0.0: 0.0 -> 0.1',
+    ): "no turn below 5 deg is told",
+    (
+        "rover_pin/motion/plain_law.py",
+        "if forwards == 1.0:: == -> >=",
+    ): "the weight is 1 at most",
+    (
+        "rover_pin/motion/sensors.py",
+        "noisy = values + sd * self.random.standard_normal(values.shape): + -> -",
+    ): "noise is as likely on either side",
+    (
+        "rover_pin/motion/shear_store.py",
+        "GRID = np.linspace(-1.0, 1.0, 81): 81 -> 82",
+    ): "a point more on a smooth curve",
+    (
+        "rover_pin/motion/driving.py",
+        "steer if _is_number(steer) else _angles(steer, len(stepper.servo_wheels), drive.state.t): "
+        "steer -> (_angles(steer, len(stepper.servo_wheels), drive.state.t))",
+    ): "a number alone is checked once more, and is every servo's angle either way",
+    (
+        "rover_pin/motion/plain_run.py",
+        "if k % per_sample == per_sample - 1:: == -> >=",
+    ): "a remainder is that at most",
+    (
+        "rover_pin/motion/sensors.py",
+        "noisy = values + sd * noise if sd else values: + -> -",
+    ): "noise is as likely on either side",
+    (
+        "rover_pin/motion/sensors.py",
+        "noisy = values + sd * noise if sd else values: values -> (values + sd * noise)",
+    ): "an SD of 0 is no noise",
+    (
+        "rover_pin/motion/body_law.py",
+        "angles, rates, known = (tuple(ca.vertsplit(each)) if joints.number else () for each in "
+        "(s.angles, s.rates, s[-1])): () -> (tuple(ca.vertsplit(each)))",
+    ): "a column of none is split into none",
+    (
+        "rover_pin/motion/plain.py",
+        "return Facet(np.array([-1.0, -1.0]), np.array([1.0, -1.0]), frame.up, 0): 0 -> 1",
+    ): "in the air no soil decides: the rates of the states are those of the speeds",
+    (
+        "rover_pin/motion/plain_law.py",
+        "if forwards == 1.0:: 1.0 -> 1.1",
+    ): "leaves out what has no weight",
 }

@@ -6,9 +6,10 @@ from __future__ import annotations
 def recompiled() -> bool:
     """Let the loaded package step by its C files as they are now; return whether they compile."""
     from rover_pin.errors import RoverPinError
-    from rover_pin.motion import toolchain
+    from rover_pin.motion import native, toolchain
     from rover_pin.motion.native.library import library
 
+    native._text = getattr(native._text, "plain", native._text)
     toolchain.FLAGS = ("-O1", *toolchain.FLAGS[1:])
     library.cache_clear()
     try:

@@ -9,13 +9,15 @@ import os
 import signal
 import sys
 import time
-import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from changes import switch
+from changes.covered import covered
+from changes.first import First
 from changes.fork import forked, silence
 from changes.graft import UngraftableError, grafted
 from changes.kept import Kept, digest, test_digest
@@ -23,13 +25,13 @@ from changes.python import Mutant, lines_of
 from changes.recompile import recompiled
 from changes.warm import lines_of_warming, warm
 
-PATIENCE, LEAST = 10.0, 5.0
+PATIENCE, LEAST = 10.0, 2.0
 """A test may take so many times what it takes on the code as it is, and so much more [s of CPU]."""
 QUICK = 0.3
 """Tests of so little CPU [s] are asked of a change outside of functions though they run no line of its file."""
 BEGUN = 0.02
 """What a test takes besides its own time [s of CPU]."""
-REHEARSED = 20.0
+REHEARSED = 60.0
 """How long the tests of the compiled step are rehearsed [s of CPU]."""
 LONGEST = 1800.0
 """Time [s] after which a change counts as one that hangs, whatever it waits for."""
@@ -66,6 +68,7 @@ class Trial:
         self.tree, self.changes, self.kept = tree, changes, kept
         self.sources = {str(path.relative_to(tree)): digest(path) for path, _ in changes}
         self.longest, self.end, self.warm = *limits, False
+        self.numbers = dict[tuple[str, Mutant], int]()
         self.failed, self.tried, self.broken = False, list[Tried](), list[str]()
         self.kills: Counter[tuple[Path, str]] = Counter()
         self.blind: Counter[tuple[Path, str]] = Counter()
@@ -97,6 +100,8 @@ class Trial:
 
     def _warm(self, rehearse: bool) -> None:
         """Build what every fork would build; where the compiled step is changed, which builds nothing, by its tests."""
+        if rehearse:
+            self.numbers = switch.built(self.changes)
         warm()
         self.warm = True
         first = time.process_time()
@@ -104,7 +109,9 @@ class Trial:
             begun = time.process_time()
             if begun - first > REHEARSED:
                 break
-            if 0.0 <= known.taken <= self.longest and any(each in known.lines for each in STEP):
+            if switch.builds(self.items[name].path) or not 0.0 <= known.taken <= self.longest:
+                continue
+            if any(each in known.lines for each in STEP):
                 self._run([self.items[name]])
                 taken, self.failed = -1.0 if self.failed else time.process_time() - begun, False
                 self.known[name] = known._replace(taken=taken)
@@ -131,20 +138,9 @@ class Trial:
         return 1.0 + 2.5 * self.longest
 
     def _covered(self, item: pytest.Item) -> list[Any]:
-        import coverage
-
         signal.setitimer(signal.ITIMER_PROF, min(self._patience, LONGEST))
-        begun = time.process_time()
-        measured = coverage.Coverage(data_file=None, include=[f"{self.tree}/rover_pin/*"], config_file=False)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "No data was collected")
-            with measured.collect():
-                failed = self._run([item])
-            data = measured.get_data()
-        lines = {
-            str(Path(each).relative_to(self.tree)): sorted(data.lines(each) or []) for each in data.measured_files()
-        }
-        return [-1.0 if failed else time.process_time() - begun, lines]
+        failed, taken, lines = covered(self.tree, lambda: self._run([item]))
+        return [-1.0 if failed else taken, lines]
 
     def _run(self, items: Sequence[pytest.Item]) -> str:
         """Run tests until one fails; return its name."""
@@ -166,11 +162,11 @@ class Trial:
         if killer is None:
             if not (self.warm or self._builds(path, mutant)):
                 with silence():
-                    self._warm(path.suffix == ".c")
+                    self._warm(path.suffix != ".py")
             killer = self._killer(path, mutant)
             test = self.items.get(killer.partition(" ")[0])
             self.kept.put(key, [killer, _digest(test) if test else self.all_tests])
-        self.kills[path, killer] += 1
+        self.kills[_one(path), killer] += 1
         self.tried.append(Tried(path, mutant, killer))
         if not killer:
             print(f"{file}:{mutant.line}: {mutant.said}", file=sys.__stdout__, flush=True)
@@ -190,7 +186,8 @@ class Trial:
         near, far = self._telling(path, mutant)
         killer = self._asked(path, mutant, changed, (near, far))
         asked = [item.nodeid for item in [*near, *far]]
-        self.blind.update((path, name) for name in asked[: asked.index(killer) if killer in asked else len(asked)])
+        before = asked[: asked.index(killer)] if killer in asked else asked
+        self.blind.update((_one(path), name) for name in before)
         return killer
 
     def _asked(self, path: Path, mutant: Mutant, changed: str, tests: tuple[list[pytest.Item], ...]) -> str:
@@ -204,6 +201,12 @@ class Trial:
                 return killer or "hangs"
             if code == 0 and within:
                 return ""  # a function's code is the same, however it came there
+        number = self.numbers.get((path.name, mutant))
+        if number:
+            code, killer = forked(lambda tell: self._chosen(number, [*near, *far], tell), LONGEST)
+            if code:
+                return killer or "hangs"
+            near, far = [], [item for item in (*near, *far) if switch.builds(item.path)]
         told = path.read_bytes()
         path.write_text(changed, encoding="latin-1")
         work = self._anew if path.suffix == ".py" else self._recompiled
@@ -223,6 +226,10 @@ class Trial:
             os._exit(1)
         self._tell(self._run(items), tell)
 
+    def _chosen(self, number: int, items: list[pytest.Item], tell: Callable[[str], None]) -> None:
+        switch.CHOSEN.value = number
+        self._tell(self._run([item for item in items if not switch.builds(item.path)]), tell)
+
     def _recompiled(self, items: list[pytest.Item], tell: Callable[[str], None]) -> None:
         if not recompiled():
             tell("the compiler")
@@ -237,7 +244,7 @@ class Trial:
             if str(getattr(module, "__file__", None) or "").startswith(str(self.tree)):
                 del sys.modules[name]
         patience = sum(self.known[item.nodeid].taken for item in items)
-        signal.setitimer(signal.ITIMER_PROF, 4 * LEAST + PATIENCE * patience)
+        signal.setitimer(signal.ITIMER_PROF, 10 * LEAST + PATIENCE * patience)
         first = First()
         code = pytest.main([*OPTIONS, *(item.nodeid for item in items)], plugins=[first])
         self._tell(first.failed or ("no test can be collected" if code else ""), tell)
@@ -265,13 +272,18 @@ class Trial:
             """What a change costs before it is noticed, by what was noticed so far."""
 
             def cost(name: str) -> float:
-                noticed, missed = self.kills[path, name], self.blind[path, name]
+                noticed, missed = self.kills[_one(path), name], self.blind[_one(path), name]
                 return (BEGUN + self.known[name].taken) * (1.0 + noticed + missed) / (1.0 + 2.0 * noticed)
 
             names.sort(key=cost)
             return [self.items[name] for name in names]
 
         return ordered(near), ordered(far)
+
+
+def _one(path: Path) -> Path:
+    """Return for what tests are known to notice much or little: a file, or all files of one library."""
+    return path if path.suffix == ".py" else path.parent
 
 
 def _digest(test: pytest.Item) -> str:
@@ -282,17 +294,3 @@ STEP = ("rover_pin/motion/kernel.py", "rover_pin/motion/native/__init__.py")
 """Tests that run one of these run the C of the step, or read it."""
 OPTIONS = "-x -q --tb=no -s -p no:cacheprovider -p no:xdist -p no:benchmark -p no:faulthandler -m".split()
 OPTIONS += ["not slow", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
-
-
-class First:
-    """Notes the first test that fails."""
-
-    failed = ""
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Note it."""
-        self.failed = self.failed or (report.nodeid if report.failed else "")
-
-    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        """Note a file that cannot be collected."""
-        self.failed = self.failed or (f"{report.nodeid} (it cannot be collected)" if report.failed else "")

@@ -8,6 +8,7 @@ from math import radians
 
 import numpy as np
 
+from . import circumstance
 from .soil import arc, forces, travel_ratio
 from .world import PLAIN, Run
 
@@ -188,13 +189,16 @@ def electric(set_index):
     return set_index % 2 == 0
 
 
-def data_set(seed, index, kind, hidden):
-    """Return the set's plan: runs to drive, what its log declares, what its sensors do, and the truth."""
+def data_set(seed, index, kind, hidden, under="plain"):
+    """Return the set's plan: runs to drive, what its log declares, what its sensors do, and the truth.
+
+    `under` is a circumstance; nothing else of the set hangs on it.
+    """
     random = np.random.default_rng([seed, index, 1])
     wrong = bool(random.random() < 0.5)
     true, gains, said = nuisance(random, wrong)
     heights = bed(random)
-    numbers, faults, bend = dict(true), {}, 0.0
+    numbers, faults, bend = true | circumstance.numbers(under), {}, 0.0
     for each in hidden:
         name, values = each["effect"], each["numbers"]
         if name in ("TachoScale", "TrackingDelay", "VelocityFilter", "SensorBias"):
@@ -223,8 +227,9 @@ def data_set(seed, index, kind, hidden):
         )
         runs.append((name, purpose, run))
     answer = {"kind": kind, "hidden": hidden, "wrong_nominal_soil": wrong, "true": true} | gains
-    answer["electric"] = electric(index)
-    return {"runs": runs, "declared": said, "heights": heights, "faults": faults, "answer": answer}
+    answer |= {"electric": electric(index), "under": under}
+    read = {"under": under, "gravity": numbers.get("gravity", PLAIN["gravity"]), "noise": circumstance.noise(under)}
+    return {"runs": runs, "declared": said, "heights": heights, "faults": faults, "answer": answer} | read
 
 
 def snags(random):

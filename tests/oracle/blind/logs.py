@@ -40,14 +40,15 @@ def about(name, plan, grounds, sample_period):
     lines = [f"# {line}" for line in plan.get("header", ())]
     lines += [
         'kind = "drive-log"', f"name = {json.dumps(name)}", f"source = {source}", *licence, 'rover = "nexus6"',
-        "gravity = 9.81", f"wheels = {json.dumps(list(WHEELS))}", "", "[terrain]",
+        f"gravity = {plan.get('gravity', 9.81)}", f"wheels = {json.dumps(list(WHEELS))}", "", "[terrain]",
         f"polylines = {json.dumps(grounds)}", f"borders = {borders}",
     ]  # fmt: skip
     for section in ("soil", "motor", "resistance"):
         lines += ["", f"[{section}]"]
         lines += [f"{key} = {inline(table)}" for key, table in plan["declared"][section].items()]
     lines += ["", "[noise]"]
-    lines += [f"{key} = {inline({'value': sd[start], 'unit': unit})}" for key, (unit, start) in NOISE.items()]
+    noise = {key: sd[start] for key, (_, start) in NOISE.items()} | plan.get("noise", {})
+    lines += [f"{key} = {inline({'value': noise[key], 'unit': unit})}" for key, (unit, _) in NOISE.items()]
     lines += [f"sample_period = {inline({'value': sample_period, 'unit': 's'})}"]
     for name, purpose, run in plan["runs"]:
         x, y, yaw = (float(each) for each in run.start)

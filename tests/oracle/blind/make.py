@@ -10,7 +10,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from blind import hidden, sealed  # noqa: E402
+from blind import circumstance, hidden, sealed  # noqa: E402
 
 
 def main():
@@ -19,12 +19,14 @@ def main():
     reader.add_argument("--seed", type=int, required=True)
     reader.add_argument("--sets", type=int, required=True)
     reader.add_argument("--only", choices=["none", *sorted(hidden.ALL)], help="hide this in every set")
+    reader.add_argument("--under", choices=["any", *circumstance.NAMES], default="plain", help="how they are driven")
     reader.add_argument("--workers", type=int, default=1, help="processes")
     reader.add_argument("--answers", type=Path, help="file for the answers; default: DIR-answers.json beside DIR")
     asked = reader.parse_args()
     out = asked.out.resolve()
     answers = asked.answers or out.with_name(f"{out.name}-answers.json")
-    sealed.generate(out, sealed.plan(asked.seed, asked.sets, only=asked.only), asked.seed, answers, asked.workers)
+    sets = sealed.plan(asked.seed, asked.sets, only=asked.only, under=asked.under)
+    sealed.generate(out, sets, asked.seed, answers, asked.workers)
     print(f"{asked.sets} sets in {out}; answers in {answers}, sealed by {out / sealed.SEAL}")
 
 

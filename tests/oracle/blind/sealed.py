@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import hidden
+from . import circumstance, hidden
 from .campaign import DURATION, data_set, electric
 from .drive import drive
 from .logs import write_set
@@ -22,8 +22,11 @@ SOFT = "DifferentialCompliance"
 COSTLY = ("ExitAngle", "DiggingMemory", "SlipSinkage", "SkidSinkage", "LoadExponent", "PeakStress")
 
 
-def plan(seed, count, shares=None, only=None):
-    """Return what is hidden in each set: dictionaries of index, kind and hidden effects."""
+def plan(seed, count, shares=None, only=None, under="plain"):
+    """Return what is hidden in each set: dictionaries of index, kind, hidden effects and circumstance.
+
+    `under` is one circumstance for all, or "any": each its own.
+    """
     random = np.random.default_rng([seed, 0])
     kinds = ["only"] * count if only else hidden.composition(count, shares or hidden.SHARES, random)
     listed = iter(hidden.dealt(sorted(hidden.LISTED), 3 * count, random))
@@ -41,8 +44,13 @@ def plan(seed, count, shares=None, only=None):
             "single": lambda: [next(listed)],
             "pair": lambda: pair(listed),
         }.get(kind, lambda kind=kind: [next(decks[kind])])()
-        found.append({"index": index, "kind": kind, "hidden": [hidden.truth(name, own) for name in names]})
+        one = {"index": index, "kind": kind, "hidden": [hidden.truth(name, own) for name in names]}
+        found.append(one | {"under": circumstance.drawn(seed, index) if under == "any" else under})
     return found
+
+
+def planned(seed, one):
+    return data_set(seed, one["index"], one["kind"], one["hidden"], one.get("under", "plain"))
 
 
 def pair(listed):
@@ -73,11 +81,7 @@ def generate(out, sets, seed, answers, workers=1, duration=DURATION):
 
 def seal(out, sets, seed, answers):
     """Write the answers once, and their hash beside the sets; an answer that has changed since is refused."""
-    told = [
-        {"set": folder_of(out, each["index"]).name}
-        | data_set(seed, each["index"], each["kind"], each["hidden"])["answer"]
-        for each in sets
-    ]
+    told = [{"set": folder_of(out, each["index"]).name} | planned(seed, each)["answer"] for each in sets]
     salt = json.loads(answers.read_text())["salt"] if answers.exists() else secrets.token_hex(16)
     text = json.dumps({"salt": salt, "seed": seed, "sets": told}, indent=1) + "\n"
     digest = hashlib.sha256(text.encode()).hexdigest()
@@ -115,7 +119,7 @@ def batched(sets):
 
 def drive_batch(out, seed, sets, duration=DURATION):
     """Drive the runs of some sets at once, and write each set."""
-    plans = [data_set(seed, each["index"], each["kind"], each["hidden"]) for each in sets]
+    plans = [planned(seed, each) for each in sets]
     runs = [run for each in plans for _, _, run in each["runs"]]
     true = drive(runs, duration)
     at = 0
@@ -125,6 +129,7 @@ def drive_batch(out, seed, sets, duration=DURATION):
             random = np.random.default_rng([seed, each["index"], 3, number])
             channels = {name: values[at] for name, values in true.items()}
             faults, gains = own["faults"], own["answer"]["tacho_gain"]
-            logged.append(measured(channels, faults, gains, random, electric(each["index"])))
+            read = measured(channels, faults, gains, random, electric(each["index"]))
+            logged.append(circumstance.read(own["under"], read, random))
             at += 1
         write_set(folder_of(out, each["index"]), own, logged)

@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rover_pin.effects.bent_ground import BentGround
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import COLOURED
 from rover_pin.estimation.random_field import LearntSd, RandomField, expected
 from rover_pin.estimation.wording import shown
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.ground.field import KINDS, SLOPE, SLOPE_OF_RUN, shares_of
+from rover_pin.experiments.drive_log.ground.shared_bend import shared_bend
 from rover_pin.motion.replay import filled
 
 SURE = 10.8 * COLOURED
@@ -42,6 +44,8 @@ class Raked(NamedTuple):
     rms: float
     "of the slope beside the declared one over all runs, as expected from the log [rad]"
     worst: Stretch | None
+    bend: BentGround | None = None
+    "what the runs have in common of that, where that is most of it"
 
     @property
     def said(self) -> str:
@@ -53,8 +57,15 @@ class Raked(NamedTuple):
         uphill = "more uphill" if slope > 0 else "more downhill"
         return (
             f"The ground is not as declared: its slope differs by {_degrees(self.rms)} rms, most in {run}, "
-            f"{_degrees(abs(slope))} {uphill} from (x, y) = {begin} to {end} m."
+            f"{_degrees(abs(slope))} {uphill} from (x, y) = {begin} to {end} m.{self._common}"
         )
+
+    @property
+    def _common(self) -> str:
+        """What a model that is written makes of it."""
+        if self.bend is None:
+            return ""
+        return " The runs have most of that in common: model.toml holds it as BentGround, and drives over it."
 
     @property
     def lines(self) -> list[str]:
@@ -65,7 +76,9 @@ class Raked(NamedTuple):
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
         sds = {one.kind.name: {"sd": one.sd, "unit": one.kind.unit, "gain": one.gain} for one in self.learnt}
-        return {"sds": sds, "slope_rms": self.rms, "worst": self.worst._asdict() if self.worst else None}
+        bend = {name: float(value) for name, value in self.bend.values().items()} if self.bend else None
+        worst = self.worst._asdict() if self.worst else None
+        return {"sds": sds, "slope_rms": self.rms, "worst": worst, "bend": bend}
 
 
 def _size(one: LearntSd) -> str:
@@ -87,7 +100,9 @@ def raked(fitted: Fit, field: RandomField | None) -> Raked | None:
     slopes = [_slope(found, field, at, shares_of(run, fitted.model.rover)) for at, run in enumerate(experiment.runs)]
     rms = math.sqrt(float(np.mean(np.concatenate(slopes) ** 2)))
     sure = any(one.kind in (SLOPE, SLOPE_OF_RUN) and one.gain > SURE for one in learnt)
-    return Raked(learnt, rms, _worst(fitted, slopes) if sure and rms > SURVEYED else None)
+    if not (sure and rms > SURVEYED):
+        return Raked(learnt, rms, None)
+    return Raked(learnt, rms, _worst(fitted, slopes), shared_bend(experiment.runs, slopes))
 
 
 def _slope(found: np.ndarray, field: RandomField, run: int, shares: np.ndarray) -> np.ndarray:

@@ -1,0 +1,102 @@
+"""A bent ground: its height by quadrature, what it leaves alone, and drives over it as over that ground declared."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from rover_pin.body import shapes
+from rover_pin.body.bent import bent
+from rover_pin.body.profile import Profile
+from rover_pin.body.terrain import HeightGrid, Lanes
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.effects.bent_ground import BentGround
+from rover_pin.errors import ParameterError
+from rover_pin.motion.model_toml import read_model, write_model
+from rover_pin.motion.place import Start
+from rover_pin.motion.simulate import simulate
+from rover_pin.scenarios import scenario
+
+FLAT = scenario("flat").model
+SLOPES = (0.03, -0.02, 0.05, 0.0, -0.04)
+BEND = BentGround(*SLOPES, x_from=-0.2, length=1.2)
+KNOTS = np.linspace(-0.2, 1.0, 7)
+CHORD = 0.07 * 1.2 / 3072
+"""What a chord leaves of the parabola between two knots whose slopes differ most [m]."""
+
+
+def rise(x):
+    """The height at x by quadrature of the slope, straight between the knots."""
+    tan = np.tan([0.0, *SLOPES, 0.0])
+    stops = [one for one in KNOTS if -0.2 < one < x]
+    return quad(lambda at: np.interp(at, KNOTS, tan, 0.0, 0.0), -0.2, x, points=stops or None)[0] if x > -0.2 else 0.0
+
+
+@pytest.mark.parametrize("ground", [shapes.flat(), HeightGrid(-3.0, -2.0, 0.5, 1.0, np.zeros((13, 5)))])
+def test_the_rise_is_the_integral_of_the_slope(ground):
+    made = FLAT.replace(terrain=ground).having(BEND).ground
+    for x in (-1.0, -0.2, 0.0, 0.13, 0.41, 0.8, 1.0, 2.5):
+        assert made.height(x, 0.3) == pytest.approx(rise(x), abs=CHORD if isinstance(ground, Lanes) else 4 * CHORD)
+    assert made.gradient(0.4, 0.0)[0] == pytest.approx(math.tan(0.05), abs=0.07 / 16)
+    assert made.gradient(-0.7, 0.0)[0] == made.gradient(1.6, 0.0)[0] == 0.0
+
+
+def test_what_lies_on_the_ground_is_lifted_and_keeps_its_soil():
+    """Lips and soils stay where they are: only the height differs, by the same at every y."""
+    lanes = Lanes(
+        (Profile([-1.0, 0.3, 0.302, 2.0], [0.0, 0.0, -0.05, -0.05], [0, 1, 2]), Profile([0, 1], [0, 0.2])), (0.0,)
+    )
+    grid = HeightGrid(-1.0, -1.0, 0.6, 1.0, np.outer(np.arange(4.0), [0.1, 0.2, 0.0]), np.arange(6).reshape(3, 2))
+    x = np.linspace(-0.99, 0.75, 177)
+    for ground in (lanes, grid):
+        made = bent(ground, *BEND.bend())
+        for y in (-0.5, 0.5):
+            assert made.ground_at(x, y) == pytest.approx(ground.ground_at(x, y))
+            wanted = ground.height(x, y) + np.array([rise(float(one)) for one in x])
+            assert made.height(x, y) == pytest.approx(wanted, abs=4 * CHORD if ground is grid else CHORD)
+
+
+def test_points_that_all_but_coincide_are_one():
+    """A knot a rounding error beside a point of the ground would be a piece of any slope."""
+    own = Profile(np.nextafter(KNOTS, 1.0), np.zeros(7))
+    made = bent(Lanes((own,)), *BEND.bend()).profiles[0]
+    assert np.diff(made.x).min() > 1e-3
+    assert np.abs(np.diff(made.z) / np.diff(made.x)).max() < math.tan(0.05) + 1e-9
+
+
+def test_a_drive_over_it_is_one_over_the_same_ground_declared():
+    x = np.linspace(-0.2, 1.0, 601)
+    same = FLAT.replace(terrain=Lanes((Profile(x, [rise(float(one)) for one in x]),)))
+    there, back = (
+        [simulate(model, ConstantDuty(0.6), 8.0, Start(x=at, yaw=yaw)) for model in (FLAT.having(BEND), same)]
+        for at, yaw in ((0.1, 0.0), (0.7, math.pi))
+    )
+    for bended, declared in (there, back):
+        for name in ("body_x", "body_z", "body_pitch", "slip_fl"):
+            swing = np.ptp(declared[name])
+            assert bended[name] == pytest.approx(declared[name], abs=0.02 * swing), name
+    assert there[0]["body_z"][-1] - there[0]["body_z"][0] > 3e-3
+
+
+def test_without_slopes_the_ground_is_the_declared_one(tmp_path):
+    assert FLAT.having(BEND.replace(**BentGround.neutral)).ground is FLAT.terrain
+    model = FLAT.having(BEND)
+    again = read_model(write_model(model, tmp_path / "model.toml"), FLAT.terrain)
+    assert again.terrain == FLAT.terrain
+    assert again.ground == model.ground
+
+
+def test_a_dense_grid_is_not_compared_where_nothing_bends(monkeypatch):
+    """All of its heights were hashed several times a drive, whatever its effects."""
+    grid = HeightGrid(-1.0, -1.0, 1.0, 1.0, np.zeros((3, 3)))
+    monkeypatch.setattr(HeightGrid, "__hash__", lambda self: pytest.fail("hashed"))
+    model = FLAT.replace(terrain=grid)
+    assert model.ground is grid
+    assert model.having(BEND.replace(**BentGround.neutral)).ground is grid
+
+
+def test_a_grid_far_larger_than_the_bend_is_refused():
+    far = HeightGrid(-1e4, -1.0, 1e4, 2.0, np.zeros((3, 2)))
+    with pytest.raises(ParameterError, match=r"it would need .* lines across x, 20000 at most; bend a longer stretch"):
+        bent(far, *BEND.replace(length=0.4).bend())
