@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -101,11 +102,14 @@ def client_of(address: str) -> Iterator[Any]:
     """
     try:
         from distributed import Client
+        from distributed.comm.addressing import get_address_host_port
     except ImportError as error:
         raise MissingExtraError(
             "Work on a cluster needs Dask: run `pip install 'rover-pin[cluster]'` here and on the workers."
         ) from error
     try:
+        # Asked before Dask starts its threads, which a busy machine may do too late for Dask.
+        socket.create_connection(get_address_host_port(address, strict=True), CONNECT_SECONDS).close()
         client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise ParameterError(
