@@ -28,17 +28,17 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import math
-import pickle
 import tempfile
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
+from blind_kept import kept
 from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 
-from rover_pin.columns import replace_file
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.exact_refits import judged, paired, variants
 from rover_pin.discrepancy.refit import Refit
@@ -153,17 +153,9 @@ def main() -> None:
     options = parser.parse_args()
     sets = plan(CALIBRATION if options.calibrate else REPORTED)
     sets = sets[:: len(sets) // 3] if options.quick else sets[:: options.every]
-    run, kept = Parallel(1 if options.quick else options.workers, batch_size=1), options.out / f"cases-{key_of_code()}"
-    publish(run(delayed(kept_case)(hidden, kept) for hidden in sets), options.out)
-
-
-def kept_case(hidden: Hidden, folder: Path) -> Case:
-    """Return the case of a set, made once by this code: a run that was stopped is taken up where it was."""
-    file = folder / f"{hidden.seed}.pickle"
-    if not file.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        replace_file(file, pickle.dumps(case_of(hidden)))
-    return pickle.loads(file.read_bytes())
+    run, known = Parallel(1 if options.quick else options.workers, batch_size=1), options.out / f"cases-{key_of_code()}"
+    cases = run(delayed(kept)(known / f"{hidden.seed}.json", partial(case_of, hidden)) for hidden in sets)
+    publish(cases, options.out)
 
 
 def plan(first: int) -> list[Hidden]:

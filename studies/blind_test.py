@@ -5,9 +5,9 @@ Question
 Method
     Logs from a simulator that shares no code with the package (tests/oracle/blind: other bodies, contact and
     integrator; six runs of 20 s a set, sensor noise, raked sand, motors and tachogenerators that differ, in half of the
-    sets a wrongly declared soil and no motor currents). First every set is answered, from its folder alone; the answers
-    are sealed elsewhere, and their hash stands beside the sets. Only then the truth is read, the true effect refitted
-    for comparison, and all of it scored. All limits of the loop were set on the seed CALIBRATION; the result is of the
+    sets a wrongly declared soil and no motor currents). Each set is answered from its folder alone; the truth is sealed
+    elsewhere, and its hash stands beside the sets. Only then the truth is read, the true effect refitted for
+    comparison, and all of it scored. All limits of the loop were set on the seed CALIBRATION; the result is of the
     seed REPORTED, run once.
 Result
     Seed 4808, 100 sets, run once (506dc85). 45 sets hide one effect of severity 1 (about just detectable) to 10; 26 are
@@ -31,17 +31,16 @@ import argparse
 import itertools
 import json
 import math
-import pickle
 import subprocess
 import sys
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from blind_kept import kept
 from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 
-from rover_pin.columns import replace_file
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.cross_validation import left_out
@@ -58,6 +57,7 @@ from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.experiments.unlisted.remainder import Remainder, describe
 from rover_pin.loop.drive import left_of
 from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.own_code import key_of_code
 
 MAKE = Path(__file__).parents[1] / "tests" / "oracle" / "blind" / "make.py"
 CALIBRATION, REPORTED = 902, 4808
@@ -95,29 +95,27 @@ def main() -> None:
     subprocess.run([sys.executable, str(MAKE), *map(str, made)], check=True)
     folders = [sets / f"set_{number + 1:04d}" for number in range(min(options.first or count, count))]
     run = Parallel(n_jobs=options.workers, batch_size=1)
-    run(delayed(answered)(folder) for folder in folders)
-    truths = {one["set"]: one for one in json.loads(answers.read_text(encoding="utf-8"))["sets"]}
-    publish(run(delayed(case_of)(folder, truths[folder.name]) for folder in folders), options.out)
+    known = options.out / f"cases-{seed}-{key_of_code()}"
+    cases = run(delayed(kept)(known / f"{folder.name}.json", partial(case_of, folder, answers)) for folder in folders)
+    publish(cases, options.out)
 
 
-def answered(folder: Path) -> None:
-    """Answer one set and keep the answer beside it; a set that has one is left alone."""
-    kept = folder / "answer.pickle"
-    if kept.exists():
-        return
+def answered(folder: Path) -> Answered:
+    """Return the answer to one set, which knows nothing of the truth."""
     log = read_drive_log(folder)
     base = calibrated_on(log, with_spread(base_model(log)), 1, lambda said: None)
     tried = candidates(base.model, logged(base), base.parameters, None)
     found = search(base, tried, lambda said: None)
     left = describe(found.last)
     verdict = judged(("drive-log", log.about.name), found, chosen_without(found), left_of(found, left), 0)
-    replace_file(kept, pickle.dumps((verdict.answer, found, left)))
     print(f"{folder.name}: {verdict.answer.value} {verdict.alike} {verdict.vetoes}", flush=True)
+    return Answered(verdict.answer, found, left)
 
 
-def case_of(folder: Path, truth: dict[str, Any]) -> Case:
-    """Return how one answer compares with the truth."""
-    one = Answered(*pickle.loads((folder / "answer.pickle").read_bytes()))
+def case_of(folder: Path, answers: Path) -> Case:
+    """Return how the answer to one set compares with the truth, which is read after it."""
+    one = answered(folder)
+    truth = next(each for each in json.loads(answers.read_text(encoding="utf-8"))["sets"] if each["set"] == folder.name)
     kind, hidden = KINDS[truth["kind"]], truth["hidden"]
     names = tuple(OTHER_LAWS.get(each["effect"], name_of(each)) for each in hidden)
     found = first_of(one.search) if one.answer is Answer.LIKE else one.search

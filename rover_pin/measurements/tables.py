@@ -20,7 +20,8 @@ def read_table(path: Path, required: tuple[str, ...]) -> pd.DataFrame:
     table = parquet_table(path).replace_schema_metadata(None).to_pandas() if path.suffix == ".parquet" else _csv(path)
     for name in required:
         if name not in table:
-            said = closest(name, table.columns).replace("? ", f"? then call it '{name}' there. ", 1)
+            meant = [each for each in table.columns if "_sd_" not in str(each)]
+            said = closest(name, meant).replace("? ", f"? then call it '{name}' there. ", 1)
             raise DataError(f"{path} has no column '{name}': {said}")
     if table.empty:
         raise DataError(f"{path} has a header and no data; give at least one row.")

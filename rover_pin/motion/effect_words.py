@@ -76,7 +76,7 @@ def effect_of(word: str, model: Model) -> AnyEffect:
     usual = next((present for present in model.all_effects if same_place(present, usual)), usual)
     values = dict(_value(word, usual, field, text) for field, text in given.items())
     try:
-        return effect_from({**effect_entry(usual), **values}, word, Path())
+        return effect_from({**effect_entry(usual), **values}, "effect", Path())
     except DataError as error:
         raise ParameterError(str(error)) from error
 

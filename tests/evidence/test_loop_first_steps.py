@@ -115,6 +115,11 @@ def test_a_column_that_lacks_is_told_which_one_to_rename(tmp_path):
         read_rig_set(written(tmp_path, "slpi,load_N,drawbar_pull_N,sinkage_m"))
 
 
+def test_a_column_of_errors_is_not_proposed_for_the_one_that_lacks(tmp_path):
+    with pytest.raises(DataError, match=r"no column 'load_N': known are drawbar_pull_N, sinkage_m, slip\.$"):
+        read_rig_set(written(tmp_path, "slip,load_sd_N,drawbar_pull_N,sinkage_m"))
+
+
 @pytest.mark.parametrize(("off", "proposed"), [(1e-5, False), (2.0, True)])
 def test_a_run_that_would_tell_two_candidates_apart_by_nothing_is_not_proposed(tmp_path, monkeypatch, off, proposed):
     def predicted(data, fit, menu, noise):

@@ -1,6 +1,7 @@
 """What accompanies a verdict: residual tests, the choice made anew, profiles, cautions; and how blind tests score."""
 
 import html
+import importlib
 import importlib.util
 import math
 import sys
@@ -189,6 +190,17 @@ def test_shares_count_detectable_cases_only():
     assert rows["detectable: wrong name"] == (1, 4)
     assert rows["nothing hidden: something named (false alarm)"] == (0, 1)
     assert score.confusion(cases).loc["A", "B"] == 1
+
+
+def test_a_case_that_is_kept_is_made_once_and_read_as_it_was(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(STUDIES)
+    kept, told = loaded("blind_kept"), importlib.import_module("blind_score")
+    size = told.Size("Ploughing.a_b", 0.5, 0.52, math.inf, 0.6)
+    whole = told.Case(
+        "x, white, 7", told.Kind.PAIR, ("Ploughing", "ExitAngle"), told.Answer.SET, (("A", "B"), ("C",)), True, (size,)
+    )
+    assert str(kept.kept(tmp_path / "cases" / "7.json", lambda: whole)) == str(whole)
+    assert str(kept.kept(tmp_path / "cases" / "7.json", lambda: pytest.fail("made again"))) == str(whole)
 
 
 def test_blind_seeds_of_calibration_and_report_do_not_meet():
