@@ -125,6 +125,8 @@ def check_urdf(
         road = road_check(load_rover(file, Trust(everything=trust)))
         said["faults"] += road.faults
         said |= {"stands": road.stands, "moves": road.moves, "assumed": list(road.assumed)}
+    if not said["faults"] and file.suffix == ".toml":
+        said["next"] = f"rover-pin drive flat --set rover={file}"
     report({"file": str(file), **said}, as_json)
     if said["faults"]:
         raise typer.Exit(1)

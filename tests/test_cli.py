@@ -122,6 +122,7 @@ def test_check_urdf_tells_facts_of_a_good_file(run):
     told = said(run, "check-urdf", ROOT / "urdf" / "nexus6.toml")
     assert told["faults"] == []
     assert any("5.8 kg" in fact for fact in told["facts"])
+    assert told["next"] == f"rover-pin drive flat --set rover={ROOT / 'urdf' / 'nexus6.toml'}"
 
 
 def test_check_urdf_says_of_a_good_file_that_there_is_no_fault(run):
@@ -133,7 +134,7 @@ def test_check_urdf_fails_on_a_broken_file(run):
     Path("cart.urdf").write_text(text.replace('<mass value="', '<mass value="-'))
     Path("cart.toml").write_text((ROOT / "urdf" / "cart.toml").read_text())
     code, out, _ = run("check-urdf", "cart.toml", "--json")
-    assert code == 1
+    assert (code, "next" in json.loads(out)) == (1, False)
     assert any("mass" in fault for fault in strict(out)["faults"])
 
 
@@ -312,6 +313,10 @@ def test_identify_refuses_parameters_and_priors(run):
         ("driv", "There is no command 'driv'; did you mean 'drive'? Known"),
         ("drive", "Missing argument 'scenario'; rover-pin drive --help lists what it takes."),
         ("drive ditch --contrl eq9", "No such option: --contrl (Possible options: --control"),
+        ("drive ditch --rover x.toml", "--rover is no option of drive but a setting: --set rover=..."),
+        ("drive ditch --terrain.depth 3cm", "--terrain.depth is no option of drive but a setting: --set t"),
+        ("drive ditch --rovr x.toml", "No such option: --rovr"),
+        ("check-urdf --rover x.toml", "No such option: --rover"),
         ("curve --n abc", "Invalid value for '--n': "),
         ("drive ditch --out", "Option '--out' requires an argument."),
         ("check-urdf", "Missing argument"),

@@ -78,8 +78,21 @@ class Speaking(TyperGroup):
 
 
 def _refused(error: Any) -> str:
+    meant = _setting_meant(error)
+    if meant:
+        return f"{error.option_name} is no option of {error.ctx.info_name} but a setting: --set {meant}=..."
     said = " ".join(error.format_message().split()).rstrip(".")
     return f"{said}; rover-pin {error.ctx.info_name} --help lists what it takes." if error.ctx else f"{said}."
+
+
+def _setting_meant(error: Any) -> str:
+    """Return the name of the setting that was written as an option, or nothing."""
+    name = getattr(error, "option_name", "").lstrip("-").replace("-", "_")
+    if not name or not error.ctx or not any("--set" in each.opts for each in error.ctx.command.params):
+        return ""
+    from rover_pin.commands.completing import settings_to_set
+
+    return name if any(known == f"{name}=" for known, _ in settings_to_set(error.ctx, name)) else ""
 
 
 def _say_version(given: bool) -> None:

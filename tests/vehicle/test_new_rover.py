@@ -220,8 +220,12 @@ def test_a_xacro_is_expanded(tmp_path):
     new_rover(tmp_path / "own.urdf.xacro", trust=Trust(everything=True))
     assert tomllib.loads((tmp_path / "own.toml").read_text())["wheel"]["r"] == 0.15
     (tmp_path / "bad.xacro").write_text(text.replace("${0.3 / 2}", "${nothing}"))
-    with pytest.raises(UrdfError, match=r"bad.xacro: xacro cannot expand it"):
+    with pytest.raises(UrdfError, match=r"bad.xacro: xacro cannot expand it \(name 'nothing' is not defined\); expand"):
         new_rover(tmp_path / "bad.xacro", trust=Trust(everything=True))
+    lacks = text.replace("<link", '<xacro:include filename="$(find arm_description)/arm.xacro"/><link', 1)
+    (tmp_path / "lacks.xacro").write_text(lacks)
+    with pytest.raises(UrdfError, match=r"cannot expand it \(Package not found: arm_description\); expand it"):
+        new_rover(tmp_path / "lacks.xacro", trust=Trust(everything=True))
 
 
 def test_the_command_prints_what_it_proposes(tmp_path, capsys):
