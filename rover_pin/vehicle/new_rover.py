@@ -89,6 +89,4 @@ def _content(source: Path, trust: Trust) -> str:
         return str(XacroDoc.from_file(str(source)).to_urdf_string())
     except Exception as error:
         said = getattr(error, "exc", None) or error  # xacro says it twice, what went wrong below it once
-        raise UrdfError(
-            f"{source.name}: xacro cannot expand it ({said}); expand it where its packages are."
-        ) from error
+        raise UrdfError(f"{source.name}: xacro cannot expand it ({said}); expand it where its packages are.") from error
