@@ -12,7 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 from changes import switch
@@ -21,6 +21,7 @@ from changes.first import First
 from changes.fork import forked, silence
 from changes.graft import UngraftableError, grafted
 from changes.kept import Kept, digest, test_digest
+from changes.known import Known, Tried
 from changes.python import Mutant, lines_of
 from changes.recompile import recompiled
 from changes.warm import lines_of_warming, warm
@@ -37,21 +38,6 @@ LONGEST = 1800.0
 """Time [s] after which a change counts as one that hangs, whatever it waits for."""
 UNGRAFTED = 98
 """Exit code of a fork that could not put a change into loaded modules."""
-
-
-class Tried(NamedTuple):
-    """One change in a file and what became of it: the test that failed, or nothing."""
-
-    path: Path
-    mutant: Mutant
-    killer: str
-
-
-class Known(NamedTuple):
-    """A test on the code as it is: how long it takes [s of CPU], and the lines that it runs, by file."""
-
-    taken: float
-    lines: dict[str, list[int]]
 
 
 class Trial:
@@ -78,13 +64,22 @@ class Trial:
         self.failed |= report.failed
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        """Learn what each test runs, then try the changes."""
+        """Say what is known of the changes, then learn what each test runs and try the others."""
         self.items = {item.nodeid: item for item in session.items}
-        self.known = {name: Known(*self._learnt(item)) for name, item in self.items.items()}
-        self.broken = [name for name, known in self.known.items() if known.taken < 0.0]
         self.all_tests = digest(*sorted({item.path for item in session.items}))
         self.all_tests += "" if self.longest == math.inf else f" to {self.longest:g} s"
-        for each in sorted(self.changes, key=lambda each: not self._builds(*each)):
+        new = []
+        for path, mutant in self.changes:
+            killer = self._remembered(self._key(path, mutant))
+            if killer is None:
+                new.append((path, mutant))
+            else:
+                self._note(path, mutant, killer)
+        if not new or time.monotonic() > self.end:
+            return True
+        self.known = {name: Known(*self._learnt(item)) for name, item in self.items.items()}
+        self.broken = [name for name, known in self.known.items() if known.taken < 0.0]
+        for each in sorted(new, key=lambda each: not self._builds(*each)):
             self._try(*each)
         return True
 
@@ -154,22 +149,24 @@ class Trial:
         return ""
 
     def _try(self, path: Path, mutant: Mutant) -> None:
-        file = str(path.relative_to(self.tree))
-        key = f"{file} {mutant.start} {mutant.end} {mutant.new} {digest(path)}"
-        killer = self._remembered(key)
-        if killer is None and time.monotonic() > self.end:
+        if time.monotonic() > self.end:
             return
-        if killer is None:
-            if not (self.warm or self._builds(path, mutant)):
-                with silence():
-                    self._warm(path.suffix != ".py")
-            killer = self._killer(path, mutant)
-            test = self.items.get(killer.partition(" ")[0])
-            self.kept.put(key, [killer, _digest(test) if test else self.all_tests])
+        if not (self.warm or self._builds(path, mutant)):
+            with silence():
+                self._warm(path.suffix != ".py")
+        killer = self._killer(path, mutant)
+        test = self.items.get(killer.partition(" ")[0])
+        self.kept.put(self._key(path, mutant), [killer, _digest(test) if test else self.all_tests])
+        self._note(path, mutant, killer)
+
+    def _key(self, path: Path, mutant: Mutant) -> str:
+        return f"{path.relative_to(self.tree)} {mutant.start} {mutant.end} {mutant.new} {digest(path)}"
+
+    def _note(self, path: Path, mutant: Mutant, killer: str) -> None:
         self.kills[_one(path), killer] += 1
         self.tried.append(Tried(path, mutant, killer))
         if not killer:
-            print(f"{file}:{mutant.line}: {mutant.said}", file=sys.__stdout__, flush=True)
+            print(f"{path.relative_to(self.tree)}:{mutant.line}: {mutant.said}", file=sys.__stdout__, flush=True)
 
     def _remembered(self, key: str) -> str | None:
         """Return what is known of a change with the tests as they are."""
@@ -177,6 +174,8 @@ class Trial:
         if found is None:
             return None
         killer, tests = found
+        if killer and "::" not in killer:
+            return str(killer)  # it hangs or does not compile: no test's words say so
         test = self.items.get(killer.partition(" ")[0])
         return killer if tests == (_digest(test) if test else self.all_tests) else None
 

@@ -1,0 +1,168 @@
+"""A verdict in words and as plain values: what is told of the model, of folds, channels and numbers, by hand."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.discrepancy.refit import Refit
+from rover_pin.discrepancy.verdict import FEW, SCHEMA, Side, Verdict
+from rover_pin.estimation.numbers import DRIFTED, Number
+from rover_pin.estimation.parameter import Parameter
+
+
+def verdict(**more):
+    return Verdict(kind="test-bed", answer=Answer.NAMED, name="bed", sentence="so it is.", model=None, **more)
+
+
+def number(name, drift=0.0):
+    return Number(name, "N", 2.0, 1.0, 3.0, drift)
+
+
+def side(*numbers, misfit=1.0):
+    return Side(None, numbers, misfit, None)
+
+
+def score(name, after=0.5, low=-0.6, high=-0.4):
+    """The score of a channel whose error was 1; by default it fell by half beyond its scatter."""
+    return ChannelScore(name, "N", 0.1, 1.0, after, after - 1.0, low, high)
+
+
+SCATTERS = {"after": 0.9, "low": -0.3, "high": 0.2}
+
+
+def lines_of(made):
+    return [line.strip() for line in made.summary().splitlines()]
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({}, "the base model as declared, nothing fitted"),
+        ({"search": SimpleNamespace()}, "the fitted base model, to which nothing was added"),
+        ({"search": SimpleNamespace(), "named": ("A", "B")}, "the model with A + B"),
+    ],
+)
+def test_the_model_in_words(more, words):
+    assert verdict(**more).model_said == words
+
+
+@pytest.mark.parametrize(
+    ("chosen", "words"),
+    [
+        (("A", "A", "B"), "A chosen in 2 of 3 folds"),
+        (("A", "A + B", "A + C", "B"), "A chosen in 1 of 4 folds, and with another in 2"),
+        (("B", "", "C"), "A chosen in 0 of 3 folds"),
+    ],
+)
+def test_folds_that_choose_the_same_and_more_are_counted(chosen, words):
+    folds = dict(enumerate(chosen))
+    assert verdict(named=("A",), chosen=folds).chosen_again == words
+    assert words in lines_of(verdict(named=("A",), chosen=folds))
+    assert not any("chosen" in line for line in lines_of(verdict(named=("A",))))
+
+
+def test_folds_that_choose_where_nothing_was_added_say_what():
+    made = verdict(chosen={"a": "A", "b": "", "c": "A"})
+    assert made.chosen_again == "chosen in 3 folds: A in 2, no effect in 1"
+    two = verdict(named=("A", "B"), chosen={"a": "B + A", "b": "A"})
+    assert two.chosen_again == "A + B chosen in 1 of 2 folds", "in whatever order"
+
+
+def test_errors_with_each_folds_own_choice_are_told_of_channels_with_a_score():
+    more = {"named": ("A",), "chosen": {"a": "A"}, "scores": (score("pull"),)}
+    line = "A chosen in 1 of 1 folds"
+    assert line in lines_of(verdict(**more))
+    assert line in lines_of(verdict(**more, errors_anew={"sinkage": 2.0}))
+    told = f"{line}; held-out RMSE with each fold's own choice: pull 3 N"
+    assert told in lines_of(verdict(**more, errors_anew={"pull": 3.0, "sinkage": 2.0}))
+
+
+def test_numbers_away_from_what_was_declared_are_those_of_the_model_after():
+    near, far, down = number("soil.k", DRIFTED - 0.1), number("soil.c", DRIFTED + 0.1), number("soil.n", -4.0)
+    assert verdict(after=side(near, far, down), before=side(number("soil.phi", 9.0))).drifted == (far, down)
+    assert verdict(before=side(number("soil.phi", 9.0))).drifted == ()
+
+
+@pytest.mark.parametrize(("before", "after"), [(True, True), (True, False), (False, True), (False, False)])
+def test_chi_square_is_told_where_there_are_two(before, after):
+    made = verdict(before=side(misfit=4.0) if before else None, after=side(misfit=1.5) if after else None)
+    told = [line for line in lines_of(made) if line.startswith("reduced chi-square")]
+    assert told == (["reduced chi-square: 4 -> 1.5; 1 is the noise"] if before and after else [])
+    values = {"before": 4.0} if before else {}
+    assert made.as_dict()["reduced_chi_square"] == values | ({"after": 1.5} if after else {})
+
+
+@pytest.mark.parametrize(("channels", "told"), [(FEW - 1, FEW - 1), (FEW, FEW), (FEW + 1, 2), (FEW + 3, 2)])
+def test_of_many_channels_those_are_told_whose_change_can_be_claimed(channels, told):
+    """Up to five there is a line for each."""
+    better, worse = score("c0"), score("c1", 1.5, 0.4, 0.6)
+    scores = (better, worse, *(score(f"c{at}", **SCATTERS) for at in range(2, channels)))
+    rows = [line for line in lines_of(verdict(scores=scores)) if line.startswith("held-out c")]
+    assert [row.split()[1] for row in rows] == [f"c{at}:" for at in range(told)]
+    assert FEW == 5
+
+
+@pytest.mark.parametrize("named", [(), ("A",)])
+def test_what_got_worse_is_told_where_something_was_added(named):
+    text = verdict(named=named, scores=(score("pull", 1.5, 0.4, 0.6),)).summary()
+    assert ("Got worse: pull by 50%." in text) is bool(named)
+
+
+class Told:
+    """What a kind of data, or a draft, says besides."""
+
+    def lines(self, added=None):
+        return ["told"] if added is None else [f"told with {added}"]
+
+    def as_dict(self):
+        return {"told": 1}
+
+
+@pytest.mark.parametrize("named", [(), ("A",)])
+def test_what_a_kind_of_data_and_a_draft_say_besides(named):
+    made = verdict(named=named, extra=Told(), draft=Told())
+    assert {f"told with {bool(named)}", "draft: told"} <= set(lines_of(made))
+    assert (made.as_dict()["extra"], made.as_dict()["draft"]) == ({"told": 1}, {"told": 1})
+    bare = verdict(named=named)
+    assert not any("told" in line for line in lines_of(bare))
+    assert (bare.as_dict()["extra"], bare.as_dict()["draft"]) == ({}, {})
+
+
+@pytest.mark.parametrize(("channels", "told"), [(FEW, "soil.k soil.c A.c B.d"), (FEW + 1, "soil.c A.c B.d")])
+def test_numbers_of_a_large_model_are_told_that_were_added_or_sit_away(channels, told):
+    """B stands at a place, whose numbers bear its name alone."""
+    numbers = (number("soil.k"), number("soil.c", 4.0), number("A.c"), number("B.d"))
+    scores = tuple(score(f"c{at}") for at in range(channels))
+    text = lines_of(verdict(after=side(*numbers), scores=scores, named=("A", "B@1.5")))
+    assert [line.split()[0] for line in text if " = " in line] == told.split()
+    assert not any(" = " in line for line in lines_of(verdict(before=side(*numbers), scores=scores)))
+
+
+def test_a_verdict_as_plain_values():
+    fit = SimpleNamespace(misfit=1.5, parameters=[Parameter(name, 0.0, 1.0, -9.0, 9.0) for name in ("A.c", "soil.k")])
+    fit.value = {"A.c": 0.25, "soil.k": 7.0}.get
+    refit = Refit(Candidate("A", object(), ("A.c",)), fit, 30.0, 10.0, 3.0)
+    row = SimpleNamespace(candidate=refit.candidate, gain=25.0, visible=0.5, absorbed=0.4)
+    search = SimpleNamespace(rounds=(SimpleNamespace(scored=[row], refits=[refit], alike=[refit]),))
+    values = verdict(search=search, after=side(number("A.c", 1.5))).as_dict()
+    assert (values["schema"], values["kind"], values["answer"]) == (2, "test-bed", "an effect is missing")
+    assert SCHEMA == 2, "docs/verdict.md describes this one"
+    assert values["share"] == 0.0
+    assert (values["before"], list(values["after"])) == ({}, ["A.c"])
+    assert values["after"]["A.c"]["drift"] == 1.5
+    assert values["rounds"] == [
+        {
+            "scored": [{"name": "A", "gain": 25.0, "visible": 0.5, "absorbed": 0.4}],
+            "refits": [
+                {
+                    "name": "A", "gain": 30.0, "threshold": 10.0, "net": 20.0, "held_out_gain": 3.0,
+                    "reduced_chi_square": 1.5, "values": {"A.c": 0.25},
+                }
+            ],
+            "alike": ["A"],
+        }
+    ]  # fmt: skip
+    assert verdict().as_dict()["rounds"] == []
