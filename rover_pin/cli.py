@@ -190,7 +190,10 @@ def bounds(
 @app.command()
 def identify(
     data: Annotated[
-        Path, typer.Argument(help="Folder with rig.toml or drive.toml, or a CSV of slip, traction_factor, sd.")
+        list[Path],
+        typer.Argument(
+            help="Folder with rig.toml or drive.toml, or CSV of slip, traction_factor, sd; several rig sets."
+        ),
     ],
     free: Annotated[str, typer.Option(help="Parameters to find, as k,phi,k_1; angles in rad.")] = "k,phi",
     soil: SoilName = "",
@@ -204,6 +207,7 @@ def identify(
     The rest is --set's, --soil's, the data's or Table 1's, each listed with what it moves within its range; k_1 is
     uncertain where it decides and nothing measured it.
     """
+    from rover_pin.identification.one_sand import sand_of
     from rover_pin.loop.behind_points import behind_points
     from rover_pin.loop.data_check import checked_evidence
     from rover_pin.loop.identified import identified
@@ -215,8 +219,8 @@ def identify(
     start = soil_named(soil or "table-1")
     changes = given.record("soil", start)
     given.finish()
-    evidence, findings, drive = checked_evidence(data, Trust(everything=trust))
-    start = (start if soil else evidence.declared_soil(start)).replace(**changes)
+    evidence, findings, drive = checked_evidence(data[0] if len(data) == 1 else tuple(data), Trust(everything=trust))
+    start = (start if soil else sand_of(evidence).declared_soil(start)).replace(**changes)
     names = tuple(name.strip() for name in free.split(",") if name.strip())
     for finding in findings:
         log.warning("%s", finding)

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.contact import Wheel
 from rover_pin.errors import DataError, OptimisationError
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.identification.identifiability import REMEDY
 from rover_pin.identification.identify import build
+from rover_pin.identification.one_sand import sets_of
 from rover_pin.identification.result import (
     Assumed,
     Change,
@@ -33,7 +35,10 @@ SAME = 1e-9
 
 
 def with_held(
-    found: Identification, data: Evidence, held: Sequence[Held], priors: Mapping[str, Prior] | None = None
+    found: Identification,
+    data: Evidence | Sequence[Evidence],
+    held: Sequence[Held],
+    priors: Mapping[str, Prior] | None = None,
 ) -> Identification:
     """Return a fit with what its numbers do when one that was held moves within its range.
 
@@ -52,19 +57,20 @@ def with_held(
     fit = build(data, found.soil, names, priors or {}).widened(found.misfit)
     u = descend(fit, fit.space.start())[0]
     moved = [
-        [_refit(data, fit, change, u) for change in one.ends] for one in telling(held, len(held), "held numbers moved")
+        [_refit(sets_of(data), fit, change, u) for change in one.ends]
+        for one in telling(held, len(held), "held numbers moved")
     ]
     rows = tuple(_assumed(fit, one, ends) for one, ends in zip(held, moved, strict=True))
     estimates = tuple(_judged(fit, one, u[at], rows) for at, one in enumerate(found.estimates))
     return dataclasses.replace(found, estimates=estimates, held=rows)
 
 
-def _refit(data: Evidence, fit: Problem, change: Change, u: np.ndarray) -> np.ndarray | None:
+def _refit(sets: Sequence[Evidence], fit: Problem, change: Change, u: np.ndarray) -> np.ndarray | None:
     """Return u fitted again, NaN where nothing fits, None where no prediction changes."""
     if not callable(change) and not change:
         return None
     try:
-        changed = _again(fit, change()) if callable(change) else _changed(data, fit, change)
+        changed = _again(fit, sets_of(change())) if callable(change) else _changed(sets, fit, change)
         there, here = changed.evaluate(u)[0], fit.evaluate(u)[0]
         if there.shape == here.shape and np.allclose(there, here, rtol=0.0, atol=SAME):
             return None
@@ -73,14 +79,15 @@ def _refit(data: Evidence, fit: Problem, change: Change, u: np.ndarray) -> np.nd
         return np.full(len(u), np.nan)
 
 
-def _again(fit: Problem, data: Evidence, base: np.ndarray | None = None) -> Problem:
+def _again(fit: Problem, sets: Sequence[Evidence], base: np.ndarray | None = None) -> Problem:
     space = fit.space if base is None else dataclasses.replace(fit.space, base=base)
-    return Problem((data,), space, fit.priors, fit.widen)
+    return Problem(sets, space, fit.priors, fit.widen)
 
 
-def _changed(data: Evidence, fit: Problem, change: Mapping[str, float]) -> Problem:
-    sizes: dict[str, Any] = {name: value for name, value in change.items() if name in quantities(data.wheel)}
-    own = dataclasses.replace(data, wheel=data.wheel.replace(**sizes)) if sizes else data  # type: ignore[type-var]
+def _changed(sets: Sequence[Evidence], fit: Problem, change: Mapping[str, float]) -> Problem:
+    """Return the problem with other numbers of the soil, and of the wheel of all sets."""
+    sizes: dict[str, Any] = {name: value for name, value in change.items() if name in quantities(Wheel)}
+    own = [dataclasses.replace(one, wheel=one.wheel.replace(**sizes)) for one in sets] if sizes else sets  # type: ignore[type-var]
     base = fit.space.base.copy()
     for name, value in change.items():
         base[fit.space.known.index(name)] = value

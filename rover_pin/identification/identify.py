@@ -17,6 +17,7 @@ from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import Best, Interval, LowerMinimum, interval, rise
 from rover_pin.identification.identifiability import refuse_untold
 from rover_pin.identification.judge import judge
+from rover_pin.identification.one_sand import sets_of
 from rover_pin.identification.result import ChannelFit, Estimate, Identification, Starts
 from rover_pin.identification.soil_space import space
 from rover_pin.measurements.channel import FIELDS, Evidence
@@ -139,7 +140,7 @@ def profile(
 
 def build(data: Evidence | Sequence[Evidence], soil: Soil, free: Sequence[str], priors: Mapping[str, Prior]) -> Problem:
     """Return the least-squares problem of a fit; raises as `identify`."""
-    sets: tuple[Evidence, ...] = tuple(data) if isinstance(data, Sequence) else (data,)
+    sets = sets_of(data)
     if not sets:
         raise DataError("there are no data to identify from; give one data set or more.")
     widths = {(float(one.wheel.r), float(one.wheel.b)) for one in sets}

@@ -63,7 +63,7 @@ def hanging_on(words: Mapping[str, str], measured: Sequence[str]) -> str:
     return " and ".join(parts)
 
 
-Change = Mapping[str, float] | Callable[[], Evidence]
+Change = Mapping[str, float] | Callable[[], Evidence | Sequence[Evidence]]
 """Numbers of wheel and soil, or the data worked out again."""
 
 
@@ -119,6 +119,18 @@ class ChannelFit(NamedTuple):
     "root of the mean squared residual, in the channel's unit"
     chi2: float
     "sum of squared residuals in standard deviations"
+    set: str = ""
+    "the name of the data set, where there are several"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values; the set where there are several."""
+        row = self._asdict()
+        return row if self.set else {name: value for name, value in row.items() if name != "set"}
+
+    def line(self) -> str:
+        """Return how well it is met, as text."""
+        rmse, whose = f"{self.rmse:.3g} {self.unit}".rstrip(), f"{self.set}: " if self.set else ""
+        return f"{whose}{self.name}: RMSE {rmse} over {self.points} points, chi2 {self.chi2:.4g}"
 
 
 class Starts(NamedTuple):
@@ -190,7 +202,7 @@ class Identification:
             "chi2": self.chi2,
             "freedom": self.freedom,
             "misfit": self.misfit,
-            "channels": [channel._asdict() for channel in self.channels],
+            "channels": [channel.as_dict() for channel in self.channels],
             "held": [one.as_dict() for one in self.held],
         }
 
@@ -203,10 +215,7 @@ class Identification:
                 f"the model misses the data by more than their noise: SDs and intervals are widened {self.misfit:.3g} "
                 "times, and hold only if the missing effect does not move the parameters"
             ]
-        lines += [
-            f"  {c.name}: RMSE {f'{c.rmse:.3g} {c.unit}'.rstrip()} over {c.points} points, chi2 {c.chi2:.4g}"
-            for c in self.channels
-        ]
+        lines += [f"  {channel.line()}" for channel in self.channels]
         lines += [f"weakest combination: {self._weakest()}", *self._strong_correlations(), self._starts()]
         return "\n".join([*lines, *self._held()])
 

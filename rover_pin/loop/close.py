@@ -133,9 +133,6 @@ def _jointly(asked: Asked, progress: Progress) -> Verdict:
     for what, given in (("a model", asked.model), ("an experiment's file", asked.experiment)):
         if given is not None:
             raise DataError(f"{given}: a joint fit of several rig sets does not take {what}; leave it out.")
-    for folder in asked.data:
-        if not is_file(Path(folder) / RIG_FILE):
-            raise DataError(f"{folder}: there is no {RIG_FILE} in it; several data are rig sets in one sand.")
     with alone_in(asked.out):
         return close_joint_loop(read_joint(asked.data, Trust(everything=asked.trust)), asked, progress)
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from rover_pin.experiments.drive_log.checks.log import check as check_log
 from rover_pin.experiments.drive_log.checks.log import data_findings
 from rover_pin.experiments.drive_log.checks.log import refuse_unfit as refuse_log
+from rover_pin.experiments.joint_rig.sets import read_joint
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
@@ -16,7 +17,8 @@ from rover_pin.loop.close import read_data
 from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.drive_points import points_of_log
 from rover_pin.measurements.finding import Finding
-from rover_pin.measurements.reading import read_evidence
+from rover_pin.measurements.reading import read_evidence, refuse_beyond_soil
+from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.motion.drive_log import DriveLog, read_drive_log
 from rover_pin.paths import is_file
 from rover_pin.trust import Trust
@@ -56,28 +58,35 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
 class Checked(NamedTuple):
     """Measured data to fit parameters to."""
 
-    evidence: Evidence
+    evidence: Evidence | tuple[WheelRig, ...]
+    "one set, or several in one sand"
     findings: tuple[Finding, ...]
     "what their check found"
     drive: DriveLog | None
     "the log, where they are the points of one"
 
 
-def checked_evidence(path: str | Path, trust: Trust = Trust()) -> Checked:
+def checked_evidence(path: str | Path | tuple[str | Path, ...], trust: Trust = Trust()) -> Checked:
     """Return measured data to fit parameters to, and what their check found: a drive log is refused as by the loop.
 
     What the loop alone lacks, as excitation that tells effects apart, is not among the findings.
 
     Parameters
     ----------
-    path : str or Path
-        As `read_evidence` takes it.
+    path : str, Path or tuple of them
+        As `read_evidence` takes it; several are rig sets in one sand, of which a run that stands in two is used once.
 
     Raises
     ------
     DataError
-        What `read_evidence` refuses, and a drive log that would mislead whatever the model.
+        What `read_evidence` refuses, a drive log that would mislead whatever the model, and what `read_joint` refuses
+        of several.
     """
+    if isinstance(path, tuple):
+        joint = read_joint(path, trust)
+        for name, data in joint.sets.items():
+            refuse_beyond_soil(data.rig, name)
+        return Checked(tuple(data.rig for data in joint.sets.values()), joint.twice, None)
     if is_file(Path(path) / "rig.toml") or not is_file(Path(path) / "drive.toml"):
         return Checked(read_evidence(path, trust), (), None)
     drive = read_drive_log(path, trust)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -9,12 +10,13 @@ from typing import Any, NamedTuple
 from rover_pin.contact import Soil
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.problem import Prior
-from rover_pin.experiments.wheel_rig.data import as_rig_set
+from rover_pin.experiments.wheel_rig.data import Independent, as_rig_set
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag, flags
 from rover_pin.identification.arc_doubt import with_arc_doubt
 from rover_pin.identification.dependence import with_held
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import identify
+from rover_pin.identification.one_sand import as_held, sets_of
 from rover_pin.identification.result import Held, Identification
 from rover_pin.measurements.channel import DrawbarPull, Evidence, RigChannel, Sinkage, Torque
 from rover_pin.measurements.wheel_rig import WheelRig
@@ -55,7 +57,7 @@ class Identified(NamedTuple):
 
 
 def identified(
-    data: Evidence,
+    data: Evidence | Sequence[WheelRig],
     soil: Soil,
     free: Sequence[str],
     priors: Mapping[str, Prior] | None = None,
@@ -66,8 +68,12 @@ def identified(
 
     Parameters
     ----------
+    data : Evidence or sequence of WheelRig
+        Several rig sets are fitted together: one soil, each its own wheel, loads and noise, as `checked_evidence` reads
+        them.
     soil : Soil
-        Where to start, and the values of all that is not free: `data.declared_soil(...)` where they are the data's.
+        Where to start, and the values of all that is not free: `sand_of(data).declared_soil(...)` where they are the
+        data's.
     by_hand : set of str
         Constants of `soil` that the user has set.
     behind : sequence of Held
@@ -76,15 +82,19 @@ def identified(
     Raises
     ------
     ParameterError, DataError, OptimisationError
-        As `identify`.
+        As `identify`; also sets that declare different values of one constant.
     """
+    rigs = [one for one in sets_of(data) if isinstance(one, WheelRig)]
     names, known = with_arc_doubt(data, soil, free, priors or {}, by_hand)
-    rig = _of_the_rig(data) if isinstance(data, WheelRig) else ()
-    held = (*held_numbers(data, soil, names, dict.fromkeys(by_hand, BY_HAND)), *rig, *behind)
+    of_rigs = [held for _, held in as_held([(rig.name, row) for rig in rigs for row in _of_the_rig(rig)], len(rigs))]
+    held = (*held_numbers(data, soil, names, dict.fromkeys(by_hand, BY_HAND)), *of_rigs, *behind)
     found = with_held(identify(data, soil, names, known), data, held, known)
-    if not isinstance(data, WheelRig):
-        return Identified(found, ())
-    return Identified(found, _elsewhere(found, data), tuple(name for name, value in data.beside.items() if value))
+    if len(rigs) > 1:
+        whose = [rig.name for rig in rigs for _ in rig.channels]
+        channels = tuple(one._replace(set=name) for one, name in zip(found.channels, whose, strict=True))
+        found = dataclasses.replace(found, channels=channels)
+    unused = dict.fromkeys(name for rig in rigs for name, value in rig.beside.items() if value)
+    return Identified(found, _elsewhere(found, rigs), tuple(unused))
 
 
 def _of_the_rig(data: WheelRig) -> tuple[Held, ...]:
@@ -96,7 +106,17 @@ def _of_the_rig(data: WheelRig) -> tuple[Held, ...]:
     return tuple(Held(f"rig.{name}", one.unit, value, one.source, value, value, said) for name, value, one in rows)
 
 
-def _elsewhere(found: Identification, data: WheelRig) -> tuple[Flag, ...]:
+def _elsewhere(found: Identification, rigs: Sequence[WheelRig]) -> tuple[Flag, ...]:
+    """Return the fitted constants against what was measured of them; of several sets, which has it."""
     told = [one for one in found.estimates if math.isfinite(one.value)]
     numbers = tuple(Number(one.name, one.unit, one.value, one.low, one.high, math.nan) for one in told)
-    return flags(as_rig_set(data), found.soil, float(data.wheel.b), numbers)
+    by_source: dict[Independent, tuple[Flag, list[str]]] = {}
+    for rig in rigs:
+        for flag in flags(as_rig_set(rig), found.soil, float(rig.wheel.b), numbers):
+            by_source.setdefault(flag.independent, (flag, []))[1].append(rig.name)
+    if len(rigs) == 1:
+        return tuple(flag for flag, _ in by_source.values())
+    return tuple(
+        flag._replace(independent=flag.independent._replace(source=f"{flag.independent.source}: {', '.join(names)}"))
+        for flag, names in by_source.values()
+    )

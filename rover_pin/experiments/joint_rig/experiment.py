@@ -18,7 +18,7 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.joint_rig.model import OWN, JointModel, Part
 from rover_pin.experiments.wheel_rig.candidates import added, needs_speeds
 from rover_pin.experiments.wheel_rig.checks import FEWEST_LEVELS
-from rover_pin.experiments.wheel_rig.data import RigSet
+from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
 from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
 from rover_pin.experiments.wheel_rig.presets import (
@@ -30,6 +30,7 @@ from rover_pin.experiments.wheel_rig.presets import (
     preset_candidate,
 )
 from rover_pin.identification.identifiability import SAME_LOAD
+from rover_pin.identification.one_sand import of_one_sand
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.wheel_rig import WheelRig
 
@@ -100,12 +101,12 @@ class JointRig(Experiment):
         return declared_noise(sd, self.observed)
 
     def base_model(self) -> JointModel:
-        """Return the soil as the first set with pressing trials declares it, else as the one that declares most.
+        """Return the soil as any set declares it, n and k_1 as the first set with pressing trials has them.
 
         Lugs dig from the start where every set tells what it has.
         """
         sets = self.sets.values()
-        first = max(sets, key=lambda data: (bool(data.trials), len(data.rig.declared)))
+        sand = as_rig_set(of_one_sand([data.rig for data in sets]))
         askew = any(data.rig.askew.any() for data in sets)
         parts = {
             name: Part(data.rig.wheel, data.rig.errors, data.rig.beside.get("lug_height"))
@@ -113,7 +114,7 @@ class JointRig(Experiment):
         }
         told = all("lug_height" in data.rig.beside for data in sets)
         trench = known_trench(self.declared) if told else ()
-        return JointModel(first.soil(), (*(ASKEW if askew else PAPER), *trench), parts)
+        return JointModel(sand.soil(), (*(ASKEW if askew else PAPER), *trench), parts)
 
     def records(self, model: Any) -> dict[str, Any]:
         """Return the soil, the effects, and `set.wheel` and `set.rig` of each."""

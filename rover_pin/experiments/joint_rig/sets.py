@@ -9,9 +9,11 @@ import numpy as np
 
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.joint_rig.experiment import JointRig
-from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
+from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import ROWS
+from rover_pin.identification.one_sand import of_one_sand
 from rover_pin.measurements.finding import Finding
+from rover_pin.paths import is_file
 from rover_pin.trust import Trust
 
 SAME_RUN = 0.02
@@ -28,7 +30,8 @@ def joined(sets: Sequence[RigSet]) -> JointRig:
     ParameterError
         Fewer than two sets.
     DataError
-        Two of one name, or one of which every run stands in another.
+        Two of one name, one of which every run stands in another, or two that declare different values of one constant
+        of the sand.
     """
     if len(sets) < 2:
         raise ParameterError("A joint fit is of two sets or more; of one, give it alone.")
@@ -45,11 +48,21 @@ def joined(sets: Sequence[RigSet]) -> JointRig:
             what = f"{int((~new).sum())} of {new.size} runs stand in another set too"
             findings.append(Finding(what, name, "they are used once"))
         named[name] = data if new.all() else data.rows(new)
+    of_one_sand([data.rig for data in named.values()])
     return JointRig(named, tuple(findings))
 
 
 def read_joint(folders: Sequence[str | Path], trust: Trust = Trust()) -> JointRig:
-    """Return the sets of several folders as one experiment; errors as of `read_rig_set` and `joined`."""
+    """Return the sets of several folders as one experiment.
+
+    Raises
+    ------
+    ParameterError, DataError
+        Data that are no rig set, and what `read_rig_set` and `joined` refuse.
+    """
+    for folder in folders:
+        if not is_file(Path(folder) / RIG_FILE):
+            raise DataError(f"{folder}: there is no {RIG_FILE} in it; several data are rig sets in one sand.")
     return joined([read_rig_set(folder, trust) for folder in folders])
 
 

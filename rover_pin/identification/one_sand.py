@@ -1,0 +1,90 @@
+"""Several rig sets in one sand: what any of them declares of it holds for all, and what each has of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+from rover_pin.contact import Soil
+from rover_pin.errors import DataError
+from rover_pin.identification.result import Held
+from rover_pin.measurements.channel import Evidence
+from rover_pin.measurements.rig_file import BEKKER_UNITS, BESIDE
+from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.quantity import quantities
+
+T = TypeVar("T")
+
+SAME_TO = Held._fields.index("ends")
+"""Numbers that are the same in a `Held` up to here are held alike."""
+
+ALIKE = 1e-6
+"""Share by which a constant that two sets declare may differ, and still be one: rounding of units."""
+
+OF_SAND = (*quantities(Soil), *BEKKER_UNITS, *(name for name, of in BESIDE.items() if of.table == "soil"))
+"""Names of what a set declares of the sand."""
+
+
+def sets_of(data: Evidence | Sequence[Evidence]) -> tuple[Evidence, ...]:
+    """Return data as sets, one or several."""
+    return tuple(data) if isinstance(data, Sequence) else (data,)
+
+
+def sand_of(data: Evidence | Sequence[WheelRig]) -> Evidence:
+    """Return the set that stands for the sand of one set, its own, or of several: `of_one_sand`."""
+    return of_one_sand(data) if isinstance(data, Sequence) else data
+
+
+def of_one_sand(rigs: Sequence[WheelRig]) -> WheelRig:
+    """Return the set that stands for the sand of all: it declares whatever any of them does.
+
+    It is the first whose wheel was pressed in, else the one that declares most: k_c and k_phi become k_1 and k_2 at its
+    width. A range or an SD that is stated twice of one value is its own, else the first.
+
+    Raises
+    ------
+    DataError
+        Two sets that declare different values of one constant.
+    """
+    stands = max(rigs, key=lambda rig: (bool(rig.trials), len(rig.declared)))
+    told: dict[str, tuple[str, float]] = {}
+    for rig in (stands, *rigs):
+        for name, value in {**rig.declared, **_of_sand(rig.beside)}.items():
+            first, own = told.setdefault(name, (rig.name, value))
+            if not math.isclose(own, value, rel_tol=ALIKE):
+                raise DataError(
+                    f"{rig.name}: [soil] declares {name} = {value:.6g}, {first} {own:.6g} [SI]: one sand has one of "
+                    "it; declare it alike, or in one of the sets alone."
+                )
+    return replace(
+        stands,
+        declared=_first([rig.declared for rig in (stands, *rigs)]),
+        doubts=_first([rig.doubts for rig in (stands, *rigs)]),
+        beside=_first([stands.beside, *(_of_sand(rig.beside) for rig in rigs)]),
+        wheel_range=_first([stands.wheel_range, *(_of_sand(rig.wheel_range) for rig in rigs)]),
+    )
+
+
+def _of_sand(values: Mapping[str, T]) -> dict[str, T]:
+    return {name: value for name, value in values.items() if name in OF_SAND}
+
+
+def _first(tables: Sequence[Mapping[str, T]]) -> dict[str, T]:
+    """Return all tables as one; of a name that stands in several the first counts."""
+    return {name: value for table in reversed(tables) for name, value in table.items()}
+
+
+def as_held(rows: Sequence[tuple[str, Held]], count: int) -> Iterator[tuple[tuple[str, ...], Held]]:
+    """Yield what sets hold as their own with the sets' names, what several hold alike as one number.
+
+    A size that several sets state alike has one drawing, and is wrong in all of them at once. What not all of `count`
+    sets hold says whose it is.
+    """
+    alike: dict[tuple, tuple[list[str], Held]] = {}
+    for name, held in rows:
+        alike.setdefault((*held[:SAME_TO], held.measured), ([], held))[0].append(name)
+    for names, held in alike.values():
+        whose = "" if len(names) == count else f" of {' and '.join(names)}"
+        yield tuple(names), held._replace(name=f"{held.name}{whose}")
