@@ -12,7 +12,9 @@ from rover_pin.errors import MissingExtraError, ParameterError, SimulationError
 from rover_pin.workers import working_for
 
 CONNECT_SECONDS = 5
-"""How long a scheduler may take to answer, and then its first worker to be there."""
+"""How long a scheduler may take to be reached."""
+START_SECONDS = 30
+"""How long it may then take to answer, and its first worker to be there: a busy machine starts one in 10 s."""
 AT_ONCE = 8
 """Short jobs that a process is handed at a time, at most."""
 Workers = Any
@@ -110,15 +112,15 @@ def client_of(address: str) -> Iterator[Any]:
     try:
         # Asked before Dask starts its threads, which a busy machine may do too late for Dask.
         socket.create_connection(get_address_host_port(address, strict=True), CONNECT_SECONDS).close()
-        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+        client = Client(address, timeout=START_SECONDS, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise ParameterError(
-            f"No Dask scheduler answers at '{address}' within {CONNECT_SECONDS} s: start one with `dask scheduler` "
+            f"No Dask scheduler answers at '{address}': start one with `dask scheduler` "
             "and give the address that it prints, such as tcp://127.0.0.1:8786."
         ) from error
     with client:
         try:
-            client.wait_for_workers(1, timeout=CONNECT_SECONDS)
+            client.wait_for_workers(1, timeout=START_SECONDS)
         except OSError as error:
             raise ParameterError(
                 f"The Dask scheduler at '{address}' has no workers: start some with `dask worker {address}`."

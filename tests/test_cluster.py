@@ -49,7 +49,7 @@ def two_workers(folder):
         one = test_sweep_cluster.dask("worker", address, *where, "--local-directory", folder / "a")
         other = test_sweep_cluster.dask("worker", address, *where, "--local-directory", folder / "b")
         with one as first, other as second, workers_of(-1, address) as client:
-            client.wait_for_workers(2, timeout=30)
+            client.wait_for_workers(2, timeout=300)
             yield address, (first, second), client
 
 
