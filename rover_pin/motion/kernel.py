@@ -142,7 +142,7 @@ class Kernel:
             motor_states=state.motor,
             n_contact_states=state.contact.shape[1],
             n_motor_states=state.motor.shape[1],
-            contact_odd=np.array(odd or [1.0]),
+            contact_odd=np.array(odd),
             duty=self.duty,
         )
 
@@ -160,17 +160,17 @@ class Kernel:
             soils=self.soils,
             n_soils=len(self.soils),
             n_held=made.held,
-            held=np.zeros((self.struct.n_kinds * len(self.soils), max(1, made.held))),
-            held_lanes=aligned(room.questions * made.held + 8),
-            step=aligned(room.step // 8 + 1),
-            contact_parameters=np.append(laws.numbers(model.contact_effects), 0.0),
+            held=np.zeros((self.struct.n_kinds * len(self.soils), made.held)),
+            held_lanes=aligned(room.questions * made.held),
+            step=aligned(room.step // 8),
+            contact_parameters=laws.numbers(model.contact_effects),
             motor_parameters=laws.numbers([model.motor, *model.motor_effects]),
-            body_parameters=np.append(laws.numbers(model.body_effects), 0.0),
+            body_parameters=laws.numbers(model.body_effects),
             contact_before=made.contact_before,
             contact_law=made.contact,
             motor_law=made.motor,
             body_law=made.body,
-            work_i=np.zeros(max(made.work[0], rigid[0]) + 1, dtype=np.int64),
-            work_w=np.zeros(max(made.work[1], rigid[1]) + 1),
+            work_i=np.zeros(max(made.work[0], rigid[0]), dtype=np.int64),
+            work_w=np.zeros(max(made.work[1], rigid[1])),
         )
         self.keep["laws"] = made

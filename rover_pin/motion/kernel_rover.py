@@ -108,8 +108,8 @@ def _couplings(rover: Rover, known: Known, rigid_differential: bool, pushed: boo
     return {
         "differential_left": -1 if differential is None else differential.left,
         "n_coupled": len(coupled),
-        "coupled_dof": np.array([pair[:2] for pair in coupled] or [(0, 0)], dtype=np.int64).ravel(),
-        "coupled_ratio": np.array([ratio for *_, ratio in coupled] or [1.0]),
+        "coupled_dof": np.array([pair[:2] for pair in coupled], dtype=np.int64).ravel(),
+        "coupled_ratio": np.array([ratio for *_, ratio in coupled]),
         **_elimination(rover, known, [pair[:2] for pair in coupled], pushed),
     }
 
@@ -129,30 +129,30 @@ def _rigid_body(made: CompiledBody) -> dict[str, Any]:
     return {
         "n_inertia": len(made.rows),
         "inertia_place": np.concatenate([made.rows * MAX_DOF + made.columns, made.columns * MAX_DOF + made.rows]),
-        "rigid_held": np.append(made.held, 0.0),
+        "rigid_held": made.held,
         "rigid_body": made.address,
     }
 
 
 def _springs(rover: Rover, strength: float, pushed: bool) -> dict[str, Any]:
     model = rover.model
-    q_of = {model.joints[j].idx_v: model.joints[j].idx_q for j in range(2, model.njoints)}
+    q_of = {joint.idx_v: joint.idx_q for joint in model.joints}
     servos = [wheel.steer_dof for wheel in rover.wheels if wheel.steer_dof is not None]
     stops, places = suspension_dofs(rover), suspension_places(rover)
     limits = [(model.lowerPositionLimit[place], model.upperPositionLimit[place]) for place in places]
     body_dofs = [*range(6), *stops] if pushed else []
     return {
         "n_body": len(body_dofs),
-        "body_dof": np.array(body_dofs or [0], dtype=np.int64),
-        "body_q": np.array(places or [0], dtype=np.int64),
+        "body_dof": np.array(body_dofs, dtype=np.int64),
+        "body_q": np.array(places, dtype=np.int64),
         "n_servos": len(servos),
-        "servo_dof": np.array(servos or [0], dtype=np.int64),
-        "servo_q": np.array([q_of[i] for i in servos] or [0], dtype=np.int64),
+        "servo_dof": np.array(servos, dtype=np.int64),
+        "servo_q": np.array([q_of[i] for i in servos], dtype=np.int64),
         "servo_gain": strength * np.array(SERVO_GAIN),
         "n_stops": len(stops),
-        "stop_dof": np.array(stops or [0], dtype=np.int64),
-        "stop_q": np.array(places or [0], dtype=np.int64),
-        "stop_limits": np.array(limits or [(0.0, 0.0)]).ravel(),
+        "stop_dof": np.array(stops, dtype=np.int64),
+        "stop_q": np.array(places, dtype=np.int64),
+        "stop_limits": np.array(limits).ravel(),
         "stop_gain": strength * np.array(STOP_GAIN),
     }
 

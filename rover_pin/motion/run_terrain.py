@@ -104,7 +104,7 @@ def estimated(run: Trace, rover: Rover) -> Terrain:
             right.append(sign * np.tan(np.clip(blocks[name][use], -STEEPEST, STEEPEST)) / SLOPE_SD)
     if "body_z" in blocks:
         use = np.isfinite(blocks["body_z"])
-        rows.append(_level(under[2][use]) / HEIGHT_SD)
+        rows.append(under[2][use] / HEIGHT_SD)
         right.append((blocks["body_z"][use] - np.mean(blocks["body_z"][use])) / HEIGHT_SD)
     return grid.surface(scipy.sparse.vstack(rows).tocsr(), np.concatenate(right))
 
@@ -125,12 +125,6 @@ def _under(height: Callable[..., Any], rover: Rover, place: np.ndarray) -> tuple
     (fl, fr), (bl, br) = ([height(x + c * a - s * b, y + s * a + c * b) for a, b in axle] for axle in corners(rover))
     ahead, left = (fl + fr - bl - br) / (2.0 * length), (fl + bl - fr - br) / (2.0 * track)
     return ahead, left, (fl + fr + bl + br) / 4.0
-
-
-def _level(rows: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
-    """Return the rows less their mean: the zero of the height is the tracker's."""
-    mean = scipy.sparse.csr_matrix(np.full((rows.shape[0], 1), 1.0)) @ scipy.sparse.csr_matrix(rows.mean(axis=0))
-    return rows - mean
 
 
 def _blocks(run: Trace) -> dict[str, np.ndarray] | None:
@@ -178,7 +172,7 @@ class _Grid:
 
     def bends(self) -> scipy.sparse.csr_matrix:
         """Return the second differences along both axes and the mixed one, each over the spacing: bends [rad]."""
-        along = [scipy.sparse.diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(max(n - 2, 0), n)) for n in (self.nx, self.ny)]
+        along = [scipy.sparse.diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(n - 2, n)) for n in (self.nx, self.ny)]
         step = [scipy.sparse.diags([-1.0, 1.0], [0, 1], shape=(n - 1, n)) for n in (self.nx, self.ny)]
         one = [scipy.sparse.diags([1.0], [0], shape=(n, n)) for n in (self.nx, self.ny)]
         kron = scipy.sparse.kron

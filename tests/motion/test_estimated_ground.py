@@ -9,7 +9,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from rover_pin.body.rover import load_rover
 from rover_pin.body.shapes import incline
-from rover_pin.motion.run_terrain import estimated, level_on, run_terrain
+from rover_pin.motion.run_terrain import _Grid, estimated, level_on, run_terrain
 from rover_pin.motion.trace import Trace
 
 CART = load_rover("cart")
@@ -138,3 +138,58 @@ def test_a_declared_plane_reaches_five_metres_beyond_the_drive_about_its_middle(
     assert ground.z.sum() == pytest.approx(0.0, abs=1e-9)
     yaw = run["body_yaw"][0]
     assert np.ptp(ground.z[:, 0]) / ground.dx == pytest.approx(math.tan(0.1) * math.cos(yaw))
+
+
+@pytest.mark.parametrize("lost", ["body_x", "body_y", "body_yaw"])
+def test_a_declared_plane_begins_where_place_and_heading_are_known(lost):
+    """Rows at which one of them is unknown count for neither: as if the drive had begun behind them."""
+    run = drive(reach=3.0, without=("body_pitch", "body_roll", "body_z"))
+    channels = {name: np.array(run[name]) for name in run}
+    channels[lost][:20] = np.nan
+    late = dataclasses.replace(run, channels={name: row[20:] for name, row in channels.items()})
+    found, same = (
+        run_terrain({"slope": 0.1}, each, CART, "") for each in (dataclasses.replace(run, channels=channels), late)
+    )
+    assert (found.x0, found.y0, found.dx) == (same.x0, same.y0, same.dx)
+    np.testing.assert_array_equal(found.z, same.z)
+    assert np.isfinite(found.z).all()
+
+
+def test_half_seconds_are_counted_from_the_first_row():
+    run = drive()
+    later = dataclasses.replace(run, channels={**run.channels, "t_s": run.t + 0.25})
+    np.testing.assert_allclose(estimated(later, CART).z, estimated(run, CART).z, atol=1e-12)
+
+
+def test_heights_between_a_grids_corners_are_bilinear_up_to_its_edges():
+    grid, random = _Grid(-1.0, 2.0, 0.5, 4, 3), np.random.default_rng(3)
+    z = random.normal(size=(4, 3))
+    look = RegularGridInterpolator((-1.0 + 0.5 * np.arange(4), 2.0 + 0.5 * np.arange(3)), z)
+    inside = [random.uniform(-1.0, 0.5, 50), random.uniform(2.0, 3.0, 50)]
+    x, y = (
+        np.append(a, b.ravel()) for a, b in zip(inside, np.meshgrid([-1.0, -0.6, 0.5], [2.0, 2.7, 3.0]), strict=True)
+    )
+    np.testing.assert_allclose(grid.at(x, y) @ z.ravel(), look((x, y)), atol=1e-12)
+
+
+def test_a_grid_reaches_the_farthest_wheel_where_that_is_beyond_a_base():
+    """A frame 0.4 m before the middle: the back wheels stand 0.68 m behind it, 0.26 m aside."""
+    ahead = CART.model.copy()
+    for mount in CART.wheels:
+        placement = ahead.jointPlacements[mount.joint].copy()
+        placement.translation = placement.translation - np.array([0.4, 0.0, 0.0])
+        ahead.jointPlacements[mount.joint] = placement
+    run = drive()
+    ground, b = estimated(run, dataclasses.replace(CART, model=ahead)), halves(run)
+    assert ground.x0 == pytest.approx(b["body_x"].min() - math.hypot(0.68, 0.26))
+
+
+def test_a_kilometre_straight_ahead_has_a_ground_of_two_rows():
+    """Its cells are longer than the rover: across the way there is no third row to bend."""
+    t = np.arange(0.0, 2000.0, 0.5)
+    channels = {"t_s": t, "body_x": t, "body_pitch": np.full(len(t), -0.05)}
+    run = Trace({**channels, "body_y": 0.0 * t, "body_yaw": 0.0 * t}, {}, {})
+    ground = estimated(run, CART)
+    assert ground.z.shape == (101, 2)
+    rise = ground.height(1500.0, 0.0) - ground.height(500.0, 0.0)
+    assert rise / 1000.0 == pytest.approx(math.tan(0.05), rel=1e-4)

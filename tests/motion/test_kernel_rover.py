@@ -155,3 +155,31 @@ def test_servos_and_stops_are_those_of_the_joints(rover):
     assert keep["stop_limits"][: 2 * len(stops)].tolist() == limits
     gains = [*keep["servo_gain"], *keep["stop_gain"]]
     assert gains == pytest.approx([1.5 * 20.0, 1.5 * 0.2, 1.5 * 50.0, 1.5 * 1.0])
+
+
+@pytest.mark.parametrize("pushed", [False, True])
+@pytest.mark.parametrize("name", ["nexus6", "cart"])
+def test_untied_velocities_meet_those_that_bear_them_and_what_is_pushed_meets_together(name, pushed):
+    """A tree's zeros stay zeros: what moves a joint is what its Jacobian says. Neither rover has links."""
+    rover = load_rover(name)
+    found, keep = fields_of(rover, rigid=False, pushed=pushed)
+    assert found.struct.n_coupled == 0
+    model, random = rover.model, np.random.default_rng(2)
+    data, q = model.createData(), pin.integrate(model, pin.neutral(model), random.normal(size=model.nv))
+    pin.computeJointJacobians(model, data, q)
+    above = {dof: set(range(dof)) for dof in range(6)}
+    for joint in range(2, model.njoints):
+        dof = model.joints[joint].idx_v
+        moves = np.flatnonzero(np.abs(pin.getJointJacobian(model, data, joint, pin.LOCAL)).max(axis=0) > 1e-12)
+        above[dof] = set(moves.tolist()) - {dof}
+    together = {*range(6), *keep["stop_dof"].tolist()} if pushed else set()
+    for dof in together:
+        above[dof] |= {each for each in together if each < dof}
+    rows = keep["free_above"].reshape(found.struct.n_free, -1)
+    for dof, number, row in zip(keep["free_order"].tolist(), keep["free_count"], rows, strict=True):
+        assert set(row[:number].tolist()) == above[dof], dof
+
+
+def test_what_drives_of_a_rover_share_cannot_be_written(rover):
+    for array in fields_of(rover)[0].keep.values():
+        assert not array.flags.writeable

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -13,9 +14,10 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.slip import AlgebraicSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import SimulationError
+from rover_pin.motion import relaxation
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
-from rover_pin.motion.place import RESTS, SLIDES, Start, set_down, settled
+from rover_pin.motion.place import RESTS, SLIDES, Start, hovering, set_down, settled
 from rover_pin.motion.plain import Plain
 from rover_pin.motion.simulate import simulate
 from rover_pin.motion.state import roll_pitch_yaw
@@ -143,3 +145,26 @@ def test_the_shear_is_that_of_the_slide_that_holds():
 def test_ground_that_cannot_carry_is_refused_in_one_sentence():
     with pytest.raises(SimulationError, match=r"does not settle at x = 0 m, y = 0 m: it tips or sinks there; start on"):
         settled(model_on(shapes.flat(), Soil(k_1=100.0)), Start())
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, 2.5, -2.0])
+def test_a_hovering_rover_stands_square_to_the_ground_and_heads_where_it_was_asked_to(yaw):
+    """At the begin of time, without speed or shear; seen from above it heads along its yaw."""
+    model = model_on(shapes.incline(0.3, -5.0), Soil())
+    state = hovering(model, Start(x=0.2, y=-0.1, yaw=yaw))
+    ahead, left, up = pin.XYZQUATToSE3(state.q[:7]).rotation.T
+    assert math.remainder(math.atan2(ahead[1], ahead[0]) - yaw, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
+    assert up == pytest.approx([-math.sin(0.3), 0.0, math.cos(0.3)])
+    assert np.cross(up, ahead) == pytest.approx(left)
+    assert (state.t, state.v.any(), state.contact.any(), state.motor.any()) == (0.0, False, False, False)
+
+
+def test_a_rover_starts_at_the_origin_and_along_x_unless_told_otherwise():
+    assert (Start().x, Start().y, Start().yaw) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("before", "columns"), [(0, [0, 1]), (1, [1, 2]), (3, [3, 4])])
+def test_the_slips_stand_behind_the_states_of_what_acts_before_them(before, columns):
+    slip, other = SimpleNamespace(states=("S", "S_y")), SimpleNamespace(states=("x",) * before)
+    model = SimpleNamespace(contact_effects=(other, slip, other), slip=slip)
+    assert relaxation._slip_columns(model) == columns

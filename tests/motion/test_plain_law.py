@@ -10,11 +10,12 @@ from rover_pin.body.rover import load_rover
 from rover_pin.contact import Soil
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.multi_pass import MultiPass
-from rover_pin.effects.slip import RelaxedSlip
+from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
+from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError
 from rover_pin.motion.kernel import DIRECTION_SPEED
-from rover_pin.motion.laws import number_of_states, numbers, symbolic
+from rover_pin.motion.laws import contact_law, number_of_states, numbers, symbolic
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.plain_law import TRAVEL_SIGNS, PlainLaw, direction
@@ -112,3 +113,13 @@ def test_a_wheel_has_eight_states_at_most():
     assert number_of_states(states[:8]) == 8
     with pytest.raises(ParameterError, match=r"have 9 states a wheel \(s_0, .*, s_8\); at most 8 are allowed"):
         number_of_states(states)
+
+
+@pytest.mark.parametrize("states", [(), ("loosened",), ("S", "S_y", "loosened")])
+def test_a_contact_law_has_a_slope_of_each_load_and_rate_by_each_speed_and_state(states):
+    """Four loads, four speeds, two slips; every rate has a slope by every speed and every state, also of one alone."""
+    effects = [RelaxedSlip() if "S" in states else AlgebraicSlip(), SoilTraction()]
+    law = contact_law([*effects, *([SlipSoftening()] if "loosened" in states else [])])
+    n = len(states)
+    assert law.numel_in(1) == n
+    assert law.numel_out(0) == 4 + 16 + n + 4 * n + 4 * n + n * n + 2

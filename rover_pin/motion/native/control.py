@@ -105,7 +105,7 @@ def commands_of(controller: Any, wheels: int, servos: int | None = None) -> Comm
 def _slip_fields(slip: SlipLaw | None, kernel: Kernel) -> dict[str, Any]:
     if slip is None:
         return {}
-    assert slip.law.sz_w() < kernel.keep["work_w"].size
+    assert slip.law.sz_w() <= kernel.keep["work_w"].size
     handle, address = _compiled(slip.law)
     kernel.keep["slip_law"] = handle
     found = {
@@ -135,7 +135,7 @@ def _limit_fields(limit: TorqueTable | None) -> dict[str, Any]:
 def _tack_fields(tack: TackLaw | None, kernel: Kernel) -> dict[str, Any]:
     if tack is None:
         return {}
-    wheels = np.array(kernel.servo_wheels or [0], dtype=np.int64)
+    wheels = np.array(kernel.servo_wheels, dtype=np.int64)
     found = {"tack_places": tack.places, "tack_memory": tack.memory, "servo_wheel": wheels}
     return {**found, **{f"tack_{name}": value for name, value in tack.numbers.items()}}
 
