@@ -101,6 +101,16 @@ def test_at_rest_it_is_the_mean_of_both_ways_and_beyond_the_one_it_goes(law):
         np.testing.assert_allclose(value.slip, weight * own.slip - (1 - weight) * other.slip, atol=1e-9)
 
 
+@pytest.mark.parametrize("v", [1e-3, -2e-3, 4e-3])
+def test_which_way_a_wheel_goes_is_its_speed_over_5_mm_a_second_where_it_rolls(v):
+    """Nearly; at rest its travel and its rim have half of that each, and 50 um/s of either alone little."""
+    assert direction(v, v)[0] == pytest.approx(v / 0.005, rel=0.04)
+    assert direction(20.0 * v, 20.0 * v)[0] == pytest.approx(20.0 * v / 0.005, rel=2e-3)
+    assert direction(0.0, 0.0) == (0.0, pytest.approx(100.0), pytest.approx(100.0))
+    assert direction(5e-5, 0.0)[0] == pytest.approx(0.01 * (1.0 + 0.5**0.5) / 2.0)
+    assert direction(0.0, 100.0 * v)[0] == pytest.approx(100.0 * v / (2.0**0.5 * 0.005), rel=1e-3)
+
+
 def test_records_without_quantities_have_a_column_of_none():
     made, column = symbolic([])
     assert made == []

@@ -159,7 +159,7 @@ class _Pass:
 
     def __init__(self, joints: tuple[Joint, ...], q: ca.SX, v: ca.SX, gravity: ca.SX, parameters: ca.SX):
         self.joints, self.q, self.v, self.gravity = dict(enumerate(joints, BASE)), q, v, gravity
-        given = iter(ca.vertsplit(parameters) if parameters.numel() else [])
+        given = iter(ca.vertsplit(parameters))
         numbers = [[next(given) if kind is None else ca.SX(kind) for kind in joint.numbers] for joint in joints]
         self.fixed = {i: _Numbers.of(each) for i, each in enumerate(numbers, BASE)}
         self.R: dict[int, ca.SX] = {}

@@ -4,6 +4,7 @@ HERE = "rover_pin/motion/native/"
 PASSES = "Newton's method is at its end: a pass more moves nothing"
 NOT_CROSSED = "not read where the rim does not cross the bisector"
 NO_WEIGHT = "the other direction's answer has no weight where the wheel goes one way"
+NEVER = "of 58 random drives each rest was met to 1e-8 within 33 steps, or missed by 9e-3 and more after all 300"
 PATH = "how far one step of setting down goes: the rest is the same to 1e-11"
 
 STEP: dict[tuple[str, str], str] = {
@@ -71,4 +72,13 @@ STEP: dict[tuple[str, str], str] = {
         f"{HERE}settle.c",
         "if (rover_pin_step(d)) return -1;: return - -> return",
     ): "a step that failed left numbers that are not finite, which are taken back all the same",
+    (f"{HERE}settle.c", "#define MOST_STEPS 300: 300 -> 330"): NEVER,
+    (
+        f"{HERE}settle.c",
+        "#define AT_REST 1e-5 /* and what is still taken */: 1e-5 -> 1.1000000000000001e-05",
+    ): NEVER,
+    (
+        f"{HERE}configuration.c",
+        "#define SMALL_ANGLE 0.1: 0.1 -> 0.11000000000000001",
+    ): "from 0.1 to 0.11 the series and the closed form are the same to the last digit",
 }
