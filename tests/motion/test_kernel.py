@@ -17,6 +17,7 @@ from rover_pin.motion.body_law import body_law
 from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.hoist import hoisted
 from rover_pin.motion.kernel import Kernel
+from rover_pin.motion.native.library import aligned
 from rover_pin.motion.place import Start, settled
 from rover_pin.scenarios import scenario
 
@@ -116,3 +117,11 @@ def test_a_rover_with_more_joints_than_the_step_holds_is_refused(limit, most, mo
     monkeypatch.setattr(kernel_rover, limit, most - 1)
     with pytest.raises(ParameterError, match="20 degrees of freedom, 10 above a wheel; the step holds"):
         made(FLAT.built, 1e-3, 1.0, True, False)
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 8, 100])
+def test_room_for_lanes_begins_where_a_row_of_lanes_may(count):
+    for _ in range(8):
+        room = aligned(count)
+        assert (room.size, room.ctypes.data % 64) == (count, 0)
+        assert not room.any()

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.body.rover import load_rover
+from rover_pin.motion.native.compiled_body import Known, compiled_body
 from rover_pin.motion.native.rigid_body import SAME, _revolves, inertia_places, rigid_body, tree_of
 
 ROTATION, PLACE = slice(0, 9), slice(9, 12)
@@ -130,3 +131,16 @@ def test_a_wheel_is_of_revolution_to_1e13_of_its_greatest_inertia(axle, across):
 def test_a_joint_that_slides_is_none_of_the_step():
     with pytest.raises(AssertionError, match="revolute joints only"):
         tree_of(tree((pin.JointModelPZ(), shifted(0.1, 0.0, 0.0), UNEVEN)))
+
+
+def test_bodies_of_the_same_content_are_compiled_once_and_another_tree_is_another():
+    """One whose last joint turns freely has the same numbers."""
+    joint, end = (
+        (pin.JointModelRX(), shifted(0.3, 0.0, 0.0), UNEVEN),
+        (pin.JointModelRX(), shifted(0.0, 0.2, 0.0), UNEVEN),
+    )
+    model = tree(joint, end)
+    assert compiled_body(Known.of(model)) is compiled_body(Known.of(model.copy()))
+    free = tree(joint, (pin.JointModelRUBX(), *end[1:]))
+    assert Known.of(free) != Known.of(model)
+    assert compiled_body(Known.of(free)) is not compiled_body(Known.of(model))

@@ -21,7 +21,7 @@ def elimination(
         _all_meet(meets, _bears(model, joint))
     _all_meet(meets, together)
     for follower, leader in coupled:
-        for each in meets[follower] - {leader}:
+        for each in list(meets[follower]):
             _all_meet(meets, {leader, each})
     bound = {follower for follower, _ in coupled}
     order = [i for i in range(model.nv - 1, -1, -1) if i not in bound]
@@ -40,6 +40,7 @@ def _bears(model: pin.Model, joint: int) -> list[int]:
 
 
 def _all_meet(meets: list[set[int]], group: Iterable[int]) -> None:
+    """Let all of a group meet; that each then meets itself as well says nothing."""
     members = set(group)
     for i in members:
-        meets[i] |= members - {i}
+        meets[i] |= members

@@ -4,6 +4,7 @@ from changes.equivalent_body import BODY
 from changes.equivalent_discrepancy import DISCREPANCY
 from changes.equivalent_drive_log import DRIVE_LOG
 from changes.equivalent_estimation import ESTIMATION
+from changes.equivalent_given import GIVEN
 from changes.equivalent_motion import MOTION
 from changes.equivalent_step import STEP
 
@@ -17,6 +18,7 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     **DISCREPANCY,
     **DRIVE_LOG,
     **ESTIMATION,
+    **GIVEN,
     **MOTION,
     **STEP,
     (

@@ -134,7 +134,7 @@ MOTION: dict[tuple[str, str], str] = {
         "rover_pin/motion/run_terrain.py",
         'right.append((blocks["body_z"][use] - np.mean(blocks["body_z"][use])) / HEIGHT_SD): '
         'blocks["body_z"][use] - np.mean(blocks["body_z"][use]) -> (blocks["body_z"][use])',
-    ): "the rows of the heights sum to 0, so that a constant on the right changes no normal equation but its round-off",
+    ): "heights are told up to a constant, which the surface's mean takes off",
     (
         "rover_pin/motion/laws.py",
         'code = ca.CodeGenerator("laws.c", {"with_header": False}): False -> True',

@@ -1,0 +1,167 @@
+"""Changes of what the compiled step is given that change no result: file, change as it is told, and the reason."""
+
+HERE = "rover_pin/motion/"
+ROOM = "room that nobody reads"
+ADDRESS = "a function that was found has an address: 0 stands for none"
+HELD = "an inertia that much larger than the rover's, or a tenth more, holds a wheel alike: to less than 1e-6 rad/s"
+NONE = "a column of none, however it is written"
+FREE = "heights are told up to a constant, which the surface's mean takes off: how it is held is not seen"
+
+GIVEN: dict[tuple[str, str], str] = {
+    (f"{HERE}kernel.py", "HOLDING = 1e6: 1e6 -> 1100000.0"): HELD,
+    (
+        f"{HERE}kernel.py",
+        "self._set(held_rate=rates, hold_inertia=HOLDING * self.model.built.mass * self.model.rover.radii**2): ** -> *",
+    ): HELD,
+    (
+        f"{HERE}kernel.py",
+        "self._set(held_rate=rates, hold_inertia=HOLDING * self.model.built.mass * self.model.rover.radii**2): "
+        "self.model.rover.radii**2 -> (self.model.rover.radii)",
+    ): HELD,
+    (
+        f"{HERE}kernel.py",
+        "self.loads, self.foreseen = np.zeros((len(rover.wheels), 6)), np.zeros((len(rover.wheels), 4)): 4 -> 5",
+    ): ROOM,
+    (
+        f"{HERE}kernel.py",
+        "self.energy, self.impulse, self.differential = np.zeros(len(ENERGY)), np.zeros(3), np.zeros(1): 3 -> 4",
+    ): ROOM,
+    (f"{HERE}kernel.py", "found = np.zeros(2): 2 -> 3"): ROOM,
+    (f"{HERE}kernel.py", "self.servo_target = np.zeros(max(1, len(self.servo_wheels))): 1 -> 2"): ROOM,
+    (
+        f"{HERE}kernel.py",
+        "self._set(dt=dt, direction_speed=direction_speed, symmetric=int(symmetric), accounts=1): 1 -> 2",
+    ): "any number but 0 says yes",
+    (
+        f"{HERE}kernel.py",
+        'assert made.lanes == room.lanes, "the laws and the step are compiled for other lanes": == -> >=',
+    ): "one header says how many lanes both have: more or fewer, neither is met",
+    (f"{HERE}kernel_terrain.py", "WHEEL_LENGTH = 2.1: 2.1 -> 2.3100000000000005"): ROOM,
+    (f"{HERE}kernel_terrain.py", "GRID_FACETS = 8: 8 -> 9"): ROOM,
+    (
+        f"{HERE}kernel_rover.py",
+        '"joint_unbounded": np.array([joint.nq == 2 for joint in joints], dtype=np.int64),: == -> >=',
+    ): "behind the base a joint has one place in q or two",
+    (
+        f"{HERE}compiled_laws.py",
+        "at = [ctypes.cast(getattr(handle, name), ctypes.c_void_p).value or 0 for name in names]: 0 -> 1",
+    ): ADDRESS,
+    (
+        f"{HERE}compiled_laws.py",
+        "work = max(f.sz_iw() for f in scalar), max(f.sz_w() for f in scalar): max -> min",
+    ): "in whole numbers none of them works; what they work with in others is tested",
+    (
+        f"{HERE}hoist.py",
+        "held, value = (ca.vertcat(*each) if each else ca.SX(0, 1) for each in (symbols, values)): "
+        "ca.SX(0, 1) -> (ca.vertcat(*each))",
+    ): NONE,
+    (
+        f"{HERE}hoist.py",
+        "held, value = (ca.vertcat(*each) if each else ca.SX(0, 1) for each in (symbols, values)): 0 -> 1",
+    ): "one number is held that nobody reads",
+    (
+        f"{HERE}hoist.py",
+        "held, value = (ca.vertcat(*each) if each else ca.SX(0, 1) for each in (symbols, values)): 1 -> 2",
+    ): NONE,
+    (
+        f"{HERE}laws.py",
+        "return ca.vertcat(*flat) if flat else ca.SX(0, 1): ca.SX(0, 1) -> (ca.vertcat(*flat))",
+    ): NONE,
+    (
+        f"{HERE}laws.py",
+        "if of.numel() == 0 or by.numel() == 0:: or -> and",
+    ): "a Jacobian of none, or by none, is none",
+    (
+        f"{HERE}motors.py",
+        "weaker = usual.replace(resistance=usual.resistance * float(usual.stall_torque) / stall_torque): * -> /",
+    ): "the usual motor's stall torque is 1 N m",
+    (
+        f"{HERE}motors.py",
+        "weaker = usual.replace(resistance=usual.resistance * float(usual.stall_torque) / stall_torque): "
+        "usual.resistance * float(usual.stall_torque) -> (usual.resistance)",
+    ): "the usual motor's stall torque is 1 N m",
+    (
+        f"{HERE}place.py",
+        "heading = np.array([math.cos(start.yaw), math.sin(start.yaw), 0.0]): 0.0 -> 0.1",
+    ): "its height is replaced by the ground's along it",
+    (f"{HERE}relaxation.py", "LOCKED = 1e15: 1e15 -> 1100000000000000.1"): "holds still, or a tenth stiller",
+    (
+        f"{HERE}relaxation.py",
+        "kernel = Kernel(model, state, 1.0, symmetric, UNDECIDED): 1.0 -> 1.1",
+    ): "setting down has steps of its own",
+    (
+        f"{HERE}relaxation.py",
+        "radius = min(float(wheel.wheel.r) for wheel in model.rover.wheels): min -> max",
+    ): "how far one step of setting down goes: the rest is the same to 1e-11",
+    (
+        f"{HERE}timing.py",
+        "ACCURACY = 1e-4: 1e-4 -> 0.00011000000000000002",
+    ): "a bound that only a test asks: the drives are 30 times nearer than either",
+    (
+        f"{HERE}run_terrain.py",
+        "known = np.isfinite(x + y + yaw): + -> -",
+    ): "a difference is as finite as a sum",
+    (
+        f"{HERE}run_terrain.py",
+        'right.append((blocks["body_z"][use] - np.mean(blocks["body_z"][use])) / HEIGHT_SD): - -> +',
+    ): FREE,
+    **{
+        (
+            f"{HERE}run_terrain.py",
+            "normal = normal + scipy.sparse.diags(np.full(normal.shape[0], 1e-9 * normal.diagonal().max())): " + change,
+        ): FREE
+        for change in (
+            "+ -> -",
+            "* -> /",
+            "max -> min",
+            "1e-9 * normal.diagonal().max() -> (1e-9)",
+            "normal + scipy.sparse.diags(np.full(normal.shape[0], 1e-9 * normal.diagonal().max())) -> (normal)",
+        )
+    },
+    (
+        f"{HERE}native/rigid_body.py",
+        "joints.append(Joint(parent, about.idx_q, about.idx_v, about.nq == 2, revolves, tuple(special))): == -> >=",
+    ): "behind the base a joint has one place in q or two, and the base's is not asked",
+    (
+        f"{HERE}native/rigid_body.py",
+        "other = np.roll(np.eye(3)[int(np.argmax(np.abs(axis)))], 1): 1 -> 2",
+    ): "either of the two other axes does",
+    (f"{HERE}native/compiled_body.py", 'sizes |= {"rotation": 9, "potential": 1}: 1 -> 2'): ROOM,
+    (
+        f"{HERE}native/compiled_body.py",
+        "address = ctypes.cast(getattr(handle, during.name()), ctypes.c_void_p).value or 0: 0 -> 1",
+    ): ADDRESS,
+    (
+        f"{HERE}native/compiled_body.py",
+        "held = np.array(before(np.zeros(0), tree.parameters)).ravel(): 0 -> 1",
+    ): "of a column of none CasADi takes none",
+    (f"{HERE}native/elimination.py", "for joint in range(1, model.njoints):: 1 -> 2"): (
+        "what the base's six meet is met below any joint"
+    ),
+    (
+        f"{HERE}native/lanes.py",
+        'return f"ALL({text})" if argument in shared else text: text -> (f"ALL({text})")',
+    ): "what is added to 0 in all lanes stays what it is",
+    (
+        f"{HERE}native/lanes.py",
+        "stack = sorted(wanted, reverse=True): True -> False",
+    ): "in which order values are written that do not need each other",
+    (
+        f"{HERE}native/library.py",
+        'assert sizes(made).drive == ctypes.sizeof(DriveStruct), "this compiler lays the struct Drive out otherwise": '
+        "== -> >=",
+    ): "no compiler at hand lays it out otherwise",
+    (f"{HERE}native/library.py", "room = np.zeros(count + 8): 8 -> 9"): ROOM,
+    (
+        f"{HERE}native/shared.py",
+        'f"  {form.format(name)};" + (f" /* {about} */" if about else ""): f" /* {about} */" -> ("")',
+    ): "a comment",
+    (
+        f"{HERE}native/shared.py",
+        'f"  {form.format(name)};" + (f" /* {about} */" if about else ""): "" -> (f" /* {about} */")',
+    ): "a comment",
+    (
+        f"{HERE}native/shared.py",
+        'MOST = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "MOTOR_OUT": 128, "SPOTS": 64}: 128 -> 129',
+    ): ROOM,
+}
