@@ -21,9 +21,9 @@ class CombinedShear(Effect):
     tau = (c + sigma tan phi) (1 - exp(-|j| / k)) points against the displacement of each point of the rim
     (`combined_forces`), so the resultant keeps to Eq (3): side force takes thrust away, and a slipping wheel slides
     sideways easily. With w = 1 it stands in for the side force of the effects before it (`SideShear`), per normal force
-    as `SoilTraction` has it; where the angles follow the sinkage the shear's share of f_n changes too. An effect on the
-    stresses (`PeakStress`) keeps its own straight shear. `form` and `angles` must be those of the model's
-    `SoilTraction`.
+    as `SoilTraction` has it; where the angles follow the sinkage the shear's share of f_n changes too. The moment
+    about the vertical is that of f_y along the contact. An effect on the stresses (`PeakStress`) keeps its own straight
+    shear. `form` and `angles` must be those of the model's `SoilTraction`.
     Source and what differs: `combined_forces`. Differs from the paper: it has no side force.
     """
 
@@ -47,4 +47,5 @@ class CombinedShear(Effect):
         grown = Load(*(w * (q - 1.0) * part for part in load))
         carried = w * q * load.f_n
         f_y = carried * sheared.f_y / sheared.along.f_n - w * q * load.f_y
-        return grown.plus(Load(carried * dF, f_y, 0.0, carried * dT))
+        moment = carried * sheared.moment / sheared.along.f_n - w * q * load.moment
+        return grown.plus(Load(carried * dF, f_y, 0.0, carried * dT, moment))

@@ -27,7 +27,9 @@ class FlankPressure(Effect):
     - 2 theta_1 cos theta_1). The pressure builds up with the way j_y = r (v_y / r omega)(theta_1 - theta_2) that the
     disc goes sideways while it passes. phi_f is the soil's own friction, not the rim's. B is 1 for a plate that is wide
     for its depth; a short one also moves the soil beside it, and the heap that it pushes stands above the ground. It
-    opposes v_y, so it only takes energy; its friction against sinking and turning is left out.
+    opposes v_y, so it only takes energy; its friction against sinking and turning is left out. The segment is even
+    before and behind the axle, so that its moment about the vertical is none: a rut that is open behind would move its
+    force ahead, pressure that builds up along the way behind, and neither is measured.
 
     Source: Hegedus (1960) in the form of Ishigami, Miwa, Nagatani and Yoshida, J. Field Robotics 24 (2007) 233, who let
     it act in full; that it builds up: Janosi's law. Differs from the paper: it has no side force.

@@ -37,7 +37,8 @@ class PostPeak(Effect):
         """Return what failure takes off the shear."""
         lost = self.lost(contact.S)
         pull = pull_of_shear(load.torque, contact.wheel, contact.S)
-        return Load(f_t=-lost * pull, f_y=-lost * load.f_y, torque=-lost * load.torque)
+        shear = {name: -lost * getattr(load, name) for name in ("f_y", "torque", "moment")}
+        return Load(f_t=-lost * pull, **shear)
 
     def lost(self, S: Scalar) -> Scalar:
         """Return the share L of the shear that is lost at slip S."""

@@ -22,8 +22,9 @@ class SideShear(Effect):
 
     j_y = S_y r (theta_1 - theta_2) / 2 is the sideways shear displacement half-way through the contact,
     A = r b (theta_1 - theta_2) its area. What f_t takes of the strength T is not there for f_y, so that the resultant
-    obeys Eq (3). Source: Yoshida and Ishigami, IROS 2004 (lateral shear by Janosi's law; there the shear is
-    integrated over the contact, here taken at its middle). Differs from the paper: it has no side force at all.
+    obeys Eq (3). The middle, r sin((theta_1 + theta_2) / 2) ahead of the axle, is its arm about the vertical.
+    Source: Yoshida and Ishigami, IROS 2004 (lateral shear by Janosi's law; there the shear is integrated over the
+    contact, here taken at its middle). Differs from the paper: it has no side force at all.
     """
 
     title: ClassVar[str] = "side shear"
@@ -40,4 +41,5 @@ class SideShear(Effect):
         strength = soil.c * wheel.b * length + load.f_n * ca.tan(soil.phi)
         grip = ca.if_else(j_y < 0.0, ca.expm1(j_y / soil.k), -ca.expm1(-j_y / soil.k))
         left = ca.fmax(strength * strength - load.f_t * load.f_t, (LEAST_SHARE * strength) ** 2 + 1e-24)
-        return Load(f_y=-self.scale * ca.sqrt(left) * grip)
+        f_y = -self.scale * ca.sqrt(left) * grip
+        return Load(f_y=f_y, moment=f_y * wheel.r * ca.sin((theta_1 + theta_2) / 2.0))

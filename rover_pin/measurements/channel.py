@@ -65,6 +65,8 @@ class RigChannel(Channel):
 
     column: ClassVar[str] = ""
     may_miss: ClassVar[bool] = True
+    is_sideways: ClassVar[bool] = False
+    "whether it is looked at only where a run has a slip angle"
 
     @staticmethod
     def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
@@ -121,6 +123,7 @@ class SideForce(RigChannel):
     name: ClassVar[str] = "side force"
     unit: ClassVar[str] = "N"
     column: ClassVar[str] = "lateral_N"
+    is_sideways: ClassVar[bool] = True
 
     @staticmethod
     def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
@@ -128,7 +131,26 @@ class SideForce(RigChannel):
         return 0.0
 
 
-RIG_CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce)
+@dataclass(frozen=True, eq=False)
+class VerticalMoment(RigChannel):
+    """What the soil turns a wheel at a slip angle with, about the vertical through its centre [N m].
+
+    Positive where it turns the wheel to its left. At a positive slip angle, where the wheel goes to its right, that is
+    further askew; the aligning moment of a tyre on a road has the other sign.
+    """
+
+    name: ClassVar[str] = "moment about the vertical"
+    unit: ClassVar[str] = "N m"
+    column: ClassVar[str] = "moment_z_Nm"
+    is_sideways: ClassVar[bool] = True
+
+    @staticmethod
+    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
+        """Return 0: Eqs (2)-(7) run straight; a `RigModel` has the moment."""
+        return 0.0
+
+
+RIG_CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce, VerticalMoment)
 """The channels of a rig, in the order in which they are read and predicted."""
 
 

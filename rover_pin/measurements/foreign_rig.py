@@ -12,7 +12,7 @@ import pandas as pd
 from rover_pin.columns import replace_file
 from rover_pin.contact import Wheel
 from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.measurements.channel import RIG_CHANNELS, SideForce
+from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.tables import read_table
 from rover_pin.measurements.wheel_rig import ANGLE, STRAIGHT
 from rover_pin.quantity import to_si
@@ -34,10 +34,12 @@ KNOWN = (
     Known("torque_Nm", "N m", ("torque", "wheel torque", "driving torque", "my", "t")),
     Known("sinkage_m", "m", ("sinkage", "wheel sinkage", "z", "h")),
     Known("lateral_N", "N", ("lateral", "lateral force", "side force", "fy")),
+    Known("moment_z_Nm", "N m", ("moment z", "mz", "vertical moment", "yaw moment", "steering moment")),
     Known("drawbar_pull_sd_N", "N", ("drawbar pull sd", "dp sd")),
     Known("torque_sd_Nm", "N m", ("torque sd",)),
     Known("sinkage_sd_m", "m", ("sinkage sd",)),
     Known("lateral_sd_N", "N", ("lateral sd", "side force sd")),
+    Known("moment_z_sd_Nm", "N m", ("mz sd",)),
     Known("travel_speed_mps", "m/s", ("travel speed", "carriage speed", "v", "vx")),
     Known("rim_speed_mps", "m/s", ("rim speed", "circumferential speed")),
     Known("slope_rad", "rad", ("slope", "slope angle", "incline")),
@@ -98,12 +100,13 @@ def read_foreign(file: Path) -> Read:
         made[known.column] = _in_si(table[name], unit, known, f"{file}: '{name}'")
         guessed = "" if unit or known.unit in ("", "text") else f", taken as {known.unit}"
         said.append(f"'{name}' is {known.column}{guessed}")
-    if SideForce.column in made and not _askew(made):
-        del made[SideForce.column]
-        said.append(
-            f"{SideForce.column} is not used: a side force is looked at in runs with {ANGLE} above {STRAIGHT} only; "
-            "add that column, positive where the wheel travels to its right"
-        )
+    for kind in RIG_CHANNELS if not _askew(made) else ():
+        if kind.is_sideways and kind.column in made:
+            del made[kind.column]
+            said.append(
+                f"{kind.column} is not used: a {kind.name} is looked at in runs with {ANGLE} above {STRAIGHT} only; "
+                "add that column, positive where the wheel travels to its right"
+            )
     if not any(kind.column in made for kind in RIG_CHANNELS):
         raise DataError(f"{file}: nothing that was measured is known: name it drawbar_pull_N, torque_Nm or sinkage_m.")
     missing = [name for name in NEEDED if name not in made]

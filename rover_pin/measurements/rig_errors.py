@@ -6,16 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rover_pin.contact import Scalar, Wheel
+from rover_pin.contact import Load, Scalar, Wheel
 from rover_pin.quantity import Record, declared_sds, quantity, record_from
 
 
 @dataclass(frozen=True)
 class RigErrors(Record):
-    """What a rig reads of the forces f_t, f_y, the torque T and the sinkage h of a wheel under the load W.
+    """What a rig reads of the forces f_t, f_y, torque T, moment M and sinkage h of a wheel under the load W.
 
     The wheel carries W' = s_W W. Read are s_f f_t + f_0 + x W', s_f f_y + f_y0, T + T_0 with T_0 the tare and the
-    friction of bearing and seals, and h + h_0, a zero that is off, or a radius that is told over or under the lugs.
+    friction of bearing and seals, h + h_0, a zero that is off, or a radius that is told over or under the lugs, and of
+    the moment about the vertical M + M_0 - x_0 f_y, by a cell whose axis stands x_0 ahead of the wheel's centre.
     Neutral is a rig without errors. What `rig.toml` states with an `sd` is a nuisance of every fit, with that prior;
     what it states without one is taken off as it is.
     Source: what rigs do; a constant 1.26 N m was 99 % of one measured set's torque residual.
@@ -29,13 +30,17 @@ class RigErrors(Record):
     load_scale: Scalar = quantity(1.0, "", "load over that stated: 1", 0.5, 2.0, "s_W")
     force_scale: Scalar = quantity(1.0, "", "reading over force: 1", 0.5, 2.0, "s_f")
 
-    def read(self, pull: Scalar, torque: Scalar, h: Scalar, side: Scalar, load: Scalar) -> tuple[Scalar, ...]:
-        """Return what the rig reads of pull [N], torque [N m], sinkage [m], side force [N] under the load W' [N]."""
+    moment_tare: Scalar = quantity(0.0, "N m", "none unless [rig] states it", -1e4, 1e4, "M_0")
+    moment_arm: Scalar = quantity(0.0, "m", "taken about the wheel's centre unless [rig] states it", -5.0, 5.0, "x_0")
+
+    def read(self, felt: Load, h: Scalar, load: Scalar) -> tuple[Scalar, ...]:
+        """Return what is read of pull [N], torque [N m], sinkage [m], side force [N], moment [N m] under W' [N]."""
         return (
-            self.force_scale * pull + self.pull_tare + self.crosstalk * load,
-            torque + self.torque_tare,
+            self.force_scale * felt.f_t + self.pull_tare + self.crosstalk * load,
+            felt.torque + self.torque_tare,
             h + self.sinkage_zero,
-            self.force_scale * side + self.side_tare,
+            self.force_scale * felt.f_y + self.side_tare,
+            felt.moment + self.moment_tare - self.moment_arm * felt.f_y,
         )
 
 

@@ -23,7 +23,8 @@ from rover_pin.trust import Trust
 
 TEXTS = ("kind", "name", "source", "licence", "method", "missing", "note")
 BEKKER_UNITS = {"k_c": "N/m^(n+1)", "k_phi": "N/m^(n+2)"}
-CHANNELS = ("drawbar_pull", "torque", "sinkage", "lateral")
+CHANNELS = tuple(kind.column.rpartition("_")[0] for kind in RIG_CHANNELS)
+"""Channels as `[noise]` names them."""
 SLOPE, STEEPEST = "slope_rad", math.radians(60.0)
 """The incline that a wheel climbs at a steady slip, in place of its drawbar pull; the most that is read [rad]."""
 

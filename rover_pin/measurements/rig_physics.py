@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from rover_pin.errors import DataError
-from rover_pin.measurements.channel import DrawbarPull, RigChannel, Sinkage, Torque
+from rover_pin.measurements.channel import DrawbarPull, RigChannel, SideForce, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.wheel_rig import WheelRig
 
@@ -58,7 +58,7 @@ def refuse_impossible(rig: WheelRig) -> None:
 
 def suspicions(rig: WheelRig) -> list[Finding]:
     """Return what is possible and hardly meant."""
-    return [*_units(rig), *_pulls(rig), *_ground(rig)]
+    return [*_units(rig), *_pulls(rig), *_ground(rig), *_arm(rig)]
 
 
 def _impossible(rig: WheelRig) -> Iterator[Finding]:
@@ -80,7 +80,7 @@ def _too_much(rig: WheelRig, channel: RigChannel) -> Iterator[Finding]:
     if isinstance(channel, Sinkage):
         return
     share = np.abs(_over_load(rig, channel))
-    of = "load times radius" if isinstance(channel, Torque) else "load"
+    of = _of(channel)
     todo = f"check the units of {channel.column} and load_N"
     if np.nanmedian(share) > MOST_FORCE:
         yield Finding(f"{channel.column} is {np.nanmedian(share):.3g} times the {of}, more than any soil gives",
@@ -151,8 +151,7 @@ def _units(rig: WheelRig) -> Iterator[Finding]:
             continue
         share = float(np.median(_over_load(rig, channel)[use]))
         if share > MUCH_FORCE[type(channel)]:
-            of = "load times radius" if isinstance(channel, Torque) else "load"
-            what = f"{channel.column} is {share:.3g} times the {of} in the median, more than sand gives"
+            what = f"{channel.column} is {share:.3g} times the {_of(channel)} in the median, more than sand gives"
             yield Finding(what, rig.name, "see whether load_N is in kg, or a sensor carries an offset")
     torque = _channel(rig, Torque)
     slipping = (rig.slip > SLIPPING) & torque.seen if torque is not None else np.zeros(1, dtype=bool)
@@ -210,10 +209,30 @@ def _ground(rig: WheelRig) -> Iterator[Finding]:
         yield Finding(what, rig.name, "check load_N (newtons, not kg), sinkage_m, and r and b of [wheel]")
 
 
+def _arm(rig: WheelRig) -> Iterator[Finding]:
+    """Yield a moment about the vertical whose side force would stand beyond the wheel."""
+    moment, side = _channel(rig, VerticalMoment), _channel(rig, SideForce)
+    if moment is None or side is None:
+        return
+    use = moment.seen & side.seen & rig.askew & (np.abs(side.measured) > SURE * side.sd)
+    if not use.any():
+        return
+    force = side.measured[use]
+    arm, sd = (float(np.median(each)) for each in (moment.measured[use] / force, moment.sd[use] / np.abs(force)))
+    if abs(arm) > float(rig.wheel.r) + SURE * sd:
+        where = "ahead of" if arm > 0.0 else "behind"
+        what = f"by {VerticalMoment.column} the side force acts {abs(arm):.3g} m {where} the axle, beyond the rim"
+        yield Finding(what, rig.name, "take it about the wheel's centre, or state moment_arm in [rig]; check its unit")
+
+
 def _over_load(rig: WheelRig, channel: RigChannel) -> np.ndarray:
-    """Return a force over the load, a torque over load times radius (runs,)."""
-    arm = float(rig.wheel.r) if isinstance(channel, Torque) else 1.0
+    """Return a force over the load, a torque or moment over load times radius (runs,)."""
+    arm = float(rig.wheel.r) if channel.unit == "N m" else 1.0
     return np.asarray(channel.measured / (rig.loads * arm))
+
+
+def _of(channel: RigChannel) -> str:
+    return "load times radius" if channel.unit == "N m" else "load"
 
 
 def _channel(rig: WheelRig, kind: type[RigChannel]) -> RigChannel | None:

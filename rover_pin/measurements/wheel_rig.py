@@ -15,7 +15,7 @@ import pandas as pd
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError, ParameterError
-from rover_pin.measurements.channel import FIELDS, RIG_CHANNELS, Predictor, RigChannel, SideForce, Sinkage
+from rover_pin.measurements.channel import FIELDS, RIG_CHANNELS, Predictor, RigChannel, Sinkage
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
 from rover_pin.measurements.known import Known, declared_ranges, stated_ranges
 from rover_pin.measurements.prediction import CompiledPrediction
@@ -77,7 +77,7 @@ class WheelRig:
     load : float or array [points]
         Vertical load [N].
     channels : tuple of RigChannel
-        What was measured: `DrawbarPull`, `Torque`, `Sinkage`, `SideForce`, each with the standard deviation of one run.
+        What was measured: `DrawbarPull`, `Torque`, `Sinkage`, `SideForce`, `VerticalMoment`, with the SD of one run.
     wheel_range : mapping
         name -> (low, high) of sizes of the wheel, or constants of the soil, that are known only so well.
     declared : mapping
@@ -250,7 +250,7 @@ def slip_angles(table: pd.DataFrame, where: str) -> np.ndarray:
 
 def _channels(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> tuple[RigChannel, ...]:
     askew = (np.abs(slip_angles(table, where)) > STRAIGHT).any()
-    present = [kind for kind in RIG_CHANNELS if kind.column in table and (askew or kind is not SideForce)]
+    present = [kind for kind in RIG_CHANNELS if kind.column in table and (askew or not kind.is_sideways)]
     return tuple(
         kind(column(table[kind.column], kind.column, where, gaps=True), _sd(kind, table, noise, where))
         for kind in present

@@ -17,6 +17,8 @@ from rover_pin.quantity import Record, quantities
 GEOMETRY = ("h", "v_x", "v_y", "v_n", "rim", "x", "axle")
 """What the geometry knows of a patch; wheel and soil constants follow in the contact vector."""
 SPEEDS = slice(1, 5)
+DRIVEN = 4
+"""Entries of a `Load` that a drive takes: not the moment about the normal, which a rig alone reads."""
 MAX_STATES = 8
 
 
@@ -81,7 +83,7 @@ def contact_law(effects: Sequence[Effect]) -> ca.Function:
     contact = contact._replace(S=known[0], S_y=known[1], h=known[2])
     load, rates = loaded(own, contact, states)
     inputs = ca.vertcat(*geometry.values())
-    force, rate, x = ca.vertcat(*load), _column(rates), _column(states)
+    force, rate, x = ca.vertcat(*load[:DRIVEN]), _column(rates), _column(states)
     blocks = [
         force,
         *_through(known, slip, force, inputs[SPEEDS]),

@@ -22,6 +22,8 @@ class ShearedSideways(NamedTuple):
     along: WheelForces
     f_y: Scalar
     "side force of the rim [N], negative for S_y > 0"
+    moment: Scalar
+    "of the side force about the vertical through the wheel's centre [N m], positive turning it to its left"
 
 
 def sideways_ratio(S: Scalar, S_y: Scalar) -> Scalar:
@@ -44,7 +46,14 @@ def combined_forces(
         j_x = r {theta_1 - theta - (v / r omega)(sin theta_1 - sin theta)},   j_y = r (v_y / r omega)(theta_1 - theta),
         tau = (c + sigma tan phi) (1 - exp(-|j| / k)) along (j_x, -j_y) / |j|,   |j| = sqrt(j_x^2 + j_y^2),
 
-    so that the resultant keeps to Eqs (2) and (3) at every point, and j_y = 0 is `wheel_forces`.
+    so that the resultant keeps to Eqs (2) and (3) at every point, and j_y = 0 is `wheel_forces`. The side shear at
+    theta acts x = r sin theta ahead of the axle:
+
+        f_y = -r b int tau_y dtheta,   M_z = int x df_y = -r^2 b int tau_y sin theta dtheta,
+
+    M_z about the vertical through the wheel's centre with x forward, y left, z up. The contact lies mostly ahead of the
+    axle, so M_z has the sign of f_y and turns the wheel further askew, where a tyre on a road comes back. Limits: the
+    thrust is even over the width, so that it has no arm; a wheel that does not turn about the vertical has no torsion.
 
     Parameters
     ----------
@@ -53,9 +62,9 @@ def combined_forces(
     angles : tuple of Scalar
         theta_1, theta_2 [rad] as in `wheel_forces`.
 
-    Source: Eqs (2)-(7), the stress along the displacement as Wong and Chiang, Proc. IMechE D 215 (2001) 343, take it
-    under a track (Yoshida and Ishigami, IROS 2004, take both shears in full, beyond Eq 3). Differs from the paper: its
-    wheel runs straight.
+    Source: Eqs (2)-(7), M_z by statics; the stress along the displacement as Wong and Chiang, Proc. IMechE D 215 (2001)
+    343, take it under a track, and Jia, Smith and Peng, Robotica 30 (2012) 491, under a steered wheel (Yoshida and
+    Ishigami, IROS 2004, take both shears in full, beyond Eq 3). Differs from the paper: its wheel runs straight.
     """
     theta_1, theta_2 = angles
     length = theta_1 - ca.fmax(theta_2, -theta_1)
@@ -64,7 +73,9 @@ def combined_forces(
     arc = integrate(theta_1, 0.0, length, along, strong, rule)
     side = integrate(theta_1, 0.0, length, across, strong, rule)
     area = wheel.r * wheel.b * stress_scale(wheel, soil)
-    return ShearedSideways(assemble(arc, theta_1, length, wheel, soil), -area * side.tau)
+    return ShearedSideways(
+        assemble(arc, theta_1, length, wheel, soil), -area * side.tau, -area * wheel.r * side.tau_sin
+    )
 
 
 def _laws(ratio: Scalar, sideways: Scalar, stiffness: Scalar) -> tuple[Mobilised, Mobilised]:

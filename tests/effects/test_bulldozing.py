@@ -12,7 +12,7 @@ def test_size_by_hand(patch):
     added = Bulldozing(share=1.0, gamma=15700.0).load(contact, Load(), ())
     by_hand = 0.05 * (2 * 3**0.5 * 100.0 * 0.006 + 6.0 * 15700.0 * 0.006**2)
     assert by_hand == pytest.approx(0.2735, abs=1e-4)
-    assert [float(part) for part in added] == pytest.approx([-by_hand, 0.0, 0.0, 0.0], rel=1e-5)
+    assert [float(part) for part in added] == pytest.approx([-by_hand, 0.0, 0.0, 0.0, 0.0], rel=1e-5)
 
 
 def test_it_opposes_travel_and_spares_a_parked_wheel(patch):

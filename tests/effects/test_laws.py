@@ -228,7 +228,7 @@ def test_the_peak_stays_within_the_arc_by_a_fiftieth_of_it(patch, a_0, a_1, shar
     effect = PeakStress(share=1.0, a_0=a_0, a_1=a_1, form=TorqueTraction(), angles=SinkageAngles())
     before = Load(f_t=flat.torque / wheel.r, f_n=flat.f_n, torque=flat.torque)
     left = before.plus(effect.load(contact, before, ()))
-    assert list(left) == pytest.approx([peaked.torque / wheel.r, 0.0, peaked.f_n, peaked.torque], rel=1e-9)
+    assert list(left) == pytest.approx([peaked.torque / wheel.r, 0.0, peaked.f_n, peaked.torque, 0.0], rel=1e-9)
 
 
 # --- sensors ---------------------------------------------------------------------------------------------------------

@@ -36,13 +36,14 @@ def test_combined_shear_stands_in_for_a_share_of_the_straight_forces(patch, form
     """Forces (1 - w) straight + w combined, whatever side force was there; fixed angles hold f_n to the sinkage's."""
     wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=200.0, k=0.008, exit_ratio=0.2)
     contact = patch(S=-0.3, S_y=0.25, h=0.009, wheel=wheel, soil=soil)
-    straight = SoilTraction(form, angles).load(contact, Load(), ()).plus(Load(f_y=0.7))
+    straight = SoilTraction(form, angles).load(contact, Load(), ()).plus(Load(f_y=0.7, moment=0.03))
     found = straight.plus(CombinedShear(share=share, form=form, angles=angles).load(contact, straight, ()))
     arc = angles.angles(0.009, wheel, soil)
     sheared = combined_forces(-0.3, 0.25 / 0.7, arc, wheel, soil, NODES)
     f_n = straight.f_n if isinstance(angles, FixedAngles) else sheared.along.f_n
     per_load = (form.factor(sheared.along, wheel, -0.3), sheared.f_y / sheared.along.f_n, 1.0)
-    combined = [f_n * each for each in (*per_load, sheared.along.torque / sheared.along.f_n)]
+    turning = (sheared.along.torque / sheared.along.f_n, sheared.moment / sheared.along.f_n)
+    combined = [f_n * each for each in (*per_load, *turning)]
     expected = [(1 - share) * one + share * other for one, other in zip(straight, combined, strict=True)]
     assert list(found) == pytest.approx(expected, rel=1e-9)
 
@@ -78,7 +79,7 @@ def test_lugs_add_the_shear_between_rim_and_their_own_radius(patch):
     wheel, q = Wheel(r=0.06), 1 + 0.4 * 0.005 / 0.06
     before = Load(f_t=1.3, f_y=0.4, f_n=8.0, torque=0.09)
     found = Grousers(h_s=0.005, lambda_s=0.4).load(patch(wheel=wheel), before, ())
-    assert list(found) == pytest.approx([(q - 1) * 0.09 / 0.06, 0.0, 0.0, (q * q - 1) * 0.09])
+    assert list(found) == pytest.approx([(q - 1) * 0.09 / 0.06, 0.0, 0.0, (q * q - 1) * 0.09, 0.0])
 
 
 @pytest.mark.parametrize("S", [0.3, -0.4])
@@ -112,7 +113,7 @@ def test_ploughing_pushes_by_its_heap_and_lifts_where_the_skid_ends(patch, v, x,
     heap = 1.4 * (1 - math.exp(-0.8 * x)) * 0.04 * (2 * 200.0 * 0.01 + 13000.0 * 0.01**2)
     lift = 9.0 * 0.01 * 0.8 * max(x + math.log(1 + min(S, 0.0)), 0.0) / (1.7 * 0.05)
     assert float(found.f_t) == pytest.approx(-(heap + lift) * v / math.hypot(v, 0.005), rel=1e-9, abs=1e-15)
-    assert tuple(found[1:]) == (0.0, 0.0, 0.0)
+    assert tuple(found[1:]) == (0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(("x", "e_b"), [(0.3, 0.4), (0.3, 2.0), (3.0, 2.0), (-0.2, 0.4)])
@@ -270,7 +271,7 @@ def test_at_its_neutral_values_a_kind_with_a_memory_never_acts(kind, S, patch, d
         assert np.array(amended[:9]) == pytest.approx(np.array(contact[:9]))
         assert list(amended.soil.values().values()) == pytest.approx(list(contact.soil.values().values()))
         back = effect.load(amended._replace(S=-0.2, v_x=0.02), before, tuple(x))
-        assert [float(each) for each in back] == pytest.approx([0.0] * 4, abs=1e-12)
+        assert [float(each) for each in back] == pytest.approx([0.0] * 5, abs=1e-12)
     else:
         assert list(effect.amend(motor, tuple(x))) == pytest.approx(list(motor))
         assert float(effect.torque(motor, 0.1, tuple(x))) == 0.0

@@ -11,7 +11,7 @@ from rover_pin.discrepancy.search import calibrated
 from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model, write_model
 from rover_pin.measurements.reading import read_evidence
 from rover_pin.measurements.rig_errors import RigErrors
@@ -79,13 +79,15 @@ def test_a_radius_that_is_not_sure_is_fitted_within_its_range(tmp_path):
 
 def test_readings_are_those_of_the_true_load_scaled_and_shifted():
     soil = Soil(k=0.01)
-    errors = RigErrors(0.1, 0.2, 0.3, 0.001, crosstalk=0.02, load_scale=1.1, force_scale=0.9)
-    true = RigModel(Wheel(), soil).predict([11.0, 11.0], [0.1, 0.4])
-    read = RigModel(Wheel(), soil, errors=errors).predict([10.0, 10.0], [0.1, 0.4])
+    errors = RigErrors(0.1, 0.2, 0.3, 0.001, 0.02, 1.1, force_scale=0.9, moment_tare=0.004, moment_arm=0.02)
+    true = RigModel(Wheel(), soil, ASKEW).predict([11.0, 11.0], [0.1, 0.4], slip_angle=0.3)
+    read = RigModel(Wheel(), soil, ASKEW, errors).predict([10.0, 10.0], [0.1, 0.4], slip_angle=0.3)
     assert read.drawbar_pull == pytest.approx(0.9 * true.drawbar_pull + 0.2 + 0.02 * 11.0)
     assert read.torque == pytest.approx(true.torque + 0.1)
     assert read.sinkage == pytest.approx(true.sinkage + 0.001)
     assert read.side_force == pytest.approx(0.9 * true.side_force + 0.3)
+    assert read.moment == pytest.approx(true.moment + 0.004 - 0.02 * true.side_force)
+    assert true.moment.min() > 0.0
 
 
 def test_a_rig_without_errors_reads_what_is(folder):

@@ -15,7 +15,7 @@ ENTRY, EXIT = 0.8, -0.15
 
 
 def by_hand(S, sideways):
-    """f_n, f_t, f_y and torque of Eqs (2)-(7) with the stress along the displacement, by adaptive quadrature."""
+    """f_n, f_t, f_y, torque and M_z of Eqs (2)-(7), the stress along the displacement, by adaptive quadrature."""
     ratio = 1 - S if S >= 0 else 1 / (1 + S)
 
     def stresses(at):
@@ -31,7 +31,8 @@ def by_hand(S, sideways):
 
     f_n = total(lambda at, sigma, x, y: sigma * math.cos(at) + x * math.sin(at))
     f_t = total(lambda at, sigma, x, y: x * math.cos(at) - sigma * math.sin(at))
-    return f_n, f_t, -total(lambda at, sigma, x, y: y), 0.0625 * total(lambda at, sigma, x, y: x)
+    f_y, torque = -total(lambda at, sigma, x, y: y), 0.0625 * total(lambda at, sigma, x, y: x)
+    return f_n, f_t, f_y, torque, -0.0625 * total(lambda at, sigma, x, y: y * math.sin(at))
 
 
 @pytest.mark.parametrize("S", [-0.6, -0.2, 0.0, 0.3, 0.9])
@@ -39,7 +40,10 @@ def by_hand(S, sideways):
 def test_forces_are_the_integrals(S, sideways):
     found = combined_forces(S, sideways, (ENTRY, EXIT), WHEEL, SOIL, 60)
     along = found.along
-    assert [along.f_n, along.f_t, found.f_y, along.torque] == pytest.approx(by_hand(S, sideways), rel=2e-4, abs=2e-3)
+    expected = by_hand(S, sideways)
+    assert [along.f_n, along.f_t, found.f_y, along.torque] == pytest.approx(expected[:4], rel=2e-4, abs=2e-3)
+    assert found.moment == pytest.approx(expected[4], rel=2e-4)
+    assert found.moment * found.f_y > 0.0, "most of the contact is ahead of the axle"
 
 
 @pytest.mark.parametrize("S", [-0.9, -0.3, 0.0, 0.2, 1.0])
@@ -52,6 +56,7 @@ def test_a_wheel_that_runs_straight_is_the_straight_one(S):
 def test_side_force_is_odd_and_takes_thrust_away():
     left, right = (combined_forces(0.2, y, (ENTRY, EXIT), WHEEL, SOIL) for y in (0.3, -0.3))
     assert left.f_y == pytest.approx(-right.f_y)
+    assert left.moment == pytest.approx(-right.moment)
     assert left.f_y < 0.0
     assert left.along.thrust == pytest.approx(right.along.thrust)
     assert left.along.thrust < wheel_forces(0.2, ENTRY, EXIT, WHEEL, SOIL).thrust

@@ -8,9 +8,10 @@ from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS
 from rover_pin.identification.identifiability import SAME_LOAD
-from rover_pin.measurements.channel import RigChannel, SideForce
+from rover_pin.measurements.channel import RigChannel
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
+from rover_pin.measurements.wheel_rig import STRAIGHT
 
 FEWEST_LEVELS = 3
 """Levels with which an effect that depends on slip can be held out and told from a constant."""
@@ -86,7 +87,7 @@ def findings(data: RigSet) -> list[Finding]:
     rig = data.rig
     found = [*data.misspelt, *suspicions(rig)]
     present = [type(channel) for channel in rig.channels]
-    missing = [kind for kind in ROWS if kind not in present and kind is not SideForce]
+    missing = [kind for kind in ROWS if kind not in present and not kind.is_sideways]
     for kind in missing:
         found.append(Finding(f"{kind.name} was not measured", kind.column, "effects that it alone shows stay hidden"))
     if np.max(rig.load) < SAME_LOAD * np.min(rig.load):
@@ -111,13 +112,22 @@ def _missing_cells(channel: RigChannel) -> list[Finding]:
 
 
 def repeats(data: RigSet) -> np.ndarray:
-    """Return which group of repeats each run is of: those of a level whose loads differ by less than SAME_WEIGHT."""
-    order = np.lexsort((data.rig.load, data.level))
-    load, level = data.rig.load[order], data.level[order]
-    other = (np.diff(level) != 0) | (load[1:] > SAME_WEIGHT * load[:-1])
+    """Return which group of repeats each run is of: of a level and slip angle, loads by less than SAME_WEIGHT apart."""
+    askew = _apart(np.asarray(data.rig.slip_angle))
+    order = np.lexsort((data.rig.load, askew, data.level))
+    load, level, angle = data.rig.load[order], data.level[order], askew[order]
+    other = (np.diff(level) != 0) | (np.diff(angle) != 0) | (load[1:] > SAME_WEIGHT * load[:-1])
     group = np.empty(order.size, dtype=int)
     group[order] = np.concatenate([[0], np.cumsum(other)])
     return group
+
+
+def _apart(angle: np.ndarray) -> np.ndarray:
+    """Return which class of slip angles each run is of: neighbours by less than STRAIGHT apart are of one."""
+    order = np.argsort(angle)
+    found = np.empty(angle.size, dtype=int)
+    found[order] = np.concatenate([[0], np.cumsum(np.diff(angle[order]) > STRAIGHT)])
+    return found
 
 
 def repeat_sd(data: RigSet, channel: RigChannel) -> float:

@@ -19,9 +19,9 @@ from rover_pin.experiments.wheel_rig.model import UNBALANCED, RigModel, RigPredi
 from rover_pin.experiments.wheel_rig.presets import known_heights
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.soil_space import MOST_EXIT
-from rover_pin.measurements.channel import DrawbarPull, RigChannel, SideForce, Sinkage, Torque
+from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, Sinkage, Torque
 
-ROWS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce)
+ROWS: tuple[type[RigChannel], ...] = RIG_CHANNELS
 """The channels in the order in which a rig model predicts them."""
 LOST = 1e3
 """What stands for the channels of a run whose load no sinkage carries [channel's unit]: far, but finite."""

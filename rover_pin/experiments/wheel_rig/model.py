@@ -48,6 +48,8 @@ class Steady(NamedTuple):
     "[m]"
     side_force: np.ndarray
     "along the axle, positive where the soil resists the sideways motion of a positive slip angle [N]"
+    moment: np.ndarray
+    "about the vertical through the wheel's centre, positive turning it to its left [N m]"
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,7 @@ def conditions(
 
 
 class Predicted(NamedTuple):
-    """Channels [4, runs], their derivatives [4, runs, free], and the relative error of the carried load [runs]."""
+    """Channels [5, runs], their derivatives [5, runs, free], and the relative error of the carried load [runs]."""
 
     values: np.ndarray
     jacobian: np.ndarray

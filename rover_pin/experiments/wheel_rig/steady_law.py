@@ -30,7 +30,7 @@ DEEPEST = 0.98
 CONDITIONS = 5
 """Inputs of a steady run: load [N], slip [-], speed along the heading, rim speed, speed along the axle [m/s]."""
 
-VALUES = 4
+VALUES = 5
 """What is predicted at each run."""
 
 
@@ -93,7 +93,7 @@ def _balance(effects: tuple[Effect, ...]) -> Balance:
     errors = RigErrors().replace(**{one: p[names.index(f"rig.{one}")] for one in quantities(RigErrors)})
     true = ca.vertcat(condition[0] * errors.load_scale, condition[1:])
     load, balance, start = _chained(effects, true, p, z)
-    read = ca.vertcat(*errors.read(load.f_t, load.torque, ca.exp(z[0]), load.f_y, true[0]))
+    read = ca.vertcat(*errors.read(load, ca.exp(z[0]), true[0]))
     values, balance = ca.cse([read, balance])
     step = -_solve(ca.jacobian(balance, z), balance)
     first = ca.Function("first", [condition, p], [start])
