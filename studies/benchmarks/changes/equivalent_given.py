@@ -164,4 +164,18 @@ GIVEN: dict[tuple[str, str], str] = {
         f"{HERE}native/shared.py",
         'MOST = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "MOTOR_OUT": 128, "SPOTS": 64}: 128 -> 129',
     ): ROOM,
+    (
+        f"{HERE}native/shared.py",
+        'MOST = {"DOF": MAX_DOF, "COLS": MAX_COLS, "STATES": MAX_STATES, "MOTOR_OUT": 128, "SPOTS": 64}: 64 -> 65',
+    ): ROOM,
+    (f"{HERE}native/loop.py", "row = np.zeros(1, dtype=self.rows.dtype): 1 -> 2"): ROOM,
+    (f"{HERE}native/loop.py", "self.moved = np.zeros(3): 3 -> 4"): ROOM,
+    (
+        f"{HERE}native/control.py",
+        "return handle, ctypes.cast(getattr(handle, law.name()), ctypes.c_void_p).value or 0: 0 -> 1",
+    ): ADDRESS,
+    (
+        f"{HERE}resolution.py",
+        "if touching[i] and record[i, 2] > h[i] and float(modulus(mount.wheel, soil)) > 0.0: 0.0 -> 0.1",
+    ): "no soil has a modulus of a tenth of a pascal",
 }
