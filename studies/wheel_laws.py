@@ -54,13 +54,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from forms.curves import BASELINES, carried_over, left_out
+from forms.error_bars import draw_error_bars, last_law
 from forms.joined import joined
 from forms.sinkage import DingMetres, Exponential, Lyasko, Squared
 
@@ -81,7 +78,7 @@ from rover_pin.experiments.wheel_rig.candidates import numbers_of, own_sizes
 from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
-from rover_pin.plot import write_csv
+from rover_pin.plot import save, write_csv
 
 DATA = Path(__file__).parent / "data"
 LUG_HEIGHT, REPOSE, DENSITY = 0.005, np.radians(29.0), 1330.0 * 9.81
@@ -168,7 +165,7 @@ def main() -> None:
     asked.out.mkdir(parents=True, exist_ok=True)
     write_csv(frame, asked.out / "wheel_laws.csv")
     print(shown(frame))
-    draw(frame).savefig(asked.out / "wheel_laws.png", dpi=140)
+    save(draw_error_bars(frame), asked.out / "wheel_laws.png")
     print(f"written: {asked.out / 'wheel_laws.csv'}, {asked.out / 'wheel_laws.png'}")
 
 
@@ -191,22 +188,8 @@ def ahead(frame: pd.DataFrame) -> list[str]:
     found = []
     for name in REACH:
         errors = frame[frame["set"] == name].set_index("law")["in_sds"]
-        law = [each for each in errors.index if each not in BASELINES][-1]
-        found += [name] if errors[law] < min(errors["quadratic"], errors["Gaussian process"]) else []
+        found += [name] if errors[last_law(errors)] < min(errors["quadratic"], errors["Gaussian process"]) else []
     return found
-
-
-def draw(frame: pd.DataFrame) -> plt.Figure:
-    """Draw the errors of all laws, one panel a set; grey: the baselines."""
-    sets = list(dict.fromkeys(frame["set"]))
-    figure, axes = plt.subplots(1, len(sets), figsize=(3.6 * len(sets), 3.6), layout="constrained", squeeze=False)
-    for axis, name in zip(axes[0], sets, strict=True):
-        for one in frame[frame["set"] == name].itertuples():
-            colour = "#999999" if one.law in BASELINES else "#1f6f8b"
-            axis.plot(one.drawbar_pull_N, one.sinkage_mm, "o", color=colour)
-            axis.annotate(one.law, (one.drawbar_pull_N, one.sinkage_mm), fontsize=6)
-        axis.set(title=name, xscale="log", yscale="log", xlabel="drawbar pull [N]", ylabel="sinkage [mm]")
-    return figure
 
 
 def table(quick: bool = False) -> list[Row]:

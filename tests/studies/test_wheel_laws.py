@@ -4,6 +4,7 @@ import importlib
 import re
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -63,6 +64,28 @@ def test_the_page_says_on_which_sets_the_laws_are_ahead_of_both_curves(study):
         law = next(each for each in reversed(errors.index) if each not in study.BASELINES)
         numbers = [f"{errors[each]:.2f}" for each in (law, "quadratic", "Gaussian process")]
         assert re.search(rf"{name}\D* {numbers[0]}(?: SD)? \({numbers[1]}, {numbers[2]}", said), name
+
+
+def test_the_bars_are_the_tables_errors_in_one_unit(study):
+    """One bar a law and set, as long as its error of all channels in their noise; a label says each."""
+    rows = pd.read_csv(ROOT / "studies" / "results" / "wheel_laws.csv")
+    figure = study.draw_error_bars(rows)
+    (axis,) = figure.axes
+    sds = rows.set_index(["set", "law"])["in_sds"]
+    of = lambda name, *laws: [sds[name, law] for law in laws]  # noqa: E731
+    expected = [
+        *of("braked", "base", "ploughing", "quadratic", "Gaussian process"),
+        *of("one sand: braked", "+ smooth rims + rate"),
+        *of("both signs", "base", "softening + ploughing", "quadratic", "Gaussian process"),
+    ]
+    for name, own in (("braked", expected[:5]), ("both signs", expected[5:])):
+        at = list(study.REACH).index(name)
+        bars = [each for each in axis.patches if abs(each.get_y() + each.get_height() / 2 - at) < 0.5]
+        assert sorted(each.get_width() for each in bars) == pytest.approx(sorted(own))
+    assert len(axis.patches) == 4 * len(study.REACH) + 4
+    assert {each.get_text() for each in axis.texts} >= {f"{each:.1f}" for each in expected}
+    assert "SD" in axis.get_xlabel()
+    plt.close(figure)
 
 
 def test_the_page_compares_with_what_was_to_be_reached(study):

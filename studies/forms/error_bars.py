@@ -1,0 +1,67 @@
+"""One error for each set, of all channels in their noise, as bars: the base, the law, and curves through the points."""
+
+from __future__ import annotations
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from forms.curves import BASELINES
+
+BARS = {
+    "base": ("#c9d6db", "base: the first law of each set's table"),
+    "law": ("#1f6f8b", "law: the last one, named on the left"),
+    "one soil": ("#7fb3c4", "laws of all sets with one soil under all wheels"),
+    "quadratic": ("#d9a441", "quadratic"),
+    "Gaussian process": ("#8f8f8f", "Gaussian process"),
+}
+"""Bars of a set from above: colour and words."""
+ONE_SAND = "one sand: "
+"""What stands before a set's name where all sets are fitted with one soil."""
+HEIGHT = 0.17
+
+
+def last_law(errors: pd.Series) -> str:
+    """Return the last law of a set's errors (by law) that is no curve through its points."""
+    return str([each for each in errors.index if each not in BASELINES][-1])
+
+
+def by_set(frame: pd.DataFrame) -> dict[str, tuple[str, dict[str, float]]]:
+    """Return set -> its last law and the error in SDs of each bar; "one soil" where all sets were fitted together."""
+    found: dict[str, tuple[str, dict[str, float]]] = {}
+    for key, rows in frame.groupby("set", sort=False):
+        name, errors = str(key), rows.set_index("law")["in_sds"]
+        law = last_law(errors)
+        if name.startswith(ONE_SAND):
+            found[name.removeprefix(ONE_SAND)][1]["one soil"] = float(errors[law])
+        else:
+            own = {"base": float(errors.iloc[0]), "law": float(errors[law])}
+            found[name] = law, own | {each: float(errors[each]) for each in ("quadratic", "Gaussian process")}
+    return found
+
+
+def draw_error_bars(frame: pd.DataFrame) -> plt.Figure:
+    """Draw the held-out error of each set, all channels together, each in its noise; 1 is the noise."""
+    sets = by_set(frame)
+    figure, axis = plt.subplots(figsize=(8.6, 1.1 + 0.95 * len(sets)), layout="constrained")
+    said: set[str] = set()
+    for at, (_, errors) in enumerate(sets.values()):
+        shown = [bar for bar in BARS if bar in errors]
+        for place, bar in enumerate(shown):
+            y, (colour, words) = at + (place - (len(shown) - 1) / 2) * HEIGHT, BARS[bar]
+            axis.barh(y, errors[bar], 0.9 * HEIGHT, color=colour, label="" if bar in said else words)
+            axis.annotate(f"{errors[bar]:.1f}", (errors[bar], y), (3, 0), textcoords="offset points", va="center",
+                          fontsize=7)  # fmt: skip
+            said.add(bar)
+    axis.axvline(1.0, color="black", linewidth=0.8)
+    axis.annotate("noise", (1.0, 1.0), (0, 2), xycoords=("data", "axes fraction"), textcoords="offset points",
+                  ha="center", fontsize=8)  # fmt: skip
+    axis.set_yticks(np.arange(len(sets)), [f"{name}\n{law}" for name, (law, _) in sets.items()], fontsize=8)
+    axis.set(xlabel="held-out error of all channels, each in its noise [SD]", ylim=(len(sets) - 0.45, -0.55))
+    axis.margins(x=0.06)
+    axis.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=8.5)
+    return figure
