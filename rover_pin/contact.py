@@ -86,9 +86,20 @@ class Contact(NamedTuple):
     uncompacted: Scalar = 0.0
     "share of what compaction costs more in a deeper rut that the traction law leaves out [-]"
 
-    def sense(self, v_0: Scalar) -> Scalar:
-        """Return v / sqrt(v^2 + v_0^2): 1 under way, fading below the speed v_0 [m/s], so that rest is not pushed."""
-        return self.v_x / ca.sqrt(self.v_x * self.v_x + v_0 * v_0)
+    def sense(self, v_0: Scalar, q: Scalar = 1.0) -> Scalar:
+        """Return v / sqrt(v^2 + u^2), u = `fading` of the rim: 1 under way, so fading that rest is not pushed."""
+        u = fading(self.rim, v_0, q)
+        return self.v_x / ca.sqrt(self.v_x * self.v_x + u * u)
+
+
+def fading(rim: Any, v_0: Scalar, q: Scalar = 1.0) -> Any:
+    """Return u = v_0 (v_0 / sqrt(v_0^2 + (r omega)^2))^q [m/s], the travel below which a resistance fades.
+
+    A resistance is Coulomb's: at rest any share of it may act, so that no answer may hang on u. Where wheels stand u is
+    v_0, and nothing moves; where they turn it falls with the rim, so that a wheel that stalls is held, and does not
+    creep. Source: a regularisation (assumed); the answer is that of v_0 -> 0.
+    """
+    return v_0 * (v_0 / (v_0 * v_0 + rim * rim) ** 0.5) ** q
 
 
 class Load(NamedTuple):

@@ -14,10 +14,11 @@ Result
     the flat, it does not come to the slope. k = 30 mm instead of 50: 0.5 at 6.8 deg, 11.7 deg after 80 s. Net form with
     k = 14.5 mm: S = 0.25 on the flat, 0.5 at 5.3 deg, 10.7 deg of at most 12.0. Only the made-up sand (k = 1 mm, phi =
     13.7 deg) switches: 0.1 at 10.4 deg, 0.5 at 11.9, 0.9 at 11.9; it still rises, by 8.9 mm since then.
-    Fig 8's end comes with wheels that dig: from S = 0.9 at 11.2 deg on the body no longer rises but falls, by 15.8 mm,
-    as a wheel sinks to 32 mm; in the last 10 s the elevation is constant to 0.1 mm. Sand that slip softens, as measured
-    wheels have it, sinks it to 19 mm, but it crawls on and rises by 5.4 mm: at a slip near 1 its hole has its depth,
-    and no further. The times at S = 0.5 are the same at half the step.
+    Fig 8's end comes with wheels that dig: from S = 0.9 at 11.2 deg on the body no longer rises but falls, by 18.9 mm,
+    as a wheel sinks to 32 mm; in the last 10 s by 0.4 mm, and it stands. Sand that slip softens, as measured wheels
+    have it, sinks it to 16 mm: it stands as well, and falls by 1.8 mm since, by 0.5 in the last 10 s. The times at S =
+    0.5 are the same at half the step. While holes and ruts faded below 5 mm/s of travel, wheels crept out of them: 15.8
+    mm, and with softened sand a crawl that rose by 5.4.
     Before a resistance held wheels that spin, and braking wheels paid for their pull, the same drives ended at 9.2 deg
     (Table 1), and the made-up sand (then phi = 13 deg) had 4 % of the motors' work on the flat from nowhere.
 What the paper says

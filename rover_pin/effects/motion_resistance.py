@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from rover_pin.contact import Contact, Load, Scalar
+from rover_pin.contact import Contact, Load, Scalar, fading
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
 
@@ -38,8 +38,8 @@ class MotionResistance(Effect):
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:
         """Return the resistance."""
-        return Load(f_t=-self.R * load.f_n * contact.sense(self.fading(contact.rim)))
+        return Load(f_t=-self.R * load.f_n * contact.sense(self.v_0, self.q))
 
     def fading(self, rim: Any) -> Any:
         """Return u [m/s], the travel speed below which the resistance of a wheel with this rim speed [m/s] fades."""
-        return self.v_0 * (self.v_0 / (self.v_0 * self.v_0 + rim * rim) ** 0.5) ** self.q
+        return fading(rim, self.v_0, self.q)

@@ -45,7 +45,7 @@ class Ploughing(Effect):
     gamma: Scalar = quantity(15700.0, "N/m^3", "assumed: loose dry sand, 1600 kg/m^3, on Earth", 0.0, 1e5, "gamma")
     phi_f: Scalar = quantity(math.radians(30.0), "rad", "assumed: Table 1's sand", 0.0, math.radians(60.0), "phi_f")
     length: Scalar = quantity(0.066, "m", "assumed: that of SlipSoftening", 1e-3, 1.0, "L")
-    v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
+    v_0: Scalar = quantity(0.001, "m/s", "assumed: rest, a fiftieth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
     states: ClassVar[tuple[State, ...]] = (State("ploughed"),)
     neutral: ClassVar[dict[str, float]] = {"a_b": 0.0}
 

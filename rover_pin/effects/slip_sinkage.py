@@ -14,8 +14,8 @@ from rover_pin.soil.compaction import sinking_resistance
 
 LOWEST_EXPONENT, HIGHEST_EXPONENT = 0.05, 3.0
 """The bounds of `Soil.n`."""
-FADE = 0.005
-"""Speed below which the resistance of the rut fades [m/s]: `MotionResistance.v_0` (assumed)."""
+FADE = 0.001
+"""The v_0 of `contact.fading` with which the resistance of the rut fades [m/s]: that of `DiggingMemory` (assumed)."""
 
 
 @dataclass(frozen=True)

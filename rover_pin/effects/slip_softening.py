@@ -38,7 +38,7 @@ class SlipSoftening(Effect):
     meaning: ClassVar[str] = "a slipping wheel loosens the sand under it, so it stands deeper"
     a: Scalar = quantity(1.0, "", "0.9 to 1.6 fitted on measured sand (studies/wheel_laws.py)", 0.0, 6.0, "a")
     length: Scalar = quantity(0.066, "m", "measured transients of a 125 mm wheel: 62 to 71 mm", 1e-3, 1.0, "L")
-    v_0: Scalar = quantity(0.005, "m/s", "assumed: a tenth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
+    v_0: Scalar = quantity(0.001, "m/s", "assumed: rest, a fiftieth of the paper's 0.05 m/s", 1e-6, 1.0, "v_0")
     states: ClassVar[tuple[State, ...]] = (State("loosened"),)
     neutral: ClassVar[dict[str, float]] = {"a": 0.0}
 

@@ -209,8 +209,11 @@ def test_only_the_net_form_whose_angles_follow_feels_a_deeper_rut(patch, form, a
 
 
 def test_a_contact_knows_the_sense_of_its_travel(patch):
-    contact: Contact = patch(v_x=-0.03)
-    assert contact.sense(0.04) == pytest.approx(-0.6)
+    standing: Contact = patch(v_x=-0.03, rim=0.0)
+    assert standing.sense(0.04) == pytest.approx(-0.6)
+    turning: Contact = patch(v_x=-0.03, rim=-0.03)
+    assert turning.sense(0.04) == pytest.approx(-0.03 / math.hypot(0.03, 0.04 * 4 / 5)), "u = v_0^2 / 50 mm/s"
+    assert turning.sense(0.04, 0.0) == pytest.approx(-0.6)
 
 
 # --- PeakStress ------------------------------------------------------------------------------------------------------

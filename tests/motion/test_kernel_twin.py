@@ -11,6 +11,7 @@ from rover_pin.body import shapes
 from rover_pin.body.acceleration import constraint_rows
 from rover_pin.body.rover import load_rover
 from rover_pin.contact import Soil
+from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.gear_friction import GearFriction
@@ -74,6 +75,12 @@ CASES = {
         .having(SpringDamper(k_s=0.6, d=0.02, q_0=0.1))
         .having(TetherDrag()),
         Start(x=0.6, yaw=math.pi),
+    ),
+    "stalled in its holes": (
+        model(shapes.incline(math.radians(9.0), -2.0), RelaxedSlip(), soil=Soil())
+        .having(DiggingMemory(c_d=0.3))
+        .having(Bulldozing()),
+        Start(),
     ),
     "compliant": (model(shapes.one_sided_bump(0.02, at=0.1), RelaxedSlip()).having(DifferentialCompliance()), Start()),
     "past its stops": (model(shapes.flat(), RelaxedSlip()), Start()),

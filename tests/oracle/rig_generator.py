@@ -64,7 +64,7 @@ class Rig:
             return 0.0, 0.0, 0.0
         s = self.ground(h, S, day)
         f_n, f_t, torque = self.sheared(h, S, s)
-        sense = v / np.hypot(v, 0.005)
+        sense = at_speed(v, rim)
         f_t -= f_n * dug / 0.04 * sense
         for effect, size in self.sizes.items():
             f_t, torque = after(effect, size, (f_n, f_t, torque), (h, S, rim, v, self.r, self.b, s, sense))
@@ -72,7 +72,7 @@ class Rig:
 
     def dug(self, rim, v):
         """Depth of the hole of a digging wheel, where digging and rolling out balance; or one that levels off."""
-        thrown, left = self.sizes.get("digging", 0.0) * max(rim - v, 0.0), v * v / np.hypot(v, 0.005) / 0.04
+        thrown, left = self.sizes.get("digging", 0.0) * max(rim - v, 0.0), v * at_speed(v, rim) / 0.04
         bounded = self.sizes.get("bounded_hole", 0.0) * self.r * np.tanh(2 * max(rim - v, 0.0) / rim)
         return thrown / (left + 2 * thrown / self.r) + bounded
 
@@ -152,6 +152,11 @@ class Rig:
         h *= 1 + self.sizes.get("sinkage_bump", 0.0) * np.sin(7 * S)
         h += self.sizes.get("sensor_wave", 0.0) * np.sin(2 * np.pi * h / 0.006)
         return f_t, torque, h, rim
+
+
+def at_speed(v, rim):
+    """Share of a resistance that acts: all of it but for wheels at rest."""
+    return v / np.hypot(v, 0.001**2 / np.hypot(0.001, rim))
 
 
 def after(effect, size, forces, at):

@@ -99,7 +99,7 @@ def both(cases, duration, timing=Timing(), gravity=9.81):
             return Command(duty[at], steer[at])
 
         theirs.append(simulate(model, command, duration, rest.copy(), timing))
-        numbers = {"R": RESISTANCE, "gravity": gravity} | {
+        numbers = {"R": RESISTANCE, "gravity": gravity, "rest": 0.001, "rest_q": 1.0} | {
             f"{name}.{key}": value for key, value in numbers_of(name).items()
         }
         runs.append(world.Run(numbers, lanes, borders, start, duty, steer))

@@ -126,7 +126,7 @@ def test_the_story_comes_out_with_the_estimate_of_eq_9():
     assert outcome(case(0.5, duration=30.0, control="eq9", **TUNED, **LOSING)) == "out"
 
 
-DIGGING = {**LOSING, "terrain.wall_angle_deg": 46.0, "add": "DiggingMemory.c_d=0.05", "duration": 45.0}
+DIGGING = {**LOSING, "terrain.wall_angle_deg": 45.0, "add": "DiggingMemory.c_d=0.05", "duration": 45.0}
 TIGHT = {**LOSING, "terrain.wall_angle_deg": 38.0, "effect.MotionResistance.R": 0.1, "duration": 45.0}
 
 
@@ -145,9 +145,14 @@ def test_the_story_comes_out_with_the_paper_s_own_slip_where_more_resists():
     assert outcome(case(0.5, control="true", **TIGHT)) == "out"
 
 
-@pytest.mark.xfail(strict=True, reason="stuck, but not buried: it stands in the ditch at a small slip")
 def test_the_story_comes_out_on_a_sand_that_digs_with_the_paper_s_own_slip():
     assert outcome(case(0.5, control="true", **DIGGING)) == "out"
+
+
+@pytest.mark.xfail(strict=True, reason="walls of 46 deg, not 45: stuck, but not buried; it stands at a small slip")
+def test_the_story_comes_out_where_holes_hold_a_wheel_that_turns_slowly():
+    """It came out while the rim of a hole faded below 5 mm/s of travel."""
+    assert outcome(case(0.5, control="true", **{**TUNED, **DIGGING, "terrain.wall_angle_deg": 46.0})) == "out"
 
 
 @pytest.mark.xfail(strict=True, reason="buried: Eq 9 reads the wheel that spins as one that grips")

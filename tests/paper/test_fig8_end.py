@@ -56,7 +56,7 @@ def test_the_slip_stays_near_0_then_increases_up_to_1(dug, lost):
 
 
 @pytest.mark.xfail(
-    strict=True, reason="10.6 deg: the hole's rim takes what this sand would hold up to 11.3 deg without it"
+    strict=True, reason="10.5 deg: the hole's rim takes what this sand would hold up to 11.3 deg without it"
 )
 def test_the_grip_is_lost_at_12_degrees(lost):
     assert lost[1] == pytest.approx(12.0, abs=0.5)
@@ -68,10 +68,10 @@ def test_it_happens_at_about_30_seconds(dug, lost):
 
 
 def test_the_elevation_no_longer_rises(dug, lost):
-    """It does not stay constant to the millimetre: it falls by 16 mm in 27 s, as the wheels sink by 18 mm."""
+    """It does not stay constant to the millimetre: it falls by 18 mm in 28 s, as the wheels sink by 19 mm."""
     z = dug["body_z"][lost[0] :]
     assert np.max(z) - z[0] < 1e-3
-    assert z[0] - z[-1] == pytest.approx(0.0157, abs=0.002)
+    assert z[0] - z[-1] == pytest.approx(0.0179, abs=0.001)
 
 
 def test_without_digging_it_keeps_rising():
@@ -90,19 +90,30 @@ def test_the_wheels_are_still_driving_and_dig(dug, lost):
 
 
 def test_finally_the_rover_is_stuck(dug):
-    """0.4 mm/s are left of 50, and the usual cut ends the drive at 41 s."""
+    """0.03 mm/s are left of 50, and the usual cut ends the drive at 41 s."""
     last = dug.t > 50.0
-    assert dug["body_x"][-1] - dug["body_x"][last][0] < 0.005
+    assert abs(dug["body_x"][-1] - dug["body_x"][last][0]) < 1e-3
     usual = driven(**{**DIGGING, "buried": 0.5})
     assert usual.attrs["stop"].startswith("buried: wheel")
     assert usual.t[-1] == pytest.approx(40.6, abs=0.5)
 
 
-def test_held_at_a_small_slip_it_is_not_stuck_and_climbs_on(dug):
+@pytest.fixture(scope="module")
+def held():
+    return driven(**DIGGING, control="true", **{"control.S_d": 0.2})
+
+
+@pytest.mark.xfail(strict=True, reason="not buried, but it stands: 0.5 mm/s are left, on 10.7 deg")
+def test_held_at_a_small_slip_it_climbs_on(held):
+    """It did, at 1.6 mm/s, while the hole's rim faded below 5 mm/s: what crept was the fading."""
+    assert held["body_x"][-1] - held["body_x"][held.t > 50.0][0] > 0.01
+
+
+def test_held_at_a_small_slip_it_is_not_buried(held):
     """Section 5's claim, with the true slip at S_d = 0.2; Eq (9) does not see the slip and is buried all the same."""
-    held = driven(**DIGGING, control="true", **{"control.S_d": 0.2})
-    assert inclination(held)[-1] > inclination(dug)[-1] + 0.3
     assert np.max(held.stack("sinkage")) < 0.013
-    assert held["body_z"][-1] - held["body_z"][held.t > 50.0][0] > 2e-3
+    last = held.t > 50.0
+    assert 0.0 < held["body_x"][-1] - held["body_x"][last][0] < 0.01
+    assert inclination(held)[-1] == pytest.approx(10.65, abs=0.1)
     blind = driven(**{**DIGGING, "buried": 0.5}, control="eq9", **{"control.S_d": 0.2})
     assert blind.attrs["stop"].startswith("buried")

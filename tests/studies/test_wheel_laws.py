@@ -17,10 +17,10 @@ def study(monkeypatch):
 
 
 def test_a_braked_wheel_ploughs_as_its_volume_says(study):
-    """Held out 0.53 N and 1.53 mm, where at most 2 and 2 were to be reached; a_b = 0.98."""
+    """Held out 0.57 N and 1.53 mm, where at most 2 and 2 were to be reached; a_b = 0.98."""
     data = study.read_rig_set(study.DATA / "cmu-smooth-wheel-skid")
     (row,) = study.compared("braked", data, {"ploughing": study.BRAKING["ploughing"]}, 1.51)[:1]
-    assert row.drawbar_pull_N == pytest.approx(0.53, abs=0.1)
+    assert row.drawbar_pull_N == pytest.approx(0.57, abs=0.1)
     assert row.sinkage_mm == pytest.approx(1.53, abs=0.2)
     fit = study.fitted(data, study.BRAKING["ploughing"], 1.51)
     assert fit.value("Ploughing.a_b") == pytest.approx(1.0, abs=0.1)

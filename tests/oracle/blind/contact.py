@@ -8,7 +8,7 @@ from . import soil as soils
 
 GATHERED = (
     "c", "phi", "k", "k_1", "n", "theta_1", "theta_2", "exit_ratio", "r", "b", "relaxation", "ringing", "damping", "R",
-    "v_0", "side", "travel_speed",
+    "v_0", "rest", "rest_q", "side", "travel_speed",
 )  # fmt: skip
 SIDEWAYS_SHARE, LEAST_SHARE, EDGE = 0.05, 0.05, 0.005
 
@@ -144,17 +144,19 @@ class Contact:
         damped = np.maximum(0.0, 1.0 + p["damping"] * approach)
         f_n, f_t, torque = f_n * damped, f_t * damped, torque * damped
         sense = v / np.sqrt(v * v + p["v_0"] ** 2)
+        fades = p["rest"] * (p["rest"] / np.hypot(p["rest"], rim)) ** p["rest_q"]
+        firm = v / np.hypot(v, fades)
         f_t = f_t - p["R"] * f_n * sense
         f_y = side_force(S_y, f_n, f_t, r * (1.0 + ratio) * theta_1, p, soil)
 
         if "MotionResistance" in on:
             f_t = f_t - p["MotionResistance.R"] * f_n * sense
         if "DiggingMemory" in on:
-            f_t = f_t - f_n * dug / p["DiggingMemory.length"] * sense
+            f_t = f_t - f_n * dug / p["DiggingMemory.length"] * firm
         if np.any(deeper):
-            f_t = f_t - soils.rut(h, ratio, n, deeper, K, r, b) * sense
+            f_t = f_t - soils.rut(h, ratio, n, deeper, K, r, b) * firm
         if "Bulldozing" in on:
-            f_t = f_t - p["Bulldozing.share"] * b * bank(h, np.arctan(tan_phi), c, p["Bulldozing.gamma"]) * sense
+            f_t = f_t - p["Bulldozing.share"] * b * bank(h, np.arctan(tan_phi), c, p["Bulldozing.gamma"]) * firm
         if "PeakStress" in on:
             grown, extra = peaked
             carried = (1.0 + grown) * f_n * extra
@@ -175,7 +177,7 @@ class Contact:
         dug_rate = np.zeros_like(v)
         if "DiggingMemory" in on:
             thrown = np.maximum(rim - v, 0.0) * np.minimum(h / 1e-4, 1.0)
-            left = dug * v * sense / p["DiggingMemory.length"]
+            left = dug * v * firm / p["DiggingMemory.length"]
             dug_rate = p["DiggingMemory.c_d"] * thrown * (1.0 - 2.0 * dug / r) - left
         return Load(f_t, f_y, f_n, torque, S, along_rate, across_rate, dug_rate)
 

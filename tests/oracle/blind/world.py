@@ -14,9 +14,11 @@ PLAIN = {
     "r": 0.045, "b": 0.05, "gravity": 9.81,
     "supply": 7.2, "resistance": 23.852966947475586, "constant": 3.3129120760382755, "armature": 1.005536e-3,
     "relaxation": 0.031, "ringing": 0.1, "damping": 10.0, "R": 0.0, "v_0": 0.005, "side": 1.0,
+    "rest": 0.005, "rest_q": 0.0,
     "travel_speed": 0.005, "servo_stiffness": 20.0, "servo_damping": 0.2, "stop_stiffness": 50.0, "stop_damping": 1.0,
 }  # fmt: skip
-"""The rover, its motors (duty 0.55 drives 0.05 m/s), sand with k = 5 mm; SI."""
+"""The rover, its motors (duty 0.55 drives 0.05 m/s), sand with k = 5 mm; SI. Resistances fade at rest: below 5 mm/s,
+as the logs that come along were driven; the package's with rest = 1 mm/s, rest_q = 1: later where rims turn."""
 
 HIDDEN = {
     # wheel and soil
