@@ -20,15 +20,14 @@ Result
     sunk by 27.3 to 31.4 mm; truly known in none. Wheels sink to 32 mm without, to 10-19 mm with the true slip. S_d =
     0.5 comes further than the buried rover in 15 of 15, 0.2 in 12, 0.1 in 11, the on-board slip in 8. But further is
     not up: of all 24 inclines that dig, S_d = 0.5 climbs the same 8 as constant duty and creeps on in the others; S_d =
-    0.2 climbs 3 (on board 4), S_d = 0.1 none. Where nothing digs (k = 25 mm) control costs: constant duty and S_d = 0.5
-    climb 3 of 4, 0.2 and the on-board slip 1, 0.1 none.
+    0.2 climbs 3 (on board 4), 0.1 none. Where nothing digs control costs: constant duty and 0.5 climb 3 of 4, 0.2 and
+    the on-board slip 1, 0.1 none.
     Ditches where strength is lost: the true slip at 0.2 rescues 4 of 11 stuck drives and loses 0 of 5, at 0.1 and 0.5
     it rescues 1; Eq 9, T_lim and the on-board slip rescue 0 and lose 0. Where the sand digs too, constant duty is
     buried in 6 of 8, S_d = 0.5 in 2, S_d = 0.2 and the on-board slip in none. Tacking passes 14 of 16, from on-board
-    sensors: in a ditch it is not slip that has to be known. Where strength is kept, the true slip at 0.1 and 0.2 saves
-    both from burial, nothing else does, and nothing rescues any. At half the step 62 of 63 outcomes are the same and
-    their ends within 2.1 mm, 0.004 mm (median); the other is a burial on board, at a wall of 46 deg.
-    While holes faded below 5 mm/s, wheels crept out: T_lim(0.5) was buried in 10, the on-board slip in 4.
+    sensors: in a ditch it is not slip that has to be known. Where strength is kept, only the true slip at 0.1 and 0.2
+    saves both from burial, nothing rescues any. At half the step 62 of 63 outcomes are the same, within 2.1 mm (median
+    0.004); not so a burial on board at 46 deg. With holes that faded below 5 mm/s T_lim(0.5) was buried in 10.
 What the paper says
     "it will be stuck when the slip ratio develops to around 1 [...]. Based on this knowledge, we propose a traction
     control method to target the slip ratio at a small value"; it "keeps the slip ratio within a small value [...], so
