@@ -178,4 +178,36 @@ GIVEN: dict[tuple[str, str], str] = {
         f"{HERE}resolution.py",
         "if touching[i] and record[i, 2] > h[i] and float(modulus(mount.wheel, soil)) > 0.0: 0.0 -> 0.1",
     ): "no soil has a modulus of a tenth of a pascal",
+    (
+        f"{HERE}native/control.py",
+        "steer = np.asarray(self.steer if servos else 0.0, dtype=float): 0.0 -> 0.1",
+    ): "an angle for no servo",
+    (
+        f"{HERE}native/control.py",
+        'assert slip.law.sz_w() <= kernel.keep["work_w"].size: <= -> <',
+    ): "the slip law works with less than the rigid body by far",
+    (f"{HERE}native/loop.py", "QUESTIONS = 256: 256 -> 257"): ROOM,
+    (f"{HERE}native/loop.py", "self.set(asks=1, asked=QUESTIONS): 1 -> 2"): "any number but 0 says yes",
+    (
+        f"{HERE}native/loop.py",
+        "if self.struct.asks and self.struct.asked == QUESTIONS:: and -> or",
+    ): "more room than is needed: what a controller keeps stays where it is",
+    (
+        f"{HERE}native/loop.py",
+        "if self.struct.asks and self.struct.asked == QUESTIONS:: == -> >=",
+    ): "room is made before there would be more",
+    (f"{HERE}native/loop.py", '"saved": np.zeros(2 * total),: 2 -> 3'): ROOM,
+    (
+        f"{HERE}audit.py",
+        'return float(rows["t"][-1] - rows["t"][0]) if len(rows) else 0.0: 0.0 -> 0.1',
+    ): "either is less than SHORTEST, and where there is no row nothing was misjudged",
+    (
+        f"{HERE}replay.py",
+        "CHECKED = 10: 10 -> 11",
+    ): "how soon a replay stops whose rows are left out from the same row on",
+    (
+        f"{HERE}simulate.py",
+        "finer = simulate(model, controller, duration, timing=timing.halved(), "
+        '**options | {"settle_doubts": False}): False -> True',
+    ): "of the finer drive the way alone is read, which no doubt changes",
 }
