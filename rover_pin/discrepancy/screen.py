@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from rover_pin.discrepancy.candidate import FAR_FROM, Candidate
+from rover_pin.estimation.by_chance.random_field import RandomField, chance_of, learnt_sds
 from rover_pin.estimation.fit import Fit, covariance
 from rover_pin.estimation.noise import COLOURED, Absorbed, Noise, huber_weights, noise_of
-from rover_pin.estimation.random_field import RandomField, chance_of, learnt_sds
 from rover_pin.quantity import quantities
 
 FALSE_ALARMS = 0.05

@@ -25,13 +25,14 @@ from rover_pin.discrepancy.screen import (
     with_noise,
 )
 from rover_pin.errors import OptimisationError
+from rover_pin.estimation.by_chance.beyond_declared import beyond_declared
+from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.exact import scattered
 from rover_pin.estimation.experiment import Experiment, residual
 from rover_pin.estimation.fit import Fit, best_of, fit
 from rover_pin.estimation.noise import COLOURED, first_noise
 from rover_pin.estimation.numbers import is_adequate
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.random_field import RandomField
 from rover_pin.estimation.task import Task
 
 MOST = 3
@@ -154,14 +155,42 @@ def _with_what_is_left(base: Fit, known: Sequence[Signature], chance: RandomFiel
 
 
 def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
-    """Return what the calibrated model lacks of the candidates that are tried."""
-    progress(f"score test of {len(tried)} candidates")
-    known = signatures(base, tried)
+    """Return what the calibrated model lacks of the candidates that are tried.
+
+    Where a fit is exact and its noise declared, what folds have by chance beyond it is learnt of what the search
+    leaves, and the search made again in that noise.
+    """
+    known = _known(base, tried, progress)
     least = np.full(base.predicted.shape[1], LEAST)
-    chance = base.task.experiment.random_field(base.model)
-    for _ in range(LEARNT if base.task.experiment.noise() is None else 0):
-        base = again(_with_what_is_left(base, known, chance, least))
-    found = Search(base, (), tuple(known), chance)
+    if base.task.experiment.noise() is None:
+        chance = base.task.experiment.random_field(base.model)
+        for _ in range(LEARNT):
+            base = again(_with_what_is_left(base, known, chance, least))
+        return _rounds(Search(base, (), tuple(known), chance), tried, progress)
+    found = _rounds(Search(base, (), tuple(known)), tried, progress)
+    for _ in range(LEARNT if base.task.experiment.is_exact else 0):
+        before, noise = found, beyond_declared(found.last, partial(_moved, found, tried))
+        if noise is None:
+            break
+        base = again(replace(base, task=replace(base.task, noise=noise)))
+        found = _rounds(Search(base, (), tuple(_known(base, tried, progress))), tried, progress)
+        if found.names == before.names:
+            break
+    return found
+
+
+def _moved(found: Search, tried: Sequence[Candidate]) -> list[np.ndarray]:
+    return [each.moved for each in _left(found, tried)]
+
+
+def _known(base: Fit, tried: Sequence[Candidate], progress: Progress) -> list[Signature]:
+    progress(f"score test of {len(tried)} candidates")
+    return signatures(base, tried)
+
+
+def _rounds(found: Search, tried: Sequence[Candidate], progress: Progress) -> Search:
+    """Return the search with its rounds, until one finds nothing."""
+    base = found.base
     while len(found.rounds) < _most(base.task.experiment, found.added) and len(found.found) == len(found.rounds):
         found = replace(found, rounds=(*found.rounds, _round(found, tried, progress)))
     if not found.found and _bears_pairs(base.task.experiment) and not is_adequate(base):

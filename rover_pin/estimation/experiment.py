@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rover_pin.errors import ParameterError, closest
+from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.random_field import RandomField
 from rover_pin.quantity import Quantity, quantities
 
 Arrays = dict[str, np.ndarray]
@@ -100,6 +100,13 @@ at a minimum, and every fold is predicted by whole refits"
 
     def random_field(self, model: Any) -> RandomField | None:
         """Return what differs from fold to fold by chance and how that would move a model; None: nothing that shows."""
+        return None
+
+    def turns(self) -> np.ndarray | None:
+        """Return at which turn each sample was measured (folds, samples), by which noise may drift.
+
+        None where that is not told, or folds were measured one after the other: their drift looks like a law.
+        """
         return None
 
     def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:

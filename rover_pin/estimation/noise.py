@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rover_pin.estimation.random_field import Chance
+from rover_pin.estimation.by_chance.drift import Drift
+from rover_pin.estimation.by_chance.random_field import Chance
 
 SHRINK = 0.2
 """Share by which correlations between channels are drawn to 0."""
@@ -39,6 +40,8 @@ class Noise:
     "by how much chi2 by chance, and variances, exceed those of white rows; 1 where the noise is declared white"
     chance: Chance | None = None
     "what besides differs from run to run by chance, as the ground does"
+    drift: Drift | None = None
+    "how samples hang on those measured before, where `sd` is of every block"
 
     @property
     def floor(self) -> np.ndarray:
@@ -55,13 +58,17 @@ class Noise:
 
     def white(self, residual: np.ndarray) -> np.ndarray:
         """Return residuals (..., runs, channels, blocks) as rows (..., n) of SD 1 without memory or common mode."""
+        rows = np.asarray(self._scaled(residual)[..., self.good])
+        return rows if self.chance is None else self.chance.taken_out(rows, self.good)
+
+    def _scaled(self, residual: np.ndarray) -> np.ndarray:
+        """Return residuals in their SDs, without memory or common mode where the noise has any."""
         if self.sd.ndim > 1:
-            return np.asarray((residual / self.sd)[..., self.good])
+            scaled = np.asarray(residual / self.sd)
+            return scaled if self.drift is None else self.drift.innovations(scaled, self.good)
         steps = _innovations(np.where(self.good, residual, 0.0), self.good, self.rho)
         scaled = steps / (self.sd * np.sqrt(1 - self.rho**2))[:, None]
-        mixed = self.mixing @ np.where(self.good, scaled, 0.0)
-        rows = np.asarray(mixed[..., self.good])
-        return rows if self.chance is None else self.chance.taken_out(rows, self.good)
+        return np.asarray(self.mixing @ np.where(self.good, scaled, 0.0))
 
 
 def _innovations(residual: np.ndarray, good: np.ndarray, rho: np.ndarray) -> np.ndarray:

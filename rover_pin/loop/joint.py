@@ -17,6 +17,7 @@ from rover_pin.estimation.baselines import Baseline, curves
 from rover_pin.estimation.wording import shown
 from rover_pin.experiments.joint_rig.experiment import JointRig
 from rover_pin.experiments.joint_rig.left import JointExtra, SetError
+from rover_pin.experiments.wheel_rig.beds import by_chance
 from rover_pin.experiments.wheel_rig.candidates import rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
@@ -65,8 +66,11 @@ def on_sets(joint: JointRig, kinds: Sequence[type], progress: Progress, seed: in
     )
     verdict = concluded(question, progress, seed)
     tried = [one.effect for one in joint.candidates(model, kinds)]
-    extra = JointExtra(tuple(_errors(joint, verdict)), told(joint.declared, tried, model.effects))
-    return dataclasses.replace(verdict, extra=extra, findings=said, cautions=(*verdict.cautions, *_losses(extra.sets)))
+    assert verdict.before is not None
+    shared = by_chance(verdict.before.fit)
+    extra = JointExtra(tuple(_errors(joint, verdict)), told(joint.declared, tried, model.effects), shared)
+    against = (*shared.cautions, *verdict.cautions, *_losses(extra.sets))
+    return dataclasses.replace(verdict, extra=extra, findings=said, cautions=against)
 
 
 def _findings(joint: JointRig) -> list[Finding]:

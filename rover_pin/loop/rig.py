@@ -17,6 +17,7 @@ from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import profiles
+from rover_pin.experiments.wheel_rig.beds import by_chance
 from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
@@ -116,12 +117,15 @@ def on_rig(
     assert verdict.after is not None
     tried = [one.effect for one in candidates(data, model, rig_kinds(effects))]
     extra = RigExtra(
-        _left(data, verdict.before, seed), _left(data, verdict.after, seed), told(data.rig, tried, model.effects)
+        _left(data, verdict.before, seed),
+        _left(data, verdict.after, seed),
+        told(data.rig, tried, model.effects),
+        by_chance(verdict.before.fit),
     )
     return dataclasses.replace(
         verdict,
         extra=extra,
-        cautions=cautions(verdict, extra.after),
+        cautions=(*extra.chance.cautions, *cautions(verdict, extra.after)),
         findings=tuple(findings(data)),
         experiments=_experiments(data, verdict),
         profiles=profiles(verdict.after.fit, tuple(one.name for one in verdict.after.numbers)),

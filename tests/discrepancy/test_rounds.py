@@ -1,5 +1,6 @@
 """How often a search looks, what it pairs, and what a judgement keeps of it, on rounds made by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,7 +26,11 @@ from rover_pin.discrepancy.verdict import Verdict
 
 def experiment(folds=12, exact=True, noise="declared"):
     return SimpleNamespace(
-        folds=tuple(range(folds)), is_exact=exact, noise=lambda: noise, random_field=lambda model: None
+        folds=tuple(range(folds)),
+        is_exact=exact,
+        noise=lambda: noise,
+        random_field=lambda model: None,
+        turns=lambda: None,
     )
 
 
@@ -58,8 +63,8 @@ class Found:
 def looked(monkeypatch):
     """A search whose rounds find what is given in turn; what it did is noted."""
 
-    def look(*rounds, adequate=False, **how):
-        made, done = list(rounds), []
+    def look(*rounds, adequate=False, shared=(), **how):
+        made, done, learnt = list(rounds), [], list(shared)
 
         def another(name, result):
             done.append(name)
@@ -71,6 +76,8 @@ def looked(monkeypatch):
             "_pairs": lambda found, count, progress: another("pairs", Found()),
             "_with_what_is_left": lambda base, known, chance, least: another("noise", base),
             "again": lambda base: base,
+            "beyond_declared": lambda last, known: learnt.pop(0) if learnt else None,
+            "replace": replaced,
             "is_adequate": lambda base: adequate,
         }
         for name, instead in patches.items():
@@ -81,7 +88,20 @@ def looked(monkeypatch):
     return look
 
 
-SOMETHING = Found(SimpleNamespace(candidate=Candidate("A", object(), ()), instead=(), gain=9.0))
+SOMETHING = Found(SimpleNamespace(candidate=Candidate("A", object(), ()), instead=(), gain=9.0, fit="with A"))
+
+
+def replaced(one, **how):
+    return SimpleNamespace(**(vars(one) | how)) if isinstance(one, SimpleNamespace) else replace(one, **how)
+
+
+def test_a_search_is_made_again_in_noise_that_runs_share_until_it_finds_the_same(looked):
+    noise = SimpleNamespace(inflation=1.0)
+    assert looked(SOMETHING, Found(), Found(), Found(), shared=[noise] * 3, adequate=True) == ["singles"] * 4
+    assert looked(Found(), Found(), shared=[noise] * 3, adequate=True) == ["singles"] * 2
+    assert looked(SOMETHING, Found(), Found(), shared=[noise], adequate=True) == ["singles"] * 3
+    assert looked(Found(), SOMETHING, Found(), Found(), shared=[noise] * 3, adequate=True) == ["singles"] * 4
+    assert looked(Found(), shared=[noise], exact=False) == ["singles"]
 
 
 def test_rounds_follow_as_long_as_something_is_found(looked):

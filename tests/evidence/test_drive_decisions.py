@@ -44,12 +44,12 @@ from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.effects.viscous_friction import ViscousFriction
+from rover_pin.estimation.by_chance.random_field import Kind, LearntSd, RandomField, chance_of
 from rover_pin.estimation.fit import fit
 from rover_pin.estimation.gauss_newton import at
 from rover_pin.estimation.noise import huber
 from rover_pin.estimation.numbers import numbers
 from rover_pin.estimation.profile import NORMAL_95
-from rover_pin.estimation.random_field import Kind, LearntSd, RandomField, chance_of
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.loop.drive import is_unknown, verdict_on

@@ -18,9 +18,9 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.estimation.by_chance.random_field import LearntSd
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import Noise
-from rover_pin.estimation.random_field import LearntSd
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.features import logged_run

@@ -15,9 +15,9 @@ from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.errors import ParameterError, SimulationError
+from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.random_field import RandomField
 from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.ground.field import KINDS, ground_columns
 from rover_pin.experiments.drive_log.parameters import owners, with_record

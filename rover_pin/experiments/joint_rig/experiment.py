@@ -12,10 +12,12 @@ import numpy as np
 
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import Effect
+from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.joint_rig.model import OWN, JointModel, Part
+from rover_pin.experiments.wheel_rig.beds import beds_of
 from rover_pin.experiments.wheel_rig.candidates import added, needs_speeds
 from rover_pin.experiments.wheel_rig.checks import FEWEST_LEVELS
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
@@ -195,6 +197,10 @@ class JointRig(Experiment):
             table[[at for at, _ in acting]] = found.slopes
             predicted[name], slopes[name] = found.predicted, table
         return Sensitivities(self._whole(predicted, 0.0), self._whole(slopes, 0.0))
+
+    def random_field(self, model: JointModel) -> RandomField | None:
+        """Return how the beds of all levels of all sets may differ; None where no sinkage tells k_1."""
+        return beds_of(self, model)
 
     def predict(self, models: Sequence[JointModel]) -> np.ndarray:
         """Return the channels of each model (models, folds, channels, samples)."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from rover_pin.estimation.wording import shown
+from rover_pin.experiments.wheel_rig.beds import ByChance
 
 
 class SetError(NamedTuple):
@@ -33,6 +34,7 @@ class JointExtra(NamedTuple):
 
     sets: tuple[SetError, ...]
     declared: tuple[str, ...]
+    chance: ByChance = ByChance()
 
     def lines(self, added: bool) -> list[str]:
         """Return lines for a reader."""
@@ -40,4 +42,5 @@ class JointExtra(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
-        return {"sets": [one._asdict() for one in self.sets], "declared": list(self.declared)}
+        sets = [one._asdict() for one in self.sets]
+        return {"sets": sets, "declared": list(self.declared), "by_chance": self.chance.as_dict()}

@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.experiments.wheel_rig.beds import beds_of
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import UNBALANCED, RigModel, RigPredictor, conditions, predictor
 from rover_pin.experiments.wheel_rig.presets import known_heights
@@ -29,6 +31,8 @@ DECADES = math.log(5.0)
 """How far apart starts of k and k_1 are, in their logarithm."""
 LEAST = 1e-6
 """A logarithm stops at this share of where it starts."""
+MIXED = 0.5
+"""Share of runs after one of their own level from which drift cannot be told from what levels share."""
 WIDE = 0.25
 """How far apart starts of phi are, as a share of its range."""
 
@@ -126,6 +130,17 @@ class RigExperiment(Experiment):
         moved = np.where(carried[:, None], jacobian[measured] * slopes, 0.0)
         found = np.nan_to_num(np.where(carried, values[measured], LOST), nan=LOST)
         return Sensitivities(self.table(found), self.table(np.nan_to_num(np.moveaxis(moved, -1, 0))))
+
+    def turns(self) -> np.ndarray | None:
+        """Return the rows' order as that of measurement; None where most runs follow one of their own level."""
+        order = np.arange(self.data.level.size)
+        if np.mean(np.diff(self.data.level) == 0) > MIXED:
+            return None
+        return np.nan_to_num(self.table(order[None].astype(float))[:, 0]).astype(int)
+
+    def random_field(self, model: RigModel) -> RandomField | None:
+        """Return how beds prepared anew for each level may differ; None where the sinkage does not tell k_1."""
+        return beds_of(self, model)
 
     def predict(self, models: Sequence[RigModel]) -> np.ndarray:
         """Return the channels of each model (models, levels, channels, runs of a level)."""

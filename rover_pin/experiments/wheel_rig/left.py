@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from rover_pin.experiments.wheel_rig.beds import ByChance
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
 from rover_pin.experiments.wheel_rig.remainder import Remainder
 from rover_pin.experiments.wheel_rig.residual_tests import ResidualTest
@@ -35,6 +36,7 @@ class RigExtra(NamedTuple):
     after: Left
     declared: tuple[str, ...] = ()
     "how what is declared of lugs and sand was used"
+    chance: ByChance = ByChance()
 
     def lines(self, added: bool) -> list[str]:
         """Return lines for a reader."""
@@ -45,4 +47,5 @@ class RigExtra(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
-        return {"before": self.before.as_dict(), "after": self.after.as_dict(), "declared": list(self.declared)}
+        sides = {"before": self.before.as_dict(), "after": self.after.as_dict()}
+        return {**sides, "declared": list(self.declared), "by_chance": self.chance.as_dict()}

@@ -11,7 +11,7 @@ from scipy.ndimage import uniform_filter1d
 
 from rover_pin.body.rover import Rover
 from rover_pin.effects.effect import SensorEffect
-from rover_pin.estimation.random_field import Kind
+from rover_pin.estimation.by_chance.random_field import Kind
 from rover_pin.experiments.drive_log.features import BLOCK, LoggedRun
 from rover_pin.motion.defaults import scale
 from rover_pin.motion.model import Model

@@ -1,0 +1,3 @@
+"""What measurements share by chance beyond their noise: folds that differ, noise that drifts; how each is learnt."""
+
+from __future__ import annotations

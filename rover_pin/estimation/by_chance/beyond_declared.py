@@ -1,0 +1,70 @@
+"""What measurements of an exact experiment share by chance, beyond declared noise, told from what a model leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rover_pin.estimation.by_chance.drift import learnt_drift
+from rover_pin.estimation.by_chance.random_field import TOLD, RandomField, chance_of, learnt_sds
+from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import Noise, huber_weights, spread
+
+STRAYING = 3.0
+"""Times the spread of its channel at which a residual is held when drift is learnt."""
+SURE = 2.71
+"""Gain in -2 ln of the restricted likelihood from which folds differ beyond their noise: where they do not, half of the
+sets gain nothing and 5 % more than this. Source: a variance at its bound, Self and Liang, JASA 82 (1987) 605."""
+
+
+def beyond_declared(last: Fit, known: Callable[[], Sequence[np.ndarray]]) -> Noise | None:
+    """Return the declared noise with what measurements share by chance beside it; None where nothing shows.
+
+    Drift in the order of measurement, with what folds differ in left free, else that. Every number is left free too,
+    and what candidates move, `known`, so that neither a wrong number nor a missing law is taken for chance. With a fold
+    left out the noise stays what it is on all.
+    """
+    experiment = last.task.experiment
+    turn, field = experiment.turns(), experiment.random_field(last.model)
+    if (turn is None and field is None) or not last.task.noise.good.any(axis=(1, 2)).all():
+        return None
+    noise = replace(last.task.noise, chance=None, drift=None)
+    moved = np.array([last.slopes[one.name] for one in last.parameters] + list(known()))
+    levels = moved if field is None else np.concatenate([moved, field.moved])
+    scaled = _clipped(last.residual / noise.sd, noise.good)
+    drift = None if turn is None else learnt_drift(scaled, levels / noise.sd, noise.good, turn)
+    if drift is not None:
+        return replace(noise, drift=drift)
+    return None if field is None else _differing(last, moved, noise, field)
+
+
+def _clipped(scaled: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """Return residuals in SDs, held at STRAYING times the spread of their channel: two that stray would drift."""
+    most = [STRAYING * max(1.0, spread(scaled[:, row][good[:, row]])) for row in range(good.shape[1])]
+    return np.clip(scaled, -np.array(most)[:, None], np.array(most)[:, None])
+
+
+def _differing(last: Fit, moved: np.ndarray, noise: Noise, field: RandomField) -> Noise | None:
+    """Return the noise with the SDs by which folds differ; None where that does not show, or is more than chance.
+
+    They count in units of what the samples of a fold scatter: noise that was declared too small is none of them. SDs
+    above a kind's `most` are something missing.
+    """
+    root = np.sqrt(huber_weights(noise.white(last.residual)))[:, None]
+    columns = noise.white(field.moved).T
+    free, drawn, rows = root * noise.white(moved).T, root * columns, root[:, 0] * noise.white(last.residual)
+    within = _scatter(rows, np.hstack([free, drawn]))
+    learnt = learnt_sds(rows / within, free, drawn / within, field)
+    if max(one.gain for one in learnt) <= SURE or any(one.sd > one.kind.most for one in learnt):
+        return None
+    return replace(noise, chance=chance_of(field, columns, noise.good, learnt))
+
+
+def _scatter(rows: np.ndarray, columns: np.ndarray) -> float:
+    """Return the SD of what no column takes of the rows, at least the declared 1."""
+    Q, s, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-9), full_matrices=False)
+    Q = Q[:, s > TOLD * s[0]]
+    left = rows - Q @ (Q.T @ rows)
+    return max(1.0, float(np.sqrt(left @ left / max(len(rows) - Q.shape[1], 1))))

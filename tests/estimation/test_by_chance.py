@@ -1,0 +1,149 @@
+"""What levels of a wheel rig share by chance: beds that differ, noise that drifts; what is more is no chance."""
+
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.screen import signatures
+from rover_pin.discrepancy.search import calibrated, search
+from rover_pin.estimation.by_chance.beyond_declared import beyond_declared
+from rover_pin.experiments.wheel_rig.beds import STIFFNESS, by_chance
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.loop.close import close_the_loop
+from rover_pin.loop.rig import question_of
+
+_file = Path(__file__).parents[1] / "oracle" / "rig_generator.py"
+_spec = importlib.util.spec_from_file_location("rig_generator_by_chance", _file)
+generator = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(generator)
+
+SLIPS = (-0.3, -0.15, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85)
+
+STRAYING_TWICE = {
+    "n": 1.217358,
+    "K": 181502.9,
+    "phi": 0.477577,
+    "k": 0.0110373,
+    "c": 3.783795,
+    "exit_ratio": 0.09391289,
+}
+
+
+def written(folder, seed, noise, stiffer=None, **soil):
+    """A set with nothing hidden; `stiffer` scales the stiffness of each level in place of what the noise draws."""
+    rig = generator.Rig(**soil)
+    if stiffer is not None:
+        plain, levels = rig.run, iter(np.repeat(stiffer, 6))
+        rig.run = lambda W, S, v, day, _: plain(W, S, v, day, next(levels))
+    runs = generator.rig_set(rig, slips=SLIPS, speeds=(0.02, 0.04), seed=seed, mixed=True, noise=noise)
+    return generator.write(folder, rig, runs)
+
+
+def asked(folder):
+    data = read_rig_set(folder)
+    return question_of(RigExperiment(data), RigModel(data.rig.wheel, data.soil()))
+
+
+def base_of(folder):
+    question = asked(folder)
+    base = calibrated(question.experiment, question.model, question.numbers)
+    return base, lambda: [each.moved for each in signatures(base, question.candidates(base))]
+
+
+def test_a_bed_moves_its_own_level_as_a_stiffer_soil_would(tmp_path):
+    base, _ = base_of(written(tmp_path, 1, "white"))
+    experiment, field = base.task.experiment, base.task.experiment.random_field(base.model)
+    k_1 = experiment.value(base.model, "soil.k_1")
+    soft, stiff = (experiment.with_values(base.model, {"soil.k_1": k_1 * np.exp(s)}) for s in (-0.01, 0.01))
+    slope = np.subtract(*experiment.predict([stiff, soft])) / 0.02 * STIFFNESS.size
+    for at, moved in enumerate(field.moved):
+        for row, wanted in zip(moved[at], slope[at], strict=True):
+            np.testing.assert_allclose(row, wanted, atol=1e-3 * np.abs(wanted).max())
+        assert not np.delete(moved, at, axis=0).any()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_beds_that_differ_are_told_by_how_much_and_alike_ones_are_not(tmp_path, seed):
+    stiffer = np.exp(0.06 * np.random.default_rng(seed).normal(size=len(SLIPS)))
+    noise = beyond_declared(*base_of(written(tmp_path / "differ", seed, "white", stiffer)))
+    assert noise.drift is None
+    assert 0.03 < noise.chance.learnt[0].sd < 0.1
+    assert beyond_declared(*base_of(written(tmp_path / "white", seed, "white"))) is None
+
+
+def test_levels_that_differ_by_more_than_beds_do_lack_a_law(tmp_path):
+    stiffer = np.exp(0.4 * np.array([1, -1, 1, -1, 1, -1, 1, -1, 1]))
+    assert beyond_declared(*base_of(written(tmp_path, 1, "white", stiffer))) is None
+
+
+def test_noise_that_drifts_is_told_by_the_order_of_the_rows(tmp_path):
+    base, known = base_of(written(tmp_path, 1, "drifting"))
+    noise = beyond_declared(base, known)
+    assert noise.chance is None
+    assert noise.drift.rho == pytest.approx(np.full(3, 0.8), abs=0.25)
+    turns = base.task.experiment.turns()
+    rows = base.task.experiment.rows(np.repeat(turns[:, None], 3, axis=1))[0]
+    np.testing.assert_array_equal(rows, np.arange(54))
+
+
+def test_values_that_stray_do_not_drift(tmp_path):
+    """Of this set, two in the torque of successive runs, they would."""
+    assert beyond_declared(*base_of(written(tmp_path, 62010, "spiked", **STRAYING_TWICE))) is None
+
+
+def test_of_levels_one_after_the_other_no_drift_is_looked_for(tmp_path):
+    runs = generator.rig_set(generator.Rig(), slips=SLIPS, seed=1)
+    generator.write(tmp_path, generator.Rig(), runs)
+    assert asked(tmp_path).experiment.turns() is None
+
+
+def test_what_a_fold_left_out_shows_changes_no_noise(tmp_path):
+    base, known = base_of(written(tmp_path, 1, "raked"))
+    good = base.task.noise.good.copy()
+    good[2] = False
+    without = replace(base, task=replace(base.task, noise=replace(base.task.noise, good=good)))
+    assert beyond_declared(without, known) is None
+
+
+BEDS_LIKE_A_LAW = {
+    "n": 1.113684,
+    "K": 58221.27,
+    "phi": 0.57115,
+    "k": 0.009986,
+    "c": 358.5532,
+    "exit_ratio": 0.115263,
+}
+"""In this soil, by the draws of seed 60002, beds that differ by 4 % look like a law of skid."""
+
+
+@pytest.mark.slow
+def test_what_beds_share_is_no_law_of_slip(tmp_path, monkeypatch):
+    """The same set is a false alarm where beds are taken for alike."""
+    folder = written(tmp_path, 60002, "raked", **BEDS_LIKE_A_LAW)
+    verdict = close_the_loop(folder)
+    assert verdict.answer is Answer.NONE_NEEDED
+    assert any("differ by 2.7% in stiffness" in one for one in verdict.cautions)
+    told = verdict.as_dict()["extra"]["by_chance"]
+    assert told["beds"] == pytest.approx(0.027, abs=5e-4)
+    assert told["gain"] > 2.71
+    assert told["drift"] == {}
+    monkeypatch.setattr(RigExperiment, "random_field", lambda self, model: None)
+    question = asked(folder)
+    base = calibrated(question.experiment, question.model, question.numbers)
+    assert search(base, question.candidates(base), lambda said: None).names
+
+
+@pytest.mark.slow
+def test_a_verdict_tells_that_the_noise_drifts(tmp_path):
+    verdict = close_the_loop(written(tmp_path, 1, "drifting"))
+    (said,) = (one for one in verdict.cautions if "drifts" in one)
+    assert said.startswith("the noise drifts: a run hangs together with the one measured before it (r: drawbar pull 0.")
+    shared = by_chance(verdict.before.fit)
+    assert verdict.as_dict()["extra"]["by_chance"] == {"beds": 0.0, "drift": dict(shared.drift), "gain": shared.gain}
+    assert set(shared.drift) == {"drawbar pull", "torque", "sinkage"}

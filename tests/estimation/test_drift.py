@@ -1,0 +1,100 @@
+"""Noise that drifts in the order of measurement: whitened, and learnt, against dense normal laws."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+
+from rover_pin.estimation.by_chance.drift import SURE, Drift, learnt_drift
+from rover_pin.estimation.noise import declared_noise
+
+FOLDS, CHANNELS, SAMPLES = 6, 2, 5
+COUNT = FOLDS * SAMPLES
+TURN = np.random.default_rng(1).permutation(COUNT).reshape(FOLDS, SAMPLES)
+
+
+@pytest.fixture
+def good():
+    """Two samples of the first channel are not compared."""
+    good = np.ones((FOLDS, CHANNELS, SAMPLES), dtype=bool)
+    good[2, 0, 3] = good[4, 0, 0] = False
+    return good
+
+
+def correlations(rho, seen, turn=TURN):
+    """rho^|t - t'| of what is seen (folds, samples), in its turn, and the order that puts it so."""
+    at = np.argsort(turn[seen])
+    turns = turn[seen][at]
+    return rho ** np.abs(turns[:, None] - turns), at
+
+
+def drawn(rho, random):
+    """Residuals of SD 1 (folds, channels, samples)."""
+    rows = [np.linalg.cholesky(correlations(one, np.ones((FOLDS, SAMPLES), bool))[0]) for one in rho]
+    return np.stack([(root @ random.normal(size=COUNT))[TURN] for root in rows], axis=1)
+
+
+def test_innovations_are_what_the_cholesky_factor_of_the_correlations_leaves(good):
+    residual = np.random.default_rng(2).normal(size=(3, FOLDS, CHANNELS, SAMPLES))
+    rho = np.array([0.7, 0.4])
+    found = Drift(rho, TURN).innovations(residual, good)
+    for channel in range(CHANNELS):
+        R, at = correlations(rho[channel], good[:, channel])
+        wanted = np.linalg.solve(np.linalg.cholesky(R), residual[:, :, channel][:, good[:, channel]][:, at].T).T
+        np.testing.assert_allclose(found[:, :, channel][:, good[:, channel]][:, at], wanted, atol=1e-12)
+    assert Drift(rho, TURN).log_determinant(good) == pytest.approx(
+        sum(np.linalg.slogdet(correlations(one, good[:, at])[0])[1] for at, one in enumerate(rho))
+    )
+
+
+def test_noise_of_declared_sds_whitens_by_its_drift(good):
+    sd = np.full((FOLDS, CHANNELS, SAMPLES), 0.5)
+    residual = np.where(good, np.random.default_rng(3).normal(size=good.shape), np.nan)
+    drift = Drift(np.array([0.6, 0.0]), TURN)
+    found = dataclasses.replace(declared_noise(sd, residual), drift=drift).white(residual)
+    np.testing.assert_allclose(found, drift.innovations(residual / sd, good)[good], atol=1e-12)
+    other = np.broadcast_to(np.arange(CHANNELS)[None, :, None] == 1, good.shape)[good]
+    np.testing.assert_allclose(found[other], (residual / sd)[good][other], atol=1e-12)
+
+
+def test_drift_is_found_in_the_channel_that_has_it_also_beside_free_columns():
+    random, good = np.random.default_rng(4), np.ones((FOLDS, CHANNELS, SAMPLES), dtype=bool)
+    free = random.normal(size=(3, FOLDS, CHANNELS, SAMPLES))
+    made = [drawn((0.8, 0.0), random) + np.tensordot([9.0, -20.0, 5.0], free, 1) for _ in range(40)]
+    found = [learnt_drift(one, free, good, TURN) for one in made]
+    told = np.array([one.rho for one in found if one is not None])
+    assert len(told) > 25
+    assert np.median(told, axis=0) == pytest.approx([0.8, 0.0], abs=0.15)
+
+
+@pytest.mark.parametrize("scale", [0.4, 2.0])
+def test_white_noise_of_any_size_drifts_in_one_set_of_forty_at_most(scale):
+    random, good = np.random.default_rng(5), np.ones((FOLDS, CHANNELS, SAMPLES), dtype=bool)
+    free = random.normal(size=(3, FOLDS, CHANNELS, SAMPLES))
+    found = [learnt_drift(scale * drawn((0.0, 0.0), random), free, good, TURN) for _ in range(40)]
+    assert sum(one is not None for one in found) <= 1
+
+
+def restricted(rows, free, R):
+    """-2 ln of the density of contrasts that no free column moves, its scale the likeliest, but for a constant."""
+    contrasts = null_space(free.T)
+    V = contrasts.T @ R @ contrasts
+    y = contrasts.T @ rows
+    return len(y) * np.log(y @ np.linalg.solve(V, y)) + np.linalg.slogdet(V)[1]
+
+
+def test_the_gain_is_that_of_the_restricted_likelihood(good):
+    random = np.random.default_rng(6)
+    free = random.normal(size=(2, FOLDS, CHANNELS, SAMPLES))
+    residual = drawn((0.9, 0.9), random)
+    found = learnt_drift(residual, free, good, TURN)
+    R = np.zeros((good.sum(), good.sum()))
+    owner, turns = np.nonzero(good)[1], np.broadcast_to(TURN[:, None], good.shape)[good]
+    for channel, rho in enumerate(found.rho):
+        own = owner == channel
+        R[np.ix_(own, own)] = rho ** np.abs(turns[own][:, None] - turns[own])
+    rows, columns = residual[good], free[:, good].T
+    alone = restricted(rows, columns, np.eye(len(rows)))
+    assert found.gain == pytest.approx(alone - restricted(rows, columns, R), rel=1e-6)
+    assert found.gain > SURE
