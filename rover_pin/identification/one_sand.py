@@ -46,8 +46,11 @@ def of_one_sand(rigs: Sequence[WheelRig]) -> WheelRig:
     Raises
     ------
     DataError
-        Two sets that declare different values of one constant.
+        Two sets of one name, or that declare different values of one constant.
     """
+    names = [rig.name for rig in rigs]
+    for name in (each for each in names if names.count(each) > 1):
+        raise DataError(f"{name}: two sets have this name; give each its own, to tell whose numbers are meant.")
     stands = max(rigs, key=lambda rig: (bool(rig.trials), len(rig.declared)))
     told: dict[str, tuple[str, float]] = {}
     for rig in (stands, *rigs):

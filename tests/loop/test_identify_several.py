@@ -211,6 +211,13 @@ def test_sets_that_declare_different_sands_are_refused(how, said):
         identified((first, rig("wide", **how)), START, ("k",))
 
 
+def test_sets_in_memory_that_share_a_name_are_refused():
+    """Which wheel an `r of wheel rig` is could not be told."""
+    first, second = (dataclasses.replace(each, name="wheel rig") for each in pair())
+    with pytest.raises(DataError, match="wheel rig: two sets have this name; give each its own, to tell whose numbers"):
+        identified((first, second), START, ("k",))
+
+
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
