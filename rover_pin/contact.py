@@ -113,7 +113,7 @@ class Load(NamedTuple):
     "normal force, positive away from the soil [N]"
     torque: Scalar = 0.0
     "torque about the axle that resists the wheel's driving rotation [N m]"
-    moment: Scalar = 0.0
+    moment_z: Scalar = 0.0
     "about the patch's normal through the wheel's centre, positive to the left; rigs read it, drives leave it out [N m]"
 
     def plus(self, other: Load) -> Load:

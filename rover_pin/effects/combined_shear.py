@@ -47,5 +47,5 @@ class CombinedShear(Effect):
         grown = Load(*(w * (q - 1.0) * part for part in load))
         carried = w * q * load.f_n
         f_y = carried * sheared.f_y / sheared.along.f_n - w * q * load.f_y
-        moment = carried * sheared.moment / sheared.along.f_n - w * q * load.moment
+        moment = carried * sheared.moment / sheared.along.f_n - w * q * load.moment_z
         return grown.plus(Load(carried * dF, f_y, 0.0, carried * dT, moment))

@@ -37,7 +37,7 @@ class PostPeak(Effect):
         """Return what failure takes off the shear."""
         lost = self.lost(contact.S)
         pull = pull_of_shear(load.torque, contact.wheel, contact.S)
-        shear = {name: -lost * getattr(load, name) for name in ("f_y", "torque", "moment")}
+        shear = {name: -lost * getattr(load, name) for name in ("f_y", "torque", "moment_z")}
         return Load(f_t=-lost * pull, **shear)
 
     def lost(self, S: Scalar) -> Scalar:

@@ -34,5 +34,5 @@ class RateDependence(Effect):
         """Return what the rate adds to the shear."""
         more = self.c_r * ca.log1p(ca.fabs(contact.rim - contact.v_x) / self.v_0)
         pull = pull_of_shear(load.torque, contact.wheel, contact.S)
-        shear = {name: more * getattr(load, name) for name in ("f_y", "torque", "moment")}
+        shear = {name: more * getattr(load, name) for name in ("f_y", "torque", "moment_z")}
         return Load(f_t=more * pull, **shear)

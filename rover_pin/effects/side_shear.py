@@ -42,4 +42,4 @@ class SideShear(Effect):
         grip = ca.if_else(j_y < 0.0, ca.expm1(j_y / soil.k), -ca.expm1(-j_y / soil.k))
         left = ca.fmax(strength * strength - load.f_t * load.f_t, (LEAST_SHARE * strength) ** 2 + 1e-24)
         f_y = -self.scale * ca.sqrt(left) * grip
-        return Load(f_y=f_y, moment=f_y * wheel.r * ca.sin((theta_1 + theta_2) / 2.0))
+        return Load(f_y=f_y, moment_z=f_y * wheel.r * ca.sin((theta_1 + theta_2) / 2.0))

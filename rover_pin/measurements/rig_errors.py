@@ -40,7 +40,7 @@ class RigErrors(Record):
             felt.torque + self.torque_tare,
             h + self.sinkage_zero,
             self.force_scale * felt.f_y + self.side_tare,
-            felt.moment + self.moment_tare - self.moment_arm * felt.f_y,
+            felt.moment_z + self.moment_tare - self.moment_arm * felt.f_y,
         )
 
 

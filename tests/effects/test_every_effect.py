@@ -51,7 +51,7 @@ def contacts(rng, count, S=None):
 def act(effect, contact, x):
     """Run all three hooks; return the amended contact's numbers, the load and the rates as one flat tuple."""
     contact = effect.amend(contact, x)
-    before = Load(f_t=1.0, f_y=0.1, f_n=8.0, torque=0.05, moment=0.002)
+    before = Load(f_t=1.0, f_y=0.1, f_n=8.0, torque=0.05, moment_z=0.002)
     load = before.plus(effect.load(contact, before, x))
     constants = [*contact.wheel.values().values(), *contact.soil.values().values()]
     return (*contact[:9], *constants, *load, *effect.rate(contact, load, x))
@@ -96,7 +96,7 @@ def test_neutral_values_change_nothing(kind):
     neutral = kind().replace(**kind.neutral)
     for contact in contacts(rng, 20):
         x = tuple(0.0 for _ in neutral.states)
-        before = Load(f_t=1.0, f_y=0.1, f_n=8.0, torque=0.05, moment=0.002)
+        before = Load(f_t=1.0, f_y=0.1, f_n=8.0, torque=0.05, moment_z=0.002)
         amended = neutral.amend(contact, x)
         assert amended[:9] == pytest.approx(contact[:9])
         assert list(amended.soil.values().values()) == pytest.approx(list(contact.soil.values().values()))

@@ -36,7 +36,7 @@ def test_combined_shear_stands_in_for_a_share_of_the_straight_forces(patch, form
     """Forces (1 - w) straight + w combined, whatever side force was there; fixed angles hold f_n to the sinkage's."""
     wheel, soil = Wheel(r=0.06, b=0.04), Soil(c=200.0, k=0.008, exit_ratio=0.2)
     contact = patch(S=-0.3, S_y=0.25, h=0.009, wheel=wheel, soil=soil)
-    straight = SoilTraction(form, angles).load(contact, Load(), ()).plus(Load(f_y=0.7, moment=0.03))
+    straight = SoilTraction(form, angles).load(contact, Load(), ()).plus(Load(f_y=0.7, moment_z=0.03))
     found = straight.plus(CombinedShear(share=share, form=form, angles=angles).load(contact, straight, ()))
     arc = angles.angles(0.009, wheel, soil)
     sheared = combined_forces(-0.3, 0.25 / 0.7, arc, wheel, soil, NODES)

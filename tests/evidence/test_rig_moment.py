@@ -139,7 +139,7 @@ def test_side_shear_acts_in_the_middle_of_the_contact():
     contact = Contact(0.2, 0.3, 0.01, 0.04, 0.01, 0.0, 0.05, 0.0, 0.0, WHEEL, SOIL)
     load = SideShear().load(contact, Load(f_t=2.0, f_n=25.0, torque=0.2), ())
     theta_1, theta_2 = SinkageAngles().angles(0.01, WHEEL, SOIL)
-    assert load.moment / load.f_y == pytest.approx(0.0625 * math.sin((theta_1 + theta_2) / 2.0))
+    assert load.moment_z / load.f_y == pytest.approx(0.0625 * math.sin((theta_1 + theta_2) / 2.0))
 
 
 # --- in fits ---------------------------------------------------------------------------------------------------------
