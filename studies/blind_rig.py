@@ -58,8 +58,8 @@ from rover_pin.own_code import key_of_code
 
 GENERATOR = Path(__file__).parents[1] / "tests" / "oracle" / "rig_generator.py"
 
-CALIBRATION, REPORTED = 10_000, 31_000
-"""First seeds: of the sets on which limits were set, and of those that are reported."""
+CALIBRATION, REPORTED = 10_000, 41_000
+"""First seeds: of the sets on which limits were set, and of those that are reported next; 31_000 at commit e68f05f."""
 
 
 class Listed(NamedTuple):
