@@ -198,8 +198,7 @@ class Plain:
         """Compare a wheel's load, by its normal force, with what the step before took it to become."""
         now, before = self.begun[index], self.foreseen[index]
         if now[2] > 0.0 and before[2] > 0.0:
-            scale = np.append(np.ones(3), float(self.rover.wheels[index].wheel.r))
-            off = np.abs(now / now[2] - before / before[2]) / scale
+            off = np.abs(now / now[2] - before / before[2]) / [1.0, 1.0, 1.0, float(self.rover.wheels[index].wheel.r)]
             self.misjudged = max(self.misjudged, float(off.max()) * min(1.0, now[2] / self.share))
 
     def _state_step(self, law: LawValue) -> tuple[np.ndarray, np.ndarray]:

@@ -155,9 +155,10 @@ def test_a_declared_plane_begins_where_place_and_heading_are_known(lost):
     assert np.isfinite(found.z).all()
 
 
-def test_half_seconds_are_counted_from_the_first_row():
+@pytest.mark.parametrize("late", [0.25, 0.125])
+def test_half_seconds_are_counted_from_the_first_row(late):
     run = drive()
-    later = dataclasses.replace(run, channels={**run.channels, "t_s": run.t + 0.25})
+    later = dataclasses.replace(run, channels={**run.channels, "t_s": run.t + late})
     np.testing.assert_allclose(estimated(later, CART).z, estimated(run, CART).z, atol=1e-12)
 
 

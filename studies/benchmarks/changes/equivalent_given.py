@@ -1,6 +1,7 @@
 """Changes of what the compiled step is given that change no result: file, change as it is told, and the reason."""
 
 HERE = "rover_pin/motion/"
+BOUND = "how far a number may be declared: a declaration, no law"
 ROOM = "room that nobody reads"
 ADDRESS = "a function that was found has an address: 0 stands for none"
 HELD = "an inertia that much larger than the rover's, or a tenth more, holds a wheel alike: to less than 1e-6 rad/s"
@@ -202,12 +203,41 @@ GIVEN: dict[tuple[str, str], str] = {
         'return float(rows["t"][-1] - rows["t"][0]) if len(rows) else 0.0: 0.0 -> 0.1',
     ): "either is less than SHORTEST, and where there is no row nothing was misjudged",
     (
-        f"{HERE}replay.py",
-        "CHECKED = 10: 10 -> 11",
-    ): "how soon a replay stops whose rows are left out from the same row on",
-    (
         f"{HERE}simulate.py",
         "finer = simulate(model, controller, duration, timing=timing.halved(), "
         '**options | {"settle_doubts": False}): False -> True',
     ): "of the finer drive the way alone is read, which no doubt changes",
+    (
+        f"{HERE}plain.py",
+        "off = np.abs(now / now[2] - before / before[2]) / "
+        "[1.0, 1.0, 1.0, float(self.rover.wheels[index].wheel.r)]: 1.0 -> 1.1",
+    ): "the third is the normal force over itself, which never differs; the first two are noticed",
+    (
+        f"{HERE}replay.py",
+        "CHECKED = 10: 10 -> 11",
+    ): "when a replay ends that failed: it counts as failed whenever that was seen",
+    (
+        f"{HERE}kernel.py",
+        "self.loads, self.foreseen = np.zeros((len(rover.wheels), 6)), np.zeros((len(rover.wheels), 4)): 6 -> 7",
+    ): ROOM,
+    (
+        f"{HERE}kernel.py",
+        "self.energy, self.impulse, self.differential = np.zeros(len(ENERGY)), np.zeros(3), np.zeros(1): 1 -> 2",
+    ): ROOM,
+    (
+        f"{HERE}kernel.py",
+        "work_i=np.zeros(max(made.work[0], rigid[0]), dtype=np.int64),: max -> min",
+    ): "in whole numbers none of them works",
+    (
+        f"{HERE}kernel_rover.py",
+        "body = [*range(6), *suspension_dofs(rover)] if pushed else []: 6 -> 7",
+    ): "the first joint's speed meets the base's in any case, and what meets more than it must costs time",
+    (
+        f"{HERE}native/control.py",
+        '"steer_fixed": np.broadcast_to(steer, max(1, servos)).copy(),: 1 -> 2',
+    ): ROOM,
+    ("rover_pin/effects/bent_ground.py", "CHORDS = 8: 8 -> 9"): "a chord more lies nearer to the same parabola",
+    ("rover_pin/effects/bent_ground.py", "STEEP, FAR = 0.5, 1e4: 0.5 -> 0.55"): BOUND,
+    ("rover_pin/effects/bent_ground.py", "STEEP, FAR = 0.5, 1e4: 1e4 -> 11000.0"): BOUND,
+    ("rover_pin/effects/raw_current.py", "MOST = 1e9: 1e9 -> 1100000000.0"): BOUND,
 }
