@@ -18,7 +18,7 @@ from rover_pin.measurements.channel import RIG_CHANNELS, SideForce
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.pressed import Trial, press
-from rover_pin.measurements.rig_file import SLOPE, number_si, read_points, rim_of
+from rover_pin.measurements.rig_file import OVER_LUGS, SLOPE, number_si, read_points, rim_of
 from rover_pin.measurements.wheel_rig import ANGLE, WheelRig, read_wheel_rig
 from rover_pin.quantity import quantities
 from rover_pin.toml_file import read_toml, table_in
@@ -62,7 +62,7 @@ class RigSet:
     speeds: np.ndarray | None = field(default=None, repr=False)
     source: str = ""
     misspelt: tuple[Finding, ...] = ()
-    "columns that are not read, but look like one that is missing"
+    "columns that look like one that is missing, and what a set leaves unsaid"
 
     def rows(self, keep: Any) -> RigSet:
         """Return the set with these runs only."""
@@ -128,7 +128,17 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     speeds = _speeds(stated, rig.slip, np.asarray(rig.slip_angle), here)
     names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
     data = as_rig_set(rig, names, speeds, str(about.get("source", "")))
-    return replace(data, misspelt=(*_misspelt(table, here), *_askew(rig, here)))
+    said = OVER_LUGS in table_in(about, "wheel", where)
+    return replace(data, misspelt=(*_misspelt(table, here), *_askew(rig, here), *_unsaid(rig, said, where)))
+
+
+def _unsaid(rig: WheelRig, said: bool, where: str) -> Iterator[Finding]:
+    """Yield that a wheel with lugs does not say over what its radius is told: at S = 0 its lugs slip or do not."""
+    if rig.beside.get("lug_height") and not said:
+        todo = (
+            f"r, slip and rim speed are taken as the rim's, whose lugs slip at S = 0; write {OVER_LUGS} = true or false"
+        )
+        yield Finding(f"lug_height without {OVER_LUGS}", where, todo)
 
 
 def _misspelt(table: pd.DataFrame, where: str) -> Iterator[Finding]:
