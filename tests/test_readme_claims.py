@@ -111,7 +111,7 @@ COMMANDS = {
         Claim(rf"phi = {NUMBER} deg, which goes from {NUMBER} to {NUMBER} deg with the exit ratio",
               rf"phi = {NUMBER} \+- {WORD} deg, [^:]*: depends on the assumed exit_ratio "
               rf"\(it becomes {NUMBER} to {NUMBER} deg\)"),
-        Claim(rf"which they miss by {NUMBER} N alone", rf"  drawbar pull: RMSE {NUMBER} N over 15 points"),
+        Claim(rf"which they miss by {NUMBER} N alone", rf"drawbar pull: RMSE {NUMBER} N over 15 points"),
         Claim(rf'K_eff comes out at {NUMBER} kPa/m\^n, and "(sits away from)" the {NUMBER} to {NUMBER} of',
               rf"K_eff = {NUMBER} kPa/m\^n [^\]]*\] (sits away from) {NUMBER} kPa/m\^n to {NUMBER} kPa"),
     )),
