@@ -44,7 +44,7 @@ def drive(
     control: Annotated[
         str,
         typer.Option(
-            help="none, limit (torque alone), eq9 (the paper's), onboard (from torques), true (slip), turn, point-turn."
+            help="none, limit (torque alone), eq9 (the paper's), onboard, true (slip), turn, point-turn, crab."
         ),
     ] = "",
     gravity: Gravity = "",

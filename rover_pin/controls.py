@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rover_pin.arguments import about
 from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.crab import Crab
 from rover_pin.control.gains_file import load_gains
 from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
 from rover_pin.control.slip_control import Gains, SlipControl
@@ -15,7 +16,7 @@ from rover_pin.motion.defaults import scale
 from rover_pin.motion.model import Model
 from rover_pin.settings import Settings
 
-CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn")
+CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn", "crab")
 RADIUS = 1.0
 """Radius [m] of a turn of Nexus 6; that of another rover is larger as its wheels are."""
 SLIP_LIMIT = about("", "assumed: the slip whose torque is the limit", 0.0, 1.0)
@@ -32,6 +33,8 @@ def controller_from(asked: Settings, model: Model) -> Controller:
     if kind in ("turn", "point-turn"):
         usual = {"radius": 0.0 if kind == "point-turn" else scale(model.rover) * RADIUS}
         return Turn.of(model.rover, **{**usual, **asked.arguments("control", Turn.of, usual, ("radius", "delta"))})
+    if kind == "crab":
+        return Crab.of(model.rover, **asked.arguments("control", Crab.of, {}, ("angle", "delta")))
     file = asked.take("control.gains", None, source="a file of tuned gains, as tune writes it")
     gains = Gains() if file is None else load_gains(str(file))
     gains = gains.replace(**asked.record("control", gains))

@@ -142,7 +142,7 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
         `trust` (a `Trust`: which files that the model or the rover names may run, or lie elsewhere),
         `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, true, turn,
-        point-turn), `control.FIELD`, `control.gains` (a file of tuned gains), `control.limit` (none, saturation,
+        point-turn, crab), `control.FIELD`, `control.gains` (a file of tuned gains), `control.limit` (none, saturation,
         at-slip: the torque check; saturation with a slip, at-slip with limit) and `control.slip_limit`,
         `start.FIELD`, `duration`, `dt` [s].
         A value may have its unit ("5mm", "30deg"); a `_deg` behind an angle's name reads degrees.

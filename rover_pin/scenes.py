@@ -62,6 +62,14 @@ SCENES: dict[str, Scene] = {
         askew=True,
         about="A turn on the spot on level ground, wheels steered",
     ),
+    "crab": Scene(
+        shapes.flat,
+        20.0,
+        settings={"control": "crab", "soil.k": 0.003},
+        cruise_slip=CRUISE_SLIP,
+        askew=True,
+        about="Sideways at 20 deg on level ground, the wheels that steer all at one angle",
+    ),
     "polyline": Scene(from_polyline, 30.0, {"path": "terrain.csv"}, about="Your own ground: x_m, z_m of a CSV file"),
     "grid": Scene(from_grid, 30.0, {"path": "terrain.npz"}, about="Your own ground: a height grid in .npz or CSV"),
     "park": Scene(

