@@ -13,9 +13,10 @@ from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.effects.viscous_friction import ViscousFriction
 from rover_pin.errors import ParameterError
 from rover_pin.motion.kernel import DIRECTION_SPEED
-from rover_pin.motion.laws import contact_law, number_of_states, numbers, symbolic
+from rover_pin.motion.laws import as_numbers, contact_law, motor_law, number_of_states, numbers, symbolic
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.plain_law import TRAVEL_SIGNS, PlainLaw, direction
@@ -133,3 +134,16 @@ def test_a_contact_law_has_a_slope_of_each_load_and_rate_by_each_speed_and_state
     n = len(states)
     assert law.numel_in(1) == n
     assert law.numel_out(0) == 4 + 16 + n + 4 * n + 4 * n + n * n + 2
+
+
+def test_a_motor_s_torque_and_what_its_effects_add_are_one_sum():
+    """At 12 rad/s friction of 0.02 N m s takes 0.24 N m of what the motor gives, and 0.02 of its slope."""
+    motor, given = Motor(), np.array([0.8, 12.0, 0.0, 0.0])
+    friction = ViscousFriction(b_v=0.02)
+    bare, with_friction = (
+        as_numbers(motor_law(motor, effects))(given, np.zeros(0), numbers([motor, *effects]))
+        for effects in ((), (friction,))
+    )
+    assert abs(bare[0]) > 0.3
+    assert with_friction[:2] - bare[:2] == pytest.approx([-0.24, -0.02])
+    assert with_friction[2:] == pytest.approx(bare[2:])

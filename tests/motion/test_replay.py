@@ -179,6 +179,36 @@ def test_a_replay_whose_numbers_are_lost_has_diverged():
     assert replay(drive.model, run, rest=rest).stop == "diverged"
 
 
+def flat_run(seconds=1.5, **more):
+    """Of the cart, on which nothing steers."""
+    drive = scenario("flat", duration=seconds, rover="cart")
+    return drive.model, commands(drive.drive(), tuple(wheel.name for wheel in drive.model.rover.wheels), ())
+
+
+def test_a_replay_that_drives_to_its_end_says_nothing_and_its_sides_are_their_own():
+    model, run = flat_run()
+    turning = dataclasses.replace(run, duty=run.duty * np.array([1.0, 0.2] * (run.duty.shape[1] // 2)))
+    found = replay(model, turning)
+    assert found.stop == ""
+    rates = [np.mean(found.channels[f"wheel_rate_{wheel.name}"]) for wheel in model.rover.wheels]
+    assert rates[0] > 2.0 * rates[1] > 0.0
+
+
+def test_a_replay_that_ends_early_keeps_the_row_before_its_end():
+    """Dropped from 0.3 m, its wheels are buried deeper than 0.05 radii when the tenth row is looked at."""
+    model, run = flat_run()
+    rest = settled(model, Start())
+    rest.q[2] += 0.3
+    found = replay(dataclasses.replace(model, buried=0.05), run, rest=rest)
+    assert "buried" in found.stop
+    z = found.channels["body_z"]
+    last = int(np.flatnonzero(np.diff(z))[-1]) + 1
+    assert last % 10 == 9
+    assert np.all(z[last:] == z[last])
+    assert z[last] > 0.05
+    assert len(z) == len(run.t)
+
+
 @pytest.mark.parametrize(("good", "rows"), [(4, [1, 2, 3, 4]), (3, [1, 2, 3, 3]), (1, [1, 1, 1, 1]), (0, [9, 9, 9, 9])])
 def test_after_an_early_end_stands_the_last_good_row_or_where_the_rover_is(good, rows):
     loop = SimpleNamespace(rows=np.array([1.0, 2.0, 3.0, 4.0]), now=lambda: 9.0)

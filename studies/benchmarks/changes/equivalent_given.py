@@ -240,4 +240,18 @@ GIVEN: dict[tuple[str, str], str] = {
     ("rover_pin/effects/bent_ground.py", "STEEP, FAR = 0.5, 1e4: 0.5 -> 0.55"): BOUND,
     ("rover_pin/effects/bent_ground.py", "STEEP, FAR = 0.5, 1e4: 1e4 -> 11000.0"): BOUND,
     ("rover_pin/effects/raw_current.py", "MOST = 1e9: 1e9 -> 1100000000.0"): BOUND,
+    (f"{HERE}native/loop.py", "obeyed=-1,: 1 -> 2"): "either is before any step",
+    (
+        f"{HERE}native/loop.py",
+        "self.set(asked=0, questions=np.zeros(QUESTIONS, dtype=self.rows.dtype)): 0 -> 1",
+    ): "a row that is left empty: what is asked is read where it was written",
+    (
+        f"{HERE}native/rigid_body.py",
+        "scale = float(np.max(np.abs(numbers), initial=0.0)): 0.0 -> 0.1",
+    ): "what is below 1e-15 is 0 by the next line in any case",
+    (
+        f"{HERE}native/rigid_body.py",
+        "self.R[i] = fixed.rotation if joint.revolves else fixed.rotation @ _about_x(cosine, sine): "
+        "fixed.rotation -> (fixed.rotation @ _about_x(cosine, sine))",
+    ): "a body of revolution is the same however it is turned: it costs time",
 }
