@@ -100,7 +100,7 @@ ROOMS = {
     "step": Room(SOURCES, _named("motion", STEP)),
     "native": Room(("rover_pin/motion/native/*.py",), _named("motion", f"{STEP} native_shared kernel_rover")),
     "estimation": Room(
-        ("rover_pin/estimation/*.py",),
+        ("rover_pin/estimation/*.py", "rover_pin/estimation/by_chance/*.py"),
         ("tests/estimation/test_*.py", *_named("evidence", f"descent drive_noise evidence_profile wording {LINEAR}")),
     ),
     "identification": Room(
