@@ -7,13 +7,13 @@ import pytest
 from rover_pin.contact import Load
 from rover_pin.effects.rate_dependence import RateDependence
 
-BEFORE = Load(f_t=1.0, f_y=0.5, f_n=9.0, torque=0.09)
+BEFORE = Load(f_t=1.0, f_y=0.5, f_n=9.0, torque=0.09, moment_z=0.02)
 
 
 def test_shear_grows_by_the_logarithm_of_the_sliding_speed(patch):
     added = RateDependence(c_r=0.05, v_0=0.01).load(patch(rim=0.05, v_x=0.01), BEFORE, ())
     more = 0.05 * math.log(5.0)
-    assert [float(part) for part in added] == pytest.approx([2.0 * more, 0.5 * more, 0.0, 0.09 * more])
+    assert [float(part) for part in added] == pytest.approx([2.0 * more, 0.5 * more, 0.0, 0.09 * more, 0.02 * more])
 
 
 def test_a_weakening_rate_takes_grip_whether_driving_or_braking(patch):
@@ -22,4 +22,4 @@ def test_a_weakening_rate_takes_grip_whether_driving_or_braking(patch):
 
 
 def test_a_rolling_wheel_has_no_rate(patch):
-    assert [float(part) for part in RateDependence().load(patch(rim=0.05, v_x=0.05), BEFORE, ())] == [0.0] * 4
+    assert [float(part) for part in RateDependence().load(patch(rim=0.05, v_x=0.05), BEFORE, ())] == [0.0] * 5
