@@ -155,7 +155,7 @@ EXCUSES: dict[str, dict[str, str]] = {
         "/ (outside[1] - inside[1]) -> (0.5)": CUT,
         "x = _within(centre + side * target * sd, centre, bound): * -> /": FIRST,
     },
-    "random_field.py": {
+    "by_chance/random_field.py": {
         "start = np.full(count, 0.1): 0.1 -> 0.11000000000000001": "where the search begins: see the closed forms",
         "best = np.where(found > TOLD**2, found, 0.0): 0.0 -> 0.1": "what is worse than nothing is dropped below",
         "best = np.where(found > TOLD**2, found, 0.0): > -> >=": EQUAL,
