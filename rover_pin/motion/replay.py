@@ -168,10 +168,13 @@ def replay(model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState
 
     Raises
     ------
+    DataError
+        Commands of other wheels than the rover's.
     SimulationError
         The rover does not settle at the start, or the ground is too stiff for any step.
     """
     model = run.on(model)
+    _check_widths(model, run)
     state = settled(model, run.start) if rest is None else _taken_over(model, rest)
     model = model.begun(run.start.x, run.start.y)
     dt = DT / parts(model, state, DT)
@@ -190,6 +193,18 @@ def replay(model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState
         outcome = loop.run(len(run.t))
     stop = "" if outcome is Outcome.DONE else "diverged"
     return Replay(_channels(model, run, _with_last(loop, loop.row)), stop)
+
+
+def _check_widths(model: Model, run: Commands) -> None:
+    """Refuse commands of other wheels than the rover's: the compiled loop reads so many a row."""
+    wheels = model.rover.wheels
+    own = (len(wheels), sum(wheel.steer_dof is not None for wheel in wheels))
+    given = (run.duty.shape[1], run.steer.shape[1])
+    if given != own:
+        raise DataError(
+            f"the commands are of {given[0]} driven, {given[1]} steered wheels, the rover has {own[0]} and {own[1]}: "
+            "give `commands` the names of all of them."
+        )
 
 
 def _fields(model: Model, run: Commands, nudge: Nudge) -> dict[str, Any]:

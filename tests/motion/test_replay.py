@@ -174,9 +174,19 @@ def test_channels_are_what_the_model_did_without_what_it_was_drawn(held):
 def test_a_replay_whose_numbers_are_lost_has_diverged():
     drive = scenario("flat", duration=0.5)
     wheels = tuple(wheel.name for wheel in drive.model.rover.wheels)
-    run, rest = commands(drive.drive(), wheels, ()), settled(drive.model, Start())
+    steered = tuple(wheel.name for wheel in drive.model.rover.wheels if wheel.steer_dof is not None)
+    run, rest = commands(drive.drive(), wheels, steered), settled(drive.model, Start())
     rest.v[0] = NAN
     assert replay(drive.model, run, rest=rest).stop == "diverged"
+
+
+def test_commands_of_other_wheels_than_the_rovers_are_refused():
+    """The compiled loop reads as many numbers a row as the rover has wheels: it would read what lies behind them."""
+    drive = scenario("flat", duration=0.2)
+    model, wheels = drive.model, tuple(wheel.name for wheel in drive.model.rover.wheels)
+    for driven, steered, said in ((wheels, (), "6 driven, 0 steered"), (wheels[:4], wheels[:4], "4 driven, 4 steered")):
+        with pytest.raises(DataError, match=f"commands are of {said} wheels, the rover has 6 and 4: give `commands`"):
+            replay(model, commands(drive.drive(), driven, steered))
 
 
 def flat_run(seconds=1.5, **more):
