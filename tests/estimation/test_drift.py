@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from rover_pin.estimation.by_chance.drift import SURE, Drift, learnt_drift
+from rover_pin.estimation.by_chance.drift import Drift, learnt_drift
 from rover_pin.estimation.noise import declared_noise
 
 FOLDS, CHANNELS, SAMPLES = 6, 2, 5
@@ -97,4 +97,13 @@ def test_the_gain_is_that_of_the_restricted_likelihood(good):
     rows, columns = residual[good], free[:, good].T
     alone = restricted(rows, columns, np.eye(len(rows)))
     assert found.gain == pytest.approx(alone - restricted(rows, columns, R), rel=1e-6)
-    assert found.gain > SURE
+    assert found.gain > 16.3
+
+
+def test_columns_that_are_nearly_one_another_make_no_drift(good):
+    """Were they two for one correlation and one for another, white noise would drift."""
+    random = np.random.default_rng(11)
+    steady = np.ones((1, FOLDS, CHANNELS, SAMPLES))
+    for off in np.geomspace(2e-4, 5e-3, 15):
+        nearly = np.concatenate([steady, steady + off * random.normal(size=steady.shape)])
+        assert learnt_drift(drawn((0.0, 0.0), random), nearly, good, TURN) is None

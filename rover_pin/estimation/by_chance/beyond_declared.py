@@ -14,6 +14,9 @@ from rover_pin.estimation.noise import Noise, huber_weights, spread
 
 STRAYING = 3.0
 """Times the spread of its channel at which a residual is held when drift is learnt."""
+MOST_SPREAD = 2.0
+"""Times the declared SD that a channel spreads, the law as far as it goes, above which a law is missing: what lacks
+waves with slip, load or order, and no noise is declared too small by more (SCATTER of the judge, squared)."""
 SURE = 2.71
 """Gain in -2 ln of the restricted likelihood from which folds differ beyond their noise: where they do not, half of the
 sets gain nothing and 5 % more than this. Source: a variance at its bound, Self and Liang, JASA 82 (1987) 605."""
@@ -33,17 +36,20 @@ def beyond_declared(last: Fit, known: Callable[[], Sequence[np.ndarray]]) -> Noi
     noise = replace(last.task.noise, chance=None, drift=None)
     moved = np.array([last.slopes[one.name] for one in last.parameters] + list(known()))
     levels = moved if field is None else np.concatenate([moved, field.moved])
-    scaled = _clipped(last.residual / noise.sd, noise.good)
-    drift = None if turn is None else learnt_drift(scaled, levels / noise.sd, noise.good, turn)
+    scaled = last.residual / noise.sd
+    spreads = [spread(scaled[:, row][noise.good[:, row]]) for row in range(scaled.shape[1])]
+    drift = None
+    if turn is not None and max(spreads) <= MOST_SPREAD:
+        drift = learnt_drift(_held(scaled, spreads), levels / noise.sd, noise.good, turn)
     if drift is not None:
         return replace(noise, drift=drift)
     return None if field is None else _differing(last, moved, noise, field)
 
 
-def _clipped(scaled: np.ndarray, good: np.ndarray) -> np.ndarray:
+def _held(scaled: np.ndarray, spreads: Sequence[float]) -> np.ndarray:
     """Return residuals in SDs, held at STRAYING times the spread of their channel: two that stray would drift."""
-    most = [STRAYING * max(1.0, spread(scaled[:, row][good[:, row]])) for row in range(good.shape[1])]
-    return np.clip(scaled, -np.array(most)[:, None], np.array(most)[:, None])
+    most = STRAYING * np.maximum(1.0, spreads)[:, None]
+    return np.clip(scaled, -most, most)
 
 
 def _differing(last: Fit, moved: np.ndarray, noise: Noise, field: RandomField) -> Noise | None:

@@ -12,13 +12,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import chi2
 
 from rover_pin.estimation.by_chance.random_field import TOLD
 
 STEPS = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
 """Correlations of successive measurements that are tried."""
-SURE = 10.8
-"""Gain in -2 ln of the restricted likelihood from which noise drifts: chi2 of one number passes it once in 1,000."""
+RARE = 1e-3
+"""Share of white noises that may seem to drift: the gain in -2 ln of the restricted likelihood is then chi2 of as many
+numbers as there are channels, at most, for a correlation is not looked for below 0."""
 ROUNDS = 2
 """How often each channel's correlation is sought, the others as they are."""
 
@@ -60,13 +62,14 @@ def learnt_drift(scaled: np.ndarray, free: np.ndarray, good: np.ndarray, turn: n
     `scaled` are residuals (folds, channels, samples) in their SDs, whose common scale is free, `free` what numbers and
     candidates move (columns, folds, channels, samples).
     """
-    size = np.maximum(np.sqrt(np.sum(np.where(good, free, 0.0) ** 2, axis=(1, 2, 3), keepdims=True)), 1e-9)
+    known = _basis(free[:, good].T)
+    basis = np.zeros((known.shape[1], *good.shape))
+    basis[:, good] = known.T
 
     def loss(rho: np.ndarray) -> float:
         one = Drift(rho, turn)
-        rows, columns = (one.innovations(each, good)[..., good] for each in (scaled, free / size))
+        rows, columns = (one.innovations(each, good)[..., good] for each in (scaled, basis))
         Q, s, _ = np.linalg.svd(columns.T, full_matrices=False)
-        Q, s = Q[:, s > TOLD * s[0]], s[s > TOLD * s[0]]
         left = rows - Q @ (Q.T @ rows)
         freedom = max(len(rows) - len(s), 1)
         return float(freedom * np.log(left @ left) + 2 * np.sum(np.log(s)) + one.log_determinant(good))
@@ -77,4 +80,10 @@ def learnt_drift(scaled: np.ndarray, free: np.ndarray, good: np.ndarray, turn: n
         tried = [np.where(np.arange(len(rho)) == channel, step, rho) for step in STEPS]
         losses = [loss(one) for one in tried]
         rho, least = tried[int(np.argmin(losses))], min(losses)
-    return Drift(rho, turn, alone - least) if alone - least > SURE else None
+    return Drift(rho, turn, alone - least) if alone - least > chi2.isf(RARE, len(rho)) else None
+
+
+def _basis(columns: np.ndarray) -> np.ndarray:
+    """Return orthonormal columns that span the same, once for all correlations: another rank would be no likelihood."""
+    Q, s, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-9), full_matrices=False)
+    return np.asarray(Q[:, s > TOLD * s[0]])
