@@ -44,8 +44,7 @@ def bent(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain
     own = terrain.x0 + dx * np.arange(lines)
     y = terrain.y0 + terrain.dy * np.arange(terrain.z.shape[1])
     z = terrain.height(own[:, None], y[None, :]) + np.interp(own, places, lift)[:, None]
-    ground = np.repeat(terrain.ground, finer, axis=0) if terrain.ground.ndim else terrain.ground
-    return HeightGrid(terrain.x0, terrain.y0, dx, terrain.dy, z, ground)
+    return HeightGrid(terrain.x0, terrain.y0, dx, terrain.dy, z, np.repeat(terrain.ground, finer, axis=0))
 
 
 def _raised(profile: Profile, places: np.ndarray, lift: np.ndarray) -> Profile:

@@ -93,7 +93,12 @@ ROOMS = {
     "effects": Room(("rover_pin/effects/*.py",), LAWS),
     "body": Room(
         ("rover_pin/body/*.py",),
-        ("tests/body/test_*.py", "tests/oracle/test_oracle_dynamics.py", "tests/motion/test_native_ground.py"),
+        (
+            "tests/body/test_*.py",
+            "tests/oracle/test_oracle_dynamics.py",
+            "tests/motion/test_native_ground.py",
+            "tests/effects/test_bent_ground.py",
+        ),
     ),
     "motion": Room(_files("motion", MOTION), ("tests/motion/test_*.py",)),
     "logs": Room(_files("motion", LOGS), ("tests/motion/test_*.py",)),

@@ -69,6 +69,24 @@ def test_a_single_sample_and_none_at_all():
     assert (none.before, none.after) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize("timed", [False, True])
+def test_a_level_without_the_channel_is_not_drawn_and_one_with_some_of_it_is(timed):
+    """Of logs stretches are drawn, of all runs: what a run lacks stands in them as nothing."""
+    random = np.random.default_rng(7)
+    before, after = random.normal(size=(2, 5, 1, 4))
+    good = np.ones((5, 1, 4), dtype=bool)
+    good[2], good[4, :, 1:] = False, False
+
+    def interval(use):
+        among = SimpleNamespace(**{**vars(experiment(timed)), "folds": use})
+        [found] = _by_channel(among, noise(good[use]), (before[use], after[use]), np.random.default_rng(0))
+        return found.low, found.high
+
+    whole = interval([0, 1, 2, 3, 4])
+    assert (whole == interval([0, 1, 3, 4])) is not timed
+    assert whole != interval([0, 1, 3])
+
+
 def test_errors_are_told_in_times_the_noise():
     score = ChannelScore("pull", "N", 0.5, 3.0, 2.0, -1 / 3, -0.5, -0.1)
     assert score.times(3.0) == 6.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from rover_pin.estimation.by_chance.drift import Drift, learnt_drift
+from rover_pin.estimation.by_chance.drift import STEPS, Drift, learnt_drift
 from rover_pin.estimation.noise import declared_noise
 
 FOLDS, CHANNELS, SAMPLES = 6, 2, 5
@@ -89,15 +89,67 @@ def test_the_gain_is_that_of_the_restricted_likelihood(good):
     free = random.normal(size=(2, FOLDS, CHANNELS, SAMPLES))
     residual = drawn((0.9, 0.9), random)
     found = learnt_drift(residual, free, good, TURN)
-    R = np.zeros((good.sum(), good.sum()))
-    owner, turns = np.nonzero(good)[1], np.broadcast_to(TURN[:, None], good.shape)[good]
-    for channel, rho in enumerate(found.rho):
-        own = owner == channel
-        R[np.ix_(own, own)] = rho ** np.abs(turns[own][:, None] - turns[own])
-    rows, columns = residual[good], free[:, good].T
-    alone = restricted(rows, columns, np.eye(len(rows)))
-    assert found.gain == pytest.approx(alone - restricted(rows, columns, R), rel=1e-6)
+    alone = told((0.0, 0.0), good, residual, free)
+    assert found.gain == pytest.approx(alone - told(found.rho, good, residual, free), rel=1e-6)
     assert found.gain > 16.3
+
+
+def told(rho, good, residual, free):
+    """-2 ln of the restricted likelihood of correlations, one a channel, by the full matrix."""
+    R, owner = np.zeros((good.sum(), good.sum())), np.nonzero(good)[1]
+    turns = np.broadcast_to(TURN[:, None], good.shape)[good]
+    for channel, one in enumerate(rho):
+        own = owner == channel
+        R[np.ix_(own, own)] = one ** np.abs(turns[own][:, None] - turns[own])
+    return restricted(residual[good], free[:, good].T, R)
+
+
+def test_correlations_stand_close_enough_to_tell_a_drift():
+    """From none to nearly whole, no two further apart than the SD with which 50 measurements tell one."""
+    assert (STEPS[0], STEPS[-1]) == (0.0, 0.95)
+    assert np.max(np.diff(STEPS)) < 0.101
+
+
+def test_of_three_channels_the_one_that_drifts_is_told():
+    random, good = np.random.default_rng(14), np.ones((FOLDS, 3, SAMPLES), dtype=bool)
+    residual = np.concatenate([drawn((0.0, 0.9), random), drawn((0.0,), random)], axis=1)
+    rho = learnt_drift(residual, random.normal(size=(1, FOLDS, 3, SAMPLES)), good, TURN).rho
+    assert rho[1] == pytest.approx(0.9, abs=0.21)
+    assert max(rho[0], rho[2]) < 0.35
+
+
+def test_the_units_of_what_numbers_move_change_nothing(good):
+    random = np.random.default_rng(15)
+    free, residual = random.normal(size=(3, FOLDS, CHANNELS, SAMPLES)), drawn((0.9, 0.9), random)
+    scaled = free * np.array([1e-7, 1.0, 1e7])[:, None, None, None]
+    same = [learnt_drift(residual, one, good, TURN).gain for one in (free, scaled)]
+    assert same[0] == pytest.approx(same[1], rel=1e-9)
+
+
+def test_no_other_correlation_of_one_channel_is_likelier(good):
+    """Columns that move both channels let the first's hang on the second's: it is looked for again."""
+    random = np.random.default_rng(12)
+    for _ in range(12):
+        free = np.ones((1, *good.shape)) + 0.1 * random.normal(size=(1, *good.shape))
+        residual = drawn((0.8, 0.8), random) + 3.0 * free[0]
+        found = learnt_drift(residual, free, good, TURN)
+        least = told(found.rho, good, residual, free)
+        for step in STEPS:
+            assert told((step, found.rho[1]), good, residual, free) > least - 1e-9
+            assert told((found.rho[0], step), good, residual, free) > least - 1e-9
+
+
+def test_the_least_gain_that_is_told_is_passed_by_one_white_noise_in_a_thousand(good):
+    """chi2 of two numbers, -2 ln 0.001, met by bisection between white and drifting residuals."""
+    random = np.random.default_rng(13)
+    free = np.ones((1, FOLDS, CHANNELS, SAMPLES))
+    white, drifting = drawn((0.0, 0.0), random), drawn((0.9, 0.9), random)
+    low, high, least = 0.0, 1.0, learnt_drift(drifting, free, good, TURN)
+    for _ in range(40):
+        share = (low + high) / 2
+        found = learnt_drift((1 - share) * white + share * drifting, free, good, TURN)
+        low, high, least = (share, high, least) if found is None else (low, share, found)
+    assert least.gain == pytest.approx(-2 * np.log(1e-3), rel=1e-6)
 
 
 def test_columns_that_are_nearly_one_another_make_no_drift(good):

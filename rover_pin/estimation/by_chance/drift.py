@@ -57,7 +57,7 @@ class Drift:
 
 
 def learnt_drift(scaled: np.ndarray, free: np.ndarray, good: np.ndarray, turn: np.ndarray) -> Drift | None:
-    """Return the drift of greatest restricted likelihood, or None where none is sure.
+    """Return the drift of greatest restricted likelihood, channel by channel in turn, or None where none is sure.
 
     `scaled` are residuals (folds, channels, samples) in their SDs, whose common scale is free, `free` what numbers and
     candidates move (columns, folds, channels, samples).
