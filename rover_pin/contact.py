@@ -92,7 +92,7 @@ class Contact(NamedTuple):
         return self.v_x / ca.sqrt(self.v_x * self.v_x + u * u)
 
 
-def fading(rim: Any, v_0: Scalar, q: Scalar = 1.0) -> Any:
+def fading(rim: Any, v_0: Scalar, q: Scalar) -> Any:
     """Return u = v_0 (v_0 / sqrt(v_0^2 + (r omega)^2))^q [m/s], the travel below which a resistance fades.
 
     A resistance is Coulomb's: at rest any share of it may act, so that no answer may hang on u. Where wheels stand u is

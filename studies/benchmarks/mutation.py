@@ -90,7 +90,7 @@ LOGS = (
 """What reads, writes and names models and logs."""
 ROOMS = {
     "soil": Room(("rover_pin/soil/*.py",), ("tests/soil/test_*.py",)),
-    "effects": Room(("rover_pin/effects/*.py",), LAWS),
+    "effects": Room(("rover_pin/effects/*.py", "rover_pin/contact.py"), LAWS),
     "body": Room(
         ("rover_pin/body/*.py",),
         (

@@ -87,6 +87,8 @@ def test_the_side_force_is_what_the_strength_leaves_by_janosis_law(patch, S_y, f
     share = 1 - math.exp(-abs(S_y) * length / 2 / 0.004)
     expected = -math.copysign(0.8 * math.sqrt(strength**2 - f_t**2) * share, S_y) if S_y else 0.0
     assert push.f_y == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    ahead = 0.06 * math.sin(math.acos(1 - 0.007 / 0.06) * (1 - 0.2) / 2)
+    assert push.moment_z == pytest.approx(expected * ahead, rel=1e-9, abs=1e-15)
     assert (push.f_t, push.f_n, push.torque) == (0.0, 0.0, 0.0)
 
 
