@@ -35,9 +35,9 @@ from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
-from blind_kept import kept
 from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
+from kept.case import kept
 
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.exact_refits import judged, paired, variants

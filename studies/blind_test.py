@@ -37,9 +37,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from blind_kept import kept
 from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
+from kept.case import kept
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.compare import refit

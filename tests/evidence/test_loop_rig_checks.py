@@ -194,7 +194,7 @@ def test_shares_count_detectable_cases_only():
 
 def test_a_case_that_is_kept_is_made_once_and_read_as_it_was(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(STUDIES)
-    kept, told = loaded("blind_kept"), importlib.import_module("blind_score")
+    kept, told = (importlib.import_module(name) for name in ("kept.case", "blind_score"))
     size = told.Size("Ploughing.a_b", 0.5, 0.52, math.inf, 0.6)
     whole = told.Case(
         "x, white, 7", told.Kind.PAIR, ("Ploughing", "ExitAngle"), told.Answer.SET, (("A", "B"), ("C",)), True, (size,)
