@@ -6,26 +6,19 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Self
 
-import numpy as np
-
 from rover_pin.arguments import about, checked
 from rover_pin.body.rover import Rover
-from rover_pin.control.steering import MOST_STEER
+from rover_pin.control.steering import MOST_STEER, Steady
 from rover_pin.errors import ParameterError
-from rover_pin.motion.command import Command, Reading
-from rover_pin.motion.native.control import Commands
 
 
 @dataclass(frozen=True)
-class Crab:
+class Crab(Steady):
     """Constant duties and one steering angle, so that the rover goes sideways without turning.
 
     Wheels that do not steer are dragged along, and take of the angle: Nexus 6, whose middle wheels do not, goes at 17
     deg where 20 are asked.
     """
-
-    duty: tuple[float, ...]
-    steer: tuple[float, ...]
 
     @classmethod
     @checked("control")
@@ -48,11 +41,3 @@ class Crab:
                 f"{rover.name} cannot crab: none of its wheels steers; take control = turn, or a rover that steers."
             )
         return cls((delta,) * len(rover.wheels), (angle,) * len(steered))
-
-    def __call__(self, reading: Reading) -> Command:
-        """Return the command."""
-        return Command(np.array(self.duty), np.array(self.steer))
-
-    def native(self, wheels: int) -> Commands:
-        """Return the same for the compiled loop."""
-        return Commands(self.duty, self.steer)

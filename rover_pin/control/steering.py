@@ -19,7 +19,23 @@ MOST_STEER = math.radians(75.0)
 
 
 @dataclass(frozen=True)
-class Turn:
+class Steady:
+    """Duties of all wheels and angles of those that steer, held for the whole drive."""
+
+    duty: tuple[float, ...]
+    steer: tuple[float, ...]
+
+    def __call__(self, reading: Reading) -> Command:
+        """Return the command."""
+        return Command(np.array(self.duty), np.array(self.steer))
+
+    def native(self, wheels: int) -> Commands:
+        """Return the same for the compiled loop."""
+        return Commands(self.duty, self.steer)
+
+
+@dataclass(frozen=True)
+class Turn(Steady):
     """Constant duties and steering angles of a turn about a point on the rover's lateral axis.
 
     The centre lies `radius` to the left of the base (right where negative; 0 turns on the spot), level with the mean of
@@ -30,9 +46,6 @@ class Turn:
     centre further away than asked: f_y takes what f_t leaves of the strength, whatever way the wheel slides, which is
     more than a wheel that spins in its own rut gives; on stiff sand with motors sized by weight it hardly turns.
     """
-
-    duty: tuple[float, ...]
-    steer: tuple[float, ...]
 
     @classmethod
     @checked("control")
@@ -62,14 +75,6 @@ class Turn:
                 f"deg; at most {math.degrees(MOST_STEER):.0f} deg are allowed: widen the turn."
             )
         return cls(_duties(speeds, radius, delta), tuple(angles.values()))
-
-    def __call__(self, reading: Reading) -> Command:
-        """Return the command."""
-        return Command(np.array(self.duty), np.array(self.steer))
-
-    def native(self, wheels: int) -> Commands:
-        """Return the same for the compiled loop."""
-        return Commands(self.duty, self.steer)
 
 
 def _duties(speeds: list[float], radius: float, delta: float) -> tuple[float, ...]:

@@ -117,22 +117,28 @@ class Sinkage(RigChannel):
 
 
 @dataclass(frozen=True, eq=False)
-class SideForce(RigChannel):
+class SidewaysChannel(RigChannel):
+    """What a wheel at a slip angle shows besides; Eqs (2)-(7) run straight, a `RigModel` does not."""
+
+    is_sideways: ClassVar[bool] = True
+
+    @staticmethod
+    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
+        """Return 0."""
+        return 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SideForce(SidewaysChannel):
     """The force along the axle of a wheel that travels at a slip angle, positive where the soil resists [N]."""
 
     name: ClassVar[str] = "side force"
     unit: ClassVar[str] = "N"
     column: ClassVar[str] = "lateral_N"
-    is_sideways: ClassVar[bool] = True
-
-    @staticmethod
-    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
-        """Return 0: Eqs (2)-(7) run straight; a `RigModel` has the side force."""
-        return 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class VerticalMoment(RigChannel):
+class VerticalMoment(SidewaysChannel):
     """What the soil turns a wheel at a slip angle with, about the vertical through its centre [N m].
 
     Positive where it turns the wheel to its left. At a positive slip angle, where the wheel goes to its right, that is
@@ -142,12 +148,6 @@ class VerticalMoment(RigChannel):
     name: ClassVar[str] = "moment about the vertical"
     unit: ClassVar[str] = "N m"
     column: ClassVar[str] = "moment_z_Nm"
-    is_sideways: ClassVar[bool] = True
-
-    @staticmethod
-    def predicted(forces: WheelForces, theta_1: Scalar, wheel: Wheel) -> Scalar:
-        """Return 0: Eqs (2)-(7) run straight; a `RigModel` has the moment."""
-        return 0.0
 
 
 RIG_CHANNELS: tuple[type[RigChannel], ...] = (DrawbarPull, Torque, Sinkage, SideForce, VerticalMoment)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rover_pin.estimation.by_chance.drift import learnt_drift
-from rover_pin.estimation.by_chance.random_field import TOLD, RandomField, chance_of, learnt_sds
+from rover_pin.estimation.by_chance.random_field import RandomField, chance_of, learnt_sds, spanning
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import Noise, huber_weights, spread
 
@@ -70,7 +70,6 @@ def _differing(last: Fit, moved: np.ndarray, noise: Noise, field: RandomField) -
 
 def _scatter(rows: np.ndarray, columns: np.ndarray) -> float:
     """Return the SD of what no column takes of the rows, at least the declared 1."""
-    Q, s, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-9), full_matrices=False)
-    Q = Q[:, s > TOLD * s[0]]
+    Q = spanning(columns)
     left = rows - Q @ (Q.T @ rows)
     return max(1.0, float(np.sqrt(left @ left / max(len(rows) - Q.shape[1], 1))))

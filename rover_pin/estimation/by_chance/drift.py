@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import chi2
 
-from rover_pin.estimation.by_chance.random_field import TOLD
+from rover_pin.estimation.by_chance.random_field import spanning
 
 STEPS = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
 """Correlations of successive measurements that are tried."""
@@ -62,7 +62,7 @@ def learnt_drift(scaled: np.ndarray, free: np.ndarray, good: np.ndarray, turn: n
     `scaled` are residuals (folds, channels, samples) in their SDs, whose common scale is free, `free` what numbers and
     candidates move (columns, folds, channels, samples).
     """
-    known = _basis(free[:, good].T)
+    known = spanning(free[:, good].T)  # once for all correlations: another rank would be no likelihood
     basis = np.zeros((known.shape[1], *good.shape))
     basis[:, good] = known.T
 
@@ -81,9 +81,3 @@ def learnt_drift(scaled: np.ndarray, free: np.ndarray, good: np.ndarray, turn: n
         losses = [loss(one) for one in tried]
         rho, least = tried[int(np.argmin(losses))], min(losses)
     return Drift(rho, turn, alone - least) if alone - least > chi2.isf(RARE, len(rho)) else None
-
-
-def _basis(columns: np.ndarray) -> np.ndarray:
-    """Return orthonormal columns that span the same, once for all correlations: another rank would be no likelihood."""
-    Q, s, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-9), full_matrices=False)
-    return np.asarray(Q[:, s > TOLD * s[0]])

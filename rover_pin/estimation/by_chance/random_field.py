@@ -105,15 +105,19 @@ def _root(part: np.ndarray) -> np.ndarray:
     return np.asarray(u[:, s > TOLD] * np.sqrt(1 - 1 / np.sqrt(1 + s[s > TOLD] ** 2)))
 
 
+def spanning(columns: np.ndarray) -> np.ndarray:
+    """Return orthonormal columns that span what these (n, ...) do, whatever their units, but for round-off."""
+    Q, s, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-9), full_matrices=False)
+    return np.asarray(Q[:, s > TOLD * s[0]] if s.size else Q)
+
+
 def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: RandomField) -> tuple[LearntSd, ...]:
     """Return the SDs of greatest restricted likelihood for whitened rows (n,), `free` and drawn `columns` (n, ...).
 
     -2 ln L = ln det(I + d G d) + r^T r - b^T d (I + d G d)^-1 d b with G = B^T B and b = B^T r, r and B without what
     the free columns take.
     """
-    scaled = free / np.maximum(np.linalg.norm(free, axis=0), 1e-9)
-    Q, s, _ = np.linalg.svd(scaled, full_matrices=False)
-    Q = Q[:, s > TOLD * s[0]] if s.size else Q
+    Q = spanning(free)
     rest = rows - Q @ (Q.T @ rows)
     B = columns - Q @ (Q.T @ columns)
     G, b = B.T @ B, B.T @ rest
