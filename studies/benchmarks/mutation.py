@@ -72,8 +72,9 @@ DRIVE_LOG = "calibrate candidates contrast experiment features free_runs paramet
 LAWS = ("tests/effects/test_[!e]*.py", *_named("effects", "every_effect exit_angle"))
 """All but whole drives with every effect, which take minutes and say little of one law."""
 STEP = (
-    "step_parts kernel_twin rigid_body elimination stiff_motor lanes native_ground native_control compiled_loop "
-    "going_on failure resolution simulate independent joint_gains settling native_pace native_commands many_patches"
+    "step_parts kernel_twin kernel_alone rigid_body elimination stiff_motor lanes native_ground native_control "
+    "compiled_loop going_on failure resolution simulate independent joint_gains settling native_pace native_commands "
+    "many_patches"
 )
 """Tests that run the compiled step: its twin first, then what is known of it otherwise."""
 MOTION = (
