@@ -151,7 +151,7 @@ BY_HAND = {
     "python studies/digging.py": "570 drives, four minutes of CPU; `test_readme_tables` reads the table that it wrote",
     "rover-pin close-loop studies/data/steepening-slope --out out/loop": "five minutes; its verdict is kept, "
     "`test_readme_tables` reads it and `test_fig8_log` finds it again",
-    "python studies/slip_sensing.py": "100 drives under four controls, eight minutes of CPU",
+    "python studies/slip_sensing.py": "100 drives under four controls, six minutes of CPU",
     "python studies/beyond_the_paper.py": "a tuning on the full rover, three minutes of CPU; its table as well",
     "python studies/benchmarks/long_log.py": "a loop on an hour's recording, three minutes of CPU",
     "python studies/benchmarks/drive_speed.py": "times, which hang on the machine",
