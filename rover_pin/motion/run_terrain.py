@@ -28,6 +28,8 @@ SLOPE_SD, HEIGHT_SD, BEND_SD = math.radians(0.5), 0.03, 0.15
 """Assumed SDs of a block's pitch and roll [rad], of its height [m], and of the ground's bend over a base [rad]."""
 BLOCK = 0.5
 """Time over which pitch, roll and height are averaged [s]."""
+INSTANT = 1e-5
+"""A row so little before the end of a block [s] is of the next one (assumed): clocks since 1970 round to 2e-7 s."""
 CELLS = 7.0
 """Cells of the grid to a wheelbase."""
 MOST = 100
@@ -128,13 +130,16 @@ def _under(height: Callable[..., Any], rover: Rover, place: np.ndarray) -> tuple
 
 
 def _blocks(run: Trace) -> dict[str, np.ndarray] | None:
-    """Return means over BLOCK of the pose where it is known; None where neither slope nor height was measured."""
+    """Return means over BLOCK of the pose where it is known; None where neither slope nor height was measured.
+
+    A row on the border of two blocks is of the later one, also where its time was rounded.
+    """
     names = [name for name in ("body_pitch", "body_roll", "body_z") if name in run and np.isfinite(run[name]).any()]
     if "body_pitch" not in names and "body_z" not in names:
         return None
     place = [run[f"body_{name}"] for name in ("x", "y", "yaw")]
     use = np.all(np.isfinite(place), axis=0)
-    at = np.floor((run.t[use] - run.t[0]) / BLOCK).astype(int)
+    at = np.floor((run.t[use] - run.t[0] + INSTANT) / BLOCK).astype(int)
     _, at = np.unique(at, return_inverse=True)
     count = np.bincount(at)
 

@@ -34,7 +34,7 @@ def halves(run):
     """Means of half seconds in which x, y and yaw are known, of the rows in which they are."""
     place = np.array([run[f"body_{name}"] for name in ("x", "y", "yaw")])
     known = np.isfinite(place).all(axis=0)
-    group = np.floor((run.t - run.t[0] + 1e-9) / 0.5)[known]
+    group = np.floor((run.t - run.t[0] + 1e-5) / 0.5)[known]
     return {
         name: np.array([run[name][known][group == one].mean() for one in np.unique(group)])
         for name in run if name.startswith("body_")
@@ -160,6 +160,27 @@ def test_half_seconds_are_counted_from_the_first_row(late):
     run = drive()
     later = dataclasses.replace(run, channels={**run.channels, "t_s": run.t + late})
     np.testing.assert_allclose(estimated(later, CART).z, estimated(run, CART).z, atol=1e-12)
+
+
+CLOCKS = 0.0, 1795.3, 1.7e9 + 0.1
+"""Where clocks begin: at 0, or long before."""
+
+
+@pytest.mark.parametrize(
+    ("begin", "moved", "later"),
+    [*((begin, moved, True) for begin in CLOCKS for moved in (0.0, 4e-7, -4e-7)),
+     (0.0, -9.9e-6, True), (0.0, -1.05e-5, False)],
+)  # fmt: skip
+def test_a_row_on_the_border_of_two_half_seconds_is_of_the_later_one_whatever_its_last_digit(begin, moved, later):
+    """Every fifth row of 10 Hz is on a border, as its clock tells it; one that is 10 us early is of the earlier."""
+    run = drive()
+    rows = np.arange(len(run.t))
+    half = np.where((rows % 5 == 0) & (rows > 0) & (not later), rows // 5 - 1, rows // 5)
+    told, same = (
+        estimated(dataclasses.replace(run, channels={**run.channels, "t_s": t}), CART)
+        for t in (begin + 0.1 * rows + np.where(rows > 0, moved, 0.0), 0.5 * half + 0.25 * (rows > 0) + 1e-3 * rows)
+    )
+    np.testing.assert_array_equal(told.z, same.z)
 
 
 def test_heights_between_a_grids_corners_are_bilinear_up_to_its_edges():
