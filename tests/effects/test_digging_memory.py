@@ -16,6 +16,23 @@ def test_a_wheel_that_spins_on_the_spot_digs_to_half_its_radius(patch):
     assert float(effect.rate(patch(rim=0.05, v_x=0.0), Load(), (0.0225,))[0]) == pytest.approx(0.0, abs=1e-15)
 
 
+@pytest.mark.parametrize("deepest", [0.05, 0.5, 1.0])
+def test_at_constant_slip_the_hole_levels_off(patch, deepest):
+    """What the rim throws balances what falls in and is rolled out: D = d r q / (d r + q), q = c_d L S / (1 - S)."""
+    effect, r, v = DiggingMemory(c_d=0.2, length=0.03, deepest=deepest, v_0=1e-6), 0.045, 0.02
+    depths = []
+    for S in (0.1, 0.5, 0.9, 0.999):
+        q = 0.2 * 0.03 * S / (1.0 - S)
+        depths.append(deepest * r * q / (deepest * r + q))
+        assert float(effect.rate(patch(rim=v / (1.0 - S), v_x=v), Load(), (depths[-1],))[0]) == pytest.approx(
+            0.0, abs=1e-8
+        )
+    assert sorted(depths) == depths
+    assert depths[-1] < deepest * r
+    rate = float(effect.rate(patch(rim=0.05, v_x=0.0), Load(), (deepest * r,))[0])
+    assert rate == pytest.approx(0.0, abs=1e-12)
+
+
 def test_travel_leaves_the_hole_over_its_length(patch):
     left = float(DiggingMemory(length=0.04, v_0=1e-6).rate(patch(rim=0.05, v_x=0.05), Load(), (0.004,))[0])
     assert left == pytest.approx(-0.004 * 0.05 / 0.04)
