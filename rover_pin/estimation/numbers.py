@@ -143,7 +143,7 @@ def _number(fitted: Fit, at: int, ends: Interval) -> Number:
 def profiles(fitted: Fit, names: tuple[str, ...]) -> tuple[Profile, ...]:
     """Return the profiles of these parameters: rise of chi2 over the noise's inflation and a misfit above 1.
 
-    The others descend from where a linear model puts them, with the slopes of the fit.
+    The others descend from where a linear model puts them, with the slopes of the fit; NaN where they do not settle.
     """
     return tuple(_profile(fitted, [one.name for one in fitted.parameters].index(name)) for name in names)
 
@@ -162,11 +162,14 @@ def _profile(fitted: Fit, at: int) -> Profile:
 
 
 def _rise(fitted: Fit, at: int, u: float, direction: np.ndarray) -> float:
-    """Return how far chi2 rises where one parameter is held at u."""
+    """Return how far chi2 rises where one parameter is held at u; NaN where the others do not settle."""
     one = fitted.parameters[at]
     start = np.delete(fitted.u + direction * (u - fitted.u[at]), at)
     others = tuple(each for i, each in enumerate(fitted.parameters) if i != at)
     held = fitted.task.experiment.with_values(fitted.model, {one.name: one.value(u)})
-    found = fit(fitted.task, held, others, start, fitted.slopes, reuse=True)
+    try:
+        found = fit(fitted.task, held, others, start, fitted.slopes, reuse=True)
+    except OptimisationError:
+        return math.nan
     prior = u**2 if one.prior else 0.0
     return (found.chi2 + prior - fitted.chi2) / (fitted.task.noise.inflation * max(fitted.misfit, 1.0))

@@ -13,6 +13,7 @@ from rover_pin.discrepancy import compare, exact_refits, search
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.refit import Refit, alike
 from rover_pin.discrepancy.screen import ABSORBED, STILL, Scored, Signature, _freed, started
+from rover_pin.errors import OptimisationError
 from rover_pin.estimation.numbers import profiles
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.quantity import Record, quantity
@@ -406,3 +407,18 @@ def test_a_profile_is_the_parabola_of_a_linear_fit():
             assert off == pytest.approx(half * np.array([-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5]), abs=1e-9)
             unit = fitted.task.noise.inflation * max(fitted.misfit, 1.0)
             assert found.rises == pytest.approx(off**2 / fitted.covariance[at, at] / unit, rel=1e-5, abs=1e-8)
+
+
+def test_a_profile_has_no_rise_where_the_others_do_not_settle(monkeypatch):
+    """Such a point once ended the whole loop: a hole's length, depth and rest imitate one another."""
+    random, free = np.random.default_rng(3), linear.nuisances()
+    columns = linear.slopes(random, free)
+    fitted = linear.fitted(np.clip(random.normal(size=linear.SHAPE), -2.2, 2.2), columns)
+
+    def unsettled(*asked, **named):
+        raise OptimisationError("a refit did not settle", status=400)
+
+    monkeypatch.setattr("rover_pin.estimation.numbers.fit", unsettled)
+    (found,) = profiles(fitted, (fitted.parameters[0].name,))
+    assert [rise == 0.0 for rise in found.rises] == [False, False, False, True, False, False, False]
+    assert np.isnan(found.rises).sum() == 6
