@@ -64,7 +64,7 @@ def test_the_sd_of_beds_is_that_of_the_greatest_restricted_likelihood(scatter, s
     slopes, known = random.normal(size=(2, *SHAPE)), random.normal(size=(1, *SHAPE))
     slopes[1] *= 1e-5
     field = field_of(random, Kind("beds", SIZE, "", 0.2))
-    residual = scatter * SD * random.normal(size=SHAPE) + 7.0 * slopes[0] + 2e6 * slopes[1] - 5.0 * known[0]
+    residual = scatter * SD * random.normal(size=SHAPE) + 7.0 * slopes[0] + 2e6 * slopes[1] - 0.3 * known[0]
     residual += np.tensordot(spread_by * random.normal(size=FOLDS), field.moved, 1)
     residual[2, 1, 3] += 9.0 * SD[2, 1, 3]
     found = beyond_declared(fit_of(residual, slopes, field=field), lambda: list(known))
