@@ -12,7 +12,7 @@ import numpy as np
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.cross_validation import losses_of
 from rover_pin.discrepancy.refit import Fee, Progress, Refit, best_of_each, joined
-from rover_pin.discrepancy.screen import Scored, entry_fee
+from rover_pin.discrepancy.screen import STILL, Scored, entry_fee
 from rover_pin.estimation.fit import Fit, best_of
 from rover_pin.estimation.parameter import Parameter
 
@@ -24,6 +24,8 @@ MOST_FREE = 0.5
 """Free numbers without a prior for each compared block, at most."""
 SMALL = 0.05
 """Share of its default size from which a refit starts, besides the default."""
+SHIFT = 1.0
+"""Prior SDs by which a shape is moved to see whether the data show it."""
 PAIRED = 6
 """Leading candidates from which pairs are made."""
 
@@ -84,18 +86,39 @@ def _value(base: Fit, model: Any, one: Parameter) -> float:
 
 
 def variants(base: Fit, candidate: Candidate) -> list[tuple[Candidate, Fit]]:
-    """Return a candidate refitted, and with its law's shapes freed where the data can bear that."""
-    found: list[tuple[Candidate, Fit]] = []
-    for one in (candidate.bare, candidate.loose) if candidate.shapes else (candidate,):
-        model = one.on(base.model)
-        numbers, here = joined(base, one, model)
-        if not bearable(base, numbers):
-            continue
-        starts = _starts(numbers, here, len(base.u)) if is_whole(base) else [here]
-        starts += [_of(numbers, fitted) for _, fitted in found]
-        fitted = best_of(base.task, model, numbers, starts)
-        found += [(one, fitted)] if fitted is not None else []
-    return found
+    """Return a candidate refitted, and with its law's shapes freed where the data can bear that and show them."""
+    if not candidate.shapes:
+        return _refitted(base, candidate, [])
+    plain = _refitted(base, candidate.bare, [])
+    loose = told_shapes(plain[0][1], candidate).loose if plain else candidate.loose
+    return plain + (_refitted(base, loose, plain) if loose.freed else [])
+
+
+def _refitted(base: Fit, one: Candidate, before: Sequence[tuple[Candidate, Fit]]) -> list[tuple[Candidate, Fit]]:
+    """Return a candidate with its refit, started also from fits before it; nothing where there is none."""
+    model = one.on(base.model)
+    numbers, here = joined(base, one, model)
+    if not bearable(base, numbers):
+        return []
+    starts = _starts(numbers, here, len(base.u)) if is_whole(base) else [here]
+    fitted = best_of(base.task, model, numbers, [*starts, *(_of(numbers, each) for _, each in before)])
+    return [] if fitted is None else [(one, fitted)]
+
+
+def told_shapes(fitted: Fit, candidate: Candidate) -> Candidate:
+    """Return a fitted candidate with those shapes that move the data: where a wheel fades to rest, steady runs do not.
+
+    Freed, such a number would leave the range in which the law means anything, and imitate something else.
+    """
+    experiment, model, kept = fitted.task.experiment, fitted.model, []
+    for name in candidate.shapes:
+        one = candidate.shape(name)
+        u = one.u(experiment.value(model, name))
+        at = u + SHIFT if u + SHIFT <= one.bounds[1] else u - SHIFT
+        (moved,) = experiment.predict([experiment.with_values(model, {name: one.value(at)})])
+        if np.linalg.norm(fitted.task.noise.white(moved - fitted.predicted)) > STILL:
+            kept.append(name)
+    return dataclasses.replace(candidate, shapes=tuple(kept))
 
 
 def bearable(base: Fit, numbers: Sequence[Parameter]) -> bool:

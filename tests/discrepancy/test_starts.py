@@ -7,7 +7,7 @@ import pytest
 
 from rover_pin.discrepancy import exact_refits
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.exact_refits import bearable, is_whole, judged, variants
+from rover_pin.discrepancy.exact_refits import bearable, is_whole, judged, told_shapes, variants
 from rover_pin.discrepancy.refit import Refit, alike
 from rover_pin.discrepancy.screen import entry_fee
 from rover_pin.effects.post_peak import PostPeak
@@ -79,6 +79,7 @@ def noted(monkeypatch):
         return SimpleNamespace(parameters=numbers, u=np.zeros(len(numbers)))
 
     monkeypatch.setattr(exact_refits, "best_of", best_of)
+    monkeypatch.setattr(exact_refits, "told_shapes", lambda fitted, one: one)
     return asked
 
 
@@ -97,6 +98,42 @@ def test_a_law_is_refitted_as_published_then_with_its_shapes_freed_from_there_to
 def test_a_law_without_shapes_is_refitted_once(noted):
     bare = LAW.bare
     assert [one for one, _ in variants(based(), bare)] == [bare]
+    assert len(noted) == 1
+
+
+def fitted_line(values, moves, bound):
+    """A fit at some values, each of which moves the one row by so much; SDs of 0.5."""
+
+    class Line:
+        def value(self, model, name):
+            return model[name]
+
+        def with_values(self, model, given):
+            assert all(value <= bound for value in given.values())
+            return model | given
+
+        def predict(self, models):
+            return np.array([[sum(moves[name] * value for name, value in one.items())] for one in models])
+
+    line, noise = Line(), SimpleNamespace(white=lambda moved: moved / 0.5)
+    task = SimpleNamespace(experiment=line, noise=noise)
+    return SimpleNamespace(task=task, model=values, predicted=line.predict([values])[0])
+
+
+@pytest.mark.parametrize(("moves", "told"), [(0.0, False), (0.29, False), (0.31, True), (-0.31, True)])
+@pytest.mark.parametrize("S_w", [0.4, 9.0])
+def test_a_shape_is_told_where_one_sd_of_its_prior_moves_the_data(S_w, moves, told):
+    """ln S_w has a prior SD of 1/2; where that is beyond its bound it is moved the other way."""
+    law = Candidate("PostPeak", PostPeak(S_w=S_w), ("PostPeak.fraction",), ("PostPeak.S_w",))
+    step = S_w * (np.exp(0.5) - 1.0) if S_w * np.exp(0.5) <= 10.0 else S_w * (1.0 - np.exp(-0.5))
+    fitted = fitted_line({"PostPeak.S_w": S_w}, {"PostPeak.S_w": moves * 0.5 / step}, bound=10.0)
+    assert told_shapes(fitted, law).shapes == (("PostPeak.S_w",) if told else ())
+    assert told_shapes(fitted, law).sizes == law.sizes
+
+
+def test_a_law_whose_shapes_move_nothing_is_refitted_once(noted, monkeypatch):
+    monkeypatch.setattr(exact_refits, "told_shapes", lambda fitted, one: one.bare)
+    assert [one.freed for one, _ in variants(based(), LAW)] == [()]
     assert len(noted) == 1
 
 
