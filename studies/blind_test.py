@@ -44,7 +44,7 @@ from kept.case import kept
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.cross_validation import left_out
-from rover_pin.discrepancy.judge import chosen_without, first_of, judged
+from rover_pin.discrepancy.judge import chosen_without, judged
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.screen import fee_of, score
 from rover_pin.discrepancy.search import Search, search
@@ -109,7 +109,8 @@ def answered(folder: Path) -> Answered:
     left = describe(found.last)
     verdict = judged(("drive-log", log.about.name), found, chosen_without(found), left_of(found, left), 0)
     print(f"{folder.name}: {verdict.answer.value} {verdict.alike} {verdict.vetoes}", flush=True)
-    return Answered(verdict.answer, found, left)
+    assert verdict.search is not None
+    return Answered(verdict.answer, verdict.search, left)
 
 
 def case_of(folder: Path, answers: Path) -> Case:
@@ -118,9 +119,8 @@ def case_of(folder: Path, answers: Path) -> Case:
     truth = next(each for each in json.loads(answers.read_text(encoding="utf-8"))["sets"] if each["set"] == folder.name)
     kind, hidden = KINDS[truth["kind"]], truth["hidden"]
     names = tuple(OTHER_LAWS.get(each["effect"], name_of(each)) for each in hidden)
-    found = first_of(one.search) if one.answer is Answer.LIKE else one.search
-    told = one.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
-    oracle = true_fit(one.search, names) if kind in (Kind.SINGLE, Kind.PAIR, Kind.OTHER_LAW) else None
+    found, told = one.search, one.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
+    oracle = true_fit(found, names) if kind in (Kind.SINGLE, Kind.PAIR, Kind.OTHER_LAW) else None
     return Case(
         f"{folder.name} {' + '.join(names)} {[round(each['severity'], 1) for each in hidden]}{under_of(truth)}",
         kind,

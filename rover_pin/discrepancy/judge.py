@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rover_pin.discrepancy.answer import TAKES_MOST, Answer
+from rover_pin.discrepancy.answer import TAKEN_TOGETHER, TAKES_MOST, Answer
 from rover_pin.discrepancy.candidate import Candidate, is_effect
 from rover_pin.discrepancy.cross_validation import held_out_losses, without_each
 from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
@@ -83,8 +83,8 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     left, draft = described(question, found, drafts)
     progress("intervals, and errors on what was left out")
     verdict = judged((question.kind, question.name), found, {name: one.names for name, one in anew.items()}, left, seed)
-    if verdict.answer is Answer.LIKE and left.unlisted:
-        draft = drafts(first_of(found).last)
+    if verdict.answer is Answer.LIKE and left.unlisted and verdict.search is not None:
+        draft = drafts(verdict.search.last)
     return with_draft(replace(verdict, errors_anew=errors_anew(found.base, anew)), draft, seed)
 
 
@@ -191,8 +191,8 @@ def what_is_left(found: Search) -> Left:
 
 def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Left, seed: int) -> Verdict:
     """Return the verdict of kind and name `of` on what a search found and left."""
-    (kind, name), answer = of, graded(found, left)
-    if answer is Answer.LIKE:
+    (kind, name), answer = of, graded(found, left, chosen)
+    if answer is Answer.LIKE and not hold_together(found, chosen):
         found = first_of(found)
     last = found.base if answer in (Answer.INADEQUATE, Answer.NONE_FITS) else found.last
     before = side_of(found.base)
@@ -265,17 +265,26 @@ def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore]
     return said + [f"{one.name} is predicted worse where it was not fitted" for one in worse]
 
 
-def graded(found: Search, left: Left) -> Answer:
-    """Return what may be said of what was found and left."""
-    alone = held_out_share(found.base, first_of(found).last) if found.found and left.unlisted else 0.0
-    return answer_of(found, left, alone)
+def graded(found: Search, left: Left, chosen: dict[str, str]) -> Answer:
+    """Return what may be said of what was found and left, and chosen without each fold."""
+    if not found.found or not left.unlisted:
+        return answer_of(found, left, False)
+    alone = held_out_share(found.base, first_of(found).last) >= TAKES_MOST
+    return answer_of(found, left, alone or hold_together(found, chosen))
 
 
-def answer_of(found: Search, left: Left, alone: float) -> Answer:
+def hold_together(found: Search, chosen: dict[str, str]) -> bool:
+    """Return whether several effects take nearly all that is missed where it was not fitted, and most folds agree."""
+    names = {one.name for one in found.added}
+    same = sum(set(name.split(" + ")) == names for name in chosen.values())
+    return len(names) > 1 and 2 * same > len(chosen) and held_out_share(found.base, found.last) >= TAKEN_TOGETHER
+
+
+def answer_of(found: Search, left: Left, takes_most: bool) -> Answer:
     """Return what may be said: a name stands where its law holds, or is like what is missing where it takes most.
 
-    `alone` is the share that the first effect alone takes of what is missed where it was not fitted: two laws together
-    imitate much.
+    `takes_most` is whether the first effect alone takes most of what is missed where it was not fitted, or all do that
+    hold together: two laws imitate much.
     """
     unlisted = Answer.NONE_FITS if left.described else Answer.INADEQUATE
     if not found.found:
@@ -283,5 +292,5 @@ def answer_of(found: Search, left: Left, alone: float) -> Answer:
             return unlisted
         return Answer.INADEQUATE if implausible(found.base) else Answer.NONE_NEEDED
     if left.unlisted:
-        return Answer.LIKE if alone >= TAKES_MOST else unlisted
+        return Answer.LIKE if takes_most else unlisted
     return Answer.SET if len(found.alike) > 1 else Answer.NAMED

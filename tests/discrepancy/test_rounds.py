@@ -255,12 +255,13 @@ def test_where_nothing_was_found_the_base_is_judged_and_else_the_law(monkeypatch
         (Answer.NAMED, ("it lies at its bound",), ("A", "B"), Answer.LIKE, 0.9),
         (Answer.SET, ("it lies at its bound",), ("A", "B"), Answer.SET, 0.9),
         (Answer.LIKE, (), ("A",), Answer.LIKE, 0.9),
+        (Answer.LIKE, (), ("A", "B"), Answer.LIKE, 0.9),
         (Answer.INADEQUATE, (), (), Answer.INADEQUATE, 0.0),
         (Answer.NONE_FITS, (), (), Answer.NONE_FITS, 0.0),
     ],
 )
 def test_a_verdict_keeps_what_its_answer_says(answer, against, named, said, share, monkeypatch):
-    """Both effects where they stand, the first where something is like it, none where none fits."""
+    """Both effects where they stand or hold together, the first where something is like it, none where none fits."""
     task = SimpleNamespace(noise=None, experiment=SimpleNamespace(records=lambda model: {"A": "a", "B": "b"}))
 
     def fit(name):
@@ -271,7 +272,8 @@ def test_a_verdict_keeps_what_its_answer_says(answer, against, named, said, shar
         return SimpleNamespace(base=base, last=fit(names or "base"), added=added, alike=tuple(names))
 
     base, patches = fit("base"), {
-        "graded": lambda found, left: answer,
+        "graded": lambda found, left, chosen: answer,
+        "hold_together": lambda found, chosen: len(named) == 2,
         "first_of": lambda found: of("A"),
         "side_of": lambda fitted: SimpleNamespace(fit=fitted, model=fitted.name),
         "held_out": lambda before, after, noise, seed: SimpleNamespace(channels=(), runs=()),
@@ -298,7 +300,7 @@ class Named:
 @pytest.mark.parametrize(
     ("answer", "unlisted", "draft"),
     [
-        (Answer.LIKE, True, "of first"),
+        (Answer.LIKE, True, "of what is said"),
         (Answer.LIKE, False, "of base"),
         (Answer.NONE_FITS, True, "of base"),
         (Answer.NAMED, False, "of base"),
@@ -313,8 +315,9 @@ def test_what_the_first_law_leaves_is_drafted_where_the_answer_is_like_it(answer
         "chosen_anew": lambda base, tried: {},
         "drafted": lambda question, here, progress: f"of {here}",
         "described": lambda question, found, drafts: (Left(unlisted), drafts("base")),
-        "judged": lambda of, found, chosen, left, seed: Verdict("wheel-rig", answer, "x", "said", None),
-        "first_of": lambda found: SimpleNamespace(last="first"),
+        "judged": lambda of, found, chosen, left, seed: Verdict(
+            "wheel-rig", answer, "x", "said", None, search=SimpleNamespace(last="what is said")
+        ),
         "errors_anew": lambda base, anew: {},
         "with_draft": lambda verdict, draft, seed: draft,
     }

@@ -11,7 +11,17 @@ from rover_pin.discrepancy import judge
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.held_out import ChannelScore
-from rover_pin.discrepancy.judge import Left, _leading, answer_of, graded, held_out_share, holds, share_taken, vetoes
+from rover_pin.discrepancy.judge import (
+    Left,
+    _leading,
+    answer_of,
+    graded,
+    held_out_share,
+    hold_together,
+    holds,
+    share_taken,
+    vetoes,
+)
 from rover_pin.estimation.numbers import Number, implausible, is_adequate
 from rover_pin.estimation.parameter import Parameter
 
@@ -43,31 +53,56 @@ PLAUSIBLE, BENT = fitted(u=(4.9, -4.9)), fitted(u=(0.0, -5.1))
 
 
 @pytest.mark.parametrize(
-    ("search", "left", "alone", "answer"),
+    ("search", "left", "takes_most", "answer"),
     [
-        (found(base=PLAUSIBLE), Left(False), 0.0, Answer.NONE_NEEDED),
-        (found(base=BENT), Left(False), 0.0, Answer.INADEQUATE),
-        (found(base=PLAUSIBLE), Left(True), 1.0, Answer.INADEQUATE),
-        (found(base=PLAUSIBLE), Left(True, described=True), 1.0, Answer.NONE_FITS),
-        (found("A"), Left(False), 0.0, Answer.NAMED),
-        (found("A", base=BENT), Left(False), 0.0, Answer.NAMED),
-        (found("A", alike=("A", "B")), Left(False), 0.0, Answer.SET),
-        (found("A"), Left(True), 0.67, Answer.LIKE),
-        (found("A"), Left(True), 0.66, Answer.INADEQUATE),
-        (found("A"), Left(True, described=True), 0.67, Answer.LIKE),
-        (found("A", alike=("A", "B")), Left(True, described=True), 0.66, Answer.NONE_FITS),
+        (found(base=PLAUSIBLE), Left(False), False, Answer.NONE_NEEDED),
+        (found(base=BENT), Left(False), False, Answer.INADEQUATE),
+        (found(base=PLAUSIBLE), Left(True), True, Answer.INADEQUATE),
+        (found(base=PLAUSIBLE), Left(True, described=True), True, Answer.NONE_FITS),
+        (found("A"), Left(False), False, Answer.NAMED),
+        (found("A", base=BENT), Left(False), False, Answer.NAMED),
+        (found("A", alike=("A", "B")), Left(False), False, Answer.SET),
+        (found("A"), Left(True), True, Answer.LIKE),
+        (found("A"), Left(True), False, Answer.INADEQUATE),
+        (found("A"), Left(True, described=True), True, Answer.LIKE),
+        (found("A", alike=("A", "B")), Left(True, described=True), False, Answer.NONE_FITS),
     ],
 )
-def test_the_answer(search, left, alone, answer):
-    assert answer_of(search, left, alone) is answer
+def test_the_answer(search, left, takes_most, answer):
+    assert answer_of(search, left, takes_most) is answer
 
 
-def test_what_the_first_takes_alone_counts_only_where_something_is_left(monkeypatch):
+@pytest.mark.parametrize(("share", "answer"), [(0.67, Answer.LIKE), (0.66, Answer.INADEQUATE)])
+def test_what_the_first_takes_alone_counts_only_where_something_is_left(share, answer, monkeypatch):
     monkeypatch.setattr(judge, "first_of", lambda search: search)
-    monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.9)
-    assert graded(found("A"), Left(True)) is Answer.LIKE
-    assert graded(found("A"), Left(False)) is Answer.NAMED
-    assert graded(found(base=PLAUSIBLE), Left(True)) is Answer.INADEQUATE
+    monkeypatch.setattr(judge, "held_out_share", lambda base, last: share)
+    assert graded(found("A"), Left(True), {}) is answer
+    assert graded(found("A"), Left(False), {}) is Answer.NAMED
+    assert graded(found(base=PLAUSIBLE), Left(True), {}) is Answer.INADEQUATE
+
+
+AGREED = {"one": "B + A", "two": "A + B", "three": "A"}
+"""Two of three folds choose both, in any order."""
+
+
+@pytest.mark.parametrize(
+    ("names", "share", "chosen", "together"),
+    [
+        ("AB", 0.8, AGREED, True),
+        ("AB", 0.79, AGREED, False),
+        ("AB", 0.9, AGREED | {"four": "A"}, False),
+        ("AB", 0.9, {"one": "A + C"}, False),
+        ("A", 0.9, {"one": "A", "two": "A"}, False),
+    ],
+)
+def test_several_effects_hold_together_where_they_take_nearly_all_and_most_folds_agree(
+    names, share, chosen, together, monkeypatch
+):
+    first, whole = object(), found(*names)
+    monkeypatch.setattr(judge, "first_of", lambda search: SimpleNamespace(last=first))
+    monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.1 if last is first else share)
+    assert hold_together(whole, chosen) is together
+    assert graded(whole, Left(True), chosen) is (Answer.LIKE if together else Answer.INADEQUATE)
 
 
 # --- what holds ------------------------------------------------------------------------------------------------------

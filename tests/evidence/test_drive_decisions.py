@@ -694,8 +694,8 @@ def term(strength, is_raking=False):
 QUIET = term(5.0)
 
 
-def answered(found, left, alone=0.0):
-    return answer_of(found, Left(is_unknown(found, left), "", described=True), alone)
+def answered(found, left, takes_most=False):
+    return answer_of(found, Left(is_unknown(found, left), "", described=True), takes_most)
 
 
 def test_a_hidden_effect_is_found_and_named():
@@ -785,8 +785,8 @@ def test_the_answer(found, strength, answer):
     assert is_unknown(found, term(strength)) == (answer is Answer.NONE_FITS)
     assert answered(found, term(strength, is_raking=True)) is not Answer.NONE_FITS
     if answer is Answer.NONE_FITS and found.found:
-        assert answered(found, term(strength), alone=2 / 3) is Answer.LIKE
-        assert answered(found, term(strength), alone=0.66) is Answer.NONE_FITS
+        assert answered(found, term(strength), takes_most=True) is Answer.LIKE
+        assert answered(found, term(strength), takes_most=False) is Answer.NONE_FITS
 
 
 @pytest.mark.parametrize(
