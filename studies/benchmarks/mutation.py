@@ -114,6 +114,7 @@ ROOMS = {
         (
             "tests/identification/test_*.py",
             *_named("evidence", "evidence_fit evidence_posterior evidence_profile uncertain_slip"),
+            *_named("loop", "identify_several"),
         ),
     ),
     "discrepancy": Room(

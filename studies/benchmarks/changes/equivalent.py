@@ -5,6 +5,7 @@ from changes.equivalent_discrepancy import DISCREPANCY
 from changes.equivalent_drive_log import DRIVE_LOG
 from changes.equivalent_estimation import ESTIMATION
 from changes.equivalent_given import GIVEN
+from changes.equivalent_identification import IDENTIFICATION
 from changes.equivalent_motion import MOTION
 from changes.equivalent_step import STEP
 
@@ -19,6 +20,7 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     **DRIVE_LOG,
     **ESTIMATION,
     **GIVEN,
+    **IDENTIFICATION,
     **MOTION,
     **STEP,
     (
