@@ -7,11 +7,6 @@ DISCREPANCY: dict[tuple[str, str], str] = {
     ): "any small share of a size begins near nothing",
     (
         "rover_pin/discrepancy/judge.py",
-        "alone = held_out_share(found.base, first_of(found).last) if found.found and left.unlisted else 0.0: "
-        "0.0 -> 0.1",
-    ): "not read where nothing was found, or nothing left",
-    (
-        "rover_pin/discrepancy/judge.py",
         "refits = [one for each in found.rounds for one in each.refits[:LEADERS] if one.net > -one.fee / 2]: > -> >=",
     ): "two numbers that are worked out are never equal",
     (
@@ -64,11 +59,6 @@ DISCREPANCY: dict[tuple[str, str], str] = {
         "return sorted(best.values(), key=lambda row: -row.gain if row.told else 0.0): 0.0 -> 0.1",
     ): "moves what cannot be told behind what gains nothing: neither is refitted",
     (
-        "rover_pin/discrepancy/judge.py",
-        "alone = held_out_share(found.base, first_of(found).last) if found.found and left.unlisted else 0.0: "
-        "0.0 -> (held_out_share(found.base, first_of(found).last))",
-    ): "not read where nothing was found, or nothing left",
-    (
         "rover_pin/discrepancy/screen.py",
         "return self.visible > STILL and 1 - self.absorbed > ABSORBED**2: > -> >=",
     ): "two numbers that are worked out are never equal",
@@ -104,10 +94,6 @@ DISCREPANCY: dict[tuple[str, str], str] = {
         "while len(found.rounds) < _most(base.task.experiment, found.added) and "
         "len(found.found) == len(found.rounds):: == -> >=",
     ): "no more is found than there are rounds",
-    (
-        "rover_pin/discrepancy/judge.py",
-        "alone = held_out_share(found.base, first_of(found).last) if found.found and left.unlisted else 0.0: and -> or",
-    ): "not read where nothing was found, or nothing left",
     (
         "rover_pin/discrepancy/screen.py",
         "before = np.concatenate([np.zeros_like(doubted[..., :1, :]), doubted[..., :-1, :]], axis=-2): -2 -> (2)",
