@@ -35,6 +35,8 @@ LEADERS = 4
 """Leading candidates of every round among which a fold chooses again, where a fit is exact."""
 FEWEST = 3
 """Folds from which those that choose otherwise speak against a name: of two each has half of the data."""
+LEVELS_EACH = 3
+"""Folds for each number of several effects that hold together: on nine levels two laws with six imitated a third."""
 WORSE_BY = 0.05
 """Share by which a channel that was not fitted must be predicted worse, beyond its scatter, to speak against a name."""
 
@@ -274,18 +276,16 @@ def graded(found: Search, left: Left, chosen: dict[str, str]) -> Answer:
 
 
 def hold_together(found: Search, chosen: dict[str, str]) -> bool:
-    """Return whether several effects take nearly all that is missed where it was not fitted, and most folds agree."""
+    """Return whether effects of few numbers take nearly all that is missed where not fitted, and most folds agree."""
     names = {one.name for one in found.added}
     same = sum(set(name.split(" + ")) == names for name in chosen.values())
-    return len(names) > 1 and 2 * same > len(chosen) and held_out_share(found.base, found.last) >= TAKEN_TOGETHER
+    own = sum(len(one.names) for one in found.added)
+    told = 2 * same > len(chosen) and LEVELS_EACH * own <= len(found.base.task.experiment.folds)
+    return len(names) > 1 and told and held_out_share(found.base, found.last) >= TAKEN_TOGETHER
 
 
 def answer_of(found: Search, left: Left, takes_most: bool) -> Answer:
-    """Return what may be said: a name stands where its law holds, or is like what is missing where it takes most.
-
-    `takes_most` is whether the first effect alone takes most of what is missed where it was not fitted, or all do that
-    hold together: two laws imitate much.
-    """
+    """Return what may be said: a name stands where its law holds, or is like what is missing where it takes most."""
     unlisted = Answer.NONE_FITS if left.described else Answer.INADEQUATE
     if not found.found:
         if left.unlisted:

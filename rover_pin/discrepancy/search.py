@@ -39,7 +39,7 @@ MOST = 3
 """Effects that are added at most."""
 FOLDS_EACH = 4
 """Levels that each effect needs where a fit is exact: on nine levels three laws imitated a drag that is on no list; and
-each of a pair that is tried where no single effect holds."""
+each of a pair that is tried where no single effect holds. A freed shape takes the level that tells it."""
 FOLDS_OF_TWO = 5
 """Levels from which a second effect is looked for once one was found whose law holds as published: with its shapes
 freed, on seven levels, one imitated that drag together with another."""
@@ -207,8 +207,9 @@ def _most(experiment: Experiment, added: Sequence[Candidate] = ()) -> int:
     """Return how many rounds there are at most; where a fit is exact, as many effects as there are levels for."""
     if not experiment.is_exact:
         return MOST + 1
-    levels, bent = len(experiment.folds), any(one.freed for one in added)
-    return min(max(levels // FOLDS_EACH, 2 if levels >= FOLDS_OF_TWO and not bent else 1), MOST)
+    freed = sum(len(one.freed) for one in added)
+    levels = len(experiment.folds) - freed
+    return min(max(levels // FOLDS_EACH, 2 if levels >= FOLDS_OF_TWO and not freed else 1), MOST)
 
 
 def _bears_pairs(experiment: Experiment) -> bool:

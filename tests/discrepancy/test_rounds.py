@@ -47,9 +47,17 @@ def fitted(**how):
 def test_five_levels_bear_two_effects_twelve_three(folds, exact, most):
     """Where fits are not exact, three and a round that finds none."""
     assert search._most(experiment(folds, exact)) == most
-    assert search._most(experiment(folds, exact), [Candidate("A", object(), (), freed=("A.q",))]) == (
-        1 if exact and folds < 8 else most
-    )
+
+
+@pytest.mark.parametrize(
+    ("folds", "freed", "most"),
+    [(8, 1, 1), (9, 1, 2), (9, 2, 1), (10, 2, 2), (12, 1, 2), (13, 1, 3), (14, 2, 3), (40, 9, 3), (5, 1, 1), (2, 3, 1)],
+)
+def test_a_freed_shape_takes_the_level_that_tells_it(folds, freed, most):
+    shapes = tuple(f"A.q{at}" for at in range(freed))
+    bent, plain = Candidate("A", object(), (), freed=shapes), Candidate("B", object(), ())
+    assert search._most(experiment(folds, True), [plain, bent]) == most
+    assert search._most(experiment(folds, False), [plain, bent]) == 4
 
 
 class Found:

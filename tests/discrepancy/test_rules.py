@@ -37,8 +37,12 @@ def fitted(rows_chi2=50.0, freedom=50, u=(), parameters=(), **more):
     return SimpleNamespace(rows=rows, chi2=rows_chi2, freedom=freedom, parameters=given, u=np.array(u), **more)
 
 
+def of_folds(count):
+    return SimpleNamespace(experiment=SimpleNamespace(folds=("fold",) * count))
+
+
 def found(*names, base=None, last=None, alike=None):
-    effects = tuple(SimpleNamespace(name=name) for name in names)
+    effects = tuple(SimpleNamespace(name=name, names=(f"{name}.x", f"{name}.y")) for name in names)
     return SimpleNamespace(
         found=effects,
         added=effects,
@@ -76,7 +80,7 @@ def test_the_answer(search, left, takes_most, answer):
 def test_what_the_first_takes_alone_counts_only_where_something_is_left(share, answer, monkeypatch):
     monkeypatch.setattr(judge, "first_of", lambda search: search)
     monkeypatch.setattr(judge, "held_out_share", lambda base, last: share)
-    assert graded(found("A"), Left(True), {}) is answer
+    assert graded(found("A", base=fitted(task=of_folds(9))), Left(True), {}) is answer
     assert graded(found("A"), Left(False), {}) is Answer.NAMED
     assert graded(found(base=PLAUSIBLE), Left(True), {}) is Answer.INADEQUATE
 
@@ -86,19 +90,21 @@ AGREED = {"one": "B + A", "two": "A + B", "three": "A"}
 
 
 @pytest.mark.parametrize(
-    ("names", "share", "chosen", "together"),
+    ("names", "share", "chosen", "folds", "together"),
     [
-        ("AB", 0.8, AGREED, True),
-        ("AB", 0.79, AGREED, False),
-        ("AB", 0.9, AGREED | {"four": "A"}, False),
-        ("AB", 0.9, {"one": "A + C"}, False),
-        ("A", 0.9, {"one": "A", "two": "A"}, False),
+        ("AB", 0.8, AGREED, 12, True),
+        ("AB", 0.79, AGREED, 12, False),
+        ("AB", 0.9, AGREED, 11, False),
+        ("AB", 0.9, AGREED | {"four": "A"}, 12, False),
+        ("AB", 0.9, {"one": "A + C"}, 12, False),
+        ("A", 0.9, {"one": "A", "two": "A"}, 12, False),
     ],
 )
 def test_several_effects_hold_together_where_they_take_nearly_all_and_most_folds_agree(
-    names, share, chosen, together, monkeypatch
+    names, share, chosen, folds, together, monkeypatch
 ):
-    first, whole = object(), found(*names)
+    """Each has two numbers of its own, so that both ask for twelve folds."""
+    first, whole = object(), found(*names, base=fitted(task=of_folds(folds)))
     monkeypatch.setattr(judge, "first_of", lambda search: SimpleNamespace(last=first))
     monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.1 if last is first else share)
     assert hold_together(whole, chosen) is together
