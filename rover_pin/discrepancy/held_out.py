@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.discrepancy.cross_validation import refitted_left_out
+from rover_pin.discrepancy.search import Search
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit, table_of
@@ -125,6 +126,27 @@ def _by_channel(
         levels, of = _levels(experiment, noise.good[:, row], squares), "runs" if experiment.is_timed else "folds"
         found.append(ChannelScore(name, unit, float(floor[row]), was, now, change, low, high, levels, of))
     return tuple(found)
+
+
+def fold_errors(fitted: Fit) -> dict[str, float]:
+    """Return the RMSE of each channel, in its unit, every fold as the fits to the others predict it."""
+    return _named_rms(fitted, refitted_left_out(fitted))
+
+
+def errors_anew(base: Fit, anew: dict[str, Search]) -> dict[str, float]:
+    """Return the RMSE of each channel, every fold predicted with what is chosen and fitted without it."""
+    return _named_rms(base, np.array([one.last.residual[at] for at, one in enumerate(anew.values())]))
+
+
+def _named_rms(fitted: Fit, left: np.ndarray) -> dict[str, float]:
+    rms = _rms(left, fitted.task.noise.good, (0, 2))
+    return dict(zip(fitted.task.experiment.channels, rms.tolist(), strict=True))
+
+
+def errors_of_others(found: Search) -> dict[str, dict[str, float]]:
+    """Return the held-out errors by channel of what cannot be distinguished from what was found best, by name."""
+    *_, last = (each.alike for each in found.rounds if each.alike)
+    return {name: fold_errors(one.fit) for name, one in zip(found.alike[1:], last[1:], strict=True)}
 
 
 def floor_of(experiment: Experiment, noise: Noise) -> np.ndarray:

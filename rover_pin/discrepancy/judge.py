@@ -13,7 +13,7 @@ from rover_pin.discrepancy.answer import TAKEN_TOGETHER, TAKES_MOST, Answer
 from rover_pin.discrepancy.candidate import Candidate, is_effect
 from rover_pin.discrepancy.cross_validation import held_out_losses, without_each
 from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
-from rover_pin.discrepancy.held_out import ChannelScore, held_out
+from rover_pin.discrepancy.held_out import ChannelScore, errors_anew, errors_of_others, held_out
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.search import Search, again, calibrated, search
 from rover_pin.discrepancy.sentence import sentence
@@ -87,7 +87,8 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     verdict = judged((question.kind, question.name), found, {name: one.names for name, one in anew.items()}, left, seed)
     if verdict.answer is Answer.LIKE and left.unlisted and verdict.search is not None:
         draft = drafts(verdict.search.last)
-    return with_draft(replace(verdict, errors_anew=errors_anew(found.base, anew)), draft, seed)
+    others = errors_of_others(found) if verdict.answer is Answer.SET else {}
+    return with_draft(replace(verdict, errors_anew=errors_anew(found.base, anew), others=others), draft, seed)
 
 
 def described(question: Question, found: Search, drafts: Callable[[Fit], Draft | None]) -> tuple[Left, Draft | None]:
@@ -136,15 +137,6 @@ def as_fitted(one: Candidate, fitted: Fit) -> Candidate:
     if one.effect is None:
         return one
     return replace(one, effect=fitted.task.experiment.records(fitted.model)[one.owner])
-
-
-def errors_anew(base: Fit, anew: dict[str, Search]) -> dict[str, float]:
-    """Return the RMSE of each channel, every fold predicted with what is chosen and fitted without it."""
-    good, experiment = base.task.noise.good, base.task.experiment
-    missed = np.array([one.last.residual[at] for at, one in enumerate(anew.values())])
-    squares = np.where(good, missed, 0.0) ** 2
-    rms = np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(good.sum(axis=(0, 2)), 1))
-    return dict(zip(experiment.channels, rms.tolist(), strict=True))
 
 
 def chosen_anew(base: Fit, tried: Sequence[Candidate]) -> dict[str, Search]:

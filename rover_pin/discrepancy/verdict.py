@@ -89,6 +89,8 @@ class Verdict:
     "held-out errors of what a user would otherwise take"
     errors_anew: dict[str, float] = field(default_factory=dict, repr=False)
     "RMSE of each channel, every fold predicted with what is chosen and fitted without it; where fits are exact"
+    others: dict[str, dict[str, float]] = field(default_factory=dict, repr=False)
+    "of a set: held-out RMSE of each channel with what cannot be distinguished from the first, by name"
     draft: Draft | None = field(default=None, repr=False)
     "of what is on no list, as it was tried"
     extra: Extra | None = field(default=None, repr=False)
@@ -119,9 +121,12 @@ class Verdict:
 
     @property
     def _missed_anew(self) -> str:
+        told = self._errors_said(self.errors_anew)
+        return f"; held-out RMSE with each fold's own choice: {told}" if told else ""
+
+    def _errors_said(self, errors: dict[str, float]) -> str:
         units = {one.name: one.unit for one in self.scores}
-        told = [f"{name} {shown(error, units[name])}" for name, error in self.errors_anew.items() if name in units]
-        return f"; held-out RMSE with each fold's own choice: {', '.join(told)}" if told else ""
+        return ", ".join(f"{name} {shown(error, units[name])}" for name, error in errors.items() if name in units)
 
     @property
     def drifted(self) -> tuple[Number, ...]:
@@ -135,6 +140,7 @@ class Verdict:
         if self.before is not None and self.after is not None:
             lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
         lines += [f"  {score_line(score)}" for score in self.scores if is_told(score) or len(self.scores) <= FEW]
+        lines += [f"  with {name} instead: held-out RMSE {self._errors_said(one)}" for name, one in self.others.items()]
         lines += [f"  {self.chosen_again}{self._missed_anew}"] if self.chosen else []
         lines += [f"  {got_worse((one.name, one.worded) for one in self.scores)}"] if self.named else []
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
@@ -173,6 +179,7 @@ class Verdict:
                 "held_out_folds": [one._asdict() for one in self.runs],
                 "folds": self.chosen,
                 "held_out_anew": self.errors_anew,
+                "held_out_others": self.others,
                 "vetoes": list(self.vetoes),
                 "cautions": list(self.cautions),
                 "findings": [str(finding) for finding in self.findings],

@@ -6,15 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy import judge, search
+from rover_pin.discrepancy import held_out, judge, search
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
+from rover_pin.discrepancy.held_out import errors_anew, errors_of_others
 from rover_pin.discrepancy.judge import (
     SCATTER,
     WORSE_BY,
     Left,
     described,
-    errors_anew,
     first_of,
     share_taken,
     with_draft,
@@ -203,6 +203,19 @@ def chi2(base, last, freedom=50.0):
 @pytest.mark.parametrize(("found", "share"), [((52.0, 51.0), 0.5), ((50.5, 50.2), 0.6), ((50.0, 49.5), 1.0)])
 def test_the_share_of_little_beyond_the_noise_is_its_share_too(found, share):
     assert share_taken(chi2(*found)) == pytest.approx(share)
+
+
+def test_errors_of_others_are_of_the_last_round_that_found_something_without_its_first(monkeypatch):
+    """By the name of all that stands in the model with each; every fold as the fits to the others predict it."""
+    good = np.array([[[True, True]], [[True, False]]])
+    task = SimpleNamespace(noise=SimpleNamespace(good=good), experiment=SimpleNamespace(channels=("pull",)))
+    left = {"b": np.array([[[3.0, 4.0]], [[12.0, 99.0]]]), "c": np.array([[[1.0, 1.0]], [[1.0, 99.0]]])}
+    monkeypatch.setattr(held_out, "refitted_left_out", lambda fitted: left[fitted.name])
+    first, *others = (SimpleNamespace(fit=SimpleNamespace(task=task, name=name)) for name in "abc")
+    rounds = [SimpleNamespace(alike=one) for one in ((first,), (first, *others), ())]
+    found = SimpleNamespace(rounds=rounds, alike=("X + A", "X + B", "C + D"))
+    errors = errors_of_others(found)
+    assert errors == {"X + B": {"pull": pytest.approx(13.0 / 3**0.5)}, "C + D": {"pull": 1.0}}
 
 
 def test_errors_with_each_folds_own_choice_are_of_what_was_compared():

@@ -71,6 +71,16 @@ def test_folds_that_choose_where_nothing_was_added_say_what():
     assert two.chosen_again == "A + B chosen in 1 of 2 folds", "in whatever order"
 
 
+def test_a_set_tells_the_errors_of_each_that_cannot_be_distinguished_from_the_first():
+    made = verdict(
+        named=("A",), scores=(score("pull"),), others={"B": {"pull": 3.0, "sinkage": 2.0}, "C + D": {"pull": 4.0}}
+    )
+    told = [line for line in lines_of(made) if "instead" in line]
+    assert told == ["with B instead: held-out RMSE pull 3 N", "with C + D instead: held-out RMSE pull 4 N"]
+    assert made.as_dict()["held_out_others"] == {"B": {"pull": 3.0, "sinkage": 2.0}, "C + D": {"pull": 4.0}}
+    assert not any("instead" in line for line in lines_of(verdict(named=("A",), scores=(score("pull"),))))
+
+
 def test_errors_with_each_folds_own_choice_are_told_of_channels_with_a_score():
     more = {"named": ("A",), "chosen": {"a": "A"}, "scores": (score("pull"),)}
     line = "A chosen in 1 of 1 folds"

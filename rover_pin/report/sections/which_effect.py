@@ -38,7 +38,7 @@ class WhichEffect(Section):
             "folds": self.manner.folds,
             "tables": [self._table(found, at, each) for at, each in enumerate(found.rounds) if each.refits],
             "places": any(mark in row.candidate.name for row in found.rounds[0].scored for mark in "[@"),
-            "again": self._again(),
+            "again": " ".join(filter(None, (self._again(), self._others()))),
         }
 
     def pictures(self) -> Mapping[str, Picture]:
@@ -69,14 +69,20 @@ class WhichEffect(Section):
         said = [f"without {self.manner.fold(fold)} {full(name, kinds) or 'nothing'}" for fold, name in chosen.items()]
         if len(chosen) > 1 and len(set(chosen.values())) == 1:
             said = [f"{full(next(iter(chosen.values())), kinds) or 'nothing'}, whichever of the {len(chosen)}"]
-        units = {one.name: one.unit for one in self.verdict.scores}
-        errors = [
-            f"{self.manner.channel(name)} {shown(error, units[name])}"
-            for name, error in self.verdict.errors_anew.items()
-            if name in units
-        ]
         anew = f"Chosen anew with one of the {self.manner.folds} left out of the choice, too: {'; '.join(said)}."
-        return f"{anew} The error on each with what was chosen without it: {listing(errors)}." if errors else anew
+        errors = self._errors(self.verdict.errors_anew)
+        return f"{anew} The error on each with what was chosen without it: {errors}." if errors else anew
+
+    def _others(self) -> str:
+        kinds = kinds_of(self.verdict)
+        said = [f"with {full(name, kinds)} {self._errors(errors)}" for name, errors in self.verdict.others.items()]
+        return f"Errors on the {self.manner.folds} left out, in place of the first: {'; '.join(said)}." if said else ""
+
+    def _errors(self, errors: dict[str, float]) -> str:
+        units = {one.name: one.unit for one in self.verdict.scores}
+        return listing(
+            [f"{self.manner.channel(name)} {shown(errors[name], units[name])}" for name in errors if name in units]
+        )
 
 
 def _gains(one: Refit) -> tuple[str, ...]:
