@@ -35,8 +35,8 @@ Tried = tuple[tuple[Candidate, ...], Candidate, Fit]
 
 def exactly_refitted(
     base: Fit, scored: Sequence[Scored], fee: Fee, progress: Progress, pairs: Sequence[Tried] | None = None
-) -> tuple[Refit, ...]:
-    """Return the plausible candidates refitted, the best first: all that promise something.
+) -> list[Tried]:
+    """Return the plausible candidates refitted, all that promise something, after pairs that are given.
 
     `pairs` are those of the round before; in the first round there are none, and a few candidates are refitted at least
     to be shown.
@@ -49,7 +49,7 @@ def exactly_refitted(
     for candidate in chosen:
         progress(f"refitting with {candidate.name}")
         tried += [((), one, fitted) for one, fitted in variants(base, candidate)]
-    return judged(base, tried, fee)
+    return tried
 
 
 def paired(base: Fit, singles: Sequence[Refit], best: Refit | None, progress: Progress) -> list[Tried]:

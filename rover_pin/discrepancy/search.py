@@ -191,7 +191,7 @@ def _known(base: Fit, tried: Sequence[Candidate], progress: Progress) -> list[Si
 def _rounds(found: Search, tried: Sequence[Candidate], progress: Progress) -> Search:
     """Return the search with its rounds, until one finds nothing."""
     base = found.base
-    while len(found.rounds) < _most(base.task.experiment, found.added) and len(found.found) == len(found.rounds):
+    while len(found.rounds) < _most(base.task.experiment) and len(found.found) == len(found.rounds):
         found = replace(found, rounds=(*found.rounds, _round(found, tried, progress)))
     if not found.found and _bears_pairs(base.task.experiment) and not is_adequate(base):
         found = replace(found, rounds=(*found.rounds, _pairs(found, len(tried), progress)))
@@ -203,13 +203,23 @@ def attempted(here: Fit, tried: Sequence[Candidate], progress: Progress) -> tupl
     return _round(Search(here, (), tuple(signatures(here, tried))), tried, progress).refits
 
 
-def _most(experiment: Experiment, added: Sequence[Candidate] = ()) -> int:
-    """Return how many rounds there are at most; where a fit is exact, as many effects as there are levels for."""
+def _most(experiment: Experiment, path: Sequence[Candidate] = ()) -> int:
+    """Return how many rounds there are at most; where a fit is exact, as many effects as there are levels for.
+
+    The freed shapes of a path of effects take levels.
+    """
     if not experiment.is_exact:
         return MOST + 1
-    freed = sum(len(one.freed) for one in added)
+    freed = sum(len(one.freed) for one in path)
     levels = len(experiment.folds) - freed
     return min(max(levels // FOLDS_EACH, 2 if levels >= FOLDS_OF_TWO and not freed else 1), MOST)
+
+
+def _borne(found: Search, tried: Tried) -> bool:
+    """Return whether there are levels for all effects of what is tried: for one alone there always are."""
+    instead, one, _ = tried
+    path = (*(instead or found.added), one)
+    return len(path) <= _most(found.base.task.experiment, path)
 
 
 def _bears_pairs(experiment: Experiment) -> bool:
@@ -222,7 +232,9 @@ def _round(found: Search, tried: Sequence[Candidate], progress: Progress) -> Rou
     scored = tuple(score(here, known))
     fee = fee_after(found.rounds, len(tried), here.task.noise.inflation)
     if here.task.experiment.is_exact:
-        return Round(scored, exactly_refitted(here, scored, fee, progress, _second(found, progress)))
+        further = scored if len(found.added) < _most(here.task.experiment, found.added) else ()
+        refits = exactly_refitted(here, further, fee, progress, _second(found, progress))
+        return Round(scored, judged(here, [one for one in refits if _borne(found, one)], fee))
     declared = None
     if is_bent(here):
         progress("the numbers had to leave what is declared: scoring every candidate at the declared ones too")

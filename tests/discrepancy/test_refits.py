@@ -245,13 +245,12 @@ def test_a_leader_is_fitted_to_the_end_with_every_slope_anew(monkeypatch):
 
 def test_a_few_candidates_are_refitted_at_least_once_then_those_that_promise_a_quarter(monkeypatch):
     monkeypatch.setattr(exact_refits, "variants", lambda base, candidate: [(candidate, "fit")])
-    monkeypatch.setattr(exact_refits, "judged", lambda base, tried, fee: [one.name for _, one, _ in tried])
     rows = [scored(name, gain) for name, gain in zip("ABCDEFG", (9.0, 2.6, 2.4, 1.0, 0.5, 0.4, 2.7), strict=True)]
     rows.insert(1, scored("untold", 50.0, told=False))
 
     def chosen(pairs):
-        said = exact_refits.exactly_refitted(None, rows, lambda one: 10.0, lambda line: None, pairs)
-        return "".join(said)
+        tried = exact_refits.exactly_refitted(None, rows, lambda one: 10.0, lambda line: None, pairs)
+        return "".join(one.name for _, one, _ in tried)
 
     assert chosen(None) == "ABCDEG"
     assert chosen([]) == "ABG"

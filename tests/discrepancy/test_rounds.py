@@ -60,6 +60,30 @@ def test_a_freed_shape_takes_the_level_that_tells_it(folds, freed, most):
     assert search._most(experiment(folds, False), [plain, bent]) == 4
 
 
+@pytest.mark.parametrize(
+    ("instead", "freed", "borne"),
+    [
+        ((), 0, False),
+        ((), 1, False),
+        ((0,), 0, True),
+        ((0,), 1, True),
+        ((1,), 0, True),
+        ((1,), 1, False),
+        ((2,), 0, False),
+    ],
+)
+def test_what_replaces_a_bent_law_may_have_a_second_where_that_has_levels_enough(instead, freed, borne):
+    """Nine levels, and a first law with two shapes freed: alone it stands, and with another it is not tried."""
+
+    def law(count):
+        return Candidate(f"L{count}", object(), (), freed=tuple(f"L.q{at}" for at in range(count)))
+
+    task = SimpleNamespace(experiment=experiment(9))
+    found = SimpleNamespace(added=(law(2),), base=SimpleNamespace(task=task))
+    assert search._borne(found, (tuple(map(law, instead)), law(freed), None)) is borne
+    assert search._borne(SimpleNamespace(added=(), base=found.base), ((), law(5), None))
+
+
 class Found:
     """A round that found something, or not."""
 
