@@ -276,7 +276,7 @@ def _flat(case: Case) -> dict[str, object]:
         "loss_before": case.before,
         "loss_after": case.after,
         "loss_oracle": case.oracle,
-        "sizes": "; ".join(f"{s.name} {s.true:.3g}: {s.fitted:.3g} [{s.low:.3g}, {s.high:.3g}]" for s in case.sizes),
+        "sizes": "; ".join(f"{s.name} {s.true:.5g}: {s.fitted:.5g} [{s.low:.5g}, {s.high:.5g}]" for s in case.sizes),
     }
 
 
