@@ -83,7 +83,11 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one set")
     parser.add_argument("--calibrate", action="store_true", help="the seed on which limits are set")
     parser.add_argument("--sets", type=int, default=100)
-    parser.add_argument("--under", default="plain", help="any: some with drift, coarse encoders, on the Moon")
+    parser.add_argument(
+        "--under",
+        default="plain",
+        help="any: some with drift, coarse encoders, gaps and spikes, on the Moon, or of a heavy six-wheeler or a cart",
+    )
     parser.add_argument("--first", type=int, help="answer and score only so many of the sets; they are shuffled")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/blind_test"))

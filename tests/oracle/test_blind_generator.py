@@ -12,7 +12,6 @@ import importlib.util
 import json
 import re
 import sys
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -22,45 +21,27 @@ from rover_pin.body.profile import Profile
 from rover_pin.body.terrain import Lanes
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.motion.command import Command
 from rover_pin.motion.drive_log import read_drive_log
-from rover_pin.motion.place import Start, settled
-from rover_pin.motion.simulate import Timing, simulate
+from rover_pin.motion.simulate import Timing
 from rover_pin.scenarios import scenario
 
 HERE = Path(__file__).parent / "blind"
-_spec = importlib.util.spec_from_file_location("blind", HERE / "__init__.py")
-sys.modules["blind"] = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(sys.modules["blind"])
-campaign, circumstance, drive, hidden, rover, sealed, sensors, world = (
+if "blind_pair" not in sys.modules:
+    _spec = importlib.util.spec_from_file_location("blind_pair", HERE.with_name("blind_pair.py"))
+    sys.modules["blind_pair"] = importlib.util.module_from_spec(_spec)
+    _spec.loader.exec_module(sys.modules["blind_pair"])
+pair = sys.modules["blind_pair"]
+LIMITS, tracks, assert_alike = pair.LIMITS, pair.tracks, pair.assert_alike
+campaign, circumstance, hidden, sealed, sensors, world = (
     importlib.import_module(f"blind.{name}")
-    for name in ("campaign", "circumstance", "drive", "hidden", "rover", "sealed", "sensors", "world")
+    for name in ("campaign", "circumstance", "hidden", "sealed", "sensors", "world")
 )
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
-ANGLES = ("body_roll", "body_pitch", "body_yaw", "rocker_l", "rocker_r", "bogie_l", "bogie_r")
-LIMITS = {"place": 0.3e-3, "angle": 0.6e-3, "rate": 2e-3, "speed": 0.8e-3, "current": 0.4e-3, "voltage": 2e-3}
-"""A fifth of the noise [SI]; places and angles at their worst, the others rms over the drive."""
 SEVERITY = 4.0
 RESISTANCE = float(scenario("flat", **{"soil.k": 0.005, "cruise_slip": 0.05}).model.effect(MotionResistance).R)
 BASE = scenario("flat", **{"soil.k": 0.005}).model.having(MotionResistance(R=RESISTANCE, q=0.0))
 """Its resistance fades below v_0 of travel, however fast the rim is, as the generator's does."""
-
-
-def tracks(seed=7):
-    """Return four of a campaign's runs (lanes, border, start, duty, steer), all but those on the flat."""
-    random = np.random.default_rng(seed)
-    heights = campaign.bed(random)
-    found = []
-    for _, _, lane, yaw, duty, steer in campaign.drives(random)[2:]:
-        pair = heights[[1, 1]] if lane == campaign.RAMP else heights[[2, 3]]
-        rough = campaign.relief(random)
-        lanes = tuple(
-            (campaign.FINE, np.interp(campaign.FINE, campaign.X, z) + r) for z, r in zip(pair, rough, strict=True)
-        )
-        x = -0.5 if yaw == 0.0 else 0.5
-        found.append((lanes, (lane,), (x, lane, yaw), duty, steer))
-    return found
 
 
 def effect_class(name):
@@ -87,64 +68,16 @@ def with_effect(name):
 
 
 def both(cases, duration, timing=Timing(), gravity=9.81):
-    """Drive (effect name, track) cases here in one batch and there one by one, from the package's rest."""
-    runs, theirs, rests = [], [], []
+    """Drive (effect name, track) cases here and there."""
+    models, runs = [], []
     for name, (lanes, borders, start, duty, steer) in cases:
         ground = Lanes(tuple(Profile(*each) for each in lanes), borders)
-        model = with_effect(name).replace(terrain=ground, gravity=gravity)
-        rest = settled(model, Start(*start))
-
-        def command(reading, duty=duty, steer=steer):
-            at = round(reading.t / 0.05)
-            return Command(duty[at], steer[at])
-
-        theirs.append(simulate(model, command, duration, rest.copy(), timing))
+        models.append(with_effect(name).replace(terrain=ground, gravity=gravity))
         numbers = {"R": RESISTANCE, "gravity": gravity, "rest": 0.001, "rest_q": 1.0} | {
             f"{name}.{key}": value for key, value in numbers_of(name).items()
         }
         runs.append(world.Run(numbers, lanes, borders, start, duty, steer))
-        rests.append((model, rest))
-    mine = drive.drive(runs, duration, start=states(rover.Rovers(runs), rests))
-    mine["body_yaw"] = np.unwrap(mine["body_yaw"], axis=1)
-    return [({name: values[i] for name, values in mine.items()}, trace) for i, trace in enumerate(theirs)]
-
-
-def states(rovers, rests):
-    """Return the package's states as one of the batch."""
-    columns = []
-    for model, rest in rests:
-        joints = [model.rover.model.joints[model.rover.model.getJointId(name)] for name in rovers.tree.names]
-        angles = [
-            rest.q[at.idx_q] if at.nq == 1 else np.arctan2(rest.q[at.idx_q + 1], rest.q[at.idx_q]) for at in joints
-        ]
-        x, y, z, w = rest.q[3:7]
-        dug = rest.contact[:, 2] if rest.contact.shape[1] > 2 else np.zeros(6)
-        fast = np.concatenate([np.zeros(rovers.size), rest.contact[:, 0], rest.contact[:, 1], dug, np.zeros(13)])
-        columns.append((rest.q[:3], [w, x, y, z], angles, fast))
-    return drive.State(*(np.array(part, dtype=float).T for part in zip(*columns, strict=True)))
-
-
-def difference(mine, theirs):
-    """Return the differences in the terms of LIMITS."""
-
-    def worst(names):
-        return max(float(np.abs(mine[name] - theirs[name]).max()) for name in names)
-
-    def rms(names):
-        return max(float(np.sqrt(np.mean((mine[name] - theirs[name]) ** 2))) for name in names)
-
-    return {
-        "place": worst([f"body_{axis}" for axis in "xyz"]),
-        "angle": worst(ANGLES),
-        "rate": rms([f"wheel_rate_{wheel}" for wheel in WHEELS]),
-        "speed": rms([f"body_v{axis}" for axis in "xyz"]),
-        "current": rms([f"current_{wheel}_A" for wheel in WHEELS]),
-        "voltage": rms(["battery_V"]),
-    }
-
-
-def assert_alike(mine, theirs, limits=LIMITS):
-    assert {name: value for name, value in difference(mine, theirs).items() if value > limits[name]} == {}
+    return pair.both(models, runs, duration, timing)
 
 
 BRAKED = LIMITS | {"place": 1e-3}
@@ -262,70 +195,6 @@ def test_a_plan_has_the_shares_and_every_effect():
     assert all(1.0 <= one["severity"] <= 10.0 for each in sets for one in each["hidden"])
     assert all(len({one["effect"] for one in each["hidden"]}) == 2 for each in sets if each["kind"] == "pair")
     assert sets == sealed.plan(1, 100) != sealed.plan(2, 100)
-
-
-def test_circumstances_have_their_shares_and_change_nothing_else_of_a_plan():
-    plain, any_ = sealed.plan(1, 200), sealed.plan(1, 200, under="any")
-    assert [{**one, "under": "plain"} for one in any_] == plain
-    counts = {name: [one["under"] for one in any_].count(name) / 200 for name in circumstance.NAMES}
-    assert counts == pytest.approx(circumstance.SHARES, abs=0.08)
-    assert sealed.plan(1, 3, under="moon") == [{**one, "under": "moon"} for one in sealed.plan(1, 3)]
-    still, moon = (campaign.data_set(1, 5, "none", [], under) for under in ("plain", "moon"))
-    assert np.array_equal(still["heights"], moon["heights"])
-    assert (still["gravity"], moon["gravity"]) == (9.81, 1.62)
-    assert all(run.numbers["gravity"] == 1.62 for _, _, run in moon["runs"])
-
-
-def rows_of_a_run(rate):
-    t = 0.05 * np.arange(1, 401)
-    names = ("body_x", "body_y", "body_z", "body_roll", "body_pitch", "body_yaw", "body_vx", "rocker_l", "steer_fl")
-    turns = {f"wheel_rate_{wheel}": np.full(400, rate) for wheel in WHEELS}
-    return {"t_s": t} | {name: np.sin(0.3 * t) for name in names} | turns
-
-
-def test_a_tracker_drifts_slowly_and_from_where_it_starts():
-    true = rows_of_a_run(1.0)
-    read = [circumstance.read("drift", true, np.random.default_rng(seed)) for seed in range(60)]
-    assert set(true) == set(read[0])
-    for name, values in true.items():
-        wander = np.array([one[name] - values for one in read])
-        assert (name in circumstance.DRIFT) == bool(wander.any())
-        if name in circumstance.DRIFT:
-            assert not wander[:, 0].any()
-            late = wander[:, 300:]  # against the start, as far off as two draws
-            assert np.sqrt(np.mean(late**2)) == pytest.approx(np.sqrt(2) * circumstance.DRIFT[name], rel=0.25)
-            assert np.abs(np.diff(wander)).max() < 0.1 * circumstance.DRIFT[name]
-
-
-def test_a_coarse_encoder_loses_no_count_and_declares_its_noise():
-    """What it counts in all is the angle to a count; its rates are whole counts, as far off as the log declares."""
-    true = rows_of_a_run(1.1)
-    true |= {f"wheel_rate_{wheel}": 1.1 + 0.3 * np.sin((1 + at) * true["t_s"]) for at, wheel in enumerate(WHEELS)}
-    read, step = circumstance.read("coarse", true, np.random.default_rng(2)), 2 * np.pi / circumstance.COUNTS
-    off = []
-    for wheel in WHEELS:
-        name = f"wheel_rate_{wheel}"
-        counts = read[name] * 0.05 / step
-        assert counts == pytest.approx(np.round(counts), abs=1e-6)
-        assert np.abs(np.cumsum(0.05 * (read[name] - true[name]))).max() <= step * 1.001
-        off.append(read[name] - true[name])
-    declared = circumstance.noise("coarse")
-    assert np.std(off) == pytest.approx(declared["wheel_rate"], rel=0.1)
-    assert np.std(read["rocker_l"] - true["rocker_l"]) == pytest.approx(declared["angle"], rel=0.15)
-    assert circumstance.read("plain", true, None) is true
-    assert circumstance.noise("drift") == circumstance.noise("moon") == {}
-
-
-def test_a_log_declares_its_gravity_and_its_encoders(tmp_path):
-    sets = [{"index": at, "kind": "none", "hidden": [], "under": name} for at, name in ((1, "moon"), (3, "coarse"))]
-    sealed.generate(tmp_path / "sets", sets, 4, tmp_path / "answers.json", duration=0.5)
-    moon, coarse = (read_drive_log(tmp_path / "sets" / f"set_{at:04d}") for at in (1, 3))
-    assert moon.about.gravity == pytest.approx(1.62)
-    assert coarse.about.gravity == pytest.approx(9.81)
-    declared = tomllib.loads((coarse.folder / "drive.toml").read_text())["noise"]
-    assert declared["wheel_rate"]["value"] == circumstance.noise("coarse")["wheel_rate"]
-    told = sealed.opened(tmp_path / "sets", tmp_path / "answers.json")["sets"]
-    assert [one["under"] for one in told] == ["moon", "coarse"]
 
 
 def test_what_a_log_declares_is_honest():

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import circumstance
 from .soil import arc, forces, travel_ratio
+from .vehicle import NEXUS6
 from .world import PLAIN, Run
 
 DURATION, HOLD, ROWS = 20.0, 0.05, 401
@@ -49,8 +50,8 @@ def cruise_resistance(soil, slip=0.05):
     return float(torque[0] / (soil["r"] * f_n[0]))
 
 
-def nuisance(random, wrong):
-    """Return the set's true numbers, and what is declared of soil and motor."""
+def nuisance(random, wrong, vehicle=NEXUS6):
+    """Return the set's true numbers, and what is declared of soil and motor: in proportion to the rover."""
     off = {name: draw(random, SD[name], MOST[name]) for name in SD}
     true = {"phi": PLAIN["phi"] + off["phi"]} | {name: PLAIN[name] * np.exp(off[name]) for name in ("k", "k_1")}
     true["constant"] = MOTOR["k_t"] * MOTOR["gear"] * np.exp(off["gear"])
@@ -66,24 +67,30 @@ def nuisance(random, wrong):
         "motor_gain": (1.0 + MOTOR_SPREAD * random.standard_normal(6)).tolist(),
         "tacho_gain": (1.0 + TACHO_SPREAD * random.standard_normal(6)).tolist(),
     }
-    return {name: float(value) for name, value in true.items()}, gains, declared(said, sd)
+    gains = {name: [values[at] for at in vehicle.taken] for name, values in gains.items()}
+    kinds = {"k": "length", "k_1": "Pa", "constant": "length", "resistance": "ohm"}
+    true |= {name: true[name] * vehicle.ratio(kind) for name, kind in kinds.items()}
+    return {name: float(value) for name, value in true.items()}, gains, declared(said, sd, vehicle)
 
 
-def declared(said, sd):
-    """Return the tables [soil] and [motor] of the log."""
+def declared(said, sd, vehicle=NEXUS6):
+    """Return the tables [soil] and [motor] of the log; `said` and `sd` are of Nexus 6's wheels."""
+    said = said | {name: said[name] * vehicle.ratio(kind) for name, kind in (("k", "length"), ("k_1", "Pa"))}
+    own = {"resistance": "ohm", "gear": "length", "rotor_inertia": "current"}
+    constants = {name: value * vehicle.ratio(own[name]) if name in own else value for name, value in MOTOR.items()}
     soil = {
         "phi": {"value": round(np.degrees(said["phi"]), 2), "unit": "deg", "sd": round(np.degrees(sd["phi"]), 2)},
         "k": {"value": round(1e3 * said["k"], 3), "unit": "mm", "sd": round(1e3 * said["k"] * sd["k"], 3)},
         "k_1": {"value": round(said["k_1"], 0), "unit": "Pa", "sd": round(said["k_1"] * sd["k_1"], 0)},
-        "c": {"value": PLAIN["c"], "unit": "Pa"},
+        "c": {"value": PLAIN["c"] * vehicle.ratio("Pa"), "unit": "Pa"},
         "n": {"value": PLAIN["n"]},
         "theta_1": {"value": 35.0, "unit": "deg"},
         "theta_2": {"value": -5.0, "unit": "deg"},
     }
     units = {"supply": "V", "resistance": "ohm", "k_t": "N m/A", "rotor_inertia": "kg m^2"}
-    motor = {name: {"value": value} | ({"unit": units[name]} if name in units else {}) for name, value in MOTOR.items()}
+    motor = {n: {"value": value} | ({"unit": units[n]} if n in units else {}) for n, value in constants.items()}
     for name in ("gear", "resistance"):
-        motor[name]["sd"] = float(f"{MOTOR[name] * SD[name]:.4g}")
+        motor[name]["sd"] = float(f"{constants[name] * SD[name]:.4g}")
     soil = {name: plain(table) for name, table in soil.items()}
     return {"soil": soil, "motor": motor, "resistance": {"q": {"value": 0.0}}}  # it fades below v_0, wheels turn or not
 
@@ -171,7 +178,7 @@ def weaving(random):
 
 
 def drives(random):
-    """Return (name, purpose, lane, yaw, duty, steer) of the six runs."""
+    """Return (name, purpose, lane, yaw, duty, steer) of the six runs, for six wheels of which four steer."""
     still, same = np.zeros((ROWS, 4)), holds(random)
     return (
         ("flat-1", "duty holds on the flat", FLAT, 0.0, same, still),
@@ -195,10 +202,12 @@ def data_set(seed, index, kind, hidden, under="plain"):
     `under` is a circumstance; nothing else of the set hangs on it.
     """
     random = np.random.default_rng([seed, index, 1])
+    vehicle = circumstance.vehicle(under)
     wrong = bool(random.random() < 0.5)
-    true, gains, said = nuisance(random, wrong)
+    true, gains, said = nuisance(random, wrong, vehicle)
     heights = bed(random)
-    numbers, faults, bend = true | circumstance.numbers(under), {}, 0.0
+    numbers, faults, bend = vehicle.base(PLAIN) | true | circumstance.numbers(under), {}, 0.0
+    hidden = [each | {"numbers": vehicle.sized(each["effect"], each["numbers"])} for each in hidden]
     for each in hidden:
         name, values = each["effect"], each["numbers"]
         if name in ("TachoScale", "TrackingDelay", "VelocityFilter", "SensorBias"):
@@ -218,8 +227,7 @@ def data_set(seed, index, kind, hidden, under="plain"):
             tuple((FINE, row) for row in z),
             (lane,),
             start,
-            duty,
-            steer,
+            *vehicle.commands(duty, steer),
             gains["motor_gain"],
             (FINE[0], FINE[1] - FINE[0]),
             strength(own),
@@ -229,6 +237,7 @@ def data_set(seed, index, kind, hidden, under="plain"):
     answer = {"kind": kind, "hidden": hidden, "wrong_nominal_soil": wrong, "true": true} | gains
     answer |= {"electric": electric(index), "under": under}
     read = {"under": under, "gravity": numbers.get("gravity", PLAIN["gravity"]), "noise": circumstance.noise(under)}
+    read |= {"vehicle": vehicle}
     return {"runs": runs, "declared": said, "heights": heights, "faults": faults, "answer": answer} | read
 
 

@@ -1,13 +1,16 @@
-"""Under what a set is driven and read, besides what it hides: Moon gravity, a tracker that drifts, coarse encoders.
+"""Under what a set is driven and read, besides what it hides: another rover, the Moon, a poor tracker or encoders.
 
-Nothing of this is a finding: a log says its gravity and its encoders, and no tracker says how it drifts.
+Nothing of this is a finding: a log says its rover, its gravity and its encoders; no tracker says how it drifts, where
+it lost the rover or took it for another, and no logger when it was late.
 """
 
 import numpy as np
 
-from .sensors import WHEELS
+from .vehicle import KNOWN, NEXUS6
 
 MOON = 1.62
+CURRENT = 0.002
+"""SD of the current sensors of Nexus 6's motors [A]."""
 DRIFT_TIME = 6.0
 """Correlation time of a drift [s]: some of it in a run, little of it within a block of half a second."""
 DRIFT = {"body_x": 0.003, "body_y": 0.003, "body_z": 0.002, "body_yaw": 0.003, "body_roll": 0.002, "body_pitch": 0.002}
@@ -16,14 +19,32 @@ COUNTS = 512
 """Counts of a coarse encoder for a turn of the wheel: 0.25 rad/s in one row, where the rover cruises at 1.1."""
 COARSE_ANGLE = 0.02
 """Step of the coarse encoders of steering, rockers and bogies [rad]."""
-SHARES = {"plain": 0.55, "drift": 0.15, "coarse": 0.15, "moon": 0.15}
+LATE, LATEST = 0.006, 0.02
+"""SD of when a row is read about its time, and the most [s]; the row says when it was read."""
+LOST_S, MISSED_S = (0.3, 1.2), (0.15, 0.5)
+"""How long a tracker is blind, twice a run, and a logger silent, once [s]."""
+SPIKES, SPIKE = (2, 4), {"m": 0.05, "rad": 0.05}
+"""How many single poses of a run are another's, and how far that is away [SD]."""
+SHARES = {"plain": 0.4, "drift": 0.1, "coarse": 0.1, "moon": 0.1, "patchy": 0.1, "heavy": 0.1, "cart": 0.1}
 NAMES = tuple(SHARES)
 
 
-def drawn(seed, index):
-    """Return the circumstance of a set."""
+def drawn(seed, index, hidden=()):
+    """Return the circumstance of a set: one whose rover has the parts that the hidden effects act in."""
     random = np.random.default_rng([seed, index, 4])
-    return str(random.choice(NAMES, p=list(SHARES.values())))
+    while not fits(name := str(random.choice(NAMES, p=list(SHARES.values()))), hidden):
+        pass
+    return name
+
+
+def fits(name, hidden):
+    """Tell whether the rover of a circumstance has what is hidden."""
+    return all(vehicle(name).has(each["effect"], each["numbers"]) for each in hidden)
+
+
+def vehicle(name):
+    """Return the rover of a circumstance."""
+    return KNOWN.get(name, NEXUS6)
 
 
 def numbers(name):
@@ -31,11 +52,48 @@ def numbers(name):
     return {"gravity": MOON} if name == "moon" else {}
 
 
+def sampled(name, channels, random):
+    """Return true channels at the rows that a circumstance takes; duties are held from row to row."""
+    if name != "patchy":
+        return channels
+    t = channels["t_s"]
+    late = np.clip(LATE * random.standard_normal(len(t)), -LATEST, LATEST)
+    at = np.clip(t + late, None, t[-1])
+    held = np.searchsorted(t, at)
+    found = {}
+    for name, values in channels.items():
+        whole = np.unwrap(values) if name == "body_yaw" else values
+        found[name] = values[held] if name.startswith("duty_") else np.interp(at, t, whole)
+    return found | {"t_s": at}
+
+
 def read(name, channels, random):
     """Return logged channels as they are read under a circumstance."""
-    if name == "drift":
-        return drifting(channels, random)
-    return counted(channels, random) if name == "coarse" else channels
+    change = {"drift": drifting, "coarse": counted, "patchy": patched}.get(name)
+    return channels if change is None else change(channels, random)
+
+
+def patched(channels, random):
+    """Return the channels with poses that are another's or not there, and without the rows that were not written."""
+    t, pose = channels["t_s"], [name for name in channels if name.startswith("body_")]
+    found = {name: values.copy() for name, values in channels.items()}
+    count = int(random.integers(SPIKES[0], SPIKES[1] + 1))
+    for row in random.choice(len(t), count, replace=False):
+        for name in DRIFT:
+            unit = "m" if name in ("body_x", "body_y", "body_z") else "rad"
+            found[name][row] += SPIKE[unit] * random.standard_normal()
+    for _ in range(2):
+        blind = within(t, random, LOST_S)
+        for name in pose:
+            found[name][blind] = np.nan
+    silent = within(t, random, MISSED_S)
+    return {name: values[~silent] for name, values in found.items()}
+
+
+def within(t, random, duration):
+    """Return which rows lie in a stretch of this duration [s], from its least to its most."""
+    begin, length = random.uniform(t[0], t[-1]), random.uniform(*duration)
+    return (t > begin) & (t < begin + length)
 
 
 def drifting(channels, random):
@@ -55,12 +113,12 @@ def counted(channels, random):
     """Return the channels with wheel rates from whole counts between two rows, and angles in coarse steps."""
     t, found = channels["t_s"], dict(channels)
     step = 2 * np.pi / COUNTS
-    for wheel in WHEELS:
-        rate = channels[f"wheel_rate_{wheel}"]
+    for name in [name for name in channels if name.startswith("wheel_rate_")]:
+        rate = channels[name]
         dt = np.diff(t, prepend=2 * t[0] - t[1])
         turned = np.cumsum(rate * dt) + random.uniform(0.0, step)
         counts = np.floor(np.concatenate(([turned[0] - rate[0] * dt[0]], turned)) / step)
-        found[f"wheel_rate_{wheel}"] = np.diff(counts) * step / dt
+        found[name] = np.diff(counts) * step / dt
     for name in channels:
         if name.startswith(("steer_", "rocker_", "bogie_")):
             found[name] = COARSE_ANGLE * np.round(channels[name] / COARSE_ANGLE)
@@ -69,6 +127,8 @@ def counted(channels, random):
 
 def noise(name, sample_period=0.05):
     """Return the noise that the log declares otherwise, by kind: a count's two roundings, an angle's one."""
+    if name in KNOWN:
+        return {"current": round(CURRENT * KNOWN[name].load, 5)}
     if name != "coarse":
         return {}
     count = 2 * np.pi / COUNTS / sample_period

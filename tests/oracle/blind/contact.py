@@ -44,13 +44,13 @@ class Contact:
         self.strength = strength_fields(world.runs)
 
     def place(self, pieces, x, side):
-        """Return what the law needs of pieces whose wheels [6 x runs] stand at x on a side (0 right, 1 left)."""
+        """Return what the law needs of pieces whose wheels [wheels x runs] stand at x on a side (0 right, 1 left)."""
         runs = self.world.size
         run, wheel = pieces.wheel % runs, pieces.wheel // runs
         p = dict(zip(self.names, self.table.take(run, axis=1), strict=True))
         if "WheelScale" in self.effects:
             p["r"] = p["r"] * (1.0 + p["WheelScale.e"])
-        p["h"], p["axle"] = pieces.h, np.array([0, 0, 1, 1, 2, 2])[wheel]
+        p["h"], p["axle"] = pieces.h, np.array(self.world.vehicle.axles)[wheel]
         at = x.ravel()[pieces.wheel]
         p["x"], p["tan_phi"] = at, np.tan(p["phi"])
         if "HardPatch" in self.effects:
@@ -89,7 +89,7 @@ class Contact:
 
     def sensed(self, p, sense, speeds, along, across, dug):
         v, v_y, approach, rim = speeds[0] * sense, speeds[1] * sense, speeds[2], speeds[3] * sense
-        axle = np.where(sense > 0.0, p["axle"], 2 - p["axle"])
+        axle = np.where(sense > 0.0, p["axle"], self.world.vehicle.axles[-1] - p["axle"])
         load = self.law(p, axle, (v, v_y, approach, rim), along * sense, across * sense, dug)
         return Load(*(part if sign > 0.0 else part * sense for part, sign in zip(load, SIGNS, strict=True)))
 

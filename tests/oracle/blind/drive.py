@@ -6,7 +6,7 @@ import numpy as np
 
 from .bodies import rotation_of
 from .rover import Rovers, State
-from .tree import STEERED, WHEELS
+from .vehicle import NEXUS6
 
 STEP, HOLD, SAMPLE, STAGES = 0.0025, 0.05, 0.05, 4
 DAMPED = 2.0 / 13.0
@@ -72,7 +72,8 @@ def rest(rovers, step=0.005, first=200, second=350, stages=6):
     world, size = rovers.world, rovers.size
     x, y, yaw = np.array([run.start for run in world.runs], dtype=float).T
     state = set_down(rovers, x, y, yaw)
-    steer, duty = np.zeros((4, world.size)), np.zeros((6, world.size))
+    vehicle = rovers.vehicle
+    steer, duty = np.zeros((len(vehicle.steered), world.size)), np.zeros((len(vehicle.wheels), world.size))
     held = np.zeros(rovers.cuts[-1] + 1, dtype=bool)
     for count, shearing in ((first, False), (second, True)):
         held[:] = False
@@ -95,7 +96,7 @@ def rest(rovers, step=0.005, first=200, second=350, stages=6):
 
 def set_down(rovers, x, y, yaw):
     """Return states a little above the ground, pitched as the ground is between the outer wheels."""
-    world, reach = rovers.world, 0.15
+    world, reach = rovers.world, 0.15 * rovers.vehicle.length
     c = np.cos(yaw)
     ahead, behind = (rovers.ground.height((x + i * reach * c)[None], y[None])[0] for i in (1, -1))
     pitch = -np.arctan2(ahead - behind, 2 * reach)
@@ -110,13 +111,15 @@ def set_down(rovers, x, y, yaw):
     return State(np.stack((x, y, z)), q, angles, fast)
 
 
-def drive(runs, duration, step=STEP, stages=STAGES, start=None):
-    """Return the true channels of all runs, each [runs, rows], rows every SAMPLE seconds."""
-    rovers = Rovers(runs)
+def drive(runs, duration, step=STEP, stages=STAGES, start=None, vehicle=NEXUS6):
+    """Return the true channels of all runs of a rover, each [runs, rows], rows every SAMPLE seconds."""
+    rovers = Rovers(runs, vehicle)
     state, size = rest(rovers) if start is None else start, rovers.size
     per_hold, per_sample = round(HOLD / step), round(SAMPLE / step)
     duties = np.stack([run.duty for run in runs], axis=-1)
-    steers = np.stack([np.zeros((len(run.duty), 4)) if run.steer is None else run.steer for run in runs], axis=-1)
+    steers = np.stack(
+        [np.zeros((len(run.duty), len(vehicle.steered))) if run.steer is None else run.steer for run in runs], axis=-1
+    )
     rows = []
     for i in range(round(duration / step)):
         duty, steer = duties[i // per_hold], steers[i // per_hold]
@@ -134,17 +137,17 @@ def drive(runs, duration, step=STEP, stages=STAGES, start=None):
 
 def sampled(rovers, t, state, record, duty):
     """Return one row of channels named as in a drive log, and the slip."""
-    u, tree = state.fast[: rovers.size], rovers.tree
+    u, tree, vehicle = state.fast[: rovers.size], rovers.tree, rovers.vehicle
     R = rotation_of(state.quaternion)
     row = {"t_s": np.full(rovers.world.size, t)}
     turned = rovers.bodies.collect @ state.angles
     slack = record["hub"] - record["rim"]
-    for i, name in enumerate(WHEELS):
+    for i, name in enumerate(vehicle.wheels):
         row[f"duty_{name}"] = duty[i]
         row[f"wheel_rate_{name}"] = u[rovers.wheels[i]] + slack[i]
         row[f"current_{name}_A"] = record["current"][i]
         row[f"slip_{name}"] = record["slip"][i]
-    for name in ("rocker_l", "rocker_r", "bogie_l", "bogie_r", *(f"steer_{each}" for each in STEERED)):
+    for name in (*vehicle.angles, *(f"steer_{each}" for each in vehicle.steered)):
         row[name] = turned[tree.joints.index(name)]
     for i, axis in enumerate("xyz"):
         row[f"body_{axis}"], row[f"body_v{axis}"] = state.place[i], u[i]

@@ -12,7 +12,7 @@ import numpy as np
 from .bodies import cross, dot
 
 BESIDE = 2
-"""Pieces looked at on either side of the one under the axle: enough for 20 mm pieces and 15 mm of sinkage."""
+"""Pieces looked at on either side of the one under the axle: enough for 20 mm pieces and 15 mm of Nexus 6's sinkage."""
 DEEPEST = 0.98
 FAR = 1000.0
 
@@ -20,10 +20,11 @@ FAR = 1000.0
 class Ground:
     """Polylines x, z [lanes, points, runs] from right to left, between borders [lanes - 1, runs] in y."""
 
-    def __init__(self, runs):
+    def __init__(self, runs, beside=BESIDE):
         """Every run is (lanes as (x, z), borders)."""
+        self.beside = beside
         lanes = max(len(each[0]) for each in runs)
-        points = max(len(x) for each in runs for x, _ in each[0]) + 2 * BESIDE + 2
+        points = max(len(x) for each in runs for x, _ in each[0]) + 2 * beside + 2
         self.x = np.empty((lanes, points, len(runs)))
         self.z = np.empty_like(self.x)
         self.borders = np.full((lanes - 1, len(runs)), np.inf)
@@ -43,8 +44,8 @@ class Ground:
             for i in range(len(self.x)):
                 inside = lane == i
                 index += np.where(inside, (self.x[i][:, None] <= x).sum(axis=0) - 1, 0)
-        first = np.clip(index - BESIDE, 0, self.x.shape[1] - 2 * BESIDE - 2)
-        at = first + np.arange(2 * BESIDE + 2)[:, None, None]
+        first = np.clip(index - self.beside, 0, self.x.shape[1] - 2 * self.beside - 2)
+        at = first + np.arange(2 * self.beside + 2)[:, None, None]
         return self.x[lane, at, self.run], self.z[lane, at, self.run]
 
     def height(self, x, y):

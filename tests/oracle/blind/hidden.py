@@ -8,7 +8,7 @@ from math import radians
 
 import numpy as np
 
-from .tree import WHEELS
+from .vehicle import WHEELS
 
 
 def either(random, value):

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from .campaign import BORDERS, X
-from .sensors import KINDS, WHEELS
+from .sensors import KINDS
+from .vehicle import NEXUS6
 
 NOISE = {
     "wheel_rate": ("rad/s", "wheel_rate_"), "angle": ("rad", "rocker_"), "current": ("A", "current_"),
@@ -28,6 +29,10 @@ def write_set(folder, plan, logged, digits=8, sample_period=0.05):
         write_csv(beside / name, {"x_m": plan.get("X", X), "z_m": z})
     for (name, _, _), channels in zip(plan["runs"], logged, strict=True):
         write_csv(beside / f"{name}.csv", channels, digits)
+    vehicle = plan.get("vehicle", NEXUS6)
+    if vehicle is not NEXUS6:
+        (beside / f"{vehicle.name}.toml").write_text(vehicle.toml())
+        (beside / f"{vehicle.name}.urdf").write_text(vehicle.urdf())
     (beside / "drive.toml").write_text(about(folder.name, plan, names, sample_period))
     os.replace(beside, folder)
 
@@ -37,10 +42,11 @@ def about(name, plan, grounds, sample_period):
     sd = {start: size for start, size, _ in KINDS}
     source, borders = json.dumps(plan.get("source", "simulated")), json.dumps(list(plan.get("borders", BORDERS)))
     licence = [f"licence = {json.dumps(plan['licence'])}"] if "licence" in plan else []
-    lines = [f"# {line}" for line in plan.get("header", ())]
+    lines, vehicle = [f"# {line}" for line in plan.get("header", ())], plan.get("vehicle", NEXUS6)
+    rover = ['rover = "nexus6"'] if vehicle is NEXUS6 else [f'rover = "{vehicle.name}.toml"', 'angles = "fixed"']
     lines += [
-        'kind = "drive-log"', f"name = {json.dumps(name)}", f"source = {source}", *licence, 'rover = "nexus6"',
-        f"gravity = {plan.get('gravity', 9.81)}", f"wheels = {json.dumps(list(WHEELS))}", "", "[terrain]",
+        'kind = "drive-log"', f"name = {json.dumps(name)}", f"source = {source}", *licence, *rover,
+        f"gravity = {plan.get('gravity', 9.81)}", f"wheels = {json.dumps(list(vehicle.wheels))}", "", "[terrain]",
         f"polylines = {json.dumps(grounds)}", f"borders = {borders}",
     ]  # fmt: skip
     for section in ("soil", "motor", "resistance"):

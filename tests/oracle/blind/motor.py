@@ -17,7 +17,7 @@ class Motors:
         self.limited = world.has("TorqueSaturation.i_max")
 
     def run(self, duty, angle, omega, windup, drawn, loss):
-        """Return torque, current, hub rate, supply, and the rates of windup, drawn current and loss; [6, runs]."""
+        """Return torque, current, hub rate, supply, and the rates of windup, drawn current and loss; [wheels, runs]."""
         w = self.world
         supply = w["supply"] - w["SupplySag.R_b"] * drawn - w["SquareSag.R_2"] * drawn**2
         R = w["resistance"] * (1.0 + ALPHA * w["WindingHeating.R_th"] * loss)

@@ -8,8 +8,9 @@ from .bodies import Bodies, Frames, cross, dot, rotation_of
 from .contact import Contact
 from .ground import Ground, Pieces, touch
 from .motor import Motors
-from .tree import STEERED, WHEELS, read
-from .world import URDF, World
+from .tree import read
+from .vehicle import NEXUS6
+from .world import World
 
 HELD = 1e3
 """Armature of a wheel whose brake is on."""
@@ -23,7 +24,7 @@ class State(NamedTuple):
     quaternion: np.ndarray
     angles: np.ndarray
     fast: np.ndarray
-    "speeds, then slips along, across [6], dug [6], windup [6], loss [6], drawn [1]"
+    "speeds, then slips along, across, dug, windup, loss [a wheel], drawn [1]"
 
 
 class Pose(NamedTuple):
@@ -51,26 +52,28 @@ class Pose(NamedTuple):
 class Rovers:
     """A batch of runs. All must have a rigid differential, or all a compliant one."""
 
-    def __init__(self, runs, urdf=URDF):
-        self.world = world = World(runs)
+    def __init__(self, runs, vehicle=NEXUS6):
+        self.vehicle, self.world = vehicle, World(runs, vehicle)
+        world = self.world
         soft = (world["DifferentialCompliance.compliance"] > 0.0) | (world["DifferentialCompliance.backlash"] > 0.0)
         assert soft.all() or not soft.any(), "keep runs with a compliant differential in a batch of their own"
         self.soft = bool(soft.any())
-        self.tree = tree = read(urdf, rigid_differential=not self.soft)
+        self.tree = tree = read(vehicle.urdf(), rigid_differential=not self.soft)
         self.bodies = Bodies(tree, *loaded(tree, world))
         self.contact, self.motors = Contact(world), Motors(world)
-        self.ground = Ground([(run.lanes, run.borders) for run in runs])
-        joints = np.array([tree.joints.index(f"wheel_{name}") for name in WHEELS])
+        self.ground = Ground([(run.lanes, run.borders) for run in runs], vehicle.beside)
+        joints = np.array([tree.joints.index(f"wheel_{name}") for name in vehicle.wheels])
         self.wheel_joint, self.wheel_link = joints, joints + 1
-        self.wheels = 6 + np.array([tree.names.index(f"wheel_{name}") for name in WHEELS])
-        self.steers = 6 + np.array([tree.names.index(f"steer_{name}") for name in STEERED])
+        self.wheels = 6 + np.array([tree.names.index(f"wheel_{name}") for name in vehicle.wheels])
+        self.steers = 6 + np.array([tree.names.index(f"steer_{name}") for name in vehicle.steered], dtype=int)
         self.rows = tree.above[self.wheel_link]
         self.columns = np.ascontiguousarray(self.rows.T)
-        self.sprung = np.array([j for j, name in enumerate(tree.joints) if name.startswith(("rocker", "bogie"))])
-        self.rockers = np.array([tree.joints.index(name) for name in ("rocker_l", "rocker_r")])
+        self.sprung = np.array([j for j, name in enumerate(tree.joints) if name in vehicle.angles], dtype=int)
+        self.rockers = np.array([tree.joints.index(name) for name in vehicle.angles[:2]], dtype=int)
         self.size = self.bodies.size
-        self.cuts = np.cumsum([self.size, 6, 6, 6, 6, 6])
-        self.side = np.array([1, 0, 1, 0, 1, 0])
+        self.count = len(vehicle.wheels)
+        self.cuts = np.cumsum([self.size] + 5 * [self.count])
+        self.side = np.array([int(name.endswith("l")) for name in vehicle.wheels])
         self.down = down(world["gravity"], world["GravityTilt.rise_x"], world["GravityTilt.rise_y"])
         start = np.array([run.start[:2] for run in runs], dtype=float).T
         self.anchor = start + np.stack((world["TetherDrag.x_0"], world["TetherDrag.y_0"]))
@@ -95,7 +98,7 @@ class Rovers:
         pieces = touch(self.ground, centre, axle, w["r"][0])
         order = np.argsort(pieces.wheel, kind="stable")
         pieces = Pieces(*(each[..., order] for each in pieces))
-        ends = np.searchsorted(pieces.wheel, np.arange(6 * runs))
+        ends = np.searchsorted(pieces.wheel, np.arange(self.count * runs))
         own = axle.reshape(3, -1)[:, pieces.wheel]
         forward = cross(own, pieces.normal)
         forward /= np.sqrt(dot(forward, forward))
@@ -152,7 +155,7 @@ class Rovers:
         weight = np.maximum(share * f_n, 1e-12)
         states = np.stack((load.S, load.along_rate, load.across_rate, load.dug_rate)) * weight
         sums = np.add.reduceat(np.concatenate((push, moment, states, weight[None])), pose.ends, axis=1)
-        sums = sums.reshape(11, 6, runs)
+        sums = sums.reshape(11, self.count, runs)
         force, moment = sums[:3], sums[3:6]
         moment = moment + cross(pose.centre, force)
         total = np.empty((self.size, runs))

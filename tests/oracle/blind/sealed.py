@@ -14,6 +14,7 @@ from .campaign import DURATION, data_set, electric
 from .drive import drive
 from .logs import write_set
 from .sensors import measured
+from .vehicle import KNOWN
 
 BATCH = 8
 """Sets driven together, six runs each."""
@@ -25,7 +26,7 @@ COSTLY = ("ExitAngle", "DiggingMemory", "SlipSinkage", "SkidSinkage", "LoadExpon
 def plan(seed, count, shares=None, only=None, under="plain"):
     """Return what is hidden in each set: dictionaries of index, kind, hidden effects and circumstance.
 
-    `under` is one circumstance for all, or "any": each its own.
+    `under` is one circumstance for all whose effects its rover can have (the others: plain), or "any": each its own.
     """
     random = np.random.default_rng([seed, 0])
     kinds = ["only"] * count if only else hidden.composition(count, shares or hidden.SHARES, random)
@@ -45,7 +46,8 @@ def plan(seed, count, shares=None, only=None, under="plain"):
             "pair": lambda: pair(listed),
         }.get(kind, lambda kind=kind: [next(decks[kind])])()
         one = {"index": index, "kind": kind, "hidden": [hidden.truth(name, own) for name in names]}
-        found.append(one | {"under": circumstance.drawn(seed, index) if under == "any" else under})
+        fit = under if circumstance.fits(under, one["hidden"]) else "plain"
+        found.append(one | {"under": circumstance.drawn(seed, index, one["hidden"]) if under == "any" else fit})
     return found
 
 
@@ -105,31 +107,42 @@ def opened(out, answers):
 def batched(sets):
     """Return sets in batches; those with a compliant differential move by another tree, in batches of their own.
 
-    A batch pays for every costly law that one of its runs has, so that these are kept together.
+    A batch is of one rover, and pays for every costly law that one of its runs has, so that these are kept together.
     """
 
     def dear(each):
         return sorted(COSTLY.index(one["effect"]) for one in each["hidden"] if one["effect"] in COSTLY)
 
     ordered = sorted(sets, key=lambda each: dear(each) or [-1])
-    for kind in (False, True):
-        alike = [each for each in ordered if any(one["effect"] == SOFT for one in each["hidden"]) == kind]
+
+    def tree(each):
+        return vehicle_of(each).name, any(one["effect"] == SOFT for one in each["hidden"])
+
+    for kind in ((name, soft) for name in KNOWN for soft in (False, True)):
+        alike = [each for each in ordered if tree(each) == kind]
         yield from (alike[i : i + BATCH] for i in range(0, len(alike), BATCH))
+
+
+def vehicle_of(each):
+    return circumstance.vehicle(each.get("under", "plain"))
 
 
 def drive_batch(out, seed, sets, duration=DURATION):
     """Drive the runs of some sets at once, and write each set."""
     plans = [planned(seed, each) for each in sets]
     runs = [run for each in plans for _, _, run in each["runs"]]
-    true = drive(runs, duration)
+    vehicle = vehicle_of(sets[0])
+    true = drive(runs, duration, vehicle=vehicle)
     at = 0
     for each, own in zip(sets, plans, strict=True):
         logged = []
         for number, _ in enumerate(own["runs"]):
             random = np.random.default_rng([seed, each["index"], 3, number])
             channels = {name: values[at] for name, values in true.items()}
+            own_time = np.random.default_rng([seed, each["index"], 5, number])
+            channels = circumstance.sampled(own["under"], channels, own_time)
             faults, gains = own["faults"], own["answer"]["tacho_gain"]
-            read = measured(channels, faults, gains, random, electric(each["index"]))
+            read = measured(channels, faults, gains, random, electric(each["index"]), vehicle)
             logged.append(circumstance.read(own["under"], read, random))
             at += 1
         write_set(folder_of(out, each["index"]), own, logged)

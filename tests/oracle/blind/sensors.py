@@ -2,7 +2,8 @@
 
 import numpy as np
 
-WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
+from .vehicle import NEXUS6, WHEELS
+
 KINDS = (
     ("wheel_rate_", 0.01, 0.005), ("rocker_", 0.003, 0.005), ("bogie_", 0.003, 0.005), ("steer_", 0.003, 0.005),
     ("current_", 0.002, 0.0), ("body_v", 0.004, 0.0), ("body_roll", 0.005, 0.0), ("body_pitch", 0.005, 0.0),
@@ -10,15 +11,16 @@ KINDS = (
 )  # fmt: skip
 """Start of a channel's name, SD of its white noise, its step; the first that fits counts."""
 TRUE_ONLY = ("slip_",)
+__all__ = ["KINDS", "WHEELS", "measured"]
 
 
-def measured(channels, faults, gains, random, electric=True):
-    """Return the logged channels: `faults` by effect name, `gains` of six tachometers."""
+def measured(channels, faults, gains, random, electric=True, vehicle=NEXUS6):
+    """Return the logged channels: `faults` by effect name, `gains` of the wheels' tachometers."""
     read = {name: np.array(values) for name, values in channels.items() if not name.startswith(TRUE_ONLY)}
     read["body_yaw"] = np.unwrap(read["body_yaw"])
     if not electric:
         read = {name: values for name, values in read.items() if not name.startswith(("current_", "battery_"))}
-    for wheel, gain in zip(WHEELS, gains, strict=True):
+    for wheel, gain in zip(vehicle.wheels, gains, strict=True):
         read[f"wheel_rate_{wheel}"] *= gain
     for name, fault in faults.items():
         FAULTS[name](read, **fault)
@@ -26,7 +28,7 @@ def measured(channels, faults, gains, random, electric=True):
         noise = random.standard_normal(len(read[name]))
         sd, step = next((kind[1:] for kind in KINDS if name.startswith(kind[0])), (0.0, 0.0))
         if sd:
-            read[name] = read[name] + sd * noise
+            read[name] = read[name] + (vehicle.load if name.startswith("current_") else 1.0) * sd * noise
         if step:
             read[name] = step * np.round(read[name] / step)
     return read

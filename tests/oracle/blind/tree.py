@@ -5,9 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
-STEERED = ("fl", "fr", "rl", "rr")
-
 
 @dataclass(frozen=True)
 class Tree:
@@ -39,9 +36,9 @@ class Tree:
     "[links, joints]: 1 where the joint moves the link"
 
 
-def read(path, rigid_differential=True):
-    """Return the tree; with a compliant differential both rockers are independent."""
-    root = ElementTree.parse(path).getroot()
+def read(text, rigid_differential=True):
+    """Return the tree of a URDF; with a compliant differential both rockers are independent."""
+    root = ElementTree.fromstring(text)
     links = {each.get("name"): each for each in root.findall("link")}
     joints = {each.get("name"): each for each in root.findall("joint")}
     children = {each.find("child").get("link") for each in joints.values()}

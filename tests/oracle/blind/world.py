@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass, field
 from math import radians
-from pathlib import Path
 
 import numpy as np
 
-URDF = Path(__file__).parents[3] / "urdf" / "nexus6.urdf"
+from .vehicle import NEXUS6
 
 PLAIN = {
     "c": 0.005, "phi": radians(30.0), "k": 0.005, "k_1": 54207.3, "n": 1.0,
@@ -54,8 +53,6 @@ HIDDEN = {
 }  # fmt: skip
 """Neutral values; names are those of the effects, off-list ones at the end."""
 
-WHEEL = 6
-
 
 @dataclass
 class Run:
@@ -67,9 +64,9 @@ class Run:
     start: tuple = (0.0, 0.0, 0.0)
     "x, y, yaw"
     duty: np.ndarray = None
-    "[holds, 6], one row every HOLD seconds"
+    "[holds, wheels], one row every HOLD seconds"
     steer: np.ndarray = None
-    "[holds, 4]"
+    "[holds, steered wheels]"
     motor_gain: tuple = (1.0,) * 6
     field_x: tuple = (-1.0, 0.1)
     "first place and spacing of the soil's variation"
@@ -80,10 +77,10 @@ class Run:
 
 
 class World:
-    """A batch of runs as arrays, the runs last: `world["k"]` [runs], `world["motor_gain"]` [6, runs]."""
+    """A batch of a rover's runs as arrays, the runs last: `world["k"]` [runs], `world["motor_gain"]` [wheels, runs]."""
 
-    def __init__(self, runs):
-        self.runs = list(runs)
+    def __init__(self, runs, vehicle=NEXUS6):
+        self.runs, self.vehicle = list(runs), vehicle
         known = PLAIN | HIDDEN
         for run in self.runs:
             unknown = set(run.numbers) - set(known)
@@ -102,5 +99,5 @@ class World:
         return bool(np.any(self.values[name] != HIDDEN[name]))
 
     def at_wheel(self, name):
-        """Return 1 for the wheel with this number [6, runs], else 0."""
-        return (np.arange(WHEEL)[:, None] == np.round(self.values[name])).astype(float)
+        """Return 1 for the wheel with this number [wheels, runs], else 0."""
+        return (np.arange(len(self.vehicle.wheels))[:, None] == np.round(self.values[name])).astype(float)

@@ -1,0 +1,96 @@
+"""Runs driven twice, by the blind generator in one batch and by the package one by one, from the package's rest."""
+
+import importlib
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from rover_pin.motion.command import Command
+from rover_pin.motion.place import Start, settled
+from rover_pin.motion.simulate import Timing, simulate
+
+HERE = Path(__file__).parent / "blind"
+if "blind" not in sys.modules:
+    _spec = importlib.util.spec_from_file_location("blind", HERE / "__init__.py")
+    sys.modules["blind"] = importlib.util.module_from_spec(_spec)
+    _spec.loader.exec_module(sys.modules["blind"])
+campaign, drive, rover, vehicle = (
+    importlib.import_module(f"blind.{name}") for name in ("campaign", "drive", "rover", "vehicle")
+)
+
+LIMITS = {"place": 0.3e-3, "angle": 0.6e-3, "rate": 2e-3, "speed": 0.8e-3, "current": 0.4e-3, "voltage": 2e-3}
+"""A fifth of the noise [SI]; places and angles at their worst, the others rms over the drive."""
+
+
+def tracks(seed=7):
+    """Return four of a campaign's runs (lanes, border, start, duty, steer), all but those on the flat."""
+    random = np.random.default_rng(seed)
+    heights = campaign.bed(random)
+    found = []
+    for _, _, lane, yaw, duty, steer in campaign.drives(random)[2:]:
+        pair = heights[[1, 1]] if lane == campaign.RAMP else heights[[2, 3]]
+        rough = campaign.relief(random)
+        lanes = tuple(
+            (campaign.FINE, np.interp(campaign.FINE, campaign.X, z) + r) for z, r in zip(pair, rough, strict=True)
+        )
+        x = -0.5 if yaw == 0.0 else 0.5
+        found.append((lanes, (lane,), (x, lane, yaw), duty, steer))
+    return found
+
+
+def both(models, runs, duration, timing=Timing(), of=vehicle.NEXUS6):
+    """Return (the generator's channels, the package's trace) of each run and the model that says the same of it."""
+    theirs, rests = [], []
+    for model, run in zip(models, runs, strict=True):
+        rest = settled(model, Start(*run.start))
+
+        def command(reading, run=run):
+            at = round(reading.t / 0.05)
+            return Command(run.duty[at], run.steer[at]) if of.steered else Command(run.duty[at])
+
+        theirs.append(simulate(model, command, duration, rest.copy(), timing))
+        rests.append((model, rest))
+    mine = drive.drive(runs, duration, start=states(rover.Rovers(runs, of), rests), vehicle=of)
+    mine["body_yaw"] = np.unwrap(mine["body_yaw"], axis=1)
+    return [({name: values[i] for name, values in mine.items()}, trace) for i, trace in enumerate(theirs)]
+
+
+def states(rovers, rests):
+    """Return the package's states as one of the batch."""
+    columns, count = [], rovers.count
+    for model, rest in rests:
+        joints = [model.rover.model.joints[model.rover.model.getJointId(name)] for name in rovers.tree.names]
+        angles = [
+            rest.q[at.idx_q] if at.nq == 1 else np.arctan2(rest.q[at.idx_q + 1], rest.q[at.idx_q]) for at in joints
+        ]
+        x, y, z, w = rest.q[3:7]
+        dug = rest.contact[:, 2] if rest.contact.shape[1] > 2 else np.zeros(count)
+        fast = [np.zeros(rovers.size), rest.contact[:, 0], rest.contact[:, 1], dug, np.zeros(2 * count + 1)]
+        columns.append((rest.q[:3], [w, x, y, z], angles, np.concatenate(fast)))
+    return drive.State(*(np.array(part, dtype=float).T for part in zip(*columns, strict=True)))
+
+
+def difference(mine, theirs, of=vehicle.NEXUS6):
+    """Return the differences in the terms of LIMITS."""
+
+    def worst(names):
+        return max(float(np.abs(mine[name] - theirs[name]).max()) for name in names)
+
+    def rms(names):
+        return max(float(np.sqrt(np.mean((mine[name] - theirs[name]) ** 2))) for name in names)
+
+    return {
+        "place": worst([f"body_{axis}" for axis in "xyz"]),
+        "angle": worst(["body_roll", "body_pitch", "body_yaw", *of.angles]),
+        "rate": rms([f"wheel_rate_{wheel}" for wheel in of.wheels]),
+        "speed": rms([f"body_v{axis}" for axis in "xyz"]),
+        "current": rms([f"current_{wheel}_A" for wheel in of.wheels]),
+        "voltage": rms(["battery_V"]),
+    }
+
+
+def assert_alike(mine, theirs, limits=LIMITS, of=vehicle.NEXUS6):
+    off = {name: value for name, value in difference(mine, theirs, of).items() if value > limits[name]}
+    assert off == {}, (off, limits)
