@@ -21,7 +21,9 @@ def checkout(commit: str) -> Iterator[Path]:
         ["git", "archive", commit, "rover_pin", "urdf"], cwd=ROOT, check=True, capture_output=True
     ).stdout
     with TemporaryDirectory() as folder, tarfile.open(fileobj=io.BytesIO(packed)) as archive:
-        archive.extractall(folder, filter="data")
+        if hasattr(tarfile, "data_filter"):  # Python 3.11.4 on; 3.11.2 is what Debian 12 has
+            archive.extraction_filter = tarfile.data_filter
+        archive.extractall(folder)
         yield Path(folder)
 
 

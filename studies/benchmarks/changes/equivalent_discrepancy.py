@@ -91,8 +91,7 @@ DISCREPANCY: dict[tuple[str, str], str] = {
     ): "any seed will do",
     (
         "rover_pin/discrepancy/search.py",
-        "while len(found.rounds) < _most(base.task.experiment, found.added) and "
-        "len(found.found) == len(found.rounds):: == -> >=",
+        "while len(found.rounds) < _most(base.task.experiment) and len(found.found) == len(found.rounds):: == -> >=",
     ): "no more is found than there are rounds",
     (
         "rover_pin/discrepancy/screen.py",
