@@ -106,16 +106,15 @@ def _refitted(base: Fit, one: Candidate, before: Sequence[tuple[Candidate, Fit]]
 
 
 def told_shapes(fitted: Fit, candidate: Candidate) -> Candidate:
-    """Return a fitted candidate with those shapes that move the data: where a wheel fades to rest, steady runs do not.
+    """Return a candidate fitted as published with the shapes that move the data: a fade to rest moves no steady run.
 
     Freed, such a number would leave the range in which the law means anything, and imitate something else.
     """
     experiment, model, kept = fitted.task.experiment, fitted.model, []
     for name in candidate.shapes:
         one = candidate.shape(name)
-        u = one.u(experiment.value(model, name))
-        at = u + SHIFT if u + SHIFT <= one.bounds[1] else u - SHIFT
-        (moved,) = experiment.predict([experiment.with_values(model, {name: one.value(at)})])
+        shifted = one.value(SHIFT if one.bounds[1] >= SHIFT else -SHIFT)
+        (moved,) = experiment.predict([experiment.with_values(model, {name: shifted})])
         if np.linalg.norm(fitted.task.noise.white(moved - fitted.predicted)) > STILL:
             kept.append(name)
     return dataclasses.replace(candidate, shapes=tuple(kept))

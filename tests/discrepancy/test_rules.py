@@ -97,6 +97,7 @@ AGREED = {"one": "B + A", "two": "A + B", "three": "A"}
         ("AB", 0.9, AGREED, 11, False),
         ("AB", 0.9, AGREED | {"four": "A"}, 12, False),
         ("AB", 0.9, {"one": "A + C"}, 12, False),
+        ("AB", 0.9, {"one": "A + B + C"}, 12, False),
         ("A", 0.9, {"one": "A", "two": "A"}, 12, False),
     ],
 )

@@ -87,6 +87,30 @@ def test_the_least_gain_that_is_told_is_passed_by_one_set_of_alike_beds_in_twent
     assert least.chance.learnt[0].gain == pytest.approx(chi2.isf(0.1, 1), abs=0.01)
 
 
+@pytest.mark.parametrize("scatter", [1.0, 1.6])
+def test_beds_that_leave_more_than_one_and_a_half_of_the_scatter_within_folds_lack_a_law(scatter):
+    """Met by bisection on the size of a law that a candidate has and the model lacks, against full matrices."""
+    random = np.random.default_rng(12)
+    field, known = field_of(random, Kind("beds", SIZE, "", 1.0)), SD * random.normal(size=SHAPE)
+    white = np.clip(random.normal(size=SHAPE), -1.9, 1.9)  # none strays, so that all count alike
+    beds = scatter * (SD * white + 0.8 * np.tensordot(random.normal(size=FOLDS), field.moved, 1))
+
+    def learnt(law):
+        return beyond_declared(fit_of(beds + law * known, [], field=field), lambda: [known])
+
+    low, high = 0.0, 3.0
+    assert learnt(low) is not None
+    assert learnt(high) is None
+    for _ in range(40):
+        law = (low + high) / 2
+        low, high = (low, law) if learnt(law) is None else (law, high)
+    rows, B = ((beds + low * known) / SD).ravel(), (field.moved / SD).reshape(-1, COUNT * CHANNELS).T
+    free = null_space(np.column_stack([B, (known / SD).ravel()]).T)
+    within2 = max(1.0, float(np.mean((free.T @ rows) ** 2)))
+    V = np.eye(len(rows)) + (learnt(low).chance.learnt[0].sd / SIZE) ** 2 * B @ B.T
+    assert rows @ np.linalg.solve(V, rows) / len(rows) / within2 == pytest.approx(1.5, abs=0.01)
+
+
 def test_a_fold_of_which_nothing_is_compared_keeps_from_learning_and_a_missing_value_does_not():
     random = np.random.default_rng(9)
     field = field_of(random, Kind("beds", SIZE, "", 1.0))

@@ -2,6 +2,22 @@
 
 DISCREPANCY: dict[tuple[str, str], str] = {
     (
+        "rover_pin/discrepancy/search.py",
+        "further = scored if len(found.added) < _most(here.task.experiment, found.added) else (): () -> (scored)",
+    ): "what has no levels is left out of the refits afterwards: this saves making them",
+    (
+        "rover_pin/discrepancy/search.py",
+        "further = scored if len(found.added) < _most(here.task.experiment, found.added) else (): < -> <=",
+    ): "what has no levels is left out of the refits afterwards: this saves making them",
+    (
+        "rover_pin/discrepancy/judge.py",
+        "return answer_of(found, left, False): False -> True",
+    ): "not read where nothing was found, or nothing left",
+    (
+        "rover_pin/discrepancy/judge.py",
+        "if not found.found or not left.unlisted:: or -> and",
+    ): "not read where nothing was found, or nothing left",
+    (
         "rover_pin/discrepancy/exact_refits.py",
         "SMALL = 0.05: 0.05 -> 0.05500000000000001",
     ): "any small share of a size begins near nothing",
