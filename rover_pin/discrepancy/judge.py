@@ -185,9 +185,7 @@ def what_is_left(found: Search) -> Left:
 
 def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Left, seed: int) -> Verdict:
     """Return the verdict of kind and name `of` on what a search found and left."""
-    (kind, name), answer = of, graded(found, left, chosen)
-    if answer is Answer.LIKE and not hold_together(found, chosen):
-        found = first_of(found)
+    (kind, name), (answer, found) = of, graded(found, left, chosen)
     last = found.base if answer in (Answer.INADEQUATE, Answer.NONE_FITS) else found.last
     before = side_of(found.base)
     after = before if last is found.base else side_of(last)
@@ -251,29 +249,38 @@ def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore]
         if min(u - one.bounds[0], one.bounds[1] - u) <= AT_BOUND and not usual:
             said.append(f"{one.name} lies at its bound")
     said += [f"{one} from what is declared of it" for one in implausible(last)]
-    names = {one.name for one in found.added}
-    same = sum(set(name.split(" + ")) == names for name in chosen.values())
+    same = _agreeing(found, chosen)
     if len(chosen) >= FEWEST and 2 * same <= len(chosen):
         said.append(f"{found.names} is chosen in {same} of {len(chosen)} folds only")
     worse = [one for one in scores if one.worded.outcome is Outcome.WORSE and one.change > WORSE_BY]
     return said + [f"{one.name} is predicted worse where it was not fitted" for one in worse]
 
 
-def graded(found: Search, left: Left, chosen: dict[str, str]) -> Answer:
-    """Return what may be said of what was found and left, and chosen without each fold."""
+def graded(found: Search, left: Left, chosen: dict[str, str]) -> tuple[Answer, Search]:
+    """Return what may be said of what was found and left, and chosen without each fold, and the search it is said of.
+
+    What is missing is like all that was found where that holds together, else like the first.
+    """
     if not found.found or not left.unlisted:
-        return answer_of(found, left, False)
-    alone = held_out_share(found.base, first_of(found).last) >= TAKES_MOST
-    return answer_of(found, left, alone or hold_together(found, chosen))
+        return answer_of(found, left, False), found
+    if hold_together(found, chosen):
+        return answer_of(found, left, True), found
+    first = first_of(found)
+    alone = held_out_share(found.base, first.last) >= TAKES_MOST
+    return answer_of(found, left, alone), first if alone else found
 
 
 def hold_together(found: Search, chosen: dict[str, str]) -> bool:
     """Return whether effects of few numbers take nearly all that is missed where not fitted, and most folds agree."""
-    names = {one.name for one in found.added}
-    same = sum(set(name.split(" + ")) == names for name in chosen.values())
     own = sum(len(one.names) for one in found.added)
-    told = 2 * same > len(chosen) and LEVELS_EACH * own <= len(found.base.task.experiment.folds)
-    return len(names) > 1 and told and held_out_share(found.base, found.last) >= TAKEN_TOGETHER
+    told = 2 * _agreeing(found, chosen) > len(chosen) and LEVELS_EACH * own <= len(found.base.task.experiment.folds)
+    return len(found.added) > 1 and told and held_out_share(found.base, found.last) >= TAKEN_TOGETHER
+
+
+def _agreeing(found: Search, chosen: dict[str, str]) -> int:
+    """Return how many folds choose what was found, in any order."""
+    names = {one.name for one in found.added}
+    return sum(set(name.split(" + ")) == names for name in chosen.values())
 
 
 def answer_of(found: Search, left: Left, takes_most: bool) -> Answer:

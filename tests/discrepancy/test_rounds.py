@@ -317,9 +317,7 @@ def test_a_verdict_keeps_what_its_answer_says(answer, against, named, said, shar
         return SimpleNamespace(base=base, last=fit(names or "base"), added=added, alike=tuple(names))
 
     base, patches = fit("base"), {
-        "graded": lambda found, left, chosen: answer,
-        "hold_together": lambda found, chosen: len(named) == 2,
-        "first_of": lambda found: of("A"),
+        "graded": lambda found, left, chosen: (answer, of("".join(named)) if answer is Answer.LIKE else found),
         "side_of": lambda fitted: SimpleNamespace(fit=fitted, model=fitted.name),
         "held_out": lambda before, after, noise, seed: SimpleNamespace(channels=(), runs=()),
         "held_out_share": lambda base, last: 0.9,

@@ -80,9 +80,9 @@ def test_the_answer(search, left, takes_most, answer):
 def test_what_the_first_takes_alone_counts_only_where_something_is_left(share, answer, monkeypatch):
     monkeypatch.setattr(judge, "first_of", lambda search: search)
     monkeypatch.setattr(judge, "held_out_share", lambda base, last: share)
-    assert graded(found("A", base=fitted(task=of_folds(9))), Left(True), {}) is answer
-    assert graded(found("A"), Left(False), {}) is Answer.NAMED
-    assert graded(found(base=PLAUSIBLE), Left(True), {}) is Answer.INADEQUATE
+    assert graded(found("A", base=fitted(task=of_folds(9))), Left(True), {})[0] is answer
+    assert graded(found("A"), Left(False), {})[0] is Answer.NAMED
+    assert graded(found(base=PLAUSIBLE), Left(True), {})[0] is Answer.INADEQUATE
 
 
 AGREED = {"one": "B + A", "two": "A + B", "three": "A"}
@@ -109,7 +109,20 @@ def test_several_effects_hold_together_where_they_take_nearly_all_and_most_folds
     monkeypatch.setattr(judge, "first_of", lambda search: SimpleNamespace(last=first))
     monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.1 if last is first else share)
     assert hold_together(whole, chosen) is together
-    assert graded(whole, Left(True), chosen) is (Answer.LIKE if together else Answer.INADEQUATE)
+    assert graded(whole, Left(True), chosen) == (Answer.LIKE if together else Answer.INADEQUATE, whole)
+    assert graded(whole, Left(False), chosen) == (Answer.NAMED if len(names) == 1 else Answer.SET, whole)
+
+
+@pytest.mark.parametrize(("together", "said_of"), [(False, "first"), (True, "whole")])
+def test_what_is_missing_is_like_all_that_hold_together_else_like_the_first(together, said_of, monkeypatch):
+    """Where the first alone takes most; nothing is predicted for it where all hold together."""
+    first, whole = SimpleNamespace(last=fitted()), found("A", "B")
+    shares = []
+    monkeypatch.setattr(judge, "first_of", lambda search: first)
+    monkeypatch.setattr(judge, "hold_together", lambda search, chosen: together)
+    monkeypatch.setattr(judge, "held_out_share", lambda base, last: shares.append(last) or 0.9)
+    assert graded(whole, Left(True), {}) == (Answer.LIKE, first if said_of == "first" else whole)
+    assert shares == ([] if together else [first.last])
 
 
 # --- what holds ------------------------------------------------------------------------------------------------------

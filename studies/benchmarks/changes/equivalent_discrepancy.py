@@ -11,7 +11,7 @@ DISCREPANCY: dict[tuple[str, str], str] = {
     ): "what has no levels is left out of the refits afterwards: this saves making them",
     (
         "rover_pin/discrepancy/judge.py",
-        "return answer_of(found, left, False): False -> True",
+        "return answer_of(found, left, False), found: False -> True",
     ): "not read where nothing was found, or nothing left",
     (
         "rover_pin/discrepancy/judge.py",
