@@ -10,9 +10,8 @@ import numpy as np
 from rover_pin.discrepancy.anchor import Anchor
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.cross_validation import left_out, left_out_by_refits, seen_again
-from rover_pin.discrepancy.place import placed
 from rover_pin.discrepancy.refit import ODDS, Fee, Progress, Refit, best_of_each, counted, joined
-from rover_pin.discrepancy.screen import Scored, started
+from rover_pin.discrepancy.screen import Scored, score, signatures, started
 from rover_pin.estimation.fit import Fit, fit
 from rover_pin.estimation.parameter import Parameter
 
@@ -26,6 +25,8 @@ NEAR = 0.1
 """Share of the best's net gain within which one that has gained, or had promised, so much is fitted to the end."""
 POLISHED = 3
 """Leaders that are fitted to the end, every slope computed again."""
+FIRST, LAST = 0.08, 0.02
+"""First and last step by which an edge is moved [m]; half a second's drive is 0.025 m."""
 SMALL = 0.1
 """Share of its first size from which a candidate is fitted again, where it did not do better than none."""
 
@@ -132,3 +133,21 @@ def _confirmed(base: Fit, one: Refit) -> Refit:
 def _judged(base: Fit, candidate: Candidate, refitted: Fit, fee: float, without: np.ndarray) -> Refit:
     gain = base.chi2 - refitted.chi2
     return Refit(candidate, refitted, gain, fee, seen_again(without, left_out(refitted)))
+
+
+def placed(base: Fit, row: Scored) -> Scored:
+    """Return a located candidate's row where moving neither of its edges raises the gain; others as they are.
+
+    Which stretch of the way differs is not found by following slopes: an edge acts only where something passes it.
+    """
+    step = FIRST
+    while step > LAST:
+        near = base.task.experiment.neighbours(row.candidate, step)
+        if not near:
+            break
+        best = max(score(base, signatures(base, near)), key=lambda one: one.gain)
+        if best.gain > row.gain:
+            row = best
+        else:
+            step /= 2
+    return row

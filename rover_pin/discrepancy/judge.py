@@ -5,32 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from rover_pin.discrepancy.answer import TAKEN_TOGETHER, TAKES_MOST, Answer
 from rover_pin.discrepancy.candidate import Candidate, is_effect
-from rover_pin.discrepancy.cross_validation import held_out_losses, without_each
+from rover_pin.discrepancy.cross_validation import without_each
 from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
 from rover_pin.discrepancy.held_out import ChannelScore, errors_anew, errors_of_others, held_out
+from rover_pin.discrepancy.left import Left, described, held_out_share
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.search import Search, again, calibrated, search
 from rover_pin.discrepancy.sentence import sentence
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit, fit
-from rover_pin.estimation.numbers import AT_BOUND, implausible, intervals, is_adequate, settled
+from rover_pin.estimation.numbers import AT_BOUND, implausible, intervals, settled
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import Outcome
 
-ENOUGH = 0.9
-"""Share of chi2 beyond the noise from which a law holds though more than the noise is left: real laws never hold to
-the last digit."""
-LEFT = 0.01
-"""What is left with less than this probability, beside too small a share, keeps a law from holding."""
-SCATTER = 4.0
-"""Reduced chi-square up to which what has no pattern is scatter: noise declared too small by a factor of two."""
 LEADERS = 4
 """Leading candidates of every round among which a fold chooses again, where a fit is exact."""
 FEWEST = 3
@@ -39,17 +31,6 @@ LEVELS_EACH = 3
 """Folds for each number of several effects that hold together: on nine levels two laws with six imitated a third."""
 WORSE_BY = 0.05
 """Share by which a channel that was not fitted must be predicted worse, beyond its scatter, to speak against a name."""
-
-
-class Left(NamedTuple):
-    """What the last model of a search leaves."""
-
-    unlisted: bool
-    "whether it is more than the noise, and more than the form of a law that holds may leave"
-    said: str = ""
-    "how it acts, in words, where that can be described"
-    described: bool = False
-    "whether it can be described, and drafted as an effect that holds up when it is tried"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,29 +63,13 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     progress("choosing again without each fold")
     anew = chosen_anew(found.base, _leading(found, candidates))
     drafts = cache(lambda here: drafted(question, here, progress))
-    left, draft = described(question, found, drafts)
+    left, draft = described(found, question.draft is not None, drafts)
     progress("intervals, and errors on what was left out")
     verdict = judged((question.kind, question.name), found, {name: one.names for name, one in anew.items()}, left, seed)
     if verdict.answer is Answer.LIKE and left.unlisted and verdict.search is not None:
         draft = drafts(verdict.search.last)
     others = errors_of_others(found) if verdict.answer is Answer.SET else {}
     return with_draft(replace(verdict, errors_anew=errors_anew(found.base, anew), others=others), draft, seed)
-
-
-def described(question: Question, found: Search, drafts: Callable[[Fit], Draft | None]) -> tuple[Left, Draft | None]:
-    """Return what a search leaves, and what the base leaves as a draft that was tried, if an effect may be unlisted.
-
-    What a found law leaves is more than its form's if a draft describes it; without a pattern it is scatter.
-    """
-    left = what_is_left(found)
-    if question.draft is None or not left.unlisted:
-        return left, None
-    if found.found and found.last.misfit < SCATTER:
-        rest = drafts(found.last)
-        if rest is None or not rest.accepted:
-            return Left(False), None
-    draft = drafts(found.base)
-    return left._replace(described=draft is not None and draft.accepted), draft
 
 
 def with_draft(verdict: Verdict, draft: Draft | None, seed: int) -> Verdict:
@@ -178,11 +143,6 @@ def side_of(fitted: Fit) -> Side:
     return Side(wide.model, numbers, replace(wide, task=fitted.task).misfit, wide)
 
 
-def what_is_left(found: Search) -> Left:
-    """Return what is left by the stated noise."""
-    return Left(not (holds(found) if found.found else is_adequate(found.base)))
-
-
 def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Left, seed: int) -> Verdict:
     """Return the verdict of kind and name `of` on what a search found and left."""
     (kind, name), (answer, found) = of, graded(found, left, chosen)
@@ -192,7 +152,7 @@ def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Lef
     added = found.added if last is not found.base else ()
     errors = held_out(before.fit, after.fit, found.base.task.noise, seed)
     share = held_out_share(found.base, last) if added else 0.0
-    against = tuple(vetoes(found, chosen, errors.channels)) if added else ()
+    against = tuple(vetoes(found, chosen, errors.channels, left.patterned)) if added else ()
     if answer is Answer.NAMED and against:
         answer = Answer.LIKE
     records = after.fit.task.experiment.records(after.model)
@@ -221,26 +181,7 @@ def first_of(found: Search) -> Search:
     return replace(found, rounds=found.rounds[:1]) if found.rounds[0].alike else found
 
 
-def holds(found: Search) -> bool:
-    """Return whether a law holds by the declared noise: it leaves that, or takes nearly all that was missed."""
-    return is_adequate(found.last, LEFT) or share_taken(found) >= ENOUGH
-
-
-def share_taken(found: Search) -> float:
-    """Return the share of the base's chi2 beyond the noise that what was found takes."""
-    beyond = found.base.chi2 - found.base.freedom
-    taken = found.base.chi2 - found.last.chi2
-    return float(np.clip(taken / beyond, 0.0, 1.0)) if beyond > 0 else float(taken > 0)
-
-
-def held_out_share(base: Fit, last: Fit) -> float:
-    """Return the share of the held-out losses beyond the noise that what was added takes; at least 0."""
-    was, now = (float(held_out_losses(one).sum()) for one in (base, last))
-    beyond = was - base.task.noise.count
-    return float(np.clip((was - now) / beyond, 0.0, 1.0)) if beyond > 0 else float(now < was)
-
-
-def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore]) -> list[str]:
+def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore], patterned: bool) -> list[str]:
     """Return what keeps a lone name from standing, one sentence each."""
     last = found.last
     said = []
@@ -253,7 +194,8 @@ def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore]
     if len(chosen) >= FEWEST and 2 * same <= len(chosen):
         said.append(f"{found.names} is chosen in {same} of {len(chosen)} folds only")
     worse = [one for one in scores if one.worded.outcome is Outcome.WORSE and one.change > WORSE_BY]
-    return said + [f"{one.name} is predicted worse where it was not fitted" for one in worse]
+    said += [f"{one.name} is predicted worse where it was not fitted" for one in worse]
+    return [*said, "a smooth curve describes what it leaves, beyond chance"] if patterned else said
 
 
 def graded(found: Search, left: Left, chosen: dict[str, str]) -> tuple[Answer, Search]:
@@ -261,6 +203,8 @@ def graded(found: Search, left: Left, chosen: dict[str, str]) -> tuple[Answer, S
 
     What is missing is like all that was found where that holds together, else like the first.
     """
+    if left.outdone:
+        return Answer.NONE_FITS, found
     if not found.found or not left.unlisted:
         return answer_of(found, left, False), found
     if hold_together(found, chosen):

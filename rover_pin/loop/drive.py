@@ -11,7 +11,8 @@ from pathlib import Path
 from rover_pin.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import losses
-from rover_pin.discrepancy.judge import Left, chosen_without, judged, with_draft
+from rover_pin.discrepancy.judge import chosen_without, judged, with_draft
+from rover_pin.discrepancy.left import Left
 from rover_pin.discrepancy.refit import Progress, Refit
 from rover_pin.discrepancy.search import Search, search
 from rover_pin.discrepancy.verdict import Verdict

@@ -15,8 +15,9 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.cross_validation import FAR, losses_of, refitted_left_out
 from rover_pin.discrepancy.exact_refits import bearable, judged, paired, variants
-from rover_pin.discrepancy.judge import as_fitted, chosen_anew, what_is_left
+from rover_pin.discrepancy.judge import as_fitted, chosen_anew
 from rover_pin.discrepancy.judge import judged as verdict_of
+from rover_pin.discrepancy.left import what_is_left
 from rover_pin.discrepancy.refit import Refit, alike
 from rover_pin.discrepancy.screen import entry_fee
 from rover_pin.discrepancy.search import again, calibrated, fee_after, search

@@ -7,18 +7,12 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy import held_out, judge, search
+from rover_pin.discrepancy import left as left_of_a_law
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.held_out import errors_anew, errors_of_others
-from rover_pin.discrepancy.judge import (
-    SCATTER,
-    WORSE_BY,
-    Left,
-    described,
-    first_of,
-    share_taken,
-    with_draft,
-)
+from rover_pin.discrepancy.judge import WORSE_BY, first_of, with_draft
+from rover_pin.discrepancy.left import SCATTER, Left, described, outdone, share_taken
 from rover_pin.discrepancy.refit import Refit, counted
 from rover_pin.discrepancy.screen import entry_fee
 from rover_pin.discrepancy.verdict import Verdict
@@ -276,21 +270,72 @@ def test_a_draft_is_scored_where_nothing_of_the_list_holds(answer, side, tried, 
     [(3.9, True, True), (3.9, False, False), (3.9, None, False), (4.1, False, True), (4.1, None, True)],
 )
 def test_what_a_law_leaves_without_a_pattern_is_scatter_up_to_four_times_the_noise(misfit, rest, unlisted, monkeypatch):
-    monkeypatch.setattr(judge, "what_is_left", lambda found: Left(True))
+    monkeypatch.setattr(left_of_a_law, "what_is_left", lambda found: Left(True))
+    monkeypatch.setattr(left_of_a_law, "outdone", lambda found, draft: False)
     drafts = {"last": None if rest is None else SimpleNamespace(accepted=rest), "base": SimpleNamespace(accepted=True)}
     found = SimpleNamespace(found=("A",), last=Named("last", misfit), base=Named("base", 9.0))
-    left, draft = described(SimpleNamespace(draft="any"), found, lambda here: drafts[here.name])
-    assert left.unlisted is unlisted
+    left, draft = described(found, True, lambda here: drafts[here.name])
+    assert left == Left(unlisted, described=unlisted, patterned=rest is True)
     assert (draft is drafts["base"]) is unlisted
-    assert left.described is unlisted
     assert (SCATTER, WORSE_BY) == (4.0, 0.05)
+    assert described(found, False, lambda here: drafts[here.name]) == (Left(True), None)
+
+
+@pytest.mark.parametrize(
+    ("found", "unlisted", "rest", "better", "expected", "asked"),
+    [
+        ((), False, None, False, Left(False), []),
+        ((), True, None, False, Left(True, described=True), ["base"]),
+        (("A",), False, None, True, Left(False), ["last"]),
+        (("A",), False, False, False, Left(False), ["last", "base"]),
+        (("A",), False, True, False, Left(False, patterned=True), ["last", "base"]),
+        (("A",), False, False, True, Left(True, "", True, False, True), ["last", "base"]),
+        (("A",), True, True, True, Left(True, "", True, True, True), ["last", "base"]),
+    ],
+)
+def test_a_draft_takes_the_place_of_a_law_only_where_that_leaves_a_curve(
+    found, unlisted, rest, better, expected, asked, monkeypatch
+):
+    """A law that leaves nothing that a draft could describe is not asked for one on the base, which costs a refit."""
+    monkeypatch.setattr(left_of_a_law, "what_is_left", lambda found: Left(unlisted))
+    monkeypatch.setattr(left_of_a_law, "outdone", lambda found, draft: better)
+    tried, base = [], SimpleNamespace(accepted=True)
+    drafts = {"last": None if rest is None else SimpleNamespace(accepted=rest), "base": base}
+    search = SimpleNamespace(found=found, last=Named("last", 1.0), base=Named("base", 9.0))
+    left, draft = described(search, True, lambda here: tried.append(here.name) or drafts[here.name])
+    assert (left, tried) == (expected, asked)
+    assert draft is (base if expected.unlisted else None)
+
+
+@pytest.mark.parametrize(
+    ("law", "drawn", "fee", "accepted", "better"),
+    [
+        (300.0, 199.0, 20.0, True, True),
+        (300.0, 201.0, 20.0, True, False),
+        (300.0, 199.0, 102.0, True, False),
+        (300.0, 199.0, 20.0, False, False),
+        (105.0, 95.0, 12.0, True, False),
+        (95.0, 70.0, 20.0, True, True),
+    ],
+)
+def test_a_draft_outdoes_a_law_by_half_of_what_that_leaves_beyond_chance(
+    law, drawn, fee, accepted, better, monkeypatch
+):
+    """On folds left out, of 100 compared values, and beyond chance."""
+    losses = {"last": [law / 4, 3 * law / 4], "drawn": [drawn / 2, drawn / 2]}
+    monkeypatch.setattr(left_of_a_law, "held_out_losses", lambda one: np.array(losses[one.name]))
+    base = SimpleNamespace(task=SimpleNamespace(noise=SimpleNamespace(count=100)))
+    found = SimpleNamespace(base=base, last=SimpleNamespace(name="last"))
+    draft = SimpleNamespace(refit=SimpleNamespace(fit=SimpleNamespace(name="drawn"), fee=fee), accepted=accepted)
+    assert outdone(found, draft) is better
+    assert not outdone(found, SimpleNamespace(refit=None, accepted=accepted))
 
 
 def test_where_nothing_was_found_the_base_is_judged_and_else_the_law(monkeypatch):
-    monkeypatch.setattr(judge, "is_adequate", lambda fit: False)
-    monkeypatch.setattr(judge, "holds", lambda found: True)
-    assert judge.what_is_left(SimpleNamespace(found=(), base=None)) == Left(True)
-    assert judge.what_is_left(SimpleNamespace(found=("A",), base=None)) == Left(False)
+    monkeypatch.setattr(left_of_a_law, "is_adequate", lambda fit: False)
+    monkeypatch.setattr(left_of_a_law, "holds", lambda found: True)
+    assert left_of_a_law.what_is_left(SimpleNamespace(found=(), base=None)) == Left(True)
+    assert left_of_a_law.what_is_left(SimpleNamespace(found=("A",), base=None)) == Left(False)
 
 
 @pytest.mark.parametrize(
@@ -321,7 +366,7 @@ def test_a_verdict_keeps_what_its_answer_says(answer, against, named, said, shar
         "side_of": lambda fitted: SimpleNamespace(fit=fitted, model=fitted.name),
         "held_out": lambda before, after, noise, seed: SimpleNamespace(channels=(), runs=()),
         "held_out_share": lambda base, last: 0.9,
-        "vetoes": lambda found, chosen, scores: against,
+        "vetoes": lambda found, chosen, scores, patterned: against,
         "sentence": lambda answer, found, share, besides: answer.value,
     }  # fmt: skip
     for name, instead in patches.items():
@@ -357,7 +402,7 @@ def test_what_the_first_law_leaves_is_drafted_where_the_answer_is_like_it(answer
         "_leading": lambda found, candidates: [],
         "chosen_anew": lambda base, tried: {},
         "drafted": lambda question, here, progress: f"of {here}",
-        "described": lambda question, found, drafts: (Left(unlisted), drafts("base")),
+        "described": lambda found, can_draft, drafts: (Left(unlisted), drafts("base")),
         "judged": lambda of, found, chosen, left, seed: Verdict(
             "wheel-rig", answer, "x", "said", None, search=SimpleNamespace(last="what is said")
         ),

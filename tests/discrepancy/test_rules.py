@@ -8,20 +8,12 @@ import pytest
 from scipy.stats import chi2 as chi2_law
 
 from rover_pin.discrepancy import judge
+from rover_pin.discrepancy import left as left_of_a_law
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.held_out import ChannelScore
-from rover_pin.discrepancy.judge import (
-    Left,
-    _leading,
-    answer_of,
-    graded,
-    held_out_share,
-    hold_together,
-    holds,
-    share_taken,
-    vetoes,
-)
+from rover_pin.discrepancy.judge import _leading, answer_of, graded, hold_together, vetoes
+from rover_pin.discrepancy.left import Left, held_out_share, holds, share_taken
 from rover_pin.estimation.numbers import Number, implausible, is_adequate
 from rover_pin.estimation.parameter import Parameter
 
@@ -83,6 +75,14 @@ def test_what_the_first_takes_alone_counts_only_where_something_is_left(share, a
     assert graded(found("A", base=fitted(task=of_folds(9))), Left(True), {})[0] is answer
     assert graded(found("A"), Left(False), {})[0] is Answer.NAMED
     assert graded(found(base=PLAUSIBLE), Left(True), {})[0] is Answer.INADEQUATE
+
+
+@pytest.mark.parametrize("names", [(), ("A",), ("A", "B")])
+def test_what_a_curve_in_the_laws_place_predicts_much_better_is_on_no_list(names, monkeypatch):
+    """Even where the law takes most of what is missed."""
+    monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.99)
+    whole = found(*names, base=fitted(task=of_folds(99)))
+    assert graded(whole, Left(True, described=True, outdone=True), AGREED) == (Answer.NONE_FITS, whole)
 
 
 AGREED = {"one": "B + A", "two": "A + B", "three": "A"}
@@ -175,7 +175,7 @@ def test_the_share_that_is_taken_is_of_what_is_beyond_the_noise(before, after, s
 )
 def test_on_held_out_folds_too(monkeypatch, before, after, share):
     """Of 100 compared blocks."""
-    monkeypatch.setattr(judge, "held_out_losses", lambda one: np.array([0.25, 0.75]) * one.loss)
+    monkeypatch.setattr(left_of_a_law, "held_out_losses", lambda one: np.array([0.25, 0.75]) * one.loss)
     base, last = (fitted(loss=loss, task=SimpleNamespace(noise=SimpleNamespace(count=100))) for loss in (before, after))
     assert held_out_share(base, last) == pytest.approx(share)
 
@@ -183,9 +183,13 @@ def test_on_held_out_folds_too(monkeypatch, before, after, share):
 # --- what speaks against a lone name ---------------------------------------------------------------------------------
 
 
-def against(u=0.5, one=None, chosen=None, scores=(), names=("A",)):
+def against(u=0.5, one=None, chosen=None, scores=(), names=("A",), patterned=False):
     last = fitted(u=(u,), parameters=(one or parameter("A.size", prior=False, low=-2.0, high=3.0),))
-    return vetoes(found(*names, last=last), chosen or {}, scores)
+    return vetoes(found(*names, last=last), chosen or {}, scores, patterned)
+
+
+def test_a_pattern_in_what_a_law_leaves_speaks_against_its_name():
+    assert against(patterned=True) == ["a smooth curve describes what it leaves, beyond chance"]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy import place, screen, search
+from rover_pin.discrepancy import compare, screen, search
 from rover_pin.discrepancy.anchor import is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.screen import Scored, Signature, _reachable, saturated, score, started, trials
@@ -175,21 +175,21 @@ def test_an_edge_is_moved_by_eight_centimetres_then_by_halves_down_to_two(monkey
         return [candidate + 1, candidate + 2] if candidate < 3 else [0]
 
     row = lambda at: SimpleNamespace(candidate=at, gain=gains.get(at, 0.0))  # noqa: E731
-    monkeypatch.setattr(place, "signatures", lambda base, near: near)
-    monkeypatch.setattr(place, "score", lambda base, near: [row(at) for at in near])
+    monkeypatch.setattr(compare, "signatures", lambda base, near: near)
+    monkeypatch.setattr(compare, "score", lambda base, near: [row(at) for at in near])
     base = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(neighbours=neighbours)))
-    assert place.placed(base, row(0)).candidate == 3
+    assert compare.placed(base, row(0)).candidate == 3
     assert steps == [(0, 0.08), (1, 0.08), (3, 0.08), (3, 0.04)]
     steps.clear()
     base.task.experiment.neighbours = lambda candidate, step: []
-    assert place.placed(base, row(1)).candidate == 1
+    assert compare.placed(base, row(1)).candidate == 1
 
 
 def test_a_neighbour_that_gains_no_more_is_left_where_it_is(monkeypatch):
-    monkeypatch.setattr(place, "signatures", lambda base, near: near)
-    monkeypatch.setattr(place, "score", lambda base, near: [SimpleNamespace(candidate=9, gain=5.0)])
+    monkeypatch.setattr(compare, "signatures", lambda base, near: near)
+    monkeypatch.setattr(compare, "score", lambda base, near: [SimpleNamespace(candidate=9, gain=5.0)])
     base = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(neighbours=lambda one, step: [9])))
-    assert place.placed(base, SimpleNamespace(candidate=1, gain=5.0)).candidate == 1
+    assert compare.placed(base, SimpleNamespace(candidate=1, gain=5.0)).candidate == 1
 
 
 # --- chance beside the noise -----------------------------------------------------------------------------------------

@@ -24,7 +24,8 @@ from rover_pin.discrepancy.cross_validation import (
     without_each,
 )
 from rover_pin.discrepancy.held_out import held_out, together
-from rover_pin.discrepancy.judge import Left, answer_of, chosen_without, share_taken
+from rover_pin.discrepancy.judge import answer_of, chosen_without
+from rover_pin.discrepancy.left import Left, share_taken
 from rover_pin.discrepancy.refit import Refit, alike, joined
 from rover_pin.discrepancy.screen import (
     Signature,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.discrepancy.place import placed
+from rover_pin.discrepancy.compare import placed
 from rover_pin.discrepancy.screen import score, signatures
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.supply_sag import SupplySag

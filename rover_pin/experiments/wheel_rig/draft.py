@@ -1,4 +1,4 @@
-"""What a model leaves of a rig set, drafted as an effect file: polynomials of the slip, and the load's share."""
+"""What a model leaves of a rig set, drafted as an effect file: polynomials of the slip and of the load."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from rover_pin.quantity import quantity
 
 @dataclass(frozen=True)
 class MeasuredRemainder(Effect):
-    """f_t += f_n p(S), torque += r f_n t(S), h <- h - r d(S): polynomials of the slip, and a term of the load.
+    """f_t += f_n p(S), torque += r f_n t(S), h <- h - r d(S): polynomials of the slip and of the load.
 
     Source: the remainder of a closed loop on {name}; it describes and does not explain.
     """
@@ -86,9 +86,11 @@ def draft_effect(data: RigSet, left: Sequence[Remainder]) -> str:
         stem = FACTORS[one.name]
         names = {f"{stem}_{power}": f"self.{stem}_{power}" + " * S" * power for power in range(len(one.powers))}
         sizes |= dict(zip(names, np.array(one.powers) / unit[stem], strict=True))
-        if one.of_load and stem != "depth":  # a contact is amended before it knows its load
-            names[f"{stem}_W"] = f"self.{stem}_W * (load.f_n / {load:.6g} - 1.0)"
-            sizes[f"{stem}_W"] = one.of_load / unit[stem]
+        if stem != "depth":  # a contact is amended before it knows its load
+            share = f" * (load.f_n / {load:.6g} - 1.0)"
+            of_load = {f"{stem}_W{power}": c / unit[stem] for power, c in enumerate(one.of_load, start=1)}
+            names |= {name: f"self.{name}" + power * share for power, name in enumerate(of_load, start=1)}
+            sizes |= of_load
         sums[stem] = " + ".join(names.values())
     fields = "\n".join(_field(name, size) for name, size in sizes.items())
     neutral = ", ".join(f'"{name}": 0.0' for name in sizes)

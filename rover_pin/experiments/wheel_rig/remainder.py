@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,9 @@ from rover_pin.measurements.channel import RigChannel
 DEGREES = 3
 """Highest power of the slip in a description."""
 
-FORMS = 2 * (DEGREES + 1)
+LOAD_DEGREES = 2
+"""Highest power of the load: a cell whose offset hangs on the load need not do so in proportion."""
+FORMS = (LOAD_DEGREES + 1) * (DEGREES + 1)
 """Polynomials among which one is chosen."""
 NOISE_LIKE = 1.5
 """RMS in SDs below which a channel's residual is called noise."""
@@ -45,8 +48,8 @@ class Remainder(NamedTuple):
     levels: tuple[Level, ...]
     powers: tuple[float, ...]
     "coefficients of 1, S, S^2, S^3 [unit]"
-    of_load: float
-    "coefficient of load / mean load - 1 [unit]"
+    of_load: tuple[float, ...]
+    "coefficients of w, w^2 with w = load / mean load - 1 [unit]"
     explained: float
     "share of the residual's sum of squares that the polynomial takes"
     is_curved: bool
@@ -73,8 +76,9 @@ class Remainder(NamedTuple):
         terms = [
             f"{scale * c:+.3g}{'' if i == 0 else ' S' if i == 1 else f' S^{i}'}" for i, c in enumerate(self.powers)
         ]
-        if self.of_load:
-            terms.append(f"{scale * self.of_load:+.3g} (W / mean W - 1)")
+        terms += [
+            f"{scale * c:+.3g} (W / mean W - 1){'' if i == 1 else f'^{i}'}" for i, c in enumerate(self.of_load, start=1)
+        ]
         return (
             f"{self.name}: {self.rms:.1f} times the noise; {trend}; smooth fit {' '.join(terms)} {unit}, "
             f"which takes {self.explained:.0%} of it"
@@ -92,8 +96,9 @@ def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> Remain
     slip, load, sd, residual = np.asarray(data.rig.slip)[seen], whole[seen], channel.sd[seen], residual[seen]
     missing = residual * sd
     varies = whole.max() >= SAME_LOAD * whole.min()
-    powers, of_load = _smooth(slip, load / whole.mean() - 1, residual, sd, varies)
-    smooth = np.polynomial.polynomial.polyval(slip, powers) + of_load * (load / whole.mean() - 1)
+    share = load / whole.mean() - 1
+    powers, of_load = _smooth(slip, share, residual, sd, varies)
+    smooth = np.polynomial.polynomial.polyval(slip, powers) + np.polynomial.polynomial.polyval(share, (0.0, *of_load))
     total = float(residual @ residual)
     rest = (missing - smooth) / sd
     return Remainder(
@@ -103,10 +108,10 @@ def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> Remain
         _correlation(slip, missing),
         _correlation(load, missing) if varies else float("nan"),
         tuple(_level(data, channel, missing, number) for number in np.unique(data.level[seen]).tolist()),
-        tuple(float(c) for c in powers),
+        powers,
         of_load,
         1 - float(rest @ rest) / max(total, 1e-300),
-        _beyond_chance(total, float(rest @ rest), residual.size, len(powers) + bool(of_load)),
+        _beyond_chance(total, float(rest @ rest), residual.size, len(powers) + len(of_load)),
     )
 
 
@@ -118,20 +123,26 @@ def _beyond_chance(before: float, after: float, count: int, columns: int) -> boo
 
 def _smooth(
     slip: np.ndarray, load: np.ndarray, scaled: np.ndarray, sd: np.ndarray, varies: bool
-) -> tuple[np.ndarray, float]:
-    """Return the polynomial in slip, with a term of the load where loads vary, of the lowest BIC."""
-    best, levels = (np.inf, np.zeros(1), 0.0), len(np.unique(np.round(slip, 2)))
-    for degree in range(min(DEGREES, levels - 2) + 1):
-        for terms in (False, True) if varies else (False,):
-            columns = [slip**power for power in range(degree + 1)] + ([load] if terms else [])
-            design = np.column_stack(columns) / sd[:, None]
-            found, *_ = np.linalg.lstsq(design, scaled, rcond=None)
-            rest = scaled - design @ found
-            size = max(1.0, float(rest @ rest) / max(scaled.size - found.size, 1))
-            score = float(rest @ rest) / size + scaled.size * np.log(size) + found.size * np.log(scaled.size)
-            if score < best[0]:
-                best = (score, found[: degree + 1], float(found[-1]) if terms else 0.0)
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the polynomials in slip and, where loads vary, in load, of the lowest BIC."""
+    best: tuple[float, tuple[float, ...], tuple[float, ...]] = (np.inf, (0.0,), ())
+    most = min(DEGREES, _different(slip, 2) - 2)
+    of_load = min(LOAD_DEGREES, _different(load, 1) - 1) if varies else 0
+    for degree, terms in itertools.product(range(most + 1), range(of_load + 1)):
+        columns = [slip**power for power in range(degree + 1)] + [load**power for power in range(1, terms + 1)]
+        design = np.column_stack(columns) / sd[:, None]
+        found, *_ = np.linalg.lstsq(design, scaled, rcond=None)
+        rest = scaled - design @ found
+        size = max(1.0, float(rest @ rest) / max(scaled.size - found.size, 1))
+        score = float(rest @ rest) / size + scaled.size * np.log(size) + found.size * np.log(scaled.size)
+        if score < best[0]:
+            best = (score, tuple(found[: degree + 1].tolist()), tuple(found[degree + 1 :].tolist()))
     return best[1], best[2]
+
+
+def _different(values: np.ndarray, decimals: int) -> int:
+    """Return how many values differ where they are rounded: a carriage's slips and loads are never quite alike."""
+    return len(np.unique(np.round(values, decimals)))
 
 
 def _level(data: RigSet, channel: RigChannel, missing: np.ndarray, number: int) -> Level:

@@ -55,7 +55,7 @@ DISCREPANCY: dict[tuple[str, str], str] = {
         "def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:: 0 -> 1",
     ): "any seed will do",
     (
-        "rover_pin/discrepancy/place.py",
+        "rover_pin/discrepancy/compare.py",
         "FIRST, LAST = 0.08, 0.02: 0.02 -> 0.022000000000000002",
     ): "steps are 0.08, 0.04 and 0.02: the last is left out by either",
     (
