@@ -96,7 +96,9 @@ def test_only_a_height_is_levelled_by_what_is_compared():
 def test_a_block_is_compared_where_all_its_rows_are():
     counted = np.ones(120, dtype=bool)
     counted[27] = False
-    run = LoggedRun("", SimpleNamespace(t=T, period=0.1), ("body_z", "none"), np.zeros((2, 24)), 0 * T, {}, counted)
+    run = LoggedRun(
+        "", SimpleNamespace(t=T, period=0.1), ("body_z", "none"), np.zeros((2, 24)), 0 * T, {}, counted, counted
+    )
     assert np.flatnonzero(~run.usable).tolist() == [5]
     height = np.where(counted, T, 1e3)
     seen = run.features({"body_z": height})

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from rover_pin.experiments.drive_log.features import BLOCK
-from rover_pin.experiments.drive_log.scatter import scatter
+from rover_pin.experiments.drive_log.readings.scatter import scatter
 
 PERIOD = 0.02
 SAMPLES = 20_000

@@ -140,7 +140,8 @@ def contrast(run: MenuRun, fits: tuple[Fit, Fit], channels: tuple[str, ...]) -> 
     moving = [_moving(commands, drive, one) for drive in (free, held)]
     compared = [blocks(rows, commands.period) > WHOLE for rows in moving]
     blank = np.zeros((len(channels), len(compared[0])))
-    ahead = LoggedRun(run.said, commands, channels, blank, place[:, 2], {}, moving[0] | moving[1])
+    either = moving[0] | moving[1]
+    ahead = LoggedRun(run.said, commands, channels, blank, place[:, 2], {}, either, either)
     experiment = DriveExperiment((ahead,), (rest,), logged(fits[0]).jobs)
     first, second = (experiment.read([drive], model.sensor_effects) for drive, model in ((free, one), (held, other)))
     return Contrast(run, fits, (one, other), experiment, first - second, (compared[0], compared[1]))

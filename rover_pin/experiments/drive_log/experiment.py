@@ -22,9 +22,10 @@ from rover_pin.experiments.drive_log.features import LoggedRun
 from rover_pin.experiments.drive_log.ground.field import KINDS, ground_columns
 from rover_pin.experiments.drive_log.parameters import owners, with_record
 from rover_pin.experiments.drive_log.places import neighbours
+from rover_pin.experiments.drive_log.readings.scatter import scatter
+from rover_pin.experiments.drive_log.readings.tracker import TRACKER, tracker_columns
 from rover_pin.experiments.drive_log.recent import Recent
 from rover_pin.experiments.drive_log.resume import Memory, digest
-from rover_pin.experiments.drive_log.scatter import scatter
 from rover_pin.motion.channels import unit_of
 from rover_pin.motion.model import Model
 from rover_pin.motion.place import settled
@@ -133,9 +134,12 @@ class DriveExperiment(Experiment):
         return neighbours(candidate, step)
 
     def random_field(self, model: Model) -> RandomField:
-        """Return how the ground of each run may differ from the declared."""
-        made = self.kept(("random field", model), lambda: ground_columns(self, model))
-        return RandomField(KINDS, **made)
+        """Return how the ground of each run may differ from the declared, and how its tracker may wander."""
+        ground = self.kept(("random field", model), lambda: ground_columns(self, model))
+        tracker = tracker_columns(self.runs, self.channels, self.length)
+        tracker["kind"] = tracker["kind"] + len(KINDS)
+        both = {name: np.concatenate([ground[name], tracker[name]]) for name in ground}
+        return RandomField((*KINDS, *TRACKER), **both)
 
     def kept(self, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
         """Return what was made of these runs before, or make and keep it."""

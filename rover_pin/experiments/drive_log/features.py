@@ -13,6 +13,8 @@ from scipy.signal import lfilter
 
 from rover_pin.body.rover import Rover
 from rover_pin.effects.effect import SensorEffect
+from rover_pin.experiments.drive_log.readings.strays import without_strays
+from rover_pin.experiments.drive_log.readings.unsure import told, unsure_steps
 from rover_pin.motion.channels import is_current
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.replay import Commands, averaged, commands, filled
@@ -53,12 +55,14 @@ class LoggedRun:
     measured: dict[str, np.ndarray] = field(repr=False)
     "the logged channels on the rows of the replay"
     counted: np.ndarray = field(repr=False)
-    "which rows are compared (T,)"
+    "in which rows what was driven counts (T,)"
+    compared: np.ndarray = field(repr=False)
+    "which of them are compared (T,)"
 
     @cached_property
     def usable(self) -> np.ndarray:
         """Which blocks are compared (blocks,)."""
-        return blocks(self.counted, self.commands.period) > WHOLE
+        return blocks(self.compared, self.commands.period) > WHOLE
 
     def features(self, channels: Mapping[str, np.ndarray], sensors: Sequence[SensorEffect] = ()) -> np.ndarray:
         """Return the features (channels, blocks) of replayed channels, as the sensors would report them."""
@@ -85,7 +89,8 @@ class LoggedRun:
 
 
 def logged_run(log: Trace, rover: Rover) -> LoggedRun:
-    """Return a run of a log ready for comparison."""
+    """Return a run of a log ready for comparison, without poses that stray and steps of a duty at a time not told."""
+    log = without_strays(log)
     wheels = tuple(wheel.name for wheel in rover.wheels)
     steered = tuple(wheel.name for wheel in rover.wheels if wheel.steer_dof is not None)
     run = commands(log, wheels, steered)
@@ -95,12 +100,14 @@ def logged_run(log: Trace, rover: Rover) -> LoggedRun:
     rows["body_yaw"] = run.place[:, 2]
     heading = uniform_filter1d(filled(rows["body_yaw"]), max(1, round(BLOCK / run.period)))
     whole = {name: filled(row) for name, row in rows.items()}
-    counted = comparable_rows(run, [rows[name] for name in turned])
+    steps = unsure_steps(log)
+    counted = comparable_rows(run, [rows[name] for name in turned]) & told([one for one in steps if one.missed], run)
+    compared = counted & told(steps, run)
     made = driven(whole, heading, run.period, counted)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
     inputs = (*RAW, *turned, "battery_V") if run.held else RAW
     features = [name for name in (*made, *rows) if name not in inputs]
-    use = blocks(counted, run.period) > WHOLE
+    use = blocks(compared, run.period) > WHOLE
     seen = []
     for name in features:
         good = np.all([np.isfinite(rows[channel]) for channel in gaps.get(name, (name,))], axis=0)
@@ -108,7 +115,7 @@ def logged_run(log: Trace, rover: Rover) -> LoggedRun:
         block = blocks(row, run.period)
         seen.append(levelled(name, np.where(use, block, np.nan), use))
     name = Path(str(log.attrs.get("file", "run"))).stem
-    return LoggedRun(name, run, tuple(features), np.array(seen), heading, rows, counted)
+    return LoggedRun(name, run, tuple(features), np.array(seen), heading, rows, counted, compared)
 
 
 WHOLE = 0.999

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rover_pin.errors import closest
+from rover_pin.experiments.drive_log.readings.unsure import unsure_steps
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.channels import WHOLE, is_column
 from rover_pin.motion.drive_log import DriveLog
@@ -117,6 +118,19 @@ def gap_findings(run: Trace) -> Iterator[Finding]:
         duty = "; the last duty before is taken to hold" if any(name.startswith("duty_") for name in names) else ""
         yield Finding(what, where, f"the {100 * count / len(t):.0f} % of the run without are passed over{duty}")
     yield from _clock_gaps(run)
+    yield from _unsure(run)
+
+
+def _unsure(run: Trace) -> Iterator[Finding]:
+    """Yield how many steps of a duty fall between rows that are not evenly apart."""
+    steps = unsure_steps(run)
+    if steps:
+        longest = max(steps, key=lambda one: one.end - one.begin)
+        what = (
+            f"rows are not evenly apart, so when {len(steps)} steps of the duty were given is not told, to "
+            f"{longest.end - longest.begin:.2g} s after t = {longest.begin:.4g} s"
+        )
+        yield Finding(what, str(run.attrs["file"]), "nothing is compared in the half-seconds around them")
 
 
 def _missing(names: list[str]) -> str:

@@ -9,9 +9,11 @@ import numpy as np
 from rover_pin.experiments.drive_log.checks.columns import longest_run
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
 from rover_pin.experiments.drive_log.checks.units import AT_LEAST
+from rover_pin.experiments.drive_log.readings.strays import strays, without_strays
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.channels import unit_of
 from rover_pin.motion.motor import Motor
+from rover_pin.motion.trace import Trace
 
 STUCK = 3.0
 """A channel that keeps one value so long [s] while others move is frozen or clipped."""
@@ -30,6 +32,9 @@ NOISY = 12.0
 
 QUICKEST_TURN = 2.0
 """Rate [rad/s] at which a body may turn or pitch."""
+
+MOST_TOLD = 5
+"""Poses that stray whose times are told."""
 
 SPIKE = 4.0
 """A wheel rate this many times its own 99th percentile is a spike."""
@@ -112,22 +117,34 @@ def _usual_run(same: np.ndarray) -> float:
 
 
 def jump_findings(run: Driven) -> Iterator[Finding]:
-    """Yield steps of the tracked pose that no rover makes, and spikes of wheel rates."""
+    """Yield steps of the tracked pose that no rover makes, single poses that stray, and spikes of wheel rates."""
+    yield from _strays(run)
+    trace = without_strays(run.trace)
     rates = np.abs(run.trace.stack("wheel_rate"))
     fastest = run.radius * float(np.nanpercentile(rates, 99)) if np.isfinite(rates).any() else 0.0
     for name in ("body_x", "body_y", "body_z"):
-        yield from _jumps(run, name, LEAP, fastest)
+        yield from _jumps(run, trace, name, LEAP, fastest)
     for name in ("body_roll", "body_pitch", "body_yaw"):
-        yield from _jumps(run, name, TURN, QUICKEST_TURN)
+        yield from _jumps(run, trace, name, TURN, QUICKEST_TURN)
     for wheel in run.wheels:
         yield from _spikes(run, f"wheel_rate_{wheel}")
 
 
-def _jumps(run: Driven, name: str, least: float, fastest: float) -> Iterator[Finding]:
-    if name not in run.trace:
+def _strays(run: Driven) -> Iterator[Finding]:
+    rows = np.flatnonzero(strays(run.trace))
+    if rows.size:
+        times = ", ".join(f"{run.trace.t[row]:.4g}" for row in rows[:MOST_TOLD])
+        more = f" and {rows.size - MOST_TOLD} more" if rows.size > MOST_TOLD else ""
+        many = "single poses stray" if rows.size > 1 else "a single pose strays"
+        what = f"{many} from those before and after, at t = {times} s (row {rows[0] + 1}){more}"
+        yield Finding(what, run.name, f"{rows.size} of {len(run.trace.t)} poses are left out of what is compared")
+
+
+def _jumps(run: Driven, trace: Trace, name: str, least: float, fastest: float) -> Iterator[Finding]:
+    if name not in trace:
         return
-    seen = np.flatnonzero(np.isfinite(run.trace[name]))
-    t, steps = run.trace.t[seen], np.diff(run.trace[name][seen])
+    seen = np.flatnonzero(np.isfinite(trace[name]))
+    t, steps = trace.t[seen], np.diff(trace[name][seen])
     if name in ("body_yaw", "body_roll"):
         steps = (steps + np.pi) % (2.0 * np.pi) - np.pi
     if not steps.size:

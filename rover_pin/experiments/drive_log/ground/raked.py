@@ -38,7 +38,7 @@ class Stretch(NamedTuple):
 
 
 class Raked(NamedTuple):
-    """The learnt SDs of the ground, and its worst stretch where slopes are off by more than SURVEYED."""
+    """The learnt SDs of ground and tracker, and the ground's worst stretch where slopes are off beyond SURVEYED."""
 
     learnt: tuple[LearntSd, ...]
     rms: float
@@ -69,9 +69,11 @@ class Raked(NamedTuple):
 
     @property
     def lines(self) -> list[str]:
-        """The learnt SDs, one line."""
-        told = [f"{one.kind.name} {_size(one)}" for one in self.learnt if one.sd > 0]
-        return [f"ground, learnt (SD): {', '.join(told)}"] if told else []
+        """The learnt SDs, a line of the ground's and one of the tracker's."""
+        ground = [f"{one.kind.name} {_size(one)}" for one in self.learnt if one.sd > 0 and one.kind in KINDS]
+        tracker = [f"{one.kind.name} {_size(one)}" for one in self.learnt if one.sd > 0 and one.kind not in KINDS]
+        told = {"ground, learnt (SD)": ground, "tracker, learnt (SD)": tracker}
+        return [f"{of}: {', '.join(each)}" for of, each in told.items() if each]
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""

@@ -1,0 +1,60 @@
+"""Single poses of a tracker that are another's: a row beyond all its neighbours, by far more than the tracker's noise.
+
+A tracker that takes another marker for the rover's for one frame puts the whole pose elsewhere. Such rows are left out
+of what is compared, all six numbers of the pose, and the check of the log says which; two or more in a row are a jump,
+which the check tells and nothing mends.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rover_pin.motion.trace import Trace
+
+LEAST = {
+    "body_x": 0.005, "body_y": 0.005, "body_z": 0.005, "body_roll": 0.02, "body_pitch": 0.02, "body_yaw": 0.02,
+}  # fmt: skip
+"""Numbers of a pose, and the least distance from its neighbours at which one strays [m, rad]."""
+BEYOND = 6.0
+"""SDs of the tracker's noise that it lies beyond the nearest of its neighbours: by chance one of some million rows."""
+SIDE = 2
+"""Neighbours on either side."""
+NEAR = 0.3
+"""Time between the first and the last neighbour [s] within which they tell where a pose should be."""
+ABOUT_THE_MIDDLE = 1.4826 / np.sqrt(1.5)
+"""SD of white noise over the median distance of a value from the middle of its two neighbours."""
+
+
+def strays(log: Trace) -> np.ndarray:
+    """Return which rows (T,) of a log have a pose that strays from the two before and the two after.
+
+    What one stray pose hides of another is found in a second look.
+    """
+    stray = np.zeros(len(log.t), dtype=bool)
+    for _ in range(2):
+        for name in (each for each in LEAST if each in log):
+            seen = np.flatnonzero(np.isfinite(log[name]) & ~stray)
+            stray[seen[_stray(log.t[seen], log[name][seen], name)]] = True
+    return stray
+
+
+def without_strays(log: Trace) -> Trace:
+    """Return the log with the poses that stray left empty, all numbers of them."""
+    stray = strays(log)
+    if not stray.any():
+        return log
+    emptied = {name: np.where(stray, np.nan, log[name]) for name in LEAST if name in log}
+    return Trace({**log.channels, **emptied}, log.units, log.attrs)
+
+
+def _stray(t: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
+    """Return the places of values that lie beyond all their neighbours, on one side of them."""
+    if len(t) <= 2 * SIDE:
+        return np.zeros(0, dtype=int)
+    turned = np.unwrap(values) if LEAST[name] == LEAST["body_yaw"] else values
+    middle = np.arange(SIDE, len(t) - SIDE)
+    apart = np.array([turned[middle] - turned[middle + by] for by in range(-SIDE, SIDE + 1) if by])
+    one_side = (apart > 0).all(axis=0) | (apart < 0).all(axis=0)
+    noise = ABOUT_THE_MIDDLE * float(np.median(np.abs(apart[SIDE - 1] + apart[SIDE]))) / 2
+    near = t[middle + SIDE] - t[middle - SIDE] < NEAR
+    return np.asarray(middle[one_side & near & (np.abs(apart).min(axis=0) > max(LEAST[name], BEYOND * noise))])

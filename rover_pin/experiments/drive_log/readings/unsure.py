@@ -1,0 +1,59 @@
+"""When a step of the duty was given: told where rows come at even times, else somewhere between two of them.
+
+The duty of a row holds since the row before, as long as commands are given at the rows. Rows that are read late, or
+were not written, tell only that the duty changed between them: half a row's doubt is 1 % of a half-second mean for each
+percent that a wheel's rate changes, several times the noise of its tachogenerator where it starts or stops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.motion.replay import Commands
+from rover_pin.motion.trace import Trace
+
+UNEVEN = 0.1
+"""Share of the usual time between rows by which it differs at every tenth row of uneven ones at least."""
+MISSED = 1.5
+"""Times the usual time between rows from which one was not written, or very late."""
+STEP = 0.02
+"""Change of a duty from which the doubt about its time shows: by 4 mrad/s in half a second."""
+USUAL = 5.0
+"""Times the usual change of a duty that a step is at least: what changes all the time evens out."""
+SETTLES = 0.1
+"""Time that a wheel takes to its new rate [s]."""
+
+
+class Unsure(NamedTuple):
+    """A time between two rows of a log in which a duty stepped, when is not told."""
+
+    begin: float
+    end: float
+    missed: bool
+    "whether rows are missing in between: what was driven there is not told either"
+
+
+def unsure_steps(log: Trace) -> list[Unsure]:
+    """Return the times between two rows of a log in which a duty stepped, when is not told."""
+    names = [name for name in log.channels if name.startswith("duty_")]
+    if log.held or not names or len(log.t) < 3:
+        return []
+    change = np.abs(np.diff(np.column_stack([log[name] for name in names]), axis=0)).max(axis=1)
+    change = np.nan_to_num(change)
+    dt = np.diff(log.t)
+    usual = float(np.median(dt))
+    uneven = float(np.quantile(np.abs(dt / usual - 1.0), 0.9)) > UNEVEN
+    missed = dt > MISSED * usual
+    step = (change > max(STEP, USUAL * float(np.median(change)))) & (uneven | missed)
+    return [Unsure(float(log.t[at]), float(log.t[at + 1]), bool(missed[at])) for at in np.flatnonzero(step)]
+
+
+def told(steps: Sequence[Unsure], run: Commands) -> np.ndarray:
+    """Return in which rows of a replay (T,) no such step acts, nor the wheels' way to their new rates after it."""
+    rows = np.ones(len(run.t), dtype=bool)
+    for begin, end, _ in steps:
+        rows &= (run.t < begin) | (run.t - run.period > end + SETTLES)
+    return rows
