@@ -95,7 +95,8 @@ class Vehicle:
         if self.steered:
             return duty, steer
         side = np.array([1.0 if name.endswith("r") else -1.0 for name in self.wheels])
-        return duty[:, list(self.taken)] * (1.0 + LEAN * steer[:, :1] * side), np.zeros((len(duty), 0))
+        turning = duty[:, list(self.taken)] * (1.0 + LEAN * steer[:, :1] * side)
+        return np.clip(turning, -1.0, 1.0), np.zeros((len(duty), 0))
 
     def urdf(self):
         """Return the rover's URDF."""

@@ -137,7 +137,7 @@ def _strays(run: Driven) -> Iterator[Finding]:
         more = f" and {rows.size - MOST_TOLD} more" if rows.size > MOST_TOLD else ""
         many = "single poses stray" if rows.size > 1 else "a single pose strays"
         what = f"{many} from those before and after, at t = {times} s (row {rows[0] + 1}){more}"
-        yield Finding(what, run.name, f"{rows.size} of {len(run.trace.t)} poses are left out of what is compared")
+        yield Finding(what, run.name, f"the loop leaves these {rows.size} of {len(run.trace.t)} poses out")
 
 
 def _jumps(run: Driven, trace: Trace, name: str, least: float, fastest: float) -> Iterator[Finding]:
