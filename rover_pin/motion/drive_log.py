@@ -16,7 +16,7 @@
     phi = { value = 30.0, unit = "deg" }
     [resistance]                          # R of `MotionResistance`; else that of a flat cruised at S = 0.05
     R = { value = 0.028, unit = "" }
-    [noise]                               # one standard deviation a channel, sample period, delays
+    [noise]                               # one SD of a sample for each kind of channel, see log_noise
     wheel_rate = { value = 0.02, unit = "rad/s" }
     [[run]]
     file = "climb.csv"
@@ -44,6 +44,7 @@ from rover_pin.columns import Columns, columns_text, read_columns, replace_file
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.channels import DUTIES, RATES, WHEELS, unit_of
 from rover_pin.motion.column_map import mapped
+from rover_pin.motion.log_noise import noise_from
 from rover_pin.motion.log_terrain import terrain_from
 from rover_pin.motion.ros_bag import is_bag, read_bag
 from rover_pin.motion.run_terrain import is_of_run, run_terrain
@@ -139,6 +140,11 @@ class DriveLog:
         table = run.attrs.get("terrain") or self.about.terrain
         return not table or bool(table.get("estimated"))
 
+    @property
+    def noise_sd(self) -> dict[str, float]:
+        """What the log declares of its sensors, in SI: see `noise_from`."""
+        return noise_from(self.about.noise, str(self.folder / FILE))
+
     def load_rover(self) -> Rover:
         """Return the rover that the log names."""
         return load_named(self.about.rover, self.folder, self.trust)
@@ -221,6 +227,7 @@ def _about(file: Path, table: dict[str, Any]) -> About:
     for key, words in WORDS.items():
         if table.get(key, "") not in words:
             raise DataError(f"{file}: {key} = {table[key]!r}: write {' or '.join(map(repr, words[1:]))}.")
+    noise_from(table.get("noise", {}), str(file))
     if not table.get("name"):
         raise DataError(f"{file}: there is no name: add name = '...'.")
     wheels = table.get("wheels", list(WHEELS))

@@ -69,7 +69,10 @@ def test_true_velocities_and_a_true_start_are_no_fault():
             "drive.toml: [soil] does not declare phi, k, k_1, so 0.5236 rad, 0.005 m, ",
         ),
         (log_of(*GOOD, motor={}), "[motor] does not declare supply, resistance, k_t, gear, so 7.2 V, 24.12 ohm,"),
-        (log_of(*GOOD, noise={"rate": 1.0}), "drive.toml: [noise] is not read; the loop takes the noise from what its"),
+        (
+            log_of(*GOOD, noise={"wheel_rate": 0.003, "angle": {"value": 0.2, "unit": "deg"}}),
+            "[noise] declares wheel_rate = 0.003 rad/s, but wheel_rate_",
+        ),
         (changed(body_yaw=np.zeros(len(T))), "run-1.csv: body_yaw is 0 rad all along; see whether it is measured"),
         (changed(body_pitch=np.zeros(len(T))), "run-1.csv: body_pitch is 0 rad all along; see whether it is measured"),
     ],

@@ -59,7 +59,7 @@ def test_a_sound_log_is_read_as_ever_and_its_findings_are_told(trace, tmp_path, 
 
 
 def test_what_only_the_loop_lacks_is_not_said_of_a_fit(trace, tmp_path):
-    """No run drives back, none is repeated, [noise] is not read: all that concerns effects, not phi and k."""
+    """No run drives back, none is repeated, [noise] is doubtful: all that concerns effects, not phi and k."""
     folder = written(trace, tmp_path / "log")
     left = [str(each) for each in check_data(folder).findings if each not in checked_evidence(folder)[1]]
     assert any("look alike" in each for each in left)

@@ -183,3 +183,11 @@ def test_what_is_hidden_has_the_size_of_the_rover():
     for name in hidden.ALL:
         drawn = hidden.ALL[name](np.random.default_rng(1), 3.0)
         assert vehicle.NEXUS6.sized(name, drawn) == drawn
+
+
+def test_a_cart_that_turns_asks_no_duty_beyond_one():
+    steer = np.repeat(np.array([-2.0, 0.0, 2.0])[:, None], 4, axis=1)
+    duty, _ = vehicle.KNOWN["cart"].commands(np.full((3, 6), 0.95), steer)
+    assert np.abs(duty).max() == 1.0
+    assert sorted(duty[0]) == pytest.approx(sorted(duty[2]))
+    assert duty[1] == pytest.approx(0.95)

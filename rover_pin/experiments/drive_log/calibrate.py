@@ -34,7 +34,7 @@ def calibrated_on(
     """Return the model fitted to a log, every run replayed from where the rover stood at its start."""
     model = with_raw_currents(log, model)
     progress("setting the rover down at every start")
-    experiment = experiment_of(runs_on_told_ground(log, model, jobs), model, jobs, memory)
+    experiment = experiment_of(runs_on_told_ground(log, model, jobs), model, jobs, memory, log.noise_sd)
     progress("calibrating the base model")
     return calibrated(experiment, model, (*nuisances(log, model), *raw_current_numbers(log, model)))
 

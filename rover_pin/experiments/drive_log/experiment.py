@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, cast
@@ -23,6 +23,7 @@ from rover_pin.experiments.drive_log.ground.field import KINDS, ground_columns
 from rover_pin.experiments.drive_log.parameters import owners, with_record
 from rover_pin.experiments.drive_log.places import neighbours
 from rover_pin.experiments.drive_log.readings.scatter import scatter
+from rover_pin.experiments.drive_log.readings.stated import stated
 from rover_pin.experiments.drive_log.readings.tracker import TRACKER, tracker_columns
 from rover_pin.experiments.drive_log.recent import Recent
 from rover_pin.experiments.drive_log.resume import Memory, digest
@@ -48,6 +49,8 @@ class DriveExperiment(Experiment):
     jobs: Workers = 1
     memory: Memory = field(default=Memory(), repr=False)
     recent: Recent = field(default_factory=Recent, repr=False)
+    stated: Mapping[str, float] = field(default_factory=dict, repr=False)
+    "what the log declares of its sensors, in SI by kind"
     is_timed = True
 
     @cached_property
@@ -71,8 +74,8 @@ class DriveExperiment(Experiment):
         return self._padded([run.seen for run in self.runs])
 
     def floor(self) -> np.ndarray:
-        """Return the SD of each feature (channels,) that the scatter of its samples shows."""
-        return scatter(self.runs, self.channels)
+        """Return the SD of each feature (channels,) that its samples' scatter shows, or the log states: the greater."""
+        return np.asarray(np.fmax(scatter(self.runs, self.channels), stated(self.stated, self.channels)))
 
     @property
     def folds(self) -> tuple[str, ...]:
@@ -177,11 +180,15 @@ class DriveExperiment(Experiment):
 
 
 def experiment_of(
-    runs: Sequence[LoggedRun], model: Model, jobs: Workers = 1, memory: Memory = Memory()
+    runs: Sequence[LoggedRun],
+    model: Model,
+    jobs: Workers = 1,
+    memory: Memory = Memory(),
+    stated: Mapping[str, float] = {},
 ) -> DriveExperiment:
     """Return the experiment on which every model starts where this one comes to rest."""
     rests = results(_rest, [(model, run.commands) for run in runs], jobs)
-    return DriveExperiment(tuple(runs), tuple(rests), jobs, memory)
+    return DriveExperiment(tuple(runs), tuple(rests), jobs, memory, stated=stated)
 
 
 def logged(fit: Fit) -> DriveExperiment:

@@ -13,8 +13,10 @@ from rover_pin.body.terrain_files import LARGEST
 from rover_pin.contact import Wheel
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
 from rover_pin.experiments.drive_log.model import held, usual_motor, usual_soil
+from rover_pin.experiments.drive_log.readings.strays import scattered
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.drive_log import FILE, DriveLog
+from rover_pin.motion.log_noise import NOISE, kind_of
 from rover_pin.motion.motor import Motor
 from rover_pin.quantity import Record, quantities, record_from
 
@@ -34,6 +36,9 @@ FAR, FARTHER = 0.25, math.radians(30.0)
 
 FAR_OFF = 10.0 * LARGEST
 """Coordinate [m] that is on no declared ground."""
+
+NOISIER = 2.0
+"""Times its declared noise that a channel scatters to be named."""
 
 OTHER_WHEEL = 0.02
 """Relative difference of a declared wheel's radius or width from the rover's that is no rounding."""
@@ -67,8 +72,21 @@ def declared_findings(log: DriveLog) -> Iterator[Finding]:
         if left:
             what = f"[{title}] does not declare {', '.join(left)}, so {_values(record, left)} are assumed"
             yield Finding(what, FILE, f"a wrong {title} may pass for a missing effect: declare what you know of it")
-    if log.about.noise:
-        yield Finding("[noise] is not read", FILE, "the loop takes the noise from what its model leaves")
+    yield from _noise_findings(log)
+
+
+def _noise_findings(log: DriveLog) -> Iterator[Finding]:
+    """Yield kinds of channels whose samples scatter by much more than `[noise]` declares, the worst channel of each."""
+    said = log.noise_sd
+    worst: dict[str, tuple[float, str, str]] = {}
+    for run in log.runs:
+        for name in (each for each in run.channels if kind_of(each) in said):
+            kind, one = kind_of(name), (scattered(run[name]), name, str(run.attrs["file"]))
+            worst[kind] = max(worst.get(kind, one), one)
+    for kind, (sd, name, where) in worst.items():
+        if sd > NOISIER * said[kind]:
+            what = f"[noise] declares {kind} = {said[kind]:.3g} {NOISE[kind]}, but {name} scatters by {sd:.3g}"
+            yield Finding(what, where, "mend [noise]: the samples' scatter is taken where it is more")
 
 
 def _values(record: Record, names: list[str]) -> str:

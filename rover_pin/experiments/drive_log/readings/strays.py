@@ -47,6 +47,13 @@ def without_strays(log: Trace) -> Trace:
     return Trace({**log.channels, **emptied}, log.units, log.attrs)
 
 
+def scattered(values: np.ndarray) -> float:
+    """Return the SD of a channel's white noise as its samples scatter about the middle of their neighbours."""
+    apart = values[1:-1] - (values[:-2] + values[2:]) / 2
+    known = np.abs(apart[np.isfinite(apart)])
+    return ABOUT_THE_MIDDLE * float(np.median(known)) if known.size else 0.0
+
+
 def _stray(t: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
     """Return the places of values that lie beyond all their neighbours, on one side of them."""
     if len(t) <= 2 * SIDE:
@@ -55,6 +62,6 @@ def _stray(t: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
     middle = np.arange(SIDE, len(t) - SIDE)
     apart = np.array([turned[middle] - turned[middle + by] for by in range(-SIDE, SIDE + 1) if by])
     one_side = (apart > 0).all(axis=0) | (apart < 0).all(axis=0)
-    noise = ABOUT_THE_MIDDLE * float(np.median(np.abs(apart[SIDE - 1] + apart[SIDE]))) / 2
+    noise = scattered(turned)
     near = t[middle + SIDE] - t[middle - SIDE] < NEAR
     return np.asarray(middle[one_side & near & (np.abs(apart).min(axis=0) > max(LEAST[name], BEYOND * noise))])
