@@ -137,6 +137,19 @@ def chosen_without(found: Search) -> dict[str, str]:
     return {name: " + ".join(names) for name, names in chosen.items()}
 
 
+def borne_by_folds(found: Search) -> Search:
+    """Return the search up to the last effect that, with those before it, half of the folds would choose as well.
+
+    Where folds are told to first order: a second law that mends what the form of the first leaves gains on a few only.
+    """
+    while len(found.found) > 1:
+        chosen = chosen_without(found)
+        if 2 * _agreeing(found, chosen) >= len(chosen):
+            break
+        found = replace(found, rounds=found.rounds[: len(found.found) - 1])
+    return found
+
+
 def side_of(fitted: Fit) -> Side:
     """Return a model with its numbers and their intervals, in the noise widened to what the model leaves."""
     wide, numbers = intervals(settled(fitted))

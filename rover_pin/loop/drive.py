@@ -11,7 +11,7 @@ from pathlib import Path
 from rover_pin.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import losses
-from rover_pin.discrepancy.judge import chosen_without, judged, with_draft
+from rover_pin.discrepancy.judge import borne_by_folds, chosen_without, judged, with_draft
 from rover_pin.discrepancy.left import Left
 from rover_pin.discrepancy.refit import Progress, Refit
 from rover_pin.discrepancy.search import Search, search
@@ -88,7 +88,7 @@ def _decided(
     if memory.told:
         progress(f"going on: {memory.told}")
     base = calibrated_on(log, with_spread(start, motors=not held(log)), jobs, progress, memory)
-    found = search(base, candidates(base.model, logged(base), base.parameters, effects), progress)
+    found = borne_by_folds(search(base, candidates(base.model, logged(base), base.parameters, effects), progress))
     progress("describing what is left")
     return verdict_on(log, found, describe(found.last, progress), seed, progress)
 

@@ -8,6 +8,7 @@ from scipy.stats import multivariate_normal
 
 from rover_pin.discrepancy import cross_validation, judge
 from rover_pin.discrepancy.cross_validation import FAR, LOST, held_out_losses, refitted_left_out, surprise, without_each
+from rover_pin.discrepancy.search import Search
 from rover_pin.errors import OptimisationError
 from rover_pin.estimation.parameter import Parameter
 
@@ -139,3 +140,18 @@ def test_each_fold_chooses_what_gains_most_on_the_others_as_long_as_it_chooses_a
     base = SimpleNamespace(losses=BASE, task=SimpleNamespace(experiment=experiment))
     chosen = judge.chosen_without(SimpleNamespace(base=base, rounds=rounds))
     assert chosen == {"a": "B + F", "b": "B", "c": "D", "d": "B"}
+
+
+@pytest.mark.parametrize(("folds", "rounds"), [("AB AB A A", 2), ("AB A A A", 1), ("AB BA B -", 2), ("- - - -", 1)])
+def test_a_second_effect_that_fewer_than_half_of_the_folds_choose_is_not_added(monkeypatch, folds, rounds):
+    asked = []
+
+    def chosen(found):
+        asked.append(len(found.rounds))
+        return {str(at): " + ".join(one.replace("-", "")) for at, one in enumerate(folds.split())}
+
+    monkeypatch.setattr(judge, "chosen_without", chosen)
+    effects = [SimpleNamespace(name=name, instead=(), candidate=SimpleNamespace(name=name)) for name in "AB"]
+    every = (*(SimpleNamespace(alike=(one,)) for one in effects), SimpleNamespace(alike=()))
+    assert len(judge.borne_by_folds(Search(None, every, ())).found) == rounds
+    assert asked == [3], "a first effect stands without being asked for"
