@@ -24,6 +24,8 @@ class Quantity(NamedTuple):
     low: float
     high: float
     symbol: str
+    doubt: float = 0.0
+    "SD of its logarithm where even its order is assumed; 0 where more is known"
 
 
 def quantity(
@@ -33,9 +35,10 @@ def quantity(
     low: float = -math.inf,
     high: float = math.inf,
     symbol: str = "",
+    doubt: float = 0.0,
 ) -> Any:
-    """A dataclass field that holds a number [unit], allowed in [low, high], with where it comes from."""
-    return dataclasses.field(default=value, metadata={"quantity": Quantity(unit, source, low, high, symbol)})
+    """A dataclass field that holds a number [unit], allowed in [low, high], with where it comes from and its doubt."""
+    return dataclasses.field(default=value, metadata={"quantity": Quantity(unit, source, low, high, symbol, doubt)})
 
 
 def is_symbolic(value: object) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.quantity import quantities
+from rover_pin.quantity import Quantity, quantities
 
 SHAPE_SD, SHAPE_SHARE = 0.5, 0.3
 """Prior SD of an effect's shape: of its logarithm, or as a share of its size where it may be negative."""
@@ -35,6 +35,8 @@ class Candidate:
     "whether that place was sought along the way, so that chance had more to choose from"
     freed: tuple[str, ...] = ()
     "shapes without a prior, each of which has to pay for itself"
+    doubted: tuple[str, ...] = ()
+    "where fits are exact: shapes that are assumed, even in their order, free within their doubt while others are held"
 
     @property
     def name(self) -> str:
@@ -60,23 +62,25 @@ class Candidate:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of its own numbers: sizes, and shapes, freed or not."""
-        return (*self.sizes, *self.shapes, *self.freed)
+        return (*self.sizes, *self.shapes, *self.doubted, *self.freed)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The free numbers of the effect: sizes without a prior, shapes with one unless they are freed of it."""
         loose = (replace(self.shape(name), prior=False) for name in self.freed)
-        return (*map(self.size, self.sizes), *map(self.shape, self.shapes), *loose)
+        doubted = map(self._doubted, self.doubted)
+        return (*map(self.size, self.sizes), *map(self.shape, self.shapes), *doubted, *loose)
 
     @property
     def bare(self) -> Candidate:
-        """The candidate with its law's shapes as published."""
-        return replace(self, shapes=(), freed=())
+        """The candidate with its law's shapes as published, those that nobody published within their doubt."""
+        doubted = (name for name in (*self.shapes, *self.freed) if self._about(name).doubt > 0.0)
+        return replace(self, shapes=(), freed=(), doubted=(*self.doubted, *doubted))
 
     @property
     def loose(self) -> Candidate:
         """The candidate with its law's shapes freed of any prior."""
-        return replace(self, shapes=(), freed=(*self.shapes, *self.freed))
+        return replace(self, shapes=(), freed=(*self.shapes, *self.doubted, *self.freed), doubted=())
 
     def size(self, name: str) -> Parameter:
         """Return the parameter of a size: u = 0 neutral, u = 1 the effect's own; a logarithm where neutral is far off.
@@ -103,6 +107,13 @@ class Candidate:
         if about.low >= 0 and value > 0:
             return Parameter(name, value, SHAPE_SD, low, high, log=True)
         return Parameter(name, value, SHAPE_SHARE * (abs(value) or 1.0), low, high)
+
+    def _doubted(self, name: str) -> Parameter:
+        """Return the parameter of a shape of which even the order is assumed, its doubt the prior."""
+        return replace(self.shape(name), scale=self._about(name).doubt)
+
+    def _about(self, name: str) -> Quantity:
+        return quantities(self.effect)[name.rpartition(".")[2]]
 
 
 def plain_candidate(effect: Any) -> Candidate:

@@ -113,7 +113,8 @@ def told_shapes(fitted: Fit, candidate: Candidate) -> Candidate:
     experiment, model, kept = fitted.task.experiment, fitted.model, []
     for name in candidate.shapes:
         one = candidate.shape(name)
-        shifted = one.value(SHIFT if one.bounds[1] >= SHIFT else -SHIFT)
+        here = one.u(experiment.value(model, name))
+        shifted = one.value(here + (SHIFT if one.bounds[1] >= here + SHIFT else -SHIFT))
         (moved,) = experiment.predict([experiment.with_values(model, {name: shifted})])
         if np.linalg.norm(fitted.task.noise.white(moved - fitted.predicted)) > STILL:
             kept.append(name)

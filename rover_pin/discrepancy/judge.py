@@ -98,10 +98,12 @@ def _leading(found: Search, tried: Sequence[Candidate]) -> Sequence[Candidate]:
 
 
 def as_fitted(one: Candidate, fitted: Fit) -> Candidate:
-    """Return a candidate that starts at what it was fitted to."""
+    """Return a candidate that starts at what it was fitted to, its doubted shapes at what is assumed of them."""
     if one.effect is None:
         return one
-    return replace(one, effect=fitted.task.experiment.records(fitted.model)[one.owner])
+    record = fitted.task.experiment.records(fitted.model)[one.owner]
+    assumed = {name: getattr(one.effect, name) for name in (each.rpartition(".")[2] for each in one.doubted)}
+    return replace(one, effect=record.replace(**assumed))
 
 
 def chosen_anew(base: Fit, tried: Sequence[Candidate]) -> dict[str, Search]:

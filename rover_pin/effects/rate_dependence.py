@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,6 +12,9 @@ from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.quantity import quantity
 from rover_pin.soil.traction import pull_of_shear
+
+DECADE = math.log(10.0)
+"""Doubt of v_0: a reference speed by which nobody has scaled this law for sand; its bounds are two of them away."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class RateDependence(Effect):
     title: ClassVar[str] = "rate-dependent shear"
     meaning: ClassVar[str] = "the soil's shear strength depends on how fast the rim slides"
     c_r: Scalar = quantity(0.05, "", "assumed: -0.05 to 0.15 is plausible", -0.15, 0.5, "c_r")
-    v_0: Scalar = quantity(0.01, "m/s", "assumed: a fifth of the paper's 0.05 m/s", 1e-4, 1.0, "v_0")
+    v_0: Scalar = quantity(0.01, "m/s", "assumed: a fifth of the paper's 0.05 m/s", 1e-4, 1.0, "v_0", doubt=DECADE)
     neutral: ClassVar[dict[str, float]] = {"c_r": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:

@@ -55,6 +55,8 @@ class Parameter:
         """What is assumed of it beforehand, in words; empty without a prior."""
         if not self.prior:
             return ""
+        if self.log and self.scale >= 1.0:
+            return f"{self.origin:.3g} over or times {math.exp(self.scale):.3g}"
         return f"{self.origin:.3g} +- {self.scale:.1%}" if self.log else f"{self.origin:.3g} +- {self.scale:.2g}"
 
 

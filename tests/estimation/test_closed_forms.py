@@ -258,6 +258,7 @@ def test_the_lowest_of_the_first_steps_that_help_is_taken(steps, reached, asked)
 def test_what_is_assumed_of_a_number_is_said_in_its_unit_or_in_per_cent():
     assert number("a", 0.25, origin=2.0).assumed == "2 +- 0.25"
     assert Parameter("k", 2.0, 0.25, 1e-3, 9.0, log=True).assumed == "2 +- 25.0%"
+    assert Parameter("k", 2.0, math.log(10.0), 1e-3, 90.0, log=True).assumed == "2 over or times 10"
     assert number("a", prior=False).assumed == ""
 
 

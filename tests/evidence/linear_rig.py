@@ -31,6 +31,10 @@ class Law:
     parameter: Parameter
     slope: np.ndarray
 
+    def per_u(self, x):
+        """dx / du at x."""
+        return self.parameter.slope(self.parameter.u(x))
+
 
 @dataclass(frozen=True, eq=False)
 class LinearRig(RigExperiment):
@@ -48,9 +52,9 @@ class LinearRig(RigExperiment):
         for name, law in self.laws.items():
             if name.rpartition(".")[0] in model.records:
                 rows += law.slope * law.parameter.u(values.get(name, self.value(model, name)))
-        known = [(self.laws.get(one.name), one.slope(x)) for one, x in zip(parameters, u, strict=True)]
+        known = [(self.laws.get(one.name), one.slope(x), one.value(x)) for one, x in zip(parameters, u, strict=True)]
         none = np.zeros(2 * RUNS)
-        slopes = np.array([none if law is None else law.slope * s / law.parameter.slope(0.0) for law, s in known])
+        slopes = np.array([none if law is None else law.slope * s / law.per_u(x) for law, s, x in known])
         return Sensitivities(
             self.table(in_units(rows, (0.0, DEPTH))), self.table(in_units(slopes.reshape(-1, 2 * RUNS)))
         )

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.loop.close import close_the_loop
 
 ROOT = Path(__file__).parents[2]
@@ -45,9 +46,40 @@ def test_the_loop_on_a_measured_wheel_is_as_told(data, folder, named):
     same = sum(set(one.split(" + ")) == named for one in verdict.chosen.values())
     for count, folds in re.findall(r"(\d+) of (\d+) folds", answer):
         assert (same, len(verdict.chosen)) == (int(count), int(folds))
+    for each in re.findall(r"own choice ([\d.]+ / [\d.]+)", answer):
+        anew = in_the_pages_units(verdict.errors_anew)
+        assert anew == pytest.approx([float(one) for one in each.split(" / ")], abs=0.0051)
     for each in re.findall(r"\(([\d.]+ / [\d.]+)\)", answer):
         (other,) = verdict.others.values()
         assert in_the_pages_units(other) == pytest.approx([float(one) for one in each.split(" / ")], abs=0.0051)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("folder", "said"), [("cmu-grousered-wheel", "here"), ("cmu-smooth-wheel-angles", "at slip angles")]
+)
+def test_the_speed_that_scales_the_rate_is_as_told(folder, said):
+    (told_of_it,) = re.findall(rf"(\d+) mm/s \[([\d.]+), (\d+)\] {said}", PAGE)
+    (speed,) = [one for one in close_the_loop(DATA / folder).after.numbers if one.name == "RateDependence.v_0"]
+    found = [1e3 * one for one in (speed.value, speed.low, speed.high)]
+    assert found == pytest.approx([float(one) for one in told_of_it], rel=0.03, abs=0.51)
+
+
+@pytest.mark.slow
+def test_with_that_speed_held_the_lugged_pull_is_as_told_and_softening_is_no_better_a_set(monkeypatch):
+    pull, same, count = re.findall(r"leaves a pull of ([\d.]+) N, chosen in (\d) of (\d) folds", PAGE)[0]
+    left = re.findall(r"reduced chi-square of ([\d.]+), the exponent ([\d.]+)\.", PAGE)[0]
+    free = close_the_loop(DATA / "cmu-grousered-wheel")
+    pairs = {frozenset(one.name.split(" + ")): one.fit.misfit for one in free.search.rounds[1].refits}
+    softened, named = pairs[frozenset({"SlipSoftening", "RateDependence"})], free.search.last.misfit
+    assert [softened, named] == pytest.approx([float(one) for one in left], abs=0.051)
+    about = Candidate._about
+    monkeypatch.setattr(Candidate, "_about", lambda self, name: about(self, name)._replace(doubt=0.0))
+    held = close_the_loop(DATA / "cmu-grousered-wheel")
+    assert held.named == free.named
+    assert held_out(held)[0] == pytest.approx(float(pull), abs=0.0051)
+    chosen = [set(one.split(" + ")) == set(held.named) for one in held.chosen.values()]
+    assert (sum(chosen), len(chosen)) == (int(same), int(count))
 
 
 @pytest.mark.slow

@@ -1,0 +1,104 @@
+"""Shapes of laws of which even the order is assumed: free within their doubt wherever fits are exact."""
+
+import importlib.util
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.discrepancy.candidate import Candidate, plain_candidate
+from rover_pin.discrepancy.exact_refits import judged, told_shapes, variants
+from rover_pin.discrepancy.judge import as_fitted
+from rover_pin.discrepancy.search import calibrated, fee_after
+from rover_pin.effects.post_peak import PostPeak
+from rover_pin.effects.rate_dependence import RateDependence
+from rover_pin.quantity import quantities
+
+_spec = importlib.util.spec_from_file_location("linear_rig", Path(__file__).parents[1] / "evidence" / "linear_rig.py")
+linear = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(linear)
+
+SIZE, SHAPE = "RateDependence.c_r", "RateDependence.v_0"
+RATE = plain_candidate(RateDependence())
+
+
+def test_a_law_as_published_keeps_free_what_nobody_published_within_a_decade():
+    known, doubted = RATE.bare.parameters
+    assert (known.name, known.prior) == (SIZE, False)
+    assert (doubted.name, doubted.prior, doubted.log) == (SHAPE, True, True)
+    assert [doubted.value(u) for u in (-2.0, -1.0, 0.0, 1.0, 2.0)] == pytest.approx([1e-4, 1e-3, 0.01, 0.1, 1.0])
+    assert RATE.bare.names == (SIZE, SHAPE)
+
+
+def test_a_published_shape_is_held_as_published():
+    law = plain_candidate(PostPeak()).bare
+    assert [one.name for one in law.parameters] == ["PostPeak.fraction"]
+    assert law.doubted == ()
+
+
+def test_a_doubted_shape_that_is_freed_loses_its_prior_and_held_again_has_it_back():
+    loose = RATE.loose
+    assert [(one.name, one.prior) for one in loose.parameters] == [(SIZE, False), (SHAPE, False)]
+    for one in (loose.bare, RATE.bare.bare, RATE.bare.loose.bare):
+        assert (one.shapes, one.freed, one.doubted) == ((), (), (SHAPE,))
+
+
+def test_where_fits_are_not_exact_its_prior_is_that_of_other_shapes():
+    assert [one.scale for one in RATE.parameters if one.name == SHAPE] == [0.5]
+
+
+def test_the_refit_is_least_squares_with_the_doubt_as_a_prior_and_pays_for_its_size_alone():
+    random = np.random.default_rng(31)
+    laws = {name: linear.law_of(name, random.normal(size=2 * linear.RUNS)) for name in linear.FREE}
+    laws |= {one.name: linear.Law(one, random.normal(size=2 * linear.RUNS)) for one in RATE.bare.parameters}
+    rows = np.clip(random.normal(size=2 * linear.RUNS), -2.2, 2.2) + 4.0 * laws[SIZE].slope + 0.7 * laws[SHAPE].slope
+    experiment = linear.made(rows, laws)
+    base = calibrated(experiment, linear.MODEL, experiment.uncertain(linear.MODEL))
+    (one, found), *_ = variants(base, RATE)
+    u, chi2 = linear.gaussian(rows, laws, (*linear.FREE, SIZE, SHAPE)).solved()
+    np.testing.assert_allclose(found.u, u, atol=1e-5)
+    assert found.chi2 == pytest.approx(chi2, rel=1e-8)
+    fee = fee_after((), 10, 1.0)
+    (row,) = judged(base, [((), one, found)], fee)
+    assert row.fee == pytest.approx(row.unit * 2 * math.log(10 / 0.05))
+
+
+@pytest.mark.parametrize(("fitted", "shown"), [(0.01, 0.1), (0.1, 1.0), (1.0, 0.1)])
+def test_whether_the_data_show_a_shape_is_asked_from_where_it_was_fitted(fitted, shown):
+    """One SD is a factor of e^(1/2); beyond its bound of 1 m/s it is moved the other way."""
+    asked = []
+
+    class Line:
+        def value(self, model, name):
+            return model[name]
+
+        def with_values(self, model, given):
+            asked.append(given[SHAPE])
+            return given
+
+        def predict(self, models):
+            return np.zeros((1, 1))
+
+    task = SimpleNamespace(experiment=Line(), noise=SimpleNamespace(white=lambda moved: moved))
+    told_shapes(SimpleNamespace(task=task, model={SHAPE: fitted}, predicted=np.zeros(1)), RATE)
+    assert asked == pytest.approx([fitted * math.exp(0.5 if shown > fitted else -0.5)])
+
+
+def test_a_fold_starts_from_what_is_assumed_of_a_doubted_shape_not_from_what_all_data_say():
+    record = RateDependence(c_r=0.3, v_0=0.2)
+    experiment = SimpleNamespace(records=lambda model: {"RateDependence": record})
+    whole = SimpleNamespace(task=SimpleNamespace(experiment=experiment), model=None)
+    assert as_fitted(RATE.bare, whole).effect == RateDependence(c_r=0.3)
+    assert as_fitted(replace(RATE.bare, doubted=()), whole).effect == record
+    assert isinstance(as_fitted(RATE.bare, whole), Candidate)
+
+
+def test_every_doubt_is_of_a_positive_number_within_its_bounds():
+    about = quantities(RateDependence)["v_0"]
+    assert about.doubt == pytest.approx(math.log(10.0))
+    assert about.low == pytest.approx(0.01 * math.exp(-2 * about.doubt))
+    assert about.high == pytest.approx(0.01 * math.exp(2 * about.doubt))
+    assert [one.doubt for one in quantities(PostPeak).values()] == [0.0, 0.0]
