@@ -152,6 +152,7 @@ def shares(cases: Sequence[Case]) -> list[Row]:
     (seen, unseen), (both, apart) = parts[Kind.SINGLE], parts[Kind.PAIR]
     (off, quiet), (other, faint), (_, null) = parts[Kind.OFF_LIST], parts[Kind.OTHER_LAW], parts[Kind.NULL]
     pairs = both + apart
+    bettered = [case for case in other if case.oracle < case.before]
     answered = [case for case in seen if case.told and math.isfinite(case.oracle)]
     sizes = [size for case in cases for size in case.sizes]
     false_alone = sum(one.answer is Answer.NAMED and one.outcome in (Outcome.WRONG, Outcome.EXTRA) for one in cases)
@@ -185,6 +186,12 @@ def shares(cases: Sequence[Case]) -> list[Row]:
             "loss on fresh runs within 5 % of the true effect's", sum(map(_as_good, answered)), len(answered), ">= 95 %"
         ),
         Row("another law: loss on fresh runs less than the base's", sum(c.after < c.before for c in other), len(other)),
+        Row(
+            "of these, where that of the right law's refit is less too",
+            sum(c.after < c.before for c in bettered),
+            len(bettered),
+            ">= 95 %",
+        ),
         Row("95 % intervals that hold the true size", sum(s.covered for s in sizes), len(sizes), "90 to 99 %"),
     ]
 
