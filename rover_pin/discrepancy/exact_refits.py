@@ -89,9 +89,14 @@ def variants(base: Fit, candidate: Candidate) -> list[tuple[Candidate, Fit]]:
     """Return a candidate refitted, and with its law's shapes freed where the data can bear that and show them."""
     if not candidate.shapes:
         return _refitted(base, candidate, [])
-    plain = _refitted(base, candidate.bare, [])
+    plain = as_published(base, candidate)
     loose = told_shapes(plain[0][1], candidate).loose if plain else candidate.loose
     return plain + (_refitted(base, loose, plain) if loose.freed else [])
+
+
+def as_published(base: Fit, candidate: Candidate) -> list[tuple[Candidate, Fit]]:
+    """Return a candidate refitted with its law's shapes held; nothing where the data cannot bear it."""
+    return _refitted(base, candidate.bare, [])
 
 
 def _refitted(base: Fit, one: Candidate, before: Sequence[tuple[Candidate, Fit]]) -> list[tuple[Candidate, Fit]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -12,7 +13,7 @@ import numpy as np
 from rover_pin.discrepancy.anchor import anchor, is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
-from rover_pin.discrepancy.exact_refits import Tried, exactly_refitted, judged, paired
+from rover_pin.discrepancy.exact_refits import Tried, as_published, exactly_refitted, judged, paired
 from rover_pin.discrepancy.refit import Fee, Progress, Refit, alike
 from rover_pin.discrepancy.screen import (
     Scored,
@@ -233,7 +234,7 @@ def _round(found: Search, tried: Sequence[Candidate], progress: Progress) -> Rou
     fee = fee_after(found.rounds, len(tried), here.task.noise.inflation)
     if here.task.experiment.is_exact:
         further = scored if len(found.added) < _most(here.task.experiment, found.added) else ()
-        refits = exactly_refitted(here, further, fee, progress, _second(found, progress))
+        refits = exactly_refitted(here, further, fee, progress, _second(found, tried, fee, progress))
         return Round(scored, judged(here, [one for one in refits if _borne(found, one)], fee))
     declared = None
     if is_bent(here):
@@ -242,11 +243,29 @@ def _round(found: Search, tried: Sequence[Candidate], progress: Progress) -> Rou
     return Round(scored, refit(here, scored, fee, progress, declared))
 
 
-def _second(found: Search, progress: Progress) -> list[Tried] | None:
+def _second(found: Search, tried: Sequence[Candidate], fee: Fee, progress: Progress) -> list[Tried] | None:
     """Return pairs for the second round, where the first leaves more than the noise; None in the first."""
     if len(found.rounds) == 1 and not is_adequate(found.last):
-        return paired(found.base, found.rounds[0].refits, found.found[0], progress)
+        pairs = paired(found.base, found.rounds[0].refits, found.found[0], progress)
+        return [*pairs, *_after_plain_laws(found, tried, fee, progress)]
     return [] if found.rounds else None
+
+
+def _after_plain_laws(found: Search, tried: Sequence[Candidate], fee: Fee, progress: Progress) -> list[Tried]:
+    """Return second steps from laws as published, where what was found best has its shapes freed and imitates two.
+
+    Alone the second of two may gain nothing, so that it is not among the leaders of which pairs are made.
+    """
+    best = found.found[0].candidate
+    if not best.freed:
+        return []
+    others = ((one.candidate, one.fit) for one in found.rounds[0].refits if not one.candidate.freed)
+    steps: list[Tried] = []
+    for first, here in (*as_published(found.base, best), *itertools.islice(others, 1)):
+        known = signatures(here, [one for one in tried if one.kind != first.kind])
+        after = exactly_refitted(here, score(here, known), fee, progress, [])
+        steps += [((first,), one, fitted) for _, one, fitted in after]
+    return steps
 
 
 def _left(found: Search, tried: Sequence[Candidate]) -> Sequence[Signature]:

@@ -20,7 +20,7 @@ from rover_pin.discrepancy.judge import judged as verdict_of
 from rover_pin.discrepancy.left import what_is_left
 from rover_pin.discrepancy.refit import Refit, alike
 from rover_pin.discrepancy.screen import entry_fee
-from rover_pin.discrepancy.search import again, calibrated, fee_after, search
+from rover_pin.discrepancy.search import _after_plain_laws, again, calibrated, fee_after, search
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.load_exponent import LoadExponent
@@ -260,6 +260,29 @@ def test_two_effects_that_look_most_like_a_third_are_found_as_a_pair():
     pairs = paired(base, found.rounds[0].refits, found.rounds[0].alike[0], SILENT)
     assert len(pairs) == 3
     assert [instead == () for instead, _, _ in pairs].count(True) == 2
+
+
+@pytest.mark.parametrize("shape", [True, False])
+def test_a_bent_law_that_imitates_two_is_replaced_though_the_second_shows_nothing_alone(shape):
+    """Rows are 2 a + 2 b; SlipSinkage moves a, ExitAngle b - a and gains nothing alone; a third with its shape both."""
+    random = np.random.default_rng(5)
+    a, b, off, away = np.linalg.qr(random.normal(size=(ROWS, 4)))[0].T * 12
+    laws = {name: linear.law_of(name, random.normal(size=ROWS)) for name in FREE}
+    laws |= linear.law_of_size(SlipSinkage(), a) | linear.law_of_size(ExitAngle(), b - a)
+    laws |= linear.law_of_size(Bulldozing(), a + (0.5 if shape else 0.9) * b + 0.5 * off)
+    one = plain_candidate(Bulldozing()).loose.shape("Bulldozing.gamma")
+    laws[one.name] = linear.Law(one, (b + 0.5 * away) if shape else 0.01 * away)
+    base = based(2 * a + 2 * b + 0.5 * clipped(random), laws)
+    found = search(base, tried(base, SlipSinkage(), ExitAngle(), Bulldozing()), SILENT)
+    first = found.rounds[0]
+    assert first.alike[0].candidate.freed == (("Bulldozing.gamma",) if shape else ())
+    assert next(each.net for each in first.refits if each.name == "ExitAngle") < 0
+    steps = _after_plain_laws(found, tried(base, SlipSinkage(), ExitAngle(), Bulldozing()), fee_after((), 3), SILENT)
+    assert bool(steps) is shape
+    if shape:
+        assert {each[0].name for each, _, _ in steps} == {"Bulldozing", "SlipSinkage"}
+        assert all(each.freed == () for (each,) in (before for before, _, _ in steps))
+        assert {each.name for each in found.added} == {"SlipSinkage", "ExitAngle"}
 
 
 def test_what_only_a_pair_shows_pays_for_both():

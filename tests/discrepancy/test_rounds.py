@@ -162,13 +162,14 @@ def test_a_pair_pays_for_both_of_its_effects_in_units_of_the_noise(monkeypatch):
 
 @pytest.mark.parametrize(
     ("rounds", "adequate", "pairs"),
-    [(0, False, None), (1, True, []), (1, False, "pairs"), (2, False, []), (2, True, [])],
+    [(0, False, None), (1, True, []), (1, False, ["of leaders", "after plain"]), (2, False, []), (2, True, [])],
 )
 def test_pairs_join_the_second_round_where_the_first_left_more_than_the_noise(rounds, adequate, pairs, monkeypatch):
     monkeypatch.setattr(search, "is_adequate", lambda fit: adequate)
-    monkeypatch.setattr(search, "paired", lambda base, refits, best, progress: "pairs")
+    monkeypatch.setattr(search, "paired", lambda base, refits, best, progress: ["of leaders"])
+    monkeypatch.setattr(search, "_after_plain_laws", lambda found, tried, fee, progress: ["after plain"])
     found = SimpleNamespace(rounds=(SOMETHING,) * rounds, found=("A",) * rounds, base="base", last="last")
-    assert search._second(found, lambda said: None) == pairs
+    assert search._second(found, [], None, lambda said: None) == pairs
 
 
 @pytest.mark.parametrize("exact", [True, False])
