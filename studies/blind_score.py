@@ -23,7 +23,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -182,22 +182,23 @@ def shares(cases: Sequence[Case]) -> list[Row]:
         row("another law, detectable: a wrong name", other, Outcome.WRONG, Outcome.EXTRA),
         row("another law, too small: a wrong name", faint, Outcome.WRONG, Outcome.EXTRA),
         Row("all sets: a wrong name standing alone", false_alone, len(cases), "<= 2 %"),
-        Row(
-            "loss on fresh runs within 5 % of the true effect's", sum(map(_as_good, answered)), len(answered), ">= 95 %"
-        ),
-        Row("another law: loss on fresh runs less than the base's", sum(c.after < c.before for c in other), len(other)),
-        Row(
-            "of these, where that of the right law's refit is less too",
-            sum(c.after < c.before for c in bettered),
-            len(bettered),
-            ">= 95 %",
-        ),
+        _met("loss on fresh runs within 5 % of the true effect's", answered, _as_good, ">= 95 %"),
+        _met("another law: loss on fresh runs less than the base's", other, _better),
+        _met("of these, where that of the right law's refit is less too", bettered, _better, ">= 95 %"),
         Row("95 % intervals that hold the true size", sum(s.covered for s in sizes), len(sizes), "90 to 99 %"),
     ]
 
 
+def _met(what: str, group: Sequence[Case], meets: Callable[[Case], bool], aim: str = "") -> Row:
+    return Row(what, sum(map(meets, group)), len(group), aim)
+
+
 def _as_good(case: Case) -> bool:
     return case.after <= 1.05 * case.oracle
+
+
+def _better(case: Case) -> bool:
+    return case.after < case.before
 
 
 def quality(cases: Sequence[Case]) -> pd.DataFrame:
