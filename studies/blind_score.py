@@ -193,12 +193,8 @@ def _met(what: str, group: Sequence[Case], meets: Callable[[Case], bool], aim: s
     return Row(what, sum(map(meets, group)), len(group), aim)
 
 
-def _as_good(case: Case) -> bool:
-    return case.after <= 1.05 * case.oracle
-
-
-def _better(case: Case) -> bool:
-    return case.after < case.before
+_as_good: Callable[[Case], bool] = lambda case: case.after <= 1.05 * case.oracle  # noqa: E731
+_better: Callable[[Case], bool] = lambda case: case.after < case.before  # noqa: E731
 
 
 def quality(cases: Sequence[Case]) -> pd.DataFrame:
