@@ -160,6 +160,9 @@ def shares(cases: Sequence[Case]) -> list[Row]:
     def row(what: str, group: Sequence[Case], *wanted: Outcome, aim: str = "") -> Row:
         return Row(what, sum(case.outcome in wanted for case in group), len(group), aim)
 
+    def met(what: str, group: Sequence[Case], meets: Callable[[Case], bool], aim: str = "") -> Row:
+        return Row(what, sum(map(meets, group)), len(group), aim)
+
     right = (Outcome.RIGHT, Outcome.IN_SET)
     return [
         Row("one effect: detectable", len(seen), len(seen + unseen)),
@@ -182,15 +185,11 @@ def shares(cases: Sequence[Case]) -> list[Row]:
         row("another law, detectable: a wrong name", other, Outcome.WRONG, Outcome.EXTRA),
         row("another law, too small: a wrong name", faint, Outcome.WRONG, Outcome.EXTRA),
         Row("all sets: a wrong name standing alone", false_alone, len(cases), "<= 2 %"),
-        _met("loss on fresh runs within 5 % of the true effect's", answered, _as_good, ">= 95 %"),
-        _met("another law: loss on fresh runs less than the base's", other, _better),
-        _met("of these, where that of the right law's refit is less too", bettered, _better, ">= 95 %"),
+        met("loss on fresh runs within 5 % of the true effect's", answered, _as_good, ">= 95 %"),
+        met("another law: loss on fresh runs less than the base's", other, _better),
+        met("of these, where that of the right law's refit is less too", bettered, _better, ">= 95 %"),
         Row("95 % intervals that hold the true size", sum(s.covered for s in sizes), len(sizes), "90 to 99 %"),
     ]
-
-
-def _met(what: str, group: Sequence[Case], meets: Callable[[Case], bool], aim: str = "") -> Row:
-    return Row(what, sum(map(meets, group)), len(group), aim)
 
 
 _as_good: Callable[[Case], bool] = lambda case: case.after <= 1.05 * case.oracle  # noqa: E731
