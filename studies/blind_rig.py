@@ -60,8 +60,8 @@ from rover_pin.own_code import key_of_code
 
 GENERATOR = Path(__file__).parents[1] / "tests" / "oracle" / "rig_generator.py"
 
-CALIBRATION, REPORTED = 10_000, 71_000
-"""First seeds: of the sets on which limits were set, and of those that are reported; 41_000 at commit 076a4f7."""
+CALIBRATION, REPORTED = 10_000, 81_000
+"""First seeds: of the sets on which limits were set, and of those that are reported; 71_000 at commit b0f411a."""
 
 
 class Listed(NamedTuple):
