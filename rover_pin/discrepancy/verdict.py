@@ -121,8 +121,19 @@ class Verdict:
 
     @property
     def _missed_anew(self) -> str:
+        if self.loses(self.errors_anew):
+            return f"; with each fold's own choice {NOT_AT_ALL}"
         told = self._errors_said(self.errors_anew)
         return f"; held-out RMSE with each fold's own choice: {told}" if told else ""
+
+    def _instead(self) -> list[str]:
+        said = {name: f"held-out RMSE {self._errors_said(errors)}" for name, errors in self.others.items()}
+        said |= {name: NOT_AT_ALL for name, errors in self.others.items() if self.loses(errors)}
+        return [f"  with {name} instead: {one}" for name, one in said.items()]
+
+    def loses(self, errors: dict[str, float]) -> bool:
+        """Return whether held-out errors are of a fold that is not predicted at all, as where no sinkage carries it."""
+        return any(errors.get(one.name, 0.0) > HOPELESS * one.before for one in self.scores)
 
     def _errors_said(self, errors: dict[str, float]) -> str:
         units = {one.name: one.unit for one in self.scores}
@@ -140,7 +151,7 @@ class Verdict:
         if self.before is not None and self.after is not None:
             lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
         lines += [f"  {score_line(score)}" for score in self.scores if is_told(score) or len(self.scores) <= FEW]
-        lines += [f"  with {name} instead: held-out RMSE {self._errors_said(one)}" for name, one in self.others.items()]
+        lines += self._instead()
         lines += [f"  {self.chosen_again}{self._missed_anew}"] if self.chosen else []
         lines += [f"  {got_worse((one.name, one.worded) for one in self.scores)}"] if self.named else []
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
@@ -196,6 +207,9 @@ class Verdict:
         )
 
 
+HOPELESS = 30.0
+"""Times the base model's error from which a held-out error is no number but a fold that was lost."""
+NOT_AT_ALL = "a fold is not predicted from the others at all"
 FEW = 5
 """Channels up to which a summary has a line for each; of more, those whose change can be claimed."""
 

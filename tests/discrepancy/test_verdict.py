@@ -81,6 +81,23 @@ def test_a_set_tells_the_errors_of_each_that_cannot_be_distinguished_from_the_fi
     assert not any("instead" in line for line in lines_of(verdict(named=("A",), scores=(score("pull"),))))
 
 
+def test_a_fold_that_is_lost_is_told_in_place_of_an_error():
+    """No sinkage carries its load: what stands for the channels there is no measurement."""
+    before = score("pull").before
+    for error, lost in ((30.1 * before, True), (29.9 * before, False)):
+        made = verdict(
+            named=("A",),
+            chosen={"a": "A"},
+            scores=(score("pull"),),
+            others={"B": {"pull": error}},
+            errors_anew={"pull": error},
+        )
+        text = made.summary()
+        assert ("with B instead: a fold is not predicted from the others at all" in text) is lost
+        assert ("with each fold's own choice a fold is not predicted from the others at all" in text) is lost
+        assert ("RMSE pull" in text) is not lost
+
+
 def test_errors_with_each_folds_own_choice_are_told_of_channels_with_a_score():
     more = {"named": ("A",), "chosen": {"a": "A"}, "scores": (score("pull"),)}
     line = "A chosen in 1 of 1 folds"
