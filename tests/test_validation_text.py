@@ -33,6 +33,19 @@ def held(sets):
     return sum(float(low) <= float(true) <= float(high) for true, low, high in found), len(found)
 
 
+def numbers(column):
+    return pd.to_numeric(column, errors="coerce")
+
+
+def as_good(sets):
+    told = sets[sets.outcome.isin([*NAMED, *WRONG]) & numbers(sets.loss_oracle).notna()]
+    return (numbers(told.loss_after) <= 1.05 * numbers(told.loss_oracle)).sum(), len(told)
+
+
+def better(sets):
+    return (numbers(sets.loss_after) < numbers(sets.loss_before)).sum(), len(sets)
+
+
 ROWS = {
     "one effect: detectable": lambda sets: (len(of(sets, ONE, True)), len(of(sets, ONE))),
     "detectable: named, or in the stated set": lambda sets: share(of(sets, ONE, True), NAMED),
@@ -50,13 +63,20 @@ ROWS = {
     "all sets: a wrong name standing alone": lambda sets: (
         ((sets.answer == "an effect is missing") & sets.outcome.isin(WRONG)).sum(), len(sets)),
     "95 % intervals that hold the true size": held,
+    "loss on fresh runs within 5 % of the true effect's refit": lambda sets: as_good(of(sets, ONE, True)),
+    "another law, detectable: loss on fresh runs less than the base's": lambda sets: better(of(sets, OTHER, True)),
+    "of these, where that of the right law's refit is less too": lambda sets: better(
+        of(sets, OTHER, True)[lambda rows: numbers(rows.loss_oracle) < numbers(rows.loss_before)]),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("part", SETS)
+ALL = SETS | {"Rigs and logs together": pd.concat(SETS.values())}
+
+
+@pytest.mark.parametrize("part", ALL)
 @pytest.mark.parametrize("what", ROWS)
 def test_a_row_is_counted_anew(what, part):
-    count, whole = ROWS[what](SETS[part])
+    count, whole = ROWS[what](ALL[part])
     (row,) = [line for line in PARTS[part].splitlines() if line.startswith(f"| {what}")]
     assert f"| {count} of {whole} |" in row
 
