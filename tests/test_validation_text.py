@@ -97,18 +97,6 @@ def test_every_miss_among_the_detectable_is_told(part):
 
 
 FRONT = (ROOT / "README.md").read_text(encoding="utf-8").replace("**", "")
-ON_FRONT = {
-    "a detectable effect is named, or in the stated set": "detectable: named, or in the stated set",
-    "nothing hidden: a false alarm": "nothing hidden: false alarm",
-    "on no list: it says so": "on no list, beyond the noise: abstained",
-    "95 % intervals that hold the truth": "95 % intervals that hold the true size",
-}
-
-
-@pytest.mark.parametrize("said", ON_FRONT)
-def test_the_front_page_says_what_was_counted(said):
-    counts = [ROWS[ON_FRONT[said]](sets) for sets in SETS.values()]
-    assert f"| {said} | {' | '.join(f'{count} of {whole}' for count, whole in counts)} |" in FRONT
 
 
 def test_the_front_page_says_how_other_laws_and_pairs_fared_on_rigs():
