@@ -175,6 +175,11 @@ ENTRY = ("value", "unit", "sd", "low", "high", "source", "note")
 """Keys of a quantity in a file; what is known of it besides value and unit is for those who ask."""
 
 
+def value_and_unit(entry: Any, unit: str) -> tuple[Any, Any]:
+    """Return value and unit of an entry as a file gives it: a `{ value, unit }`, or a number in `unit`."""
+    return (entry.get("value"), entry.get("unit", unit)) if isinstance(entry, Mapping) else (entry, unit)
+
+
 def refuse_strange(entry: Mapping[str, Any], where: str) -> None:
     """Refuse a key that no quantity in a file has: a misspelt unit would be none."""
     for key in entry:

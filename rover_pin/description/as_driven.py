@@ -18,7 +18,7 @@ import pinocchio as pin
 from rover_pin.description.following import follow_one_leader
 from rover_pin.description.tree import Joint, UrdfTree, read_tree, turn
 from rover_pin.errors import ParameterError, UrdfError, closest
-from rover_pin.quantity import refuse_strange, to_si
+from rover_pin.quantity import refuse_strange, to_si, value_and_unit
 
 ALONG = 0.95
 """Least cosine between an axis and where it must point (18 deg: wheels may be cambered)."""
@@ -161,8 +161,7 @@ def _value(joint: Joint | None, entry: Any, file: str) -> float:
     try:
         if isinstance(entry, Mapping):
             refuse_strange(entry, where)
-        given = entry if isinstance(entry, Mapping) else {"value": entry}
-        value = to_si(given.get("value"), given.get("unit", unit), unit, where)
+        value = to_si(*value_and_unit(entry, unit), unit, where)
     except ParameterError as error:
         raise UrdfError(str(error)) from error
     low, high = joint.limits

@@ -17,7 +17,7 @@ from rover_pin.measurements.checks import column, slips
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.tables import read_table
 from rover_pin.parameters.bekker import bekker_si
-from rover_pin.quantity import quantities, refuse_strange, to_si
+from rover_pin.quantity import quantities, refuse_strange, to_si, value_and_unit
 from rover_pin.toml_file import table_in, text_in
 from rover_pin.trust import Trust
 
@@ -101,7 +101,7 @@ def number_si(entry: Any, expected: str, where: str) -> float:
     """
     if isinstance(entry, Mapping):
         refuse_strange(entry, where)
-    value, unit = (entry.get("value"), entry.get("unit", expected)) if isinstance(entry, Mapping) else (entry, expected)
+    value, unit = value_and_unit(entry, expected)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise DataError(f"{where} has no number; write {{ value = 1.0, unit = '{expected}' }}.")
     return to_si(value, unit, expected, where)

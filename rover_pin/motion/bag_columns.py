@@ -29,7 +29,7 @@ import numpy as np
 
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.channels import unit_of
-from rover_pin.quantity import to_si
+from rover_pin.quantity import to_si, value_and_unit
 
 KEYS = ("topic", "field", "scale", "unit", "hold", "stamp")
 PART = re.compile(r"(\w+)(?:\[(?:(\d+)|(\w+)=([^\]]+))\])?")
@@ -82,7 +82,7 @@ def period_from(bag: Mapping[str, Any], where: str) -> float:
         if key != "period":
             raise DataError(f"{where}: [bag] has an unknown key '{key}': {closest(key, ('period',))}")
     entry = bag.get("period")
-    value, unit = (entry.get("value"), entry.get("unit", "s")) if isinstance(entry, Mapping) else (entry, "s")
+    value, unit = value_and_unit(entry, "s")
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < math.inf:
         raise DataError(f"{where}: a bag needs [bag] period = {{ value = 40, unit = 'ms' }}, but it is {entry!r}.")
     try:

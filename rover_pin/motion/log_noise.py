@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rover_pin.errors import DataError, closest
-from rover_pin.quantity import refuse_strange, to_si
+from rover_pin.quantity import refuse_strange, to_si, value_and_unit
 
 SAMPLE_PERIOD = "sample_period"
 NOISE = {
@@ -64,9 +64,7 @@ def kind_of(channel: str) -> str:
 def _number(entry: Any, unit: str, where: str) -> float:
     if isinstance(entry, Mapping):
         refuse_strange(entry, where)
-        value, given = entry.get("value"), entry.get("unit", unit)
-    else:
-        value, given = entry, unit
+    value, given = value_and_unit(entry, unit)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < float("inf"):
         raise DataError(f"{where} has no number above 0; write {{ value = 0.01, unit = '{unit}' }}.")
     return to_si(value, given, unit, where)

@@ -21,7 +21,7 @@ from rover_pin.body.terrain import HeightGrid, Terrain
 from rover_pin.body.wheel_base import base_of, corners
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.trace import Trace
-from rover_pin.quantity import to_si
+from rover_pin.quantity import to_si, value_and_unit
 
 KEYS = ("slope", "estimated")
 SLOPE_SD, HEIGHT_SD, BEND_SD = math.radians(0.5), 0.03, 0.15
@@ -60,7 +60,7 @@ def run_terrain(table: Mapping[str, Any], run: Trace, rover: Rover, where: str) 
 
 
 def _plane(entry: Any, run: Trace, where: str) -> Terrain:
-    value, unit = (entry.get("value"), entry.get("unit", "rad")) if isinstance(entry, Mapping) else (entry, "rad")
+    value, unit = value_and_unit(entry, "rad")
     try:
         slope = to_si(value, unit, "rad", f"{where}: slope")
     except ParameterError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.quantity import to_si, written
+from rover_pin.quantity import to_si, value_and_unit, written
 
 EARTH = 9.81
 """Standard gravity, rounded as engineering tables do (9.80665)."""
@@ -38,7 +38,7 @@ def gravity_from(entry: Any, where: str) -> float:
     DataError
         It is neither, or not within (0, 100) m/s^2.
     """
-    value, unit = (entry.get("value"), entry.get("unit", "m/s^2")) if isinstance(entry, dict) else (entry, "m/s^2")
+    value, unit = value_and_unit(entry, "m/s^2")
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < 100.0:
         raise DataError(f"{where}: gravity = {entry!r} must be a number in (0, 100) m/s^2, or {{ value, unit }}.")
     try:
