@@ -60,7 +60,7 @@ def described(found: Search, can_draft: bool, drafts: Callable[[Fit], Draft | No
         left = Left(False)
     draft = drafts(found.base) if left.unlisted or rest is not None else None
     if found.found and draft is not None and outdone(found, draft):
-        return Left(True, left.said, True, patterned, True), draft
+        return Left(True, described=True, patterned=patterned, outdone=True), draft
     if not left.unlisted:
         return left._replace(patterned=patterned), None
     return left._replace(described=draft is not None and draft.accepted, patterned=patterned), draft

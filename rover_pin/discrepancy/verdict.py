@@ -126,10 +126,8 @@ class Verdict:
         told = self._errors_said(self.errors_anew)
         return f"; held-out RMSE with each fold's own choice: {told}" if told else ""
 
-    def _instead(self) -> list[str]:
-        said = {name: f"held-out RMSE {self._errors_said(errors)}" for name, errors in self.others.items()}
-        said |= {name: NOT_AT_ALL for name, errors in self.others.items() if self.loses(errors)}
-        return [f"  with {name} instead: {one}" for name, one in said.items()]
+    def _instead(self, errors: dict[str, float]) -> str:
+        return NOT_AT_ALL if self.loses(errors) else f"held-out RMSE {self._errors_said(errors)}"
 
     def loses(self, errors: dict[str, float]) -> bool:
         """Return whether held-out errors are of a fold that is not predicted at all, as where no sinkage carries it."""
@@ -151,7 +149,7 @@ class Verdict:
         if self.before is not None and self.after is not None:
             lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
         lines += [f"  {score_line(score)}" for score in self.scores if is_told(score) or len(self.scores) <= FEW]
-        lines += self._instead()
+        lines += [f"  with {name} instead: {self._instead(errors)}" for name, errors in self.others.items()]
         lines += [f"  {self.chosen_again}{self._missed_anew}"] if self.chosen else []
         lines += [f"  {got_worse((one.name, one.worded) for one in self.scores)}"] if self.named else []
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]

@@ -9,7 +9,7 @@ import numpy as np
 from rover_pin.experiments.drive_log.checks.columns import longest_run
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
 from rover_pin.experiments.drive_log.checks.units import AT_LEAST
-from rover_pin.experiments.drive_log.readings.strays import strays, without_strays
+from rover_pin.experiments.drive_log.readings.strays import strays, without_poses
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.channels import unit_of
 from rover_pin.motion.motor import Motor
@@ -118,8 +118,9 @@ def _usual_run(same: np.ndarray) -> float:
 
 def jump_findings(run: Driven) -> Iterator[Finding]:
     """Yield steps of the tracked pose that no rover makes, single poses that stray, and spikes of wheel rates."""
-    yield from _strays(run)
-    trace = without_strays(run.trace)
+    stray = strays(run.trace)
+    yield from _strays(run, stray)
+    trace = without_poses(run.trace, stray)
     rates = np.abs(run.trace.stack("wheel_rate"))
     fastest = run.radius * float(np.nanpercentile(rates, 99)) if np.isfinite(rates).any() else 0.0
     for name in ("body_x", "body_y", "body_z"):
@@ -130,8 +131,8 @@ def jump_findings(run: Driven) -> Iterator[Finding]:
         yield from _spikes(run, f"wheel_rate_{wheel}")
 
 
-def _strays(run: Driven) -> Iterator[Finding]:
-    rows = np.flatnonzero(strays(run.trace))
+def _strays(run: Driven, stray: np.ndarray) -> Iterator[Finding]:
+    rows = np.flatnonzero(stray)
     if rows.size:
         times = ", ".join(f"{run.trace.t[row]:.4g}" for row in rows[:MOST_TOLD])
         more = f" and {rows.size - MOST_TOLD} more" if rows.size > MOST_TOLD else ""

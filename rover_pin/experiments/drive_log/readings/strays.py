@@ -40,7 +40,11 @@ def strays(log: Trace) -> np.ndarray:
 
 def without_strays(log: Trace) -> Trace:
     """Return the log with the poses that stray left empty, all numbers of them."""
-    stray = strays(log)
+    return without_poses(log, strays(log))
+
+
+def without_poses(log: Trace, stray: np.ndarray) -> Trace:
+    """Return the log with the poses of these rows (T,) left empty, all numbers of them."""
     if not stray.any():
         return log
     emptied = {name: np.where(stray, np.nan, log[name]) for name in LEAST if name in log}
