@@ -17,6 +17,7 @@ from rover_pin.commands.view import SEEN, asked_for, open_page, write_asked
 from rover_pin.errors import RoverPinError, UrdfError
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
+from rover_pin.surroundings import leave_folder_out
 from rover_pin.terminal import assignments, json_text, priors, progress, report, stoppable
 from rover_pin.trust import Trust
 
@@ -32,6 +33,9 @@ def main() -> None:
         app()
     except RoverPinError as error:
         print(f"rover-pin: {error}", file=sys.stderr)
+        sys.exit(2)
+    except MemoryError:
+        print("rover-pin: this needs more than half of the memory of this machine.", file=sys.stderr)
         sys.exit(2)
 
 
@@ -265,4 +269,5 @@ app.callback(help=__doc__)(program)
 commands.add_to(app)
 
 if __name__ == "__main__":
+    leave_folder_out()
     main()

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from rover_pin.errors import MissingExtraError, ParameterError, SimulationError
+from rover_pin.surroundings import safe_path
 from rover_pin.workers import working_for
 
 CONNECT_SECONDS = 5
@@ -60,12 +61,43 @@ def results(
         return (function(*job) for job in jobs)
     if not isinstance(workers, int):
         return _on_cluster(function, jobs, workers)
-    from joblib import Parallel, delayed, effective_n_jobs, parallel_config
+    from joblib import effective_n_jobs
 
+    at_once = handed_at_once(len(jobs), effective_n_jobs(workers)) if short else "auto"
+    begun = on_processes(function, jobs, workers, return_as="generator", batch_size=at_once)
+    next(begun)
+    return begun
+
+
+def on_processes(
+    function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int, **how: Any
+) -> Iterator[Any]:
+    """Yield None when so many processes are at work, then `function(*job)` of each job; `how` is joblib's.
+
+    A process has one thread and a share of the machine's memory, and takes no code from the working directory.
+
+    Raises
+    ------
+    SimulationError
+        A process died, or needs more memory than its share.
+    """
+    from joblib import Parallel, delayed, effective_n_jobs, parallel_config
+    from joblib.externals.loky.process_executor import BrokenProcessPool
+
+    count = effective_n_jobs(workers)
     with parallel_config(backend="loky", inner_max_num_threads=1):
-        at_once = handed_at_once(len(jobs), effective_n_jobs(workers)) if short else "auto"
-        parallel = Parallel(n_jobs=workers, return_as="generator", batch_size=at_once)
-    return iter(parallel(delayed(working_for)(os.getpid(), function, *job) for job in jobs))
+        parallel = Parallel(n_jobs=workers, **how)
+    try:
+        with safe_path():
+            made = parallel(delayed(working_for)(os.getpid(), count, function, *job) for job in jobs)
+            yield None
+            yield from made
+    except BrokenProcessPool as error:
+        raise SimulationError("A worker process died (killed, out of memory, or a crash in native code).") from error
+    except MemoryError as error:
+        raise SimulationError(
+            f"A job needs more memory than the share of one of {count} processes: take fewer workers."
+        ) from error
 
 
 def handed_at_once(jobs: int, workers: int) -> int:

@@ -14,6 +14,8 @@ from importlib import import_module
 from types import FrameType, ModuleType
 from typing import Any
 
+from rover_pin.surroundings import bound_memory, read_pictures_settings
+
 LOOKED = 1.0
 """Time [s] between a worker's looks at whether its program is still there."""
 
@@ -46,18 +48,20 @@ def ending_workers() -> Iterator[None]:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def working_for(program: int, function: Callable[..., Any], *job: Any) -> Any:
-    """Return `function(*job)`, in a worker process that ends when the program of this number is gone.
+def working_for(program: int, workers: int, function: Callable[..., Any], *job: Any) -> Any:
+    """Return `function(*job)`, in one of so many worker processes that end when the program of this number is gone.
 
     A program that is killed outright (SIGKILL, no memory left) cannot end its workers itself.
     """
     if os.getpid() != program:
-        _follow(program)
+        _follow(program, workers)
     return function(*job)
 
 
 @lru_cache(maxsize=1)
-def _follow(program: int) -> None:
+def _follow(program: int, workers: int) -> None:
+    read_pictures_settings()
+    bound_memory(workers)
     threading.Thread(target=_end_after, args=(program,), daemon=True).start()
 
 

@@ -286,6 +286,7 @@ OF_ITS_OWN = {
     "view": "opens its page in a browser",
     "new_effect": "files of the package: its templates",
     "results_folder": "the lock",
+    "surroundings": "the working directory, to come back to it",
     "own_code": "the code of the package and of trusted effects, for a digest",
     "store": "writes",
     "evaluations": "writes",

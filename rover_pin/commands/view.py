@@ -1,6 +1,5 @@
 """`rover-pin view`: a drive in 3D, as one page or served, and as a moving picture."""
 
-import shutil
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,6 +10,7 @@ import typer
 from rover_pin.commands.options import AsJson, Out, Trusted
 from rover_pin.errors import MissingExtraError
 from rover_pin.results_folder import alone_in
+from rover_pin.surroundings import program
 from rover_pin.terminal import report, stoppable
 from rover_pin.trust import Trust
 
@@ -69,7 +69,7 @@ def asked_for(view: bool, gif: bool, mp4: bool) -> list[str]:
     """
     if view and find_spec("viser") is None:
         raise MissingExtraError("The view in 3D needs viser: pip install 'rover-pin[view]'.")
-    if mp4 and shutil.which("ffmpeg") is None:
+    if mp4 and program("ffmpeg") is None:
         raise MissingExtraError(f"{MP4} needs ffmpeg, which is not on the path: install it, or ask for --gif.")
     return [name for name, asked in {PAGE: view, GIF: gif, MP4: mp4}.items() if asked]
 

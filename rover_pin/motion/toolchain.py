@@ -9,7 +9,6 @@ import importlib.util
 import logging
 import os
 import platform
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +17,7 @@ from rover_pin.errors import MissingExtraError
 from rover_pin.motion.library_cache import built, kept
 from rover_pin.motion.processor import has_vector_math, level
 from rover_pin.private_folders import private_folders
+from rover_pin.surroundings import bound_memory, program, safe_environment
 
 log = logging.getLogger(__name__)
 FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
@@ -30,8 +30,8 @@ FULL = os.strerror(errno.ENOSPC)
 def compiler() -> list[str] | None:
     """Return the command of a C compiler: $CC, cc, gcc, clang, or the `ziglang` package; None where there is none."""
     for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        if name and shutil.which(name):
-            return [name]
+        if name and (found := program(name)):
+            return [found]
     if importlib.util.find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc", PLAIN_CPU]
     return None
@@ -74,7 +74,10 @@ def _compiled(command: list[str], source: str, place: Path) -> Path:
     fast = fast_flags(command)
     tried = [[*FLAGS, *fast, "-o", str(made), str(file), "-lmvec"], [*FLAGS, "-o", str(made), str(file)]]
     for arguments in tried if fast else tried[1:]:
-        run = subprocess.run([*command, *arguments, "-lm"], capture_output=True, text=True, check=False)
+        run = subprocess.run(
+            [*command, *arguments, "-lm"], capture_output=True, text=True, check=False,
+            cwd=place, env=safe_environment(), preexec_fn=bound_memory,
+        )  # fmt: skip
         if run.returncode == 0:
             break
     if run.returncode and FULL in run.stderr:

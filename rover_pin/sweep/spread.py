@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
-from rover_pin.cluster import client_of
+from rover_pin.cluster import client_of, on_processes
 from rover_pin.errors import ParameterError, SimulationError
 from rover_pin.sweep.case import Row, failed_row
 from rover_pin.sweep.study import Case
-from rover_pin.workers import working_for
 
 AGAIN_SECONDS = 60
 """How long a case may take that Dask runs again."""
@@ -22,20 +20,17 @@ def on_cores(work: Callable[[Case], Row], cases: Sequence[Case], workers: int | 
 
     One worker is this process itself, which a debugger can follow.
     """
-    from joblib import Parallel, delayed, parallel_config
-    from joblib.externals.loky.process_executor import BrokenProcessPool
-
-    if workers != 1:
-        _check_sendable(work)
-    with parallel_config(backend="loky", inner_max_num_threads=1):
-        parallel = Parallel(n_jobs=_count(workers), return_as="generator_unordered")
+    count = _count(workers)
+    if count == 1:
+        yield from map(work, cases)
+        return
+    _check_sendable(work)
+    begun = on_processes(work, [(case,) for case in cases], count, return_as="generator_unordered")
+    next(begun)
     try:
-        yield from parallel(delayed(working_for)(os.getpid(), work, case) for case in cases)
-    except BrokenProcessPool as error:
-        raise SimulationError(
-            f"A worker process died (killed, out of memory, or a crash in native code); {KEPT}, and if it dies again "
-            "take workers=1 to see at which case."
-        ) from error
+        yield from begun
+    except SimulationError as error:
+        raise SimulationError(f"{str(error).rstrip('.')}; {KEPT}, or take workers=1 to see at which case.") from error
 
 
 def on_cluster(work: Callable[[Case], Row], cases: Sequence[Case], address: str) -> Iterator[Row]:

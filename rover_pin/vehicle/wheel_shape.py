@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,12 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.description.meshes import mesh_file, read_mesh
 from rover_pin.description.tree import Joint, Link, Shape, UrdfTree
+from rover_pin.errors import DataError
+
+log = logging.getLogger(__name__)
 
 ROUND = 0.2
 """Largest difference of a round shape's two diameters, over the larger: treads have corners."""
-LARGEST_MESH = 256 * 2**20
-"""Bytes of a mesh that is read."""
 
 
 class WheelSize(NamedTuple):
@@ -79,28 +82,13 @@ def _points(shape: Shape, folder: Path) -> np.ndarray | None:
 
 def _vertices(shape: Shape, folder: Path) -> np.ndarray | None:
     """Return the corners of a mesh that can be found and read [n, 3], else None: meshes may be missing."""
-    path = mesh_file(shape.mesh, folder)
-    if path is None or path.stat().st_size > LARGEST_MESH:
-        return None
-    import trimesh
-
+    file = mesh_file(shape.mesh, folder)
     try:
-        mesh = trimesh.load(path, force="mesh", process=False)
-    except Exception:  # any format's reader may fail on a file; a missing size is said
+        points = read_mesh(file, shape.size)[0] if file is not None else np.empty((0, 3))
+    except DataError as error:
+        log.warning("%s", error)
         return None
-    points = np.asarray(getattr(mesh, "vertices", np.empty((0, 3))), dtype=float)
-    return points * np.asarray(shape.size) if len(points) else None
-
-
-def mesh_file(name: str, folder: Path) -> Path | None:
-    """Return the file of a mesh, in the URDF's folder or a package beside one of the folders above it, or None."""
-    plain = name.split("://", 1)[-1].lstrip("/") if "://" in name else name
-    parts = Path(plain).parts
-    for above in (folder, *list(folder.resolve().parents)[:5]):
-        for candidate in (above / plain, above / Path(*parts[1:]) if len(parts) > 1 else above / plain):
-            if candidate.is_file():
-                return candidate
-    return None
+    return points if len(points) else None
 
 
 def _of_inertia(link: Link, axis: np.ndarray) -> WheelSize | None:

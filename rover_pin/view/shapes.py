@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,8 +14,8 @@ import trimesh
 import yourdfpy
 
 from rover_pin.body.rover import Rover, WheelMount
-from rover_pin.bounded import content
-from rover_pin.paths import is_file
+from rover_pin.description.meshes import MOST_CORNERS, mesh_file, read_mesh
+from rover_pin.errors import DataError
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +23,6 @@ PLAIN = (0.62, 0.64, 0.67)
 """Colour of a shape without one."""
 ROD = 0.006
 """Radius [m] of the rods that stand for links without shapes, as a share of what they span at most a tenth."""
-Find = Callable[[str], Path | None]
 
 
 class Shape(NamedTuple):
@@ -40,30 +39,33 @@ class Shape(NamedTuple):
 def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
     """Return the rover's shapes; wheels are drawn as they roll, and links without shapes as rods to their joints.
 
-    Meshes are read from `folder`, that of the rover's URDF, and from nowhere else; one that is not there is left out
-    and said once.
+    Meshes are read from `folder`, that of the rover's TOML, or its package; one that is not there or cannot be read is
+    left out, with a word.
     """
     robot = yourdfpy.URDF.load(io.BytesIO(rover.urdf.encode()), load_meshes=False, build_scene_graph=False).robot
     palette = {each.name: each.color for each in robot.materials}
     rims = {_link_of(rover, mount): mount for mount in rover.wheels}
     made: list[Shape] = []
     for link in robot.links:
-        own = [each for visual in link.visuals for each in _shape(link.name, visual, palette, _finder(folder))]
+        own: list[Shape] = []
+        for visual in link.visuals:
+            full = 3 * sum(len(each.faces) for each in (*made, *own)) > MOST_CORNERS
+            own += _shape(link.name, visual, palette, None if full else folder)
         if link.name in rims:
             own = list(_wheel(link.name, rims[link.name], own, rover))
         made += own or list(_rods(rover, link.name))
     return made
 
 
-def _shape(link: str, visual: Any, palette: dict[str, Any], find: Find) -> Iterator[Shape]:
-    mesh = _mesh(visual.geometry, find)
+def _shape(link: str, visual: Any, palette: dict[str, Any], folder: Path | None) -> Iterator[Shape]:
+    mesh = _mesh(visual.geometry, folder)
     if mesh is None:
         return
     mesh.apply_transform(np.eye(4) if visual.origin is None else visual.origin)
     yield Shape(link, np.asarray(mesh.vertices), np.asarray(mesh.faces), _colour(visual.material, palette))
 
 
-def _mesh(geometry: Any, find: Find) -> Any:
+def _mesh(geometry: Any, folder: Path | None) -> Any:
     """Return a shape of the URDF as triangles, or None for a mesh that is not to be had."""
     if geometry.box is not None:
         return trimesh.creation.box(extents=geometry.box.size)
@@ -71,30 +73,16 @@ def _mesh(geometry: Any, find: Find) -> Any:
         return trimesh.creation.icosphere(subdivisions=2, radius=geometry.sphere.radius)
     if geometry.cylinder is not None:
         return trimesh.creation.cylinder(radius=geometry.cylinder.radius, height=geometry.cylinder.length, sections=32)
-    file = find(geometry.mesh.filename)
+    file = None if folder is None else mesh_file(geometry.mesh.filename, folder)
     if file is None:
-        log.warning("the mesh %s is not in the rover's folder, and is left out", geometry.mesh.filename)
+        log.warning("the mesh %s is not in the rover's folder or package, or one too many", geometry.mesh.filename)
         return None
     try:
-        mesh = trimesh.load(io.BytesIO(content(file)), file_type=file.suffix[1:].lower(), force="mesh")
-        mesh.apply_scale(1.0 if geometry.mesh.scale is None else geometry.mesh.scale)
-    except Exception as error:
-        log.warning("the mesh %s cannot be read, and is left out: %s", file, error)
+        scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
+        return trimesh.Trimesh(*read_mesh(file, scale), process=False)
+    except DataError as error:
+        log.warning("%s It is left out.", error)
         return None
-    return mesh
-
-
-def _finder(folder: Path | None) -> Find:
-    def find(name: str) -> Path | None:
-        """Return the file of a mesh that lies in the folder, by its path or, of a package, by the end of it."""
-        parts = Path(name.removeprefix("package://").removeprefix("file://")).parts
-        for start in range(len(parts)):
-            file = None if folder is None else folder.joinpath(*parts[start:])
-            if file is not None and is_file(file) and file.resolve().is_relative_to(folder.resolve()):  # type: ignore[union-attr]
-                return file
-        return None
-
-    return find
 
 
 def _colour(material: Any, palette: dict[str, Any]) -> tuple[float, float, float]:

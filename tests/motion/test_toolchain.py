@@ -191,7 +191,7 @@ def test_a_file_that_may_not_grow_is_one_sentence_and_nothing_is_left(cache):
 
 
 def test_zig_builds_for_any_processor_of_its_kind(monkeypatch):
-    monkeypatch.setattr(toolchain.shutil, "which", lambda name: None)
+    monkeypatch.setattr(toolchain, "program", lambda name: None)
     monkeypatch.setattr(toolchain.importlib.util, "find_spec", lambda name: object())
     assert toolchain.compiler()[-2:] == ["cc", "-mcpu=baseline"]
     assert not [flag for flag in toolchain.FLAGS if flag.startswith(("-march", "-mcpu", "-mtune"))]

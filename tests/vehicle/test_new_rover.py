@@ -157,6 +157,7 @@ def test_a_mesh_gives_the_size_where_it_can_be_read(tmp_path):
 
     (tmp_path / "pkg" / "meshes").mkdir(parents=True)
     (tmp_path / "pkg" / "urdf").mkdir()
+    (tmp_path / "pkg" / "package.xml").touch()
     trimesh.creation.cylinder(radius=150.0, height=80.0, sections=64).export(tmp_path / "pkg" / "meshes" / "tyre.stl")
     mesh = '<geometry><mesh filename="package://pkg/meshes/tyre.stl" scale="1e-3 1e-3 1e-3"/></geometry>'
     text = re.sub("<geometry>.*?</geometry>", mesh, made.cart().urdf)

@@ -1,0 +1,87 @@
+"""What lies in the folder one stands in is data: no program, module or setting of it is taken by us or our children.
+
+Python puts the working directory first on the path of `python -m` and `python -c`, by which worker processes and their
+trackers start; a shell does so for an empty entry of PATH, and matplotlib reads ./matplotlibrc.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import resource
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+
+SAFE_PATH = "PYTHONSAFEPATH"
+PICTURES = "matplotlib"
+LEAST_SHARE = 2 << 30
+"""Bytes that any process may have: the largest file that is read (`bounded`), and as much to work with it."""
+
+
+def leave_folder_out() -> None:
+    """Take nothing from the working directory from now on, and bound our memory: for a process that is ours alone."""
+    own = str(Path(__file__).parents[1])
+    if not sys.flags.safe_path and sys.path[:1] in ([""], [os.getcwd()]) and os.getcwd() != own:
+        del sys.path[0]
+    os.environ.update(safe_environment())
+    read_pictures_settings()
+    bound_memory()
+
+
+def safe_environment() -> dict[str, str]:
+    """Return our environment, with which a child finds no module and no program in the working directory."""
+    return {**os.environ, SAFE_PATH: "1", "PATH": _absolute(os.environ.get("PATH", os.defpath))}
+
+
+def program(name: str) -> str | None:
+    """Return the path of a program, or None; one in the working directory only where its name says so."""
+    found = shutil.which(name, path=safe_environment()["PATH"])
+    return found and os.path.abspath(found)
+
+
+@contextmanager
+def safe_path() -> Iterator[None]:
+    """Let the Python processes that start in this block, also by themselves, import nothing from here."""
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop(SAFE_PATH)
+        if before is not None:
+            os.environ[SAFE_PATH] = before
+
+
+def read_pictures_settings() -> None:
+    """Import matplotlib where it does not see a ./matplotlibrc, which names programs to run; no cost where none is."""
+    if PICTURES in sys.modules or not os.path.lexists("matplotlibrc"):
+        return
+    here = os.open(".", os.O_RDONLY)
+    try:
+        os.chdir(os.sep)
+        importlib.import_module(PICTURES)
+    finally:
+        os.fchdir(here)
+        os.close(here)
+
+
+@lru_cache(maxsize=1)
+def bound_memory(workers: int = 1) -> None:
+    """Bound the memory of this process and of each that it starts to a share: one of as many as work, and one more.
+
+    What is bounded is what a process writes (RLIMIT_DATA): of addresses alone (RLIMIT_AS), libraries reserve far more
+    than they use. Beyond it a MemoryError is raised, and the machine goes on.
+    """
+    machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    share = max(machine // (workers + 1), LEAST_SHARE)
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    bounds = [each for each in (share, soft, hard) if each != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_DATA, (min(bounds), hard))
+
+
+def _absolute(path: str) -> str:
+    return os.pathsep.join(filter(os.path.isabs, path.split(os.pathsep))) or os.defpath

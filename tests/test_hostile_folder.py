@@ -1,0 +1,129 @@
+"""Whatever command is given in a folder of someone else, no module, program or setting that lies there runs.
+
+The folder has a module named after each import of the package and of all that it depends on, programs named after those
+that are looked for, and a matplotlibrc that names one. The console script is started there as a user does.
+"""
+
+import importlib.metadata
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+from rover_pin.cluster import results
+from rover_pin.errors import SimulationError
+
+ROOT = Path(__file__).parents[1]
+MODULES = (sys.stdlib_module_names | importlib.metadata.packages_distributions().keys() | {"sitecustomize"}) - {
+    "rover_pin", "usercustomize"
+}  # fmt: skip
+PROGRAMS = (
+    "cc gcc clang as ld ffmpeg convert latex dvipng xdg-open xdg-settings www-browser python python3 sh uname "
+    "pgrep ldconfig lscpu"
+).split()
+SHARE_OF_ALL = max(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 3, 2 << 30)
+"""Bytes that each of two processes and the program that starts them may have."""
+STUDY = """
+name = "s"
+scenario = "flat"
+duration = 0.1
+plan = { kind = "grid" }
+[parameters]
+soil.k = [0.01, 0.02]
+"""
+TUNING = """
+[[training]]
+scenario = "flat"
+duration = 0.2
+[[held_out]]
+scenario = "flat"
+duration = 0.2
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A downloaded folder: data that are asked for, and beside them what none has asked for."""
+    made = tmp_path_factory.mktemp("downloads")
+    for name in MODULES:
+        (made / f"{name}.py").write_text(f"open({str(made / 'pwned')!r}, 'a').write('module {name}\\n')\n")
+    for name in PROGRAMS:
+        (made / name).write_text(f"#!/bin/sh\necho program {name} >> '{made / 'pwned'}'\n")
+        (made / name).chmod(0o755)
+    (made / "matplotlibrc").write_text(f"animation.ffmpeg_path: {made / 'ffmpeg'}\ntext.usetex: True\n")
+    shutil.copytree(ROOT / "studies" / "data" / "cmu-smooth-wheel", made / "rig")
+    shutil.copy(ROOT / "urdf" / "cart.urdf", made)
+    shutil.copy(ROOT / "urdf" / "cart.toml", made / "own.toml")
+    (made / "study.toml").write_text(STUDY)
+    (made / "tuning.toml").write_text(TUNING)
+    return made
+
+
+def entered(folder, *words, **environment):
+    """What a user's console script does there, whose PATH has the working directory, as many have."""
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    paths = {"PATH": os.pathsep.join([".", "", os.environ["PATH"]]), **environment}
+    script = Path(sysconfig.get_path("scripts")) / "rover-pin"
+    return subprocess.run(
+        [script, *words], cwd=folder, env={**inherited, **paths}, capture_output=True, text=True, check=False
+    )
+
+
+def ran(folder):
+    return (folder / "pwned").read_text() if (folder / "pwned").exists() else ""
+
+
+QUICK = [
+    ("sweep", "study.toml", "--workers", "2"),
+    ("drive", "flat", "--set", "duration=0.2", "--gif", "--out", "driven"),
+]
+SLOW = [
+    ("list", "scenarios"),
+    ("curve",),
+    ("bounds",),
+    ("check-data", "rig"),
+    ("identify", "rig"),
+    ("close-loop", "rig", "--workers", "2"),
+    ("demo", "drive-log", "--out", "log"),
+    ("check-data", "log"),
+    ("close-loop", "log", "--workers", "2", "--open"),
+    ("compare", "log", "log"),
+    ("view", "log", "--gif", "--open"),
+    ("export", "log"),
+    ("import-log", "log/run-1.csv", "--out", "imported"),
+    ("init", "rig/points.csv", "--r", "100mm", "--b", "50mm", "--out", "made"),
+    ("check-urdf", "own.toml"),
+    ("new-rover", "cart.urdf", "--out", "new/proposed.toml"),
+    ("new-effect", "StickySoil", "--out", "effect"),
+    ("tune", "tuning.toml", "--workers", "2"),
+]
+
+
+@pytest.mark.parametrize("words", [*QUICK, *(pytest.param(each, marks=pytest.mark.slow) for each in SLOW)])
+def test_nothing_of_the_folder_runs(folder, words):
+    done = entered(folder, *words)
+    assert ran(folder) == ""
+    assert done.returncode == 0 or "ends stuck whatever the gains" in done.stderr, done.stderr
+
+
+def test_no_compiler_of_the_folder_runs(folder, tmp_path):
+    source = (
+        "from rover_pin.surroundings import leave_folder_out\nleave_folder_out()\n"
+        "from rover_pin.motion.toolchain import shared_library\nshared_library('int one(void) { return 1; }', 'one')\n"
+    )
+    (tmp_path / "start.py").write_text(source)
+    own = {**os.environ, "PATH": f".:{os.environ['PATH']}", "ROVER_PIN_CACHE": str(tmp_path / "cache")}
+    subprocess.run([sys.executable, str(tmp_path / "start.py")], cwd=folder, env=own, check=True)
+    assert ran(folder) == ""
+    assert list((tmp_path / "cache").glob("one-*.so"))
+
+
+def test_a_worker_gets_no_more_memory_than_its_share():
+    taken = results(bytearray, [(1 << 20,), (SHARE_OF_ALL,)], 2)
+    assert len(next(taken)) == 1 << 20
+    with pytest.raises(SimulationError, match="needs more memory than the share of one of 2 processes"):
+        next(taken)
