@@ -150,7 +150,7 @@ def sweep(
     from rover_pin.sweep import read_study
     from rover_pin.sweep import sweep as run
 
-    asked = dataclasses.replace(read_study(study), trust=Trust.of(effects, trust))
+    asked = read_study(study, Trust.of(effects, trust))
     with stoppable():
         result = run(asked, out, workers=workers or None, scheduler=scheduler or None)
     report(result.summary(), as_json)
@@ -256,8 +256,9 @@ def tune(
         if not as_json and done == total:
             log.info("%s: %d done", name, total)
 
-    asked = read_tuning(study)
-    asked = (asked if model is None else asked.on_model(model)).trusting(Trust.of(effects, trust))
+    allowed = Trust.of(effects, trust)
+    asked = read_tuning(study, allowed)
+    asked = (asked if model is None else asked.on_model(model)).trusting(allowed)
     for line in cautions((*asked.training, *asked.held_out)):
         log.warning("%s", line)
     with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png")):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -64,6 +65,32 @@ class Trust:
                 "trust=Trust(everything=True))."
             )
         return path
+
+    def refuse_elsewhere(self, table: object, file: Path) -> None:
+        """Refuse a table in `file` where a text in it, at any depth, is the path of something outside.
+
+        Inside are the folder of that file and the one that the user stands in, from which such paths are seen.
+
+        Raises
+        ------
+        DataError
+            One names a file or folder elsewhere, by '..', as an absolute path or through a link.
+        """
+        pending = [] if self.everything else [("", table)]
+        inside = (file.resolve().parent, Path.cwd())
+        while pending:
+            name, entry = pending.pop()
+            if isinstance(entry, Mapping):
+                pending += [(str(key), each) for key, each in entry.items()]
+            elif isinstance(entry, list):
+                pending += [(name, each) for each in entry]
+            elif isinstance(entry, str) and os.path.lexists(entry):
+                real = _real(Path(entry), str(file))
+                if not any(real.is_relative_to(each) for each in inside):
+                    raise DataError(
+                        f"{file}: {name} = {entry!r} lies outside its folder: put the file there, or say --trust (in "
+                        "Python trust=Trust(everything=True))."
+                    )
 
 
 def _covers(allowed: Path, real: Path) -> bool:

@@ -1,7 +1,12 @@
 """Files that a model or a data set names lie in its folder, are regular and bounded; refusals quote no others."""
 
+import gzip
+import io
 import os
+import re
+import resource
 import shutil
+import zipfile
 from functools import partial
 from pathlib import Path
 
@@ -20,8 +25,11 @@ from rover_pin.loop.close import close_the_loop, read_data
 from rover_pin.measurements.reading import read_evidence
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.model_toml import read_model, write_model
+from rover_pin.motion.trace import Trace
+from rover_pin.motion.trace_files import write_parquet
 from rover_pin.scenarios import scenario
 from rover_pin.trust import Trust
+from rover_pin.view.shapes import shapes_of
 
 RIG = Path(__file__).parents[1] / "studies" / "data" / "cmu-smooth-wheel"
 SECRET = "root:x:0:0:secret"
@@ -240,3 +248,130 @@ def test_the_commands_take_trust(tmp_path, outside, monkeypatch):
     with pytest.raises(DataError, match="lies outside"):
         close_the_loop(folder)
     assert read_data(folder, Trust(everything=True)).rig.slip.size
+
+
+def refused(words, folder, monkeypatch):
+    """What a command says that is given in this folder and refused."""
+    monkeypatch.chdir(folder)
+    done = CliRunner().invoke(app, words)
+    assert isinstance(done.exception, RoverPinError), done.output
+    assert SECRET not in str(done.exception)
+    assert "root" not in str(done.exception).replace(str(folder.parent), "")
+    return str(done.exception)
+
+
+SETTINGS = ("terrain.path", "model", "rover")
+STUDIES = {
+    "sweep": 'name = "s"\nscenario = "polyline"\nplan = { kind = "grid" }\n[parameters]\nsoil.k = [0.01]\n[settings]\n',
+    "tune": '[[training]]\nscenario = "polyline"\n',
+}
+
+
+@pytest.mark.parametrize("command", STUDIES)
+@pytest.mark.parametrize("setting", SETTINGS)
+@pytest.mark.parametrize("name", ["../outside/passwd", "/etc/passwd", "link"])
+def test_a_study_names_no_file_elsewhere(command, setting, name, outside, tmp_path, monkeypatch):
+    folder = tmp_path / "set"
+    folder.mkdir()
+    (folder / "link").symlink_to(outside / "passwd")
+    (folder / "study.toml").write_text(f'{STUDIES[command]}{setting} = "{name}"\n')
+    told = refused([command, "study.toml"], folder, monkeypatch)
+    assert "lies outside its folder: put the file there, or say --trust" in told
+
+
+@pytest.mark.parametrize("command", ["view", "export"])
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_a_trace_names_no_file_elsewhere(command, setting, outside, tmp_path, monkeypatch):
+    folder = tmp_path / "set"
+    folder.mkdir()
+    channels = {"t_s": np.array([0.0, 1.0])}
+    made = Trace(
+        channels, attrs={"scenario": "polyline", "settings": {setting: str(outside / "passwd"), "trust": True}}
+    )
+    write_parquet(folder / "drive.parquet", made)
+    told = refused([command, "drive.parquet"], folder, monkeypatch)
+    assert told.startswith(f"drive.parquet: {setting} = ")
+    assert "lies outside its folder" in told
+
+
+def meshed(folder, name):
+    """The cart, whose wheels are drawn by a mesh, as a URDF and a TOML in a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    urdf = (rover_folder() / "cart.urdf").read_text()
+    file = folder / "cart.urdf"
+    file.write_text(
+        re.sub(r"<geometry><cylinder.*?</geometry>", f'<geometry><mesh filename="{name}"/></geometry>', urdf)
+    )
+    shutil.copy(rover_folder() / "cart.toml", folder / "own.toml")
+    return file
+
+
+def packed(mib):
+    """A small archive of a large STL."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("wheel.stl", bytes(80) + (mib * MIB // 50).to_bytes(4, "little") + bytes(mib * MIB // 50 * 50))
+    return made.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("wheel.zip", packed(128)),
+        ("wheel.3mf", packed(128)),
+        ("wheel.stl", packed(128)),
+        ("wheel.obj", packed(128)),
+        ("wheel.obj.gz", gzip.compress(bytes(128 * MIB), 1)),
+        ("wheel.dae", b'<!DOCTYPE x [<!ENTITY a "aaaa">]><COLLADA>&a;</COLLADA>'),
+        (
+            "wheel.dae",
+            b'<COLLADA><library_nodes><node id="a"><instance_node url="#b"/></node></library_nodes></COLLADA>',
+        ),
+        (
+            "wheel.ply",
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty double x\nend_header\n",
+        ),
+        ("wheel.ply", b"ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty double x\nend_header\n1\n"),
+    ],
+)
+def test_no_mesh_unpacks_to_more_than_it_is(name, content, tmp_path, monkeypatch, caplog):
+    monkeypatch.chdir(tmp_path)
+    file = meshed(tmp_path, name)
+    (tmp_path / name).write_bytes(content)
+    load_rover(tmp_path / "own.toml")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert CliRunner().invoke(app, ["new-rover", str(file), "--out", "new/own.toml"]).exit_code == 0
+    shapes_of(load_rover(tmp_path / "own.toml"), tmp_path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 128 * 1024
+    assert name in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("package://pkg/meshes/wheel.obj", True),
+        ("../meshes/wheel.obj", True),
+        ("../../outside/wheel.obj", False),
+        ("ABSOLUTE", False),
+        ("file://ABSOLUTE", False),
+        ("package://outside/wheel.obj", False),
+        ("link.obj", False),
+    ],
+)
+def test_a_mesh_lies_in_the_package_of_its_urdf(name, read, tmp_path, monkeypatch):
+    import trimesh
+
+    wheel = trimesh.creation.cylinder(
+        radius=0.3, height=0.1, transform=trimesh.transformations.rotation_matrix(0, [1, 0, 0])
+    )
+    for folder in ("outside", "pkg/meshes"):
+        (tmp_path / folder).mkdir(parents=True)
+        wheel.export(tmp_path / folder / "wheel.obj")
+    (tmp_path / "pkg" / "package.xml").touch()
+    file = meshed(tmp_path / "pkg" / "urdf", name.replace("ABSOLUTE", str(tmp_path / "outside" / "wheel.obj")))
+    (file.parent / "link.obj").symlink_to(tmp_path / "outside" / "wheel.obj")
+    monkeypatch.chdir(tmp_path)
+    assert CliRunner().invoke(app, ["new-rover", str(file), "--out", "new/own.toml"]).exit_code == 0
+    assert ("r = 0.3 " in (tmp_path / "new" / "own.toml").read_text()) is read
+    drawn = [each for each in shapes_of(load_rover(file.parent / "own.toml"), file.parent) if each.wheel]
+    assert np.ptp(drawn[0].vertices[:, 0]) == pytest.approx(0.6 if read else 0.22, rel=0.01)

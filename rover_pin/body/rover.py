@@ -222,10 +222,12 @@ def load_named(rover: str, folder: Path, trust: Trust = Trust()) -> Rover:
     """
     beside = folder / rover
     path = beside if is_file(beside) else Path(rover)
+    elsewhere = path.suffix != "" and not path.resolve().is_relative_to(folder.resolve())
     try:
-        return load_rover(path, trust)
+        if not elsewhere or path.suffix == ".toml":
+            return load_rover(path, trust)
     except UrdfError:
-        if path.suffix == "" or path.resolve().is_relative_to(folder.resolve()):
+        if not elsewhere:
             raise
     raise UrdfError(f"{folder}: rover = {rover!r} lies elsewhere and makes no rover: try `rover-pin check-urdf` on it.")
 

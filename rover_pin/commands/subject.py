@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from rover_pin.errors import DataError
 from rover_pin.motion.drive_log import FILE, read_drive_log
@@ -11,6 +10,7 @@ from rover_pin.motion.saved import load_trace
 from rover_pin.paths import is_file
 from rover_pin.scenarios import scenario
 from rover_pin.scenes import SCENES
+from rover_pin.toml_file import table_in
 from rover_pin.trust import Trust
 from rover_pin.view.subject import Subject, mesh_folder, subject_of_log
 
@@ -30,16 +30,13 @@ def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
     if path.suffix != ".parquet":
         raise DataError(f"{path}: give the folder of a drive log ({FILE}), or a trace that was saved as .parquet.")
     trace = load_trace(path)
-    settings = trace.attrs.get("settings", {})
+    settings = table_in(trace.attrs, "settings", path)
+    trust.refuse_elsewhere(settings, path)
     name = str(trace.attrs.get("scenario", ""))
     if name not in SCENES:
         raise DataError(
             f"{path}: the trace says no scenario, so its ground is not known; save it as a drive log: "
             "`Scenario.write_log`."
         )
-    made = scenario(name, **_plain(settings), trust=trust).model
+    made = scenario(name, **{**settings, "trust": trust}).model
     return Subject(path.stem, trace, made.rover, made.ground, mesh_folder(str(settings.get("rover", "nexus6"))))
-
-
-def _plain(settings: Any) -> dict[str, Any]:
-    return {str(name): value for name, value in dict(settings).items()}

@@ -174,7 +174,7 @@ def _check_bounds(study: str, name: str, bounds: tuple[float, float]) -> None:
         )
 
 
-def read_tuning(path: str | Path) -> TuningStudy:
+def read_tuning(path: str | Path, trust: Trust = Trust()) -> TuningStudy:
     """Return the study in a TOML file, as in::
 
         name = "ditch"
@@ -200,11 +200,12 @@ def read_tuning(path: str | Path) -> TuningStudy:
     Raises
     ------
     DataError
-        A file that is missing or not TOML.
+        A file that is missing or not TOML, or names another outside its folder that `trust` does not allow.
     ParameterError
         An unknown key or name, with the close ones; anything that TuningStudy refuses.
     """
     table = read_toml(path)
+    trust.refuse_elsewhere(table, Path(path))
     try:
         return _study(table, Path(path).stem)
     except ParameterError as error:

@@ -12,6 +12,7 @@ from rover_pin.sweep.axis import Axis, LogRange, Range, Values, kind_of
 from rover_pin.sweep.plan import Grid, LatinHypercube, Plan, Sobol
 from rover_pin.sweep.study import Study
 from rover_pin.toml_file import read_toml
+from rover_pin.trust import Trust
 from rover_pin.units import UNITS
 
 PLANS: dict[str, type[Any]] = {"grid": Grid, "latin-hypercube": LatinHypercube, "sobol": Sobol}
@@ -23,7 +24,7 @@ ENTRY_MARKS = {"low", "high", "values", "value"}
 """What tells an entry from a table of entries."""
 
 
-def read_study(path: str | Path) -> Study:
+def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
     """Return the study in a TOML file, as in::
 
         name = "ditch"
@@ -43,13 +44,14 @@ def read_study(path: str | Path) -> Study:
     Raises
     ------
     DataError
-        A file that is missing or not TOML.
+        A file that is missing or not TOML, or names another outside its folder that `trust` does not allow.
     ParameterError
         An unknown name, with the close ones; an empty range; anything that Study refuses.
     """
     table = read_toml(path)
+    trust.refuse_elsewhere(table, Path(path))
     try:
-        return _study(table)
+        return dataclasses.replace(_study(table), trust=trust)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from error
 

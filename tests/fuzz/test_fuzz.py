@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import re
 import sys
 import warnings
 from pathlib import Path
@@ -93,3 +94,39 @@ def test_the_contract_bites(monkeypatch):
 def test_whatever_a_message_quotes_it_is_one_printable_line(text, line):
     assert one_line(text) == str(DataError(text)) == str(SimulationError(text)) == line
     assert one_line(line) == line
+
+
+OPENED = []
+"""The files that Python opened while a list of them is kept here."""
+sys.addaudithook(lambda event, given: OPENED[-1].append(str(given[0])) if event == "open" and OPENED else None)
+WORD = re.compile(r'"([^"\n]*)"')
+
+
+def named_instead(content, path):
+    """Yield a TOML or URDF once for each text in it, which then names a file."""
+    for found in WORD.finditer(content.decode()):
+        text = content.decode()
+        yield found[1], (text[: found.start(1)] + path + text[found.end(1) :]).encode()
+
+
+@pytest.mark.parametrize("way", ["absolute", pytest.param("relative", marks=pytest.mark.slow)])
+def test_whatever_a_file_names_is_opened_in_its_folder_alone(tmp_path, monkeypatch, way):
+    """Each text of each valid TOML names a file outside in its turn: none is opened, and none is quoted."""
+    secret = tmp_path / "outside" / "secret.csv"
+    secret.parent.mkdir()
+    secret.write_text("password,hunter2\n1,2\n")
+    given = str(secret) if way == "absolute" else "../outside/secret.csv"
+    tried = 0
+    readers = (each for each in valid.cases(tmp_path / "made") if "parquet" not in each.name and each.name != "nexus6")
+    for reader in readers:  # those left out name files as others do
+        for file, content in reader.files.items():
+            for word, changed in named_instead(content, given) if file.endswith(".toml") else ():
+                reader.lay(tmp_path / "input", {file: changed})
+                monkeypatch.chdir(tmp_path / "input")
+                OPENED.append([])
+                told = contract.outcome(lambda reader=reader: reader.read(tmp_path / "input"))
+                opened = {Path(each).resolve() for each in OPENED.pop()}
+                assert secret not in opened, (reader.name, file, word)
+                assert told in ("accepted", "refused"), (reader.name, file, word, told)
+                tried += 1
+    assert tried > 100

@@ -108,6 +108,6 @@ def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
     monkeypatch.setattr(util, "find_spec", lambda name: None)
     monkeypatch.setattr("rover_pin.commands.view.find_spec", lambda name: None)
     assert "The view in 3D needs viser: pip install 'rover-pin[view]'." in run("drive", "flat", "--view")[2]
-    monkeypatch.setattr("shutil.which", lambda name: None)
+    monkeypatch.setattr("shutil.which", lambda name, path: None)
     assert "drive.mp4 needs ffmpeg, which is not on the path" in run("drive", "flat", "--mp4")[2]
     assert not Path("out").exists()
