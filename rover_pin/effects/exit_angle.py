@@ -14,10 +14,11 @@ from rover_pin.quantity import quantity
 
 @dataclass(frozen=True)
 class ExitAngle(Effect):
-    """lambda <- lambda + e_1 S within [0, 1], lambda = -theta_2 / theta_1; theta_2 <- min(theta_2 - e_1 S theta_1, 0).
+    """lambda <- lambda + e_1 S within [0, 1], lambda = -theta_2 / theta_1; theta_2 alike within [-theta_1, 0].
 
     Both readings of the exit angle move alike: the ratio, for angles that follow the sinkage, and the soil's fixed
-    theta_2. The soil's own values are those at S = 0. Source: the ratio is that of Ishigami, Miwa, Nagatani and
+    theta_2; the contact ends between the axle and as far behind it as it began. The soil's own values are those at
+    S = 0. Source: the ratio is that of Ishigami, Miwa, Nagatani and
     Yoshida, J. Field Robotics 24 (2007) 233; its slope with slip is an assumed form. Differs from the paper: it holds
     theta_2.
     """
@@ -31,5 +32,5 @@ class ExitAngle(Effect):
         """Return the contact with the exit angle of its slip."""
         soil, change = contact.soil, self.e_1 * contact.S
         ratio = ca.fmin(ca.fmax(soil.exit_ratio + change, 0.0), 1.0)
-        theta_2 = ca.fmin(soil.theta_2 - change * soil.theta_1, 0.0)
+        theta_2 = ca.fmin(ca.fmax(soil.theta_2 - change * soil.theta_1, -soil.theta_1), 0.0)
         return contact._replace(soil=soil.replace(exit_ratio=ratio, theta_2=theta_2))

@@ -24,8 +24,8 @@ LOAD_FLOOR = 1e-6
 UNSOLVED = 1e-6
 """Error of ln f_n from which the load counts as not carried."""
 
-DEEPEST = math.log(1.55)
-"""Greatest ln theta_1 that Newton's method tries: just below 90 deg."""
+DEEPEST = math.log(math.pi / 2)
+"""Greatest ln theta_1 that Newton's method tries: the wheel is sunk to its axle."""
 
 
 def sinkage(theta_1: Scalar, wheel: Wheel) -> Scalar:

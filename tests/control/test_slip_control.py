@@ -14,7 +14,7 @@ from rover_pin.body.statics import wheel_loads
 from rover_pin.body.wheel_base import wheel_places
 from rover_pin.contact import Wheel
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.slip_control import FADE, Gains, SlipControl, pi_law
+from rover_pin.control.slip_control import Gains, SlipControl, pi_law
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip, calibrated_table
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
@@ -101,7 +101,7 @@ def test_the_duty_keeps_its_limits_and_the_integral_does_not_pass_them(slips, ca
     assert np.all(duty <= most + 1e-12)
     assert np.all(duty >= np.minimum(0.05, most) - 1e-12)
     # what one period adds, and what e itself asks for, may stand beyond the limits: |e| <= 2
-    beyond = FADE + 2.0 * gains.k_p + 2.0 * k_i * 0.05
+    beyond = 0.005 + 2.0 * gains.k_p + 2.0 * k_i * 0.05
     assert np.all((integral < 0.8 - 0.55 + beyond) & (integral > 0.05 - 0.55 - beyond))
 
 
@@ -112,7 +112,16 @@ def test_a_long_saturation_is_forgotten_at_once(steps):
     driven(control, [0.05] * steps)
     duty, _ = driven(control, [1.0] * 4)
     fresh, _ = driven(SlipControl(Gains(), TrueSlip()), [1.0] * 4)
-    assert duty == pytest.approx(fresh, abs=FADE)
+    assert duty == pytest.approx(fresh, abs=0.005)
+
+
+@pytest.mark.parametrize("e", [0.05, -0.05])
+def test_at_a_limit_an_integral_winds_up_by_half_a_percent(e):
+    """Of full duty: of a slip that stays beyond S_d for 50 min no more is left to be undone."""
+    gains = Gains(k_p=0.0, k_i=0.1, delta_0=0.5, delta_min=0.45, delta_max=0.55)
+    control = SlipControl(gains, TrueSlip(), period=1.0)
+    driven(control, [0.1 - e] * 3_000)
+    assert 0.05 < math.copysign(1.0, e) * control.integral[0] < 0.055 + 1e-9
 
 
 def test_a_torque_limit_that_comes_and_goes_leaves_no_trace():

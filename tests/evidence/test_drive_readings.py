@@ -41,6 +41,15 @@ def test_noise_alone_never_strays():
         assert not strays(log).any()
 
 
+def test_a_coarse_tracker_s_noise_never_strays_and_a_pose_far_beyond_it_does():
+    """Two million poses with noise of five times the least distance that strays."""
+    x = 0.025 * np.random.default_rng(5).standard_normal(2_000_000)
+    t = 0.01 * np.arange(len(x))
+    assert not strays(Trace({"t_s": t, "body_x": x})).any()
+    x[1000] = 0.025 * 9.0
+    assert np.flatnonzero(strays(Trace({"t_s": t, "body_x": x}))).tolist() == [1000]
+
+
 @pytest.mark.parametrize("name", LEAST)
 def test_a_single_pose_that_is_off_in_any_of_its_numbers_strays_as_a_whole(name):
     values = GOOD[0][name].copy()

@@ -153,6 +153,15 @@ def test_the_slope_of_a_run_moves_what_a_ground_of_that_slope_moves(model):
         assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(wanted), rel=0.1), name
 
 
+def test_what_one_place_climbs_is_still_below_the_rover_at_the_end(two, field):
+    """A place's slope falls evenly to 0 at its neighbours: after them the ground is higher by slope times distance."""
+    row, (run, *_) = two.channels.index("body_z"), two.runs
+    place = run.commands.place[:, :2]
+    way = np.nansum(np.hypot(*np.diff(place, axis=0).T))
+    heights = of(field, ground.SLOPE, 0)[2:-1, row, run.usable]  # those whose whole stretch is compared
+    assert heights[:, -1] - heights[:, 0] == pytest.approx(ground.SLOPE.size * way / (len(heights) + 2), rel=0.05)
+
+
 def taught(experiment, model):
     """Return the fit of a base model and its noise, with the ground's SDs learnt, phi free."""
     good = np.isfinite(experiment.observed)

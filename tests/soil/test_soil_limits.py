@@ -52,6 +52,16 @@ def test_a_load_that_no_arc_carries_is_an_error_that_says_so():
         entry_angle(5000.0, 0.1, WHEEL, SOIL)
 
 
+@pytest.mark.parametrize("name", SOILS)
+def test_a_wheel_sunk_nearly_to_its_axle_is_still_carried_and_no_deeper(name):
+    soil = SOILS[name]
+    load = lambda deg: float(wheel_forces(0.2, *angles(deg), WHEEL, soil).f_n)  # noqa: E731
+    angles = lambda deg: (math.radians(deg), -soil.exit_ratio * math.radians(deg))  # noqa: E731
+    assert math.degrees(entry_angle(load(89.5), 0.2, WHEEL, soil)) == pytest.approx(89.5, rel=1e-9)
+    with pytest.raises(ParameterError, match="no entry angle below 90 deg"):
+        entry_angle(load(91.0), 0.2, WHEEL, soil)
+
+
 def test_soil_that_pulls_is_an_error_and_not_a_nan():
     with pytest.raises(ParameterError, match=r"k_1 \+ k_2 b = -1000 Pa"):
         entry_angle(5.0, 0.1, WHEEL, SOIL.replace(k_1=-1000.0))

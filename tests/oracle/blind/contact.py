@@ -118,7 +118,7 @@ class Contact:
         if "ExitAngle" in on:
             change = p["ExitAngle.e_1"] * S
             ratio = np.clip(ratio + change, 0.0, 1.0)
-            theta_2 = np.minimum(theta_2 - change * p["theta_1"], 0.0)
+            theta_2 = np.clip(theta_2 - change * p["theta_1"], -p["theta_1"], 0.0)
         if "InterfaceFriction" in on:
             tan_phi, c = p["InterfaceFriction.m"] * tan_phi, p["InterfaceFriction.m"] * c
         if "MultiPass" in on:
