@@ -14,11 +14,13 @@ from rover_pin.body.rover import load_rover
 from rover_pin.contact import Soil
 from rover_pin.description.layout import rover_folder
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
+from rover_pin.measurements.reading import sample_folder, sample_names
 from rover_pin.motion.effect_files import AnyEffect, package_effects
 from rover_pin.parameters import SOILS
 from rover_pin.scenarios import settings_of
 from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, numbers_of
+from rover_pin.toml_file import read_toml
 
 ACTS = {Effect: "contact", MotorEffect: "motor", BodyEffect: "body", SensorEffect: "sensor"}
 
@@ -104,6 +106,18 @@ def _effect(kind: type[AnyEffect]) -> Entry:
 
 def _acts(kind: type[AnyEffect]) -> str:
     return next(word for base, word in ACTS.items() if issubclass(kind, base))
+
+
+def samples() -> list[Entry]:
+    """Return the measured data that come along, each with where it is from."""
+    return [_sample(name) for name in sample_names()]
+
+
+def _sample(name: str) -> Entry:
+    folder = sample_folder() / name
+    file = next(folder.glob("*.toml"))
+    about = file.read_text(encoding="utf-8").split("\n")[0].removeprefix("#").strip()
+    return Entry(name, about, {"source": str(read_toml(file)["source"]), "folder": str(folder)})
 
 
 def settings(scenario: str = "ditch", **given: Any) -> list[Setting]:

@@ -14,7 +14,7 @@ from rover_pin.commands.completing import scenario_names
 from rover_pin.commands.options import Add, AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
 from rover_pin.commands.speaking import Speaking, program
 from rover_pin.commands.view import SEEN, asked_for, open_page, write_asked
-from rover_pin.errors import RoverPinError, UrdfError
+from rover_pin.errors import RoverPinError
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
 from rover_pin.surroundings import leave_folder_out
@@ -112,17 +112,19 @@ def half_step_change(chosen: Any, trace: Any) -> float:
 
 @app.command("check-urdf")
 def check_urdf(
-    file: Annotated[Path, typer.Argument(help="A rover's .toml, or a .urdf alone.")],
+    file: Annotated[Path, typer.Argument(help="A rover's .toml, a .urdf alone, or a shipped rover's name.")],
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
     """Check a rover: what to mend, whether it stands and moves. What was assumed for that is said."""
     from rover_pin.body.rover import load_rover
     from rover_pin.body.urdf_check import check_urdf as check
+    from rover_pin.description.layout import shipped
     from rover_pin.vehicle.road_check import road_check
 
+    name = file
     if not is_file(file):
-        raise UrdfError(f"{file}: there is no such file: give a rover's .toml, or a .urdf.")
+        file = shipped(str(name))
     found = check(file, Trust(everything=trust))
     said: dict[str, Any] = {"faults": [*found.faults], "notes": list(found.notes), "facts": list(found.facts)}
     if found.ok and found.loads:
@@ -130,7 +132,7 @@ def check_urdf(
         said["faults"] += road.faults
         said |= {"stands": road.stands, "moves": road.moves, "assumed": list(road.assumed)}
     if not said["faults"] and file.suffix == ".toml":
-        said["next"] = f"rover-pin drive flat --set rover={file}"
+        said["next"] = f"rover-pin drive flat --set rover={name}"
     report({"file": str(file), **said}, as_json)
     if said["faults"]:
         raise typer.Exit(1)

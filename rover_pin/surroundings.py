@@ -11,6 +11,7 @@ import os
 import resource
 import shutil
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
@@ -18,6 +19,9 @@ from pathlib import Path
 
 SAFE_PATH = "PYTHONSAFEPATH"
 PICTURES = "matplotlib"
+_LOCK = threading.RLock()
+_OPEN_BLOCKS: list[str] = []
+_BEFORE: dict[str, str] = {}
 LEAST_SHARE = 2 << 30
 """Bytes that any process may have: the largest file that is read (`bounded`), and as much to work with it."""
 
@@ -45,15 +49,24 @@ def program(name: str) -> str | None:
 
 @contextmanager
 def safe_path() -> Iterator[None]:
-    """Let the Python processes that start in this block, also by themselves, import nothing from here."""
-    before = os.environ.get(SAFE_PATH)
-    os.environ[SAFE_PATH] = "1"
+    """Let the Python processes that start in this block, also by themselves, import nothing from here.
+
+    Blocks may end in any order, as those of generators do: what stood before the first comes back after the last.
+    """
+    with _LOCK:
+        if not _OPEN_BLOCKS:
+            _BEFORE.update({name: value for name, value in os.environ.items() if name == SAFE_PATH})
+        _OPEN_BLOCKS.append(SAFE_PATH)
+        os.environ[SAFE_PATH] = "1"
     try:
         yield
     finally:
-        os.environ.pop(SAFE_PATH)
-        if before is not None:
-            os.environ[SAFE_PATH] = before
+        with _LOCK:
+            _OPEN_BLOCKS.pop()
+            if not _OPEN_BLOCKS:
+                os.environ.pop(SAFE_PATH, None)
+                os.environ.update(_BEFORE)
+                _BEFORE.clear()
 
 
 def read_pictures_settings() -> None:

@@ -16,6 +16,7 @@ import pytest
 
 from rover_pin.cluster import results
 from rover_pin.errors import SimulationError
+from rover_pin.surroundings import SAFE_PATH, safe_path
 
 ROOT = Path(__file__).parents[1]
 MODULES = (sys.stdlib_module_names | importlib.metadata.packages_distributions().keys() | {"sitecustomize"}) - {
@@ -123,7 +124,17 @@ def test_no_compiler_of_the_folder_runs(folder, tmp_path):
 
 
 def test_a_worker_gets_no_more_memory_than_its_share():
-    taken = results(bytearray, [(1 << 20,), (SHARE_OF_ALL,)], 2)
-    assert len(next(taken)) == 1 << 20
+    assert [len(taken) for taken in results(bytearray, [(1 << 20,)] * 2, 2)] == [1 << 20] * 2
     with pytest.raises(SimulationError, match="needs more memory than the share of one of 2 processes"):
-        next(taken)
+        list(results(bytearray, [(1 << 20,), (SHARE_OF_ALL,)], 2))
+
+
+def test_safe_paths_may_end_in_any_order(monkeypatch):
+    monkeypatch.delenv(SAFE_PATH, raising=False)
+    first, second = safe_path(), safe_path()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert os.environ[SAFE_PATH] == "1"
+    second.__exit__(None, None, None)
+    assert SAFE_PATH not in os.environ

@@ -21,6 +21,7 @@ class What(StrEnum):
     SOILS = "soils"
     ROVERS = "rovers"
     EFFECTS = "effects"
+    SAMPLES = "samples"
     SETTINGS = "settings"
 
 
@@ -38,7 +39,7 @@ def list_(
     ] = [],  # noqa: B006 - typer wants a list
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON for machines.")] = False,
 ) -> None:
-    """List scenarios, soils, rovers, effects or settings. Each number has unit, default, bounds and source."""
+    """List scenarios, soils, rovers, effects, samples or settings. Each number has unit, default, bounds and source."""
     from rover_pin import catalogue
 
     if what is What.SETTINGS:

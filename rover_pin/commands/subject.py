@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rover_pin.errors import DataError
+from rover_pin.measurements.reading import data_path
 from rover_pin.motion.drive_log import FILE, read_drive_log
 from rover_pin.motion.saved import load_trace
 from rover_pin.paths import is_file
@@ -25,6 +26,7 @@ def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
     DataError
         It is neither, the log has no such run, or the trace tells no scenario.
     """
+    path = data_path(path)
     if is_file(path / FILE):
         return subject_of_log(read_drive_log(path, trust), run)
     if path.suffix != ".parquet":

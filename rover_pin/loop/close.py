@@ -24,6 +24,7 @@ from rover_pin.loop.own_effects import refuse_unfit_effects
 from rover_pin.loop.provenance import Asked
 from rover_pin.loop.rig import close_rig_loop, rig_set_of
 from rover_pin.loop.start import start_on
+from rover_pin.measurements.reading import closest_samples, data_path
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.motion.model import Model
@@ -50,8 +51,8 @@ def close_the_loop(
     Parameters
     ----------
     data : path, WheelRig, RigSet, DriveLog, Bed or tuple of paths
-        A folder with rig.toml or drive.toml, or the data in memory, as `read_data` gives them; several folders with
-        rig.toml are a joint fit: one sand, each its own wheel.
+        A folder with rig.toml or drive.toml, the name of a sample (`rover-pin list samples`), or the data in memory, as
+        `read_data` gives them; several folders with rig.toml are a joint fit: one sand, each its own wheel.
     model : RigModel, Soil, Model, path or None
         Where to start: for a rig a RigModel or a soil, for a drive log a Model, for either a model file; else what the
         data declare.
@@ -88,7 +89,7 @@ def close_the_loop(
 
     Examples
     --------
-    >>> verdict = close_the_loop("studies/data/cmu-smooth-wheel")
+    >>> verdict = close_the_loop("cmu-smooth-wheel")
     >>> verdict.answer.value, [type(effect).__name__ for effect in verdict.effects]
     ('one of a set of effects is missing', ['SlipSoftening'])
     """
@@ -96,7 +97,10 @@ def close_the_loop(
     if effects is not None:
         refuse_unfit_effects(effects)
     if isinstance(data, tuple):
-        return _jointly(Asked(tuple(data), model, effects, out, experiment, trust, seed), progress)
+        data = tuple(data_path(folder) for folder in data)
+        return _jointly(Asked(data, model, effects, out, experiment, trust, seed), progress)
+    if isinstance(data, (str, Path)):
+        data = data_path(data)
     experiment = experiment or own_kind(data)
     asked = Asked(data, model, effects, out, experiment, trust, seed)
     if isinstance(data, Bed) or experiment is not None:
@@ -166,11 +170,12 @@ def _drive_log(data: object, trust: Trust = Trust()) -> DriveLog | None:
         wrong = f"this is a file, {wrong}" if is_file(Path(data)) else wrong
         raise DataError(
             f"{data}: {wrong}; give that of a wheel-rig set ({RIG_FILE}) or of a drive log ({FILE}); close-loop also "
-            "takes that of a slip-slope table (slope.toml)."
+            f"takes that of a slip-slope table (slope.toml).{closest_samples(data)}"
         )
     return None
 
 
 def read_data(data: str | Path, trust: Trust = Trust()) -> RigSet | DriveLog:
-    """Return the data in a folder; files that they name lie there, unless `trust` allows more."""
+    """Return the data in a folder, or a sample's; files that they name lie there, unless `trust` allows more."""
+    data = data_path(data)
     return _drive_log(data, trust) or read_rig_set(data, trust)

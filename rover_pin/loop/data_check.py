@@ -17,7 +17,7 @@ from rover_pin.loop.close import read_data
 from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.drive_points import points_of_log
 from rover_pin.measurements.finding import Finding
-from rover_pin.measurements.reading import read_evidence, refuse_beyond_soil
+from rover_pin.measurements.reading import data_path, read_evidence, refuse_beyond_soil
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.motion.drive_log import DriveLog, read_drive_log
 from rover_pin.paths import is_file
@@ -83,11 +83,12 @@ def checked_evidence(path: str | Path | tuple[str | Path, ...], trust: Trust = T
         of several.
     """
     if isinstance(path, tuple):
-        joint = read_joint(path, trust)
+        joint = read_joint([data_path(folder) for folder in path], trust)
         for name, data in joint.sets.items():
             refuse_beyond_soil(data.rig, name)
         return Checked(tuple(data.rig for data in joint.sets.values()), joint.twice, None)
-    if is_file(Path(path) / "rig.toml") or not is_file(Path(path) / "drive.toml"):
+    path = data_path(path)
+    if is_file(path / "rig.toml") or not is_file(path / "drive.toml"):
         return Checked(read_evidence(path, trust), (), None)
     drive = read_drive_log(path, trust)
     refuse_log(drive)

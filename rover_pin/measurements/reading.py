@@ -1,18 +1,45 @@
-"""Measured data of any kind from one path: a wheel-rig set, a drive log, or a table of traction factors."""
+"""Measured data of any kind from one path or by the name of a sample: a rig set, a drive log, traction factors."""
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 
-from rover_pin.errors import DataError
+from rover_pin.errors import DataError, closest
 from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.drive_points import read_drive_points
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.rig_physics import refuse_impossible
 from rover_pin.measurements.traction_points import read_traction_points
 from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
-from rover_pin.paths import is_file
+from rover_pin.paths import exists, is_file, is_folder
 from rover_pin.trust import Trust
+
+
+def sample_folder() -> Path:
+    """Return the folder of the samples: inside an installed package, or beside it in a checkout."""
+    package = Path(str(files("rover_pin")))
+    inside = package / "samples"
+    return inside if inside.is_dir() else package.parent / "studies" / "data"
+
+
+def sample_names() -> list[str]:
+    """Return the names of the samples."""
+    return sorted(folder.name for folder in sample_folder().iterdir() if folder.is_dir())
+
+
+def data_path(given: str | Path) -> Path:
+    """Return where data lie: what is given if it exists, else the sample of this name, else what is given."""
+    path = Path(given)
+    sample = sample_folder() / path
+    is_name = len(path.parts) == 1 and path.name not in ("", "..")
+    return sample if is_name and not exists(path) and is_folder(sample) else path
+
+
+def closest_samples(given: str | Path) -> str:
+    """Return the tail of an unknown-data message: which sample a name may have meant; of a path or a folder nothing."""
+    path = Path(given)
+    return f" Of samples {closest(path, sample_names())}" if len(path.parts) == 1 and not exists(path) else ""
 
 
 def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:
@@ -35,7 +62,7 @@ def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:
     absent = "" if path.is_dir() else "there is no such file or folder; "
     raise DataError(
         f"{path}: {absent}give a folder with rig.toml (wheel rig) or drive.toml (drive log), or a CSV file with the "
-        "columns slip, traction_factor, sd."
+        f"columns slip, traction_factor, sd.{closest_samples(path)}"
     )
 
 
