@@ -2,7 +2,6 @@
 
 import dataclasses
 import logging
-import math
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -160,9 +159,9 @@ def sweep(
 
 @app.command()
 def bounds(
-    slope_deg: Annotated[float, typer.Option(help="Nose-up inclination [deg].")] = 0.0,
+    slope_deg: Annotated[str, typer.Option(help="Nose-up inclination [deg], or as 0.1rad.")] = "0",
     soil: SoilName = "",
-    slip: Annotated[float, typer.Option(help="Slip limit, in (0, 1].")] = 0.2,
+    slip: Annotated[str, typer.Option(help="Slip limit, in (0, 1], or as 20%.")] = "0.2",
     form: Annotated[str, typer.Option(help="Which traction factor: net, torque, gross.")] = "",
     rover: Annotated[str, typer.Option(help="nexus6, cart, or your rover's TOML.")] = "",
     gravity: Gravity = "",
@@ -178,18 +177,20 @@ def bounds(
     from rover_pin.control.bound_pull import TractionLimit
     from rover_pin.control.rover_bounds import bounds_report, bounds_table, rover_torque_bounds
     from rover_pin.effects.soil_traction import SoilTraction
+    from rover_pin.quantity import written
     from rover_pin.scenarios import scenario
 
     given = {"rover": rover, "soil": soil, "form": form, "gravity": gravity, "model": model and str(model)}
     settings = {name: value for name, value in given.items() if value}
     made = scenario("flat", **settings, trust=Trust.of(effects, trust)).model
     own, ground, g, motor = made.rover, made.soils[0], made.gravity, made.motor
-    limit = TractionLimit(slip, made.effect(SoilTraction).form)
-    result = bounds_report(own, ground, math.radians(slope_deg), g, limit, motor)
+    limit = TractionLimit(written(slip, "", "--slip"), made.effect(SoilTraction).form)
+    slope = written(slope_deg, "rad", "--slope-deg", "deg")
+    result = bounds_report(own, ground, slope, g, limit, motor)
     if as_json:
         report(result, as_json)
         return
-    print(bounds_table(rover_torque_bounds(own, ground, math.radians(slope_deg), gravity=g, limit=limit), motor))
+    print(bounds_table(rover_torque_bounds(own, ground, slope, gravity=g, limit=limit), motor))
     report({name: value for name, value in result.items() if name != "wheels"}, as_json)
 
 

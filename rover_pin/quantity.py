@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.units import UNITS
+from rover_pin.units import UNITS, factor_to
 
 
 class Quantity(NamedTuple):
@@ -131,44 +131,40 @@ def to_si(value: Any, unit: Any, expected: str, where: str) -> float:
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
         raise ParameterError(f"{where}: {value!r} is not a number; give one in {expected or 'no unit'}.")
-    value, unit = as_float(value), str(unit)
-    if unit == expected:
-        return value
-    known = UNITS.get(unit)
-    if known is None or known[0] != UNITS.get(expected, (expected, 1.0))[0]:
-        kind = [name for name, (si, _) in UNITS.items() if si == expected] or [expected]
+    unit, factor = str(unit), factor_to(str(unit), expected)
+    if math.isnan(factor):
+        kind = [name for name, (si, _) in UNITS.items() if si == expected] or [expected or "none"]
         raise ParameterError(
             f"{where}: unit '{unit}' does not measure what is asked for; use one of {', '.join(kind)}."
         )
-    return value * known[1]
+    return factor * as_float(value)
 
 
-WRITTEN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*([^\d\s.].*)|\s+(\S.*))?")
+WRITTEN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*([^\d\s.,].*)|\s+(\S.*))?")
 
 
-def written(value: Any, expected: str, where: str) -> float:
+def written(value: Any, expected: str, where: str, bare: str | None = None) -> float:
     """Return the SI number of a value as one writes it: `0.005`, or `"5mm"`, `"30 deg"`, `"1.2 kPa"` with its unit.
+
+    A number that names no unit is in `bare`, or in `expected` where that is None.
 
     Raises
     ------
     ParameterError
         What is not a number, or has a unit of another kind, with `where` it stands.
     """
+    usual = expected if bare is None else bare
     if not isinstance(value, str):
-        try:
-            return as_float(value)
-        except (TypeError, ValueError):
-            raise ParameterError(f"{where} = {value!r} is not a number.") from None
-    found = WRITTEN.fullmatch(value.strip())
+        return to_si(value, usual, expected, where)
+    found = WRITTEN.fullmatch(value.strip().replace("\N{MINUS SIGN}", "-"))
     if found is None:
         try:
             return float(value)  # as nan and inf are written, which bounds refuse
         except ValueError:
-            unit = f" [{expected}]" if expected else ""
-            raise ParameterError(f"{where} = {value!r} is not a number{unit}.") from None
-    unit = (found[2] or found[3] or expected).strip()
-    unit = next((name for name in UNITS if name.replace(" ", "") == unit.replace(" ", "")), unit)
-    return to_si(float(found[1]), unit, expected, where)
+            unit = f" [{usual}]" if usual else ""
+            point = "; write decimals with a point" if "," in value else ""
+            raise ParameterError(f"{where} = {value!r} is not a number{unit}{point}.") from None
+    return to_si(float(found[1]), (found[2] or found[3] or usual).strip(), expected, where)
 
 
 ENTRY = ("value", "unit", "sd", "low", "high", "source", "note")

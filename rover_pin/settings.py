@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Self
 from rover_pin.arguments import arguments_of
 from rover_pin.errors import ParameterError, closest, one_of
 from rover_pin.quantity import Quantity, Record, check, is_symbolic, meant, quantities, written
-from rover_pin.units import UNITS
+from rover_pin.units import factor_to
 
 
 class Setting(NamedTuple):
@@ -109,7 +109,7 @@ class Settings:
                 found[key] = _read(each, self._taken(each))
             self._taken(each)
             if degrees in self.values:
-                found[key] = math.radians(written(self.values.pop(degrees), "", degrees))
+                found[key] = written(self.values.pop(degrees), each.unit, degrees, each.unit.replace("rad", "deg"))
             if key in found:
                 _check(each, key, found[key])
                 self._in_force(each.name, found[key])
@@ -127,7 +127,7 @@ class Settings:
     def _in_unit(self, name: str, value: Any) -> str:
         """Return how a setting is written whose name was given its unit, as `soil.k_mm`; else the names alike."""
         stem, _, unit = name.rpartition("_")
-        if stem in self.known and unit in UNITS and UNITS[unit][0] == self.known[stem].unit:
+        if stem in self.known and not math.isnan(factor_to(unit, self.known[stem].unit)):
             return f"did you mean {stem}={shown(value)}{unit}?"
         return closest(name, self.known)
 

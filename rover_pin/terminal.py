@@ -26,16 +26,19 @@ log = logging.getLogger(__name__)
 
 def priors(words: Iterable[str]) -> dict[str, Any]:
     """Return NAME=MEAN:SD words as priors by name."""
+    from rover_pin.contact import Soil
     from rover_pin.estimation.problem import Prior
+    from rover_pin.quantity import quantities, written
 
-    found = {}
+    found, units = {}, {name: about.unit for name, about in quantities(Soil).items()}
     for word in words:
         name, _, value = word.partition("=")
-        mean, _, sd = value.partition(":")
-        try:
-            found[name] = Prior(float(mean), float(sd))
-        except ValueError:
-            raise ParameterError(f"--prior {word}: write it as NAME=MEAN:SD, as --prior n=1.1:0.1.") from None
+        mean, sign, sd = value.partition(":")
+        bare = [each.strip()[-1:] in tuple("0123456789.") for each in (mean, sd)]
+        if not sign or bare[0] != bare[1]:
+            raise ParameterError(f"--prior {word}: write it as NAME=MEAN:SD, as --prior n=1.1:0.1 or phi=30deg:2deg.")
+        where = f"--prior {word}: {name}"
+        found[name] = Prior(*(written(each, units.get(name, ""), where) for each in (mean, sd)))
     return found
 
 

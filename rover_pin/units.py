@@ -1,62 +1,154 @@
-"""Units that are read at the edge; inside, everything is SI."""
+"""The one grammar of units, for every value, column and option that names one; inside, everything is SI.
+
+A unit is symbols with whole powers one after another, over others: `N m`, `N·m`, `N.m`, `N*m`, `Nm`, `m/s2`, `m s^-2`,
+`rad/(N m)`. Where letters can be read in several ways (`Nms` as N m s or newton milliseconds, a pound as force or mass)
+the kind of quantity that is asked for decides. Capitals are looked at first, and forgiven where nothing is read so.
+"""
 
 from __future__ import annotations
 
 import math
+import re
+import unicodedata
+from fractions import Fraction
+from functools import cache, lru_cache
+from typing import NamedTuple
 
 LBF, INCH, FOOT = 4.4482216152605, 0.0254, 0.3048
 """Pound-force [N], inch and foot [m]."""
 
-UNITS: dict[str, tuple[str, float]] = {
-    "m": ("m", 1.0),
-    "mm": ("m", 1e-3),
-    "cm": ("m", 1e-2),
-    "km": ("m", 1e3),
-    "in": ("m", INCH),
-    "ft": ("m", FOOT),
-    "rad": ("rad", 1.0),
-    "deg": ("rad", math.pi / 180.0),
-    "s": ("s", 1.0),
-    "ms": ("s", 1e-3),
-    "us": ("s", 1e-6),
-    "ns": ("s", 1e-9),
-    "min": ("s", 60.0),
-    "kg": ("kg", 1.0),
-    "g": ("kg", 1e-3),
-    "N": ("N", 1.0),
-    "kN": ("N", 1e3),
-    "lbf": ("N", LBF),
-    "kgf": ("N", 9.80665),
-    "N m": ("N m", 1.0),
-    "mN m": ("N m", 1e-3),
-    "kN m": ("N m", 1e3),
-    "lbf in": ("N m", LBF * INCH),
-    "lbf ft": ("N m", LBF * FOOT),
-    "Pa": ("Pa", 1.0),
-    "N/m^2": ("Pa", 1.0),
-    "kPa": ("Pa", 1e3),
-    "MPa": ("Pa", 1e6),
-    "kN/m^2": ("Pa", 1e3),
-    "psi": ("Pa", LBF / INCH**2),
-    "m/s": ("m/s", 1.0),
-    "mm/s": ("m/s", 1e-3),
-    "cm/s": ("m/s", 1e-2),
-    "km/h": ("m/s", 1.0 / 3.6),
-    "rad/s": ("rad/s", 1.0),
-    "rpm": ("rad/s", math.pi / 30.0),
-    "deg/s": ("rad/s", math.pi / 180.0),
-    "rev/s": ("rad/s", 2.0 * math.pi),
-    "rad/m": ("rad/m", 1.0),
-    "deg/m": ("rad/m", math.pi / 180.0),
-    "m/s^2": ("m/s^2", 1.0),
-    "V": ("V", 1.0),
-    "mV": ("V", 1e-3),
-    "A": ("A", 1.0),
-    "mA": ("A", 1e-3),
-    "ohm": ("ohm", 1.0),
-    "kg/m^3": ("kg/m^3", 1.0),
-    "g/cm^3": ("kg/m^3", 1e3),
-    "t/m^3": ("kg/m^3", 1e3),
-    "lb/ft^3": ("kg/m^3", 0.45359237 / FOOT**3),
-}
-"""Units read at the edge: name -> (SI name, factor). Any other unit must be the field's own, spelled the same."""
+BASE = ("m", "kg", "s", "A", "K", "rad")
+"""Those of SI, and the angle beside them: a torque and a torsional stiffness are two kinds."""
+PREFIXES = {"n": "1e-9", "u": "1e-6", "m": "1e-3", "c": "1e-2", "k": "1e3", "M": "1e6"}
+METRIC = {"m": "", "s": "", "A": "", "K": "", "rad": "", "N": "kg m/s^2", "J": "N m", "W": "N m/s", "Pa": "N/m^2",
+          "V": "W/A", "ohm": "V/A", "Hz": "1/s"}  # fmt: skip
+"""Symbols that take a prefix, and what they are made of."""
+OTHERS: tuple[tuple[str, float, str], ...] = (
+    ("g", 1e-3, "kg"), ("t", 1e3, "kg"), ("lb", 0.45359237, "kg"), ("lb", LBF, "N"), ("lbf", LBF, "N"),
+    ("kgf", 9.80665, "N"), ("newton", 1.0, "N"), ("in", INCH, "m"), ("inch", INCH, "m"), ("ft", FOOT, "m"),
+    ("metre", 1.0, "m"), ("meter", 1.0, "m"), ("psi", 1.0, "lbf/in^2"), ("bar", 1e5, "Pa"), ("sec", 1.0, "s"),
+    ("min", 60.0, "s"), ("h", 3600.0, "s"), ("hr", 3600.0, "s"), ("deg", math.pi / 180.0, "rad"),
+    ("degree", math.pi / 180.0, "rad"), ("rev", 2.0 * math.pi, "rad"), ("rpm", math.pi / 30.0, "rad/s"),
+    ("rps", 2.0 * math.pi, "rad/s"), ("dps", math.pi / 180.0, "rad/s"), ("mps", 1.0, "m/s"), ("kmh", 1.0, "km/h"),
+    ("kph", 1.0, "km/h"), ("volt", 1.0, "V"), ("amp", 1.0, "A"), ("%", 0.01, "1"), ("percent", 0.01, "1"),
+    ("pct", 0.01, "1"),
+)  # fmt: skip
+"""Symbols and words that take none: how many of what. A pound is a force where one is asked for, else a mass."""
+USUAL = {
+    "": ("%",), "m": ("mm", "cm", "km", "in", "ft"), "rad": ("deg",), "s": ("ms", "us", "ns", "min"), "kg": ("g",),
+    "N": ("kN", "lbf", "kgf"), "N m": ("mN m", "kN m", "lbf in", "lbf ft"), "V": ("mV",), "A": ("mA",), "ohm": (),
+    "Pa": ("N/m^2", "kPa", "MPa", "kN/m^2", "psi"), "m/s": ("mm/s", "cm/s", "km/h"), "m/s^2": (), "rad/m": ("deg/m",),
+    "rad/s": ("rpm", "deg/s", "rev/s"), "kg/m^3": ("g/cm^3", "t/m^3", "lb/ft^3"),
+}  # fmt: skip
+"""SI's name of a kind of quantity, and what else it is often given in: what errors and tables list."""
+LONGEST = 24
+"""Letters of a unit; what is longer is none."""
+SPELLINGS = str.maketrans(
+    {"°": "deg", "º": "deg", "Ω": "ohm", "μ": "u", "µ": "u", "−": "-", "·": " ", "⋅": " ", "*": " "}
+)
+POWER = re.compile(r"(?:\^?\(?([+-]?\d)\)?)?[ .-]*(.*)")
+
+
+class Unit(NamedTuple):
+    """One reading of a unit: what a number in it is multiplied by to be in SI, and the powers of `BASE`."""
+
+    size: Fraction
+    powers: tuple[int, ...]
+
+    def times(self, other: Unit, power: int) -> Unit:
+        """Return the product with a whole power of another unit."""
+        powers = tuple(mine + power * theirs for mine, theirs in zip(self.powers, other.powers, strict=True))
+        return Unit(self.size * other.size**power, powers)
+
+
+NONE = Unit(Fraction(1), (0,) * len(BASE))
+
+
+@cache
+def _symbols(folded: bool) -> dict[str, tuple[Unit, ...]]:
+    """Return what every symbol stands for; `folded` in small letters."""
+    made: dict[str, tuple[Unit, ...]] = {"1": (NONE,)}
+
+    def add(name: str, size: float | str, unit: Unit) -> None:
+        key = name.lower() if folded else name
+        made[key] = (*made.get(key, ()), unit._replace(size=Fraction(str(size)) * unit.size))
+
+    for name in BASE:
+        add(name, 1.0, Unit(Fraction(1), tuple(int(each == name) for each in BASE)))
+    exact = made if not folded else _symbols(False)
+    for name, of in METRIC.items():
+        unit = _over(of, exact)[0] if of else exact[name][0]
+        for prefix, size in {"": "1", **PREFIXES}.items() if of else PREFIXES.items():
+            add(prefix + name, size, unit)
+    for name, count, of in OTHERS:
+        for word in {name, f"{name}s"} if name.isalpha() and len(name) > 1 else {name}:
+            add(word, count, _over(of, exact)[0])
+    return made
+
+
+def _over(text: str, symbols: dict[str, tuple[Unit, ...]]) -> list[Unit]:
+    """Return the readings of a product over others."""
+    above, *below = (re.sub(r"^\((.*)\)$", r"\1", part.strip()) for part in text.split("/"))
+    ways = _product(above, symbols, {})
+    for part in below:
+        under = _product(part, symbols, {}) if part else []
+        ways = [unit.times(other, -1) for unit in ways for other in under]
+    return ways
+
+
+def _product(text: str, symbols: dict[str, tuple[Unit, ...]], known: dict[str, list[Unit]]) -> list[Unit]:
+    """Return the readings of symbols one after another, with a blank, point or hyphen between them or nothing."""
+    if not text:
+        return [NONE]
+    if text not in known:
+        ways = set()
+        for end in range(1, len(text) + 1):
+            for unit in symbols.get(text[:end], ()):
+                power, rest = POWER.findall(text[end:])[0]
+                ways |= {after.times(unit, int(power or 1)) for after in _product(rest, symbols, known)}
+        known[text] = sorted(ways)
+    return known[text]
+
+
+@lru_cache(maxsize=1024)
+def readings(text: str, folded: bool = False) -> tuple[Unit, ...]:
+    """Return every way to read a unit, none where it is no unit; `folded` takes small letters for capitals."""
+    plain = unicodedata.normalize("NFKC", text.strip().translate(SPELLINGS)).translate(SPELLINGS)
+    plain = plain.replace("**", "^").replace(" per ", "/")
+    if plain in ("", "-"):
+        return (NONE,)
+    return tuple(_over(plain.lower() if folded else plain, _symbols(folded))) if len(plain) <= LONGEST else ()
+
+
+def factor_to(unit: str, expected: str) -> float:
+    """Return the factor from a unit to `expected`, an SI unit; NaN where it is of another kind."""
+    if unit == expected:
+        return 1.0
+    kinds = {reading.powers for reading in readings(expected)}
+    for folded in (False, True):
+        sizes = {reading.size for reading in readings(unit, folded) if reading.powers in kinds}
+        if sizes:
+            return float(sizes.pop()) if len(sizes) == 1 else math.nan
+    return math.nan
+
+
+HEADER = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*")
+
+
+def name_and_unit(header: str) -> tuple[str, str]:
+    """Return the name and the unit of a column: `Torque [N.m]`, `Torque (Nm)`, `Torque / Nm`, `torque_Nm`.
+
+    What stands in brackets at the end is the unit, also where it is none that can be read; empty where there is none.
+    """
+    bracketed = HEADER.fullmatch(header)
+    if bracketed:
+        return bracketed[1].strip(), (bracketed[2] or bracketed[3] or "").strip()
+    for mark in re.finditer(r"\s*[/,]\s*|_+|\s+in\s+", header):
+        name, unit = header[: mark.start()].strip(), header[mark.end() :].strip()
+        if name and unit and (readings(unit) or readings(unit, folded=True)):
+            return name, unit
+    return header.strip(), ""
+
+
+UNITS = {name: (si, factor_to(name, si)) for si, names in USUAL.items() for name in (si, *names) if name}
+"""Units by the name that the package gives them: the SI unit of their kind, and how many of it."""

@@ -317,7 +317,7 @@ def test_identify_refuses_parameters_and_priors(run):
         ("drive ditch --terrain.depth 3cm", "--terrain.depth is no option of drive but a setting: --set t"),
         ("drive ditch --rovr x.toml", "No such option: --rovr"),
         ("check-urdf --rover x.toml", "No such option: --rover"),
-        ("curve --n abc", "Invalid value for '--n': "),
+        ("curve --n abc", "--n = 'abc' is not a number."),
         ("drive ditch --out", "Option '--out' requires an argument."),
         ("check-urdf", "Missing argument"),
     ],

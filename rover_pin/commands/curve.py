@@ -12,17 +12,21 @@ from rover_pin.terminal import report, stoppable
 
 def curve(
     soil: SoilName = "table-1",
-    k: Annotated[list[float], typer.Option(help="Shear displacement k [m], repeatable; default: the soil's own.")] = [],  # noqa: B006
-    n: Annotated[float | None, typer.Option(help="Sinkage exponent, in place of the soil's.")] = None,
+    k: Annotated[
+        list[str], typer.Option(help="Shear displacement, as 10mm, repeatable; default: the soil's own.")
+    ] = [],  # noqa: B006
+    n: Annotated[str, typer.Option(help="Sinkage exponent, in place of the soil's.")] = "",
     out: Out = Path("out/curve"),
     as_json: AsJson = False,
 ) -> None:
     """Draw the load-traction factor F(S) against slip. In every form, at the soil's fixed angles."""
     from rover_pin import plot
     from rover_pin.parameters import soil_named
+    from rover_pin.quantity import written
     from rover_pin.soil.curves import traction_curves
 
-    table = traction_curves(soil_named(soil), k, n)
+    lengths = [written(each, "m", "--k") for each in k]
+    table = traction_curves(soil_named(soil), lengths, written(n, "", "--n") if n else None)
     with stoppable(out, ("traction.csv", "traction.png")), alone_in(out):
         files = plot.traction_figure(table, soil, out)
     at = {f"F({form}, k = {1e3 * value:g} mm)": curve for (form, value), curve in table.curves.items()}

@@ -17,6 +17,7 @@ from rover_pin.measurements.tables import read_table
 from rover_pin.measurements.wheel_rig import ANGLE, STRAIGHT
 from rover_pin.quantity import to_si
 from rover_pin.toml_file import toml_text
+from rover_pin.units import name_and_unit
 
 
 class Known(NamedTuple):
@@ -48,9 +49,6 @@ KNOWN = (
     Known("level", "text", ("level", "slip level")),
 )
 NEEDED = ("slip", "load_N")
-ENDS = {"mps": "m/s", "nm": "N m", "mnm": "mN m", "n": "N", "kn": "kN", "m": "m", "mm": "mm", "cm": "cm", "in": "in",
-        "lbf": "lbf", "lb": "lbf", "rad": "rad", "deg": "deg", "percent": "%", "pct": "%"}  # fmt: skip
-"""Units as the ends of column names have them."""
 
 
 class Read(NamedTuple):
@@ -90,8 +88,8 @@ def read_foreign(file: Path) -> Read:
     made: dict[str, Any] = {}
     said = []
     for name in map(str, table.columns):
-        stem, unit = _parts(name)
-        known = next((each for each in KNOWN if stem in (*each.names, _plain(each.column))), None)
+        stem, unit = name_and_unit(name)
+        known = next((each for each in KNOWN if _plain(stem) in (*each.names, _plain(each.column))), None)
         if known is None:
             said.append(f"'{name}' is not used: no column of a wheel-rig set is known by it")
             continue
@@ -123,15 +121,6 @@ def _askew(made: Mapping[str, Any]) -> bool:
     return ANGLE in made and bool((made[ANGLE].abs() > STRAIGHT).any())
 
 
-def _parts(name: str) -> tuple[str, str]:
-    """Return what a column is called, in plain letters, and its unit, empty where it tells none."""
-    bracketed = re.fullmatch(r"\s*(.*?)\s*[\[(]\s*(.*?)\s*[\])]\s*", name)
-    if bracketed:
-        return _plain(bracketed[1]), bracketed[2]
-    stem, _, end = name.strip().rpartition("_")
-    return (_plain(stem), ENDS[end.lower()]) if stem and end.lower() in ENDS else (_plain(name), "")
-
-
 def _plain(name: str) -> str:
     return re.sub(r"[\s_\-]+", " ", name).strip().lower()
 
@@ -139,9 +128,6 @@ def _plain(name: str) -> str:
 def _in_si(values: Any, unit: str, known: Known, where: str) -> Any:
     if known.unit == "text":
         return values.astype(str)
-    if unit == "%" and known.unit == "":
-        return values / 100.0
-    unit = unit if unit not in ("-", "1") else ""
     try:
         return values * (to_si(1.0, unit, known.unit, where) if unit else 1.0)
     except ParameterError as error:

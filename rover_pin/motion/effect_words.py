@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -110,6 +109,4 @@ def _value(word: str, effect: AnyEffect, field: str, text: str) -> tuple[str, An
         if name not in known:
             raise ParameterError(f"{word}: {type(effect).__name__} has no field '{field}': {closest(field, known)}")
         return name, text
-    if angle:
-        return name, math.radians(written(text, "", f"{word}: {field}"))
-    return name, written(text, quantities(effect)[name].unit, f"{word}: {field}")
+    return name, written(text, quantities(effect)[name].unit, f"{word}: {field}", "deg" if angle else None)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from rover_pin.contact import Scalar, Soil
 from rover_pin.errors import ParameterError
-from rover_pin.units import UNITS
+from rover_pin.units import factor_to
 
 POWERS = {"k_c": 1, "k_phi": 2}
 """k_c is a force over length^(n + 1), k_phi one over length^(n + 2)."""
@@ -32,13 +33,14 @@ def bekker_si(name: str, value: float, unit: str, n: float | None, where: str) -
         A unit of another form or power than this constant's, or a length that needs n, with `where` it stands.
     """
     found = WRITTEN.fullmatch(unit.strip())
-    top, factor = UNITS.get({"lb": "lbf"}.get(found[1], found[1]), ("", 1.0)) if found else ("", 1.0)
-    kind, length = UNITS.get(found[2], ("", 1.0)) if found else ("", 1.0)
+    top, under = (found[1], found[2]) if found else ("", "")
+    pressure = math.isnan(factor_to(top, "N"))
+    factor, length = factor_to(top, "Pa" if pressure else "N"), factor_to(under, "m")
     power = int((found[3] or "0").replace(" ", "")) if found else 0
-    if top not in ("N", "Pa") or kind != "m" or power + 2 * (top == "Pa") != POWERS[name]:
-        force, pressure = f"/m^(n+{POWERS[name]})", "kPa/m^(n-1)" if name == "k_c" else "kPa/m^n"
+    if math.isnan(factor * length) or power + 2 * pressure != POWERS[name]:
+        over, pascals = f"/m^(n+{POWERS[name]})", "kPa/m^(n-1)" if name == "k_c" else "kPa/m^n"
         raise ParameterError(
-            f"{where}: unit '{unit}' is none of {name}'s: write N{force}, kN{force}, {pressure}, or one with in or cm."
+            f"{where}: unit '{unit}' is none of {name}'s: write N{over}, kN{over}, {pascals}, or one with in or cm."
         )
     if length == 1.0:
         return value * factor

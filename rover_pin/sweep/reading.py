@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from rover_pin.sweep.plan import Grid, LatinHypercube, Plan, Sobol
 from rover_pin.sweep.study import Study
 from rover_pin.toml_file import read_toml
 from rover_pin.trust import Trust
-from rover_pin.units import UNITS
+from rover_pin.units import UNITS, USUAL, factor_to
 
 PLANS: dict[str, type[Any]] = {"grid": Grid, "latin-hypercube": LatinHypercube, "sobol": Sobol}
 SCALES: dict[str, type[Range]] = {"linear": Range, "log": LogRange}
@@ -130,7 +131,10 @@ def _si(value: Any, entry: Mapping[str, Any]) -> Any:
     """Return `value`, in the SI unit when the entry names a unit."""
     if "unit" not in entry:
         return value
-    _, factor = _chosen(entry["unit"], UNITS, "unit")
+    unit = entry["unit"]
+    factor = next((each for each in (factor_to(str(unit), si) for si in USUAL) if not math.isnan(each)), None)
+    if factor is None or not isinstance(unit, str):
+        raise ParameterError(f"there is no unit '{unit}': {closest(unit, UNITS)}")
     if kind_of(value) != "number":
         raise ParameterError(f"{value!r} has a unit and is not a finite number.")
     return value * factor
