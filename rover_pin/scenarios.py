@@ -20,6 +20,7 @@ from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.command import Controller
+from rover_pin.motion.cruise import CRUISE_SLIP
 from rover_pin.motion.defaults import pace, scale, usual_angles
 from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.effect_words import having, words_of
@@ -137,8 +138,8 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
         `side` (combined, shear: law of the side force; combined where wheels go sideways, see `vehicle.side_force`),
         `add` (effects, or words for them as "DiggingMemory.c_d=0.1,length=0.05": see `motion.effect_words`),
-        `effect.CLASS.FIELD`, `cruise_slip` (takes the resistance R with which the soil as driven is cruised at this
-        slip; without it R is the named soil's for 0.05, whatever `soil.FIELD` is set to), `model` (a drive's model
+        `effect.CLASS.FIELD`, `cruise_slip` (the slip on the flat, 0.05, that gives the resistance R of soil, wheels and
+        load as driven: `motion.cruise`; a declared R, or that of a model file, stays), `model` (a drive's model
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
         `trust` (a `Trust`: which files that the model or the rover names may run, or lie elsewhere),
         `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, true, turn,
@@ -178,7 +179,7 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
         raise ParameterError(f"There is no scenario '{name}': {closest(name, SCENES)}")
     scene = SCENES[name]
     asked = Settings({**scene.settings, **settings})
-    model, assumed = _model(scene, asked)
+    model, assumed, _ = _model(scene, asked)
     controller = controller_from(asked, model)
     start = Start(**asked.arguments("start", Start))
     dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, STEP)
@@ -213,7 +214,7 @@ def _terrain(scene: Scene, asked: Settings, size: float) -> Terrain:
 
 def _model(scene: Scene, asked: Settings) -> Made:
     of_file = asked.values.get("model") is not None
-    model, assumed = composed(asked, _trust(asked))
+    model, assumed, resists = composed(asked, _trust(asked))
     size = scale(model.rover)
     terrain = _terrain(scene, asked, size)
     if size != 1.0 and terrain != shapes.flat():
@@ -232,27 +233,27 @@ def _model(scene: Scene, asked: Settings) -> Made:
     friction = asked.number("gear_friction", 0.0, FRICTION)
     if friction:
         model = model.having(GearFriction(tau_c=friction))
-    model = _cruising(model, asked, None if of_file else scene.cruise_slip)
+    model = _cruising(model, asked, resists)
     model = having(
         model, asked.take("add", (), source="effects to add, as DiggingMemory.c_d=0.1: rover-pin list effects")
     )
     for effect in model.all_effects:
         changes = asked.record(f"effect.{type(effect).__name__}", effect)
         model = model.having(effect.replace(**changes)) if changes else model
-    return Made(model, assumed)
+    return Made(model, assumed, resists)
 
 
-def _cruising(model: Model, asked: Settings, usual: float | None) -> Model:
-    """Return the model with the resistance of an asked `cruise_slip`, taken on the soil as it is driven."""
-    slip = asked.take(
-        "cruise_slip", None, source="takes the resistance with which the soil as driven is cruised at this slip"
-    )
-    if slip is not None:
-        if "effect.MotionResistance.R" in asked.values:
-            raise ParameterError("cruise_slip and effect.MotionResistance.R both set R: give one of them.")
-        return cruising(model, written(slip, "", "cruise_slip"))
-    resists = any(isinstance(effect, MotionResistance) for effect in model.effects)
-    return model if usual is None or not resists else cruising(model, usual)
+def _cruising(model: Model, asked: Settings, resists: bool) -> Model:
+    """Return the model with the resistance of its soil, wheels and load as driven, unless R is declared."""
+    slip = asked.take("cruise_slip", None, source="slip on the flat [-], which gives R where it is not declared: 0.05")
+    declared_R = "effect.MotionResistance.R" in asked.values
+    if slip is not None and declared_R:
+        raise ParameterError("cruise_slip and effect.MotionResistance.R both set R: give one of them.")
+    if slip is None and (
+        resists or declared_R or not any(isinstance(each, MotionResistance) for each in model.effects)
+    ):
+        return model
+    return cruising(model, CRUISE_SLIP if slip is None else written(slip, "", "cruise_slip"))
 
 
 def _trust(asked: Settings) -> Trust:

@@ -11,7 +11,6 @@ from rover_pin.body import shapes
 from rover_pin.body.field import paper_field
 from rover_pin.body.terrain import Terrain
 from rover_pin.body.terrain_files import from_grid, from_polyline
-from rover_pin.motion.model import CRUISE_SLIP
 
 DEG = math.pi / 180.0
 
@@ -25,8 +24,6 @@ class Scene:
     terrain_settings: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     symmetric: bool = False
-    cruise_slip: float | None = None
-    "the slip for which the resistance is chosen on the scene's own soil; else it is that of the named soil"
     askew: bool = False
     "whether wheels go sideways on it"
     about: str = ""
@@ -42,7 +39,7 @@ SCENES: dict[str, Scene] = {
     "ditch": Scene(shapes.ditch, 20.0, {"wall_angle": 30 * DEG}, symmetric=True),
     "step": Scene(shapes.step, 20.0, symmetric=True),
     "rocks": Scene(shapes.rocks, 30.0),
-    "field": Scene(paper_field, 120.0, settings={"soil.k": 0.010}, cruise_slip=CRUISE_SLIP),
+    "field": Scene(paper_field, 120.0, settings={"soil.k": 0.010}),
     "washboard": Scene(shapes.washboard, 20.0, symmetric=True),
     "cross-slope": Scene(shapes.cross_slope, 20.0, {"angle": 6 * DEG}, askew=True),
     "hills": Scene(shapes.hills, 30.0),
@@ -50,7 +47,6 @@ SCENES: dict[str, Scene] = {
         shapes.flat,
         30.0,
         settings={"control": "turn", "soil.k": 0.003},
-        cruise_slip=CRUISE_SLIP,
         askew=True,
         about="A turn of 1 m radius on level ground, wheels steered",
     ),
@@ -58,7 +54,6 @@ SCENES: dict[str, Scene] = {
         shapes.flat,
         20.0,
         settings={"control": "point-turn", "soil.k": 0.003},
-        cruise_slip=CRUISE_SLIP,
         askew=True,
         about="A turn on the spot on level ground, wheels steered",
     ),
@@ -66,7 +61,6 @@ SCENES: dict[str, Scene] = {
         shapes.flat,
         20.0,
         settings={"control": "crab", "soil.k": 0.003},
-        cruise_slip=CRUISE_SLIP,
         askew=True,
         about="Sideways at 20 deg on level ground, the wheels that steer all at one angle",
     ),

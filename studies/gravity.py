@@ -54,7 +54,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP
+from rover_pin.motion.cruise import CRUISE_DUTY, CRUISE_SLIP
 from rover_pin.motion.simulate import Timing
 from rover_pin.motion.trace import Trace
 from rover_pin.parameters.gravity import EARTH, GRAVITIES
@@ -67,7 +67,7 @@ SCENES: dict[str, tuple[str, dict[str, Any], float, float]] = {
     "bump, sand": ("bump", {}, 40.0, 1.0),
     "bump, hard": ("bump", {"terrain.ground": 1}, 40.0, 1.0),
     "step down, 0.04 m": ("step", {"terrain.height": -0.04}, 40.0, 1.0),
-    "ditch, k = 10 mm": ("ditch", {"soil.k": 0.010, "cruise_slip": 0.05}, 40.0, 0.95),
+    "ditch, k = 10 mm": ("ditch", {"soil.k": 0.010}, 40.0, 0.95),
 }
 """Name -> scenario, settings, duration [s], and the place whose passing is timed [m]."""
 PLACES = ("earth", "mars", "moon")
@@ -129,8 +129,8 @@ def fast_drives(speeds: tuple[float, ...], quick: bool) -> tuple[pd.DataFrame, d
 def rushing(scene: str, speed: float, place: str, damping: float) -> Scenario:
     """Return a drive of the rover with a motor geared to `speed` [m/s], from RUN_UP metres ahead; angles by sinkage."""
     name, settings, end = FAST[scene]
-    usual = {"gravity": place, "angles": "sinkage", "effect.NormalDamping.d": damping, "start.x": -RUN_UP}
-    case = scenario(name, **settings, **usual, duration=(end + RUN_UP) / speed + 15.0)
+    usual = {"gravity": place, "effect.NormalDamping.d": damping, "start.x": -RUN_UP}
+    case = scenario(name, **as_on_earth(name, settings, "sinkage"), **usual, duration=(end + RUN_UP) / speed + 15.0)
     model = case.model
     torque = float(model.effect(MotionResistance).R) * EARTH * model.rover.mass / 6.0 * float(model.rover.wheel.r)
     motor = model.motor.calibrated(CRUISE_DUTY, speed / (1.0 - CRUISE_SLIP) / float(model.rover.wheel.r), torque)
@@ -168,7 +168,13 @@ def bouncing(trace: Trace, g: float, end: float) -> dict[str, float]:
 
 def driven(scene: str, place: str, angles: str) -> Scenario:
     name, settings, duration, _ = SCENES[scene]
-    return scenario(name, **settings, duration=duration, gravity=place, angles=angles)
+    return scenario(name, **as_on_earth(name, settings, angles), duration=duration, gravity=place)
+
+
+def as_on_earth(name: str, settings: dict[str, Any], angles: str) -> dict[str, Any]:
+    """Return the settings with these angles and with the resistance that they have under the Earth's loads."""
+    R = float(scenario(name, **settings, angles=angles).model.effect(MotionResistance).R)
+    return {**settings, "angles": angles, "effect.MotionResistance.R": R}
 
 
 def passing(trace: Trace, place: float) -> float:

@@ -40,7 +40,7 @@ import pandas as pd
 
 from rover_pin import plot
 from rover_pin.control.slip_estimate import TableEstimate, calibrated_table
-from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SPEED
+from rover_pin.motion.cruise import CRUISE_DUTY, CRUISE_SPEED
 from rover_pin.motion.motors import MOTORS, motor_named
 from rover_pin.scenarios import Scenario, scenario
 from rover_pin.soil.traction import TorqueTraction, load_traction_factor

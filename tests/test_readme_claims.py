@@ -46,7 +46,7 @@ WORD = r"[-+.\de]+"
 INTERVAL = rf"{NUMBER} \[{NUMBER}, {NUMBER}\]"
 LOOP = "rover-pin close-loop studies/data/cmu-smooth-wheel"
 OPENED = f"{LOOP} --open"
-DITCH = "rover-pin drive ditch --set soil.k=10mm --open"
+DITCH = "rover-pin drive ditch --set soil.k=10mm --set duration=30 --open"
 NEW = "rover-pin new-rover my_rover.urdf"
 INIT = "rover-pin init mine.csv --r 45mm --b 50mm --noise drawbar_pull=0.5N --noise sinkage=0.5mm"
 IMPORT = (

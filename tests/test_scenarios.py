@@ -1,6 +1,7 @@
 """Every ready-made drive drives, other rovers and terrains from files included, and its log is a drive log."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -114,11 +115,31 @@ def resistance(**settings):
     return float(scenario("flat", **settings).model.effect(MotionResistance).R)
 
 
-def test_the_resistance_is_the_named_soils_and_stays_when_a_constant_of_the_soil_is_set():
-    assert resistance() == pytest.approx(0.028, abs=5e-4)
-    assert resistance(**{"soil.k": 0.0025}) == resistance()
-    assert resistance(soil="fjs-1", **{"soil.k": 0.0025}) == resistance(soil="fjs-1") > 2.0 * resistance()
-    assert resistance(**{"soil.k": 0.01, "effect.MotionResistance.R": 0.07}) == 0.07
+@pytest.mark.parametrize(
+    "settings",
+    [{}, {"soil.k": "10mm"}, {"soil.k": "3mm"}, {"soil": "dry-sand", "soil.phi": "40deg"}, {"rover": "cart"},
+     {"rover": "cart", "gravity": "moon"}, {"soil": "mars-sand", "form": "gross", "angles": "sinkage"}],
+    ids=str,
+)  # fmt: skip
+def test_driven_wheels_drive_level_ground_on_every_soil(settings):
+    """R follows soil, wheels and load: nothing skids at S < 0, and nothing is said of it."""
+    trace = scenario("flat", duration=5.0, **settings).drive()
+    assert trace.stack("slip")[-1].min() > 0.0
+    assert np.mean(trace.stack("slip")[-1]) == pytest.approx(0.05, abs=0.01)
+    assert not trace.attrs["notes"]
+
+
+def test_a_declared_resistance_stays_and_wheels_that_skid_are_said(tmp_path):
+    settings = {"soil.k": "10mm", "effect.MotionResistance.R": 0.028}
+    drive = scenario("flat", duration=3.0, **settings)
+    trace = drive.drive()
+    assert trace.summary()["motion_resistance_R"] == 0.028
+    (note,) = trace.attrs["notes"]
+    slip = float(re.search(r"driven wheels skid at S = (-[\d.]+) on level ground", note)[1])
+    assert np.mean(trace.stack("slip")[-1]) == pytest.approx(slip, abs=2e-3)
+    write_model(drive.model, tmp_path / "model.toml", "as declared")
+    assert resistance(model=str(tmp_path / "model.toml"), gravity="moon") == 0.028
+    assert not scenario("flat", duration=0.5, **{**settings, "effect.MotionResistance.R": 0.1}).drive().attrs["notes"]
 
 
 @pytest.mark.parametrize(("k", "form", "slip"), [(0.01, "torque", 0.05), (0.02, "gross", 0.1)])

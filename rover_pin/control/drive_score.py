@@ -10,7 +10,8 @@ import numpy as np
 
 from rover_pin.contact import Scalar
 from rover_pin.control.reduced import Outcome
-from rover_pin.motion.model import CRUISE_SPEED, Model
+from rover_pin.motion.cruise import CRUISE_SPEED
+from rover_pin.motion.model import Model
 from rover_pin.motion.trace import Trace
 from rover_pin.quantity import Record, quantity
 

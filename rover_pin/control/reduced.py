@@ -35,7 +35,8 @@ from rover_pin.control.reduced_loop import Loop
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.wheel_path import WheelPath, wheel_path
 from rover_pin.errors import OptimisationError
-from rover_pin.motion.model import CRUISE_SPEED, Model
+from rover_pin.motion.cruise import CRUISE_SPEED
+from rover_pin.motion.model import Model
 from rover_pin.quantity import quantities
 from rover_pin.soil.sinkage import entry_angle, sinkage
 

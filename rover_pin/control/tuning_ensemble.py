@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.control.tuning_study import DriveCase
 from rover_pin.errors import ParameterError
-from rover_pin.motion.model import CRUISE_SLIP
+from rover_pin.motion.cruise import CRUISE_SLIP
 
 SHEAR = (10**-2.5, 10**-1.5)
 """Range of k [m], drawn on a logarithmic scale: about 3 to 32 mm."""

@@ -94,7 +94,9 @@ class SlipSlope(Bed):
     def base_model(self) -> Parts:
         """Return the soil as declared, with the traction and the resistance of a drive of this rover."""
         traction = SoilTraction(TorqueTraction(), usual_angles(self.rover))
-        kept = [each for each in base_effects(self.soil, self.rover, traction) if isinstance(each, ACTING)]
+        kept = [
+            each for each in base_effects(self.soil, self.rover, traction, self.gravity) if isinstance(each, ACTING)
+        ]
         return Parts({"soil": self.soil}, tuple(kept))
 
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:

@@ -55,7 +55,7 @@ def _driven(drive: DriveLog, wheel: RigModel, file: str | Path) -> Model:
     if len(tractions) != 1:
         raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
     own = base_model(drive)
-    effects = base_effects(wheel.soil, own.rover, tractions[0])
+    effects = base_effects(wheel.soil, own.rover, tractions[0], own.gravity)
     model = dataclasses.replace(own, soils=(wheel.soil, *own.soils[1:]), effects=effects)
     return functools.reduce(Model.having, wheel.effects, model)
 

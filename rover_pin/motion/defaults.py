@@ -13,7 +13,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.description.motor_sheet import MotorSheet
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import ParameterError
-from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SPEED
+from rover_pin.motion.cruise import CRUISE_DUTY, CRUISE_SPEED
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.motors import motor_named
 from rover_pin.parameters import NEXUS6_WHEEL, soil_named

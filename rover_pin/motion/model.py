@@ -10,7 +10,7 @@ from typing import Any, Self, TypeVar
 from rover_pin.body.rover import Rover
 from rover_pin.body.section import DEEPEST
 from rover_pin.body.terrain import Terrain
-from rover_pin.contact import Soil, Wheel
+from rover_pin.contact import Soil
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect, called
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.normal_damping import NormalDamping
@@ -19,13 +19,11 @@ from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.built import built_ground, built_rover
+from rover_pin.motion.cruise import CRUISE_SLIP, default_resistance
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.suspension import joints_of, suspension_dofs
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.quantity import Record
-from rover_pin.soil.angles import FixedAngles
-from rover_pin.soil.sinkage import entry_angle
-from rover_pin.soil.traction import load_traction_factor, wheel_forces
 
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
 OneKind = TypeVar("OneKind", bound=AnyEffect)
@@ -239,21 +237,15 @@ def _without(present: tuple[OneKind, ...], kind: type[AnyEffect]) -> tuple[OneKi
     return tuple(effect for effect in present if not isinstance(effect, kind))
 
 
-CRUISE_SLIP = 0.05
-"""Assumed slip on the flat; the paper says that it 'stays near 0'."""
-CRUISE_SPEED, CRUISE_DUTY = 0.05, 0.55
-"""Paper, section 5: the test bed runs at 0.05 m/s in a steady state when the duty is 0.55."""
+def base_effects(soil: Soil, rover: Rover, traction: SoilTraction, gravity: float = EARTH) -> tuple[Effect, ...]:
+    """Return the traction law, damping, the `default_resistance` of this soil, rover and gravity, side shear.
 
-
-def base_effects(soil: Soil, rover: Rover, traction: SoilTraction) -> tuple[Effect, ...]:
-    """Return the traction law, damping, the resistance that makes this soil's flat cruise at CRUISE_SLIP, side shear.
-
-    The resistance is a number of `soil`: it stays where the model's soil is changed later, see `cruising`. The net form
-    holds its own compaction resistance, so it gets none.
+    The resistance is a number of `soil`: where the model's soil is changed later, `cruising` takes it anew. The
+    net form holds its own compaction resistance, so it gets none.
     """
     if traction.form.name == "net":
         return (traction, NormalDamping(), SideShear())
-    R = max(_cruise_factor(CRUISE_SLIP, soil, rover, traction, EARTH), 0.0)
+    R = default_resistance(soil, rover, traction, gravity)
     return (traction, NormalDamping(), MotionResistance(R=R), SideShear())
 
 
@@ -272,7 +264,7 @@ def cruising(model: Model, S: float = CRUISE_SLIP) -> Model:
             f"cruise_slip = {S:g}: the net form holds its own compaction resistance, so its slip on the flat follows "
             "from the soil: leave it out, or take form=torque or gross."
         )
-    R = _cruise_factor(S, model.soils[0], model.rover, traction, model.gravity) if -1.0 < S <= 1.0 else -1.0
+    R = default_resistance(model.soils[0], model.rover, traction, model.gravity, S) if -1.0 < S <= 1.0 else -1.0
     if not 0.0 <= R <= 1.0:
         raise ParameterError(
             f"cruise_slip = {S:g}: no resistance R in [0, 1] makes the flat cruise there: give a slip in (-1, 1] at "
@@ -280,20 +272,3 @@ def cruising(model: Model, S: float = CRUISE_SLIP) -> Model:
         )
     present = [effect for effect in model.effects if isinstance(effect, MotionResistance)]
     return model.having((present[0] if present else MotionResistance()).replace(R=R))
-
-
-def _cruise_factor(S: float, soil: Soil, rover: Rover, traction: SoilTraction, gravity: float) -> float:
-    """Return F(S), the mean of the wheels under equal shares of the weight; fixed angles do not know the load."""
-    wheels = dict.fromkeys(mount.wheel for mount in rover.wheels)
-    counts = [sum(mount.wheel == wheel for mount in rover.wheels) for wheel in wheels]
-    load = rover.mass * gravity / len(rover.wheels)
-    factors = [_factor_under(load, S, soil, wheel, traction) for wheel in wheels]
-    return sum(count / len(rover.wheels) * factor for count, factor in zip(counts, factors, strict=True))
-
-
-def _factor_under(load: float, S: float, soil: Soil, wheel: Wheel, traction: SoilTraction) -> float:
-    if isinstance(traction.angles, FixedAngles):
-        return float(load_traction_factor(S, soil, wheel, traction.form, traction.angles))
-    theta_1 = entry_angle(load, S, wheel, soil)
-    forces = wheel_forces(S, theta_1, -soil.exit_ratio * theta_1, wheel, soil)
-    return float(traction.form.factor(forces, wheel, S))

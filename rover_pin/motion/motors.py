@@ -22,7 +22,7 @@ from functools import lru_cache
 from rover_pin.body.rover import load_rover
 from rover_pin.contact import Soil
 from rover_pin.errors import one_of
-from rover_pin.motion.model import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED
+from rover_pin.motion.cruise import CRUISE_DUTY, CRUISE_SLIP, CRUISE_SPEED
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.soil.traction import TorqueTraction, load_traction_factor

@@ -14,6 +14,7 @@ from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.motion.body_law import elastic_energy
+from rover_pin.motion.cruise import level_slip, traction_factor
 from rover_pin.motion.model import Model
 from rover_pin.motion.native.shared import ENERGY, RECORD
 from rover_pin.motion.suspension import joints_of, suspension_places
@@ -97,8 +98,23 @@ def about(model: Model) -> dict[str, Any]:
 
 
 def notes(model: Model) -> list[str]:
-    """Return what a reader of the drive should know of its model: where sinking, or rising again, costs nothing."""
-    return [*_unpaid(model), *_lifted(model)]
+    """Return what a reader should know of a model: driven wheels skid on the flat, sinking or rising costs nothing."""
+    return [each for each in (_skids(model), *_unpaid(model), *_lifted(model)) if each]
+
+
+def _skids(model: Model) -> str:
+    tractions = [effect for effect in model.effects if isinstance(effect, SoilTraction)]
+    if not tractions:
+        return ""
+    R = sum(float(effect.R) for effect in model.effects if isinstance(effect, MotionResistance))
+    level = model.soils[0], model.rover, tractions[0], model.gravity
+    slip = level_slip(R, *level)
+    if not slip:
+        return ""
+    return (
+        f"R = {R:.3g} is less than the {traction_factor(0.0, *level):.3g} that shearing this soil takes at no slip: "
+        f"driven wheels skid at S = {slip:.2g} on level ground; leave R out, or give more."
+    )
 
 
 def _unpaid(model: Model) -> list[str]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from rover_pin.body import shapes
 from rover_pin.body.rover import Rover, load_rover
 from rover_pin.contact import Soil
+from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, ParameterError
@@ -29,10 +30,11 @@ MOTOR = "assumed: the paper names no motor"
 
 
 class Made(NamedTuple):
-    """A model, and what was assumed for its rover."""
+    """A model, what was assumed for its rover, and whether a file declares its resistance."""
 
     model: Model
     assumed: tuple[str, ...]
+    resists: bool = False
 
 
 def composed(asked: Settings, trust: Trust) -> Made:
@@ -52,7 +54,7 @@ def composed(asked: Settings, trust: Trust) -> Made:
 def _of_file(file: str, asked: Settings, trust: Trust) -> Made:
     model = read_model(file, shapes.flat(), trust)
     _refuse(("rover", "soil", "form", "angles", "slip", "motor"), asked, file)
-    return Made(model, ())
+    return Made(model, (), resists=True)
 
 
 def _of_rig(file: str, asked: Settings, trust: Trust) -> Made:
@@ -63,7 +65,8 @@ def _of_rig(file: str, asked: Settings, trust: Trust) -> Made:
     if len(tractions) != 1:
         raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
     made = _on_soil(asked, rover, rig.soil, tractions[0])
-    return made._replace(model=functools.reduce(Model.having, rig.effects, made.model))
+    resists = any(isinstance(effect, MotionResistance) for effect in rig.effects)
+    return made._replace(model=functools.reduce(Model.having, rig.effects, made.model), resists=resists)
 
 
 def _refuse(names: tuple[str, ...], asked: Settings, file: str) -> None:

@@ -16,8 +16,9 @@ from rover_pin.control.rover_bounds import climbable_slope
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError
+from rover_pin.motion.cruise import CRUISE_DUTY
 from rover_pin.motion.defaults import own_motor, own_soil, usual_angles
-from rover_pin.motion.model import BURIED, CRUISE_DUTY, base_effects
+from rover_pin.motion.model import BURIED, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.soil.sinkage import entry_angle, sinkage

@@ -73,9 +73,10 @@ def test_sand_that_is_weaker_than_believed_reads_as_less_slip():
 
 def test_a_loss_of_strength_that_the_model_has_is_read_through():
     """Past the peak the same torque is that of two slips: the sand's law alone reads the smaller one."""
-    sand = {"soil.k": 0.0065, "terrain.wall_angle_deg": 47.0, "add": "PostPeak.fraction=0.3"}
+    little = {"soil.k": 0.0065, "effect.MotionResistance.R": 0.02}  # with its own R the rover would not get out
+    sand = {**little, "terrain.wall_angle_deg": 47.0, "add": "PostPeak.fraction=0.3"}
     scene = scenario("ditch", **sand)
-    unaware = OnboardSlip.of(scenario("ditch", **{"soil.k": 0.0065}).model)
+    unaware = OnboardSlip.of(scenario("ditch", **little).model)
     aware, unaware = (
         np.sqrt(np.mean(watched("ditch", Sensors(), 24.0, estimate, **sand).error(16.0) ** 2))
         for estimate in (OnboardSlip.of(scene.model), unaware)
@@ -206,7 +207,7 @@ def test_eq_9s_table_is_that_of_the_driven_model():
     speeds = [float(flat_table(model).speed_at(np.array(0.55))) for model in (plain, moon, firm)]
     assert speeds[0] == pytest.approx(0.05, abs=1e-3)
     assert speeds[1] > speeds[0] + 5e-4
-    assert speeds[2] > speeds[0] + 3e-3
+    assert speeds[2] < speeds[0] - 3e-3  # firmer sand resists more
     assert flat_table(scenario("slope").model) is flat_table(plain)
     for name, model in (("moon", moon), ("table-1", plain)):
         drive = scenario("slope", control="eq9", **({"gravity": "moon"} if name == "moon" else {}))

@@ -15,10 +15,10 @@ from rover_pin.scenarios import scenario
 
 DRIVES = {
     "hills": ("hills", {}, (0.10, 0.01)),
-    "incline": ("incline", {"terrain.angle_deg": 8.0, "soil.k": 0.01}, (0.02, 0.01)),
+    "incline": ("incline", {"terrain.angle_deg": 8.0, "soil.k": 0.01}, (0.07, 0.01)),
     "one-sided bump": ("one-sided-bump", {}, (0.05, 0.03)),
     "ditch": ("ditch", {}, (0.26, 0.38)),
-    "ditch, passed": ("ditch", {"soil.k": 0.01}, (0.29, 0.34)),
+    "ditch, passed": ("ditch", {"soil.k": 0.01, "effect.MotionResistance.R": 0.028}, (0.29, 0.34)),
 }
 SETTLED = 4
 """Controls after which a drive is no longer starting."""
@@ -62,7 +62,7 @@ def test_the_loads_at_the_pitch_are_off_as_is_told_and_the_drive_ends_alike(name
 
 
 @pytest.mark.parametrize(
-    ("name", "k", "at_shear", "at_slip"), [("slope", 0.05, 0.2, 61), ("ditch", 0.01, 0.5, 3), ("rocks", 0.05, 5, 65)]
+    ("name", "k", "at_shear", "at_slip"), [("slope", 0.05, 0.2, 61), ("ditch", 0.01, 1.8, 19), ("rocks", 0.05, 5, 65)]
 )
 def test_how_often_either_check_acts(name, k, at_shear, at_slip):
     """Per cent of wheels and rows below the asked duty: at the soil's greatest shear only while wheels speed up."""

@@ -196,7 +196,8 @@ def test_reduced_and_full_score_agree_part_by_part():
 
 DIGS = (("duration", 30.0), ("add", "DiggingMemory.c_d=0.1"), ("terrain.angle_deg", 7.0))
 DIGGING = DriveCase("digging slope", "incline", DIGS)
-BEFORE_A_WALL = DriveCase("ditch", "ditch", (("duration", 14.0), ("soil.k", 0.01), ("terrain.wall_angle_deg", 40.0)))
+LOOSE = (("effect.MotionResistance.R", 0.028), ("soil.k", 0.01))
+BEFORE_A_WALL = DriveCase("ditch", "ditch", (("duration", 14.0), *LOOSE, ("terrain.wall_angle_deg", 40.0)))
 
 
 def test_what_digs_in_is_buried_by_both_models_and_costs_its_depth():

@@ -12,7 +12,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.contrast import Contrast, Instruments, contrast, logged_instruments, with_currents
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.menu import DURATION, MenuRun, menu, on_own_ground
-from rover_pin.motion.model import CRUISE_DUTY
+from rover_pin.motion.cruise import CRUISE_DUTY
 
 TELLS, ENOUGH = 9.0, 25.0
 """Expected chi2 from which a run tells two models apart, and above which no further sensor is asked for."""
