@@ -204,7 +204,7 @@ class JointRig(Experiment):
 
     def predict(self, models: Sequence[JointModel]) -> np.ndarray:
         """Return the channels of each model (models, folds, channels, samples)."""
-        return np.array([np.nan_to_num(self.sensitivities(one, (), np.zeros(0)).predicted) for one in models])
+        return np.array([self.sensitivities(one, (), np.zeros(0)).predicted for one in models])
 
     def insufficient(self) -> str:
         """Return why the sets tell nothing together, and what would."""

@@ -17,7 +17,7 @@ from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.wheel_rig.beds import beds_of
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.model import UNBALANCED, RigModel, RigPredictor, conditions, predictor
+from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor
 from rover_pin.experiments.wheel_rig.presets import known_heights
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.soil_space import MOST_EXIT
@@ -25,8 +25,6 @@ from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel
 
 ROWS: tuple[type[RigChannel], ...] = RIG_CHANNELS
 """The channels in the order in which a rig model predicts them."""
-LOST = 1e3
-"""What stands for the channels of a run whose load no sinkage carries [channel's unit]: far, but finite."""
 DECADES = math.log(5.0)
 """How far apart starts of k and k_1 are, in their logarithm."""
 LEAST = 1e-6
@@ -116,20 +114,18 @@ class RigExperiment(Experiment):
         return {}
 
     def sensitivities(self, model: RigModel, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
-        """Return the channels and their exact slopes; LOST and 0 where no sinkage carries the load."""
+        """Return the channels and their exact slopes; NaN where no sinkage carries the load."""
         free, vector = tuple(map(own_name, (one.name for one in parameters))), model.vector()
         where = [model.names.index(name) for name in free]
         vector[where] = [one.value(x) for one, x in zip(parameters, u, strict=True)]
         key = (model.structure, free)
         if key not in self._predictors:
             self._predictors[key] = predictor(model, free, self._given)
-        values, jacobian, error = self._predictors[key](vector)
+        values, jacobian, _ = self._predictors[key](vector)
         measured = [ROWS.index(type(channel)) for channel in self.data.rig.channels]
-        carried = np.abs(error) < UNBALANCED
         slopes = np.array([one.slope(x) for one, x in zip(parameters, u, strict=True)])
-        moved = np.where(carried[:, None], jacobian[measured] * slopes, 0.0)
-        found = np.nan_to_num(np.where(carried, values[measured], LOST), nan=LOST)
-        return Sensitivities(self.table(found), self.table(np.nan_to_num(np.moveaxis(moved, -1, 0))))
+        moved = np.moveaxis(jacobian[measured] * slopes, -1, 0)
+        return Sensitivities(self.table(values[measured]), self.table(moved))
 
     def turns(self) -> np.ndarray | None:
         """Return the rows' order as that of measurement; None where most runs follow one of their own level."""
@@ -144,7 +140,7 @@ class RigExperiment(Experiment):
 
     def predict(self, models: Sequence[RigModel]) -> np.ndarray:
         """Return the channels of each model (models, levels, channels, runs of a level)."""
-        return np.array([np.nan_to_num(self.sensitivities(one, (), np.zeros(0)).predicted) for one in models])
+        return np.array([self.sensitivities(one, (), np.zeros(0)).predicted for one in models])
 
     def records(self, model: RigModel) -> Mapping[str, Any]:
         """Return wheel, soil and effects of a model, by name."""

@@ -16,9 +16,10 @@ from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.steady_law import VALUES, Law, parameter_names, steady_law
+from rover_pin.measurements.channel import FIELDS
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.quantity import quantities
-from rover_pin.soil.angles import SinkageAngles
+from rover_pin.soil.angles import SHALLOW, SinkageAngles
 from rover_pin.soil.traction import NetTraction
 
 PAPER: tuple[Effect, ...] = (SoilTraction(NetTraction(), SinkageAngles()),)
@@ -27,11 +28,11 @@ PAPER: tuple[Effect, ...] = (SoilTraction(NetTraction(), SinkageAngles()),)
 ASKEW: tuple[Effect, ...] = (*PAPER, CombinedShear(1.0, NetTraction(), SinkageAngles()))
 """The same with its shear along and across: what a wheel at a slip angle starts from."""
 
-STEPS = 6
-"""Newton steps on ln h, at most; the base model needs 3, an effect that changes the exponent up to 6."""
+STEPS = 40
+"""Newton steps on ln y, at most; the base model needs 3, an effect that changes the exponent 6, steep starts more."""
 
 SETTLED = 1e-8
-"""Newton's last step in ln h and the states: the error after it is of its square."""
+"""Newton's last step in ln y and the states: the error after it is of its square."""
 
 UNBALANCED = 1e-6
 """Relative error of the carried load from which a prediction is refused."""
@@ -124,9 +125,10 @@ class RigModel:
             A run whose load no sinkage down to the axle carries.
         """
         load, slip = np.broadcast_arrays(np.atleast_1d(np.asarray(load, float)), np.asarray(slip, float))
-        values, _, error = predictor(self, (), conditions(load, slip, speeds, slip_angle))(self.vector())
-        if not (np.abs(error) < UNBALANCED).all():
-            run = int(np.argmax(~(np.abs(error) < UNBALANCED)))
+        values = predictor(self, (), conditions(load, slip, speeds, slip_angle))(self.vector()).values
+        lost = np.isnan(values[0])
+        if lost.any():
+            run = int(np.argmax(lost))
             raise DataError(
                 f"no sinkage down to the axle carries load = {load[run]:g} N at slip = {slip[run]:g} with this model; "
                 "lighten the wheel or choose a firmer soil."
@@ -149,7 +151,10 @@ def conditions(
 
 
 class Predicted(NamedTuple):
-    """Channels [5, runs], their derivatives [5, runs, free], and the relative error of the carried load [runs]."""
+    """Channels [5, runs], their derivatives [5, runs, free], and the relative error of the carried load [runs].
+
+    Channels and derivatives of a run that no sinkage down to the axle carries are NaN: it is not predicted.
+    """
 
     values: np.ndarray
     jacobian: np.ndarray
@@ -166,17 +171,29 @@ class RigPredictor:
         """Return the prediction at these values of all parameters."""
         p = ca.DM(vector)
         out = self._law.point(self._balanced(p), self._runs, p).full()[:, self._repeats]
+        error, lost = out[VALUES].copy(), ~(np.abs(out[VALUES]) < UNBALANCED)
+        out[:, lost] = np.nan
         jacobian = out[VALUES + 1 :].reshape(self._free, VALUES, self._repeats.size).transpose(1, 2, 0)
-        return Predicted(out[:VALUES], jacobian, out[VALUES])
+        return Predicted(out[:VALUES], jacobian, error)
 
-    def _balanced(self, p: ca.DM) -> ca.DM:
-        """Return z of every run after Newton's steps, as many as the slowest run needs."""
-        z = self._law.first(self._runs, p)
+    def _balanced(self, p: ca.DM) -> np.ndarray:
+        """Return z of every run after Newton's steps, as many as the slowest run needs.
+
+        Where a step leaves what is left between too shallow and too deep, y goes to the middle of that: too shallow is
+        also where the ground pulls the wheel down, as cohesion does under a braked one, and ln f_n tells no step.
+        """
+        z, r = self._law.first(self._runs, p).full(), float(p[FIELDS.index("r")])
+        low, high = np.full((2, z.shape[1]), np.log([[2 * SHALLOW * r], [r]]))
         for _ in range(STEPS):
-            before, z = z, self._law.newton(z, self._runs, p)
-            if not float(ca.norm_inf(z - before)) > SETTLED:
+            before, (after, off) = z, (one.full() for one in self._law.newton(z, self._runs, p))
+            deep = off[0] > 0.0
+            low, high = np.where(deep, low, z[0]), np.where(deep, z[0], high)
+            near = np.abs(after[0] - z[0]) <= SETTLED
+            told = np.isfinite(after).all(axis=0) & (near | (after[0] > low) & (after[0] < high))
+            z = np.where(told, after, np.vstack([(low + high) / 2, z[1:]]))
+            if not np.abs(z - before).max() > SETTLED:
                 break
-        return z
+        return np.asarray(z)
 
 
 def predictor(model: RigModel, free: Sequence[str], runs: np.ndarray) -> RigPredictor:

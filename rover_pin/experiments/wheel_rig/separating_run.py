@@ -11,7 +11,7 @@ from rover_pin.estimation.exact import SPREAD
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment, own_name
-from rover_pin.experiments.wheel_rig.model import UNBALANCED, conditions, predictor
+from rover_pin.experiments.wheel_rig.model import conditions, predictor
 
 SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 LOADS = (0.5, 1.0, 2.0)
@@ -70,12 +70,11 @@ def _predicted(data: RigSet, fit: Fit, menu: np.ndarray, noise: np.ndarray) -> t
     """Return predictions [channels, runs] and their covariance [runs, channels, channels] in units of the noise."""
     runs = conditions(menu[:, 0], menu[:, 1], _speeds(data, menu[:, 1]))
     free = [own_name(one.name) for one in fit.parameters]
-    values, jacobian, error = predictor(fit.model, free, runs)(fit.model.vector())
+    values, jacobian, _ = predictor(fit.model, free, runs)(fit.model.vector())
     rows = [ROWS.index(type(channel)) for channel in data.rig.channels]
-    values = np.where(np.abs(error) < UNBALANCED, values, np.nan)[rows]
     along = np.array([one.slope(u) for one, u in zip(fit.parameters, fit.u, strict=True)])
     slopes = jacobian[rows].transpose(1, 0, 2) * along / noise[:, None]
-    return values, slopes @ _doubt(fit) @ slopes.transpose(0, 2, 1)
+    return values[rows], slopes @ _doubt(fit) @ slopes.transpose(0, 2, 1)
 
 
 def _doubt(fit: Fit) -> np.ndarray:

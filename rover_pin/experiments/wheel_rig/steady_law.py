@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -22,10 +23,7 @@ SLOWEST = 1e-9
 """Speed [m/s] below which nothing moves."""
 
 LEAP = 1.5
-"""Longest Newton step in ln h."""
-
-DEEPEST = 0.98
-"""Greatest sinkage over radius that Newton's method tries."""
+"""Longest Newton step in ln y."""
 
 CONDITIONS = 5
 """Inputs of a steady run: load [N], slip [-], speed along the heading, rim speed, speed along the axle [m/s]."""
@@ -46,6 +44,7 @@ class Balance(NamedTuple):
     z: ca.SX
     condition: ca.SX
     p: ca.SX
+    h: ca.SX
     values: ca.SX
     balance: ca.SX
     first: ca.Function
@@ -53,7 +52,7 @@ class Balance(NamedTuple):
 
 
 class Law(NamedTuple):
-    """Functions of all runs: where Newton's method starts, one step of it, and what is read where it ends."""
+    """Functions of all runs: where Newton's method starts, one step of it and ln f_n - ln W before it, what is read."""
 
     first: ca.Function
     newton: ca.Function
@@ -72,7 +71,7 @@ def steady_law(effects: tuple[Effect, ...], free: tuple[str, ...], runs: int) ->
 def _point(effects: tuple[Effect, ...], free: tuple[str, ...]) -> ca.Function:
     """Return (z, condition, parameters) -> one column: channels, the load's error, derivatives column by column.
 
-    At the balance F = 0 the derivative dz/dp = -(dF/dz)^-1 dF/dp is exact.
+    At the balance F = 0 the derivative dz/dp = -(dF/dz)^-1 dF/dp is exact. The error is infinite beyond the axle.
     """
     own, names = _balance(effects), parameter_names(effects)
     wanted = ca.vertcat(*(own.p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
@@ -80,29 +79,36 @@ def _point(effects: tuple[Effect, ...], free: tuple[str, ...]) -> ca.Function:
     every = ca.jacobian(ca.vertcat(own.values, own.balance), ca.vertcat(own.z, wanted))
     by_z, by_p = every[:, : own.z.numel()], every[:, own.z.numel() :]
     total = by_p[:VALUES, :] - ca.mtimes(by_z[:VALUES, :], _solve(by_z[VALUES:, :], by_p[VALUES:, :]))
-    column = ca.densify(ca.vertcat(own.values, own.balance[0], ca.vec(ca.densify(total))))
+    error = ca.if_else(own.h > own.p[names.index("r")], ca.inf, own.balance[0])
+    column = ca.densify(ca.vertcat(own.values, error, ca.vec(ca.densify(total))))
     return ca.Function("point", [own.z, own.condition, own.p], [column])
 
 
 @lru_cache(maxsize=LAWS)
 def _balance(effects: tuple[Effect, ...]) -> Balance:
-    """Return what a structure is solved from: z = (ln h, states) makes F = (ln f_n - ln W, rates) vanish."""
+    """Return what a structure is solved from: z = (ln y, states) makes F = (ln f_n - ln W, rates) vanish."""
     names = parameter_names(effects)
     condition, p = ca.SX.sym("condition", CONDITIONS), ca.SX.sym("p", len(names))
     z = ca.SX.sym("z", 1 + sum(len(effect.states) for effect in effects))
     errors = RigErrors().replace(**{one: p[names.index(f"rig.{one}")] for one in quantities(RigErrors)})
     true = ca.vertcat(condition[0] * errors.load_scale, condition[1:])
-    load, balance, start = _chained(effects, true, p, z)
-    read = ca.vertcat(*errors.read(load, ca.exp(z[0]), true[0]))
-    values, balance = ca.cse([read, balance])
+    load, h, balance, start = _chained(effects, true, p, z)
+    read = ca.vertcat(*errors.read(load, h, true[0]))
+    values, balance, h = ca.cse([read, balance, h])
     step = -_solve(ca.jacobian(balance, z), balance)
-    first = ca.Function("first", [condition, p], [start])
-    newton = ca.Function("newton", [z, condition, p], [_limited(z, step, p[FIELDS.index("r")])])
-    return Balance(z, condition, p, values, balance, first, newton)
+    first = ca.Function("first", [condition, p], [ca.vertcat(start, *_at_rest(z, balance, p))])
+    newton = ca.Function("newton", [z, condition, p], [_limited(z, step, p[FIELDS.index("r")]), balance[0]])
+    return Balance(z, condition, p, h, values, balance, first, newton)
 
 
-def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) -> tuple[Load, ca.SX, ca.SX]:
-    """Return the load of all effects in turn, what must vanish at the balance, and where Newton's method starts."""
+def _chained(
+    effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX
+) -> tuple[Load, ca.SX, ca.SX, ca.SX]:
+    """Return the load of all effects in turn, h, what must vanish at the balance, and where Newton's method starts.
+
+    h = floor + y with y the sinkage into the ground that effects leave, as lugs do a trench: above its floor nothing
+    carries, and f_n tells no way down. f_n of y is nearly a power, whatever the states are.
+    """
     values = iter(ca.vertsplit(p))
     wheel = Wheel().replace(**{name: next(values) for name in quantities(Wheel)})
     soil = Soil().replace(**{name: next(values) for name in quantities(Soil)})
@@ -110,17 +116,38 @@ def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) 
     states = iter(ca.vertsplit(z)[1:])
     x = [tuple(next(states) for _ in effect.states) for effect in effects]
     load, S, v_x, rim, v_y = ca.vertsplit(condition)
-    contact = Contact(S, 0.0, ca.exp(z[0]), v_x, v_y, 0.0, rim, 0.0, 0.0, wheel, soil)
+    contact = Contact(S, 0.0, wheel.r, v_x, v_y, 0.0, rim, 0.0, 0.0, wheel, soil)
     contact = contact._replace(S_y=v_y / ca.fmax(sliding_speed(contact), SLOWEST))
-    for effect, own_states in zip(own, x, strict=True):
-        contact = effect.amend(contact, own_states)
+    h = _floor(own, contact, x) + ca.exp(z[0])
+    contact = _amended(own, contact._replace(h=h), x)
     push = Load()
     for effect, own_states in zip(own, x, strict=True):
         push = push.plus(effect.load(contact, push, own_states))
     rates = [rate for effect, own_states in zip(own, x, strict=True) for rate in effect.rate(contact, push, own_states)]
     shallow = 2 * wheel.r * ca.sin(ca.exp(power_law_guess(ca.log(load), wheel, soil)) / 2) ** 2
-    start = ca.vertcat(ca.log(shallow), *[0.0] * (z.numel() - 1))
-    return push, ca.vertcat(ca.log(push.f_n / load), *rates), start
+    return push, h, ca.vertcat(ca.log(push.f_n / load), *rates), ca.log(shallow)
+
+
+def _at_rest(z: ca.SX, balance: ca.SX, p: ca.SX) -> list[ca.SX]:
+    """Return the states where rates vanish, the wheel sunk to its axle: one step, as rates are linear in states."""
+    if z.numel() == 1:
+        return []
+    step = -_solve(ca.jacobian(balance, z)[1:, 1:], balance[1:])
+    sunk = ca.vertcat(ca.log(p[FIELDS.index("r")]), ca.SX.zeros(z.numel() - 1))
+    return ca.vertsplit(*ca.substitute([step], [z], [sunk]))
+
+
+def _amended(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.SX, ...]]) -> Contact:
+    for effect, own_states in zip(effects, x, strict=True):
+        contact = effect.amend(contact, own_states)
+    return contact
+
+
+def _floor(effects: Sequence[Effect], contact: Contact, x: Sequence[tuple[ca.SX, ...]]) -> ca.SX:
+    """Return how deep the wheel stands before the ground that effects leave meets it: where the secant of h is 0."""
+    r = contact.wheel.r
+    once, twice = (_amended(effects, contact._replace(h=times * r), x).h for times in (1.0, 2.0))
+    return r * (1.0 - once / (twice - once))
 
 
 def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
@@ -128,6 +155,6 @@ def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
 
 
 def _limited(z: ca.SX, step: ca.SX, r: ca.SX) -> ca.SX:
-    """Return z after the step, ln h within a leap and above the axle."""
-    ln_h = ca.fmin(z[0] + ca.fmax(ca.fmin(step[0], LEAP), -LEAP), ca.log(DEEPEST * r))
-    return ca.vertcat(ln_h, *(z[i] + step[i] for i in range(1, z.numel())))
+    """Return z after the step, ln y within a leap and to the axle."""
+    ln_y = ca.fmin(z[0] + ca.fmax(ca.fmin(step[0], LEAP), -LEAP), ca.log(r))
+    return ca.vertcat(ln_y, *(z[i] + step[i] for i in range(1, z.numel())))

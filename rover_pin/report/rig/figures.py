@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS
 from rover_pin.experiments.wheel_rig.left import Left
-from rover_pin.experiments.wheel_rig.model import UNBALANCED, RigModel, conditions, predictor
+from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
 from rover_pin.report.svg import AFTER, BEFORE, GREY
@@ -79,13 +79,8 @@ def _curves(model: RigModel, data: RigSet, channel: RigChannel) -> Iterator[Curv
             slip = np.linspace(min(0.0 if angle == 0.0 else 1.0, own.rig.slip.min()), own.rig.slip.max(), POINTS)
             under = _along(own, slip, np.asarray(own.rig.load)) if load is None else np.full(slip.size, load)
             runs = conditions(under, slip, _speeds(own, slip), np.mean(own.rig.slip_angle))
-            values, _, error = predictor(model, (), runs)(model.vector())
-            carried = np.abs(error) < UNBALANCED
-            yield (
-                slip,
-                np.where(carried, values[ROWS.index(type(channel))], np.nan),
-                ", ".join(filter(None, (of, said))),
-            )
+            values = predictor(model, (), runs)(model.vector()).values
+            yield slip, values[ROWS.index(type(channel))], ", ".join(filter(None, (of, said)))
 
 
 def _loads(data: RigSet) -> list[tuple[float | None, str]]:
