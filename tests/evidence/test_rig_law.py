@@ -18,7 +18,7 @@ WHEEL = Wheel()
 
 
 @pytest.mark.parametrize("name", ["", *KINDS])
-def test_newtons_method_ends_where_six_steps_end(name, monkeypatch):
+def test_newtons_method_ends_where_more_steps_end(name, monkeypatch):
     """It stops once a step is small: no run is less well balanced for that, neither its load nor its states."""
     model = RigModel(WHEEL, SOIL, (*PAPER, *([KINDS[name]()] if name else [])))
     short = predictor(model, ("phi", "k", "k_1"), RUNS)(model.vector())
