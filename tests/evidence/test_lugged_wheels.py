@@ -28,6 +28,11 @@ def carried(y, S, wheel, soil):
     return 0.5 * (first - last) * r * b * float(WEIGHTS @ (sigma * np.cos(theta) + tau * np.sin(theta)))
 
 
+def missing(y, load, *rest):
+    """Return what f_n has beyond the load."""
+    return carried(y, *rest) - load
+
+
 def trench(S, wheel, lugs, y):
     """Return how deep lugs dig where what they carry off, E h_l (r omega - v) (1 - 2 D / r), is what comes in, D v."""
     travel, rim = RIM * (1.0 - max(S, 0.0)), RIM * (1.0 + min(S, 0.0))
@@ -61,7 +66,7 @@ def test_no_lugged_wheel_that_a_bracket_carries_is_lost():
         if not 0.0 < load < carried(wheel.r, S, wheel, soil):
             continue  # braked on cohesive soil the ground pulls a shallow wheel down: more roots than one
         count += 1
-        y = brentq(lambda y: carried(y, S, wheel, soil) - load, 1e-9 * wheel.r, wheel.r)
+        y = brentq(missing, 1e-9 * wheel.r, wheel.r, args=(load, S, wheel, soil))
         h = y + trench(S, wheel, lugs, y)
         model = RigModel(wheel, soil, (*PAPER, lugs))
         if h > wheel.r:

@@ -101,9 +101,7 @@ def _balance(effects: tuple[Effect, ...]) -> Balance:
     return Balance(z, condition, p, h, values, balance, first, newton)
 
 
-def _chained(
-    effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX
-) -> tuple[Load, ca.SX, ca.SX, ca.SX]:
+def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) -> tuple[Load, ca.SX, ca.SX, ca.SX]:
     """Return the load of all effects in turn, h, what must vanish at the balance, and where Newton's method starts.
 
     h = floor + y with y the sinkage into the ground that effects leave, as lugs do a trench: above its floor nothing
