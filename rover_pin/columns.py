@@ -1,17 +1,16 @@
-"""Tables of numbers in files: CSV or Parquet in, CSV out, with the place of whatever is wrong."""
+"""Tables of numbers in files, with the place of whatever is wrong; and files that are written whole or not at all."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.bounded import MOST_TABLE, content, text
 from rover_pin.errors import DataError, closest
-from rover_pin.parquet import unpacked
+from rover_pin.table import read_table
 
 
 class Columns(NamedTuple):
@@ -52,94 +51,17 @@ class Columns(NamedTuple):
 
 
 def read_columns(path: str | Path) -> Columns:
-    """Return the columns of a Parquet file (`.parquet`), or of a comma-separated one with a line of names.
-
-    Lines that are empty or start with '#' are skipped.
+    """Return the columns of a table of numbers, in text of any layout or Parquet.
 
     Raises
     ------
     DataError
-        The file is missing or unreadable, has no rows, a row of another length, or text where a number belongs.
+        What `read_table` refuses, a row of another length, a name that stands there twice, or text where a number
+        belongs.
     """
-    path = Path(path)
-    try:
-        return _parquet(path) if path.suffix == ".parquet" else _text(path, text(path, MOST_TABLE, "utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise DataError(
-            f"{path}: the file cannot be read as UTF-8 text: save it as CSV with commas, or as Parquet."
-        ) from error
-    except OSError as error:
-        raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
-
-
-def _text(path: Path, whole: str) -> Columns:
-    lines = [(at, line) for at, line in enumerate(whole.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    if len(lines) < 2:
-        raise DataError(f"{path}: the file has no rows: give one line of column names, then one line a row.")
-    for mark, word in ((";", "semicolons"), ("\t", "tabs")):
-        if mark in lines[0][1] and "," not in lines[0][1]:
-            raise DataError(f"{path}: the columns stand between {word}: save the file with commas, and decimal points.")
-    names = [name.strip().strip('"') for name in lines[0][1].split(",")]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise DataError(f"{path}, line {lines[0][0]}: column '{twice}' stands there twice; rename one.")
-    rows = [_row(path, at, line.split(","), names) for at, line in lines[1:]]
-    places = tuple(f"line {at}" for at, _ in lines[1:])
-    return Columns(path, dict(zip(names, np.array(rows).T.copy(), strict=True)), places)
-
-
-def _row(path: Path, at: int, cells: list[str], names: list[str]) -> list[float]:
-    if len(cells) != len(names):
-        raise DataError(f"{path}, line {at}: {len(cells)} cells under {len(names)} column names; give one a column.")
-    try:
-        return [float(cell) if cell and not cell.isspace() else np.nan for cell in cells]
-    except ValueError:
-        return [_number(path, f"line {at}", name, cell) for name, cell in zip(names, cells, strict=True)]
-
-
-def _number(path: Path, place: str, name: str, cell: Any) -> float:
-    try:
-        return float(cell) if cell is not None and str(cell).strip() else np.nan
-    except (TypeError, ValueError):
-        raise DataError(f"{path}, {place}: column '{name}' has {str(cell).strip()!r}, which is not a number.") from None
-
-
-def _parquet(path: Path) -> Columns:
-    import pyarrow
-
-    table = parquet_table(path)
-    places = tuple(f"row {row}" for row in range(table.num_rows))
-    if not places:
-        raise DataError(f"{path}: the file has no rows.")
-    values = {}
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        if pyarrow.types.is_floating(column.type):
-            values[name] = column.to_numpy().astype(float)
-        else:
-            cells = zip(places, column.to_pylist(), strict=True)
-            values[name] = np.array([_number(path, place, name, cell) for place, cell in cells])
-    return Columns(path, values, places)
-
-
-def parquet_table(path: Path) -> Any:
-    """Return a Parquet file as a pyarrow Table whose names differ.
-
-    Raises
-    ------
-    DataError
-        The file is missing, unpacks to more than `parquet` allows, or pyarrow cannot read it.
-    """
-    try:
-        table = unpacked(content(path))
-        table.validate(full=True)
-    except Exception as error:  # whatever pyarrow raises for bytes that are no Parquet, an OSError without a reason too
-        if isinstance(error, OSError) and error.strerror:
-            raise DataError(f"{path}: the file cannot be read: {error.strerror}.") from error
-        raise DataError(f"{path}: the file is not Parquet: {error}".rstrip(". \n") + ".") from error
-    for name in table.column_names:
-        if table.column_names.count(name) > 1:
-            raise DataError(f"{path}: column '{name}' stands there twice; rename one.")
-    return table
+    table = read_table(Path(path))
+    table.refuse_faults()
+    return Columns(table.path, {name: table.numbers(name) for name in table.columns}, table.places)
 
 
 def columns_text(values: dict[str, np.ndarray]) -> str:

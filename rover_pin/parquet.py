@@ -3,14 +3,37 @@
 from __future__ import annotations
 
 import errno
+from pathlib import Path
 from typing import Any
 
-from rover_pin.bounded import MOST_UNPACKED, too_large
+from rover_pin.bounded import MOST_UNPACKED, content, too_large
+from rover_pin.errors import DataError
 
 MOST_CELL = 1000
 """Characters of a cell of text: a table of measurements has names there, no more."""
 NUMBER = 8
 """Bytes that a value takes in memory, at most, besides its text."""
+
+
+def parquet_table(path: Path) -> Any:
+    """Return a Parquet file as a pyarrow Table whose names differ.
+
+    Raises
+    ------
+    DataError
+        The file is missing, unpacks to more than `parquet` allows, or pyarrow cannot read it.
+    """
+    try:
+        table = unpacked(content(path))
+        table.validate(full=True)
+    except Exception as error:  # whatever pyarrow raises for bytes that are no Parquet, an OSError without a reason too
+        if isinstance(error, OSError) and error.strerror:
+            raise DataError(f"{path}: the file cannot be read: {error.strerror}.") from error
+        raise DataError(f"{path}: the file is not Parquet: {error}".rstrip(". \n") + ".") from error
+    for name in table.column_names:
+        if table.column_names.count(name) > 1:
+            raise DataError(f"{path}: column '{name}' stands there twice; rename one.")
+    return table
 
 
 def unpacked(packed: bytes, most: int = MOST_UNPACKED) -> Any:

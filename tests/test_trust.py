@@ -291,8 +291,6 @@ OF_ITS_OWN = {
     "description/readers.py": "yourdfpy.URDF.load",
     "view/shapes.py": "yourdfpy.URDF.load",
     "importing/matlab.py": "loadmat",
-    "importing/text_table.py": "pd.read_csv",
-    "measurements/tables.py": "pd.read_csv",
     "parquet.py": "pyarrow.parquet.ParquetFile",
     "sweep/store.py": "pq.ParquetFile temporary.open",
     # what the package has written or made itself, or what comes with it

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rover_pin.measurements.checks import column
-from rover_pin.measurements.tables import read_table
+from rover_pin.table import measured_points
 
 
 def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], np.ndarray]:
@@ -18,7 +18,7 @@ def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str,
     DataError
         No such file or column, or a value that is no finite number: one sentence.
     """
-    table = read_table(path, (by, *names))
+    table = measured_points(path, (by, *names), (by,))
     rows = np.array([column(table[name], name, str(path)) for name in names])
     folds, owner = np.unique(table[by].astype(str).to_numpy(dtype=object).astype(str), return_inverse=True)
     whole = np.full((len(folds), len(names), int(np.bincount(owner).max())), np.nan)

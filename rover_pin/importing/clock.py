@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,9 @@ UNNAMED = 8
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 SLOWEST, FASTEST = 2.0, 1e-4
 """Rows of a drive lie between these apart [s], or the clock is in another unit."""
+PARTS = {"nanosec": 1e-9, "nanosecs": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "usec": 1e-6, "microsec": 1e-6}
+"""What follows whole seconds in a column of its own, in s."""
+REST = re.compile(rf"(.*?)({'|'.join(PARTS)})")
 BACK = 0.01
 """Share of rows that may run back or repeat and are then dropped."""
 
@@ -40,6 +44,7 @@ def find_clock(table: pd.DataFrame, path: Path) -> Clock:
     DataError
         No column increases as a clock does, or too many rows run back.
     """
+    table = _whole_stamps(table)
     names = [word(str(name)) for name in table.columns]
     found = next(
         (each for each in sorted(names, key=_rank) if _is_clock(table[each.name], _rank(each) < UNNAMED)), None
@@ -52,14 +57,29 @@ def find_clock(table: pd.DataFrame, path: Path) -> Clock:
     unit, sure = _unit(raw, found)
     begin = raw.iloc[0]
     t = (raw - begin).to_numpy(dtype=float) * SECONDS[unit]
-    ahead = np.isfinite(t) & (
-        np.maximum.accumulate(np.concatenate([[-np.inf], np.nan_to_num(t[:-1], nan=-np.inf)])) < t
-    )
+    ahead = _ahead(t)
     dropped = int(np.sum(~ahead))
     said = f"'{found.name}' in {unit}" + (
         f"; {dropped} rows that repeat a time or run back are left out" if dropped else ""
     )
     return Clock(t[ahead], table[ahead].reset_index(drop=True), found.name, said, sure)
+
+
+def _whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table whose stamps in two columns, whole seconds and the rest as ROS has them, are one column in s."""
+    for rest in map(str, table.columns):
+        found = REST.fullmatch(rest)
+        whole = next((name for end in ("sec", "secs") if found and (name := found[1] + end) in table), None)
+        if found and whole:
+            stamp = (table[whole] - table[whole].iloc[0]) + PARTS[found[2]] * table[rest]
+            table = table.drop(columns=[whole, rest]).assign(**{f"{found[1].rstrip('._')} stamp [s]".strip(): stamp})
+    return table
+
+
+def _ahead(t: np.ndarray) -> np.ndarray:
+    """Return which rows are later than all before them."""
+    before = np.maximum.accumulate(np.concatenate([[-np.inf], np.nan_to_num(t[:-1], nan=-np.inf)]))
+    return np.isfinite(t) & (before < t)
 
 
 def _rank(each: Word) -> int:
@@ -74,10 +94,13 @@ def _rank(each: Word) -> int:
 
 
 def _is_clock(values: pd.Series, named: bool) -> bool:
-    """Whether a column runs on as a clock does: nearly always, and evenly where its name does not tell."""
-    steps = np.diff(values.to_numpy(dtype=float))
-    known = steps[np.isfinite(steps)]
-    if not known.size or known.sum() <= 0 or np.mean(known > 0.0) < 1.0 - BACK - 0.2 * (known.size > 50):
+    """Whether a column runs on as a clock does: nearly always, and evenly where its name does not tell.
+
+    Of a sawtooth, as the nanoseconds of a stamp are alone, hardly a row is later than all before.
+    """
+    t = values.to_numpy(dtype=float)
+    known = np.diff(t[np.isfinite(t)])
+    if not known.size or np.mean(_ahead(t)[np.isfinite(t)]) < 1.0 - BACK - 0.2 * (known.size > 50):
         return False
     middle = float(np.median(known))
     return named or bool(np.mean(np.abs(known - middle) < 0.2 * middle) > 0.9)

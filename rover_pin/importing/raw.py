@@ -9,13 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from rover_pin.columns import parquet_table
 from rover_pin.errors import DataError
 from rover_pin.importing.bags import bag_table
 from rover_pin.importing.matlab import mat_table
-from rover_pin.importing.text_table import text_table
 from rover_pin.motion.ros_bag import is_bag
 from rover_pin.paths import exists
+from rover_pin.table import read_table
 
 DATED = re.compile(
     r"(?:(?P<first>\d{1,2})[./-](?P<second>\d{1,2})[./-](?P<year>\d{4})[ T,]+)?(?P<time>\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)"
@@ -54,7 +53,13 @@ def read_raw(path: Path) -> Raw:
             "was measured, in two rows at least."
         )
     left = (f"columns without numbers are left out: {', '.join(dropped)}",) if dropped else ()
-    return Raw(path, numbers, (*notes, *left))
+    lost = {name: int(_full(table[name]).sum() - numbers[name].notna().sum()) for name in numbers}
+    said = (f"{count} cells of '{name}' are no numbers and are left out" for name, count in lost.items() if count > 0)
+    return Raw(path, numbers, (*notes, *left, *said))
+
+
+def _full(column: pd.Series) -> pd.Series:
+    return column.notna() & (column.astype(str) != "")
 
 
 def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -62,9 +67,10 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
         return bag_table(path)
     if path.suffix == ".mat":
         return mat_table(path), ()
-    if path.suffix in (".parquet", ".pq"):
-        return parquet_table(path).replace_schema_metadata(None).to_pandas(), ()
-    return text_table(path)
+    table = read_table(path)
+    more = f" (and {len(table.faults) - 1} more)" if len(table.faults) > 1 else ""
+    left = (f"left out: {table.faults[0].rstrip('.')}{more}",) if table.faults else ()
+    return table.frame(), (*table.notes, *left)
 
 
 def _numbers(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:

@@ -121,7 +121,7 @@ def _tokens(text: str) -> list[str]:
     apart = re.sub(r"(?<=[a-zäöüß0-9])(?=[A-ZÄÖÜ])", " ", text)
     plain = unicodedata.normalize("NFKD", apart.lower().translate(SMALL))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
-    return re.findall(r"[a-z]+|\d+", plain)
+    return re.findall(r"[^\W\d_]+|\d+", plain) or [text]
 
 
 def _unit(text: str) -> str:

@@ -16,8 +16,8 @@ def column(values: Any, name: str, where: str, gaps: bool = False) -> np.ndarray
     """Return `values` as a one-dimensional array of finite floats, not empty; with `gaps` NaN is a missing cell."""
     try:
         array = np.array(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise DataError(f"{where}: {name} holds something that is not a number ({error}); give numbers only.") from None
+    except (TypeError, ValueError):
+        raise DataError(f"{where}: {name} holds {_no_number(values)}; give numbers only.") from None
     if array.ndim != 1 or array.size == 0:
         raise DataError(f"{where}: {name} has no data; give at least one measured point, as a plain list of numbers.")
     bad = np.isinf(array) if gaps else ~np.isfinite(array)
@@ -26,6 +26,16 @@ def column(values: Any, name: str, where: str, gaps: bool = False) -> np.ndarray
         raise DataError(f"{where}: {name} has no number in any row; leave that column out.")
     array.setflags(write=False)
     return array
+
+
+def _no_number(values: Any) -> str:
+    """Return the first entry that is no number, and its row."""
+    for row, value in enumerate(values if np.ndim(values) else [], 1):
+        try:
+            float(value)
+        except (TypeError, ValueError):
+            return f"{str(value)!r} in row {row}, which is not a number"
+    return "something that is not a number"
 
 
 def same_length(where: str, **columns: np.ndarray) -> None:

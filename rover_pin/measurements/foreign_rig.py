@@ -13,9 +13,10 @@ from rover_pin.columns import replace_file
 from rover_pin.contact import Wheel
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.measurements.channel import RIG_CHANNELS
-from rover_pin.measurements.tables import read_table
+from rover_pin.measurements.checks import column
 from rover_pin.measurements.wheel_rig import ANGLE, STRAIGHT
 from rover_pin.quantity import to_si
+from rover_pin.table import measured_points
 from rover_pin.toml_file import toml_text
 from rover_pin.units import name_and_unit
 
@@ -84,7 +85,7 @@ def read_foreign(file: Path) -> Read:
     DataError
         The file cannot be read, has two columns for one, a unit of another kind, or neither slip nor load.
     """
-    table = read_table(file, ())
+    table = measured_points(file)
     made: dict[str, Any] = {}
     said = []
     for name in map(str, table.columns):
@@ -118,7 +119,7 @@ def read_foreign(file: Path) -> Read:
 
 def _askew(made: Mapping[str, Any]) -> bool:
     """Return whether a run has a slip angle, without which a set's side force is not looked at."""
-    return ANGLE in made and bool((made[ANGLE].abs() > STRAIGHT).any())
+    return ANGLE in made and bool((abs(made[ANGLE]) > STRAIGHT).any())
 
 
 def _plain(name: str) -> str:
@@ -128,6 +129,7 @@ def _plain(name: str) -> str:
 def _in_si(values: Any, unit: str, known: Known, where: str) -> Any:
     if known.unit == "text":
         return values.astype(str)
+    values = column(values, "the column", where, gaps=True)
     try:
         return values * (to_si(1.0, unit, known.unit, where) if unit else 1.0)
     except ParameterError as error:

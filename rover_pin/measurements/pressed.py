@@ -14,9 +14,9 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.known import Known
-from rover_pin.measurements.tables import read_table
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import wheel_forces
+from rover_pin.table import measured_points
 from rover_pin.toml_file import table_in, text_in
 from rover_pin.trust import Trust
 
@@ -64,7 +64,7 @@ def read_trials(path: Path, surface: str) -> tuple[Trial, ...]:
     DataError
         A missing column, a number that is not finite, or several wheels of which none has this surface.
     """
-    table = read_table(path, ("indenter", "trial", "sinkage_m", "force_N"))
+    table = measured_points(path, ("indenter", "trial", "sinkage_m", "force_N"), ("indenter", "trial"))
     kinds = [kind for kind in dict.fromkeys(map(str, table["indenter"])) if kind.startswith("wheel")]
     chosen = f"wheel_{surface}" if f"wheel_{surface}" in kinds else kinds[0] if len(kinds) == 1 else ""
     if kinds and not chosen:

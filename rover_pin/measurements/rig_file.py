@@ -15,9 +15,9 @@ from rover_pin.errors import DataError, closest
 from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull
 from rover_pin.measurements.checks import column, slips
 from rover_pin.measurements.rig_errors import RigErrors
-from rover_pin.measurements.tables import read_table
 from rover_pin.parameters.bekker import bekker_si
 from rover_pin.quantity import quantities, refuse_strange, to_si, value_and_unit
+from rover_pin.table import measured_points
 from rover_pin.toml_file import table_in, text_in
 from rover_pin.trust import Trust
 
@@ -185,7 +185,7 @@ def read_points(folder: Path, about: Mapping[str, Any], rim_share: float, trust:
     """
     where = f"{folder.name}/rig.toml"
     points = trust.within(folder, text_in(table_in(about, "files", where), "points", where, "points.csv"), where)
-    table = read_table(points, ("slip", "load_N"))
+    table = measured_points(points, ("slip", "load_N"))
     here = f"{folder.name}/{points.name}"
     _refuse_other_units(table, here)
     if SLOPE in table:

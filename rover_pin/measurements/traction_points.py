@@ -19,11 +19,11 @@ from rover_pin.measurements.channel import Channel, Predictor, TractionFactor
 from rover_pin.measurements.checks import column, not_negative, positive, same_length, slips
 from rover_pin.measurements.known import UNDECLARED_SD, Known, range_of
 from rover_pin.measurements.prediction import CompiledPrediction
-from rover_pin.measurements.tables import read_table
 from rover_pin.parameters import NEXUS6_WHEEL
 from rover_pin.soil.angles import Angles, FixedAngles, SinkageAngles
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import NetTraction, TractionForm, load_traction_factor
+from rover_pin.table import measured_points
 
 FORM, ANGLES = NetTraction(), FixedAngles()
 
@@ -244,7 +244,7 @@ def read_traction_points(
         A missing file or column, or values out of range.
     """
     path = Path(path)
-    table: pd.DataFrame = read_table(path, ("slip", "traction_factor", "sd"))
+    table: pd.DataFrame = measured_points(path, ("slip", "traction_factor", "sd"))
     sd = column(table["sd"], "sd", path.name)
     if "count" in table:
         count = column(table["count"], "count", path.name)

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.columns import Columns, parquet_table, read_columns, replace_file
+from rover_pin.columns import Columns, read_columns, replace_file
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.channels import unit_of, wheel_of
 from rover_pin.motion.trace import Trace
+from rover_pin.parquet import parquet_table
 from rover_pin.quantity import to_si
 from rover_pin.toml_file import table_in
 

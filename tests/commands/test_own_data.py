@@ -43,7 +43,7 @@ def test_a_table_becomes_a_set_in_si(run):
         (MINE.replace("Load [N]", "mass"), NOISE, "mine.csv: no column is known as load_N: name it so"),
         (MINE.replace("operator", "slip"), NOISE, "mine.csv: two columns are slip, 'slip' is the second"),
         ("slip,load_N\n0,1\n", (), "mine.csv: nothing that was measured is known: name it drawbar_pull_N"),
-        ("", (), "mine.csv is empty"),
+        ("", (), "mine.csv: the file has no rows"),
     ],
 )
 def test_what_makes_no_set_is_said_and_nothing_is_left(run, table, words, sentence):

@@ -82,11 +82,15 @@ def test_noise_may_come_from_a_column(tmp_path):
         ("0.02\n", "20\n", "sinkage_m reaches 20 m in row 2, deeper than the axle .* millimetres, divide them by 1000"),
         ("load_N", "load", "has no column 'load_N': did you mean 'load'"),
         ("sinkage_m", "sinkage_mm", "column 'sinkage_mm' is not read: did you mean 'sinkage_m'.* Convert it to SI"),
-        ("sinkage_m\n", "sinkage_m\nc,0.2,25,much,0.01\n", "drawbar_pull_N holds something that is not a number"),
-        (POINTS, "", "points.csv is empty"),
-        (POINTS, "slip,load_N,drawbar_pull_N\n", "has a header and no data"),
+        (
+            "sinkage_m\n",
+            "sinkage_m\nc,0.2,25,much,0.01\n",
+            "drawbar_pull_N holds 'much' in row 1, which is not a number",
+        ),
+        (POINTS, "", "points.csv: the file has no rows"),
+        (POINTS, "slip,load_N,drawbar_pull_N\n", "points.csv: the file has no rows"),
         (POINTS, "slip,load_N\n0.1,25\n", "no channel was measured; give one of drawbar_pull_N"),
-        (POINTS, 'slip,load_N\n"0.1,25\n', "cannot be read as CSV"),
+        (POINTS, 'slip,load_N\n"0.1,25\n', "line 2: 1 cells under 2 column names"),
         (POINTS, "slip,load_N,torque_Nm\n0.1,25,1\n", "noise of torque is not stated; write .noise. torque"),
     ],
 )
@@ -123,7 +127,7 @@ def test_missing_files_are_named(tmp_path):
     with pytest.raises(DataError, match=r"rig.toml: the file cannot be read: No such file"):
         read_wheel_rig(tmp_path)
     (tmp_path / "rig.toml").write_text(RIG)
-    with pytest.raises(DataError, match=r"there is no file .*points.csv"):
+    with pytest.raises(DataError, match=r"points.csv: the file cannot be read: No such file"):
         read_wheel_rig(tmp_path)
 
 

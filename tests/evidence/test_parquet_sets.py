@@ -59,7 +59,7 @@ def test_a_wrong_parquet_file_is_one_sentence(tmp_path):
     with pytest.raises(DataError, match="has no column 'load_N': known are slip"):
         read_rig_set(folder)
     points.unlink()
-    with pytest.raises(DataError, match=r"there is no file .*points\.parquet; give the path of a CSV or Parquet file"):
+    with pytest.raises(DataError, match=r"points\.parquet: the file cannot be read: No such file"):
         read_rig_set(folder)
 
 

@@ -208,9 +208,9 @@ def test_what_is_needed_and_missing_is_one_sentence_with_the_columns_there_are(n
     ("name", "content", "said"),
     [
         ("none.csv", None, "there is no such file"),
-        ("empty.csv", b"", "no lines of numbers in columns"),
-        ("text.csv", b"Dear all,\nplease find attached\n", "no lines of numbers in columns"),
-        ("one.csv", b"t\n1\n2\n", "no lines of numbers in columns"),
+        ("empty.csv", b"", "the file has no rows"),
+        ("text.csv", b"Dear all,\nplease find attached\n", "line 2: 1 cells under 2 column names"),
+        ("one.csv", b"t\n1\n2\n", "1 columns of numbers in 2 rows"),
         ("bytes.mat", b"\x00\x01", "no .mat that can be read"),
         (
             "seven.mat",

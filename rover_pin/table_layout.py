@@ -1,0 +1,107 @@
+"""How a text file holds a table: which delimiter and decimal mark, where its header is, whether units follow it."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from typing import NamedTuple
+
+DELIMITERS = (";", "\t", "|", ",", " ")
+LOOKED = 60
+"""Lines by which delimiter and header are told."""
+MISSING = {"", "-", "--", "\u2013", "\u2014", "na", "n/a", "#n/a", "nan", "null", "none"}
+"""Cells, in small letters, that stand for a missing one."""
+UNIT = r"[A-Za-z°%µμΩ][^\s,;]{0,7}(?:\s?m)?"
+NUMBERS = {
+    ".": re.compile(rf"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*({UNIT}))?"),
+    ",": re.compile(rf"([+-]?(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?)(?:\s*({UNIT}))?"),
+}
+"""A number under a decimal mark, perhaps with its unit."""
+DATE = re.compile(r"(?:\d{4}-\d\d-\d\d|\d{1,2}[./-]\d{1,2}[./-]\d{4})[T ]+\d{1,2}:\d\d|\d{1,2}:\d\d:\d\d")
+OF_A_ROW = re.compile(r"[\[(]?\s*[\w/°%*^² .·µμΩ-]{0,12}\s*[\])]?")
+"""A cell of a row of units."""
+COMMENTS = ("#", "%", "//")
+
+
+class Layout(NamedTuple):
+    """How a text file is laid out."""
+
+    delimiter: str
+    decimal: str
+    header: int
+    "line of the names, counted from 0; -1 where there is none"
+    units: bool
+    "whether a line of units follows"
+
+    @property
+    def said(self) -> str:
+        """The layout in words."""
+        words = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
+        decimal = ", decimal comma" if self.decimal == "," else ""
+        return f"columns between {words[self.delimiter]}{decimal}"
+
+
+def layout_of(lines: list[str]) -> Layout:
+    """Return how lines are laid out: the layout under which most cells of the last of them are numbers.
+
+    Where hardly any is a number, the first line that is no comment has the names, and tells what parts them.
+    """
+    kept = [at for at, line in enumerate(lines[: 10 * LOOKED]) if line.strip()]
+    sample = [lines[at] for at in kept[:LOOKED]]
+    named = next((at for at in kept if not lines[at].lstrip().startswith(COMMENTS)), -1)
+    usual = max(",;\t|", key=lines[named].count) if named >= 0 else ","
+    best, most = Layout(usual, ".", named, False), 0.0
+    for delimiter in DELIMITERS:
+        for decimal in NUMBERS if delimiter != "," else ".":
+            score, layout = _scored(sample, kept, delimiter, decimal)
+            if score > most + 1e-9:
+                best, most = layout, score
+    return best
+
+
+def _scored(sample: list[str], kept: list[int], delimiter: str, decimal: str) -> tuple[float, Layout]:
+    """Return how many cells a line are numbers under a layout, and where its header is."""
+    rows = [cells(line, delimiter) for line in sample]
+    shares = [_numeric(row, decimal) for row in rows]
+    widths = Counter(len(row) for row, share in zip(rows, shares, strict=True) if share > 0.5 and len(row) > 1)
+    if not widths:
+        return 0.0, Layout(delimiter, decimal, -1, False)
+    width, count = widths.most_common(1)[0]
+    first = next(at for at, row in enumerate(rows) if len(row) == width and shares[at] > 0.5)
+    names = [at for at in range(first) if len(rows[at]) == width]
+    units = len(names) > 1 and names[-2] == names[-1] - 1 and _are_units(rows[names[-1]])
+    header = kept[names[-2] if units else names[-1]] if names else -1
+    whole = sum(share * len(row) for row, share in zip(rows, shares, strict=True) if len(row) == width)
+    return whole / max(1, len(rows)) * (count / max(1, len(rows) - first)), Layout(delimiter, decimal, header, units)
+
+
+def cells(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line, quotes, blanks and comment marks around them taken off.
+
+    Raises
+    ------
+    csv.Error
+        A cell longer than the reader of quotes takes.
+    """
+    line = line.lstrip("#% ").lstrip("/ ") if line.lstrip().startswith(COMMENTS) else line
+    if delimiter == " ":
+        found = line.split()
+    elif '"' in line:
+        found = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    else:
+        found = line.split(delimiter)
+    found = [cell.strip().strip('"').strip() for cell in found]
+    return found[:-1] if len(found) > 2 and found[-1] == "" and delimiter != "," else found
+
+
+def _numeric(row: list[str], decimal: str) -> float:
+    """Return the share of a row's cells that are numbers or dates, of those that hold something."""
+    full = [cell for cell in row if cell.lower() not in MISSING]
+    return sum(bool(NUMBERS[decimal].fullmatch(cell) or DATE.match(cell)) for cell in full) / len(full) if full else 0.0
+
+
+def _are_units(row: list[str]) -> bool:
+    full = [cell for cell in row if cell]
+    short = all(OF_A_ROW.fullmatch(cell) for cell in full)
+    return bool(full) and short and sum(cell[0] in "[(" or len(cell) <= 5 for cell in full) > 0.7 * len(full)

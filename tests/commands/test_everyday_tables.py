@@ -1,0 +1,136 @@
+"""One table in the many ways that programs write it: `init` and `import-log` read it, or say where it is wrong."""
+
+import importlib.util
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+_spec = importlib.util.spec_from_file_location("recordings", Path(__file__).parents[1] / "importing" / "recordings.py")
+recordings = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(recordings)
+
+HEAD = "slip,load_N,drawbar_pull_N,torque_Nm"
+ROWS = ("0.1,80,10.5,3", "0.2,80,14.5,3.5", "0.3,79,17.25,4", "0.5,81,20,4.5")
+PLAIN = "\n".join([HEAD, *ROWS])
+INIT = ("--r", "60mm", "--b", "50mm", "--noise", "drawbar_pull=1N", "--noise", "torque=0.1Nm", "--json")
+HABITS = {
+    "as it is": PLAIN,
+    "semicolons": PLAIN.replace(",", ";"),
+    "decimal comma": PLAIN.replace(",", ";").replace(".", ","),
+    "tabs and decimal comma": PLAIN.replace(",", "\t").replace(".", ","),
+    "byte-order mark": "\ufeff" + PLAIN,
+    "lines before": "Rig 3\nmeasured by us, in 2026\n\n" + PLAIN,
+    "row of units": "\n".join([HEAD, "-,N,N,Nm", *ROWS]),
+    "row of units in brackets": "\n".join(["Slip,Load,Drawbar pull,Torque", "[-],[N],[N],[N m]", *ROWS]),
+    "units in cells": "\n".join(["slip,load,drawbar pull,torque"] + [f"{row} Nm" for row in ROWS]),
+    "unit in some cells": PLAIN.replace("81", "81 N"),
+    "other units in cells": re.sub(r",(79|80|81),", lambda found: f",{float(found[1]) / 1e3} kN,", PLAIN),
+    "empty rows behind": PLAIN + "\n,,,\n,,,\n",
+    "quotes": PLAIN.replace("slip", '"slip"').replace("0.2,80", '"0.2","80"'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("habit", HABITS)
+def test_init_reads_one_table_in_every_habit(habit, run):
+    Path("runs.csv").write_text(HABITS[habit], encoding="utf-8")
+    code, _, err = run("init", "runs.csv", *INIT)
+    assert (code, err) == (0, "")
+    lines = [line.split(",") for line in Path("runs/points.csv").read_text().splitlines()]
+    assert lines[0] == HEAD.split(",")
+    assert [[float(cell) for cell in row] for row in lines[1:]] == [[float(c) for c in row.split(",")] for row in ROWS]
+    assert run("check-data", "runs")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        (PLAIN.replace("14.5", "much"), "'drawbar_pull_N': the column holds 'much' in row 2, which is not a number"),
+        (PLAIN.replace("81", "8.1 kg"), "'load_N': the column holds '8.1 kg' in row 4, which is not a number"),
+        (PLAIN.replace("80", "-", 1), "load is missing or not finite in row 1"),
+        (PLAIN + "\n0.6,80", "line 6: 2 cells under 4 column names"),
+        (PLAIN.replace("torque_Nm", "slip"), "line 1: column 'slip' stands there twice"),
+        (HEAD, "the file has no rows"),
+    ],
+)
+def test_what_init_cannot_read_has_its_place(text, place, run):
+    Path("runs.csv").write_text(text)
+    code, _, err = run("init", "runs.csv", *INIT)
+    assert code == 2
+    assert place in err
+    assert err.count("\n") == 1
+
+
+def test_a_measured_cell_that_is_missing_is_no_run(run):
+    Path("runs.csv").write_text(PLAIN.replace("14.5", "-"))
+    assert run("init", "runs.csv", *INIT)[0] == 0
+    assert "0.2,80.0,,3.5" in Path("runs/points.csv").read_text()
+
+
+@pytest.mark.parametrize("command", [("init", *INIT), ("import-log", "--rover", "cart")])
+@pytest.mark.parametrize("begin", [b"PK\x03\x04\x14\x00", b"\xd0\xcf\x11\xe0\xa1\xb1"])
+def test_a_spreadsheet_is_refused_with_what_to_do(command, begin, run):
+    Path("runs.xlsx").write_bytes(begin + bytes(200))
+    code, _, err = run(command[0], "runs.xlsx", *command[1:])
+    assert code == 2
+    assert "this is a spreadsheet or an archive: save the sheet as CSV, and give that file." in err
+
+
+def stamps(**columns):
+    """A drive whose time stands in these columns."""
+    import pandas as pd
+
+    seen = recordings.truth()
+    ns = recordings.EPOCH + (1e9 * seen.pop("t_s")).round().astype(int)
+    table = {name: made(ns) for name, made in columns.items()}
+    pd.DataFrame(table | seen).to_csv("drive.csv", index=False)
+
+
+def test_whole_seconds_and_nanoseconds_are_one_clock(run):
+    stamps(**{"header.stamp.sec": lambda ns: ns // 10**9, "header.stamp.nanosec": lambda ns: ns % 10**9})
+    code, out, err = run("import-log", "drive.csv", "--rover", "cart", "--json")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert any("clock 'header.stamp stamp [s]' in s" in note for note in told["notes"])
+    kept = [float(line.split(": ")[1].split(" s from")[0]) for line in told["runs"]]
+    assert sum(kept) > 55.0, "of 70 s with a stop of 6 s"
+
+
+def test_nanoseconds_alone_are_no_clock(run):
+    stamps(**{"header.stamp.nanosec": lambda ns: ns % 10**9})
+    code, _, err = run("import-log", "drive.csv", "--rover", "cart")
+    assert code == 2
+    assert "no column is a clock" in err
+
+
+@pytest.mark.parametrize("names", ["\u65f6\u95f4,\u4f4d\u7f6e,\u901f\u5ea6", "---,+++,***", "1,2,3", ",,"])
+def test_names_without_a_latin_letter_are_named_and_refused(names, run):
+    rows = "".join(f"{0.1 * at:.1f},{0.01 * at:.2f},{0.2 + 0.001 * (at % 3):.3f}\n" for at in range(200))
+    Path("drive.csv").write_text(f"{names}\n{rows}", encoding="utf-8")
+    code, _, err = run("import-log", "drive.csv", "--rover", "cart")
+    assert code == 2
+    assert "no column is known as where the rover was" in err
+    assert err.count("\n") == 1
+
+
+def test_other_scripts_go_with_columns_that_are_said(run):
+    import pandas as pd
+
+    seen = recordings.truth()
+    names = {"t_s": "\u65f6\u95f4", "body_x": "\u4f4d\u7f6e x"}
+    pd.DataFrame({names.get(name, name): values for name, values in seen.items()}).to_csv("drive.csv", index=False)
+    assert run("import-log", "drive.csv", "--rover", "cart", "--column", "body_x=\u4f4d\u7f6e x")[0] == 0
+    assert run("check-data", "drive")[0] == 0
+
+
+def test_rows_cut_short_and_words_in_cells_are_said(run):
+    path = recordings.plain(recordings.truth(), Path())
+    lines = path.read_text().splitlines()
+    lines[100] = ",".join(["x" if at == 3 else cell for at, cell in enumerate(lines[100].split(","))])
+    path.write_text("\n".join([*lines, "70.1,0.2"]))
+    code, out, _ = run("import-log", "plain.csv", "--rover", "cart", "--json")
+    assert code == 0
+    notes = json.loads(out)["notes"]
+    assert any("left out: line 702: 2 cells under 11 column names" in note for note in notes)
+    assert any("1 cells of 'z [m]' are no numbers and are left out" in note for note in notes)
