@@ -20,7 +20,7 @@ PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
 TEXT = " ".join(" ".join(PAGES.values()).split())
 COMMAND = re.compile(r"`((?:rover-pin|python studies/)[^`]*|studies/[\w./]+\.py)`")
 GROUP = typer.main.get_group(app)
-TO_FILL_IN = re.compile(r"\b(?:COMMAND|DATA|DATASET|EXPERIMENT|FILE|FOLDER|NAME|OUT|SCENARIO)\b")
+TO_FILL_IN = re.compile(r"\b(?:COMMAND|DATA|DATASET|EXPERIMENT|FILE|FOLDER|NAME|OUT|ROOM|SCENARIO)\b")
 """What a reader puts a word of his own for; `test_docs` holds the options."""
 
 
@@ -156,7 +156,6 @@ BY_HAND = {
     "python studies/benchmarks/drive_speed.py": "times, which hang on the machine",
     "python studies/benchmarks/ground_speed.py": "times",
     "python studies/benchmarks/process_cost.py --quick": "times",
-    "python studies/benchmarks/mutation.py": "9,000 changes, an hour a room; `test_changes` reads its table",
 }
 """Commands that take too long for a test, run by hand before a release; `test_studies_run` runs them with --quick."""
 

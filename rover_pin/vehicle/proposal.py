@@ -13,10 +13,11 @@ FRAMES = {
     (0.0, 0.0, 0.0): "x forward, y left, z up",
     (math.pi, 0.0, 0.0): "x forward, y right, z down",
     (0.0, 0.0, -math.pi / 2): "x right, y forward, z up",
-    (0.0, 0.0, math.pi / 2): "x left, y back, z up",
     (math.pi / 2, 0.0, 0.0): "x forward, y up, z right",
 }
-"""Base frames that are tried, by the base_rpy that turns each to x forward, y left, z up."""
+"""Base frames that are tried, by the base_rpy that turns each to x forward, y left, z up.
+
+No frame tells which end is the front: of two that differ in that alone the usual one stands here."""
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ def _named(
     for left in of_left:
         right = _partner(view, proposal, left, of_right)
         if right is None:
-            proposal.held[left.name] = 0.0
+            proposal.held[left.name] = _rest_angle(left)
             proposal.reasons[left.name] = "it carries wheels but has no partner on the other side"
             continue
         name = _level(view, left, of_left)
@@ -65,7 +65,7 @@ def _named(
         yield name + (str(used.count(name)) if used.count(name) > 1 else ""), [left, right]
         of_right.remove(right)
     for right in of_right:
-        proposal.held[right.name] = 0.0
+        proposal.held[right.name] = _rest_angle(right)
         proposal.reasons[right.name] = "it carries wheels but has no partner on the other side"
     for middle in (each for each in pivots if each not in of_left and set(view.below(each.name, wheels)) & sides[0]):
         used.append("cross")
@@ -144,10 +144,15 @@ def _rest(view: Topology, proposal: Proposal, left_over: list[Joint], wheels: li
             proposal.suspension[joint.name] = (joint.name,)
             proposal.reasons[joint.name] = "the URDF's <mimic> couples it to the suspension"
             continue
-        low, high = joint.limits
-        stops = joint.limited and joint.kind in ("revolute", "prismatic") and low < high
-        proposal.held[joint.name] = min(max(0.0, low), high) if stops else 0.0
+        proposal.held[joint.name] = _rest_angle(joint)
         proposal.reasons[joint.name] = _why(view, joint, wheels)
+
+
+def _rest_angle(joint: Joint) -> float:
+    """Return the value within a joint's stops that is nearest to 0 [rad or m]."""
+    low, high = joint.limits
+    stops = joint.limited and joint.kind in ("revolute", "prismatic") and low < high
+    return min(max(0.0, low), high) if stops else 0.0
 
 
 def _linked(view: Topology, roles: set[str]) -> set[str]:

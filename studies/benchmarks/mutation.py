@@ -1,249 +1,194 @@
-"""Changes of formulas, laws and thresholds that no test notices.
+"""Changes of formulas, numbers and decisions that no test notices, made by cosmic-ray, one at a time.
 
-    python studies/benchmarks/mutation.py [--rooms soil effects ...] [--files NAME[:LINE] ...] [--sample N]
-                                          [--longest S] [--minutes M] [--tally studies/results/mutation.csv]
+    python studies/benchmarks/mutation.py soil [--sample 40] [--seed 0] [--files slip.py ...] [--again]
 
-Operators are swapped, terms dropped, constants changed by a tenth, comparisons turned, branches exchanged, one at a
-time, in a copy of the tree. Each is tried on the tests that run its statement, those first that cost least for what
-they noticed of its file, until one fails. All changes of the compiled step's functions stand in one library, chosen by
-a number (changes/switch.py). What survives is printed with its place and change, with `--killers` also what noticed the
-others; what changes no result stands in changes/equivalent.py with the reason. Numbers inside
-`quantity(...)` are declarations, not laws, and are left alone, as are messages and types. Results are kept in `--keep`,
-good as long as the changed file and the test that noticed are the same (of what survives: all tests), so that a run
-that was stopped goes on; `--tally` puts into a table what is known of each room and what was not tried. `--quick` tries
-a few of Eq (1).
+A copy of the tree is changed: + and -, * and / are swapped, comparisons turned, conditions negated, whole numbers
+moved by one either way and others multiplied by each of FACTORS. Numbers that `quantity(...)` declares are left alone:
+they are defaults and bounds with a source, not laws. Each change is tried on the quick tests of its room, first on
+those that name its file; what none notices is printed. The room's row of mutation.csv and its rows of
+mutation_survivors.csv are written anew; `--again` tries only what stands there. `--quick` tries two changes of Eq (1).
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib
-import math
+import ast
 import os
 import random
-import resource
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
-from changes import c, python
-from changes.equivalent import EQUIVALENT
-from changes.kept import Kept
-from changes.tally import Row, commit, put
-from changes.trial import OPTIONS, Trial
+import pandas as pd
+from cosmic_ray.ast import is_number
+from cosmic_ray.commands import execute, init
+from cosmic_ray.config import ConfigDict
+from cosmic_ray.operators.number_replacer import NumberReplacer
+from cosmic_ray.plugins import OPERATOR_PROVIDERS
+from cosmic_ray.testing import run_tests
+from cosmic_ray.work_db import use_db
+from parso.python.tree import Number
 
 ROOT = Path(__file__).resolve().parents[2]
-LIBRARIES = ("numpy", "scipy.optimize", "scipy.stats", "casadi", "pinocchio", "matplotlib.figure", "pandas", "coverage")
-"""Imported once, whatever the rooms."""
-KEEP = ROOT / "out" / "mutation.json"
-QUICK = 4
-
-LINEAR = "drive_anchor drive_decisions drive_left_out"
-"""Tests of what the loop decides on linear models, whose answers are known."""
-DRIVEN = (
-    "drive_blocks drive_candidates drive_contrast drive_declared drive_experiment drive_numbers drive_place drive_rows "
-    "drive_runs loop_first_steps"
-)
-"""Tests of what a drive log is taken for."""
-
-
-class Room(NamedTuple):
-    """Files that are changed, and the tests that are asked."""
-
-    files: tuple[str, ...]
-    tests: tuple[str, ...]
+FACTORS = (0.5, 0.9, 1.1, 4.0)
+CORE = """
+    ReplaceBinaryOperator_Add_Sub ReplaceBinaryOperator_Sub_Add ReplaceBinaryOperator_Mul_Div
+    ReplaceBinaryOperator_Div_Mul ReplaceBinaryOperator_Pow_Mul ReplaceUnaryOperator_Delete_USub
+    ReplaceUnaryOperator_Delete_Not ReplaceComparisonOperator_Lt_GtE ReplaceComparisonOperator_LtE_Gt
+    ReplaceComparisonOperator_Gt_LtE ReplaceComparisonOperator_GtE_Lt ReplaceComparisonOperator_Eq_NotEq
+    ReplaceComparisonOperator_NotEq_Eq ReplaceComparisonOperator_Is_IsNot ReplaceComparisonOperator_IsNot_Is
+    ReplaceAndWithOr ReplaceOrWithAnd AddNot ReplaceTrueWithFalse ReplaceFalseWithTrue
+"""
+ROOMS = (
+    "soil effects body motion control vehicle importing measurements experiments/wheel_rig experiments/drive_log "
+    "estimation identification discrepancy"
+).split()
+"""Folders of rover_pin."""
 
 
-def _named(folder: str, names: str) -> tuple[str, ...]:
-    return tuple(f"tests/{folder}/test_{name}.py" for name in names.split())
+class Scaled(NumberReplacer):
+    """Whole numbers and 0.0 by one up and down, others by each of FACTORS."""
+
+    def mutation_positions(self, node) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+        """Yield the number's place once for each of its changes."""
+        if is_number(node) and not _is_declared(node):
+            yield from [(node.start_pos, node.end_pos)] * len(changes(node.value))
+
+    def mutate(self, node, index: int) -> Number:
+        """Return the number changed."""
+        return Number(f" {changes(node.value)[index]}", node.start_pos)
 
 
-def _files(folder: str, names: str) -> tuple[str, ...]:
-    return tuple(f"rover_pin/{folder}/{name}.py" for name in names.split())
+def changes(text: str) -> list[str]:
+    """Return what a number is changed to."""
+    value = ast.literal_eval(text)
+    return (
+        [repr(value * by) for by in FACTORS] if isinstance(value, float) and value else [f"{value + 1}", f"{value - 1}"]
+    )
 
 
-DRIVE_LOG = "calibrate candidates contrast experiment features free_runs parameters places"
-"""What decides; the other files read, predict, design and describe."""
-LAWS = ("tests/effects/test_[!e]*.py", *_named("effects", "every_effect exit_angle"))
-"""All but whole drives with every effect, which take minutes and say little of one law."""
-STEP = (
-    "step_parts kernel_twin kernel_alone rigid_body elimination stiff_motor lanes native_ground native_control "
-    "compiled_loop going_on failure resolution simulate independent joint_gains settling native_pace native_commands "
-    "many_patches"
-)
-"""Tests that run the compiled step: its twin first, then what is known of it otherwise."""
-MOTION = (
-    "audit body_law compiled_laws compiled_run driving failure going_on half_step happened hoist instant kernel "
-    "kernel_rover kernel_terrain laws log_terrain motor motors pace place plain plain_law plain_run poise relaxation "
-    "replay resolution run_terrain sensors shear_store simulate soil_energy state suspension timing"
-)
-"""Laws, decisions and the drive itself."""
-SOURCES = tuple(f"rover_pin/motion/native/{name}" for name in ("*.c", "drive.h", "types.h"))
-LOGS = (
-    "bag_columns built channels column_map command defaults draw drive_log effect_files effect_words library_cache "
-    "model model_toml poses processor record ros_bag rows saved toolchain trace trace_files"
-)
-"""What reads, writes and names models and logs."""
-ROOMS = {
-    "soil": Room(("rover_pin/soil/*.py",), ("tests/soil/test_*.py",)),
-    "effects": Room(("rover_pin/effects/*.py", "rover_pin/contact.py"), LAWS),
-    "body": Room(
-        ("rover_pin/body/*.py",),
-        (
-            "tests/body/test_*.py",
-            "tests/oracle/test_oracle_dynamics.py",
-            "tests/motion/test_native_ground.py",
-            "tests/effects/test_bent_ground.py",
-        ),
-    ),
-    "motion": Room(_files("motion", MOTION), ("tests/motion/test_*.py",)),
-    "logs": Room(_files("motion", LOGS), ("tests/motion/test_*.py",)),
-    "step": Room(SOURCES, _named("motion", STEP)),
-    "native": Room(("rover_pin/motion/native/*.py",), _named("motion", f"{STEP} native_shared kernel_rover")),
-    "estimation": Room(
-        ("rover_pin/estimation/*.py", "rover_pin/estimation/by_chance/*.py"),
-        ("tests/estimation/test_*.py", *_named("evidence", f"descent drive_noise evidence_profile wording {LINEAR}")),
-    ),
-    "identification": Room(
-        ("rover_pin/identification/*.py",),
-        (
-            "tests/identification/test_*.py",
-            *_named("evidence", "evidence_fit evidence_posterior evidence_profile uncertain_slip"),
-            *_named("loop", "identify_several"),
-        ),
-    ),
-    "discrepancy": Room(
-        ("rover_pin/discrepancy/*.py",),
-        (
-            "tests/discrepancy/test_*.py",
-            *_named("evidence", f"drive_place wording {LINEAR}"),
-            *_named("loop", "fail_on provenance"),
-        ),
-    ),
-    "drive_log": Room(_files("experiments/drive_log", DRIVE_LOG), _named("evidence", DRIVEN)),
-    "quick": Room(("rover_pin/soil/slip.py",), _named("soil", "soil_slip")),
-}
+def _is_declared(node) -> bool:
+    while node := node.search_ancestor("atom_expr"):
+        if node.children[0].get_code().strip() == "quantity":
+            return True
+    return False
 
 
 def main() -> None:
-    """Change, test, and print what survives."""
+    """Change, test, and print what no test notices."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("--rooms", nargs="*", choices=list(ROOMS)[:-1], default=list(ROOMS)[:-1])
-    options.add_argument(
-        "--files", nargs="*", default=[], help="only files of these names, or lines: slip.py slip.py:40"
-    )
-    options.add_argument("--tests", nargs="*", default=[], help="only tests of these files or patterns")
-    options.add_argument("--sample", type=int, default=0, help="changes of a room that are tried; 0 for all")
-    options.add_argument("--seed", type=int, default=0, help="of the order in which they are tried")
-    options.add_argument("--longest", type=float, default=math.inf, help="only tests that take less, in s of CPU")
-    options.add_argument(
-        "--minutes", type=float, default=math.inf, help="none is begun after so long; 0: tell what is kept"
-    )
-    options.add_argument("--keep", type=lambda name: Path(name).resolve(), default=KEEP, help="file of what is known")
-    options.add_argument("--killers", action="store_true", help="print what noticed each change")
-    options.add_argument(
-        "--tally", type=lambda name: Path(name).resolve(), help="table into which each room's row is put"
-    )
-    options.add_argument("--quick", action="store_true", help=f"{QUICK} changes of Eq (1)")
+    options.add_argument("room", choices=ROOMS, nargs="?", default="soil")
+    options.add_argument("--sample", type=int, default=0, help="changes that are tried; 0 for all")
+    options.add_argument("--seed", type=int, default=0, help="of the sample")
+    options.add_argument("--files", nargs="*", help="only files of these names")
+    options.add_argument("--again", action="store_true", help="only what the last run left")
+    options.add_argument("--put", type=lambda name: Path(name).resolve(), default=ROOT / "studies" / "results")
+    options.add_argument("--quick", action="store_true", help="two changes of Eq (1)")
     asked = options.parse_args()
     if asked.quick:
-        asked.rooms, asked.sample, asked.files = ["quick"], QUICK, []
-    for name in LIBRARIES:
-        importlib.import_module(name)
+        asked.sample, asked.files = 2, ["slip.py"]
+    core = OPERATOR_PROVIDERS["core"]
+    OPERATOR_PROVIDERS.clear()
+    OPERATOR_PROVIDERS["rover_pin"] = {"Scaled": Scaled} | {name: core[name] for name in CORE.split()}
+    kept = {name: asked.put / f"{name}.csv" for name in ("mutation", "mutation_survivors")}
     with tempfile.TemporaryDirectory() as folder:
-        tree, at = copied(Path(folder) / "tree"), commit(ROOT)
-        end, kept = time.monotonic() + 60 * asked.minutes, Kept(Path(folder) / "kept" if asked.quick else asked.keep)
-        for room in asked.rooms:
-            changes = mutants(tree, room)
-            chosen = [each for each in changes if not asked.files or {*_names(each)} & {*asked.files}]
-            random.Random(asked.seed).shuffle(chosen)
-            child = os.fork()
-            if child == 0:
-                trial = Trial(tree, chosen[: asked.sample or None], kept, (asked.longest, end))
-                tried(tree, asked.tests or ROOMS[room].tests, trial, room, asked.killers)
-                if asked.tally:
-                    put(asked.tally, row_of(tree, room, trial, at))
-                os._exit(0)
-            if os.waitpid(child, 0)[1]:
-                raise SystemExit(f"{room}: the run ended early.")
-            kept = Kept(kept.file)
+        os.chdir(copied(Path(folder)))
+        os.environ |= {"PYTHONPATH": os.getcwd(), "ROVER_PIN_CACHE": str(Path(folder) / "cache")}
+        tests = tests_of(asked.room)
+        began = time.monotonic()
+        subprocess.run(command(tests), check=True, timeout=3600)
+        longest = 60 + 3 * (time.monotonic() - began)
+        if asked.again:
+            (row,), before = (rows_of(table, asked.room) for table in kept.values())
+            missed = list(again(before, tests, longest))
+        else:
+            files = sorted(Path("rover_pin", asked.room).rglob("*.py"))
+            with use_db(Path(folder) / "all.sqlite") as every:
+                init([file for file in files if not asked.files or file.name in asked.files], every, {})
+                items = list(every.work_items)
+            tried = random.Random(asked.seed).sample(items, min(asked.sample or len(items), len(items)))
+            missed = list(survivors(asked.room, tried, tests, longest, Path(folder)))
+            row = {"room": asked.room, "changes": len(items), "tried": len(tried), "seed": asked.seed}
+    row |= {"not noticed": len(missed), "commit": git("rev-parse", "--short", "HEAD").strip()}
+    print(f"{asked.room}: {row['tried']} tried of {row['changes']}, {row['not noticed']} not noticed")
+    if not asked.quick:
+        for table, rows in zip(kept.values(), ([row], missed), strict=True):
+            others = pd.read_csv(table).query("room != @asked.room") if table.exists() else pd.DataFrame()
+            found = pd.concat([others, pd.DataFrame(rows)]) if rows else others
+            found.sort_values(["room"], kind="stable").to_csv(table, index=False)
 
 
-def tried(tree: Path, asked: Sequence[str], trial: Trial, room: str, killers: bool) -> None:
-    """Try a room's changes in one session of its tests, and print what became of them."""
-    import pytest
+def survivors(room: str, tried: list, tests: list[Path], longest: float, folder: Path) -> Iterator[dict]:
+    """Try changes, file by file, and yield those that no test notices."""
+    for file in sorted({item.mutations[0].module_path for item in tried}):
+        config = ConfigDict({"timeout": longest, "test-command": " ".join(command(in_order(tests, file))),
+                             "distributor": {"name": "local"}})  # fmt: skip
+        own = {item.job_id: item.mutations[0] for item in tried if item.mutations[0].module_path == file}
+        with use_db(folder / "tried.sqlite") as db:
+            db.clear()
+            db.add_work_items(item for item in tried if item.job_id in own)
+            execute(db, config)
+            for job, result in db.results:
+                if result.test_outcome != "killed":
+                    line = own[job].start_pos[0]
+                    lines = result.diff.splitlines()
+                    told = [next(each[1:].strip() for each in lines[4:] if each[:1] == sign) for sign in "-+"]
+                    print(f"{file}:{line}: {told[0]}  ->  {told[1]}", flush=True)
+                    yield {"room": room, "file": str(file), "line": line,
+                           "as it is": told[0], "changed": told[1]}  # fmt: skip
 
-    begun = time.monotonic()
-    os.chdir(tree)
-    sys.path[0:0], sys.dont_write_bytecode = [str(tree)], True
-    os.environ |= {"PYTHONPATH": str(tree), "ROVER_PIN_CACHE": str(tree.parent / "cache")}
-    tests = sorted({str(each.relative_to(tree)) for pattern in asked for each in tree.glob(pattern)})
-    code = pytest.main([*OPTIONS, "-qq", *tests], plugins=[trial])
-    if not str(sys.modules["rover_pin"].__file__).startswith(str(tree)):
-        raise SystemExit("Another rover_pin than that of this tree was imported.")
-    for name in trial.broken:
-        print(f"left out, as it fails without any change: {name}")
-    for one in trial.tried if killers else ():
-        print(f"  {one.path.name}:{one.mutant.line}: {one.mutant.said}: {one.killer or 'NOTHING'}")
-    files = Counter(one.path.name for one in trial.tried)
-    missed = Counter(one.path.name for one in trial.tried if not one.killer)
-    for name, count in sorted(files.items()):
-        print(f"  {room}/{name}: {count} changes, {missed[name]} not noticed")
-    used = sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    told = f"{len(trial.tried)} of {len(trial.changes)} changes in {room}"
-    print(f"{told}: {sum(files.values()) - missed.total()} noticed, {missed.total()} not; "
-          f"{time.monotonic() - begun:.0f} s, {used:.0f} s of CPU", flush=True)  # fmt: skip
-    if code and not trial.tried:
-        raise SystemExit(f"pytest: {code}")
+
+def again(missed: list[dict], tests: list[Path], longest: float) -> Iterator[dict]:
+    """Yield those of these changes that still no test notices."""
+    for row in missed:
+        file = Path(row["file"])
+        text = file.read_text(encoding="utf-8")
+        if row["as it is"] in text:
+            file.write_text(text.replace(row["as it is"], row["changed"], 1), encoding="utf-8")
+            outcome, _ = run_tests(" ".join(command(in_order(tests, file))), longest)
+            file.write_text(text, encoding="utf-8")
+            if outcome == "survived":
+                yield row
+
+
+def tests_of(room: str) -> list[Path]:
+    """Return the files of tests of a room: of its folder of tests; where there is none, those that name it."""
+    every, name = sorted(Path("tests").rglob("test_*.py")), f"rover_pin.{room.replace('/', '.')}"
+    own = [file for file in every if Path("tests", room) in file.parents]
+    return own or [file for file in every if name in file.read_text(encoding="utf-8")]
+
+
+def in_order(tests: list[Path], file: Path) -> list[Path]:
+    """Return the tests, first those that name the file."""
+    name = ".".join(file.with_suffix("").parts[-2:])
+    return sorted(tests, key=lambda test: name not in test.read_text(encoding="utf-8"))
+
+
+def command(tests: list[Path]) -> list[str]:
+    """Return the command that runs these tests until one fails."""
+    return [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *map(str, tests)]
 
 
 def copied(tree: Path) -> Path:
-    """Return a copy of what the tests need."""
-    ignored = shutil.ignore_patterns("__pycache__", ".*", "out")
-    for name in ("rover_pin", "tests", "studies", "urdf"):
-        shutil.copytree(ROOT / name, tree / name, ignore=ignored)
-    for name in ("pyproject.toml", "README.md"):
-        shutil.copy(ROOT / name, tree)
-    return tree
+    """Return a copy of what is tracked."""
+    for name in git("ls-files", "-z").strip("\0").split("\0"):
+        (tree / "tree" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, tree / "tree" / name)
+    return tree / "tree"
 
 
-def _names(change: tuple[Path, python.Mutant]) -> tuple[str, str]:
-    path, mutant = change
-    return path.name, f"{path.name}:{mutant.line}"
+def rows_of(table: Path, room: str) -> list[dict]:
+    """Return a room's rows of a table."""
+    return pd.read_csv(table).query("room == @room").to_dict("records")
 
 
-def row_of(tree: Path, room: str, trial: Trial, at: str) -> Row:
-    """Return a room's row of the table: what a run tried, and what it left."""
-    every = Counter(path.name for path, _ in mutants(tree, room))
-    every.subtract(one.path.name for one in trial.tried)
-    untried = " ".join(f"{name}:{count}" for name, count in sorted(every.items()) if count)
-    noticed, longest = sum(bool(one.killer) for one in trial.tried), trial.longest
-    told = "" if longest == math.inf else f"{longest:g}"
-    return Row(room, len(trial.tried), noticed, excused(tree, room), every.total(), untried, told, at)
-
-
-def mutants(tree: Path, room: str) -> list[tuple[Path, python.Mutant]]:
-    """Return the changes of a room's files, but those that change no result."""
-    return [(path, one) for path, one in made(tree, room) if (str(path.relative_to(tree)), one.said) not in EQUIVALENT]
-
-
-def excused(tree: Path, room: str) -> int:
-    """Return how many of a room's changes change no result."""
-    return len(made(tree, room)) - len(mutants(tree, room))
-
-
-def made(tree: Path, room: str) -> list[tuple[Path, python.Mutant]]:
-    """Return all changes of a room's files."""
-    found: list[tuple[Path, python.Mutant]] = []
-    for path in sorted(each for pattern in ROOMS[room].files for each in tree.glob(pattern)):
-        text = path.read_text(encoding="latin-1")
-        found += [(path, one) for one in (python.changes(text) if path.suffix == ".py" else c.changes(text))]
-    return found
+def git(*words: str) -> str:
+    """Return what git says of this checkout."""
+    return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout
 
 
 if __name__ == "__main__":

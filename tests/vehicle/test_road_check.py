@@ -13,7 +13,9 @@ import pytest
 
 from rover_pin.body.rover import load_rover
 from rover_pin.cli import app
+from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.scenarios import scenario
+from rover_pin.soil.traction import TorqueTraction, load_traction_factor
 from rover_pin.vehicle.road_check import road_check
 
 _spec = importlib.util.spec_from_file_location("rover_farm", Path(__file__).parents[1] / "description" / "farm.py")
@@ -78,6 +80,19 @@ def test_the_slope_that_the_motors_hold_is_that_of_a_drive(tmp_path):
 
     assert speed(0.8) > 0.01
     assert speed(1.15) < 0.01
+
+
+def test_the_slope_that_the_soil_holds_is_what_its_pull_leaves_beyond_the_resistance(tmp_path):
+    """tan of it = F(S) - R, but for what the slope shifts from front to rear and how deep the wheels are: 2.5 deg."""
+    path = rover_with(tmp_path, motor=motor(30.0), soil={"name": "table-1", "k": 0.01})
+    said = re.search(r"the soil (\d+) deg at full shear and (\d+) deg at S = 0.2", road_check(load_rover(path)).moves)
+    model = scenario("flat", rover=str(path)).model
+    R, wheel = float(model.effect(MotionResistance).R), model.rover.wheel
+    full, part = (float(load_traction_factor(S, model.soils[0], wheel, TorqueTraction())) for S in (1.0, 0.2))
+    assert [math.radians(int(each)) for each in said.groups()] == pytest.approx(
+        [math.atan(full - R), math.atan(part - R)], abs=math.radians(2.5)
+    )
+    assert math.atan(R) > math.radians(2.5)
 
 
 def test_a_soil_that_buries_it_is_told(tmp_path):
