@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
 
 from rover_pin.quantity import Record, quantity
 
-Scalar = Any
+Scalar = Annotated[Any, "a number or expression"]
 """A float, or a scalar CasADi expression (SX or MX)."""
 
 

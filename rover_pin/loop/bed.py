@@ -7,6 +7,8 @@ import time
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
+
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.bed import Bed, question_of
 from rover_pin.discrepancy.judge import concluded
@@ -52,7 +54,35 @@ def read_bed(data: str | Path, experiment: str | Path) -> Bed:
             f"{experiment}: an experiment's file defines one class that derives from rover_pin.discrepancy.bed.Bed and "
             f"leaves none of its methods abstract; here there is {found}."
         )
-    return kinds[0].read(Path(data))
+    bed = kinds[0].read(Path(data))
+    _refuse_unfit(bed, str(experiment))
+    return bed
+
+
+def _refuse_unfit(bed: Bed, where: str) -> None:
+    """Refuse a test bed whose arrays do not fit one another, before any fit."""
+    observed, noise, predicted = np.asarray(bed.observed, dtype=float), bed.noise(), bed.predict([bed.base_model()])
+    whole = (len(bed.folds), len([bed.unit(channel) for channel in bed.channels]), *observed.shape[2:3])
+    shapes = {
+        "observed (folds, channels, samples)": (observed.shape, whole),
+        "what predict returns for one model": (predicted.shape, (1, *whole)),
+        "noise().good": (noise.good.shape, whole),
+        "noise().sd": (noise.sd.shape, whole if noise.sd.ndim == 3 else whole[1:2]),
+    }
+    for what, (shape, asked) in shapes.items():
+        if shape != asked or len(whole) != 3:
+            raise DataError(f"{where}: {what} has the shape {shape}, where {asked} belongs.")
+    seen = np.isfinite(observed)
+    for what, good in (
+        ("observed holds no number in some channel", seen.any(axis=(0, 2))),
+        (
+            "predict gives no finite number for the declared model where something was measured",
+            np.isfinite(predicted[0][seen]),
+        ),
+        ("noise().sd is not positive in some channel", noise.floor > 0.0),
+    ):
+        if not good.all():
+            raise DataError(f"{where}: {what}; mend the file or its data.")
 
 
 def _file(experiment: str | Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
 
 from rover_pin.body.rover import load_rover
@@ -9,12 +10,13 @@ from rover_pin.body.shapes import flat
 from rover_pin.contact import Soil
 from rover_pin.effects.effect import Effect, MotorEffect
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import DataError, RoverPinError
+from rover_pin.errors import DataError
 from rover_pin.motion.effect_files import AnyEffect, reading_traction, user_effects
 from rover_pin.motion.laws import contact_law, motor_law
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.quantity import quantities
+from rover_pin.users_code import is_stop, mistake
 
 
 def refuse_unfit_effects(path: str | Path) -> None:
@@ -33,11 +35,10 @@ def refuse_unfit_effects(path: str | Path) -> None:
         _refuse_no_neutral(kind, where)
         try:
             _run(kind, model)
-        except RoverPinError:
-            raise
         except Exception as error:
-            reason = str(error).splitlines()[0] if str(error) else "no reason given"
-            raise DataError(f"{where} cannot be used: {type(error).__name__}: {reason}; mend its file.") from error
+            if is_stop(error):
+                raise
+            raise mistake(error, inspect.getfile(kind), inspect.getsourcelines(kind)[1]) from error
 
 
 def _refuse_no_neutral(kind: type[AnyEffect], where: str) -> None:

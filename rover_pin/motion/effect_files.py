@@ -26,6 +26,7 @@ from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import FORMS
 from rover_pin.toml_file import text_in
 from rover_pin.trust import Trust
+from rover_pin.users_code import guard, is_stop, mistake
 from rover_pin.workers import sent_by_value
 
 BASES = (Effect, MotorEffect, BodyEffect, SensorEffect)
@@ -55,10 +56,23 @@ def user_effects(path: str | Path) -> tuple[type[AnyEffect], ...]:
     path = Path(path)
     files = sorted(path.glob("*.py")) if is_folder(path) else [path]
     kinds = tuple(kind for file in files for kind in defined_in(run_file(file)))
+    for kind in kinds:
+        _made(kind)
     if not kinds:
         bases = ", ".join(base.__name__ for base in BASES)
         raise DataError(f"{path}: no effect stands there; give a .py file with a class that derives from {bases}.")
     return kinds
+
+
+def _made(kind: type[AnyEffect]) -> AnyEffect:
+    """Return an effect of a user's file with its defaults, as it is tried first."""
+    try:
+        return kind()
+    except Exception as error:
+        if is_stop(error):
+            raise
+        file = str(inspect.getfile(kind))
+        raise mistake(error, file, inspect.getsourcelines(kind)[1]) from error
 
 
 def effects_of_text(text: str) -> tuple[type[AnyEffect], ...]:
@@ -93,9 +107,12 @@ def run_file(file: Path) -> ModuleType:
     sys.modules[name] = module  # dataclasses look their module up while they are made
     try:
         loader.exec_module(module)
-    except Exception as error:
+        guard(module)
+    except BaseException as error:
         del sys.modules[name]
-        raise DataError(f"{file}: the effect file cannot be run: {type(error).__name__}: {error}.") from error
+        if is_stop(error):
+            raise
+        raise mistake(error, path) from error
     sent_by_value(module)
     return module
 

@@ -43,7 +43,7 @@ def test_a_good_effect_passes(effect):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("(contact.rim", "contact.rim", "sticky.py: the effect file cannot be run: SyntaxError: "),
+        ("(contact.rim", "contact.rim", "sticky.py, line 16: the code there ends with SyntaxError: "),
         (
             '    neutral: ClassVar[dict[str, float]] = {"a": 0.0}\n',
             "",
@@ -52,9 +52,9 @@ def test_a_good_effect_passes(effect):
         ('{"a": 0.0}', '{"b": 0.0}', "StickySoil has a neutral value for 'b', which is no quantity of it: it has a."),
         ('{"a": 0.0}', '{"a": -2.0}', "StickySoil.a = -2 N m is not allowed"),
         ("@dataclass(frozen=True)\n", "", "it has none. Is @dataclass(frozen=True) above the class?"),
-        ("contact.rim /", "contact.rimm /", "StickySoil cannot be used: AttributeError: "),
-        ("ca.tanh", "cas.tanh", "StickySoil cannot be used: NameError: name 'cas' is not defined; mend its file."),
-        ("torque=self.a", "moment=self.a", "StickySoil cannot be used: TypeError: "),
+        ("contact.rim /", "contact.rimm /", "sticky.py, line 16: the code there ends with AttributeError: "),
+        ("ca.tanh", "cas.tanh", "sticky.py, line 16: the code there ends with NameError: name 'cas' is not defined"),
+        ("torque=self.a", "moment=self.a", "sticky.py, line 16: the code there ends with TypeError: "),
     ],
 )
 def test_what_is_wrong_with_an_effect_is_told(effect, old, new, says):
@@ -66,7 +66,7 @@ def test_what_is_wrong_with_an_effect_is_told(effect, old, new, says):
 
 def test_the_loop_refuses_effects_and_results_before_any_work(effect, tmp_path):
     (tmp_path / RIG_FILE).write_text("")
-    with pytest.raises(DataError, match="cannot be run: SyntaxError"):
+    with pytest.raises(DataError, match="the code there ends with SyntaxError"):
         close_the_loop(tmp_path, effects=effect("(contact.rim", "contact.rim"))
     with pytest.raises(DataError, match=r"rig.toml: a file stands where the results go; give a folder\."):
         close_the_loop(tmp_path, out=tmp_path / RIG_FILE)

@@ -87,7 +87,7 @@ def test_a_users_copy_is_found_by_its_path_and_the_verdict_is_written(tmp_path):
     [
         (None, "there is no such file of an experiment; give its path, or one of: motor_brake"),
         ("x = 1\n", "here there is none"),
-        ("x = nothing\n", "cannot be run: NameError"),
+        ("x = nothing\n", "bed.py, line 1: the code there ends with NameError"),
         ("from rover_pin.discrepancy.bed import Bed\nclass Half(Bed): pass\n", "here there is none"),
     ],
 )

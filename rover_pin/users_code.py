@@ -1,0 +1,115 @@
+"""The border between this program and the code of a user's file: what goes wrong there is told by file and line."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import re
+import traceback
+import types
+import typing
+from types import FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+
+from rover_pin.contact import Scalar
+from rover_pin.errors import DataError, RoverPinError
+from rover_pin.workers import Terminated
+
+
+def mistake(error: BaseException, file: str, otherwise: int = 0) -> DataError:
+    """Return the error that tells of an exception by the last line of a user's file that it passed."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+    if isinstance(error, SyntaxError) and error.filename == file:
+        lines, error = [error.lineno], SyntaxError(error.msg)
+    line = lines[-1] if lines else otherwise
+    place = f"{file}, line {line}" if line else file
+    reason = f": {error}".rstrip(": .") if str(error) else ""
+    return DataError(f"{place}: the code there ends with {type(error).__name__}{reason}; mend it.")
+
+
+def is_stop(error: BaseException) -> bool:
+    """Return whether an exception is none of the code's own: a sentence of this program, Ctrl-C or SIGTERM."""
+    return isinstance(error, (RoverPinError, KeyboardInterrupt, Terminated))
+
+
+def guard(module: ModuleType) -> None:
+    """Let every method of a module's classes raise one sentence, and return what its base class says, or be refused."""
+    for _, kind in inspect.getmembers(module, inspect.isclass):
+        if kind.__module__ == module.__name__:
+            for name, member in list(vars(kind).items()):
+                guarded = _guarded(kind, name, member, str(module.__file__))
+                if guarded is not member:
+                    setattr(kind, name, guarded)
+
+
+def _guarded(kind: type, name: str, member: Any, file: str) -> Any:
+    """Return a method, property or class method that is watched; anything else as it is."""
+    if isinstance(member, property) and member.fget is not None:
+        return property(_watched(kind, name, member.fget, file))
+    if isinstance(member, (classmethod, staticmethod)):
+        return type(member)(_watched(kind, name, member.__func__, file))
+    return _watched(kind, name, member, file)
+
+
+def _watched(kind: type, name: str, method: Any, file: str) -> Any:
+    if not isinstance(method, FunctionType) or method.__code__.co_filename != file:
+        return method
+    line, asked = method.__code__.co_firstlineno, _asked(kind, name)
+
+    @functools.wraps(method)
+    def call(*given: Any, **named: Any) -> Any:
+        try:
+            made = method(*given, **named)
+        except BaseException as error:
+            if is_stop(error):
+                raise
+            raise mistake(error, file, line) from error
+        if not _is(made, asked):
+            raise DataError(
+                f"{file}, line {line}: {kind.__name__}.{name} returns {_short(made)}, where {_short(asked)} belongs."
+            )
+        return made
+
+    return call
+
+
+def _asked(kind: type, name: str) -> Any:
+    """Return what the method of this name returns in the nearest base class that is not the user's; Any without one."""
+    for base in kind.__mro__[1:]:
+        if base.__module__ != kind.__module__ and name in vars(base):
+            member = vars(base)[name]
+            method = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+            hints = typing.get_type_hints(method, include_extras=True) if isinstance(method, FunctionType) else {}
+            asked = hints.get("return", Any)
+            return kind if asked is typing.Self else asked
+    return Any
+
+
+def _is(value: Any, asked: Any) -> bool:
+    """Return whether a value is of a type, as far as the type says: of its parts too where it is a tuple."""
+    origin, inner = typing.get_origin(asked), typing.get_args(asked)
+    if asked is Any or isinstance(asked, typing.TypeVar):
+        return True
+    if asked is Scalar:
+        return isinstance(value, (int, float)) or tuple(getattr(value, "shape", (0,))) in ((), (1, 1))
+    if origin in (typing.Union, types.UnionType):
+        return any(_is(value, each) for each in inner)
+    if origin is not None:
+        parts = inner[:1] * len(value) if origin is tuple and isinstance(value, tuple) and inner[-1:] == (...,) else ()
+        if origin is dict and isinstance(value, dict):
+            return all(_is(each, inner[1]) for each in value.values())
+        return isinstance(value, origin) and all(map(_is, value, parts))
+    if asked is float:
+        return isinstance(value, (int, float, np.number))
+    if not isinstance(value, asked if asked is not None else type(None)):
+        return False
+    fields = typing.get_type_hints(type(value), include_extras=True) if hasattr(value, "_fields") else {}
+    return all(_is(getattr(value, name), hint) for name, hint in fields.items())
+
+
+def _short(thing: Any) -> str:
+    text = " ".join((thing.__name__ if isinstance(thing, type) else str(thing)).split())
+    text = re.sub(r"(\w+\.)+(?=[A-Z])", "", text)
+    return text if len(text) < 80 else f"{text[:80]} ..."
