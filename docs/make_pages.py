@@ -1,4 +1,4 @@
-"""Pages of the site that are made, not written: the catalogue, the rooms, the commands, the public names.
+"""Pages of the site that are made, not written: the catalogue, the rooms, commands, public names, and notebooks.
 
 A line `<!-- file: PATH -->` in a page becomes that file, and `<!-- rooms -->` what the rooms of the package say.
 """
@@ -23,7 +23,7 @@ PROSE = ("meaning", "acts")
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages that are made."""
-    pages = {
+    pages: dict[str, str | bytes] = {
         "catalogue/scenarios.md": _entries("Scenarios", catalogue.scenarios(), "rover-pin drive {}"),
         "catalogue/soils.md": _entries("Soils", catalogue.soils(), "rover-pin drive ditch --soil {}"),
         "catalogue/rovers.md": _entries("Rovers", catalogue.rovers(), "rover-pin drive flat --set rover={}"),
@@ -32,8 +32,10 @@ def on_files(files: Files, config: Any) -> Files:
         "api.md": _api(),
         "commands.md": _commands(),
     }
-    for name, text in pages.items():
-        files.append(File.generated(config, name, content=text))
+    for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        pages |= _notebook(notebook)
+    for name, content in pages.items():
+        files.append(File.generated(config, name, content=content))
     return files
 
 
@@ -70,6 +72,14 @@ def _entries(title: str, entries: list[Any], command: str) -> str:
                 parts.append(f"\n- {words}: {_plain(said) if name in PROSE else _code(said)}")
         parts.append(f"\n\n{_table(each.numbers)}\n" if each.numbers else "\n")
     return "".join(parts)
+
+
+def _notebook(path: Path) -> dict[str, str | bytes]:
+    """Return the page of a notebook as it is stored, outputs included, and its pictures, by their names in the site."""
+    from nbconvert import MarkdownExporter
+
+    text, resources = MarkdownExporter().from_filename(str(path), resources={"unique_key": path.stem})
+    return {f"notebooks/{name}": page for name, page in {f"{path.stem}.md": text, **resources["outputs"]}.items()}
 
 
 def _settings() -> str:
