@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 FILES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in FILES}
 TEXT = " ".join(" ".join(PAGES.values()).split())
-COMMAND = re.compile(r"`((?:rover-pin|python studies/)[^`]*|studies/[\w./]+\.py)`")
+COMMAND = re.compile(r"`((?:rover-pin |python studies/)[^`]*|studies/[\w./]+\.py)`")
 GROUP = typer.main.get_group(app)
 TO_FILL_IN = re.compile(r"\b(?:COMMAND|DATA|DATASET|EXPERIMENT|FILE|FOLDER|NAME|OUT|ROOM|SCENARIO)\b")
 """What a reader puts a word of his own for; `test_docs` holds the options."""
@@ -44,7 +44,7 @@ class Command(NamedTuple):
 NUMBER = r"([-+]?[\d.]+(?:e-?\d+)?)"
 WORD = r"[-+.\de]+"
 INTERVAL = rf"{NUMBER} \[{NUMBER}, {NUMBER}\]"
-LOOP = "rover-pin close-loop studies/data/cmu-smooth-wheel"
+LOOP = "rover-pin close-loop cmu-smooth-wheel"
 OPENED = f"{LOOP} --open"
 DITCH = "rover-pin drive ditch --set soil.k=10mm --set duration=30 --open"
 NEW = "rover-pin new-rover my_rover.urdf"
@@ -60,7 +60,7 @@ COMMANDS = {
     )),
     "rover-pin check-data imported": Command(needs=(IMPORT,)),
     DITCH: Command((Claim(rf"climbs out and `drives on at {NUMBER} m/s`", rf"drives on at {NUMBER} m/s"),)),
-    "rover-pin check-urdf urdf/cart.toml": Command((
+    "rover-pin check-urdf cart": Command((
         Claim(r"`stands` and whether its motors move it: (yes), and (yes)", r"stands (yes): .* moves (yes): "),
     )),
     "rover-pin check-urdf my_rover.toml": Command(needs=(NEW,)),
@@ -107,7 +107,7 @@ COMMANDS = {
                rf"TetherDrag.f_0 = {NUMBER} N \[{NUMBER} N, {NUMBER} N\]"),),
         needs=("rover-pin demo drive-log --hidden TetherDrag.f_0=2",),
     ),
-    "rover-pin identify studies/data/cmu-smooth-wheel --free k,phi,k_1": Command((
+    "rover-pin identify cmu-smooth-wheel --free k,phi,k_1": Command((
         Claim(rf"phi = {NUMBER} deg, which goes from {NUMBER} to {NUMBER} deg with the exit ratio",
               rf"phi = {NUMBER} \+- {WORD} deg, [^:]*: depends on the assumed exit_ratio "
               rf"\(it becomes {NUMBER} to {NUMBER} deg\)"),
@@ -115,10 +115,10 @@ COMMANDS = {
         Claim(rf'K_eff comes out at {NUMBER} kPa/m\^n, and "(sits away from)" the {NUMBER} to {NUMBER} of',
               rf"K_eff = {NUMBER} kPa/m\^n [^\]]*\] (sits away from) {NUMBER} kPa/m\^n to {NUMBER} kPa"),
     )),
-    "rover-pin identify studies/data/cmu-smooth-wheel studies/data/cmu-smooth-wheel-skid --free k,phi,k_1": Command((
+    "rover-pin identify cmu-smooth-wheel cmu-smooth-wheel-skid --free k,phi,k_1": Command((
         Claim(rf"alone, they then miss by {NUMBER} N", rf"cmu-smooth-wheel: drawbar pull: RMSE {NUMBER} N over 15"),
     )),
-    "rover-pin identify studies/data/steepening-slope": Command((
+    "rover-pin identify steepening-slope": Command((
         Claim(rf"k = {NUMBER} mm and phi = [\d.]+ deg; the simulator",
               rf"k = {NUMBER} \+- {WORD} m, [^:]*: depends on the assumed theta_1 ", 1e3),
         Claim(rf"k = [\d.]+ mm and phi = {NUMBER} deg; the simulator [\w ]+\. phi is `(found)`",
@@ -148,7 +148,7 @@ BY_HAND = {
     "python studies/fig10_ditch.py": "1,200 drives, ten minutes; `test_readme_tables` reads the table that it wrote",
     "python studies/tune_gains.py": "two tunings, a minute of CPU; its table as well",
     "python studies/digging.py": "570 drives, four minutes of CPU; `test_readme_tables` reads the table that it wrote",
-    "rover-pin close-loop studies/data/steepening-slope --out out/loop": "five minutes; its verdict is kept, "
+    "rover-pin close-loop steepening-slope --out out/loop": "five minutes; its verdict is kept, "
     "`test_readme_tables` reads it and `test_fig8_log` finds it again",
     "python studies/slip_sensing.py": "100 drives under four controls, six minutes of CPU",
     "python studies/beyond_the_paper.py": "a tuning on the full rover, three minutes of CPU; its table as well",
@@ -161,10 +161,15 @@ BY_HAND = {
 
 
 ELSEWHERE = {
-    'python3 -m venv .venv && . .venv/bin/activate && pip install -e ".[view]"': "`.ci/run` installs",
-    'python3 -m venv .venv && . .venv/bin/activate && pip install -e ".[dev,docs]"': "`.ci/run` installs",
-    "pytest -n 2": "`.ci/run`",
-    "ruff check . && ruff format --check . && mypy": "`.ci/run`",
+    "python3 -m venv .venv": "`.ci/run`, as printed",
+    ". .venv/bin/activate": "`.ci/run`, as printed",
+    'pip install -e ".[view]"': "`.ci/run` installs what has it",
+    'pip install -e ".[dev]"': "`.ci/run`, as printed",
+    'pytest -n 2 -m "slow or not slow"': "`.ci/run`, as printed",
+    "pytest -n 2": "part of it",
+    "ruff check .": "`.ci/run`",
+    "ruff format --check .": "`.ci/run`",
+    "mypy": "`.ci/run`",
     "mkdocs build": "`.ci/run`",
     "pytest test_sticky_soil.py": "`tests/commands` runs the test of a new effect",
 }
@@ -175,7 +180,8 @@ def lines():
     """Every line for a shell: those of blocks, and commands of the package and studies between backquotes."""
     for text in PAGES.values():
         for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
-            yield from (line.split("#")[0].strip() for line in block.splitlines() if line.split("#")[0].strip())
+            for line in filter(None, (line.split("#")[0].strip() for line in block.splitlines())):
+                yield from line.split(" && ")
         for found in COMMAND.findall(" ".join(re.sub(r"```.*?```", "", text, flags=re.DOTALL).split())):
             yield found if found.startswith(("rover-pin", "python")) else f"python {found}"
 
@@ -196,9 +202,7 @@ def commands():
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder of results, of this test alone, with what a checkout has and what a reader is said to have."""
-    for name in ("studies", "urdf"):
-        (tmp_path / name).symlink_to(ROOT / name)
+    """A folder of results, of this test alone, with what a reader is said to have."""
     copyfile(ROOT / "studies" / "data" / "cmu-smooth-wheel" / "points.csv", tmp_path / "mine.csv")
     copyfile(ROOT / "urdf" / "cart.urdf", tmp_path / "my_rover.urdf")
     return tmp_path
@@ -209,6 +213,9 @@ def printed(command, folder):
     about = COMMANDS.get(command, Command())
     for other in about.needs:
         printed(other, folder)
+    for name in ("studies", "urdf"):  # of a checkout only what is named
+        if f"{name}/" in command and not (folder / name).exists():
+            (folder / name).symlink_to(ROOT / name)
     program, *words = shlex.split(command)
     start = ["-m", "rover_pin.cli"] if program == "rover-pin" else []
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
