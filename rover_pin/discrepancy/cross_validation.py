@@ -14,8 +14,6 @@ from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.task import objective
 
-LOST = 1e3
-"""Residual [SD] of a run that the fit to the others cannot predict at all."""
 FAR = 3.0
 """Default sizes by which a size may move when a run is left out, that the other runs hardly tell."""
 
@@ -38,6 +36,15 @@ def left_out_by_refits(fitted: Fit) -> np.ndarray:
 def held_out_losses(fitted: Fit) -> np.ndarray:
     """Return how badly the others predict every fold: its robust chi2 where fits are exact, else its `surprise`."""
     return losses_of(fitted) if fitted.task.experiment.is_exact else left_out_by_refits(fitted)
+
+
+def fall_of(without: np.ndarray, found: np.ndarray) -> float:
+    """Return by how much held-out losses (folds,) fall, over the folds that both models predict.
+
+    NaN where the second loses a fold that the first predicts: on the rest alone the two are not compared. A fold that
+    only the second predicts counts for neither.
+    """
+    return float(np.nan if (np.isnan(found) & ~np.isnan(without)).any() else np.nansum(without - found))
 
 
 def seen_again(without: np.ndarray, found: np.ndarray) -> float:
@@ -97,11 +104,11 @@ def refitted_left_out(fitted: Fit) -> np.ndarray:
     """Return the residual (runs, channels, blocks) with every run as a fit to the others predicts it.
 
     The fits descend from the whole one with its slopes; sizes are held near their values by SDs of FAR default sizes.
-    A run that no fit to the others predicts counts as LOST.
+    A run that no fit to the others predicts is NaN.
     """
     residual = fitted.residual.copy()
     for run, one in enumerate(_fits_left_out(fitted)):
-        residual[run] = LOST * fitted.task.noise.floor[:, None] if one is None else one.residual[run]
+        residual[run] = np.nan if one is None else one.residual[run]
     return residual
 
 

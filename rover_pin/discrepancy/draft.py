@@ -44,6 +44,8 @@ class Draft:
             return "the draft promises nothing when it is tried"
         gain = f"chi2 falls by {self.refit.gain:.3g} (chance: {self.refit.fee:.3g})"
         folds = f"on folds left out by {self.refit.held_out:.3g}"
+        if self.refit.loses:
+            folds = "a fold left out that is predicted without it is lost, and nothing compared"
         return f"tried, {gain}, {folds}{'' if self.accepted else '; it does not hold up'}"
 
     def lines(self) -> list[str]:

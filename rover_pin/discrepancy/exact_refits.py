@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.cross_validation import losses_of
+from rover_pin.discrepancy.cross_validation import fall_of, losses_of
 from rover_pin.discrepancy.refit import Fee, Progress, Refit, best_of_each, joined
-from rover_pin.discrepancy.screen import STILL, Scored, entry_fee
+from rover_pin.discrepancy.screen import SMALL, STILL, Scored, entry_fee
 from rover_pin.estimation.fit import Fit, best_of
 from rover_pin.estimation.parameter import Parameter
 
@@ -22,8 +22,6 @@ SHARE_REFITTED = 0.25
 """Share of its threshold that a candidate must promise to be refitted at all, where fits are exact and cheap."""
 MOST_FREE = 0.5
 """Free numbers without a prior for each compared block, at most."""
-SMALL = 0.05
-"""Share of its default size from which a refit starts, besides the default."""
 SHIFT = 1.0
 """Prior SDs by which a shape is moved to see whether the data show it."""
 PAIRED = 6
@@ -121,7 +119,7 @@ def told_shapes(fitted: Fit, candidate: Candidate) -> Candidate:
         here = one.u(experiment.value(model, name))
         shifted = one.value(here + (SHIFT if one.bounds[1] >= here + SHIFT else -SHIFT))
         (moved,) = experiment.predict([experiment.with_values(model, {name: shifted})])
-        if np.linalg.norm(fitted.task.noise.white(moved - fitted.predicted)) > STILL:
+        if not np.linalg.norm(fitted.task.noise.white(moved - fitted.predicted)) <= STILL:  # nor where it loses a run
             kept.append(name)
     return dataclasses.replace(candidate, shapes=tuple(kept))
 
@@ -164,11 +162,11 @@ def judged(base: Fit, tried: Sequence[Tried], fee: Fee, paid: float = 0.0) -> tu
     ]
     ranked = best_of_each(rows)
     paying = [one for one in ranked if one.net > 0]
-    without = float(losses_of(base).sum()) if paying else 0.0
+    without = losses_of(base) if paying else np.zeros(0)
     kept: list[Refit] = []
     for one in paying:
         if is_whole(base) or not any(each.accepted for each in kept):
-            kept.append(dataclasses.replace(one, held_out=without - float(losses_of(one.fit).sum())))
+            kept.append(dataclasses.replace(one, held_out=fall_of(without, losses_of(one.fit))))
     return (*kept, *ranked[len(kept) :])
 
 

@@ -47,6 +47,8 @@ class ChannelScore(NamedTuple):
     "of every fold"
     of: str = "runs"
     "what is resampled: runs, or stretches of them, or whole folds"
+    lost: tuple[str, ...] = ()
+    "folds that the fit to the others does not predict, before or after: errors there, and of the channel, are NaN"
 
     @property
     def worded(self) -> Change:
@@ -56,6 +58,8 @@ class ChannelScore(NamedTuple):
     @property
     def said(self) -> str:
         """What may be claimed."""
+        if self.lost:
+            return f"{', '.join(self.lost)} left out is not predicted: not compared"
         return self.worded.said
 
     def times(self, error: float) -> float:
@@ -65,6 +69,12 @@ class ChannelScore(NamedTuple):
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
         return self._asdict() | {"said": self.said, "levels": [one._asdict() for one in self.levels]}
+
+
+def lost_folds(scores: Sequence[ChannelScore], why: str) -> tuple[str, ...]:
+    """Return which folds no fit to the others predicts, one sentence each."""
+    lost = dict.fromkeys(name for one in scores for name in one.lost)
+    return tuple(f"{name} left out is not predicted by the others: {why}; no error is averaged" for name in lost)
 
 
 class RunScore(NamedTuple):
@@ -124,7 +134,9 @@ def _by_channel(
         was, now = (float(np.sqrt(each.sum() / max(int(good[:, row].sum()), 1))) for each in squares)
         unit, change = experiment.unit(name), now / max(was, 1e-300) - 1
         levels, of = _levels(experiment, noise.good[:, row], squares), "runs" if experiment.is_timed else "folds"
-        found.append(ChannelScore(name, unit, float(floor[row]), was, now, change, low, high, levels, of))
+        gone = np.isnan(np.array(squares)).any(axis=(0, 2))
+        lost = tuple(name for name, is_gone in zip(experiment.folds, gone, strict=True) if is_gone)
+        found.append(ChannelScore(name, unit, float(floor[row]), was, now, change, low, high, levels, of, lost))
     return tuple(found)
 
 

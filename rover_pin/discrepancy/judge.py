@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -11,7 +12,7 @@ from rover_pin.discrepancy.answer import TAKEN_TOGETHER, TAKES_MOST, Answer
 from rover_pin.discrepancy.candidate import Candidate, is_effect
 from rover_pin.discrepancy.cross_validation import without_each
 from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
-from rover_pin.discrepancy.held_out import ChannelScore, errors_anew, errors_of_others, held_out
+from rover_pin.discrepancy.held_out import ChannelScore, errors_anew, errors_of_others, held_out, lost_folds
 from rover_pin.discrepancy.left import Left, described, held_out_share
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.search import Search, again, calibrated, search
@@ -187,6 +188,7 @@ def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Lef
         errors.runs,
         chosen,
         against,
+        lost_folds(errors.channels, found.base.task.experiment.no_value),
         search=found,
     )
 
@@ -210,6 +212,8 @@ def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore]
         said.append(f"{found.names} is chosen in {same} of {len(chosen)} folds only")
     worse = [one for one in scores if one.worded.outcome is Outcome.WORSE and one.change > WORSE_BY]
     said += [f"{one.name} is predicted worse where it was not fitted" for one in worse]
+    lost = [one for one in scores if math.isnan(one.after) and not math.isnan(one.before)]
+    said += [f"{one.name} is not predicted where it was not fitted" for one in lost]
     return [*said, "a smooth curve describes what it leaves, beyond chance"] if patterned else said
 
 

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.discrepancy.cross_validation import held_out_losses
+from rover_pin.discrepancy.cross_validation import fall_of, held_out_losses
 from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.search import Search
 from rover_pin.estimation.fit import Fit
+from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.numbers import is_adequate
 
 ENOUGH = 0.9
@@ -70,9 +71,8 @@ def outdone(found: Search, draft: Draft) -> bool:
     """Return whether a draft on the base takes, beyond chance, half of what the law leaves on folds left out."""
     if draft.refit is None or not draft.accepted:
         return False
-    law, drawn = (float(held_out_losses(one).sum()) for one in (found.last, draft.refit.fit))
-    beyond = law - found.base.task.noise.count
-    return law - drawn > max(BETTER * beyond, draft.refit.fee)
+    fall, beyond = _fall_and_room(found.base.task.noise, found.last, draft.refit.fit)
+    return fall > max(BETTER * beyond, draft.refit.fee)
 
 
 def holds(found: Search) -> bool:
@@ -88,7 +88,13 @@ def share_taken(found: Search) -> float:
 
 
 def held_out_share(base: Fit, last: Fit) -> float:
-    """Return the share of the held-out losses beyond the noise that what was added takes; at least 0."""
-    was, now = (float(held_out_losses(one).sum()) for one in (base, last))
-    beyond = was - base.task.noise.count
-    return float(np.clip((was - now) / beyond, 0.0, 1.0)) if beyond > 0 else float(now < was)
+    """Return the share of the held-out losses beyond the noise that what was added takes; 0 where it loses a fold."""
+    fall, beyond = _fall_and_room(base.task.noise, base, last)
+    return float(np.clip(np.nan_to_num(fall / beyond), 0.0, 1.0)) if beyond > 0 else float(fall > 0)
+
+
+def _fall_and_room(noise: Noise, before: Fit, after: Fit) -> tuple[float, float]:
+    """Return `fall_of` the held-out losses, and those before beyond the noise, on the folds that both predict."""
+    was, now = (held_out_losses(one) for one in (before, after))
+    both = np.isfinite(was + now)
+    return fall_of(was, now), float(was[both].sum() - noise.good[both].sum())

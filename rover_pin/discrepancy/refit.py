@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -35,7 +36,8 @@ class Refit:
     fee: float
     "what chance alone would gain"
     held_out: float
-    "how much better every fold is predicted from the others: in chi2 where fits are exact, else in `seen_again`"
+    "how much better every fold is predicted from the others: in chi2 where fits are exact, else in `seen_again`; NaN \
+where it loses one that the model without predicts"
     unit: float = COLOURED
     "by how much chi2 by chance exceeds that of white noise here: what gains are counted in"
     instead: tuple[Candidate, ...] = ()
@@ -50,6 +52,11 @@ class Refit:
     def net(self) -> float:
         """Gain minus fee."""
         return self.gain - self.fee
+
+    @property
+    def loses(self) -> bool:
+        """Whether a fit with it loses a fold left out that the model without predicts: then nothing is compared."""
+        return math.isnan(self.held_out)
 
     @property
     def accepted(self) -> bool:

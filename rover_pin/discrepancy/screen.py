@@ -26,6 +26,8 @@ ABSORBED = 0.02
 """Share of a signature that must be left after the uncertain numbers for the candidate to be told at all."""
 STILL = 0.3
 """A signature that moves all rows together by fewer SDs than this is not in the data."""
+SMALL = 0.05
+"""Share of its default size from which a refit starts, besides the default."""
 MULTIPLES = (0.8, 1.2, 1.8, 2.7)
 """Multiples of the default size at which a threshold effect is tried."""
 
@@ -42,7 +44,10 @@ class Signature:
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """One candidate by its best signature: the gain in chi2 and the size that a linear model promises."""
+    """One candidate by its best signature: the gain in chi2 and the size that a linear model promises.
+
+    NaN where the model with it, however small, loses a prediction: it is not told.
+    """
 
     candidate: Candidate
     signature: Signature = field(repr=False)
@@ -76,7 +81,21 @@ def signatures(base: Fit, candidates: Sequence[Candidate]) -> list[Signature]:
         Signature(one, sizes, each - base.predicted, one.neutral)
         for (one, sizes), each in zip(tried, features, strict=True)
     ]
-    return freed + found
+    return freed + [_smaller(base, one) for one in found]
+
+
+def _smaller(base: Fit, found: Signature) -> Signature:
+    """Return a signature at a share SMALL of its sizes where the whole loses a prediction: no sinkage may carry it."""
+    if not is_lost(base, found.moved):
+        return found
+    sizes = {name: (1 - SMALL) * found.neutral[name] + SMALL * size for name, size in found.sizes.items()}
+    with_it = base.task.experiment.with_values(found.candidate.on(base.model), sizes)
+    return dataclasses.replace(found, sizes=sizes, moved=_features(base, [with_it])[0] - base.predicted)
+
+
+def is_lost(fitted: Fit, values: np.ndarray) -> bool:
+    """Return whether any of the compared values is not predicted."""
+    return bool(np.isnan(values[fitted.task.noise.good]).any())
 
 
 def _features(base: Fit, models: Sequence[Any]) -> np.ndarray:
@@ -123,13 +142,13 @@ def score(base: Fit, found: Sequence[Signature]) -> list[Scored]:
         weighted = weights * moved
         across = columns.T @ weighted
         whole = float(moved @ weighted)
-        info = max(whole - float(across @ spread @ across), 1e-12)
+        info = np.maximum(whole - float(across @ spread @ across), 1e-12)
         slope = float(weighted @ rows - across @ spread @ off)
         share = _reachable(each, slope / info)
-        gain = max(2 * share * slope - share**2 * info, 0.0)
-        row = Scored(each.candidate, each, gain, share, math.sqrt(info), 1 - info / max(whole, 1e-12))
+        gain = float(np.maximum(2 * share * slope - share**2 * info, 0.0))
+        row = Scored(each.candidate, each, gain, share, math.sqrt(info), float(1 - info / np.maximum(whole, 1e-12)))
         name = each.candidate.name
-        if name not in best or row.gain > best[name].gain:
+        if name not in best or math.isnan(best[name].gain) or row.gain > best[name].gain:
             best[name] = row
     return sorted(best.values(), key=lambda row: -row.gain if row.told else 0.0)
 

@@ -19,6 +19,7 @@ from rover_pin.discrepancy.screen import (
     Scored,
     Signature,
     fee_of,
+    is_lost,
     saturated,
     score,
     signatures,
@@ -46,8 +47,8 @@ FOLDS_OF_TWO = 5
 freed, on seven levels, one imitated that drag together with another."""
 LEARNT = 2
 """How often noise and base are fitted in turn."""
-STARTS = 6
-"""Starts of the base model's fit where it is exact."""
+STARTS, WIDER = 6, (1.0, 2.0, 4.0)
+"""Starts of the base model's fit where it is exact, and how many times as far they lie where none of them ends."""
 LEAST = 1e-6
 """Least SD of a channel's blocks [its unit]: one that never moves has no noise of its own."""
 
@@ -131,10 +132,14 @@ def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter],
     declared = experiment.noise()
     if declared is not None and experiment.is_exact:
         centre = np.array([one.u(experiment.value(model, one.name)) for one in numbers])
-        found = best_of(Task(experiment, declared), model, numbers, scattered(numbers, centre, STARTS, seed))
-        if found is None:
-            raise OptimisationError(f"{experiment.name}: no start of the fit of the base model converged.", status="")
-        return found
+        starts = np.array(scattered(numbers, centre, STARTS, seed))
+        for times in WIDER:
+            found = best_of(Task(experiment, declared), model, numbers, [*(centre + times * (starts - centre))])
+            if found is not None:
+                return found
+        why = experiment.unpredicted(model) or "free fewer numbers"
+        said = f"{experiment.name}: no start of the fit of the base model converged: {why}."
+        raise OptimisationError(said, status="")
     if declared is not None:
         return again(fit(Task(experiment, declared), model, numbers))
     least = np.full(len(experiment.channels), LEAST)
@@ -181,7 +186,7 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
 
 
 def _moved(found: Search, tried: Sequence[Candidate]) -> list[np.ndarray]:
-    return [each.moved for each in _left(found, tried)]
+    return [each.moved for each in _left(found, tried) if not is_lost(found.last, each.moved)]
 
 
 def _known(base: Fit, tried: Sequence[Candidate], progress: Progress) -> list[Signature]:

@@ -121,17 +121,11 @@ class Verdict:
 
     @property
     def _missed_anew(self) -> str:
-        if self.loses(self.errors_anew):
-            return f"; with each fold's own choice {NOT_AT_ALL}"
         told = self._errors_said(self.errors_anew)
         return f"; held-out RMSE with each fold's own choice: {told}" if told else ""
 
     def _instead(self, errors: dict[str, float]) -> str:
-        return NOT_AT_ALL if self.loses(errors) else f"held-out RMSE {self._errors_said(errors)}"
-
-    def loses(self, errors: dict[str, float]) -> bool:
-        """Return whether held-out errors are of a fold that is not predicted at all, as where no sinkage carries it."""
-        return any(errors.get(one.name, 0.0) > HOPELESS * one.before for one in self.scores)
+        return f"held-out RMSE {self._errors_said(errors)}"
 
     def _errors_said(self, errors: dict[str, float]) -> str:
         units = {one.name: one.unit for one in self.scores}
@@ -205,16 +199,13 @@ class Verdict:
         )
 
 
-HOPELESS = 30.0
-"""Times the base model's error from which a held-out error is no number but a fold that was lost."""
-NOT_AT_ALL = "a fold is not predicted from the others at all"
 FEW = 5
 """Channels up to which a summary has a line for each; of more, those whose change can be claimed."""
 
 
 def is_told(score: ChannelScore) -> bool:
     """Return whether a channel's change is worth a line: it can be claimed."""
-    return score.worded.outcome in (Outcome.BETTER, Outcome.WORSE)
+    return score.worded.outcome in (Outcome.BETTER, Outcome.WORSE, Outcome.LOST)
 
 
 def _numbers(side: Side | None) -> dict[str, Any]:

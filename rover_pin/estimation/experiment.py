@@ -33,6 +33,8 @@ class Experiment(ABC):
     """
 
     name: str = "experiment"
+    no_value: str = "the model has no value there"
+    "why a prediction may be NaN, in words"
     is_timed: bool = False
     "whether samples of a fold follow one another in time, so that neighbours hang together"
     is_exact: bool = False
@@ -55,7 +57,7 @@ at a minimum, and every fold is predicted by whole refits"
 
     @abstractmethod
     def predict(self, models: Sequence[Any]) -> np.ndarray:
-        """Return what each model predicts (models, folds, channels, samples); finite everywhere."""
+        """Return what each model predicts (models, folds, channels, samples); NaN where it predicts nothing."""
 
     @abstractmethod
     def records(self, model: Any) -> Mapping[str, Any]:
@@ -112,6 +114,10 @@ at a minimum, and every fold is predicted by whole refits"
     def sensitivities(self, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
         """Return what the model predicts with the parameters at u, and its exact slopes; where `is_exact`."""
         raise NotImplementedError(f"{type(self).__name__} is not exact: its slopes are differences of predictions.")
+
+    def unpredicted(self, model: Any) -> str:
+        """Return what of the measurements a model does not predict, and why, in words; empty where it predicts all."""
+        return ""
 
     def neighbours(self, candidate: Any, step: float) -> Sequence[Any]:
         """Return a candidate whose place was sought with its edges moved by `step`; none where there is no place."""

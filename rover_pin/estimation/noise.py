@@ -57,9 +57,14 @@ class Noise:
         return int(self.good.sum())
 
     def white(self, residual: np.ndarray) -> np.ndarray:
-        """Return residuals (..., runs, channels, blocks) as rows (..., n) of SD 1 without memory or common mode."""
-        rows = np.asarray(self._scaled(residual)[..., self.good])
-        return rows if self.chance is None else self.chance.taken_out(rows, self.good)
+        """Return residuals (..., runs, channels, blocks) as rows (..., n) of SD 1 without memory or common mode.
+
+        A row that is not predicted stays NaN, and tells its neighbours nothing.
+        """
+        lost = np.isnan(residual)
+        rows = np.asarray(self._scaled(np.where(lost, 0.0, residual))[..., self.good])
+        white = rows if self.chance is None else self.chance.taken_out(rows, self.good)
+        return np.where(lost[..., self.good], np.nan, white)
 
     def _scaled(self, residual: np.ndarray) -> np.ndarray:
         """Return residuals in their SDs, without memory or common mode where the noise has any."""

@@ -16,6 +16,8 @@ NEARLY = 0.8
 NO_SPREAD = 1e-9
 """An SD, or an interval's width, below this share of the number, or of one unit of a size, was not told by the data."""
 
+NOT_PREDICTED = "not predicted"
+
 READERS_UNITS = {
     "rad": (180 / math.pi, "deg"),
     "m": (1e3, "mm"),
@@ -30,9 +32,14 @@ def in_words(unit: str) -> tuple[float, str]:
 
 
 def shown(value: float, unit: str) -> str:
-    """Return a number as a reader wants it: degrees, millimetres, kilopascals."""
+    """Return a number as a reader wants it: degrees, millimetres, kilopascals; NaN is what is not predicted."""
     factor, name = in_words(unit)
-    return f"{factor * value:.4g} {name}".rstrip()
+    return figure(factor * value, ".4g", f" {name}".rstrip())
+
+
+def figure(value: float, form: str, unit: str = "") -> str:
+    """Return a number in a format, with its unit; NaN is what is not predicted."""
+    return NOT_PREDICTED if math.isnan(value) else f"{value:{form}}{unit}"
 
 
 def share(value: float) -> str:
@@ -78,6 +85,7 @@ class Outcome(Enum):
     AT_FLOOR = "at its noise floor before: no gain to claim"
     SCATTER = "not beyond its scatter: nothing to claim"
     UNTOLD = "too little to resample: nothing to claim"
+    LOST = "not predicted everywhere: not compared"
 
 
 class Change(NamedTuple):
@@ -95,12 +103,17 @@ class Change(NamedTuple):
     @property
     def share(self) -> float:
         """after / before - 1."""
-        return self.after / self.before - 1 if self.before > 0 else 0.0
+        return 0.0 if self.before == 0 else self.after / self.before - 1
+
+    @property
+    def lost(self) -> bool:
+        """Whether an error is that of a fold that is not predicted."""
+        return math.isnan(self.before + self.after)
 
     @property
     def none(self) -> bool:
         """Whether nothing changed, as where nothing was added."""
-        return max(abs(self.share), abs(self.low), abs(self.high)) < SAME
+        return not self.lost and max(abs(self.share), abs(self.low), abs(self.high)) < SAME
 
     @property
     def told(self) -> bool:
@@ -110,14 +123,16 @@ class Change(NamedTuple):
     @property
     def text(self) -> str:
         """The change and its interval, in a few letters."""
-        if self.none:
-            return "unchanged"
+        if self.none or self.lost:
+            return "not compared" if self.lost else "unchanged"
         ends = f"95 % [{share(self.low)}, {share(self.high)}]" if self.told else "no interval"
         return f"{share(self.share)}, {ends}"
 
     @property
     def outcome(self) -> Outcome:
         """What may be claimed, in a few words."""
+        if self.lost:
+            return Outcome.LOST
         at_floor = self.before <= AT_FLOOR * self.floor
         if at_floor and self.after <= AT_FLOOR * self.floor:
             return Outcome.AT_FLOOR
@@ -144,8 +159,11 @@ class Change(NamedTuple):
 
 def got_worse(changes: Iterable[tuple[str, Change]]) -> str:
     """Return which of the named errors grew, in a sentence; those that did not grow beyond the scatter apart."""
+    changes = list(changes)
     rows = [(name, change) for name, change in changes if change.share >= SAME]
     beyond = [f"{name} by {share(one.share).lstrip('+')}" for name, one in rows if one.outcome is Outcome.WORSE]
     within = [f"{name} by {share(one.share).lstrip('+')}" for name, one in rows if one.outcome is not Outcome.WORSE]
     said = f"Got worse: {', '.join(beyond)}." if beyond else "No channel got worse beyond its scatter."
+    lost = [name for name, change in changes if change.lost]
+    said += f" Not predicted everywhere, and not compared: {', '.join(lost)}." if lost else ""
     return f"{said} Higher within it: {', '.join(within)}." if within else said

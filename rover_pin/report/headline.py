@@ -33,7 +33,7 @@ def by_outcome(scores: Sequence[ChannelScore], *outcomes: Outcome) -> list[Chann
 
 def worst(scores: Sequence[ChannelScore]) -> list[ChannelScore]:
     """Return the channels by how many times its noise each is missed, the most first."""
-    return sorted(scores, key=lambda one: -one.times(one.before))
+    return sorted(scores, key=lambda one: (not one.worded.lost, -one.times(one.before)))
 
 
 def _changed(verdict: Verdict, manner: Manner, link: str, why: str) -> str:

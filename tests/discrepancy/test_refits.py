@@ -77,7 +77,7 @@ def test_an_exact_experiment_is_calibrated_from_several_starts(monkeypatch):
     experiment = lambda exact: SimpleNamespace(is_exact=exact, noise=lambda: "declared", value=lambda model, name: 3.0)  # noqa: E731
     one = Parameter("k", 1.0, 0.5, 0.0, 9.0)
     assert search.calibrated(experiment(True), "model", [one], 7) == "best"
-    assert seen == [(search.STARTS, 7, 4.0)]
+    assert [list(one) for one in seen] == [[search.STARTS, 7, 4.0]]
     assert search.calibrated(experiment(False), "model", [one], 7) == "once more"
 
 

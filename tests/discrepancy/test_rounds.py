@@ -325,7 +325,7 @@ def test_a_draft_outdoes_a_law_by_half_of_what_that_leaves_beyond_chance(
     """On folds left out, of 100 compared values, and beyond chance."""
     losses = {"last": [law / 4, 3 * law / 4], "drawn": [drawn / 2, drawn / 2]}
     monkeypatch.setattr(left_of_a_law, "held_out_losses", lambda one: np.array(losses[one.name]))
-    base = SimpleNamespace(task=SimpleNamespace(noise=SimpleNamespace(count=100)))
+    base = SimpleNamespace(task=SimpleNamespace(noise=SimpleNamespace(good=np.ones((2, 1, 50), bool))))
     found = SimpleNamespace(base=base, last=SimpleNamespace(name="last"))
     draft = SimpleNamespace(refit=SimpleNamespace(fit=SimpleNamespace(name="drawn"), fee=fee), accepted=accepted)
     assert outdone(found, draft) is better
@@ -353,7 +353,9 @@ def test_where_nothing_was_found_the_base_is_judged_and_else_the_law(monkeypatch
 )
 def test_a_verdict_keeps_what_its_answer_says(answer, against, named, said, share, monkeypatch):
     """Both effects where they stand or hold together, the first where something is like it, none where none fits."""
-    task = SimpleNamespace(noise=None, experiment=SimpleNamespace(records=lambda model: {"A": "a", "B": "b"}))
+    task = SimpleNamespace(
+        noise=None, experiment=SimpleNamespace(records=lambda model: {"A": "a", "B": "b"}, no_value="")
+    )
 
     def fit(name):
         return SimpleNamespace(name=name, task=task)

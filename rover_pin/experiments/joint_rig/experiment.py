@@ -47,6 +47,7 @@ class JointRig(Experiment):
     sets: Mapping[str, RigSet]
     twice: tuple[Finding, ...] = ()
     is_exact = True
+    no_value = RigExperiment.no_value
 
     @cached_property
     def _each(self) -> dict[str, RigExperiment]:
@@ -205,6 +206,11 @@ class JointRig(Experiment):
     def predict(self, models: Sequence[JointModel]) -> np.ndarray:
         """Return the channels of each model (models, folds, channels, samples)."""
         return np.array([self.sensitivities(one, (), np.zeros(0)).predicted for one in models])
+
+    def unpredicted(self, model: JointModel) -> str:
+        """Return which run no sinkage carries, of the first set that has one; empty where all are carried."""
+        said = ((name, one.unpredicted(model.of(name))) for name, one in self._each.items())
+        return next((f"{name}: {why}" for name, why in said if why), "")
 
     def insufficient(self) -> str:
         """Return why the sets tell nothing together, and what would."""

@@ -17,7 +17,7 @@ from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.wheel_rig.beds import beds_of
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor
+from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor, uncarried
 from rover_pin.experiments.wheel_rig.presets import known_heights
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.soil_space import MOST_EXIT
@@ -41,6 +41,7 @@ class RigExperiment(Experiment):
 
     data: RigSet
     is_exact = True
+    no_value = "no sinkage down to the axle carries the load"
 
     @property
     def name(self) -> str:  # type: ignore[override]
@@ -126,6 +127,11 @@ class RigExperiment(Experiment):
         slopes = np.array([one.slope(x) for one, x in zip(parameters, u, strict=True)])
         moved = np.moveaxis(jacobian[measured] * slopes, -1, 0)
         return Sensitivities(self.table(values[measured]), self.table(moved))
+
+    def unpredicted(self, model: RigModel) -> str:
+        """Return which run no sinkage carries with this model; empty where all are carried."""
+        values = predictor(model, (), self._given)(model.vector()).values
+        return uncarried(values, self.data.rig.loads, np.asarray(self.data.rig.slip))
 
     def turns(self) -> np.ndarray | None:
         """Return the rows' order as that of measurement; None where most runs follow one of their own level."""

@@ -126,14 +126,22 @@ class RigModel:
         """
         load, slip = np.broadcast_arrays(np.atleast_1d(np.asarray(load, float)), np.asarray(slip, float))
         values = predictor(self, (), conditions(load, slip, speeds, slip_angle))(self.vector()).values
-        lost = np.isnan(values[0])
-        if lost.any():
-            run = int(np.argmax(lost))
-            raise DataError(
-                f"no sinkage down to the axle carries load = {load[run]:g} N at slip = {slip[run]:g} with this model; "
-                "lighten the wheel or choose a firmer soil."
-            )
+        if np.isnan(values).any():
+            raise DataError(f"{uncarried(values, load, slip)} with this model; {FIRMER}.")
         return Steady(*values)
+
+
+FIRMER = "lighten the wheel or choose a firmer soil"
+
+
+def uncarried(values: np.ndarray, load: np.ndarray, slip: np.ndarray) -> str:
+    """Return which runs are not predicted, and why, in words; empty where every channel [5, runs] is."""
+    lost = np.flatnonzero(np.isnan(values).any(axis=0))
+    if not lost.size:
+        return ""
+    also = f" (nor {lost.size - 1} other of {load.size} runs)" if lost.size > 1 else ""
+    first = lost[0]
+    return f"no sinkage down to the axle carries load = {load[first]:g} N at slip = {slip[first]:g}{also}"
 
 
 NOMINAL = 0.05

@@ -22,7 +22,8 @@ FEW_LEVELS = 6
 def cautions(verdict: Verdict, left: Left) -> tuple[str, ...]:
     """Return the cautions of a rig's verdict, given what its last model leaves."""
     numbers = verdict.after.numbers if verdict.after else ()
-    return (*of_parameters(numbers, left.flags), *of_residuals(left.remainders, left.tests), *of_choice(verdict))
+    of_fit = (*of_parameters(numbers, left.flags), *of_residuals(left.remainders, left.tests))
+    return (*of_fit, *of_choice(verdict), *verdict.cautions)
 
 
 def of_parameters(fitted: Sequence[Number], flags: Sequence[Flag]) -> list[str]:
@@ -51,8 +52,10 @@ def of_residuals(left: Sequence[Remainder], tests: Sequence[ResidualTest]) -> li
 def of_choice(verdict: Verdict) -> list[str]:
     """Return the cautions of the choice: what no held-out level confirms, folds that choose otherwise, few levels."""
     first = verdict.search.rounds[0].refits if verdict.search and not verdict.named else ()
+    worse = "predicts held-out levels no better: it may show in one level only"
+    lost = "is not compared: with it no sinkage carries a level left out that is carried without"
     said = [
-        f"{one.name} gains more than chance but predicts held-out levels no better: it may show in one level only"
+        f"{one.name} gains more than chance but {lost if one.loses else worse}"
         for one in first
         if one.net > 0 and not one.accepted
     ]

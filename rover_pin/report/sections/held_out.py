@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from rover_pin.discrepancy.held_out import LOSES, ChannelScore
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.wording import Outcome, got_worse, shown
+from rover_pin.estimation.wording import Outcome, figure, got_worse, shown
 from rover_pin.report.figures import heldout_panels
 from rover_pin.report.headline import FEW, by_outcome, worst
 from rover_pin.report.section import AWAY, Picture, Row, Section, Table
@@ -67,8 +67,8 @@ class HeldOut(Section):
     def _together(self, added: bool) -> Table:
         rows = []
         for one in self.verdict.runs:
-            cells = (self.manner.fold(one.run), f"{one.blocks}", f"{one.before:.2f}")
-            after = (f"{one.after:.2f}", one.worded.text) if added else ()
+            cells = (self.manner.fold(one.run), f"{one.blocks}", figure(one.before, ".2f"))
+            after = (figure(one.after, ".2f"), one.worded.text) if added else ()
             rows.append(Row((*cells, *after), AWAY * (added and one.low > 0)))
         heads = ("left out", "blocks", *(("before", "after", "change, 95 %") if added else ("misfit",)))
         return Table(heads, tuple(rows), "All channels together: chi2 for each number measured; 1 is the noise.")
@@ -86,7 +86,7 @@ def baseline_table(verdict: Verdict, manner: Manner) -> Table | None:
 
 
 def _level(each: Any, score: ChannelScore, added: bool) -> str:
-    if not math.isfinite(each.before):
+    if math.isnan(each.before) and each.level not in score.lost:
         return "-"
     before = shown(each.before, score.unit)
     return f"{before} to {shown(each.after, score.unit)}" if added else before
@@ -100,8 +100,8 @@ def channel_table(scores: Sequence[ChannelScore], added: bool, manner: Manner) -
         name, floor, times = manner.channel(one.name), shown(one.floor, one.unit), one.times(one.before)
         if added:
             cells = (name, shown(one.before, one.unit), shown(one.after, one.unit), one.worded.text, floor,
-                     f"{times:.1f} to {one.times(one.after):.1f}", one.said)  # fmt: skip
+                     f"{figure(times, '.1f')} to {figure(one.times(one.after), '.1f')}", one.said)  # fmt: skip
             rows.append(Row(cells, AWAY * (one.worded.outcome is Outcome.WORSE)))
         else:
-            rows.append(Row((name, shown(one.before, one.unit), floor, f"{times:.1f}")))
+            rows.append(Row((name, shown(one.before, one.unit), floor, figure(times, ".1f"))))
     return Table(heads if added else ("channel", "held-out error", "noise", "times the noise"), tuple(rows))

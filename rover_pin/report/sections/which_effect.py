@@ -79,8 +79,6 @@ class WhichEffect(Section):
         return f"Errors on the {self.manner.folds} left out, in place of the first: {'; '.join(said)}." if said else ""
 
     def _errors(self, errors: dict[str, float]) -> str:
-        if self.verdict.loses(errors):
-            return f"one of the {self.manner.folds} is not predicted from the others at all"
         units = {one.name: one.unit for one in self.verdict.scores}
         return listing(
             [f"{self.manner.channel(name)} {shown(errors[name], units[name])}" for name in errors if name in units]
