@@ -212,7 +212,7 @@ def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore]
         said.append(f"{found.names} is chosen in {same} of {len(chosen)} folds only")
     worse = [one for one in scores if one.worded.outcome is Outcome.WORSE and one.change > WORSE_BY]
     said += [f"{one.name} is predicted worse where it was not fitted" for one in worse]
-    lost = [one for one in scores if math.isnan(one.after) and not math.isnan(one.before)]
+    lost = [one for one in scores if math.isnan(one.after)]
     said += [f"{one.name} is not predicted where it was not fitted" for one in lost]
     return [*said, "a smooth curve describes what it leaves, beyond chance"] if patterned else said
 

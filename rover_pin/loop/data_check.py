@@ -11,8 +11,7 @@ from rover_pin.experiments.drive_log.checks.log import refuse_unfit as refuse_lo
 from rover_pin.experiments.joint_rig.sets import read_joint
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
 from rover_pin.loop.close import read_data
 from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.drive_points import points_of_log
@@ -51,7 +50,7 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
         holds = f"{len(data.runs)} runs, {seconds:.0f} s, rover {data.about.rover}"
         return DataCheck("drive-log", holds, found.found, found.too_poor)
     refuse_unfit(data)
-    uncertain = RigExperiment(data).uncertain(RigModel(data.rig.wheel, data.soil()))
+    uncertain = RigExperiment(data).uncertain(as_declared(data))
     return DataCheck("wheel-rig", _holds(data), tuple(findings(data)), too_poor(data, len(uncertain)))
 
 

@@ -22,12 +22,12 @@ from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, r
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
 from rover_pin.experiments.wheel_rig.draft import drafted
-from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.left import Left, RigExtra
-from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
+from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model
-from rover_pin.experiments.wheel_rig.presets import known_trench, told
+from rover_pin.experiments.wheel_rig.presets import told
 from rover_pin.experiments.wheel_rig.remainder import remainders
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
@@ -59,7 +59,7 @@ def close_rig_loop(
     """
     begun = time.monotonic()
     refuse_unfit(data)
-    start = _start(data, model)
+    start = model if isinstance(model, RigModel) else as_declared(data, model)
     say_what_is_replaced(asked.out, OF_A_LOOP)
     verdict = on_rig(RigExperiment(data), start, asked.effects, progress, asked.seed)
     verdict.provenance.update(provenance(asked, time.monotonic() - begun))
@@ -83,14 +83,6 @@ def rig_set_of(data: str | Path | WheelRig | RigSet, trust: Trust = Trust()) -> 
     if isinstance(data, WheelRig):
         return as_rig_set(data)
     return read_rig_set(data, trust)
-
-
-def _start(data: RigSet, model: RigModel | Soil | None) -> RigModel:
-    if isinstance(model, RigModel):
-        return model
-    soil = model if isinstance(model, Soil) else data.soil()
-    effects = (*(ASKEW if data.rig.askew.any() else PAPER), *known_trench(data.rig))
-    return RigModel(data.rig.wheel, soil, effects, data.rig.errors)
 
 
 def question_of(experiment: RigExperiment, model: RigModel, effects: str | Path | None = None) -> Question:

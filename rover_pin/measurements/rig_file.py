@@ -46,6 +46,10 @@ BESIDE = {
     "angle_of_repose": Beside("rad", 0.0, math.radians(60.0), "soil"),
 }
 """Lugs and sand as the effects of the contact take them: see `experiments.wheel_rig.presets`."""
+SPEEDS, ANGLE = ("travel_speed_mps", "rim_speed_mps"), "slip_angle_rad"
+"""Columns of the speeds, of the wheel's centre and of its rim, and of the angle between heading and travel."""
+OF_SPEEDS = "slips of speeds"
+"""How many runs of a table have the slip of their speeds, among its attributes."""
 SMOOTH = "smooth"
 """Surface of a wheel without lugs."""
 OVER_LUGS = "r_over_lugs"
@@ -188,6 +192,7 @@ def read_points(folder: Path, about: Mapping[str, Any], rim_share: float, trust:
     table = measured_points(points, ("slip", "load_N"))
     here = f"{folder.name}/{points.name}"
     _refuse_other_units(table, here)
+    table = _with_slips(table, here)
     if SLOPE in table:
         table = _on_a_slope(table, table_in(about, "noise", where), here)
     return table if rim_share == 1.0 else _at_the_rim(table, rim_share, here)
@@ -202,6 +207,30 @@ def _refuse_other_units(table: pd.DataFrame, where: str) -> None:
         if name not in columns and stem in stems:
             expected = stems[stem]
             raise DataError(f"{where}: column '{name}' is not read: {closest(name, [expected])} Convert it to SI.")
+
+
+def _with_slips(table: pd.DataFrame, where: str) -> pd.DataFrame:
+    """Return the table with the slip of both speeds where it has none, as where it is divided by a locked wheel's."""
+    if not pd.api.types.is_numeric_dtype(table["slip"]):
+        return table
+    slip = table["slip"].to_numpy(dtype=float)
+    empty = ~np.isfinite(slip)
+    if not empty.any() or not set(SPEEDS) <= set(table):
+        if np.isinf(slip).any():
+            row, columns = int(np.argmax(np.isinf(slip))) + 1, " and ".join(SPEEDS)
+            said = "by Eq (1) a locked wheel has -1, one that spins and stands 1: give that, or columns of"
+            raise DataError(f"{where}: slip is infinite in row {row}; {said} {columns}.")
+        return table
+    travel, rim = (column(table[name], name, where, gaps=True) for name in SPEEDS)
+    angle = table[ANGLE].to_numpy(dtype=float) if ANGLE in table else 0.0
+    made = table.assign(slip=np.where(empty, slip_of_speeds(travel * np.cos(angle), rim), slip))
+    made.attrs[OF_SPEEDS] = int(empty.sum())
+    return made
+
+
+def slip_of_speeds(travel: np.ndarray, rim: np.ndarray) -> np.ndarray:
+    """Return Eq (1), (r omega - v) / max(|r omega|, |v|): -1 for a locked wheel, 1 for one that spins and stands."""
+    return np.asarray((rim - travel) / np.maximum(np.maximum(np.abs(rim), np.abs(travel)), 1e-12))
 
 
 def _on_a_slope(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> pd.DataFrame:

@@ -22,6 +22,7 @@ from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.pressed import Trial, declared_trials, exponent, press, pressed_known
 from rover_pin.measurements.rig_errors import RigErrors, stated_errors, unsure_sizes
 from rover_pin.measurements.rig_file import (
+    ANGLE,
     BEKKER_UNITS,
     declared_beside,
     declared_constants,
@@ -37,7 +38,6 @@ from rover_pin.soil.traction import wheel_forces
 from rover_pin.toml_file import read_toml, table_in
 from rover_pin.trust import Trust
 
-ANGLE = "slip_angle_rad"
 STRAIGHT = 0.01
 """Slip angle [rad] up to which a wheel runs straight, and its side force is not looked at."""
 

@@ -18,16 +18,24 @@ from rover_pin.measurements.channel import RIG_CHANNELS, SideForce
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.pressed import Trial, press
-from rover_pin.measurements.rig_file import OVER_LUGS, SLOPE, number_si, read_points, rim_of
-from rover_pin.measurements.wheel_rig import ANGLE, WheelRig, read_wheel_rig
+from rover_pin.measurements.rig_file import (
+    ANGLE,
+    OF_SPEEDS,
+    OVER_LUGS,
+    SLOPE,
+    SPEEDS,
+    number_si,
+    read_points,
+    rim_of,
+    slip_of_speeds,
+)
+from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
 from rover_pin.quantity import quantities
 from rover_pin.toml_file import read_toml, table_in
 from rover_pin.trust import Trust
 
 SAME_LEVEL = 0.02
 """Slips within this of their neighbour are one level where the data name none."""
-
-SPEEDS = ("travel_speed_mps", "rim_speed_mps")
 
 STANDS = 1e-3
 """Share of the faster of rim and travel below which a speed stands still."""
@@ -129,7 +137,17 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
     names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
     data = as_rig_set(rig, names, speeds, str(about.get("source", "")))
     said = OVER_LUGS in table_in(about, "wheel", where)
-    return replace(data, misspelt=(*_misspelt(table, here), *_askew(rig, here), *_unsaid(rig, said, where)))
+    return replace(
+        data,
+        misspelt=(*_misspelt(table, here), *_askew(rig, here), *_unsaid(rig, said, where), *_of_speeds(table, here)),
+    )
+
+
+def _of_speeds(table: pd.DataFrame, where: str) -> Iterator[Finding]:
+    """Yield how many runs have the slip of their speeds, as a locked wheel may have none in its table."""
+    if table.attrs.get(OF_SPEEDS):
+        said = f"{table.attrs[OF_SPEEDS]} of {len(table)} runs have no finite slip"
+        yield Finding(said, where, "it follows from their speeds by Eq (1): -1 where the wheel is locked")
 
 
 def _unsaid(rig: WheelRig, said: bool, where: str) -> Iterator[Finding]:
@@ -208,7 +226,7 @@ def _speeds(table: pd.DataFrame, slip: np.ndarray, angle: np.ndarray, where: str
     if len(known) == 1:
         return _by_slip(known, slip, angle, where)
     travel, rim = known[SPEEDS[0]] * np.cos(angle), known[SPEEDS[1]]
-    own = (rim - travel) / np.maximum(np.maximum(np.abs(rim), np.abs(travel)), 1e-12)
+    own = slip_of_speeds(travel, rim)
     off = np.abs(own - slip)
     if off.max() > 0.05:
         row = int(off.argmax())

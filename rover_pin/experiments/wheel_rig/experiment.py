@@ -11,14 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.contact import Soil
 from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.wheel_rig.beds import beds_of
 from rover_pin.experiments.wheel_rig.data import RigSet
-from rover_pin.experiments.wheel_rig.model import RigModel, RigPredictor, conditions, predictor, uncarried
-from rover_pin.experiments.wheel_rig.presets import known_heights
+from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel, RigPredictor, conditions, predictor, uncarried
+from rover_pin.experiments.wheel_rig.presets import known_heights, known_trench
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.soil_space import MOST_EXIT
 from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, Sinkage, Torque
@@ -212,6 +213,12 @@ class RigExperiment(Experiment):
         """Return a number without a prior; `scale` is how far apart its starts are."""
         one = self.parameter(model, name, scale, log)
         return dataclasses.replace(one, prior=False, low=max(one.low, LEAST * one.origin) if log else one.low)
+
+
+def as_declared(data: RigSet, soil: Soil | None = None) -> RigModel:
+    """Return the model that a set declares, its lugs digging; in another soil where one is given."""
+    effects = (*(ASKEW if data.rig.askew.any() else PAPER), *known_trench(data.rig))
+    return RigModel(data.rig.wheel, data.soil() if soil is None else soil, effects, data.rig.errors)
 
 
 def own_name(name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from rover_pin.discrepancy.verdict import Verdict
@@ -59,6 +60,9 @@ def of_choice(verdict: Verdict) -> list[str]:
         for one in first
         if one.net > 0 and not one.accepted
     ]
+    scored = verdict.search.rounds[0].scored if verdict.search else ()
+    untried = [row.candidate.name for row in scored if math.isnan(row.gain)]
+    said += [f"{name} was not tried: with it, however small, no sinkage carries a run" for name in untried]
     chosen, levels = list(verdict.chosen.values()), len(verdict.chosen)
     times = sum(set(name.split(" + ")) == set(verdict.named or [""]) for name in chosen)
     if times < STABLE * levels:
