@@ -10,7 +10,7 @@ from rover_pin.motion.model import Model
 from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.trace import Trace
 
-LOAD_BAND = (0.95, 1.05)
+LOAD_BAND = (0.99, 1.01)
 """`mean_load` within which a drive is believed: 0.9997 to 1.005 in 300 random drives that resolve it, 6 to
 137 in drives that did not."""
 SHORTEST = 0.5

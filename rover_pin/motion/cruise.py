@@ -66,5 +66,6 @@ def level_slip(
     def spare(S: float) -> float:
         return traction_factor(S, soil, rover, traction, gravity) - R
 
-    skids = traction.form.name != "net" and spare(0.0) > 0.0
-    return float(brentq(spare, least, 0.0)) if skids else 0.0
+    if traction.form.name == "net" or spare(0.0) <= 0.0:
+        return 0.0
+    return float(brentq(spare, least, 0.0)) if spare(least) < 0.0 else least

@@ -1,4 +1,4 @@
-"""A doubt settled by measuring: the drive once more at half the step, under its controller or the commands it gave."""
+"""What the step makes of a drive: once more at half of it, under its controller or the commands that it gave."""
 
 from __future__ import annotations
 

@@ -22,14 +22,15 @@ SHORT = 0.1
 LEAST_CROSSINGS = 4
 """Changes of a wheel's sense in the later half of a drive from which it swings."""
 ON_THE_SPOT = 0.2
-"""The body's way over that of its wheels, below which a rover that turns does so on the spot."""
+"""The body's way over that of its wheels, below which a rover that turns does so on the spot; and its way aside over
+that of its wheels, from which it is told."""
 
 
 class Happened(NamedTuple):
     """What a drive came to; `since` [s] is NaN where it was so from the start."""
 
     kind: str
-    "driving, creeping, stuck, stalled, slid back, held, slid, stopped, or ended"
+    "driving, creeping, sliding, stuck, stalled, slid back, held, slid, stopped, or ended"
     since: float
     sentence: str
 
@@ -51,8 +52,9 @@ def happened(trace: Trace) -> Happened | None:
     - slid back: more than a radius behind the furthest place, in the sense of its duty;
     - stalled: driven, but the motors turn at less than 5 % of their speed without a load, and no wheel by a tenth of r
       over the last tenth of the drive; that they creep is said with their share of that speed;
+    - sliding: the body goes further aside than its wheels travel, over the last twentieth of the drive;
     - stuck: over every last radius that the rims turn, the wheels travel less than a tenth of it;
-    - held, slid: never driven, and moved by less than r / 10, or by more;
+    - held, slid: never driven, and moved by less than r / 10, or by more; held also where driven, by less than r / 10;
     - stopped: no longer driven at the end;
     - creeping, driving: the rest, the wheels travelling less than half of what they turn, or more; on the spot where
       the body's way is less than a fifth of the wheels'.
@@ -67,7 +69,7 @@ def happened(trace: Trace) -> Happened | None:
     ways = _ways(trace)
     if not np.any(ways.driven):
         return _parked(trace, ways)
-    for judge in (_slid_back, _stopped, _stalled, _stuck):
+    for judge in (_slid_back, _stopped, _stalled, _barely_moved, _sliding, _stuck):
         found = judge(trace, ways)
         if found is not None:
             return found
@@ -91,9 +93,12 @@ def _held_sense(duty: np.ndarray) -> np.ndarray:
     return np.where(last < 0, 1.0, held)
 
 
+def _furthest(trace: Trace) -> float:
+    return float(np.max(np.hypot(*(trace[name] - trace[name][0] for name in ("body_x", "body_y")))))
+
+
 def _parked(trace: Trace, ways: _Ways) -> Happened:
-    x, y = trace["body_x"] - trace["body_x"][0], trace["body_y"] - trace["body_y"][0]
-    far = float(np.max(np.hypot(x, y)))
+    far = _furthest(trace)
     swing = _swinging(trace, ways)
     if far < SHORT * ways.r:
         return Happened("held", math.nan, f"held: not driven, it stood still to {1e3 * far:.2g} mm{swing}")
@@ -165,6 +170,33 @@ def _not_turning(trace: Trace, ways: _Ways, first: int) -> str:
     )
 
 
+def _barely_moved(trace: Trace, ways: _Ways) -> Happened | None:
+    far = _furthest(trace)
+    if max(far, ways.turned[-1]) >= SHORT * ways.r:
+        return None
+    duty = float(np.mean(np.abs(trace.stack("duty")[-1])))
+    return Happened("held", math.nan, f"moved by {1e3 * far:.2g} mm in {trace.t[-1]:.2g} s at a duty of {duty:.2g}")
+
+
+def _aside(trace: Trace, ways: _Ways) -> tuple[float, float, float]:
+    """Return the last twentieth of a drive [s], and what wheels travel and the body goes aside of that in it [m].
+
+    aside^2 = body^2 - travel^2 on the level: on a straight way the wheels' travel is all but what they slide across.
+    """
+    row = -1 - max(1, len(ways.t) // 20)
+    body = math.dist(*([trace[name][at] for name in ("body_x", "body_y")] for at in (row, -1)))
+    travel = float(ways.moved[-1] - ways.moved[row])
+    return float(ways.t[-1] - ways.t[row]), travel, math.sqrt(max(body**2 - travel**2, 0.0))
+
+
+def _sliding(trace: Trace, ways: _Ways) -> Happened | None:
+    time, travel, aside = _aside(trace, ways)
+    if aside <= max(abs(travel), SHORT * ways.r):
+        return None
+    told = f"slides aside at {aside / time:.2g} m/s, its wheels travel at {travel / time:.2g} m/s, {_place(trace, -1)}"
+    return Happened("sliding", math.nan, told + _turned(trace))
+
+
 def _stuck(trace: Trace, ways: _Ways) -> Happened | None:
     ratio = _grip(ways)
     if not ratio.size or ratio[-1] >= GRIP:
@@ -179,14 +211,15 @@ def _driving(trace: Trace, ways: _Ways) -> Happened:
     ratio = _grip(ways)
     last = float(ratio[-1]) if ratio.size else 1.0
     window = max(1, len(ways.t) // 20)
-    speed = (ways.moved[-1] - ways.moved[-1 - window]) / (ways.t[-1] - ways.t[-1 - window])
+    time, travel, aside = _aside(trace, ways)
     kind, word = ("driving", "drives on") if last >= 0.5 else ("creeping", "creeps on")
     place = f"{_place(trace, -1)}{_turned(trace)}"
     rate = _rate_on_the_spot(trace, ways, window)
     if rate:
         sense, halting = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much"
         return Happened(kind, math.nan, f"turns {sense} on the spot at {abs(rate):.2g} deg/s{halting}, {place}")
-    return Happened(kind, math.nan, f"{word} at {speed:.2g} m/s, {place}")
+    across = f", sliding aside at {aside / time:.2g} m/s" if aside > ON_THE_SPOT * travel else ""
+    return Happened(kind, math.nan, f"{word} at {travel / time:.2g} m/s{across}, {place}")
 
 
 def _rate_on_the_spot(trace: Trace, ways: _Ways, window: int) -> float:

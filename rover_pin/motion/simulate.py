@@ -77,8 +77,8 @@ def simulate(
     progress : callable, optional
         Called with the time driven so far [s].
     settle_doubts : bool
-        Drive once more at half the step where something speaks against the drive, so that its warnings can say whether
-        that matters. Where nobody reads them, False saves that time; the drive itself is the same.
+        Drive once more at half the step, so that the warnings can say what the step makes of the drive: it takes three
+        times as long. Where nobody reads them, False saves that time; the drive itself is the same.
 
     Returns
     -------
@@ -222,9 +222,8 @@ def _traced(
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
     doubts, energy = doubts_of(drive.model, rows, ran.counted.missed), energy_warning(asked.model, trace)
     doubts += again.pushed() if again and len(rows) else []
-    signs = any([*certain, *doubts, energy.doubted])
-    half = again.halved(rows, ran.stop) if again and signs and len(rows) else None
-    trace = told(trace, [*certain, *spoken(doubts, half), pivot_warning(stepper.pivoted), energy.said])
+    half = again.halved(rows, ran.stop) if again and len(rows) else None
+    trace = told(trace, [*certain, *spoken(doubts, half), pivot_warning(stepper.pivoted), energy])
     if ran.stop != "duration":
         return trace
     held = Held(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())

@@ -66,26 +66,16 @@ def _unstored(model: Model, trace: Trace, gave: np.ndarray) -> float:
     return float(min(np.sum(np.maximum(gave, 0.0)), beyond + store.overdrawn))
 
 
-class EnergyWarning(NamedTuple):
-    """What a drive owes to say of energy that it had from nowhere."""
-
-    said: str = ""
-    "a sentence; nothing where that was less than half a per cent of its energy"
-    doubted: bool = False
-    "whether the soil's account fell: a coarse step may have made that, and half the step tells more"
-
-
-def energy_warning(model: Model, trace: Trace) -> EnergyWarning:
-    """Return what is to be said of a drive's energy from nowhere.
+def energy_warning(model: Model, trace: Trace) -> str:
+    """Return what is to be said of a drive's energy from nowhere: nothing below half a per cent of its energy.
 
     What traction alone gave is its law's, at any step; the soil's account may fall by a coarse step. (Of 1,000 random
     drives of an earlier form of this account traction alone gave in 49, of which none moved at half the step.)
     """
     if len(trace.t) < 2:
-        return EnergyWarning()
+        return ""
     given, least = gift(model, trace), WORTH_TELLING * _scale(trace)
-    said = "; ".join(each for each in (_of_traction(trace, given, least), _of_account(given, least)) if each)
-    return EnergyWarning(said, given.soil > least)
+    return "; ".join(each for each in (_of_traction(trace, given, least), _of_account(given, least)) if each)
 
 
 def _of_traction(trace: Trace, given: Gift, least: float) -> str:

@@ -1,4 +1,4 @@
-"""A doubted drive is driven again at half the step, and says what that made of it; nothing, if that was nothing."""
+"""Every drive is driven again at half the step, and says what that made of it; nothing, if that was nothing."""
 
 import numpy as np
 import pytest

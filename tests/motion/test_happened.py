@@ -1,6 +1,7 @@
 """What a drive came to is said as it is, whatever the rover's size and pace."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -127,3 +128,22 @@ def test_a_measured_trace_without_the_truth_says_nothing(traces):
     bare = {name: traces["flat"][name] for name in ("t_s", "body_x", "body_y", "wheel_rate_fl", "duty_fl")}
     assert happened(Trace(bare)) is None
     assert "happened" not in Trace(bare).summary()
+
+
+@pytest.mark.parametrize(("slope", "kind"), [(3.0, "drives on"), (10.0, "drives on"), (25.0, "slides aside")])
+def test_what_slides_aside_does_not_just_drive_on(slope, kind):
+    """Across a slope of the paper's sand: the speeds are those of the body along and across its heading."""
+    trace = scenario("cross-slope", duration=8.0, **{"terrain.angle_deg": slope, "soil": "table-1"}).drive()
+    said = trace.attrs["happened"]
+    rows = max(1, len(trace.t) // 20)
+    aside = abs(trace["body_y"][-1] - trace["body_y"][-1 - rows]) / (trace.t[-1] - trace.t[-1 - rows])
+    told = re.search(r"(?:slides|sliding) aside at ([\d.]+) m/s", said)
+    assert said.startswith(kind)
+    assert (told is None) is (slope == 3.0)
+    assert told is None or float(told[1]) == pytest.approx(aside, rel=0.12)
+
+
+def test_motors_that_are_hardly_driven_do_not_drive_on():
+    for duty in (1e-12, 1e-3):
+        trace = scenario("park", duration=5.0, gear_friction=0.1, **{"control.delta": duty}).drive()
+        assert trace.attrs["happened"] == f"moved by 1.1 mm in 5 s at a duty of {duty:.2g}"
