@@ -4,9 +4,10 @@
 
 A copy of the tree is changed: + and -, * and / are swapped, comparisons turned, conditions negated, whole numbers
 moved by one either way and others multiplied by each of FACTORS. Numbers that `quantity(...)` declares are left alone:
-they are defaults and bounds with a source, not laws. Each change is tried on the quick tests of its room, first on
-those that name its file; what none notices is printed. The room's row of mutation.csv and its rows of
-mutation_survivors.csv are written anew; `--again` tries only what stands there. `--quick` tries two changes of Eq (1).
+they are defaults and bounds with a source, not laws. Each change is tried on the quick tests of its room that name its
+file, on all of the room where none does; what none notices is printed. The room's row of mutation.csv and its rows of
+mutation_survivors.csv are written anew. `--again` tries what stands there, on all tests of the room; `--quick` tries
+two changes of Eq (1).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import argparse
 import ast
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -85,7 +87,7 @@ def main() -> None:
     options.add_argument("--sample", type=int, default=0, help="changes that are tried; 0 for all")
     options.add_argument("--seed", type=int, default=0, help="of the sample")
     options.add_argument("--files", nargs="*", help="only files of these names")
-    options.add_argument("--again", action="store_true", help="only what the last run left")
+    options.add_argument("--again", action="store_true", help="what the last run left, on all tests of the room")
     options.add_argument("--put", type=lambda name: Path(name).resolve(), default=ROOT / "studies" / "results")
     options.add_argument("--quick", action="store_true", help="two changes of Eq (1)")
     asked = options.parse_args()
@@ -99,19 +101,16 @@ def main() -> None:
         os.chdir(copied(Path(folder)))
         os.environ |= {"PYTHONPATH": os.getcwd(), "ROVER_PIN_CACHE": str(Path(folder) / "cache")}
         tests = tests_of(asked.room)
-        began = time.monotonic()
-        subprocess.run(command(tests), check=True, timeout=3600)
-        longest = 60 + 3 * (time.monotonic() - began)
         if asked.again:
             (row,), before = (rows_of(table, asked.room) for table in kept.values())
-            missed = list(again(before, tests, longest))
+            missed = list(again(before, tests, longest(tests)))
         else:
             files = sorted(Path("rover_pin", asked.room).rglob("*.py"))
             with use_db(Path(folder) / "all.sqlite") as every:
                 init([file for file in files if not asked.files or file.name in asked.files], every, {})
                 items = list(every.work_items)
             tried = random.Random(asked.seed).sample(items, min(asked.sample or len(items), len(items)))
-            missed = list(survivors(asked.room, tried, tests, longest, Path(folder)))
+            missed = list(survivors(asked.room, tried, tests, Path(folder)))
             row = {"room": asked.room, "changes": len(items), "tried": len(tried), "seed": asked.seed}
     row |= {"not noticed": len(missed), "commit": git("rev-parse", "--short", "HEAD").strip()}
     print(f"{asked.room}: {row['tried']} tried of {row['changes']}, {row['not noticed']} not noticed")
@@ -122,10 +121,12 @@ def main() -> None:
             found.sort_values(["room"], kind="stable").to_csv(table, index=False)
 
 
-def survivors(room: str, tried: list, tests: list[Path], longest: float, folder: Path) -> Iterator[dict]:
+def survivors(room: str, tried: list, tests: list[Path], folder: Path) -> Iterator[dict]:
     """Try changes, file by file, and yield those that no test notices."""
-    for file in sorted({item.mutations[0].module_path for item in tried}):
-        config = ConfigDict({"timeout": longest, "test-command": " ".join(command(in_order(tests, file))),
+    files = sorted({item.mutations[0].module_path for item in tried})
+    most = longest(sorted({test for file in files for test in naming(tests, file)}))
+    for file in files:
+        config = ConfigDict({"timeout": most, "test-command": " ".join(command(naming(tests, file))),
                              "distributor": {"name": "local"}})  # fmt: skip
         own = {item.job_id: item.mutations[0] for item in tried if item.mutations[0].module_path == file}
         with use_db(folder / "tried.sqlite") as db:
@@ -142,14 +143,14 @@ def survivors(room: str, tried: list, tests: list[Path], longest: float, folder:
                            "as it is": told[0], "changed": told[1]}  # fmt: skip
 
 
-def again(missed: list[dict], tests: list[Path], longest: float) -> Iterator[dict]:
+def again(missed: list[dict], tests: list[Path], most: float) -> Iterator[dict]:
     """Yield those of these changes that still no test notices."""
     for row in missed:
         file = Path(row["file"])
         text = file.read_text(encoding="utf-8")
         if row["as it is"] in text:
             file.write_text(text.replace(row["as it is"], row["changed"], 1), encoding="utf-8")
-            outcome, _ = run_tests(" ".join(command(in_order(tests, file))), longest)
+            outcome, _ = run_tests(" ".join(command(tests)), most)
             file.write_text(text, encoding="utf-8")
             if outcome == "survived":
                 yield row
@@ -162,15 +163,25 @@ def tests_of(room: str) -> list[Path]:
     return own or [file for file in every if name in file.read_text(encoding="utf-8")]
 
 
-def in_order(tests: list[Path], file: Path) -> list[Path]:
-    """Return the tests, first those that name the file."""
-    name = ".".join(file.with_suffix("").parts[-2:])
-    return sorted(tests, key=lambda test: name not in test.read_text(encoding="utf-8"))
+def naming(tests: list[Path], file: Path) -> list[Path]:
+    """Return those of these tests that import a file, else those that import from its folder, else all."""
+    for folder, name in (file.with_suffix("").parts[-2:], file.parent.parts[-2:]):
+        imports = re.compile(rf"{folder}(\.| import .*\b){name}\b")
+        if found := [test for test in tests if imports.search(test.read_text(encoding="utf-8"))]:
+            return found
+    return tests
 
 
 def command(tests: list[Path]) -> list[str]:
     """Return the command that runs these tests until one fails."""
     return [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *map(str, tests)]
+
+
+def longest(tests: list[Path]) -> float:
+    """Run these tests on what is unchanged, and return after how long they do not end [s]."""
+    began = time.monotonic()
+    subprocess.run(command(tests), check=True)
+    return 60.0 + 3.0 * (time.monotonic() - began)
 
 
 def copied(tree: Path) -> Path:
