@@ -1,4 +1,4 @@
-"""The declared numbers as a second start: an effect that a fit had to absorb leaves its optimum far from them."""
+"""What is known beforehand as a second start: an effect that a fit had to absorb leaves its optimum far from it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.gauss_newton import at, slopes_at
 
 BENT = 3.0
-"""SDs from what was declared from which a number counts as bent: chance takes one of twenty so far in 5 % of logs."""
+"""SDs from what was known of a number from which it is bent: chance takes one of twenty so far in 5 % of logs."""
 
 
 class Anchor(NamedTuple):
@@ -30,7 +30,7 @@ def anchor(fitted: Fit, candidates: Sequence[Candidate]) -> Anchor:
 
 
 def is_bent(fitted: Fit) -> bool:
-    """Return whether a number had to leave what is declared of it, as where the model lacks something that acts."""
+    """Return whether a number had to leave what was known beforehand, as where the model lacks something that acts."""
     return any(one.prior and abs(u) > BENT for one, u in zip(fitted.parameters, fitted.u, strict=True))
 
 

@@ -10,6 +10,8 @@ from rover_pin.quantity import Quantity, quantities
 
 SHAPE_SD, SHAPE_SHARE = 0.5, 0.3
 """Prior SD of an effect's shape: of its logarithm, or as a share of its size where it may be negative."""
+PUBLISHED = "as published, its SD assumed"
+"""Who says how an effect's shape is."""
 SPACING = 0.15
 """Distance between the places at which an effect with a place is tried, and prior SD of its place [m]."""
 FAR_FROM = 50.0
@@ -103,10 +105,11 @@ class Candidate:
         about, value = quantities(self.effect)[quantity], float(getattr(self.effect, quantity))
         low, high = float(about.low), float(about.high)
         if quantity.startswith("x_"):
-            return Parameter(name, value, SPACING, low, high, fd=0.1)
+            return Parameter(name, value, SPACING, low, high, fd=0.1, source="sought along the way")
         if about.low >= 0 and value > 0:
-            return Parameter(name, value, SHAPE_SD, low, high, log=True)
-        return Parameter(name, value, SHAPE_SHARE * (abs(value) or 1.0), low, high)
+            return Parameter(name, value, SHAPE_SD, low, high, log=True, declared=True, source=PUBLISHED)
+        scale = SHAPE_SHARE * (abs(value) or 1.0)
+        return Parameter(name, value, scale, low, high, declared=True, source=PUBLISHED)
 
     def _doubted(self, name: str) -> Parameter:
         """Return the parameter of a shape of which even the order is assumed, its doubt the prior."""

@@ -243,7 +243,7 @@ def _round(found: Search, tried: Sequence[Candidate], progress: Progress) -> Rou
         return Round(scored, judged(here, [one for one in refits if _borne(found, one)], fee))
     declared = None
     if is_bent(here):
-        progress("the numbers had to leave what is declared: scoring every candidate at the declared ones too")
+        progress("the numbers had to leave what is known beforehand: scoring every candidate there too")
         declared = anchor(here, [each.candidate for each in known])
     return Round(scored, refit(here, scored, fee, progress, declared))
 

@@ -32,7 +32,7 @@ def _bent(found: Search) -> str:
     """Return how far the base model already had to bend the numbers that were freed, if any."""
     freed = {size for one in found.added if one.effect is None for size in one.sizes}
     bent = [one for one in numbers(found.base) if one.name in freed] if freed else []
-    told = [f"{one.name} to {shown(one.value, one.unit)}, {one.drift:+.0f} SD from what is declared" for one in bent]
+    told = [f"{one.name} to {shown(one.value, one.unit)}, {one.away}" for one in bent]
     return f"; the base model already had to bend {' and '.join(told)}, so its errors are small too" if told else ""
 
 

@@ -13,7 +13,7 @@ from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Round, Search
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.numbers import DRIFTED, Number
+from rover_pin.estimation.numbers import DRIFTED, Number, assumed_lines
 from rover_pin.estimation.profile import Profile
 from rover_pin.estimation.wording import Outcome, got_worse, shown
 
@@ -133,7 +133,7 @@ class Verdict:
 
     @property
     def drifted(self) -> tuple[Number, ...]:
-        """Numbers that sit away from what was declared of them."""
+        """Numbers that sit away from what was declared or assumed of them."""
         return tuple(one for one in (self.after.numbers if self.after else ()) if abs(one.drift) > DRIFTED)
 
     def summary(self) -> str:
@@ -149,6 +149,7 @@ class Verdict:
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
         lines += [f"  draft: {line}" for line in (self.draft.lines() if self.draft else [])]
         lines += [f"  {one.said}" for one in self._worth_a_line()]
+        lines += [f"  {line}" for line in assumed_lines(self.after.numbers if self.after else ())]
         lines += [f"  against the name: {veto}" for veto in self.vetoes]
         lines += [f"  caution: {said}" for said in self.cautions]
         lines += [f"  next: {one.said}" for one in self.experiments]

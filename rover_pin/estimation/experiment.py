@@ -87,10 +87,15 @@ at a minimum, and every fold is predicted by whole refits"
             model = self.replaced(model, name.rpartition(".")[0], record.replace(**{quantity: value}))
         return model
 
-    def parameter(self, model: Any, name: str, sd: float, log: bool = False) -> Parameter:
-        """Return an uncertain number around its present value; `sd` is relative where `log`."""
+    def parameter(self, model: Any, name: str, sd: float, log: bool = False, declared: str = "") -> Parameter:
+        """Return an uncertain number around its present value; `sd` is relative where `log`.
+
+        `declared` says where the data state it; without it is assumed, by the source of its quantity.
+        """
         about = self.quantity(model, name)
-        return Parameter(name, self.value(model, name), sd, float(about.low), float(about.high), log)
+        source = declared or f"assumed: {about.source.removeprefix('assumed: ')}"
+        low, high = float(about.low), float(about.high)
+        return Parameter(name, self.value(model, name), sd, low, high, log, declared=bool(declared), source=source)
 
     def noise(self) -> Noise | None:
         """Return the noise as it is declared, or as repeats show it; None where it is learnt from what is left."""

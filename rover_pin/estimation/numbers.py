@@ -6,6 +6,7 @@ Of what was added the shape of chi2 along its numbers, too, all others fitted ag
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -23,11 +24,11 @@ from rover_pin.estimation.profile import NORMAL_95, Best, Interval, LowerMinimum
 SURPRISE = 1e-3
 """A chi2 less probable than this by the stated noise means that more is left than the noise."""
 DRIFTED = 3.0
-"""Prior SDs from which a number is said to sit away from what was declared of it."""
+"""Prior SDs from which a number is said to sit away from what was known of it beforehand."""
 TURNS = 3
 """Lower minima found by profiles that are followed."""
 AWAY = 5.0
-"""Prior SDs beyond which a number has left what is plausible of it."""
+"""Prior SDs beyond which a number has left what is declared of it."""
 SHARES = (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)
 """Points of a profile about an optimum, as shares of half the 95 % interval."""
 AT_BOUND = 1e-6
@@ -43,14 +44,18 @@ class Number(NamedTuple):
     low: float
     high: float
     drift: float
-    "distance from what was declared, in its SDs; NaN where nothing was"
+    "distance from what was declared or assumed, in its SDs; NaN where nothing was"
     closed: bool = True
     "whether the data close both ends of the interval"
     at_bound: bool = False
     prior: str = ""
-    "what was assumed of it, in words"
+    "what was declared or assumed of it, in words"
     covered: float = 0.0
     "share of what is allowed of it, in u, that the interval covers; 0 where that is unbounded"
+    declared: bool = False
+    "whether what was known of it came with the data; else it is assumed"
+    source: str = ""
+    "who declared or assumed it"
 
     @property
     def note(self) -> str:
@@ -62,11 +67,25 @@ class Number(NamedTuple):
         """One line for a reader."""
         line = f"{self.name} = {wording.interval(self.value, self.low, self.high, self.unit)}"
         line += f", {self.note}" if self.note else ""
-        return line if not abs(self.drift) > DRIFTED else f"{line}, {self.drift:+.1f} SD from what was declared"
+        return line if not abs(self.drift) > DRIFTED else f"{line}, {self.away}"
+
+    @property
+    def away(self) -> str:
+        """How far it ended from what was known of it beforehand, in words."""
+        return f"{self.drift:+.1f} SD from what was {'declared' if self.declared else 'assumed'}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
         return {**self._asdict(), "note": self.note}
+
+
+def assumed_lines(numbers: Sequence[Number]) -> list[str]:
+    """Return what was assumed of numbers before they were fitted, a line for each source."""
+    by_source: dict[str, list[str]] = {}
+    for one in numbers:
+        if one.prior and not one.declared:
+            by_source.setdefault(one.source, []).append(f"{one.name} {one.prior}")
+    return [f"{source or 'assumed'}: {', '.join(names)}" for source, names in by_source.items()]
 
 
 def is_adequate(fitted: Fit, surprise: float = SURPRISE) -> bool:
@@ -80,9 +99,9 @@ def chance_of(fitted: Fit) -> float:
 
 
 def implausible(fitted: Fit) -> tuple[str, ...]:
-    """Return the numbers that had to leave what is plausible of them."""
+    """Return the numbers that had to leave what is declared of them; what is assumed contradicts nobody."""
     rows = zip(fitted.parameters, fitted.u, strict=True)
-    return tuple(f"{one.name} {u:+.1f} SD" for one, u in rows if one.prior and abs(u) > AWAY)
+    return tuple(f"{one.name} {u:+.1f} SD" for one, u in rows if one.prior and one.declared and abs(u) > AWAY)
 
 
 def settled(fitted: Fit) -> Fit:
@@ -137,7 +156,8 @@ def _number(fitted: Fit, at: int, ends: Interval) -> Number:
     stuck = min(u - one.bounds[0], one.bounds[1] - u) <= AT_BOUND
     covered = (ends.high - ends.low) / (one.bounds[1] - one.bounds[0])
     drift, closed = u if one.prior else math.nan, ends.closed_low and ends.closed_high
-    return Number(one.name, unit, one.value(u), low, high, drift, closed, stuck, one.assumed, covered)
+    known = (one.beforehand, covered, one.declared, one.source)
+    return Number(one.name, unit, one.value(u), low, high, drift, closed, stuck, *known)
 
 
 def profiles(fitted: Fit, names: tuple[str, ...]) -> tuple[Profile, ...]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 MOST_EXPONENT = 700.0
 """Greatest exponent of which a float holds the exponential; beyond every bound."""
+FD = 0.3
+"""Step of u for a derivative, where nothing else is said."""
 LEAST = 1e-6
 """Share of its origin at which a number on a logarithm stops that may fall to 0."""
 
@@ -18,8 +20,9 @@ LEAST = 1e-6
 class Parameter:
     """One free number: x = origin + scale u, or x = origin exp(scale u) where `log`.
 
-    With a prior u is standard normal: `origin` is what was declared and `scale` its standard deviation. `fd` is the
-    step of u for a derivative.
+    With a prior u is standard normal: `origin` is what is known of it beforehand and `scale` its standard deviation,
+    `declared` with the data (a law's shape: as published) or assumed, as `source` says. `fd` is the step of u for a
+    derivative.
     """
 
     name: str
@@ -29,7 +32,9 @@ class Parameter:
     high: float
     log: bool = False
     prior: bool = True
-    fd: float = 0.3
+    fd: float = FD
+    declared: bool = False
+    source: str = ""
 
     def value(self, u: float) -> float:
         """Return x at u."""
@@ -51,13 +56,18 @@ class Parameter:
         return self.scale * (self.value(u) if self.log else 1.0)
 
     @property
-    def assumed(self) -> str:
-        """What is assumed of it beforehand, in words; empty without a prior."""
+    def beforehand(self) -> str:
+        """What is known of it beforehand, in words; empty without a prior."""
         if not self.prior:
             return ""
         if self.log and self.scale >= 1.0:
             return f"{self.origin:.3g} over or times {math.exp(self.scale):.3g}"
         return f"{self.origin:.3g} +- {self.scale:.1%}" if self.log else f"{self.origin:.3g} +- {self.scale:.2g}"
+
+
+def declared_in(title: str, name: str, table: Container[str], sds: Container[str]) -> str:
+    """Return where a table of the data declares a number, and whether with an SD; empty where it does not."""
+    return f"declared in [{title}]{'' if name in sds else ', its SD assumed'}" if name in table else ""
 
 
 def bounds_of(parameters: Sequence[Parameter]) -> np.ndarray:

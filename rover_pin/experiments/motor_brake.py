@@ -50,7 +50,7 @@ class MotorBrake(Bed):
 
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
         """Return gear and resistance, known to 4 % (assumed: data sheets)."""
-        return tuple(self.parameter(model, f"motor.{name}", sd=0.04, log=True) for name in ("gear", "resistance"))
+        return tuple(self.parameter(model, f"motor.{n}", 0.04, True, "motor.toml") for n in ("gear", "resistance"))
 
     def noise(self) -> Noise:
         """Return white noise of the declared SDs."""

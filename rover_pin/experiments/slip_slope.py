@@ -32,14 +32,14 @@ from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import DataError, closest
 from rover_pin.estimation.noise import Noise, declared_noise
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, declared_in
 from rover_pin.experiments.folded import read_folded
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
 from rover_pin.motion.defaults import own_soil, usual_angles
 from rover_pin.motion.effect_files import reading_traction
 from rover_pin.motion.model import base_effects
 from rover_pin.parameters.gravity import EARTH, gravity_from
-from rover_pin.quantity import declared_sd, record_from
+from rover_pin.quantity import declared_sd, declared_sds, record_from
 from rover_pin.soil.traction import TorqueTraction
 from rover_pin.toml_file import read_toml, table_in
 
@@ -50,8 +50,8 @@ SLIPS = np.concatenate([np.linspace(-0.5, 0.0, 11)[:-1], np.linspace(0.0, 0.98, 
 """Slips at which the pull is worked out; between them it is interpolated."""
 STUCK = 1.0
 """Slip of a rover on a slope that no slip climbs."""
-SD = {"phi": math.radians(4.0), "k": 0.7, "k_1": 0.7, "R": 0.5}
-"""SDs of what is not declared with one, relative but phi's (assumed: nobody dug there)."""
+SD = {"phi": math.radians(4.0), "k": 0.7, "k_1": 0.7, "R": 0.15}
+"""SDs of what is not declared with one, relative but phi's and R's (assumed: nobody dug there)."""
 FEWEST = 4
 
 
@@ -101,10 +101,14 @@ class SlipSlope(Bed):
 
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
         """Return phi, k, k_1 and the motion resistance, whose value at S = 0.05 on the flat is an assumption."""
-        found = [self.parameter(model, "soil.phi", self._sd("phi", "rad"))]
-        for name, unit in (("k", "m"), ("k_1", "Pa")):
-            found.append(self.parameter(model, f"soil.{name}", self._sd(name, unit), log=True))
-        return (*found, self.parameter(model, "MotionResistance.R", SD["R"], log=True))
+        soil = (
+            self.parameter(model, f"soil.{name}", self._sd(name, unit), name != "phi", self._declared(name))
+            for name, unit in (("phi", "rad"), ("k", "m"), ("k_1", "Pa"))
+        )
+        return (*soil, self.parameter(model, "MotionResistance.R", SD["R"]))
+
+    def _declared(self, name: str) -> str:
+        return declared_in("soil", name, self.declared, declared_sds(self.declared, Soil, "[soil]"))
 
     def _sd(self, name: str, unit: str) -> float:
         """Return the SD of a soil constant, relative but phi's: as declared, else assumed."""

@@ -69,6 +69,7 @@ class Points(Bed):
     name: str = "line"
     channels: ClassVar[tuple[str, ...]] = ("y",)
     poor: str = ""
+    said: str = "declared"
 
     @classmethod
     def read(cls, path):
@@ -78,7 +79,7 @@ class Points(Bed):
         return Parts({"line": Line()})
 
     def uncertain(self, model):
-        return (self.parameter(model, "line.a", 0.05),)
+        return (self.parameter(model, "line.a", 0.05, declared=self.said),)
 
     def noise(self):
         return declared_noise(np.array([SD]), self.observed)
@@ -180,6 +181,9 @@ def test_a_slope_far_from_what_is_declared_is_an_answer_of_its_own():
     assert found.answer is Answer.INADEQUATE
     assert "line.a +12" in found.sentence
     assert found.vetoes == (), "nothing was added that could be spoken against"
+    assumed = answer(bed(slope=1.6, said=""), (Wave,))
+    assert assumed.answer is Answer.NONE_NEEDED, "what is assumed contradicts nobody"
+    assert "+12.0 SD from what was assumed" in assumed.summary()
 
 
 def test_data_that_do_not_suffice_are_not_judged():

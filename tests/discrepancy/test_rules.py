@@ -18,8 +18,8 @@ from rover_pin.estimation.numbers import Number, implausible, is_adequate
 from rover_pin.estimation.parameter import Parameter
 
 
-def parameter(name="soil.phi", prior=True, low=-50.0, high=50.0):
-    return Parameter(name, 0.0, 1.0, low, high, prior=prior)
+def parameter(name="soil.phi", prior=True, low=-50.0, high=50.0, declared=True):
+    return Parameter(name, 0.0, 1.0, low, high, prior=prior, declared=declared)
 
 
 def fitted(rows_chi2=50.0, freedom=50, u=(), parameters=(), **more):
@@ -216,6 +216,7 @@ def test_a_number_five_sd_from_what_is_declared_speaks_against():
     ):
         assert against(u, parameter()) == said
     assert implausible(fitted(u=(9.0,), parameters=(parameter(prior=False),))) == ()
+    assert implausible(fitted(u=(9.0,), parameters=(parameter(declared=False),))) == ()
 
 
 @pytest.mark.parametrize(
@@ -287,8 +288,8 @@ def test_where_fits_are_exact_a_fold_chooses_among_the_leaders_as_freed():
     ("drift", "more", "end"),
     [
         (2.9, {}, "1 m [0.5 m, 1.5 m]"),
-        (3.1, {}, "1 m [0.5 m, 1.5 m], +3.1 SD from what was declared"),
-        (-3.1, {}, "1 m [0.5 m, 1.5 m], -3.1 SD from what was declared"),
+        (3.1, {"declared": True}, "1 m [0.5 m, 1.5 m], +3.1 SD from what was declared"),
+        (-3.1, {}, "1 m [0.5 m, 1.5 m], -3.1 SD from what was assumed"),
         (math.nan, {"closed": False}, "1 m [0.5 m, 1.5 m], not closed by the data"),
         (0.0, {"closed": False, "at_bound": True}, "1 m [0.5 m, 1.5 m], at its bound"),
     ],

@@ -28,7 +28,7 @@ def fit_of(chi2=ENOUGH, declared=True, floors=None, rms=(1.0,), u=()):
     good = np.ones((2, len(rms), 20 // len(rms)), dtype=bool)
     task = SimpleNamespace(experiment=experiment, noise=SimpleNamespace(good=good, floor=np.ones(len(rms))))
     residual = np.array(rms)[None, :, None] * np.ones(good.shape)
-    numbers = tuple(Parameter(f"soil.{at}", 0.0, 1.0, -50.0, 50.0) for at in range(len(u)))
+    numbers = tuple(Parameter(f"soil.{at}", 0.0, 1.0, -50.0, 50.0, declared=True) for at in range(len(u)))
     rows = np.full(int(good.sum()), np.sqrt(chi2 / good.sum()))
     return SimpleNamespace(
         rows=rows, freedom=FREEDOM, misfit=chi2 / FREEDOM, task=task, residual=residual, parameters=numbers, u=u
@@ -70,7 +70,7 @@ def test_more_than_a_declared_noise_is_said_to_be_left(answer, declared, chi2, m
 
 @pytest.mark.parametrize(
     ("added", "bent"),
-    [((FREED,), "soil.phi to 28.65 deg, +4 SD from what is declared"), ((EFFECT,), ""), ((EFFECT, FREED), "soil.phi")],
+    [((FREED,), "soil.phi to 28.65 deg, +4.0 SD from what was"), ((EFFECT,), ""), ((EFFECT, FREED), "soil.phi")],
 )
 def test_a_number_that_was_freed_had_been_bent_before(added, bent, monkeypatch):
     """Of the base's numbers those that were freed, not others; an effect's sizes are none of the base's."""

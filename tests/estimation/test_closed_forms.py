@@ -65,8 +65,8 @@ class Line(Experiment):
         return Sensitivities(self.predict([here])[0], np.array(slopes))
 
 
-def number(name, sd=1.0, low=-100.0, high=100.0, prior=True, origin=0.0, fd=0.3):
-    return Parameter(f"plane.{name}", origin, sd, low, high, prior=prior, fd=fd)
+def number(name, sd=1.0, low=-100.0, high=100.0, prior=True, origin=0.0, fd=0.3, declared=True):
+    return Parameter(f"plane.{name}", origin, sd, low, high, prior=prior, fd=fd, declared=declared)
 
 
 BOTH = (number("a"), number("b", sd=2.0, prior=False))
@@ -256,10 +256,10 @@ def test_the_lowest_of_the_first_steps_that_help_is_taken(steps, reached, asked)
 
 
 def test_what_is_assumed_of_a_number_is_said_in_its_unit_or_in_per_cent():
-    assert number("a", 0.25, origin=2.0).assumed == "2 +- 0.25"
-    assert Parameter("k", 2.0, 0.25, 1e-3, 9.0, log=True).assumed == "2 +- 25.0%"
-    assert Parameter("k", 2.0, math.log(10.0), 1e-3, 90.0, log=True).assumed == "2 over or times 10"
-    assert number("a", prior=False).assumed == ""
+    assert number("a", 0.25, origin=2.0).beforehand == "2 +- 0.25"
+    assert Parameter("k", 2.0, 0.25, 1e-3, 9.0, log=True).beforehand == "2 +- 25.0%"
+    assert Parameter("k", 2.0, math.log(10.0), 1e-3, 90.0, log=True).beforehand == "2 over or times 10"
+    assert number("a", prior=False).beforehand == ""
 
 
 @pytest.mark.parametrize(
@@ -536,6 +536,8 @@ def test_a_drift_is_said_beyond_three_of_its_sds():
     assert one.said.endswith(", +3.1 SD from what was declared")
     (other,) = intervals(fit(made(a=-2.9, noise=0.0, sd=1e-3, b=0.0), Plane(), (number("a"),)))[1]
     assert "SD" not in other.said
+    (assumed,) = intervals(fit(made(a=3.1, noise=0.0, sd=1e-3, b=0.0), Plane(), (number("a", declared=False),)))[1]
+    assert assumed.said.endswith(", +3.1 SD from what was assumed")
 
 
 @pytest.mark.parametrize(("a", "names"), [(4.9, ()), (5.1, ("plane.a +5.1 SD",)), (-5.1, ("plane.a -5.1 SD",))])
@@ -543,6 +545,7 @@ def test_beyond_five_of_its_sds_a_number_is_implausible(a, names):
     task = made(a=a, noise=0.0, sd=1e-3, b=0.0)
     assert implausible(fit(task, Plane(), (number("a"),))) == names
     assert implausible(fit(task, Plane(), (number("a", prior=False),))) == ()
+    assert implausible(fit(task, Plane(), (number("a", declared=False),))) == ()
 
 
 @pytest.mark.parametrize(("share", "adequate"), [(0.98, True), (1.02, False)])

@@ -68,7 +68,7 @@ def test_true_velocities_and_a_true_start_are_no_fault():
             log_of(*GOOD, soil={}),
             "drive.toml: [soil] does not declare phi, k, k_1, so 0.5236 rad, 0.005 m, ",
         ),
-        (log_of(*GOOD, motor={}), "[motor] does not declare supply, resistance, k_t, gear, so 7.2 V, 24.12 ohm,"),
+        (log_of(*GOOD, motor={}), "[motor] does not declare supply, resistance, k_t, gear, so 7.2 V, 23.85 ohm,"),
         (
             log_of(*GOOD, noise={"wheel_rate": 0.003, "angle": {"value": 0.2, "unit": "deg"}}),
             "[noise] declares wheel_rate = 0.003 rad/s, but wheel_rate_",

@@ -116,7 +116,7 @@ def test_the_page_says_what_is_read(tmp_path):
     assert tuple(re.findall(r"^\| `(\w+)` \|", said, re.MULTILINE)) == ("run", *slip_slope.COLUMNS)
     assert slip_slope.FEWEST == 4
     assert "Four slopes or more, in two runs or more" in said
-    numbers = re.search(r"within (\d+) deg \(phi\), (\d+) % \(k,\s+k_1\) or (\d+) % \(R\)", said).groups()
+    numbers = re.search(r"within (\d+) deg \(phi\), (\d+) % \(k,\s+k_1\) or (\d+) % of the\s+load \(R\)", said).groups()
     sd = slip_slope.SD
     assert sd["k"] == sd["k_1"]
     assert [int(each) for each in numbers] == [round(math.degrees(sd["phi"])), 100 * sd["k"], 100 * sd["R"]]

@@ -202,7 +202,7 @@ def test_the_zero_of_the_level_widens_the_resistance(tmp_path):
     for name, each in (("narrow", narrow), ("wide", wide)):
         model = with_spread(base_model(each), motors=False)
         (own,) = (one for one in nuisances(each, model) if one.name == "MotionResistance.R")
-        sd[name] = own.scale * own.origin
+        sd[name] = own.scale
     assert sd["wide"] == pytest.approx(math.hypot(sd["narrow"], LEVEL_SD))
 
 

@@ -85,7 +85,8 @@ def made():
     left = experiment.observed - experiment.predict([truth])[0]
     least = np.full(len(experiment.channels), 1e-4)
     task = Task(experiment, noise_of(left, first_noise(left, least).good, least))
-    free = [parameter(model, "soil.phi", math.radians(2.0)), parameter(model, "WeakMotor[0].g", 0.02)]
+    phi = parameter(model, "soil.phi", math.radians(2.0), declared="declared in [soil]")
+    free = [phi, parameter(model, "WeakMotor[0].g", 0.02)]
     before = fitted(task, model, free)
     after = fitted(task, truth, [*free, SAG.size("SupplySag.R_b")])
     return DriveLog(Path("nowhere"), About("small", source="made here"), traces), before, after

@@ -173,7 +173,7 @@ def test_numbers_that_drifted_or_lie_at_a_bound_stand_first(verdict):
     one = dataclasses.replace(verdict, after=verdict.after._replace(numbers=moved))
     rows = number_table(one).rows
     assert [row.cells[0] for row in rows] == ["soil.phi", "SupplySag.R_b", "WeakMotor[0].g"]
-    assert rows[0].cells[3:] == ("30 deg \u00b1 2 deg", "+4.00", "+4.0 SD from what was declared")
+    assert rows[0].cells[3:] == ("30 deg \u00b1 2 deg, declared in [soil]", "+4.00", "+4.0 SD from what was declared")
     assert rows[1].cells[1] == "not in the model"
     assert "at its bound" in rows[1].cells[-1]
     said = cautions(one, extra_of(one).free)

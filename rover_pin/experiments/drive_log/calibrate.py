@@ -58,8 +58,9 @@ def raw_current_numbers(log: DriveLog, model: Model) -> Iterator[Parameter]:
     current = PULL * load * float(np.mean(model.rover.radii)) / float(model.motor.constant)
     for _, channel, values in _counted(log):
         spread = max(float(np.nanstd(values)), 1e-9)
-        yield parameter(model, f"RawCurrent[{channel}].scale", spread / current)
-        yield parameter(model, f"RawCurrent[{channel}].offset", 3.0 * spread)
+        said = "only the order that the channel's spread tells"
+        yield parameter(model, f"RawCurrent[{channel}].scale", spread / current, source=said)
+        yield parameter(model, f"RawCurrent[{channel}].offset", 3.0 * spread, source=said)
 
 
 def _counted(log: DriveLog) -> Iterator[tuple[str, str, np.ndarray]]:

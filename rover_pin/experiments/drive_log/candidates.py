@@ -16,9 +16,10 @@ from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.sensor_bias import SensorBias
+from rover_pin.estimation.experiment import find
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
-from rover_pin.experiments.drive_log.parameters import owner_name
+from rover_pin.experiments.drive_log.parameters import owner_name, owners
 from rover_pin.motion.defaults import NEXUS6_MASS, has_papers_wheel, scale
 from rover_pin.motion.effect_files import AnyEffect, package_effects, reading_traction, user_effects
 from rover_pin.motion.model import Model
@@ -41,13 +42,15 @@ def candidates(
     Parameters
     ----------
     free : sequence of Parameter
-        The uncertain numbers; those that belong to an effect are candidates too, freed from their priors.
+        The uncertain numbers; of effects those are candidates too, freed from their priors, that are declared, or
+        neutral beforehand: of what is assumed to be something, nothing is missing where it is something else.
     own : path or None
         A user's effect file or folder.
     """
     unknown = {owner_name(effect) for effect in model.sensor_effects if not effect.neutral}
     whole = {"soil", "motor"} | unknown
-    loosened = [freed(each) for each in free if each.prior and each.name.rpartition(".")[0] not in whole]
+    own_numbers = [each for each in free if each.prior and each.name.rpartition(".")[0] not in whole]
+    loosened = [freed(each) for each in own_numbers if each.declared or _is_neutral(each, model)]
     present = {owner_name(effect) for effect in model.all_effects}
     kinds = {kind.__name__: kind for kind in package_effects() if kind.neutral}
     kinds |= {kind.__name__: kind for kind in (user_effects(own) if own else ()) if kind.neutral}
@@ -60,6 +63,12 @@ def candidates(
         if owner_name(effect) not in present and not model.refusal(effect) and shows(effect, experiment)
     ]
     return (*loosened, *added)
+
+
+def _is_neutral(number: Parameter, model: Model) -> bool:
+    """Return whether a number is beforehand what it is where its effect does nothing."""
+    record, quantity, _ = find(owners(model), number.name)
+    return bool(record.neutral.get(quantity) == number.origin)
 
 
 def shows(effect: AnyEffect, experiment: DriveExperiment) -> bool:

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from rover_pin.body.rover import Rover
 from rover_pin.contact import Soil
+from rover_pin.description.motor_sheet import MotorSheet
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.errors import DataError
-from rover_pin.estimation.parameter import Parameter
-from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.estimation.parameter import FD, Parameter, declared_in
+from rover_pin.experiments.drive_log.parameters import owners, parameter
 from rover_pin.motion.defaults import has_papers_wheel, own_motor, own_soil, usual_angles, usual_slip
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters.hard import HARD_GROUND
-from rover_pin.quantity import declared_sd, record_from
+from rover_pin.quantity import declared_sds, record_from
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 
@@ -32,16 +35,19 @@ MOTOR_TO_MOTOR, TACHO_TO_TACHO = 0.02, 0.015
 SOIL_SD = {"phi": math.radians(2.0), "k": 0.35, "k_1": 0.35, "theta_1": math.radians(2.0)}
 """SD of a soil constant that is declared without one; relative for k and k_1 (assumed: bench tests)."""
 UNDECLARED = 2.0
-"""How much wider the prior of a constant is that the log does not declare at all."""
+"""How much wider the prior of a soil constant is that the log does not declare at all."""
 MOTOR_SD = {"gear": 0.04, "resistance": 0.04}
 """Relative SD of a motor constant that is declared without one (assumed: data sheets)."""
+ORDER = 1.0
+"""SD of the logarithm of a motor constant that nobody declares: only its order is known."""
 LEVEL_SD = math.tan(math.radians(1.0))
 """SD of the slope of a ground that a log's own level told: its zero is off by a degree (assumed), as if R differed."""
 SIDE_SD = 0.5
 """Relative SD of the side force (assumed: the law gives half of that of a measured wheel). It is free where nothing
 steers: such a rover turns, and holds its heading, by scrub alone."""
-RESISTANCE_SD = 0.25
-"""Relative SD of a motion resistance that is declared without one, or not at all (assumed)."""
+RESISTANCE_SD, RESISTANCES, FADES = 0.25, 0.15, 1.0
+"""Relative SD of a motion resistance that is declared without one; SDs of an R and a q that nobody declares (assumed:
+wheels on loose sand roll at 0 to 0.3 of their load; q may be all that is allowed of it)."""
 
 
 def base_model(log: DriveLog) -> Model:
@@ -56,7 +62,7 @@ def base_model(log: DriveLog) -> Model:
     """
     rover = log.load_rover()
     soil = record_from(Soil, {**usual_soil(rover).values(), **log.about.soil}, f"{log.folder}: [soil]")
-    motor = record_from(Motor, log.about.motor, f"{log.folder}: [motor]") if log.about.motor else usual_motor(rover)
+    motor = record_from(Motor, {**usual_motor(rover).values(), **log.about.motor}, f"{log.folder}: [motor]")
     traction = SoilTraction(TorqueTraction(), usual_angles(rover, log.about.angles))
     effects, terrain = base_effects(soil, rover, traction), log.terrain()
     if log.about.resistance:
@@ -77,8 +83,8 @@ def usual_soil(rover: Rover) -> Soil:
 
 
 def usual_motor(rover: Rover) -> Motor:
-    """Return the motor of a log that declares none: the paper's, another rover's own, or one sized by its weight."""
-    return Motor() if has_papers_wheel(rover) else own_motor(rover).value
+    """Return what stands for motor constants that a log does not declare: the rover's own, or sized by its weight."""
+    return own_motor(rover).value
 
 
 def held(log: DriveLog) -> bool:
@@ -98,27 +104,38 @@ def with_spread(model: Model, motors: bool = True) -> Model:
 
 
 def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
-    """Return the numbers that are uncertain without anything being missing, with their priors.
+    """Return the numbers that are uncertain without anything being missing, with what is known of them beforehand.
 
-    The soil's phi, k, k_1 and, where the contact angles are fixed, theta_1; the motor's gear and resistance; the motion
-    resistance; a gain for each motor and tachogenerator; where wheels are held to their rates and none steers, the side
-    force. SDs are the log's where it states them.
+    The soil's phi, k, k_1 and, where the contact angles are fixed, theta_1; the motor's gear and resistance, and its
+    supply where nobody declares it; the motion resistance, and how it fades; a gain for each motor and tachogenerator;
+    where wheels are held to their rates and none steers, the side force. What the log declares has its SD, or one that
+    is assumed of declared values; what it does not declare is assumed, as widely as such numbers lie.
     """
-    declared = log.about.soil
-    found = [parameter(model, "soil.phi", _sd(log.folder, declared, "phi", "rad", SOIL_SD["phi"]))]
+    known = partial(_known, log, model)
     fixed = any(isinstance(one, SoilTraction) and isinstance(one.angles, FixedAngles) for one in model.effects)
-    found += [parameter(model, "soil.theta_1", SOIL_SD["theta_1"])] if fixed else []
-    for name in ("k", "k_1"):
-        value = abs(float(getattr(model.soils[0], name)))
-        unit = {"k": "m", "k_1": "Pa"}[name]
-        sd = _sd(log.folder, declared, name, unit, SOIL_SD[name] * value) / value
-        found.append(parameter(model, f"soil.{name}", sd, log=True))
+    found = []
+    for name in ("phi", *(("theta_1",) if fixed else ()), "k", "k_1"):
+        value, log_scale = abs(float(getattr(model.soils[0], name))), name in ("k", "k_1")
+        sd = SOIL_SD[name] * (value if log_scale else 1.0)
+        found.append(known("soil", name, sd, UNDECLARED * sd, log_scale))
     found += _of_motors(log, model) if not held(log) else _of_scrub(model)
-    for R in (float(one.R) for one in model.effects if isinstance(one, MotionResistance) and one.R):
-        sd = _sd(log.folder, log.about.resistance, "R", "", RESISTANCE_SD * R, widen=False)
-        sd = math.hypot(sd, LEVEL_SD) if any(log.is_estimated(run) for run in log.runs) else sd
-        found.append(parameter(model, "MotionResistance.R", sd / R, log=True))
-    return (*found, *(parameter(model, f"TachoScale[{one.name}].e", TACHO_TO_TACHO) for one in model.rover.wheels))
+    gains = (f"TachoScale[{one.name}].e" for one in model.rover.wheels)
+    alike = "tachogenerators of a kind differ so"
+    return (*found, *_of_resistance(log, model), *(parameter(model, e, TACHO_TO_TACHO, source=alike) for e in gains))
+
+
+def _of_resistance(log: DriveLog, model: Model) -> list[Parameter]:
+    """Return the motion resistance and how it fades, where the model has one: of what is declared without doubt none.
+
+    On ground that the log's own level tells a wrong zero acts as another R.
+    """
+    present = [one for one in model.effects if isinstance(one, MotionResistance)]
+    if not present:
+        return []
+    R = _known(log, model, "MotionResistance", "R", RESISTANCE_SD * float(present[0].R), RESISTANCES)
+    if any(log.is_estimated(run) for run in log.runs):
+        R = replace(R, scale=math.hypot(R.scale, LEVEL_SD))
+    return [one for one in (R, _known(log, model, "MotionResistance", "q", 0.0, FADES)) if one.scale > 0.0]
 
 
 def _of_scrub(model: Model) -> list[Parameter]:
@@ -129,17 +146,47 @@ def _of_scrub(model: Model) -> list[Parameter]:
 
 
 def _of_motors(log: DriveLog, model: Model) -> list[Parameter]:
-    found = []
-    for name, sd in MOTOR_SD.items():
-        value, unit = float(getattr(model.motor, name)), {"gear": "", "resistance": "ohm"}[name]
-        relative = _sd(log.folder, log.about.motor, name, unit, sd * value, widen=False) / value
-        found.append(parameter(model, f"motor.{name}", max(relative, 0.01), log=True))
-    numbers = range(len(model.rover.wheels))
-    return [*found, *(parameter(model, f"WeakMotor[{number}].g", MOTOR_TO_MOTOR) for number in numbers)]
+    """Return gear and resistance, known to 1 % at best, the supply where it is assumed, and each motor's gain."""
+    found, of_a_kind = [], "motors of a kind differ so"
+    for name in ("gear", "resistance", "supply"):
+        value = float(getattr(model.motor, name))
+        one = _known(log, model, "motor", name, MOTOR_SD.get(name, 0.0) * value, ORDER * value, log_scale=True)
+        found += [replace(one, scale=max(one.scale, 0.01))] if name in MOTOR_SD or not one.declared else []
+    gains = (f"WeakMotor[{number}].g" for number in range(len(model.rover.wheels)))
+    return [*found, *(parameter(model, g, MOTOR_TO_MOTOR, source=of_a_kind) for g in gains)]
 
 
-def _sd(folder: Any, table: Mapping[str, Any], name: str, unit: str, default: float, widen: bool = True) -> float:
-    """Return the SD that a table of the log declares of a constant, or the default; wider where it is not declared."""
-    entry = table.get(name)
-    declared = declared_sd(entry, unit, f"{folder}: the sd of '{name}'")
-    return default * (UNDECLARED if widen and entry is None else 1.0) if declared is None else declared
+TABLES = {"soil": "soil", "motor": "motor", "MotionResistance": "resistance"}
+"""Table of drive.toml that declares the numbers of a record."""
+
+
+def _known(
+    log: DriveLog, model: Model, owner: str, name: str, sd: float, undeclared: float, log_scale: bool = False
+) -> Parameter:
+    """Return a number with what is known of it: the SD that is declared, `sd` of a declared value, else `undeclared`.
+
+    SDs are those of the number in SI. However little is known, a difference steps as far as for a declared value.
+    """
+    title, record = TABLES[owner], owners(model)[owner]
+    table: Mapping[str, Any] = getattr(log.about, title)
+    stated = declared_sds(table, type(record), f"{log.folder}: [{title}]")
+    said = declared_in(title, name, table, stated) or _by_the_rover(log, owner)
+    size = stated.get(name, sd if said else undeclared)
+    step = min(FD * (sd or undeclared) / size, FD) if size > 0.0 else FD
+    relative = abs(float(getattr(record, name))) if log_scale else 1.0
+    one = parameter(model, f"{owner}.{name}", size / relative, log_scale, declared=said, source=_assumed(log, owner))
+    return replace(one, fd=step)
+
+
+def _by_the_rover(log: DriveLog, owner: str) -> str:
+    """Return where the rover's own description declares what the log does not; empty where it does not either."""
+    stated = owner == "motor" and isinstance(log.load_rover().motor, MotorSheet)
+    return "declared in the rover's TOML, its SD assumed" if stated else ""
+
+
+def _assumed(log: DriveLog, owner: str) -> str:
+    """Return who says what a log leaves open: of soil and motor the sentence of how they were chosen, where one is."""
+    rover = log.load_rover()
+    if owner == "motor":
+        return "; ".join(own_motor(rover).assumed)
+    return "; ".join(own_soil(rover).assumed) if owner == "soil" and not has_papers_wheel(rover) else ""

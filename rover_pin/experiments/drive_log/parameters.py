@@ -34,7 +34,14 @@ def with_record(model: Model, owner: str, record: Any) -> Model:
     return model.replace(motor=record) if owner == "motor" else model.having(record)
 
 
-def parameter(model: Model, name: str, sd: float, log: bool = False, prior: bool = True) -> Parameter:
-    """Return the parameter of a model around its present value; `sd` is relative where `log`."""
+def parameter(
+    model: Model, name: str, sd: float, log: bool = False, prior: bool = True, *, declared: str = "", source: str = ""
+) -> Parameter:
+    """Return the parameter of a model around its present value; `sd` is relative where `log`.
+
+    `declared` says where the log declares it; without it is assumed, by `source` or that of the quantity.
+    """
     record, quantity, about = find(owners(model), name)
-    return Parameter(name, float(getattr(record, quantity)), sd, float(about.low), float(about.high), log, prior)
+    value, low, high = float(getattr(record, quantity)), float(about.low), float(about.high)
+    source = declared or f"assumed: {(source or about.source).removeprefix('assumed: ')}"
+    return Parameter(name, value, sd, low, high, log, prior, declared=bool(declared), source=source)

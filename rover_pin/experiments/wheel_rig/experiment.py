@@ -15,7 +15,7 @@ from rover_pin.contact import Soil
 from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
-from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.parameter import Parameter, declared_in
 from rover_pin.experiments.wheel_rig.beds import beds_of
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel, RigPredictor, conditions, predictor, uncarried
@@ -179,7 +179,8 @@ class RigExperiment(Experiment):
         declared = self.data.soil()
         for name, sd in self.data.rig.doubts.items():
             value, log = float(getattr(declared, name)), name in ("k", "k_1")
-            one = self.parameter(model, f"soil.{name}", sd / value if log and value > 0 else sd, log and value > 0)
+            relative = log and value > 0
+            one = self.parameter(model, f"soil.{name}", sd / value if relative else sd, relative, self._declared(name))
             yield dataclasses.replace(one, origin=value, high=MOST_EXIT if name == "exit_ratio" else one.high)
 
     def _of_the_soil(self, model: RigModel) -> tuple[Parameter, ...]:
@@ -195,17 +196,24 @@ class RigExperiment(Experiment):
         if Sinkage in kinds:
             k_1 = self.value(model, "soil.k_1")
             found += [self._loose(model, "soil.k_1", DECADES if k_1 > 0 else abs(k_1) or 1e5, log=k_1 > 0)]
-        exit_ratio = self.parameter(model, "soil.exit_ratio", 0.1)
+        exit_ratio = self.parameter(model, "soil.exit_ratio", 0.1, declared=self._declared("exit_ratio"))
         found += [dataclasses.replace(exit_ratio, low=0.0, high=MOST_EXIT)]
         if np.max(load) >= SAME_LOAD * np.min(load):
             sd = max(300.0, self.value(model, "soil.c"))
-            found += [self.parameter(model, "soil.n", 0.3), self.parameter(model, "soil.c", sd)]
+            found += [
+                self.parameter(model, f"soil.{name}", size, declared=self._declared(name))
+                for name, size in (("n", 0.3), ("c", sd))
+            ]
         return tuple(found)
+
+    def _declared(self, name: str) -> str:
+        """Return where a soil constant is declared, and with what SD; empty where it is not."""
+        return declared_in("soil", name, self.data.rig.declared, self.data.rig.doubts)
 
     def _of_the_rig(self, model: RigModel) -> Iterator[Parameter]:
         """Yield what rig.toml states with an SD: errors of the rig, and sizes of the wheel within their range."""
         for name, sd in self.data.rig.error_sd.items():
-            one = self.parameter(model, name, sd)
+            one = self.parameter(model, name, sd, declared="declared in rig.toml")
             low, high = self.data.rig.wheel_range.get(own_name(name), (one.low, one.high))
             yield dataclasses.replace(one, low=low, high=high)
 

@@ -76,7 +76,7 @@ def known_heights(rig: WheelRig, experiment: Experiment, model: Any) -> Iterator
     """
     if TRENCH.partition(".")[0] in experiment.records(model) and known_trench(rig):
         height = presets(rig)["h_l"].value
-        free = experiment.parameter(model, TRENCH, 1.0)
+        free = experiment.parameter(model, TRENCH, 1.0, declared="declared with the lugs, its SD assumed")
         yield dataclasses.replace(free, origin=height, scale=FULL_BY * height, prior=True)
 
 

@@ -23,7 +23,7 @@ def cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> tuple[str, ...]:
 
 def _cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
     for one in verdict.drifted:
-        yield f"{one.name} sits {one.drift:+.1f} SD from what was declared: it may have absorbed an effect"
+        yield f"{one.name} sits {one.away}: it may have absorbed an effect"
     for one in verdict.after.numbers if verdict.after else ():
         if one.at_bound:
             yield f"{one.name} lies at its bound: the form of the model is strained"

@@ -1,4 +1,4 @@
-"""The fitted numbers, before and after, with what was declared of them, and how fast chi2 rises along them."""
+"""The fitted numbers, before and after, with what was known of them beforehand, and how fast chi2 rises along them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rover_pin.report.section import AWAY, CHOSEN, Picture, Row, Section, Table
 
 @dataclass(frozen=True, eq=False)
 class Numbers(Section):
-    """The fitted numbers; those that sit away from what was declared stand first."""
+    """The fitted numbers; those that sit away from what was known beforehand stand first."""
 
     verdict: Verdict
     title: ClassVar[str] = "Fitted numbers"
@@ -45,12 +45,12 @@ class Numbers(Section):
 
 
 def number_table(verdict: Verdict) -> Table:
-    """Return the fitted numbers: those away from what was declared first, then those of what was added."""
+    """Return the fitted numbers: those away from what was known beforehand first, then those of what was added."""
     assert verdict.before is not None
     assert verdict.after is not None
     added, before = bool(verdict.named), {one.name: one for one in verdict.before.numbers}
     known = {one.name: one for one in (*verdict.after.fit.parameters, *verdict.before.fit.parameters)}
-    heads = ("number", *(("before", "after") if added else ("fitted",)), "declared", "SD from it", "note")
+    heads = ("number", *(("before", "after") if added else ("fitted",)), "beforehand", "SD from it", "note")
     ranked = sorted(
         verdict.after.numbers, key=lambda one: (not abs(one.drift) > DRIFTED, one.name in before, -_far(one))
     )
@@ -60,13 +60,13 @@ def number_table(verdict: Verdict) -> Table:
 def _row(one: Number, before: Mapping[str, Number], parameter: Parameter, added: bool) -> Row:
     was = before.get(one.name)
     sides = ((interval(was) if was else "not in the model",) if added else ()) + (interval(one),)
-    notes = [f"{one.drift:+.1f} SD from what was declared"] if abs(one.drift) > DRIFTED else []
+    notes = [one.away] if abs(one.drift) > DRIFTED else []
     notes += [one.note] if one.note else []
     if was is not None and math.isfinite(was.drift) and not math.isfinite(one.drift):
-        notes.append(f"freed: before, {was.drift:+.1f} SD from what was declared")
+        notes.append(f"freed: before, {was.away}")
     drift = f"{one.drift:+.2f}" if math.isfinite(one.drift) else ""
     look = AWAY if notes else CHOSEN if was is None else ""
-    return Row((one.name, *sides, declared(parameter, one), drift, "; ".join(notes)), look)
+    return Row((one.name, *sides, beforehand(parameter, one), drift, "; ".join(notes)), look)
 
 
 def _far(one: Number) -> float:
@@ -78,9 +78,10 @@ def interval(one: Number) -> str:
     return wording.interval(one.value, one.low, one.high, one.unit)
 
 
-def declared(parameter: Parameter, one: Number) -> str:
-    """Return what was known of a number before the data were: its value and SD."""
+def beforehand(parameter: Parameter, one: Number) -> str:
+    """Return what was known of a number before it was fitted: its value and SD, and who says so."""
     if not parameter.prior:
         return "nothing: sought"
     spread = f"{parameter.scale:.0%}" if parameter.log else shown(parameter.scale, one.unit)
-    return f"{shown(parameter.origin, one.unit)} \u00b1 {spread}"
+    source = parameter.source or ("declared" if parameter.declared else "assumed")
+    return f"{shown(parameter.origin, one.unit)} \u00b1 {spread}, {source}"

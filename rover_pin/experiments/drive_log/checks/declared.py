@@ -17,7 +17,6 @@ from rover_pin.experiments.drive_log.readings.strays import scattered
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.drive_log import FILE, DriveLog
 from rover_pin.motion.log_noise import NOISE, kind_of
-from rover_pin.motion.motor import Motor
 from rover_pin.quantity import Record, quantities, record_from
 
 SOIL = ("phi", "k", "k_1")
@@ -65,7 +64,7 @@ def declared_findings(log: DriveLog) -> Iterator[Finding]:
     rover = log.load_rover()
     kinds: list[tuple[str, Mapping[str, Any], tuple[str, ...], Record]] = [
         ("soil", log.about.soil, SOIL, usual_soil(rover)),
-        ("motor", log.about.motor, MOTOR, Motor() if log.about.motor else usual_motor(rover)),
+        ("motor", log.about.motor, MOTOR, usual_motor(rover)),
     ]
     for title, table, names, record in kinds[:1] if held(log) else kinds:
         left = [name for name in names if name not in table]

@@ -51,6 +51,7 @@ def sign_faults(run: Driven, terrain: Terrain | None, length: float) -> Iterator
 
 def wheel_sign_faults(run: Driven) -> Iterator[Finding]:
     """Yield duties, wheel rates and currents that run against each other."""
+    drawn = _drawn(run)
     for i, wheel in enumerate(run.wheels):
         current = f"current_{wheel}_A"
         if run.held and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
@@ -61,10 +62,27 @@ def wheel_sign_faults(run: Driven) -> Iterator[Finding]:
             turned, other = ("wheel_rate", "duty") if against else ("duty", "wheel_rate")
             what = f"{turned}_{wheel} runs against {other}_{wheel}"
             yield Finding(what, run.name, f"multiply {turned}_{wheel} by -1: positive is forward")
-        elif current in run.trace and _correlation(run.duty[:, i], run.mean(run.trace[current])) < OPPOSITE:
+        elif current in run.trace and _correlation(drawn[:, i], run.mean(run.trace[current])) < OPPOSITE:
             yield Finding(
                 f"{current} runs against duty_{wheel}", run.name, "multiply it by -1: positive drives forward"
             )
+
+
+def _drawn(run: Driven) -> np.ndarray:
+    """Return what motors of a kind draw (blocks, wheels), in some unit: a duty - b rate, a and b > 0 by all currents.
+
+    Where these do not tell them, the duty: but a wheel that others push brakes them, and its motor gives current back.
+    """
+    names = [f"current_{wheel}_A" for wheel in run.wheels]
+    seen = [run.mean(run.trace[name]) if name in run.trace else np.full(len(run.duty), np.nan) for name in names]
+    table, current = np.column_stack([run.duty.ravel(), -run.rate.ravel()]), np.column_stack(seen).ravel()
+    use = np.isfinite(table).all(axis=1) & np.isfinite(current) & np.repeat(run.steady, len(names))
+    gains, left, rank, _ = np.linalg.lstsq(table[use], np.where(use, current, 0.0)[use], rcond=None)
+    if rank < 2 or np.sum(use) < AT_LEAST:
+        return run.duty
+    sd = np.sqrt(np.diag(np.linalg.inv(table[use].T @ table[use])) * float(left[0]) / (np.sum(use) - 2))
+    sure = np.prod(np.sign(gains)) > 0 and np.all(np.abs(gains) > SURE * sd)
+    return np.asarray((table @ np.abs(gains)).reshape(run.duty.shape)) if sure else run.duty
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:

@@ -1,0 +1,40 @@
+"""Drive logs as a user writes them: any scenario and rover, duties of one's own, read by sensors or exactly."""
+
+import dataclasses
+
+import numpy as np
+
+from rover_pin import scenario
+from rover_pin.motion.drive_log import read_drive_log, write_drive_log
+from rover_pin.motion.sensors import Sensors, measured
+
+
+def held(random, seconds, wheels):
+    """Duties held for 2.5 to 4.5 s, wheels apart from each other."""
+    holds, t = [], 0.0
+    while t < seconds:
+        holds.append((t, random.uniform(0.4, 0.85) + random.uniform(-0.09, 0.09, wheels)))
+        t += random.uniform(2.5, 4.5)
+    return lambda reading: next(duty for start, duty in reversed(holds) if start <= reading.t + 1e-9)
+
+
+def write(folder, name="field", runs=4, seconds=16.0, seed=0, sensors=Sensors(), left_out=(), **settings):
+    """Write a log of a scenario's drives with nothing hidden, and leave tables of drive.toml out; return the folder.
+
+    `sensors` None: every digit of the drive is logged. The last run repeats the first where there are more than three.
+    """
+    random, scene, traces = np.random.default_rng(seed), scenario(name, **settings), {}
+    plans = [held(random, seconds, len(scene.model.rover.wheels)) for _ in range(runs)]
+    plans[-1] = plans[0] if runs > 3 else plans[-1]
+    for at, plan in enumerate(plans, 1):
+        own = dataclasses.replace(scene, controller=plan, duration=seconds)
+        trace = own.drive()
+        if sensors is not None:
+            trace = dataclasses.replace(
+                measured(trace, sensors, int(random.integers(2**31))), attrs={"start": dataclasses.asdict(own.start)}
+            )
+        traces[f"run-{at}"] = trace
+    scene.write_log(trace, folder)
+    about = dataclasses.replace(read_drive_log(folder).about, **{key: {} for key in left_out})
+    (folder / "run.csv").unlink()
+    return write_drive_log(folder, traces, about)
