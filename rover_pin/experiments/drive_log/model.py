@@ -64,7 +64,7 @@ def base_model(log: DriveLog) -> Model:
     soil = record_from(Soil, {**usual_soil(rover).values(), **log.about.soil}, f"{log.folder}: [soil]")
     motor = record_from(Motor, {**usual_motor(rover).values(), **log.about.motor}, f"{log.folder}: [motor]")
     traction = SoilTraction(TorqueTraction(), usual_angles(rover, log.about.angles))
-    effects, terrain = base_effects(soil, rover, traction), log.terrain()
+    effects, terrain = base_effects(soil, rover, traction, log.about.gravity), log.terrain()
     if log.about.resistance:
         told = record_from(MotionResistance, log.about.resistance, f"{log.folder}: [resistance]")
         stated = {name: getattr(told, name) for name in log.about.resistance}
