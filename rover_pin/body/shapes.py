@@ -27,7 +27,7 @@ DEG = math.pi / 180.0
 FARTHEST = 1e6
 """Place [m] or angle [rad] beyond which millimetres and milliradians are lost in round-off."""
 
-GUESS, FIG_10 = "assumed: the paper gives no geometry", "paper, Fig 10 and section 4"
+FIG_10 = "paper, Fig 10 and section 4"
 Ground = Annotated[int, about("", "assumed: an index of the model's soils, 0 the sand, 1 the hard ground", 0, 255)]
 Place = Annotated[float, about("m", "assumed: level ground before it", -FARTHEST, FARTHEST)]
 Seed = Annotated[int, about("", "assumed: any number gives another ground", 0, 2**53)]

@@ -14,9 +14,6 @@ NEXUS6_WHEEL = Wheel()
 TABLE_1 = Soil()
 """Table 1, "identified from experiments" on dry sand; n, k_1, k_2 are assumed (see the fields of `Soil`)."""
 
-ROVER_MASS = 5.8
-"""Mass of Nexus 6 [kg], section 2."""
-
 
 @dataclass(frozen=True)
 class LiteratureSand(Soil):

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ from rover_pin.experiments.unlisted import trial
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act, wheels_ahead
 from rover_pin.experiments.unlisted.draft import draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
-from rover_pin.experiments.unlisted.remainder import Remainder, describe, draft_effect, replicates
+from rover_pin.experiments.unlisted.remainder import Remainder, describe, draft_effect
 from rover_pin.experiments.unlisted.term import Curve, Term, stretches
 from rover_pin.motion.drive_log import About, DriveLog
 from rover_pin.motion.effect_files import user_effects
@@ -185,25 +184,6 @@ def test_a_remainder_drafts_the_best_term_that_an_effect_can_imitate():
     assert "+0.4 +- 0.001 N all the time" in remainder.said
     assert "class Own(BodyEffect)" in draft_effect(remainder, "own")
     assert Remainder((dataclasses.replace(able, held_out=3.0),) * 2, (), (), WHEELS).is_noise
-
-
-def test_replicates_show_the_noise_without_any_model():
-    rng = np.random.default_rng(1)
-    duty = rng.uniform(0.4, 0.8, (100, 6))
-    t = 0.05 * np.arange(100)
-    runs = [SimpleNamespace(name=n, commands=SimpleNamespace(t=t, duty=d, start=Start())) for n, d in
-            (("a", duty), ("b", duty + 1e-5), ("c", duty[::-1]))]  # fmt: skip
-    good = np.ones((3, 2, 4000), dtype=bool)
-    same = 3.0 * rng.normal(size=(2, 4000))
-    rows = np.array([same + rng.normal(size=same.shape), same + rng.normal(size=same.shape), same])
-    experiment = SimpleNamespace(runs=runs, channels=("speed", "path"))
-    fitted = SimpleNamespace(rows=rows.ravel(), task=SimpleNamespace(noise=SimpleNamespace(good=good)))
-    found = replicates(experiment, fitted)
-    assert found.pairs == (("a", "b"),)
-    assert found.floor["speed"] == pytest.approx(1.0, abs=0.05)
-    experiment.runs = runs[1:]
-    fitted.rows, fitted.task.noise.good = rows[1:].ravel(), good[1:]
-    assert replicates(experiment, fitted) is None
 
 
 def drives(hidden, count=3, duration=15.0):

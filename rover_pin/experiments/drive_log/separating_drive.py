@@ -48,14 +48,6 @@ class SeparatingDrive(NamedTuple):
         )
 
 
-def unseparated(first: str, second: str) -> str:
-    """Return the sentence for a pair that no run of the menu separates."""
-    return (
-        f"no run of the menu tells {first} from {second}: each is expected to add less than {TELLS:g} to chi2; "
-        "measure one of them by itself, on a bench"
-    )
-
-
 class _Judged(NamedTuple):
     """One run of the menu, judged."""
 

@@ -10,8 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.estimation.fit import Fit, table_of
-from rover_pin.estimation.noise import spread
-from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import blocks
 from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.draft import can_draft, draft
@@ -23,10 +21,6 @@ NOISE_LIKE = 1.3
 """RMS in SDs of its noise below which a channel's residual is called noise."""
 UNLISTED = 20.0
 """Net gain of a term from which the residual is not noise: complete models of five sets showed 6 at most."""
-ALIKE = 0.999
-"""Correlation of the duties from which two runs count as replicates."""
-SAME_PLACE, SAME_HEADING = 0.02, 0.05
-"""How far apart the starts of replicates may be [m, rad]."""
 LAGS = 10
 """Lags of the test for whiteness."""
 
@@ -193,41 +187,3 @@ def _whiteness(rows: np.ndarray) -> float:
     lags = range(1, min(LAGS, rows.shape[1] - 2) + 1)
     terms = [_lagged(rows, lag) ** 2 / max(n - lag, 1) for lag in lags]
     return n * (n + 2) * math.fsum(terms) / max(len(terms), 1)
-
-
-class Replicates(NamedTuple):
-    """Pairs of runs with the same commands from the same start, and what differs between them."""
-
-    pairs: tuple[tuple[str, str], ...]
-    floor: dict[str, float]
-    "SD of the residual's difference / sqrt 2, in the noise's SDs, by channel"
-
-
-def replicates(experiment: DriveExperiment, fit: Fit) -> Replicates | None:
-    """Return the noise floor that repeated runs show, which no model decides; None where no run was repeated."""
-    pairs = [
-        (i, j)
-        for i in range(len(experiment.runs))
-        for j in range(i + 1, len(experiment.runs))
-        if _repeats(experiment, i, j)
-    ]
-    if not pairs:
-        return None
-    rows = table_of(fit)
-    apart = np.array([rows[i] - rows[j] for i, j in pairs]) / math.sqrt(2.0)
-    floor = {}
-    for at, name in enumerate(experiment.channels):
-        values = apart[:, at][np.isfinite(apart[:, at])]
-        floor[name] = spread(values)
-    return Replicates(tuple((experiment.runs[i].name, experiment.runs[j].name) for i, j in pairs), floor)
-
-
-def _repeats(experiment: DriveExperiment, i: int, j: int) -> bool:
-    one, other = experiment.runs[i].commands, experiment.runs[j].commands
-    length = min(len(one.t), len(other.t))
-    if length < 0.9 * max(len(one.t), len(other.t)):
-        return False
-    near = math.hypot(one.start.x - other.start.x, one.start.y - other.start.y) < SAME_PLACE
-    near &= abs(math.remainder(one.start.yaw - other.start.yaw, 2 * math.pi)) < SAME_HEADING
-    a, b = one.duty[:length].ravel(), other.duty[:length].ravel()
-    return near and (bool(np.allclose(a, b, atol=1e-3)) or _correlation(a, b) > ALIKE)
