@@ -170,13 +170,14 @@ def bounds(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Print each wheel's traction-limited torque on a slope. The motor's margin is told beside it.
+    """Print the slope that a drive climbs, and each wheel's traction-limited torque with the motor's margin.
 
-    Of a model's effects only the form of its traction counts.
+    Of a model's effects only its traction and its motion resistance count.
     """
     from rover_pin.control.bound_pull import TractionLimit
     from rover_pin.control.rover_bounds import bounds_report, bounds_table, rover_torque_bounds
     from rover_pin.effects.soil_traction import SoilTraction
+    from rover_pin.motion.record import about
     from rover_pin.quantity import written
     from rover_pin.scenarios import scenario
 
@@ -184,9 +185,10 @@ def bounds(
     settings = {name: value for name, value in given.items() if value}
     made = scenario("flat", **settings, trust=Trust.of(effects, trust)).model
     own, ground, g, motor = made.rover, made.soils[0], made.gravity, made.motor
-    limit = TractionLimit(written(slip, "", "--slip"), made.effect(SoilTraction).form)
+    traction, R = made.effect(SoilTraction), about(made)["motion_resistance_R"]
+    limit = TractionLimit(written(slip, "", "--slip"), traction.form, traction.angles)
     slope = written(slope_deg, "rad", "--slope-deg", "deg")
-    result = bounds_report(own, ground, slope, g, limit, motor)
+    result = bounds_report(own, ground, slope, g, limit, motor, R)
     if as_json:
         report(result, as_json)
         return

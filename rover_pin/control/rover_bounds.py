@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from rover_pin.body.rover import Rover
@@ -129,17 +131,45 @@ def climbable_slope(
     limit, beyond the first one the soil yields under all wheels. Negative where even the flat asks for more; held
     within +-40 deg.
     """
-
-    def spare(which: int) -> Callable[[float], float]:
-        def at(slope: float) -> float:
-            loads = np.maximum(wheel_loads(rover, slope, gravity=gravity), 0.0)
-            pull = sum(float(pulls[which].force) for pulls in _pulls(rover, soil, loads, limit))
-            return pull - rover.mass * gravity * math.sin(slope)
-
-        return at
-
-    full, slipping = (_root(spare(which)) for which in (0, 1))
+    full, slipping = (_root(_spare(which, rover, soil, limit, gravity)) for which in (0, 1))
     return full, slipping
+
+
+def driven_slope(
+    rover: Rover,
+    soil: Soil,
+    limit: TractionLimit = DEFAULT_LIMIT,
+    gravity: float = EARTH,
+    R: float = 0.0,
+    motor: Motor | None = None,
+) -> float:
+    """Return the slope [rad] that a drive climbs with all wheels at the slip limit; at a limit of 1, at most.
+
+    sum_i min(f_t(W_i), T_stall / r_i) = m g sin(slope) + R sum_i W_i: what a motion resistance R takes is paid, and no
+    wheel pulls more than its motor's stall torque at full duty. Full shear (`climbable_slope`) lies beyond: at S = 1
+    sand of large k / r is not sheared that far. Effects, steps and edges of the ground are left out.
+    """
+    most = np.inf if motor is None else float(motor.stall_torque) / rover.radii
+    return _root(_spare(1, rover, soil, limit, gravity, R, most))
+
+
+def _spare(
+    which: int,
+    rover: Rover,
+    soil: Soil,
+    limit: TractionLimit,
+    gravity: float,
+    R: float = 0.0,
+    most: ArrayLike = np.inf,
+) -> Callable[[float], float]:
+    """Return the pull that is left on a slope [N], at full shear (0) or at the slip limit (1)."""
+
+    def at(slope: float) -> float:
+        loads = np.maximum(wheel_loads(rover, slope, gravity=gravity), 0.0)
+        pulls = np.array([float(pulls[which].force) for pulls in _pulls(rover, soil, loads, limit)])
+        return float(np.sum(np.minimum(pulls, most) - R * loads) - rover.mass * gravity * math.sin(slope))
+
+    return at
 
 
 def _root(spare: Callable[[float], float]) -> float:
@@ -157,13 +187,18 @@ def bounds_report(
     gravity: float = EARTH,
     limit: TractionLimit = DEFAULT_LIMIT,
     motor: Motor | None = None,
+    R: float = 0.0,
 ) -> dict[str, Any]:
-    """Return all that is known of a rover's bounds as plain values: the slopes that they hold, and one dict a wheel.
+    """Return all that is known of a rover's bounds as plain values: the slopes that it climbs, and one dict a wheel.
 
-    Parameters and errors are those of `rover_torque_bounds`, `motor` that of `RoverBounds.rows`.
+    Parameters and errors are those of `rover_torque_bounds`, `motor` that of `RoverBounds.rows`; the slopes are those
+    of `driven_slope`, at S = 1 and at the slip limit.
     """
     bounds = rover_torque_bounds(rover, soil, slope, gravity=gravity, limit=limit)
-    full, slipping = climbable_slope(rover, soil, limit, gravity)
+    most, slipping = (
+        driven_slope(rover, soil, dataclasses.replace(limit, slip=slip), gravity, R, motor)
+        for slip in (1.0, limit.slip)
+    )
     return {
         "rover": rover.name,
         "slope_deg": math.degrees(slope),
@@ -171,8 +206,9 @@ def bounds_report(
         "slip_limit": limit.slip,
         "form": limit.form.name,
         "first_to_slip": list(bounds.first_to_slip),
+        "motion_resistance_R": R,
+        "climbable_deg": math.degrees(most),
         "climbable_at_slip_limit_deg": math.degrees(slipping),
-        "climbable_at_full_shear_deg": math.degrees(full),
         "wheels": bounds.rows(motor),
     }
 

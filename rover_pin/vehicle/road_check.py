@@ -12,7 +12,7 @@ from rover_pin.body.rover import Rover
 from rover_pin.body.statics import wheel_loads
 from rover_pin.contact import Soil
 from rover_pin.control.bound_pull import TractionLimit
-from rover_pin.control.rover_bounds import climbable_slope
+from rover_pin.control.rover_bounds import driven_slope
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.errors import ParameterError
@@ -88,12 +88,14 @@ def _motion(rover: Rover, soil: Soil, motor: Motor, R: float) -> tuple[str, str]
         told = f"its motors stall: {given:.3g} N m a wheel at duty {CRUISE_DUTY:g}, and the flat takes {needed:.3g} N m"
         return f"no: {told}", f"{told}; a stronger motor or gear goes into the TOML's [motor]."
     by_motor = _held_slope(stall * float(np.sum(1.0 / rover.radii)), R, weight)
-    limit = TractionLimit(0.2, TorqueTraction(), usual_angles(rover))
-    full, slipping = (_net(slope, R) for slope in climbable_slope(rover, soil, limit))
-    first = "the motors" if by_motor < full else "the soil"
+    most, slipping = (
+        math.degrees(driven_slope(rover, soil, TractionLimit(slip, TorqueTraction(), usual_angles(rover)), R=R))
+        for slip in (1.0, 0.2)
+    )
+    first = "the motors" if by_motor < most else "the soil"
     return (
         f"yes: the flat takes {needed:.3g} N m a wheel, the motor gives {given:.3g} N m at duty {CRUISE_DUTY:g}; "
-        f"motors hold {by_motor:.0f} deg at full duty, the soil {full:.0f} deg at full shear and {slipping:.0f} deg at "
+        f"motors hold {by_motor:.0f} deg at full duty, the soil {most:.0f} deg at S = 1 and {slipping:.0f} deg at "
         f"S = 0.2: "
         f"{first} give{'' if first == 'the motors' else 's'} first"
     ), ""
@@ -106,8 +108,3 @@ def _held_slope(thrust: float, R: float, weight: float) -> float:
         return thrust - weight * (math.sin(slope) + R * math.cos(slope))
 
     return 90.0 if spare(math.pi / 2) >= 0.0 else math.degrees(brentq(spare, -math.pi / 2, math.pi / 2))
-
-
-def _net(slope: float, R: float) -> float:
-    """Return the slope [deg] that a pull for `slope` [rad] climbs against the resistance R."""
-    return math.degrees(slope - math.atan(R))

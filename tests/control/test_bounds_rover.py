@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 from rover_pin.body.rover import load_rover
 from rover_pin.body.statics import wheel_loads
+from rover_pin.cli import app
 from rover_pin.contact import Wheel
 from rover_pin.control.bound_pull import TractionLimit, pull_at_bounds
 from rover_pin.control.bounds import torque_bounds
@@ -16,6 +17,7 @@ from rover_pin.control.rover_bounds import bounds_report, bounds_table, climbabl
 from rover_pin.errors import ParameterError
 from rover_pin.motion.motor import Motor
 from rover_pin.parameters import SOILS
+from rover_pin.scenarios import scenario
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import (
@@ -125,9 +127,9 @@ def test_rows_and_table_tell_the_margin_of_a_motor():
 
 def test_the_report_holds_plain_values():
     report = json.loads(json.dumps(bounds_report(ROVER, SAND, 10 * DEG, 3.71, TractionLimit(0.3), Motor())))
-    full, slipping = climbable_slope(ROVER, SAND, TractionLimit(0.3), 3.71)
+    _, slipping = climbable_slope(ROVER, SAND, TractionLimit(0.3), 3.71)
     assert report["climbable_at_slip_limit_deg"] == pytest.approx(slipping / DEG)
-    assert report["climbable_at_full_shear_deg"] == pytest.approx(full / DEG)
+    assert report["climbable_deg"] > report["climbable_at_slip_limit_deg"]
     assert report["wheels"] == rover_torque_bounds(ROVER, SAND, 10 * DEG, 0.0, 3.71, TractionLimit(0.3)).rows(Motor())
     assert (report["slope_deg"], report["form"], report["first_to_slip"]) == (pytest.approx(10.0), "net", ["ml", "mr"])
 
@@ -146,3 +148,27 @@ def test_what_makes_no_bound_is_refused():
         rover_torque_bounds(ROVER, SAND, limit=TractionLimit(2.0))
     with pytest.raises(ParameterError, match="gravity"):
         rover_torque_bounds(ROVER, SAND, gravity=-1.0)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"soil": "table-1"}, {"soil": "hit-lss1", "gravity": "mars"}, {"rover": "cart"},
+     {"soil": "lunar-nominal", "form": "gross"}],
+    ids=str,
+)  # fmt: skip
+def test_the_slope_that_the_command_says_is_what_drives_climb(settings, capsys):
+    """Within 0.7 deg, at full duty from a start on the slope."""
+    options = [word for name, value in settings.items() for word in (f"--{name}", value)]
+    with pytest.raises(SystemExit) as ended:
+        app(["bounds", *options, "--json"])
+    assert ended.value.code == 0
+    climbable = json.loads(capsys.readouterr().out)["climbable_deg"]
+
+    def share(slope):
+        """The share of what the wheels turn that the rover travels at the end."""
+        steep = {"terrain.angle_deg": slope, "terrain.start": -9.0, "control.delta": 1.0}
+        trace = scenario("incline", duration=15.0, **settings, **steep).drive(settle_doubts=False)
+        return 1.0 - np.mean(trace.stack("slip")[-1])
+
+    assert share(climbable - 0.7) > 0.01
+    assert share(climbable + 0.7) < 0.01

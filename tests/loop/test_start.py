@@ -46,7 +46,7 @@ def test_a_wheels_model_drives_is_bounded_and_tuned_for(wheels, run):
     assert driven.model.effect(SlipSinkage).n_1 == 0.7
     code, out, _ = run("bounds", "--model", wheels, "--json")
     assert code == 0
-    assert '"climbable_at_full_shear_deg"' in out
+    assert '"climbable_deg"' in out
     study = TuningStudy("one", (DriveCase("flat", "flat", (("duration", 1.0),)),), ()).on_model(wheels)
     assert ("model", str(wheels)) in study.training[0].settings
 
