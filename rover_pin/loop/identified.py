@@ -93,8 +93,10 @@ def identified(
         whose = [rig.name for rig in rigs for _ in rig.channels]
         channels = tuple(one._replace(set=name) for one, name in zip(found.channels, whose, strict=True))
         found = dataclasses.replace(found, channels=channels)
-    unused = dict.fromkeys(name for rig in rigs for name, value in rig.beside.items() if value)
-    return Identified(found, _elsewhere(found, rigs), tuple(unused))
+    against = _elsewhere(found, rigs)
+    sources = " ".join(flag.independent.source for flag in against)
+    unused = dict.fromkeys(name for rig in rigs for name, value in rig.beside.items() if value and name not in sources)
+    return Identified(found, against, tuple(unused))
 
 
 def _of_the_rig(data: WheelRig) -> tuple[Held, ...]:

@@ -20,7 +20,9 @@ from rover_pin.experiments.joint_rig.left import JointExtra, SetError
 from rover_pin.experiments.wheel_rig.beds import by_chance
 from rover_pin.experiments.wheel_rig.candidates import rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings
+from rover_pin.experiments.wheel_rig.data import as_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.model_file import write_model
 from rover_pin.experiments.wheel_rig.presets import told
 from rover_pin.loop.provenance import Asked, provenance
@@ -28,6 +30,7 @@ from rover_pin.loop.verdict_file import written_last
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible
 from rover_pin.report.joint.report import write_report
+from rover_pin.report.rig.cautions import of_parameters
 from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
 
 
@@ -69,7 +72,9 @@ def on_sets(joint: JointRig, kinds: Sequence[type], progress: Progress, seed: in
     assert verdict.before is not None
     shared = by_chance(verdict.before.fit)
     extra = JointExtra(tuple(_errors(joint, verdict)), told(joint.declared, tried, model.effects), shared)
-    against = (*shared.cautions, *verdict.cautions, *_losses(extra.sets))
+    fitted = verdict.after.numbers if verdict.after else ()
+    known = flags(as_rig_set(joint.declared), verdict.model.soil, float(joint.declared.wheel.b), fitted)
+    against = (*shared.cautions, *of_parameters((), known), *verdict.cautions, *_losses(extra.sets))
     return dataclasses.replace(verdict, extra=extra, findings=said, cautions=against)
 
 
@@ -90,7 +95,8 @@ def _errors(joint: JointRig, verdict: Verdict) -> list[SetError]:
             count = np.isfinite(joint.observed[folds, joint.channels.index(channel)]).sum(axis=1)
             score = next(one for one in verdict.scores if one.name == channel)
             levels = np.array([(one.before, one.after) for one in score.levels])[folds]
-            was, now = np.sqrt(count @ np.nan_to_num(levels) ** 2 / count.sum()).tolist()
+            squares = np.where(count[:, None] > 0, levels, 0.0) ** 2  # a lost level stays NaN, one not measured is none
+            was, now = np.sqrt(count @ squares / count.sum()).tolist()
             rows.append(SetError(name, channel, unit, was, now, float(noise), best[channel].curve, best[channel].error))
     return rows
 

@@ -258,6 +258,18 @@ def test_fitted_lugs_are_held_against_their_height(plain, tmp_path):
     assert flag.said == "LugExcavation.h_l = 12.7 mm [10 mm, 16 mm] sits away from 5 mm (lug_height of [wheel])"
 
 
+@pytest.mark.parametrize("stiffness", ["k_1 = 9e4", "k_phi = 1.5e6\nk_c = 0.0"])
+def test_a_fitted_stiffness_is_held_against_the_declared_one(plain, tmp_path, stiffness):
+    """As its exponent goes with it: at another n the two have other units."""
+    path = changed(plain, tmp_path / "known", lambda text: declared(text, soil=f"{stiffness}\n"))
+    data = read_rig_set(path)
+    soil, b = data.soil(), float(data.rig.wheel.b)
+    (flag,) = flags(data, soil, b, (Number("soil.k_1", "Pa", 2 * soil.k_1, 1.8 * soil.k_1, 2.2 * soil.k_1, math.nan),))
+    assert (flag.name, flag.says.value) == ("K_eff", "sits away from")
+    assert flag.independent.low == pytest.approx(float(soil.k_1) / b**soil.n)
+    assert flags(data, soil.replace(n=soil.n + 0.1), b, (Number("soil.k_1", "Pa", 1.0, 1.0, 1.0, math.nan),)) == ()
+
+
 def test_a_wheel_with_declared_lugs_has_their_trench_from_the_start(tmp_path):
     """Its depth is known but for how full the pockets are; what is missing besides is told from it."""
     rig = hidden.Rig(sizes={"lug_trench": 0.006, "rate_dependence": 0.1})
@@ -332,10 +344,9 @@ def test_identify_says_what_it_does_not_use(plain, tmp_path):
     rig = read_wheel_rig(changed(plain, tmp_path / "sand", lambda text: declared(text, LUGS, SAND)))
     found = identified(rig, rig.declared_soil(Soil()), ("k", "phi", "k_1"))
     last = found.report().splitlines()[-1]
-    assert last.startswith(
-        "not used: lug_height, lug_width, lug_count, bulk_density, angle_of_repose, which Eqs (2)-(7)"
-    )
-    assert found.as_dict()["unused"] == list(rig.beside)
+    assert last.startswith("not used: lug_height, lug_width, lug_count, bulk_density, which Eqs (2)-(7)")
+    assert found.as_dict()["unused"] == [name for name in rig.beside if name != "angle_of_repose"]
+    assert "phi" in {flag.name for flag in found.elsewhere}
 
 
 # --- SDs of the soil -------------------------------------------------------------------------------------------------

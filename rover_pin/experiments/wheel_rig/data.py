@@ -20,6 +20,7 @@ from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.pressed import Trial, press
 from rover_pin.measurements.rig_file import (
     ANGLE,
+    BEKKER_UNITS,
     OF_SPEEDS,
     OVER_LUGS,
     SLOPE,
@@ -41,6 +42,9 @@ STANDS = 1e-3
 """Share of the faster of rim and travel below which a speed stands still."""
 
 RIG_FILE = "rig.toml"
+
+FRICTION = ("phi", "FlankPressure.phi_f", "Ploughing.phi_f")
+"""Numbers that are the friction of the sand, which its angle of repose bounds from below."""
 
 OTHERS = ("slip", "load_N", "run", "level", ANGLE, SLOPE, "slope_sd_rad", *SPEEDS)
 """Columns of the points that are read besides the channels and their SDs."""
@@ -102,12 +106,22 @@ class RigSet:
         return self.rig.trials
 
     def independent(self, n: float) -> tuple[Independent, ...]:
-        """Return what other measurements say of the soil, at the exponent n, and of the wheel's lugs."""
+        """Return what other measurements say of the soil, at the exponent n, and of the wheel's lugs.
+
+        One width tells K_eff = (k_1 + k_2 b) / b^n; constants that are stated do at the n that goes with them.
+        """
         known = [
             Independent(name, quantities(Soil)[name].unit, value, value, "stated with the data")
             for name, value in self.rig.declared.items()
             if name in quantities(Soil) and name not in ("n", "k_1", "k_2")
         ]
+        if {"k_1", *BEKKER_UNITS} & self.rig.declared.keys() and not self.trials and n == float(self.soil().n):
+            K = float(self.soil().k_1) / float(self.rig.wheel.b) ** n
+            known.append(Independent("K_eff", "Pa/m^n", K, K, "stated with the data"))
+        if "angle_of_repose" in self.rig.beside:
+            least, most = self.rig.beside["angle_of_repose"], quantities(Soil)["phi"].high
+            said = "angle_of_repose: dry sand stands no steeper than its own friction; a smooth rim may slide on it"
+            known += [Independent(name, "rad", least, most, said) for name in FRICTION]
         lugs = self.rig.beside.get("lug_height", 0.0)
         if lugs > 0.0:
             names = ("LugExcavation.h_l", "Grousers.h_s")

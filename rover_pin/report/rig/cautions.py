@@ -31,9 +31,8 @@ def of_parameters(fitted: Sequence[Number], flags: Sequence[Flag]) -> list[str]:
     """Return the cautions of fitted values: at a bound, open, away from what is known elsewhere."""
     said = [f"{one.name} lies at its bound: the form of the model is strained" for one in fitted if one.at_bound]
     said += [f"{one.name} is not closed by the data" for one in fitted if not one.closed and not one.at_bound]
-    away = "sits away from its independent value"
     nothing = "is not told: its interval covers what is allowed of it, and says nothing of its independent value"
-    said += [f"{flag.name} {away}" for flag in flags if flag.says is Against.AWAY]
+    said += [flag.said for flag in flags if flag.says is Against.AWAY]
     said += [f"{flag.name} {nothing}" for flag in flags if flag.says is Against.NOTHING]
     return said
 
