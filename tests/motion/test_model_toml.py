@@ -109,7 +109,7 @@ def test_an_effect_of_ones_own_keeps_its_file(tmp_path):
     (found,) = read_model(path, FLAT, trust).motor_effects
     assert (type(found).__name__, found.loud) == ("Squeak", 2.0)
     for content, says in (
-        ("import nonsense_that_is_not", "cannot be run: ModuleNotFoundError"),
+        ("import nonsense_that_is_not", "squeak.py, line 1: the code there ends with ModuleNotFoundError"),
         ("", "no effect stands"),
     ):
         (tmp_path / "squeak.py").write_text(content)
