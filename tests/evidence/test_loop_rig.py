@@ -241,7 +241,7 @@ def test_a_users_effect_is_a_file_in_a_folder(tmp_path):
     [
         (None, "there is no such effect file"),
         ("x = 1\n", "no effect stands there"),
-        ("import nothing_of_this_name\n", "cannot be run: ModuleNotFoundError"),
+        ("import nothing_of_this_name\n", "the code there ends with ModuleNotFoundError"),
     ],
 )
 def test_an_effect_file_that_is_none_is_refused(tmp_path, text, said):
