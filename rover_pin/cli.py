@@ -13,7 +13,7 @@ from rover_pin.commands.completing import scenario_names
 from rover_pin.commands.options import Add, AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
 from rover_pin.commands.speaking import Speaking, program
 from rover_pin.commands.view import SEEN, asked_for, open_page, write_asked
-from rover_pin.errors import RoverPinError
+from rover_pin.errors import RoverPinError, one_line
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
 from rover_pin.surroundings import leave_folder_out
@@ -32,6 +32,13 @@ def main() -> None:
         app()
     except RoverPinError as error:
         print(f"rover-pin: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        file = f"{error.filename}: " if error.filename else ""
+        said = one_line(f"{file}{error.strerror}; make room there, or give another file or folder.")
+        print(f"rover-pin: {said}", file=sys.stderr)
         sys.exit(2)
     except MemoryError:
         print("rover-pin: this needs more than half of the memory of this machine.", file=sys.stderr)

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from rover_pin.errors import DataError
+from rover_pin.paths import exists
 
 LOCK = ".rover_pin.lock"
 OF_A_LOOP = ("report.html", "verdict.json", "model.toml", "draft_effect")
@@ -33,9 +34,9 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
         yield
         return
     folder = Path(folder)
-    if folder.exists() and not folder.is_dir():
+    if exists(folder) and not folder.is_dir():
         raise DataError(f"{folder}: a file stands where the results go; give a folder.")
-    missing = not folder.exists()
+    missing = not exists(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         held = _held(folder / LOCK)
@@ -59,7 +60,7 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
 
 def replacing(folder: str | Path, names: Sequence[str], kept: Sequence[str] = ()) -> str:
     """Return what of an earlier run a new one may replace in a folder, and what it leaves; nothing if it is empty."""
-    there, stay = ([name for name in each if (Path(folder) / name).exists()] for each in (names, kept))
+    there, stay = ([name for name in each if exists(Path(folder) / name)] for each in (names, kept))
     found = f"{folder}: an earlier run's results are there, which this one replaces as it writes its own: "
     left = f" Not written anew, and still of an earlier run: {', '.join(stay)}." if stay else ""
     return f"{found}{', '.join(there)}.{left}" if there else ""

@@ -18,7 +18,7 @@ import pandas as pd
 from rover_pin.bounded import MOST_TABLE, content
 from rover_pin.errors import DataError, closest
 from rover_pin.parquet import parquet_table
-from rover_pin.table_layout import COMMENTS, MISSING, NUMBERS, Layout, cells, layout_of
+from rover_pin.table_layout import COMMENTS, MISSING, NUMBERS, Layout, cells, fitted, layout_of
 from rover_pin.units import name_and_unit, readings
 
 ENCODINGS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
@@ -120,7 +120,7 @@ def _text(path: Path, raw: bytes) -> Table:
     lines = text.splitlines()
     try:
         layout = layout_of(lines)
-        rows = [(at, cells(lines[at], layout.delimiter)) for at in _data(lines, layout)]
+        rows = [(at, fitted(cells(lines[at], layout.delimiter), layout.width)) for at in _data(lines, layout)]
         names, faults = _names(lines, layout)
     except csv.Error as error:
         raise DataError(f"{path}: the file cannot be read as a table: {error}.") from error
@@ -131,9 +131,11 @@ def _text(path: Path, raw: bytes) -> Table:
         if len(row) != len(names)
     ]
     whole = [(at, row) for at, row in rows if len(row) == len(names)]
+    filled = zip(names, zip(*(row for _, row in whole), strict=True), strict=False)
     columns = dict(
-        _column(name, column, layout.decimal)
-        for name, column in zip(names, zip(*(row for _, row in whole), strict=True), strict=False)
+        _column(name or f"column {at}", column, layout.decimal)
+        for at, (name, column) in enumerate(filled, 1)
+        if name or any(column)
     )
     notes = (layout.said, *([f"text in {encoding}"] if encoding not in ("utf-8", "utf-8-sig") else []))
     return Table(path, columns, tuple(f"line {at + 1}" for at, _ in whole), notes, tuple(faults))
@@ -157,15 +159,14 @@ def _data(lines: list[str], layout: Layout) -> list[int]:
 def _names(lines: list[str], layout: Layout) -> tuple[list[str], list[str]]:
     """Return the names of the columns, all different, with their units; and which stood there twice."""
     if layout.header < 0:
-        first = next((line for line in lines if len(cells(line, layout.delimiter)) > 1), "")
-        return [f"column {at}" for at in range(1, 1 + len(cells(first, layout.delimiter)))], []
-    names = [name or f"column {at}" for at, name in enumerate(cells(lines[layout.header], layout.delimiter), 1)]
+        return [f"column {at}" for at in range(1, 1 + layout.width)], []
+    names = fitted(cells(lines[layout.header], layout.delimiter), layout.width, names=True)
     if layout.units:
-        units = cells(lines[layout.header + 1], layout.delimiter)
-        names = [_with_unit(name, unit.strip("[]() ")) for name, unit in zip(names, units, strict=True)]
+        units = fitted(cells(lines[layout.header + 1], layout.delimiter), layout.width, names=True)
+        names = [_with_unit(name, unit.strip("[]() ")) for name, unit in zip(names, units, strict=False)]
     faults: list[str] = []
     for at, name in enumerate(names):
-        if name in names[:at]:
+        if name and name in names[:at]:
             faults.append(f"line {layout.header + 1}: column '{name}' stands there twice; rename one.")
             names[at] = next(other for count in range(2, at + 3) if (other := f"{name} ({count})") not in names)
     return names, faults
@@ -174,7 +175,7 @@ def _names(lines: list[str], layout: Layout) -> tuple[list[str], list[str]]:
 def _with_unit(name: str, unit: str) -> str:
     """Return a column's name with its unit in brackets, unless it has none or the name tells the same."""
     own = name_and_unit(name)[1]
-    told = unit in ("", "-", "1") or bool(own and set(readings(own)) & set(readings(unit)))
+    told = not name or unit in ("", "-", "1") or bool(own and set(readings(own)) & set(readings(unit)))
     return name if told else f"{name} [{unit}]"
 
 

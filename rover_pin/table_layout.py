@@ -33,6 +33,8 @@ class Layout(NamedTuple):
     "line of the names, counted from 0; -1 where there is none"
     units: bool
     "whether a line of units follows"
+    width: int
+    "how many cells a line of numbers has"
 
     @property
     def said(self) -> str:
@@ -51,7 +53,7 @@ def layout_of(lines: list[str]) -> Layout:
     sample = [lines[at] for at in kept[:LOOKED]]
     named = next((at for at in kept if not lines[at].lstrip().startswith(COMMENTS)), -1)
     usual = max(",;\t|", key=lines[named].count) if named >= 0 else ","
-    best, most = Layout(usual, ".", named, False), 0.0
+    best, most = Layout(usual, ".", named, False, len(cells(lines[named], usual)) if named >= 0 else 0), 0.0
     for delimiter in DELIMITERS:
         for decimal in NUMBERS if delimiter != "," else ".":
             score, layout = _scored(sample, kept, delimiter, decimal)
@@ -66,14 +68,17 @@ def _scored(sample: list[str], kept: list[int], delimiter: str, decimal: str) ->
     shares = [_numeric(row, decimal) for row in rows]
     widths = Counter(len(row) for row, share in zip(rows, shares, strict=True) if share > 0.5 and len(row) > 1)
     if not widths:
-        return 0.0, Layout(delimiter, decimal, -1, False)
+        return 0.0, Layout(delimiter, decimal, -1, False, 0)
     width, count = widths.most_common(1)[0]
     first = next(at for at, row in enumerate(rows) if len(row) == width and shares[at] > 0.5)
-    names = [at for at in range(first) if len(rows[at]) == width]
+    ended = not rows[first][-1]
+    names = [at for at in range(first) if len(fitted(rows[at], width, ended)) == width]
     units = len(names) > 1 and names[-2] == names[-1] - 1 and _are_units(rows[names[-1]])
     header = kept[names[-2] if units else names[-1]] if names else -1
     whole = sum(share * len(row) for row, share in zip(rows, shares, strict=True) if len(row) == width)
-    return whole / max(1, len(rows)) * (count / max(1, len(rows) - first)), Layout(delimiter, decimal, header, units)
+    return whole / max(1, len(rows)) * (count / max(1, len(rows) - first)), Layout(
+        delimiter, decimal, header, units, width
+    )
 
 
 def cells(line: str, delimiter: str) -> list[str]:
@@ -91,8 +96,14 @@ def cells(line: str, delimiter: str) -> list[str]:
         found = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     else:
         found = line.split(delimiter)
-    found = [cell.strip().strip('"').strip() for cell in found]
-    return found[:-1] if len(found) > 2 and found[-1] == "" and delimiter != "," else found
+    return [cell.strip().strip('"').strip() for cell in found]
+
+
+def fitted(row: list[str], width: int, names: bool = False) -> list[str]:
+    """Return a row without a delimiter too many at its end; one of `names` also with one too few."""
+    if len(row) == width + 1 and not row[-1]:
+        return row[:-1]
+    return [*row, ""] if names and len(row) == width - 1 else row
 
 
 def _numeric(row: list[str], decimal: str) -> float:

@@ -10,6 +10,7 @@ import typer
 
 from rover_pin.commands.options import AsJson
 from rover_pin.errors import ParameterError
+from rover_pin.paths import exists
 from rover_pin.terminal import report
 
 
@@ -37,7 +38,7 @@ def new_effect(
     stem = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
     made = {f"{stem}.py": acts.value, f"test_{stem}.py": "test"}
     for file in made:
-        if (out / file).exists():
+        if exists(out / file):
             raise ParameterError(f"{out / file}: there is one already: take another name, or another folder by --out.")
     folder = files("rover_pin.commands") / "templates"
     texts = {file: Template((folder / f"{kind}.txt").read_text(encoding="utf-8")) for file, kind in made.items()}

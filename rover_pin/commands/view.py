@@ -9,6 +9,7 @@ import typer
 
 from rover_pin.commands.options import AsJson, Out, Trusted
 from rover_pin.errors import MissingExtraError
+from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
 from rover_pin.surroundings import program
 from rover_pin.terminal import report, stoppable
@@ -55,7 +56,7 @@ def open_page(out: Path, name: str = PAGE) -> None:
     """Open the page that was written to a folder in the browser of this machine, if it has one."""
     import webbrowser
 
-    if (out / name).is_file() and webbrowser.open((out / name).resolve().as_uri()) is False:
+    if is_file(out / name) and webbrowser.open((out / name).resolve().as_uri()) is False:
         print(f"rover-pin: no browser was found on this machine; open {out / name} in one.", file=sys.stderr)
 
 

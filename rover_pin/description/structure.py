@@ -29,11 +29,16 @@ def structure_faults(tree: UrdfTree) -> Iterator[str]:
     yield from _shape_faults(tree)
 
 
-def _joint_faults(tree: UrdfTree, joint: Joint) -> Iterator[str]:
+def missing_links(tree: UrdfTree, joint: Joint) -> Iterator[str]:
+    """Yield which ends of a joint are links that are not there."""
     links = [link.name for link in tree.links]
     for end, link in (("parent", joint.parent), ("child", joint.child)):
         if link not in links:
             yield f"joint '{joint.name}' names a {end} link '{link}' that is not there: {closest(link, links)}"
+
+
+def _joint_faults(tree: UrdfTree, joint: Joint) -> Iterator[str]:
+    yield from missing_links(tree, joint)
     if joint.kind in ("floating", "planar"):
         yield f"joint '{joint.name}' is {joint.kind}: leave it out, the free base is added here; its child is the root."
     elif joint.kind not in KINDS:

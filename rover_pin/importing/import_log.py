@@ -21,7 +21,7 @@ from rover_pin.importing.understood import Understood, drive_of, lines, understo
 from rover_pin.importing.written import Run, Sheet, toml_of
 from rover_pin.motion.channels import WHOLE, is_column
 from rover_pin.motion.drive_log import FILE
-from rover_pin.paths import is_file, named_from
+from rover_pin.paths import exists, is_file, named_from
 from rover_pin.time_left import telling
 
 log = logging.getLogger(__name__)
@@ -73,7 +73,7 @@ def import_log(
     if not paths:
         raise DataError("import-log: give at least one recording: CSV, Parquet, .mat, .bag, .db3 or .mcap.")
     folder = paths[0].with_suffix("") if out is None else Path(out)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    if exists(folder) and (not folder.is_dir() or any(folder.iterdir())):
         raise DataError(
             f"{folder}: is already there; give another folder with --out, nothing of yours is written over."
         )

@@ -53,9 +53,9 @@ def _unit(seen: Recording, x: Word, y: Word) -> str:
     values = seen.table[x.name].to_numpy(dtype=float) + 1j * seen.table[y.name].to_numpy(dtype=float)
     known = np.isfinite(values)
     t, values = seen.t[known], values[known]
-    if len(t) < 10:
+    step = max(1, round(1.0 / max(float(np.median(np.diff(t))), 1e-3))) if len(t) > 1 else 1
+    if len(t) < 10 or len(t) <= step:
         return "m"
-    step = max(1, round(1.0 / max(float(np.median(np.diff(t))), 1e-3)))
     speed = np.abs(values[step:] - values[:-step]) / (t[step:] - t[:-step])
     return "mm" if float(np.percentile(speed, 75)) > FASTEST else "m"
 

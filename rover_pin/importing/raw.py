@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +23,8 @@ DATED = re.compile(
     r"(?: ?Z| ?UTC)?$"
 )
 """A time of day, perhaps after a date that begins with day or month."""
+LARGEST = math.sqrt(sys.float_info.max)
+"""What is larger has no square, and is no reading."""
 NO_DAY = pd.Timestamp("2000-01-01")
 """What stands for the day where only times are told."""
 
@@ -78,10 +82,11 @@ def _numbers(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     kept, dropped = {}, []
     for name in table.columns:
         column = _as_numbers(table[name])
-        if column is None or not np.isfinite(np.asarray(column, dtype=float)).any():
+        sane = None if column is None else column.where(np.abs(column.astype(float)) < LARGEST)
+        if sane is None or not sane.notna().any():
             dropped.append(str(name))
         else:
-            kept[str(name)] = column
+            kept[str(name)] = sane
     return pd.DataFrame(kept), dropped
 
 

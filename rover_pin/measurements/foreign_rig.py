@@ -15,6 +15,7 @@ from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.wheel_rig import ANGLE, STRAIGHT
+from rover_pin.paths import is_file
 from rover_pin.quantity import to_si
 from rover_pin.table import measured_points
 from rover_pin.toml_file import toml_text
@@ -155,7 +156,7 @@ def write_rig_set(
         There is a rig.toml already, or it cannot be written.
     """
     toml = folder / "rig.toml"
-    if toml.exists():
+    if is_file(toml):
         raise DataError(f"{toml}: there is one already: name another folder, or take it away first.")
     about = {
         "kind": "wheel-rig",

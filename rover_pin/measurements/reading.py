@@ -59,7 +59,7 @@ def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:
         return read_drive_points(path, trust=trust)
     if is_file(path):
         return read_traction_points(path)
-    absent = "" if path.is_dir() else "there is no such file or folder; "
+    absent = "" if is_folder(path) else "there is no such file or folder; "
     raise DataError(
         f"{path}: {absent}give a folder with rig.toml (wheel rig) or drive.toml (drive log), or a CSV file with the "
         f"columns slip, traction_factor, sd.{closest_samples(path)}"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rover_pin.cluster import refuse_both
-from rover_pin.errors import RoverPinError
+from rover_pin.errors import DataError, RoverPinError
 from rover_pin.results_folder import alone_in
 from rover_pin.sweep.axis import LogRange
 from rover_pin.sweep.case import CaseFunction, Row, check_names, drive_case, run_case
@@ -76,7 +76,7 @@ def sweep(
         A scenario or parameter that does not exist, both `workers` and `scheduler` given, a scheduler that does not
         answer, or a function that cannot be sent to workers.
     DataError
-        The folder holds another study, or another process is at work there.
+        The folder holds another study, another process is at work there, or its disk is full.
     MissingExtraError
         `scheduler` given and Dask not installed, or a worker lacks what a drive needs.
     SimulationError
@@ -90,9 +90,15 @@ def sweep(
         left = [case for case in study.cases() if case.key not in before]
         if left and case_function is drive_case:
             check_names(study, left)
-        _run(store, left, partial(run_case, study, case_function), workers, scheduler)
-        results = Results(study.name, store.finish(), store.folder, len(before))
-        _draw(study, results)
+        try:
+            _run(store, left, partial(run_case, study, case_function), workers, scheduler)
+            results = Results(study.name, store.finish(), store.folder, len(before))
+            _draw(study, results)
+        except OSError as error:
+            raise DataError(
+                f"{place}: the results cannot be written ({error.strerror or error}). What is finished is kept there: "
+                "make room, and run the same sweep again to go on."
+            ) from error
         return results
 
 

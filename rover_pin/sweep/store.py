@@ -171,10 +171,14 @@ def _column(values: list[Any], name: str) -> Any:
 
 def _replace(path: Path, write: Callable[[Path], Any]) -> None:
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    write(temporary)
-    with temporary.open("rb") as written:
-        os.fsync(written.fileno())
-    os.replace(temporary, path)
+    try:
+        write(temporary)
+        with temporary.open("rb") as written:
+            os.fsync(written.fileno())
+        os.replace(temporary, path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
 
 
 def _remove(paths: Iterable[Path]) -> None:

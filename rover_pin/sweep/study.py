@@ -88,6 +88,8 @@ class Study:
         if not lists or not all(isinstance(name, str) for names in self.paired for name in names):
             raise ParameterError(f"paired = {self.paired!r} is not a list of lists of parameters.")
         object.__setattr__(self, "paired", tuple(map(tuple, self.paired)))
+        if not isinstance(self.scenario, str):
+            raise ParameterError(f"scenario = {self.scenario!r} is not allowed: it is the name of one scenario.")
         if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", str(self.name), re.ASCII):
             raise ParameterError(
                 f"name = {self.name!r} is not allowed: it also names a folder; use letters, digits, '-', '_' and '.'."

@@ -9,6 +9,7 @@ from rover_pin.body.rover import load_rover
 from rover_pin.body.urdf_check import UrdfReport, check_urdf
 from rover_pin.bounded import text
 from rover_pin.columns import replace_file
+from rover_pin.description.structure import missing_links
 from rover_pin.description.tree import read_tree
 from rover_pin.errors import MissingExtraError, UrdfError
 from rover_pin.paths import is_file
@@ -57,6 +58,8 @@ def new_rover(urdf: str | Path, out: str | Path | None = None, trust: Trust = Tr
         raise UrdfError(f"{toml}: {why}; give another file with --out, nothing of yours is written over.")
     content = _content(source, trust)
     tree = read_tree(content, source.name)
+    for fault in (fault for joint in tree.joints for fault in missing_links(tree, joint)):
+        raise UrdfError(f"{source.name}: {fault}")
     proposal = propose(tree, source.parent)
     files = []
     beside = toml.with_name(f"{stem}.urdf")

@@ -28,6 +28,10 @@ HABITS = {
     "unit in some cells": PLAIN.replace("81", "81 N"),
     "other units in cells": re.sub(r",(79|80|81),", lambda found: f",{float(found[1]) / 1e3} kN,", PLAIN),
     "empty rows behind": PLAIN + "\n,,,\n,,,\n",
+    "delimiters at the ends": PLAIN.replace(",", ";").replace("\n", ";\n") + ";",
+    "a delimiter behind the names": PLAIN.replace("torque_Nm", "torque_Nm,"),
+    "delimiters behind the rows": PLAIN.replace("\n", ";\n").replace(",", ";").replace("Nm;", "Nm") + ";",
+    "a last column that is empty": "\n".join([f"{HEAD},note", *(f"{row}," for row in ROWS)]),
     "quotes": PLAIN.replace("slip", '"slip"').replace("0.2,80", '"0.2","80"'),
 }  # fmt: skip
 

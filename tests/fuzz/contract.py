@@ -16,8 +16,8 @@ LINE = 2000
 """Characters of a refusal."""
 
 
-class Hang(BaseException):
-    """A reader that took too long; not an Exception, so that no reader swallows it."""
+class Hang(KeyboardInterrupt):
+    """A reader that took too long; a stop as Ctrl-C, so that no reader swallows it."""
 
 
 @contextmanager

@@ -24,14 +24,36 @@ VALUES = (
 )  # fmt: skip
 """What stands in place of a good value: other types, other sizes, what looks like a number and what breaks a line."""
 KEYS = ("", "value", "unit", "kind", "\u00e4", "a.b", "x" * 300, "[b]", "k_1", "file", "low")
-CELLS = ("", "nan", "inf", "-1e308", "1e400", "x", "1;5", '"', '"a,b"', "0x1f", "1_0", "\u0663", "-", "1e-320", "\x00")
+CELLS = (
+    "80 N",
+    "n/a",
+    "1,5",
+    "much",
+    "x" * 300,
+    "\u4f4d\u7f6e",
+    "",
+    "nan",
+    "inf",
+    "-1e308",
+    "1e400",
+    "x",
+    "1;5",
+    '"',
+    '"a,b"',
+    "0x1f",
+    "1_0",
+    "\u0663",
+    "-",
+    "1e-320",
+    "\x00",
+)
 NOISE = (b"\x00", b"\xff\xfe", b"\n", b"\r", "\u2028".encode(), b"[", b"]]", b'"', b"'''", b"=", b"<!--", b"&x;")
 FLOODS = (b"," * 40, b"{" * 2000, b"x = " + b"[" * 9000)
 
 
 def mutated(name: str, content: bytes, chance: random.Random) -> bytes:
     """Return the content of a file changed in the way of its kind, or as any bytes."""
-    kinds = {"toml": _toml, "csv": _csv, "urdf": _xml, "npz": _npz, "parquet": _parquet}
+    kinds = {"toml": _toml, "csv": _csv, "urdf": _xml, "xacro": _xml, "npz": _npz, "parquet": _parquet, "py": _python}
     own = kinds.get(name.rpartition(".")[2])
     changed = content
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
@@ -146,7 +168,10 @@ def _quoted(text: str) -> str:
 
 
 def _csv(content: bytes, chance: random.Random) -> bytes:
-    rows = [line.split(",") for line in content.decode().split("\n")]
+    if chance.random() < 0.3:
+        return _everyday(content, chance)
+    mark = ";" if b";" in content else ","
+    rows = [line.split(mark) for line in content.decode().split("\n")]
     at = chance.choice((0, chance.randrange(len(rows))))
     cell = chance.randrange(len(rows[at]))
     way = chance.randrange(9)
@@ -167,7 +192,59 @@ def _csv(content: bytes, chance: random.Random) -> bytes:
             row[cell : cell + 1] = [_scaled(each, factor) for each in row[cell : cell + 1]]
     else:
         rows[at][cell] = chance.choice(CELLS)
-    return "\n".join(",".join(row) for row in rows).encode()
+    return "\n".join(mark.join(row) for row in rows).encode()
+
+
+LAYOUTS = ((",", ";"), (";", ","), (",", "\t"), (".", ","), (";", " "), ("\n", "\r\n"), ("\n", "\n\n"), (",", '","'))
+NAMES = ("\u65f6\u95f4", "x" * 300, "t", "sec", "nanosec", "time [h]", "---", "1", "Slip (%)", "x.y[0]", "[N]")
+BEFORE = ("sep=;\n", "\ufeff", "# made by us\n", "\n\n", "a,b,c\n", "[-],[N],[m]\n", "PK\x03\x04")
+
+
+def _everyday(content: bytes, chance: random.Random) -> bytes:
+    """Return a table as another program writes it."""
+    text, way = content.decode(), chance.randrange(4)
+    if way == 0:
+        return text.replace(*chance.choice(LAYOUTS)).encode()
+    if way == 1:
+        return (chance.choice(BEFORE) + text).encode(chance.choice(("utf-8", "utf-16", "cp1252")), errors="replace")
+    lines = text.split("\n")
+    mark = ";" if ";" in text else ","
+    if way == 2:
+        lines.insert(1, mark.join(chance.choice(("-", "N", "[mm]", "", "m/s")) for _ in lines[0].split(mark)))
+        return "\n".join(lines).encode()
+    at = chance.randrange(min(3, len(lines)))
+    row = lines[at].split(mark)
+    row[chance.randrange(len(row))] = chance.choice(NAMES)
+    lines[at] = mark.join(row)
+    return "\n".join(lines).encode()
+
+
+STATEMENTS = (
+    *("raise KeyError('x')", "raise SystemExit(3)", "return None", "return [1, 2]", "return 'x'", "import nothing"),
+    *("return self", "yield 1", "assert False", "x = [][0]", "1 / 0", "return 1.0", "return (1,)", "del self"),
+    *("raise BaseException('two\\nlines')", "return float('nan')", "nonlocal x", "global np; np = None"),
+)
+TOKENS = (
+    *(("self", "sel"), ("(", ""), (":", ""), ("return", "retrun"), ("0", "[]"), ("1", "'1'"), ("np.", "ca.")),
+    *(("float", "str"), ("frozen=True", ""), ("@", "# @"), ("2", "-2"), ("x[0]", "x[7]"), ("path", "None")),
+    ("Effect)", "object)"),
+)
+
+
+def _python(content: bytes, chance: random.Random) -> bytes:
+    """Return code with a statement put before one, a line gone or doubled, or a word changed."""
+    lines, way = content.decode().split("\n"), chance.randrange(4)
+    at = chance.randrange(len(lines))
+    if way == 0:
+        indent = lines[at][: len(lines[at]) - len(lines[at].lstrip())]
+        lines.insert(at, indent + chance.choice(STATEMENTS))
+    elif way == 1:
+        lines[at : at + 1] = [[], lines[at : at + 1] * 2][chance.randrange(2)]
+    else:
+        able = [(k, pair) for k, line in enumerate(lines) for pair in TOKENS if pair[0] in line]
+        at, pair = chance.choice(able)
+        lines[at] = lines[at].replace(*pair, 1)
+    return "\n".join(lines).encode()
 
 
 def _scaled(cell: str, factor: float) -> str:

@@ -40,8 +40,9 @@ def fuzz(total: int, seed: int = 0, only: str = "", scratch: Path | None = None)
 def mutant(reader: valid.Case, number: int, seed: int) -> dict[str, bytes]:
     """Return the files that input `number` of a reader changes."""
     chance = random.Random(f"{seed} {reader.name} {number}")
-    if reader.name == "command line":
-        words = mutations.mutated_words(chance.choice(valid.WORDS).split(), chance)
+    lines = {"command line": valid.WORDS, "commands": valid.doors.WORDS}.get(reader.name)
+    if lines:
+        words = mutations.mutated_words(chance.choice(lines).split(), chance)
         return {"words.txt": "\t".join(words).encode()}
     name = chance.choice(reader.victims or tuple(reader.files))
     return {name: mutations.mutated(name, reader.files[name], chance)}

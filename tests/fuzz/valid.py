@@ -42,6 +42,8 @@ from rover_pin.toml_file import toml_text
 from rover_pin.vehicle.propose import propose
 from rover_pin.vehicle.road_check import road_check
 
+from . import doors
+
 RIG = """
 kind = "wheel-rig"
 name = "small"
@@ -209,6 +211,7 @@ class Case:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         for name, content in {**self.files, **changed}.items():
+            (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(content)
 
 
@@ -242,7 +245,16 @@ def cases(scratch: Path) -> list[Case]:
         Case("sweep", {"study.toml": SWEEP.encode()}, _sweep, share=1.5),
         Case("tuning", {"study.toml": TUNING.encode()}, _tuning, share=1.5),
         Case("command line", {"words.txt": "\t".join(WORDS[0].split()).encode()}, read_words, share=1.5),
+        *_doors(scratch, rig),
         Case("factors", {"points.csv": FACTORS.encode()}, lambda at: read_traction_points(at / "points.csv")),
+    ]
+
+
+def _doors(scratch: Path, rig: dict[str, bytes]) -> list[Case]:
+    texts = {"model.toml": RIG_MODEL.encode(), "tuning.toml": TUNING.encode()}
+    return [
+        Case(name, made, doors.READ[name], doors.VICTIMS.get(name, ()), doors.SHARES.get(name, 0.5))
+        for name, made in doors.files(scratch, rig, _own_rover(), texts).items()
     ]
 
 
