@@ -157,8 +157,8 @@ def again(missed: list[dict], tests: list[Path], most: float) -> Iterator[dict]:
 
 
 def tests_of(room: str) -> list[Path]:
-    """Return the files of tests of a room: of its folder of tests; where there is none, those that name it."""
-    every, name = sorted(Path("tests").rglob("test_*.py")), f"rover_pin.{room.replace('/', '.')}"
+    """Return the files of tests of a room: of its folder of tests, or else those that name it."""
+    every, name = sorted(Path("tests").glob("*/test_*.py")), f"rover_pin.{room.replace('/', '.')}"
     own = [file for file in every if Path("tests", room) in file.parents]
     return own or [file for file in every if name in file.read_text(encoding="utf-8")]
 

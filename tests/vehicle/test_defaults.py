@@ -161,6 +161,7 @@ def test_terrains_grow_with_the_wheels_but_for_what_is_asked():
     assert scaled(shapes.ditch, {"wall_angle": 0.5}, 2.0) == {
         "depth": 0.1, "width": 0.4, "wall_angle": 0.5, "at": 1.0,
     }  # fmt: skip
+    assert scaled(shapes.ditch, {}, 0.9)["depth"] == pytest.approx(0.9 * 0.05)
     assert scaled(shapes.growing_slope, {}, 2.0)["rate"] == pytest.approx(math.radians(5.0))
     assert scaled(shapes.rocks, {}, 2.0)["diameters"] == (0.1, 0.2)
     whole, half = paper_field(**scaled(paper_field, {}, 2.0)), paper_field()

@@ -10,6 +10,7 @@ import pytest
 
 from rover_pin.description.tree import read_tree
 from rover_pin.errors import UrdfError
+from rover_pin.vehicle.new_rover import new_rover
 from rover_pin.vehicle.propose import propose
 
 _spec = importlib.util.spec_from_file_location("rover_farm", Path(__file__).parents[1] / "description" / "farm.py")
@@ -94,6 +95,16 @@ def test_a_bogie_on_one_side_alone_is_held_within_its_stops(roles, side, low, hi
     found = roles(farm.urdf)
     assert found.held == {"bogie": at}
     assert found.reasons["bogie"] == "it carries wheels but has no partner on the other side"
+
+
+@pytest.mark.parametrize(("b", "own"), [(0.1015, False), (0.103, True)])
+def test_an_axle_of_another_width_alone_gets_a_table_of_its_own(tmp_path, b, own):
+    """By more than a fiftieth: less is how a mesh was cut."""
+    farm = Farm().wheel("fl", "body", "0.4 0.3 0").wheel("fr", "body", "0.4 -0.3 0")
+    farm.wheel("rl", "body", "-0.4 0.3 0", b=b).wheel("rr", "body", "-0.4 -0.3 0", b=b)
+    (tmp_path / "own.urdf").write_text(farm.urdf)
+    new_rover(tmp_path / "own.urdf")
+    assert ("[wheel.rear]" in (tmp_path / "own.toml").read_text()) is own
 
 
 def test_a_wheel_that_nothing_draws_has_the_size_of_a_solid_cylinder_of_its_inertia(roles):

@@ -102,6 +102,16 @@ def test_a_soil_that_buries_it_is_told(tmp_path):
     assert check.moves == "no: it does not stand"
 
 
+def test_how_deep_a_buried_wheel_is_is_told_in_millimetres(tmp_path):
+    """More than a quarter of the radius, less than the whole."""
+    for k_1 in (4e4, 3e4, 2e4, 1.5e4, 1e4):
+        check = road_check(load_rover(rover_with(tmp_path, soil={"name": "table-1", "k_1": k_1})))
+        if "is buried" in check.stands:
+            break
+    deep = float(re.search(r"is buried, (\d+) mm deep", check.stands)[1])
+    assert 0.25 * 150.0 < deep < 150.0
+
+
 def test_the_command_says_whether_it_stands_moves_and_what_was_assumed(tmp_path, capsys):
     for more, code, moves in (({}, 0, "yes"), ({"motor": motor(0.1)}, 1, "no: its motors stall")):
         path = rover_with(tmp_path, **more)
