@@ -86,7 +86,7 @@ def main() -> None:
     options.add_argument("room", choices=ROOMS, nargs="?", default="soil")
     options.add_argument("--sample", type=int, default=0, help="changes that are tried; 0 for all")
     options.add_argument("--seed", type=int, default=0, help="of the sample")
-    options.add_argument("--files", nargs="*", help="only files of these names")
+    options.add_argument("--files", nargs="*", help="only changes of files of these names are tried")
     options.add_argument("--again", action="store_true", help="what the last run left, on all tests of the room")
     options.add_argument("--put", type=lambda name: Path(name).resolve(), default=ROOT / "studies" / "results")
     options.add_argument("--quick", action="store_true", help="two changes of Eq (1)")
@@ -107,11 +107,13 @@ def main() -> None:
         else:
             files = sorted(Path("rover_pin", asked.room).rglob("*.py"))
             with use_db(Path(folder) / "all.sqlite") as every:
-                init([file for file in files if not asked.files or file.name in asked.files], every, {})
+                init(files, every, {})
                 items = list(every.work_items)
-            tried = random.Random(asked.seed).sample(items, min(asked.sample or len(items), len(items)))
+            some = [one for one in items if not asked.files or one.mutations[0].module_path.name in asked.files]
+            tried = random.Random(asked.seed).sample(some, min(asked.sample or len(some), len(some)))
             missed = list(survivors(asked.room, tried, tests, Path(folder)))
-            row = {"room": asked.room, "changes": len(items), "tried": len(tried), "seed": asked.seed}
+            row = {"room": asked.room, "changes": len(items), "tried": len(tried), "seed": asked.seed,
+                   "files": " ".join(asked.files or ())}  # fmt: skip
     row |= {"not noticed": len(missed), "commit": git("rev-parse", "--short", "HEAD").strip()}
     print(f"{asked.room}: {row['tried']} tried of {row['changes']}, {row['not noticed']} not noticed")
     if not asked.quick:
