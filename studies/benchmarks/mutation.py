@@ -3,11 +3,10 @@
     python studies/benchmarks/mutation.py soil [--sample 40] [--seed 0] [--files slip.py ...] [--again]
 
 A copy of the tree is changed: + and -, * and / are swapped, comparisons turned, conditions negated, whole numbers
-moved by one either way and others multiplied by each of FACTORS. Numbers that `quantity(...)` declares are left alone:
-they are defaults and bounds with a source, not laws. Each change is tried on the quick tests of its room that name its
-file, on all of the room where none does; what none notices is printed. The room's row of mutation.csv and its rows of
-mutation_survivors.csv are written anew. `--again` tries what stands there, on all tests of the room; `--quick` tries
-two changes of Eq (1).
+moved by one either way and others multiplied by each of FACTORS; numbers that are declared with a source are left
+alone. Each change is tried on the quick tests of its room that import its file, on all of the room where none does;
+what none notices is printed. The room's row of mutation.csv and its rows of mutation_survivors.csv are written anew.
+`--again` tries what stands there, on all tests of the room; `--quick` tries two changes of Eq (1).
 """
 
 from __future__ import annotations
@@ -52,6 +51,10 @@ ROOMS = (
 """Folders of rover_pin."""
 
 
+DECLARING = ("quantity", "about", "lru_cache")
+"""Calls whose numbers are defaults and bounds with a source, or the size of a memory."""
+
+
 class Scaled(NumberReplacer):
     """Whole numbers and 0.0 by one up and down, others by each of FACTORS."""
 
@@ -75,7 +78,7 @@ def changes(text: str) -> list[str]:
 
 def _is_declared(node) -> bool:
     while node := node.search_ancestor("atom_expr"):
-        if node.children[0].get_code().strip() == "quantity":
+        if node.children[0].get_code().strip() in DECLARING:
             return True
     return False
 

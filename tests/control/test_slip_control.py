@@ -21,6 +21,7 @@ from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, Torq
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Command, Reading, Truth
+from rover_pin.motion.simulate import simulate
 from rover_pin.scenarios import scenario
 from rover_pin.soil.limits import saturation_torque
 from rover_pin.soil.traction import TorqueTraction, load_traction_factor
@@ -305,3 +306,35 @@ def test_the_torque_limit_alone_keeps_a_wheel_out_of_the_slip_that_digs():
     most = np.array([limit.torque(pitch) for pitch in held["body_pitch"][late]])
     assert np.all(held.stack("torque")[late] < 1.02 * most)
     assert np.mean(held.stack("slip")[late]) < LOST_SLIP + 0.1
+
+
+@dataclass(frozen=True)
+class Own(NoLimit):
+    """A user's limit: a fifth of full duty."""
+
+    def duty(self, reading):
+        return 0.2
+
+    def held(self, duty, reading):
+        return np.clip(duty, -0.2, 0.2)
+
+
+@pytest.mark.parametrize("control", ["slip", "constant", "table"])
+def test_a_limit_of_a_user_s_own_holds_in_a_drive(control):
+    model = scenario("flat").model
+    controller = {
+        "slip": SlipControl(Gains(), TrueSlip(), Own()),
+        "table": SlipControl(Gains(), TableEstimate(TABLE, 0.045), Own()),
+        "constant": TorqueLimited(ConstantDuty(0.6), Own()),
+    }[control]
+    assert simulate(model, controller, 0.5).stack("duty").max() == pytest.approx(0.2)
+
+
+def test_of_two_limits_the_stricter_holds_in_a_drive():
+    model = scenario("flat").model
+    strict = TorqueLimit.at_slip(model, 0.1)
+    once = simulate(model, TorqueLimited(ConstantDuty(1.0), strict), 0.5).stack("duty")
+    for limits in ((strict, TorqueLimit.saturation(model)), (TorqueLimit.saturation(model), strict)):
+        twice = simulate(model, TorqueLimited(TorqueLimited(ConstantDuty(1.0), limits[0]), limits[1]), 0.5)
+        assert twice.stack("duty") == pytest.approx(once)
+    assert once.max() < simulate(model, ConstantDuty(1.0), 0.5).stack("duty").max()
