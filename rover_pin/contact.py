@@ -13,9 +13,10 @@ from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
 
-from rover_pin.quantity import Record, quantity
+from rover_pin.public import Kind
+from rover_pin.quantity import Record, is_number, quantity
 
-Scalar = Annotated[Any, "a number or expression"]
+Scalar = Annotated[Any, Kind("a number or a CasADi expression", is_number)]
 """A float, or a scalar CasADi expression (SX or MX)."""
 
 
@@ -49,7 +50,7 @@ class Soil(Record):
 
     c: Scalar = quantity(0.005, "Pa", "paper, Table 1", 0.0, 1e6, "c")
     phi: Scalar = quantity(math.radians(30.0), "rad", "paper, Table 1: 30 deg", 0.0, math.radians(60.0), "phi")
-    k: Scalar = quantity(0.05, "m", "paper, Table 1", 1e-5, 10.0, "k")
+    k: Scalar = quantity(0.05, "m", "paper, Table 1", 1e-5, 0.5, "k")
     k_1: Scalar = quantity(54207.3, "Pa", "assumed: Eq 6 at Table 1, S = 0 carries 5.8 kg x 9.81 / 6", -1e9, 1e9, "k_1")
     k_2: Scalar = quantity(0.0, "Pa/m", "assumed: not in the paper", -1e12, 1e12, "k_2")
     n: Scalar = quantity(1.0, "", "assumed: not in the paper", 0.05, 3.0, "n")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from rover_pin.arguments import about
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.crab import Crab
@@ -11,9 +13,11 @@ from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.steering import Turn
 from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
+from rover_pin.errors import ParameterError
 from rover_pin.motion.command import Controller
 from rover_pin.motion.defaults import scale
 from rover_pin.motion.model import Model
+from rover_pin.public import SHORT, fits, words
 from rover_pin.settings import Settings
 
 CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn", "crab")
@@ -25,7 +29,10 @@ LIMITS = ("none", "saturation", "at-slip")
 
 def controller_from(asked: Settings, model: Model) -> Controller:
     """Return the controller that `control` and `control.FIELD` ask for."""
-    kind = asked.choice("control", "none", {each: each for each in CONTROLS}, "none: constant duty; eq9: paper, Eq 9")
+    known = "none: constant duty; eq9: paper, Eq 9"
+    if not isinstance(asked.values.get("control", ""), str):
+        return _own(asked.take("control", "none", CONTROLS, known))
+    kind = asked.choice("control", "none", {each: each for each in CONTROLS}, known)
     if kind in ("none", "limit"):
         constant = ConstantDuty(**asked.record("control", ConstantDuty))
         limit = _limit(asked, model, "none" if kind == "none" else "at-slip")
@@ -39,6 +46,17 @@ def controller_from(asked: Settings, model: Model) -> Controller:
     gains = Gains() if file is None else load_gains(str(file))
     gains = gains.replace(**asked.record("control", gains))
     return SlipControl(gains, _estimate(kind, model), _limit(asked, model, "saturation"))
+
+
+def _own(given: Any) -> Controller:
+    """Return a controller in memory."""
+    if not fits(given, Controller):
+        raise ParameterError(
+            f"control = {SHORT.repr(given)} is not allowed: give {words(Controller)} and returns duties in [-1, 1], or "
+            f"one of {', '.join(CONTROLS)}; a constant duty is control.delta=0.3."
+        )
+    made: Controller = given
+    return made
 
 
 def _estimate(kind: str, model: Model) -> SlipEstimate:

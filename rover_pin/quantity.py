@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.public import refuse_unknown
 from rover_pin.units import UNITS, factor_to
 
 
@@ -46,6 +47,11 @@ def is_symbolic(value: object) -> bool:
     return isinstance(value, (ca.SX, ca.MX))
 
 
+def is_number(value: object) -> bool:
+    """Return whether `value` is a number or a CasADi expression: no text, no array, not True or False."""
+    return is_symbolic(value) or (isinstance(value, (int, float, np.number, ca.DM)) and not isinstance(value, bool))
+
+
 @dataclasses.dataclass(frozen=True)
 class Record:
     """Frozen fields from `quantity(...)`, checked on creation; a field may also hold a CasADi expression.
@@ -53,8 +59,13 @@ class Record:
     Raises
     ------
     ParameterError
-        A number that is not finite or lies outside its bounds.
+        A number that is not finite or lies outside its bounds, or a name that it does not have.
     """
+
+    def __new__(cls, *values: Any, **fields: Any) -> Self:
+        """Return the record, its fields' names looked at first."""
+        refuse_unknown(f"{cls.__name__} has no field", fields, [each.name for each in dataclasses.fields(cls)])
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         for name, about in quantities(self).items():
@@ -62,10 +73,6 @@ class Record:
 
     def replace(self, **changes: Any) -> Self:
         """Return the record with these fields changed; an unknown name is an error that lists the close ones."""
-        names = [field.name for field in dataclasses.fields(self)]
-        for name in changes:
-            if name not in names:
-                raise ParameterError(f"{type(self).__name__} has no field '{name}': {closest(name, names)}")
         return dataclasses.replace(self, **changes)
 
     def values(self) -> dict[str, Any]:
@@ -88,15 +95,16 @@ def check(owner: str, name: str, value: Any, about: Quantity) -> None:
     """Refuse a number that is not finite or is out of bounds; let expressions pass."""
     if is_symbolic(value):
         return
-    if isinstance(value, bool) or not hasattr(value, "__float__"):
-        raise ParameterError(f"{owner}.{name} = {value!r} is not a number; give one in {about.unit or 'no unit'}.")
+    name = f"{owner}.{name}" if owner else name
+    if not is_number(value):
+        raise ParameterError(f"{name} = {value!r} is not a number; give one in {about.unit or 'no unit'}.")
     number = as_float(value)
     if not (math.isfinite(number) and about.low <= number <= about.high):
         unit = f" {about.unit}" if about.unit else ""
         other = meant(number, about)
         hint = f"Did you mean {number:g} {other}? " if other else ""
         raise ParameterError(
-            f"{owner}.{name} = {number:g}{unit} is not allowed: it must lie in "
+            f"{name} = {number:g}{unit} is not allowed: it must lie in "
             f"[{about.low:g}, {about.high:g}]{unit}. {hint}Its default comes from: {about.source}."
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from rover_pin.arguments import about
 from rover_pin.body import shapes
 from rover_pin.body.section import DEEPEST
 from rover_pin.body.terrain import Terrain
+from rover_pin.contact import Soil
 from rover_pin.controls import controller_from
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
@@ -26,12 +27,14 @@ from rover_pin.motion.drive_log import About, write_drive_log
 from rover_pin.motion.effect_words import having, words_of
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import Model, cruising
+from rover_pin.motion.motor import Motor
 from rover_pin.motion.place import Start
 from rover_pin.motion.simulate import Progress, Timing, simulate
 from rover_pin.motion.timing import COARSEST, FINEST
 from rover_pin.motion.trace import Trace
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
 from rover_pin.paths import is_file, named_from
+from rover_pin.public import public
 from rover_pin.quantity import declared, quantities, written
 from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, Settings
@@ -46,8 +49,10 @@ ALGEBRAIC_DT = 0.0025
 """Step [s] with Eq (1) itself, which is stiffer than the relaxed slip: within 0.1 mm over 20 s of the ditch."""
 
 STEP = about("s", "the step, refined where the ground asks for it", FINEST, COARSEST)
-DURATION = about("s", "of the scenario", 0.0)
+DURATION = about("s", "of the scenario", FINEST)
 BURIAL = about("", "assumed: sunk by half a wheel radius, a drive is over", 0.0, DEEPEST)
+WHOLE = {"soil": Soil, "motor": Motor, "start": Start}
+"""Settings that may be given whole, as what they set the fields of."""
 FRICTION = quantities(GearFriction)["tau_c"]._replace(source="adds GearFriction of this torque at the wheel")
 
 
@@ -66,6 +71,7 @@ class Scenario:
     assumed: tuple[str, ...] = ()
     "what was assumed for the rover, where neither its TOML nor a setting says it"
 
+    @public
     def drive(self, progress: Progress | None = None, *, settle_doubts: bool = True) -> Trace:
         """Return the trace of the drive; `settle_doubts` as of `simulate`."""
         trace = simulate(
@@ -80,13 +86,14 @@ class Scenario:
         )
         about = {
             "scenario": self.name,
-            "control": type(self.controller).__name__,
+            "control": getattr(self.controller, "__name__", type(self.controller).__name__),
             "settings": dict(self.settings),
             "start": dataclasses.asdict(self.start),
             "assumed": list(self.assumed),
         }
         return dataclasses.replace(trace, attrs={**trace.attrs, **about})
 
+    @public
     def write_log(self, trace: Trace, folder: str | Path) -> Path:
         """Write a drive of this scenario as a drive log that declares its terrain, soil, wheel, motor, resistance.
 
@@ -124,6 +131,7 @@ def _told_angles(model: Model) -> str:
     return next((word for each in tractions for word, one in ANGLES.items() if usual != each.angles == one), "")
 
 
+@public
 def scenario(name: str, /, **settings: Any) -> Scenario:
     """Return a ready-made drive, changed by dotted settings (pass them as `**{"terrain.wall_angle_deg": 40}`).
 
@@ -132,9 +140,9 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
     name : str
         One of SCENES.
     **settings
-        `rover`, `soil` (a name of SOILS), `soil.FIELD`, `terrain.ARGUMENT` (`terrain.path` of a file),
-        `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor` (speed-like, torque-like: `motion.motors`),
-        `motor.FIELD`, `gravity` (name or m/s^2),
+        `rover`, `soil` (a name of SOILS, or a `Soil`, taken as it is whatever the wheels' width), `soil.FIELD`,
+        `terrain.ARGUMENT` (`terrain.path` of a file), `patch.x_from`, `patch.x_to` (a stretch of hard ground), `motor`
+        (speed-like, torque-like: `motion.motors`; or a `Motor`), `motor.FIELD`, `gravity` (name or m/s^2),
         `form` (net, torque, gross), `angles` (fixed, sinkage), `slip` (relaxed, algebraic), `gear_friction` [N m],
         `side` (combined, shear: law of the side force; combined where wheels go sideways, see `vehicle.side_force`),
         `add` (effects, or words for them as "DiggingMemory.c_d=0.1,length=0.05": see `motion.effect_words`),
@@ -143,9 +151,10 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
         file, instead of rover, soil, form, angles and slip; or a wheel rig's, instead of soil, form and angles),
         `trust` (a `Trust`: which files that the model or the rover names may run, or lie elsewhere),
         `buried` (sinkage over wheel radius that ends a drive: 0.5), `control` (none, limit, eq9, onboard, true, turn,
-        point-turn, crab), `control.FIELD`, `control.gains` (a file of tuned gains), `control.limit` (none, saturation,
-        at-slip: the torque check; saturation with a slip, at-slip with limit) and `control.slip_limit`,
-        `start.FIELD`, `duration`, `dt` [s].
+        point-turn, crab; or any `Controller`: a function of the `Reading` that returns a duty), `control.FIELD`,
+        `control.gains` (a file of tuned gains), `control.limit` (none, saturation, at-slip: the torque check;
+        saturation with a slip, at-slip with limit) and `control.slip_limit`,
+        `start.FIELD` or `start` (a `Start`), `duration`, `dt` [s].
         A value may have its unit ("5mm", "30deg"); a `_deg` behind an angle's name reads degrees.
 
     Returns
@@ -178,8 +187,11 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     if name not in SCENES:
         raise ParameterError(f"There is no scenario '{name}': {closest(name, SCENES)}")
     scene = SCENES[name]
+    whole = [name for name, kind in WHOLE.items() if isinstance(settings.get(name), kind)]
+    settings = spelled(settings, whole)
     asked = Settings({**scene.settings, **settings})
     model, assumed, _ = _model(scene, asked)
+    assumed = tuple(line for line in assumed if line.partition(":")[0] not in whole)
     controller = controller_from(asked, model)
     start = Start(**asked.arguments("start", Start))
     dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, STEP)
@@ -187,8 +199,15 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     asked.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
     symmetric = symmetric and "model" not in settings and mirrored(model)
-    told = {name: words_of(value) if name == "add" else value for name, value in settings.items() if name != "trust"}
+    told = {name: words_of(value) if name == "add" else value for name, value in settings.items()}
+    told = {name: value for name, value in told.items() if name != "trust" and value is not controller}
     return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, told, assumed), asked
+
+
+def spelled(settings: Mapping[str, Any], whole: Sequence[str]) -> dict[str, Any]:
+    """Return settings in which `whole` ones go by their fields, as soil=Soil(k=0.01) by soil.k=0.01 and the others."""
+    fields = {f"{name}.{field}": value for name in whole for field, value in vars(settings[name]).items()}
+    return {**fields, **{name: value for name, value in settings.items() if name not in whole}}
 
 
 def mirrored(model: Model) -> bool:

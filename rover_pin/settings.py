@@ -58,8 +58,10 @@ class Settings:
         return self._taken(Setting(name, default, source=source, choices=tuple(choices)))
 
     def number(self, name: str, default: float, about: Quantity) -> float:
-        """Return a setting that is a number, or its default; who uses it checks its bounds."""
-        value = written(self._taken(Setting.of(name, default, about)), about.unit, name)
+        """Return a setting that is a number, or its default."""
+        setting = Setting.of(name, default, about)
+        value = written(self._taken(setting), about.unit, name)
+        _check(setting, name.rpartition(".")[2], value)
         self._in_force(name, value)
         return value
 

@@ -15,7 +15,7 @@ LONGEST = 300
 GROUND = ("errors", "units", "quantity", "contact", "version", "columns", "toml_file", "settings", "paths",
           "results_folder", "table", "table_layout", "workers", "trust", "bounded", "parquet", "formula",
           "console", "private_folders", "remembered", "surroundings", "cluster", "arguments", "time_left",
-          "own_code", "users_code")  # fmt: skip
+          "own_code", "users_code", "public")  # fmt: skip
 ROOMS = ("ground", "parameters", "soil", "effects", "description", "body", "motion", "control",
          "estimation", "measurements", "identification", "discrepancy", "experiments", "view", "report", "loop",
          "importing", "vehicle", "demo", "controls", "scenes", "scenarios", "catalogue", "plot", "sweep", "tuning",

@@ -215,7 +215,7 @@ REFUSED = [
     ("drive ditch --control pid", "is not known: known are crab, eq9, limit, none"),
     ("drive ditch --set soil.kk=1", "did you mean 'soil.k'"),
     ("drive ditch --set soil.k", "write it as NAME=VALUE"),
-    ("drive ditch --set soil.k=-1", "soil.k = -1 m is not allowed: it must lie in [1e-05, 10] m"),
+    ("drive ditch --set soil.k=-1", "soil.k = -1 m is not allowed: it must lie in [1e-05, 0.5] m"),
     ("drive ditch --set soil.k=abc", "soil.k = 'abc' is not a number"),
     ("drive ditch --set soil.phi=40", "Did you mean 40 deg? "),
     ("drive ditch --set soil.phi=40", "Write it as soil.phi=40deg."),

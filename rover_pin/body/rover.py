@@ -24,6 +24,7 @@ from rover_pin.description.tree import read_tree
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.errors import ParameterError, UrdfError, closest
 from rover_pin.paths import is_file
+from rover_pin.public import public
 from rover_pin.trust import Trust
 
 
@@ -167,6 +168,7 @@ class Rover:
         raise ParameterError(f"Rover '{self.name}' has no wheel '{name}': {closest(name, known)}")
 
 
+@public
 def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
     """Return a rover that comes with the package, by name, or your own, by the path of its TOML.
 

@@ -16,6 +16,7 @@ from rover_pin.control.bound_law import INPUTS, OUTPUTS, bound_law
 from rover_pin.errors import MissingExtraError, ParameterError
 from rover_pin.motion.laws import generated_source
 from rover_pin.motion.toolchain import shared_library
+from rover_pin.public import public
 from rover_pin.quantity import is_symbolic
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.stress import modulus
@@ -49,6 +50,7 @@ class WheelBounds(NamedTuple):
     "dT_lim / dW, [n] m"
 
 
+@public
 def torque_bounds(
     load: Scalar,
     soil: Soil,

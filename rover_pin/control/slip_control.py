@@ -16,6 +16,7 @@ from rover_pin.control.torque_limit import ASKED, NoLimit, TorqueLimit, native_l
 from rover_pin.motion.command import Command, Reading
 from rover_pin.motion.native.control import Commands, SlipLaw
 from rover_pin.motion.timing import CONTROL_PERIOD
+from rover_pin.public import public
 from rover_pin.quantity import Record, quantities, quantity
 
 FADE = 0.005
@@ -85,6 +86,7 @@ def _law(wheels: int) -> ca.Function:
     return _one().map("slip_control", "serial", wheels, [1], [])
 
 
+@public
 @dataclass
 class SlipControl:
     """The control law; sampled every `period` [s], held in between. Keeps one integral a wheel; `reset` clears them.

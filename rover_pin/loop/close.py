@@ -29,11 +29,13 @@ from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.motion.model import Model
 from rover_pin.paths import is_file, is_folder
+from rover_pin.public import public
 from rover_pin.results_folder import alone_in
 from rover_pin.trust import Trust
 from rover_pin.workers import ending_workers
 
 
+@public
 def close_the_loop(
     data: str | Path | WheelRig | RigSet | DriveLog | Bed | tuple[str | Path, ...],
     model: RigModel | Soil | Model | str | Path | None = None,

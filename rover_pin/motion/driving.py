@@ -72,10 +72,8 @@ def obey(drive: Drive, reading: Reading) -> None:
     stepper, wheels = drive.stepper, len(drive.model.rover.wheels)
     command = drive.controller(reading)
     duty, steer = command if isinstance(command, Command) else (command, 0.0)
-    if _is_number(duty):
-        stepper.duty.fill(min(1.0, max(-1.0, duty)))
-    else:
-        np.minimum(1.0, np.maximum(-1.0, _duties(duty, wheels, drive.state.t)), out=stepper.duty)
+    known = _is_number(duty) and -1.0 <= duty <= 1.0
+    stepper.duty[:] = duty if known else _duties(duty, wheels, drive.state.t)
     if stepper.servo_wheels:
         stepper.servo_target[:] = (
             steer if _is_number(steer) else _angles(steer, len(stepper.servo_wheels), drive.state.t)
@@ -87,20 +85,28 @@ def _is_number(value: Any) -> TypeGuard[float]:
 
 
 def _duties(given: Any, wheels: int, t: float) -> np.ndarray:
-    duty = np.asarray(given, dtype=float)
-    if duty.shape not in ((), (1,), (wheels,)) or not np.isfinite(duty).all():
+    duty = _numbers(given)
+    if duty.shape not in ((), (1,), (wheels,)) or not (np.abs(duty) <= 1.0).all():
         raise SimulationError(
-            f"At {t:.2f} s the controller returned the duty {np.array2string(duty)}: "
-            f"give one number, or {wheels} finite numbers, one a wheel."
+            f"At {t:.2f} s the controller returned the duty {given!r}: "
+            f"give one number in [-1, 1], or {wheels}, one a wheel; clip it where your law saturates."
         )
     return duty
 
 
 def _angles(given: Any, servos: int, t: float) -> np.ndarray:
-    steer = np.asarray(given, dtype=float)
+    steer = _numbers(given)
     if steer.shape not in ((), (servos,)) or not np.isfinite(steer).all():
         raise SimulationError(
-            f"At {t:.2f} s the controller returned the steering {np.array2string(steer)}: "
+            f"At {t:.2f} s the controller returned the steering {given!r}: "
             f"give one number, or {servos}, one a steered wheel [rad]."
         )
     return steer
+
+
+def _numbers(given: Any) -> np.ndarray:
+    """Return what a controller returned as numbers; of what is none, one that is none."""
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        return np.array(np.nan)

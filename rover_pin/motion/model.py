@@ -23,6 +23,7 @@ from rover_pin.motion.cruise import CRUISE_SLIP, default_resistance
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.suspension import joints_of, suspension_dofs
 from rover_pin.parameters.gravity import EARTH
+from rover_pin.public import public
 from rover_pin.quantity import Record
 
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
@@ -33,6 +34,7 @@ OWNERS = ("wheel", "channel", "joint")
 """Fields that say whose an effect is: a model may have one of a class for each."""
 
 
+@public
 @dataclass(frozen=True)
 class Model:
     """Everything a drive needs besides its commands. Frozen: `having`, `without` and `replace` give new models.
@@ -150,6 +152,7 @@ class Model:
         owned = isinstance(effect, (MotorEffect, SensorEffect))
         return _unknown_wheel(effect, [wheel.name for wheel in self.rover.wheels]) if owned else ""
 
+    @public
     def having(self, effect: AnyEffect) -> Self:
         """Return the model with this effect added, in the place of one of the same class and wheel or channel."""
         if isinstance(effect, (AlgebraicSlip, RelaxedSlip)):
@@ -162,6 +165,7 @@ class Model:
             return dataclasses.replace(self, sensor_effects=_having(self.sensor_effects, effect))
         return dataclasses.replace(self, effects=_having(self.effects, effect))
 
+    @public
     def without(self, kind: type[AnyEffect]) -> Self:
         """Return the model without the effects of this class; the slip stays."""
         return dataclasses.replace(
@@ -172,6 +176,7 @@ class Model:
             sensor_effects=_without(self.sensor_effects, kind),
         )
 
+    @public
     def effect(self, kind: type[Any]) -> Any:
         """Return the model's effect of this class, the first where there are several."""
         for effect in self.all_effects:
@@ -182,10 +187,6 @@ class Model:
 
     def replace(self, **changes: Any) -> Self:
         """Return the model with these fields changed."""
-        names = [each.name for each in dataclasses.fields(self)]
-        for name in changes:
-            if name not in names:
-                raise ParameterError(f"Model has no field '{name}': {closest(name, names)}")
         return dataclasses.replace(self, **changes)
 
 

@@ -30,6 +30,7 @@ from rover_pin.motion.soil_energy import energy_warning
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.timing import Timing
 from rover_pin.motion.trace import Trace
+from rover_pin.public import public
 
 
 class Asked(NamedTuple):
@@ -46,6 +47,7 @@ class Asked(NamedTuple):
     settle_doubts: bool
 
 
+@public
 def simulate(
     model: Model,
     controller: Controller,
@@ -104,6 +106,7 @@ def simulate(
     return _simulate(asked, start)
 
 
+@public
 def plain_simulate(
     model: Model,
     controller: Controller,
@@ -239,6 +242,7 @@ def told(trace: Trace, warnings: list[str]) -> Trace:
     return dataclasses.replace(trace, attrs={**trace.attrs, **found})
 
 
+@public
 def convergence(model: Model, controller: Controller, duration: float, **options: Any) -> tuple[Trace, float]:
     """Return a drive at the asked step, and how far [m] it is from that at half the step.
 

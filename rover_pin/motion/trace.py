@@ -13,6 +13,7 @@ import numpy as np
 from rover_pin.errors import DataError, MissingExtraError, ParameterError, closest
 from rover_pin.motion.channels import RATES, unit_of, wheels_in
 from rover_pin.motion.going_on import Ended
+from rover_pin.public import public
 
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
 """Energy channels beside what soil, stops, servos and further effects take; springs' share is within `energy_body`."""
@@ -20,6 +21,7 @@ TOLD = ("stop", "happened", "warnings", "notes", "assumed", "set_down", "tractio
 """Attributes that a summary repeats."""
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Trace(Mapping[str, np.ndarray]):
     """Channels of one drive, simulated or measured: a mapping from names to arrays, equal only to itself.

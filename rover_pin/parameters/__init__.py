@@ -10,15 +10,26 @@ from rover_pin.parameters.yoshida import LITERATURE_SAND, NEXUS6_WHEEL, TABLE_1
 
 __all__ = ["NEXUS6_WHEEL", "SOILS", "TABLE_1", "soil_named"]
 
-SOILS: dict[str, Soil] = {
-    "table-1": TABLE_1,
-    "literature-sand": LITERATURE_SAND,
-    "dry-sand": DRY_SAND,
-    "fjs-1": FJS_1,
-    "hit-lss1": HIT_LSS1,
-    "lunar-nominal": LUNAR_NOMINAL,
-    "mars-sand": MARSSIM_SAND,
-}
+
+class Named(dict[str, Soil]):
+    """Parameter sets by name."""
+
+    def __missing__(self, name: object) -> Soil:
+        """Refuse a name that is none, with the close ones."""
+        raise ParameterError(f"no soil is named {name!r}: {closest(name, self)}")
+
+
+SOILS = Named(
+    {
+        "table-1": TABLE_1,
+        "literature-sand": LITERATURE_SAND,
+        "dry-sand": DRY_SAND,
+        "fjs-1": FJS_1,
+        "hit-lss1": HIT_LSS1,
+        "lunar-nominal": LUNAR_NOMINAL,
+        "mars-sand": MARSSIM_SAND,
+    }
+)
 """Parameter sets by name; what depends on the wheel's width holds for `NEXUS6_WHEEL` (see `bekker.at_width`)."""
 
 
@@ -30,6 +41,4 @@ def soil_named(name: str) -> Soil:
     ParameterError
         An unknown name; the message lists the close ones.
     """
-    if name not in SOILS:
-        raise ParameterError(f"no soil is named '{name}': {closest(name, SOILS)}")
     return SOILS[name]

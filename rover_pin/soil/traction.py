@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple, Protocol
 import casadi as ca
 
 from rover_pin.contact import Scalar, Soil, Wheel
+from rover_pin.public import public
 from rover_pin.soil.angles import Angles, FixedAngles
 from rover_pin.soil.arc import Arc, Mobilised, integrate, shear_law, strength, stress_scale
 from rover_pin.soil.compaction import compaction
@@ -31,6 +32,7 @@ class WheelForces(NamedTuple):
     "compaction resistance r b int sigma sin theta dtheta [N]"
 
 
+@public
 def wheel_forces(
     S: Scalar, theta_1: Scalar, theta_2: Scalar, wheel: Wheel, soil: Soil, nodes: int = FAST
 ) -> WheelForces:
@@ -166,6 +168,7 @@ FORMS: dict[str, NetTraction | TorqueTraction | GrossTraction] = {
 NET, FIXED = NetTraction(), FixedAngles()
 
 
+@public
 def load_traction_factor(
     S: Scalar, soil: Soil, wheel: Wheel, form: TractionForm = NET, angles: Angles = FIXED, nodes: int = FAST
 ) -> Scalar:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from pathlib import Path
 from typing import NamedTuple
 
 from rover_pin.body import shapes
@@ -19,6 +20,7 @@ from rover_pin.motion.model_toml import is_rig_model, read_model
 from rover_pin.motion.motors import MOTORS, motor_named
 from rover_pin.parameters import SOILS
 from rover_pin.parameters.hard import HARD_GROUND
+from rover_pin.public import SHORT
 from rover_pin.settings import Settings
 from rover_pin.soil.angles import ANGLES
 from rover_pin.soil.traction import FORMS
@@ -48,6 +50,11 @@ def composed(asked: Settings, trust: Trust) -> Made:
     file = asked.take("model", None, source="a model file, as close-loop writes it")
     if file is None:
         return _of_settings(asked, trust)
+    if not isinstance(file, (str, Path)):
+        raise ParameterError(
+            f"model = {SHORT.repr(file)} is not allowed: give the path of a model file; what is in memory is driven by "
+            "simulate(model, controller, duration)."
+        )
     return (_of_rig if is_rig_model(str(file)) else _of_file)(str(file), asked, trust)
 
 
@@ -60,7 +67,7 @@ def _of_file(file: str, asked: Settings, trust: Trust) -> Made:
 def _of_rig(file: str, asked: Settings, trust: Trust) -> Made:
     """Return a rover on the soil, with the traction law and the effects, of a wheel's model; its wheels are its own."""
     _refuse(("soil", "form", "angles"), asked, file)
-    rig, rover = read_rig_model(file, trust), load_rover(str(asked.take("rover", "nexus6", source=ROVERS)), trust)
+    rig, rover = read_rig_model(file, trust), load_rover(asked.take("rover", "nexus6", source=ROVERS), trust)
     tractions = [effect for effect in rig.effects if isinstance(effect, SoilTraction)]
     if len(tractions) != 1:
         raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
@@ -76,7 +83,7 @@ def _refuse(names: tuple[str, ...], asked: Settings, file: str) -> None:
 
 
 def _of_settings(asked: Settings, trust: Trust) -> Made:
-    rover = load_rover(str(asked.take("rover", "nexus6", source=ROVERS)), trust)
+    rover = load_rover(asked.take("rover", "nexus6", source=ROVERS), trust)
     named = asked.word("soil", str(rover.soil.get("name", "of its weight")), SOILS, "rover-pin list soils")
     soil = own_soil(rover, named)
     form = asked.choice("form", "torque", FORMS, "which reading of the paper's traction is driven")

@@ -284,7 +284,7 @@ def test_a_limit_that_is_not_known_is_said():
         scenario("flat", control="true", **{"control.limit": "at_slip"})
     with pytest.raises(ParameterError, match=r"There is no setting 'control.slip_limit' here"):
         scenario("flat", control="true", **{"control.slip_limit": 0.3})
-    with pytest.raises(ParameterError, match="slip_limit = 2 cannot be reached"):
+    with pytest.raises(ParameterError, match="slip_limit = 2 is not allowed"):
         scenario("flat", control="limit", **{"control.slip_limit": 2.0})
 
 

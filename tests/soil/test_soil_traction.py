@@ -205,12 +205,13 @@ def test_compaction_is_the_exact_identity(n, theta_1, ratio):
     assert found.compaction == pytest.approx(scale * numeric, rel=1e-9, abs=1e-9 * found.f_n)
 
 
-def test_a_small_shear_constant_is_full_shear_and_a_large_one_is_none():
+def test_a_small_shear_constant_is_full_shear_and_a_large_one_goes_as_1_k():
     sheared = forces(0.6, -0.1, full_shear, WHEEL, SOIL, entry_graded(48))
     assert certified_forces(1.0, 0.6, -0.1, WHEEL, SOIL.replace(k=1e-5)).torque == pytest.approx(
         sheared.torque, rel=1e-3
     )
-    assert abs(wheel_forces(1.0, 0.6, -0.1, WHEEL, SOIL.replace(k=10.0)).torque) < 0.01 * sheared.torque
+    loose, looser = (wheel_forces(1.0, 0.6, -0.1, WHEEL, SOIL.replace(k=k)).torque for k in (0.25, 0.5))
+    assert looser == pytest.approx(loose / 2.0, rel=0.05)
 
 
 def test_a_locked_wheel_shears_fully_against_the_travel():
@@ -405,5 +406,5 @@ def test_rules_integrate_powers(rule):
 
 @pytest.mark.parametrize("nodes", [1, 2.5, True, "16"])
 def test_nodes_must_be_a_whole_number_of_two_or_more(nodes):
-    with pytest.raises(ParameterError, match="whole number of 2 nodes or more"):
+    with pytest.raises(ParameterError, match="whole number"):
         wheel_forces(0.1, 0.6, -0.1, WHEEL, SOIL, nodes)
