@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import fields, is_dataclass
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
@@ -125,3 +126,46 @@ def words(hint: Any) -> str:
     if getattr(origin, "__name__", "") == "Callable":
         return f"a function that takes {', '.join(words(each) for each in inner[0]) or 'nothing'}"
     return NAMES.get(hint) or f"a {getattr(origin or hint, '__name__', hint)}"
+
+
+def brief(kind: type[Any]) -> Any:
+    """Return a dataclass or NamedTuple whose repr is a line of letters that one reads, whatever it holds.
+
+    Long parts go by their kind and number. It is for people: no digest may be made of it.
+    """
+    type.__setattr__(kind, "__repr__", _brief)
+    return kind
+
+
+LONGEST, PART = 240, 48
+"""Letters of a brief repr, and of each part in it."""
+
+
+def _brief(self: Any) -> str:
+    names = [each.name for each in fields(self) if each.repr] if is_dataclass(self) else self._fields
+    said = ""
+    for name in names:
+        more = f"{', ' if said else ''}{name}={_part(getattr(self, name))}"
+        if len(said) + len(more) > LONGEST:
+            said += ", ..."
+            break
+        said += more
+    return f"{type(self).__name__}({said})"
+
+
+def _part(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, (str, PathLike)):
+        return SHORT.repr(str(value))
+    if hasattr(value, "shape"):
+        return f"array{value.shape}"
+    if isinstance(value, Collection) and value:
+        few = f"({', '.join(map(_part, value))})" if len(value) < 4 and not isinstance(value, Mapping) else ""
+        return few if 0 < len(few) <= PART else f"<{len(value)} in a {type(value).__name__}>"
+    if value is None or isinstance(value, (bool, int, Collection)):
+        return SHORT.repr(value)
+    if is_dataclass(value) and len(fields(value)) < 3:
+        return SHORT.repr(value)
+    name = getattr(value, "name", "") or getattr(value, "__name__", "")
+    return f"<{type(value).__name__}{f' {name}' if isinstance(name, str) and name else ''}>"

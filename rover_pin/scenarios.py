@@ -34,7 +34,7 @@ from rover_pin.motion.timing import COARSEST, FINEST
 from rover_pin.motion.trace import Trace
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
 from rover_pin.paths import is_file, named_from
-from rover_pin.public import public
+from rover_pin.public import brief, public
 from rover_pin.quantity import declared, quantities, written
 from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, Settings
@@ -56,6 +56,7 @@ WHOLE = {"soil": Soil, "motor": Motor, "start": Start}
 FRICTION = quantities(GearFriction)["tau_c"]._replace(source="adds GearFriction of this torque at the wheel")
 
 
+@brief
 @dataclass(frozen=True)
 class Scenario:
     """A model, its commands, and how long to drive."""

@@ -24,10 +24,11 @@ from rover_pin.description.tree import read_tree
 from rover_pin.effects.spring_damper import SpringDamper
 from rover_pin.errors import ParameterError, UrdfError, closest
 from rover_pin.paths import is_file
-from rover_pin.public import public
+from rover_pin.public import brief, public
 from rover_pin.trust import Trust
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Rover:
     """The rigid body half of Eq (8); q = (position, quaternion x y z w, joints), v = (base in body axes, joints).

@@ -16,7 +16,7 @@ from rover_pin.control.torque_limit import ASKED, NoLimit, TorqueLimit, native_l
 from rover_pin.motion.command import Command, Reading
 from rover_pin.motion.native.control import Commands, SlipLaw
 from rover_pin.motion.timing import CONTROL_PERIOD
-from rover_pin.public import public
+from rover_pin.public import brief, public
 from rover_pin.quantity import Record, quantities, quantity
 
 FADE = 0.005
@@ -86,6 +86,7 @@ def _law(wheels: int) -> ca.Function:
     return _one().map("slip_control", "serial", wheels, [1], [])
 
 
+@brief
 @public
 @dataclass
 class SlipControl:

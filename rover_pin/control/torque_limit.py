@@ -15,6 +15,7 @@ from rover_pin.motion.command import Command, Controller, Reading
 from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.native.control import Commands, TorqueTable, commands_of
+from rover_pin.public import brief
 
 PITCHES = np.radians(np.arange(-40.0, 41.0, 5.0))
 """Pitches [rad] at which the limits are prepared; linear in between, the end values beyond."""
@@ -41,6 +42,7 @@ class NoLimit:
         return duty
 
 
+@brief
 @dataclass(frozen=True)
 class TorqueLimit:
     """|delta| <= (T + K^2 |omega| / R) / (K V / R): the motor's torque stays below a bound T(W) of the soil.

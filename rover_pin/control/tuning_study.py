@@ -12,6 +12,7 @@ from typing import Any, Self
 from rover_pin.control.drive_score import Cost
 from rover_pin.control.slip_control import Gains
 from rover_pin.errors import ParameterError, closest
+from rover_pin.public import brief
 from rover_pin.quantity import quantities, record_from, to_si
 from rover_pin.toml_file import read_toml, table_in
 from rover_pin.trust import Trust
@@ -63,6 +64,7 @@ class Effort:
                 raise ParameterError(f"effort.{name} = {value!r} is not allowed: give a whole number from {low} on.")
 
 
+@brief
 @dataclass(frozen=True)
 class TuningStudy:
     """Gains to find: `free` names them with their bounds; the others keep their values in `before`.

@@ -14,6 +14,7 @@ from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit, table_of
 from rover_pin.estimation.noise import Noise, huber_losses
 from rover_pin.estimation.wording import AT_FLOOR, Change, shown
+from rover_pin.public import brief
 
 LOSES = 0.95
 """Share of the model's held-out error below which a baseline's is called better."""
@@ -29,6 +30,7 @@ class LevelError(NamedTuple):
     after: float
 
 
+@brief
 class ChannelScore(NamedTuple):
     """The held-out error of one channel before and after, in the channel's unit."""
 

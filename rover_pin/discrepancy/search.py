@@ -36,6 +36,7 @@ from rover_pin.estimation.noise import COLOURED, first_noise
 from rover_pin.estimation.numbers import is_adequate
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.task import Task
+from rover_pin.public import brief
 
 MOST = 3
 """Effects that are added at most."""
@@ -53,6 +54,7 @@ LEAST = 1e-6
 """Least SD of a channel's blocks [its unit]: one that never moves has no noise of its own."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Round:
     """One look for something missing: all candidates scored, the plausible ones refitted."""
@@ -66,6 +68,7 @@ class Round:
         return alike(self.refits)
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Search:
     """The calibrated base model, and one round for each effect that was added, then the last that found none."""

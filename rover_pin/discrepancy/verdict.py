@@ -16,6 +16,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import DRIFTED, Number, assumed_lines
 from rover_pin.estimation.profile import Profile
 from rover_pin.estimation.wording import Outcome, got_worse, shown
+from rover_pin.public import brief
 
 SCHEMA = 2
 """Version of the plain values of a verdict, as docs/verdict.md describes them."""
@@ -39,6 +40,7 @@ class Said(Protocol):
         """The sentence."""
 
 
+@brief
 class Side(NamedTuple):
     """A model before or after: its fitted numbers, and how well it fits."""
 
@@ -50,6 +52,7 @@ class Side(NamedTuple):
     "in the noise widened to what it leaves, where that is more than was declared"
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Verdict:
     """The result of the loop. `model` carries the fitted numbers and what was added, and predicts or drives at once."""

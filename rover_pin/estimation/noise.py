@@ -9,6 +9,7 @@ import numpy as np
 
 from rover_pin.estimation.by_chance.drift import Drift
 from rover_pin.estimation.by_chance.random_field import Chance
+from rover_pin.public import brief
 
 SHRINK = 0.2
 """Share by which correlations between channels are drawn to 0."""
@@ -24,6 +25,7 @@ SPREAD = 1.4826
 """SD over median absolute deviation of a normal law."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Noise:
     """AR(1) blocks with a covariance between channels: r_b = rho r_(b-1) + e_b, e_b = sd sqrt(1 - rho^2) L n_b.

@@ -10,8 +10,10 @@ import numpy as np
 from rover_pin.estimation.experiment import Experiment, residual
 from rover_pin.estimation.noise import Noise, huber
 from rover_pin.estimation.parameter import Parameter
+from rover_pin.public import brief
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Task:
     """What stays while models are compared: the experiment, the noise."""

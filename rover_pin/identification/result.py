@@ -15,6 +15,7 @@ from rover_pin.contact import Soil
 from rover_pin.errors import ParameterError, closest
 from rover_pin.estimation.wording import in_words, spread
 from rover_pin.measurements.channel import Evidence
+from rover_pin.public import brief
 
 
 class Verdict(Enum):
@@ -26,6 +27,7 @@ class Verdict(Enum):
     DEPENDS = "depends on"
 
 
+@brief
 class Estimate(NamedTuple):
     """One free parameter, in SI."""
 
@@ -144,6 +146,7 @@ class Starts(NamedTuple):
     "chi2 and values of the other minima"
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Identification:
     """The result of `identify`.

@@ -14,6 +14,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.known import Known
+from rover_pin.public import brief
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import wheel_forces
 from rover_pin.table import measured_points
@@ -35,6 +36,7 @@ UNSURE = 0.1
 """Relative uncertainty that is granted to an independent measurement that states none."""
 
 
+@brief
 class Trial(NamedTuple):
     """One pressing: sinkage [m] and force [N]."""
 

@@ -32,6 +32,7 @@ from rover_pin.measurements.rig_file import (
     rim_of,
 )
 from rover_pin.parameters.bekker import bekker
+from rover_pin.public import brief
 from rover_pin.quantity import declared_sds, quantities, record_from
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import wheel_forces
@@ -66,6 +67,7 @@ class RigLaw:
         return values, jacobian
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class WheelRig:
     """Steady runs of one wheel at given slip ratios and loads.

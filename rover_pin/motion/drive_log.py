@@ -52,6 +52,7 @@ from rover_pin.motion.trace import Trace
 from rover_pin.motion.trace_files import run_from
 from rover_pin.parameters.gravity import EARTH, gravity_from
 from rover_pin.paths import exists, is_file, is_folder
+from rover_pin.public import brief
 from rover_pin.quantity import as_float
 from rover_pin.soil.angles import ANGLES
 from rover_pin.time_left import telling
@@ -63,6 +64,7 @@ RUN_KEYS = ("file", "start", "purpose", "units", "attrs", "terrain")
 START_KEYS = ("x", "y", "yaw")
 
 
+@brief
 @dataclass(frozen=True)
 class About:
     """What a drive log declares besides its runs; the tables stay as written."""
@@ -100,6 +102,7 @@ TEXTS = ("name", "source", "rover", "licence", "method", "input", "angles")
 WORDS = {"input": ("", DUTIES, RATES), "angles": ("", *ANGLES)}
 
 
+@brief
 @dataclass(frozen=True)
 class DriveLog:
     """The runs of a drive log in its order; each trace's attributes have its file, purpose, start, rover, gravity."""

@@ -10,6 +10,7 @@ import numpy as np
 from rover_pin.errors import SimulationError
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.timing import Timing
+from rover_pin.public import brief
 
 
 class Counted(NamedTuple):
@@ -24,6 +25,7 @@ class Counted(NamedTuple):
     "what they misjudged [s]"
 
 
+@brief
 class Held(NamedTuple):
     """What a stepper holds between two steps: all arrays that a step changes, duties and servo targets."""
 
@@ -32,6 +34,7 @@ class Held(NamedTuple):
     servo: np.ndarray
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Ended:
     """The end of a drive, from which `simulate(model, controller, duration, trace.end)` goes on.

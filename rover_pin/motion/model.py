@@ -23,7 +23,7 @@ from rover_pin.motion.cruise import CRUISE_SLIP, default_resistance
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.suspension import joints_of, suspension_dofs
 from rover_pin.parameters.gravity import EARTH
-from rover_pin.public import public
+from rover_pin.public import brief, public
 from rover_pin.quantity import Record
 
 AnyEffect = Effect | MotorEffect | BodyEffect | SensorEffect
@@ -34,6 +34,7 @@ OWNERS = ("wheel", "channel", "joint")
 """Fields that say whose an effect is: a model may have one of a class for each."""
 
 
+@brief
 @public
 @dataclass(frozen=True)
 class Model:
@@ -59,7 +60,7 @@ class Model:
     gravity : float
         [m/s^2]
     buried : float
-        Sinkage over wheel radius at which a drive ends.
+        Sinkage over wheel radius from which a wheel counts as buried and a drive ends.
 
     Raises
     ------
@@ -87,7 +88,6 @@ class Model:
     body_effects: tuple[BodyEffect, ...] = ()
     sensor_effects: tuple[SensorEffect, ...] = ()
     buried: float = BURIED
-    "sinkage over wheel radius from which a wheel counts as buried and a drive ends"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.buried <= DEEPEST:
@@ -99,10 +99,8 @@ class Model:
             raise ParameterError(f"gravity = {self.gravity:g} m/s^2 is not allowed: it must lie in (0, 100) m/s^2.")
         used = self.terrain.ground_indices
         if max(used) >= len(self.soils):
-            raise ParameterError(
-                f"The terrain has ground of soil index {max(used)}, but the model has {len(self.soils)} soils; "
-                "give one soil per index."
-            )
+            has = f"The terrain has ground of soil index {max(used)}, but the model has {len(self.soils)} soils"
+            raise ParameterError(f"{has}; give one soil per index.")
         for effect in self.all_effects:
             if refusal := self.refusal(effect):
                 raise ParameterError(refusal)
@@ -182,7 +180,7 @@ class Model:
         for effect in self.all_effects:
             if isinstance(effect, kind):
                 return effect
-        names = [type(effect).__name__ for effect in self.all_effects]
+        names = (type(effect).__name__ for effect in self.all_effects)
         raise ParameterError(f"The model has no effect {kind.__name__}: {closest(kind.__name__, names)}")
 
     def replace(self, **changes: Any) -> Self:

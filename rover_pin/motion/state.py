@@ -8,7 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from rover_pin.public import brief
 
+
+@brief
 @dataclass
 class DriveState:
     """Time [s], configuration, velocity, and the own states of the effects (a row per wheel); changed in place."""

@@ -197,6 +197,11 @@ class Trace(Mapping[str, np.ndarray]):
             ax = pyplot.subplots(figsize=(8.0, 3.0), layout="constrained")[1]
         return draw(self, names or ("slip",), ax)
 
+    def __repr__(self) -> str:
+        span = f", {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else ""
+        stop = f", stop: {self.attrs['stop']}" if "stop" in self.attrs else ""
+        return f"<Trace: {len(self.t)} rows of {len(self.channels)} channels{span}{stop}>"
+
     def _repr_html_(self) -> str:
         """Return the summary as a table, for notebooks."""
         rows = (

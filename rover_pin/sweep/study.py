@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.errors import ParameterError, closest
+from rover_pin.public import brief
 from rover_pin.sweep.axis import Axis, Values, kind_of
 from rover_pin.sweep.plan import MOST_CASES, Group, Plan
 from rover_pin.trust import Trust
@@ -35,6 +36,7 @@ class Case:
         return int(np.random.SeedSequence(int(self.key, 16)).generate_state(1, np.uint64)[0] >> np.uint64(11))
 
 
+@brief
 @dataclass(frozen=True)
 class Study:
     """What a batch of drives is made of; `read_study` reads one from TOML.

@@ -31,6 +31,7 @@ from rover_pin.measurements.rig_file import (
     slip_of_speeds,
 )
 from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
+from rover_pin.public import brief
 from rover_pin.quantity import quantities
 from rover_pin.toml_file import read_toml, table_in
 from rover_pin.trust import Trust
@@ -63,6 +64,7 @@ class Independent(NamedTuple):
     source: str
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class RigSet:
     """Runs of a wheel rig; `level` [runs] numbers the levels whose `level_names` are kept."""

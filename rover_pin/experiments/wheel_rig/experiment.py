@@ -23,6 +23,7 @@ from rover_pin.experiments.wheel_rig.presets import known_heights, known_trench
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.soil_space import MOST_EXIT
 from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, Sinkage, Torque
+from rover_pin.public import brief
 
 ROWS: tuple[type[RigChannel], ...] = RIG_CHANNELS
 """The channels in the order in which a rig model predicts them."""
@@ -36,6 +37,7 @@ WIDE = 0.25
 """How far apart starts of phi are, as a share of its range."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class RigExperiment(Experiment):
     """The runs of a rig set as arrays (levels, channels, runs of a level); noise as stated with each value."""

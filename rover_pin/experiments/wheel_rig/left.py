@@ -8,8 +8,10 @@ from rover_pin.experiments.wheel_rig.beds import ByChance
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
 from rover_pin.experiments.wheel_rig.remainder import Remainder
 from rover_pin.experiments.wheel_rig.residual_tests import ResidualTest
+from rover_pin.public import brief
 
 
+@brief
 class Left(NamedTuple):
     """What one model leaves."""
 
@@ -29,6 +31,7 @@ class Left(NamedTuple):
         }
 
 
+@brief
 class RigExtra(NamedTuple):
     """What only a rig set has to say of the models before and after."""
 

@@ -18,6 +18,7 @@ from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.steady_law import VALUES, Law, parameter_names, steady_law
 from rover_pin.measurements.channel import FIELDS
 from rover_pin.measurements.rig_errors import RigErrors
+from rover_pin.public import brief
 from rover_pin.quantity import quantities
 from rover_pin.soil.angles import SHALLOW, SinkageAngles
 from rover_pin.soil.traction import NetTraction
@@ -53,6 +54,7 @@ class Steady(NamedTuple):
     "about the vertical through the wheel's centre, positive turning it to its left [N m]"
 
 
+@brief
 @dataclass(frozen=True)
 class RigModel:
     """A wheel, the soil under it and the effects that push on it; `effects` act in order, as in a drive.

@@ -11,6 +11,7 @@ from rover_pin.discrepancy.screen import entry_fee
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
+from rover_pin.public import brief
 
 DEGREES = 3
 """Highest power of the slip in a description."""
@@ -34,6 +35,7 @@ class Level(NamedTuple):
     "SD of that mean by the stated noise"
 
 
+@brief
 class Remainder(NamedTuple):
     """What one channel leaves: its size in SDs, where it lives, and measured - model as a polynomial."""
 
