@@ -99,7 +99,7 @@ def soil(rng):
     for name in ("c", "k", "n", "theta_1", "exit_ratio"):
         low, high = bounds[name].low, bounds[name].high
         drawn[name] = log_uniform(rng, max(low, 1e-3), high) if high > 5.0 else float(rng.uniform(low, high))
-    drawn["k"] = log_uniform(rng, bounds["k"].low, bounds["k"].high)
+    drawn["k"] = min(log_uniform(rng, bounds["k"].low, 10.0), bounds["k"].high)  # often at its end, where hardly any
     drawn["phi"], drawn["theta_2"] = (
         float(rng.uniform(bounds[name].low, bounds[name].high)) for name in ("phi", "theta_2")
     )
