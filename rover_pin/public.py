@@ -86,15 +86,19 @@ def fits(value: Any, hint: Any) -> bool:
         return any(fits(value, each) for each in inner)
     if hint in (float, int):
         return isinstance(value, Real if hint is float else Integral) and not isinstance(value, bool)
-    if origin is tuple:
-        each = inner[0] if inner[1:] == (...,) else Any
-        return isinstance(value, tuple) and all(fits(one, each) for one in value)
+    if origin is tuple or origin is dict:
+        parts = tuple(value.values()) if isinstance(value, dict) else value
+        part = inner[-1] if origin is dict else inner[0] if inner[1:] == (...,) else Any
+        return isinstance(value, origin) and all(fits(each, part) for each in parts)
     if getattr(origin, "__name__", "") == "Callable":
         return callable(value) and not isinstance(value, type) and _takes(value, inner[0])
     if getattr(hint, "_is_protocol", False):
         return all(hasattr(value, name) for name in vars(hint) if not name.startswith("_"))
     kind = PathLike if hint is Path else origin or hint
-    return isinstance(value, kind) if isinstance(kind, type) and kind is not Any else True
+    if not isinstance(kind, type) or kind is Any:
+        return True
+    hints = get_type_hints(kind, include_extras=True) if issubclass(kind, tuple) and hasattr(kind, "_fields") else {}
+    return isinstance(value, kind) and all(fits(getattr(value, name), each) for name, each in hints.items())
 
 
 def _takes(function: Any, parameters: Any) -> bool:

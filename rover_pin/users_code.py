@@ -6,15 +6,12 @@ import functools
 import inspect
 import re
 import traceback
-import types
 import typing
 from types import FunctionType, ModuleType
 from typing import Any
 
-import numpy as np
-
-from rover_pin.contact import Scalar
 from rover_pin.errors import DataError, RoverPinError
+from rover_pin.public import fits
 from rover_pin.workers import Terminated
 
 
@@ -66,7 +63,7 @@ def _watched(kind: type, name: str, method: Any, file: str) -> Any:
             if is_stop(error):
                 raise
             raise mistake(error, file, line) from error
-        if not _is(made, asked):
+        if not fits(made, asked):
             raise DataError(
                 f"{file}, line {line}: {kind.__name__}.{name} returns {_short(made)}, where {_short(asked)} belongs."
             )
@@ -85,28 +82,6 @@ def _asked(kind: type, name: str) -> Any:
             asked = hints.get("return", Any)
             return kind if asked is typing.Self else asked
     return Any
-
-
-def _is(value: Any, asked: Any) -> bool:
-    """Return whether a value is of a type, as far as the type says: of its parts too where it is a tuple."""
-    origin, inner = typing.get_origin(asked), typing.get_args(asked)
-    if asked is Any or isinstance(asked, typing.TypeVar):
-        return True
-    if asked is Scalar:
-        return isinstance(value, (int, float)) or tuple(getattr(value, "shape", (0,))) in ((), (1, 1))
-    if origin in (typing.Union, types.UnionType):
-        return any(_is(value, each) for each in inner)
-    if origin is not None:
-        parts = inner[:1] * len(value) if origin is tuple and isinstance(value, tuple) and inner[-1:] == (...,) else ()
-        if origin is dict and isinstance(value, dict):
-            return all(_is(each, inner[1]) for each in value.values())
-        return isinstance(value, origin) and all(map(_is, value, parts))
-    if asked is float:
-        return isinstance(value, (int, float, np.number))
-    if not isinstance(value, asked if asked is not None else type(None)):
-        return False
-    fields = typing.get_type_hints(type(value), include_extras=True) if hasattr(value, "_fields") else {}
-    return all(_is(getattr(value, name), hint) for name, hint in fields.items())
 
 
 def _short(thing: Any) -> str:

@@ -75,7 +75,9 @@ def test_rooms_import_downwards(name):
 @pytest.mark.parametrize("name", [name for name in OWN if room(name) in NO_ROVER])
 def test_the_loop_itself_knows_no_rover(name):
     own = {other for other in OWN[name] if room(other) not in NO_ROVER}
-    assert own <= {"rover_pin.errors", "rover_pin.quantity", "rover_pin.units"}, f"{name} imports {sorted(own)}"
+    assert own <= {"rover_pin.errors", "rover_pin.public", "rover_pin.quantity", "rover_pin.units"}, (
+        f"{name} imports {sorted(own)}"
+    )
 
 
 LOOP = ("estimation", "measurements", "identification", "discrepancy", "experiments", "report", "loop")

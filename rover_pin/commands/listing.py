@@ -7,7 +7,7 @@ import typer
 
 from rover_pin.commands.completing import listed_names, settings_to_set
 from rover_pin.errors import ParameterError, closest
-from rover_pin.terminal import assignments, fact, json_text, numbers_table
+from rover_pin.terminal import assignments, fact, json_text, numbers_table, report
 
 if TYPE_CHECKING:
     from rover_pin.catalogue import Entry
@@ -26,7 +26,7 @@ class What(StrEnum):
 
 
 def list_(
-    what: Annotated[What, typer.Argument(help="What to list.")],
+    what: Annotated[What | None, typer.Argument(help="What to list; the names of all without it.")] = None,
     name: Annotated[
         str,
         typer.Argument(autocompletion=listed_names, help="One of them, with its numbers; of settings: the scenario."),
@@ -42,6 +42,11 @@ def list_(
     """List scenarios, soils, rovers, effects, samples or settings. Each number has unit, default, bounds and source."""
     from rover_pin import catalogue
 
+    if what is None:
+        names = {each.value: [one.name for one in getattr(catalogue, each)()] for each in What}
+        said = {name: ", ".join(each) for name, each in names.items()}
+        report(names if as_json else {**said, "next": "rover-pin list soils, rover-pin list soils dry-sand"}, as_json)
+        return
     if what is What.SETTINGS:
         _say_settings(catalogue.settings(name or "ditch", **assignments(set_)), as_json)
         return

@@ -11,6 +11,7 @@ import numpy as np
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.estimation.coordinates import Space
 from rover_pin.estimation.experiment import residual
+from rover_pin.quantity import check
 
 Predictor = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Values of all known parameters -> predictions [m] and their Jacobian with respect to the free ones [m, p]."""
@@ -55,13 +56,14 @@ class Problem:
     DataError
         Fewer measured values than free parameters without a prior.
     ParameterError
-        A prior of a parameter that is not free.
+        A prior of a parameter that is not free, or whose mean is out of its bounds.
     """
 
     def __init__(self, data: Sequence[Measured], space: Space, priors: Mapping[str, Prior], widen: float = 1.0):
         for name in priors:
             if name not in space.names:
                 raise ParameterError(f"the prior of '{name}' has no free parameter: {closest(name, space.names)}")
+            check("prior", name, priors[name].mean, space.axes[space.names.index(name)].about)
         self.data, self.space, self.priors, self.widen = tuple(data), space, dict(priors), widen
         measured = np.concatenate([channel.measured for one in data for channel in one.channels])
         self._seen = np.isfinite(measured)

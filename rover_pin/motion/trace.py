@@ -13,7 +13,6 @@ import numpy as np
 from rover_pin.errors import DataError, MissingExtraError, ParameterError, closest
 from rover_pin.motion.channels import RATES, unit_of, wheels_in
 from rover_pin.motion.going_on import Ended
-from rover_pin.public import public
 
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
 """Energy channels beside what soil, stops, servos and further effects take; springs' share is within `energy_body`."""
@@ -21,7 +20,6 @@ TOLD = ("stop", "happened", "warnings", "notes", "assumed", "set_down", "tractio
 """Attributes that a summary repeats."""
 
 
-@public
 @dataclass(frozen=True, eq=False)
 class Trace(Mapping[str, np.ndarray]):
     """Channels of one drive, simulated or measured: a mapping from names to arrays, equal only to itself.
@@ -40,7 +38,8 @@ class Trace(Mapping[str, np.ndarray]):
     Raises
     ------
     DataError
-        No `t_s`, a time that is not finite or not increasing, or channels of different lengths.
+        Channels that are no numbers by name, no `t_s`, a time that is not finite or not increasing, or channels of
+        different lengths.
 
     Examples
     --------
@@ -55,7 +54,10 @@ class Trace(Mapping[str, np.ndarray]):
     end: Ended | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        channels = {name: np.array(values, dtype=float) for name, values in self.channels.items()}
+        try:
+            channels = {name: np.array(values, dtype=float) for name, values in dict(self.channels).items()}
+        except (TypeError, ValueError) as error:
+            raise DataError(f"Trace: channels are no dict of numbers by name: {error}.") from error
         for values in channels.values():
             values.flags.writeable = False
         object.__setattr__(self, "channels", channels)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rover_pin.experiments.motor_brake as shipped
+from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import SCHEMA
 from rover_pin.errors import DataError
@@ -111,4 +112,4 @@ def test_data_that_it_cannot_read_get_one_sentence(tmp_path):
 
 def test_a_model_is_not_taken_beside_a_test_bed(tmp_path):
     with pytest.raises(DataError, match="leave `model` out"):
-        close_the_loop(hidden.write(tmp_path, 0), object(), experiment="motor_brake")
+        close_the_loop(hidden.write(tmp_path, 0), Soil(), experiment="motor_brake")

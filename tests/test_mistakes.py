@@ -1,0 +1,208 @@
+"""Ordinary mistakes, in Python and on the command line, from an empty folder: each is one sentence that names it."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin import (
+    SOILS,
+    ConstantDuty,
+    Model,
+    Motor,
+    RoverPinError,
+    SlipControl,
+    Soil,
+    Trace,
+    Wheel,
+    close_the_loop,
+    convergence,
+    load_rover,
+    load_traction_factor,
+    scenario,
+    simulate,
+    torque_bounds,
+    wheel_forces,
+)
+from rover_pin.effects.slip_sinkage import SlipSinkage
+from rover_pin.motion.place import Start
+
+SAND, WHEEL = Soil(), Wheel()
+
+
+@pytest.fixture(scope="module")
+def flat():
+    return scenario("flat", duration=0.2)
+
+
+def steady(reading):
+    return 0.4
+
+
+CALLS = {  # what names the mistake in the sentence -> the call
+    "missing a required argument: 'name'": lambda flat: scenario(),
+    "name = 3": lambda flat: scenario(3),
+    "name = ['flat']": lambda flat: scenario(["flat"]),
+    "'dicth'": lambda flat: scenario("dicth"),
+    "soil = 3": lambda flat: scenario("flat", soil=3),
+    "soil = {'k': 0.01}": lambda flat: scenario("flat", soil={"k": 0.01}),
+    "'soil_k'": lambda flat: scenario("flat", soil_k=0.01),
+    "soil.k = 10 m": lambda flat: scenario("flat", **{"soil.k": "10m"}),
+    "soil.phi = 30 rad": lambda flat: scenario("flat", **{"soil.phi": 30}),
+    "motor = 12": lambda flat: scenario("flat", motor=12),
+    "rover = None": lambda flat: scenario("flat", rover=None),
+    "rover = Rover(": lambda flat: scenario("flat", rover=flat.model.rover),
+    "model = Model(": lambda flat: scenario("flat", model=flat.model),
+    "control = 0.4": lambda flat: scenario("flat", control=0.4),
+    "control = <class": lambda flat: scenario("flat", control=ConstantDuty),
+    "control = <function no_reading": lambda flat: scenario("flat", control=no_reading),
+    "control.delta = 55": lambda flat: scenario("flat", **{"control.delta": 55}),
+    "duration = -1 s": lambda flat: scenario("flat", duration=-1),
+    "duration = 'long'": lambda flat: scenario("flat", duration="long"),
+    "duration: None": lambda flat: scenario("flat", duration=None),
+    "duration: True": lambda flat: scenario("flat", duration=True),
+    "gravity = 'venus'": lambda flat: scenario("flat", gravity="venus"),
+    "gravity = 500": lambda flat: scenario("flat", gravity=500),
+    "<class 'rover_pin.effects.slip_sinkage.SlipSinkage'>": lambda flat: scenario("flat", add=SlipSinkage),
+    "progress = 3": lambda flat: flat.drive(3),
+    "trace = 3": lambda flat: flat.write_log(3, "log"),
+    "model = Scenario(": lambda flat: simulate(flat, steady, 1.0),
+    "controller = None": lambda flat: simulate(flat.model, None, 1.0),
+    "duration = '1 s'": lambda flat: simulate(flat.model, steady, "1 s"),
+    "the duty 55": lambda flat: simulate(flat.model, lambda reading: 55, 1.0),
+    "the duty None": lambda flat: simulate(flat.model, lambda reading: None, 1.0),
+    "the duty 'fast'": lambda flat: simulate(flat.model, lambda reading: "fast", 1.0),
+    "no 'speed'": lambda flat: simulate(flat.model, steady, 1.0, speed=3),
+    "argument: 'controller'": lambda flat: convergence(flat.model),
+    "rover = 6": lambda flat: load_rover(6),
+    "rover 'nexus7'": lambda flat: load_rover("nexus7"),
+    "'kk'": lambda flat: Soil(kk=0.01),
+    "k = 10 m": lambda flat: Soil(k=10),
+    "phi = '30deg'": lambda flat: Soil(phi="30deg"),
+    "r = '45mm'": lambda flat: Wheel(r="45mm"),
+    "supply = None": lambda flat: Motor(supply=None),
+    "delta = 55": lambda flat: ConstantDuty(55),
+    "'gamma'": lambda flat: SlipSinkage(gamma=3.0),
+    "'moon-dust'": lambda flat: SOILS["moon-dust"],
+    "'sand'": lambda flat: SAND.replace(sand=3),
+    "gains = 0.1": lambda flat: SlipControl(0.1, None),
+    "S = '0.2'": lambda flat: load_traction_factor("0.2", SAND, WHEEL),
+    "S = array(": lambda flat: load_traction_factor(np.linspace(0.0, 1.0, 5), SAND, WHEEL),
+    "soil = Wheel(": lambda flat: load_traction_factor(0.2, WHEEL, SAND),
+    "form = 'net'": lambda flat: load_traction_factor(0.2, SAND, WHEEL, "net"),
+    "soil = 'table-1'": lambda flat: torque_bounds(9.5, "table-1", WHEEL),
+    "argument: 'soil'": lambda flat: wheel_forces(0.2, 0.6, -0.1, WHEEL),
+    "argument: 'rover'": lambda flat: Model(),
+    "soils = Soil(": lambda flat: flat.model.replace(soils=SAND),
+    "gravity = 'moon'": lambda flat: flat.model.replace(gravity="moon"),
+    "'sand' ": lambda flat: flat.model.replace(sand=SAND),
+    "effect = 'SlipSinkage'": lambda flat: flat.model.having("SlipSinkage"),
+    "kind = SlipSinkage(": lambda flat: flat.model.without(SlipSinkage()),
+    "no channel 'body_w'": lambda flat: Trace({"t_s": [0.0, 1.0]})["body_w"],
+    "channels are no dict": lambda flat: Trace([0.0, 1.0]),
+    "'zero'": lambda flat: Trace({"t_s": ["zero", "one"]}),
+    "data = 3": lambda flat: close_the_loop(3),
+    "gone: ": lambda flat: close_the_loop("gone"),
+    "jobs = 'all'": lambda flat: close_the_loop("cmu-smooth-wheel", jobs="all"),
+}  # fmt: skip
+
+
+def no_reading():
+    return 0.4
+
+
+@pytest.mark.parametrize(("named", "call"), CALLS.items(), ids=list(CALLS))
+def test_a_mistake_in_python_is_named_in_a_sentence(flat, run, named, call):
+    with pytest.raises(RoverPinError) as refusal:
+        call(flat)
+    assert named.strip() in str(refusal.value)
+    assert len(str(refusal.value)) < 700
+
+
+LINES = {
+    "frobnicate": "no command 'frobnicate'",
+    "drive": "Missing argument",
+    "drive flatt": "'flatt'",
+    "drive flat --set soil.k=10m": "soil.k = 10 m",
+    "drive flat --set soil.k=0,01": "'0,01'",
+    "drive flat --set control.delta=55": "control.delta = 55",
+    "drive flat --gravity 1.62kg": "gravity = '1.62kg'",
+    "drive flat --set rover=3": "rover = 3",
+    "drive flat --duration 3": "--set duration=",
+    "bounds --slope-deg 5m": "--slope-deg: unit 'm'",
+    "bounds --slope-deg steep": "--slope-deg = 'steep'",
+    "bounds --slip 20": "slip_limit = 20",
+    "curve --k 10kg": "--k: unit 'kg'",
+    "curve --n=one": "--n = 'one'",
+    "identify cmu-smooth-wheel --prior phi=30deg": "--prior phi=30deg",
+    "identify cmu-smooth-wheel --prior phi=30deg:2": "--prior phi=30deg:2",
+    "identify cmu-smooth-wheel --prior phi=30:2": "prior.phi = 30 rad",
+    "init gone.csv --r 45 --b 50": "Wheel.r = 45 m",
+    "list soil": "'soil'",
+    "list soils dry": "'dry'",
+}
+
+
+@pytest.mark.parametrize(("line", "named"), LINES.items(), ids=list(LINES))
+def test_a_mistake_on_the_command_line_is_named_in_a_sentence(run, line, named):
+    code, out, err = run(*line.split())
+    assert (code, out, len(err.strip().splitlines())) == (2, "", 1), err
+    assert named in err
+
+
+def test_a_soil_a_motor_and_a_start_in_memory_are_driven(run):
+    sand, motor = Soil(k=0.01, c=300.0), Motor(supply=8.4)
+    made = scenario("flat", soil=sand, motor=motor, start=Start(x=0.3), duration=0.2)
+    assert (made.model.soils[0], made.model.motor, made.start) == (sand, motor, Start(x=0.3))
+    trace = made.drive()
+    made.write_log(trace, "log")
+    again = scenario("flat", **trace.attrs["settings"])
+    assert (again.model.soils, again.model.motor, again.start) == (made.model.soils, motor, made.start)
+    assert scenario("flat", soil=sand, **{"soil.k": "20mm"}).model.soils[0] == sand.replace(k=0.02)
+
+
+def test_a_soil_in_memory_is_what_is_driven_and_not_said_to_be_assumed():
+    sand = dataclasses.replace(SOILS["dry-sand"])
+    assert any(line.startswith("soil:") for line in scenario("flat", rover="cart").assumed)
+    made = scenario("flat", rover="cart", soil=sand)
+    assert not any(line.startswith("soil:") for line in made.assumed)
+    assert made.model.soils[0].values() == sand.values()
+
+
+def test_a_function_is_a_controller(run):
+    made = scenario("flat", control=steady, duration=0.3)
+    trace = made.drive()
+    assert trace["duty_fl"].tolist() == [0.4] * len(trace.t)
+    assert (trace.attrs["control"], "control" in trace.attrs["settings"]) == ("steady", False)
+    made.write_log(trace, "log")
+    held = scenario("flat", control=ConstantDuty(0.3), duration=0.3).drive()
+    assert held["duty_fl"].max() == pytest.approx(0.3)
+
+
+def test_units_are_read_alike_by_options_settings_and_python(run):
+    def bounds(*words):
+        code, out, _ = run("bounds", *words, "--json")
+        assert code == 0
+        return out
+
+    assert bounds("--slope-deg", "5deg", "--gravity", "1.62m/s2", "--slip", "20%") == bounds(
+        "--slope-deg", "5", "--gravity", "1.62", "--slip", "0.2"
+    )
+    assert bounds("--slope-deg", f"{math.radians(5.0)!r}rad", "--gravity", "162 cm/s²") == bounds(
+        "--slope-deg", "5", "--gravity", "moon"
+    )
+    options = "identify", "cmu-smooth-wheel", "--free", "k,phi", "--json"
+    by_degrees, by_radians = (
+        run(*options, "--prior", f"phi={mean}:{sd}")
+        for mean, sd in (("30deg", "2deg"), (math.radians(30.0), math.radians(2.0)))
+    )
+    assert by_degrees[0] == 0
+    assert by_degrees[1] == by_radians[1]
+
+
+def test_list_alone_lists_what_there_is(run):
+    code, out, _ = run("list")
+    assert code == 0
+    for name in ("ditch", "table-1", "nexus6", "SlipSinkage", "soil.k", "cmu-smooth-wheel"):
+        assert name in out
