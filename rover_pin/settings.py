@@ -134,10 +134,16 @@ class Settings:
         return closest(name, self.known)
 
 
+SWITCHES = {"true": True, "1": True, "false": False, "0": False}
+
+
 def _read(setting: Setting, value: Any) -> Any:
     """Return a value as its default is: text, several numbers (`50mm,100mm`), or one."""
     if isinstance(setting.value, str):
         return str(value)
+    if isinstance(setting.value, bool):
+        word = str(value).lower().removesuffix(".0")
+        return SWITCHES[one_of(setting.name, word, SWITCHES)]
     if not isinstance(setting.value, tuple):
         return written(value, setting.unit, setting.name)
     several = value.split(",") if isinstance(value, str) else value

@@ -22,10 +22,10 @@ def seen():
     """One object of every class of this package that comes to a user, or is a part of one that does."""
     drive = scenario("ditch", control="eq9", duration=1.0)
     rig, log = read_data("cmu-smooth-wheel"), read_data("steepening-slope")
-    roots = [drive, drive.drive(), rig, log, torque_bounds(9.5, Soil(), Wheel())]
+    roots = [drive, rig, log, torque_bounds(9.5, Soil(), Wheel())]
     roots += [read_study(STUDIES / "sweep_ditch.toml"), read_tuning(next(STUDIES.glob("tune*.toml")))]
     roots += [close_the_loop("cmu-smooth-wheel")]
-    roots += [identify(read_evidence(data_path("cmu-smooth-wheel")), Soil(), ("k", "phi"))]
+    roots += [identify(read_evidence(data_path("cmu-smooth-wheel")), Soil(), ("k", "phi")), drive.drive()]
     found, known = {}, set()
     while roots:
         thing = roots.pop()

@@ -229,7 +229,7 @@ REFUSED = [
     ("list settings ditc", "There is no scenario 'ditc': did you mean 'ditch'"),
     ("drive ditch --set soil.n=9", "soil.n = 9 is not allowed: it must lie in [0.05, 3]. "),
     ("drive ditch --set duration=abc", "duration = 'abc' is not a number"),
-    ("drive ditch --set duration=-1", "give a positive time"),
+    ("drive ditch --set duration=-1", "duration = -1 s is not allowed: it must lie in [1e-06, inf] s"),
     ("drive ditch --set dt=0.003", "whole multiple of dt"),
     ("drive ditch --set terrain.wall_angle_deg=x", "terrain.wall_angle_deg = 'x' is not a number"),
     ("drive ditch --set start.x=q", "start.x = 'q' is not a number"),

@@ -60,7 +60,7 @@ def test_an_effect_is_told_with_its_numbers(run):
 
 def test_settings_have_unit_bounds_default_and_source(run):
     (k,) = [each for each in listed(run, "settings")["settings"] if each["name"] == "soil.k"]
-    assert k == {"name": "soil.k", "value": 0.05, "unit": "m", "low": 1e-5, "high": 10.0, "source": "paper, Table 1"}
+    assert k == {"name": "soil.k", "value": 0.05, "unit": "m", "low": 1e-5, "high": 0.5, "source": "paper, Table 1"}
 
 
 @pytest.mark.parametrize("name", [name for name in SCENES if name not in ("polyline", "grid")])
