@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import math
 import os
 import random
 import re
@@ -92,6 +93,7 @@ def main() -> None:
     options.add_argument("--files", nargs="*", help="only changes of files of these names are tried")
     options.add_argument("--again", action="store_true", help="what the last run left, on all tests of the room")
     options.add_argument("--put", type=lambda name: Path(name).resolve(), default=ROOT / "studies" / "results")
+    options.add_argument("--minutes", type=float, default=math.inf, help="after which no other file is begun")
     options.add_argument("--quick", action="store_true", help="two changes of Eq (1)")
     asked = options.parse_args()
     if asked.quick:
@@ -99,6 +101,7 @@ def main() -> None:
     core = OPERATOR_PROVIDERS["core"]
     OPERATOR_PROVIDERS.clear()
     OPERATOR_PROVIDERS["rover_pin"] = {"Scaled": Scaled} | {name: core[name] for name in CORE.split()}
+    end = time.monotonic() + 60 * asked.minutes
     kept = {name: asked.put / f"{name}.csv" for name in ("mutation", "mutation_survivors")}
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(copied(Path(folder)))
@@ -113,9 +116,16 @@ def main() -> None:
                 init(files, every, {})
                 items = list(every.work_items)
             some = [one for one in items if not asked.files or one.mutations[0].module_path.name in asked.files]
-            tried = random.Random(asked.seed).sample(some, min(asked.sample or len(some), len(some)))
-            missed = list(survivors(asked.room, tried, tests, Path(folder)))
-            row = {"room": asked.room, "changes": len(items), "tried": len(tried), "seed": asked.seed,
+            chance, done, missed = random.Random(asked.seed), 0, []
+            tried = chance.sample(some, min(asked.sample or len(some), len(some)))
+            changed = sorted({one.mutations[0].module_path for one in tried})
+            most = longest(sorted({test for file in changed for test in naming(tests, file)}))
+            for file in chance.sample(changed, len(changed)):
+                if time.monotonic() < end:
+                    own = [one for one in tried if one.mutations[0].module_path == file]
+                    missed += survivors(asked.room, own, naming(tests, file), most, Path(folder))
+                    done += len(own)
+            row = {"room": asked.room, "changes": len(items), "tried": done, "seed": asked.seed,
                    "files": " ".join(asked.files or ())}  # fmt: skip
     row |= {"not noticed": len(missed), "commit": git("rev-parse", "--short", "HEAD").strip()}
     print(f"{asked.room}: {row['tried']} tried of {row['changes']}, {row['not noticed']} not noticed")
@@ -126,26 +136,20 @@ def main() -> None:
             found.sort_values(["room"], kind="stable").to_csv(table, index=False)
 
 
-def survivors(room: str, tried: list, tests: list[Path], folder: Path) -> Iterator[dict]:
-    """Try changes, file by file, and yield those that no test notices."""
-    files = sorted({item.mutations[0].module_path for item in tried})
-    most = longest(sorted({test for file in files for test in naming(tests, file)}))
-    for file in files:
-        config = ConfigDict({"timeout": most, "test-command": " ".join(command(naming(tests, file))),
-                             "distributor": {"name": "local"}})  # fmt: skip
-        own = {item.job_id: item.mutations[0] for item in tried if item.mutations[0].module_path == file}
-        with use_db(folder / "tried.sqlite") as db:
-            db.clear()
-            db.add_work_items(item for item in tried if item.job_id in own)
-            execute(db, config)
-            for job, result in db.results:
-                if result.test_outcome != "killed":
-                    line = own[job].start_pos[0]
-                    lines = result.diff.splitlines()
-                    told = [next(each[1:].strip() for each in lines[4:] if each[:1] == sign) for sign in "-+"]
-                    print(f"{file}:{line}: {told[0]}  ->  {told[1]}", flush=True)
-                    yield {"room": room, "file": str(file), "line": line,
-                           "as it is": told[0], "changed": told[1]}  # fmt: skip
+def survivors(room: str, tried: list, tests: list[Path], most: float, folder: Path) -> Iterator[dict]:
+    """Try changes of one file, and yield those that none of these tests notices."""
+    config = ConfigDict({"timeout": most, "test-command": " ".join(command(tests)), "distributor": {"name": "local"}})
+    own = {item.job_id: item.mutations[0] for item in tried}
+    with use_db(folder / "tried.sqlite") as db:
+        db.clear()
+        db.add_work_items(tried)
+        execute(db, config)
+        for job, result in db.results:
+            if result.test_outcome != "killed":
+                file, line, lines = own[job].module_path, own[job].start_pos[0], result.diff.splitlines()
+                told = [next(each[1:].strip() for each in lines[4:] if each[:1] == sign) for sign in "-+"]
+                print(f"{file}:{line}: {told[0]}  ->  {told[1]}", flush=True)
+                yield {"room": room, "file": str(file), "line": line, "as it is": told[0], "changed": told[1]}
 
 
 def again(missed: list[dict], tests: list[Path], most: float) -> Iterator[dict]:

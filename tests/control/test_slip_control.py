@@ -338,3 +338,16 @@ def test_of_two_limits_the_stricter_holds_in_a_drive():
         twice = simulate(model, TorqueLimited(TorqueLimited(ConstantDuty(1.0), limits[0]), limits[1]), 0.5)
         assert twice.stack("duty") == pytest.approx(once)
     assert once.max() < simulate(model, ConstantDuty(1.0), 0.5).stack("duty").max()
+
+
+class Pessimist:
+    """A user's estimate: every wheel spins on the spot."""
+
+    def slip(self, reading):
+        return np.ones_like(reading.wheel_rate)
+
+
+def test_an_estimate_of_a_user_s_own_holds_in_a_drive():
+    gains = Gains()
+    told = simulate(scenario("flat").model, SlipControl(gains, Pessimist()), 2.0).stack("duty")[-1]
+    assert told == pytest.approx(gains.delta_min)

@@ -87,6 +87,25 @@ def test_control_that_makes_things_worse_is_called_so(tuned):
     assert "WORSE than constant duty" in told[1]
 
 
+@pytest.mark.parametrize("share", [0, 1, 2])
+def test_the_verdict_counts_in_percent_who_is_stuck(tuned, share):
+    """Of two drives: constant duty is stuck on one, the tuned gains on none, one or both, and better all the same."""
+    scores = {"constant duty": (0.1, (1.0, 0.0)), "tuned, true": (0.9, (1.0,) * share + (0.0,) * (2 - share))}
+    drives = [
+        each._replace(training=tuple(Score(at, 0.1, 0.1, one, 0.0, 0.0) for one in stuck))
+        for each in tuned[0].drives
+        for at, stuck in [scores.get(each.control, scores["constant duty"])]
+    ]
+    told = dataclasses.replace(tuned[0], drives=tuple(drives)).verdicts()
+    (line,) = [each for each in told if each.startswith("training, true slip")]
+    assert line.endswith(f", stuck {50 * share} % against 50 %.")
+
+
+def test_the_check_of_the_reduced_model_is_told_in_millimetres(tuned):
+    made = dataclasses.replace(tuned[0], check=(("flat", 0.01, 0.002, -0.003),)).summary()
+    assert made["reduced model on flat"] == {"slip RMSE": 0.01, "speed RMSE [mm/s]": 2.0, "end x [mm]": -3.0}
+
+
 def test_all_stuck_is_one_sentence_with_the_score_of_constant_duty():
     steep = DriveCase("steep", "incline", (("duration", 20.0), ("terrain.angle_deg", 40.0), ("terrain.start", 0.3)))
     study = dataclasses.replace(STUDY, training=(steep,), held_out=())

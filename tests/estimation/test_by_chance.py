@@ -3,6 +3,7 @@
 import importlib.util
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -158,3 +159,13 @@ def test_a_verdict_tells_that_the_noise_drifts(tmp_path):
     shared = by_chance(verdict.before.fit)
     assert verdict.as_dict()["extra"]["by_chance"] == {"beds": 0.0, "drift": dict(shared.drift), "gain": shared.gain}
     assert set(shared.drift) == {"drawbar pull", "torque", "sinkage"}
+
+
+def test_noise_that_drifts_is_not_told_as_beds_that_differ():
+    drift = SimpleNamespace(rho=np.array([0.5, 0.2]), gain=9.0)
+    task = SimpleNamespace(noise=SimpleNamespace(drift=drift), experiment=SimpleNamespace(channels=("pull", "torque")))
+    told = by_chance(SimpleNamespace(task=task))
+    assert told.as_dict() == {"beds": 0.0, "drift": {"pull": 0.5, "torque": 0.2}, "gain": 9.0}
+    (caution,) = told.cautions
+    assert "the noise drifts" in caution
+    assert "(r: pull 0.5, torque 0.2)" in caution
