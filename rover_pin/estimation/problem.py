@@ -103,6 +103,15 @@ class Problem:
         rows[range(len(at)), at] = -slopes[at] / self._prior_sd
         return np.concatenate([left, stated]), np.concatenate([jacobian, rows])
 
+    def unpredicted(self, u: np.ndarray) -> str:
+        """Return the first point that the model does not predict at u, in words; empty where it predicts all."""
+        fields = self.space.fields(u)
+        for one, predict in zip(self.data, self._predictors, strict=True):
+            lost = np.isnan(predict(fields)[0]).reshape(len(one.channels), -1).any(axis=0)
+            if lost.any():
+                return f"; no sinkage down to the axle carries the load of point {lost.argmax() + 1}"
+        return ""
+
     def chi2(self, u: np.ndarray) -> float:
         """Return the sum of squared residuals at u, infinite where the model has no value."""
         rows, _ = self.evaluate(u)

@@ -21,7 +21,7 @@ from rover_pin.measurements.known import UNDECLARED_SD, Known, range_of
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.parameters import NEXUS6_WHEEL
 from rover_pin.soil.angles import Angles, FixedAngles, SinkageAngles
-from rover_pin.soil.sinkage import entry_angle
+from rover_pin.soil.sinkage import fitted_entry_angle
 from rover_pin.soil.traction import NetTraction, TractionForm, load_traction_factor
 from rover_pin.table import measured_points
 
@@ -53,7 +53,7 @@ class FactorLaw:
         S, a, measured, b, load = (condition[i] for i in range(5))
         slip = ca.SX.sym("S")
         if self.loaded:
-            soil = soil.replace(theta_1=entry_angle(load, slip, wheel, soil))
+            soil = soil.replace(theta_1=fitted_entry_angle(load, slip, wheel, soil))
         law = load_traction_factor(slip, soil, wheel, self.form, self.angles)
         factor, slope = (ca.substitute(each, slip, S) for each in (law, ca.jacobian(law, slip)))
         weight = 1.0 / ca.sqrt(b * b + (slope * a) ** 2)

@@ -34,7 +34,7 @@ from rover_pin.measurements.rig_file import (
 from rover_pin.parameters.bekker import bekker
 from rover_pin.public import brief
 from rover_pin.quantity import declared_sds, quantities, record_from
-from rover_pin.soil.sinkage import entry_angle
+from rover_pin.soil.sinkage import fitted_entry_angle
 from rover_pin.soil.traction import wheel_forces
 from rover_pin.toml_file import read_toml, table_in
 from rover_pin.trust import Trust
@@ -50,7 +50,7 @@ class RigLaw:
     kinds: tuple[type[RigChannel], ...]
 
     def build(self, condition: Any, wheel: Wheel, soil: Soil, free: Any) -> tuple[Any, Any]:
-        """Return the channels at (load, slip ratio) and their Jacobian.
+        """Return the channels at (load, slip ratio) and their Jacobian; NaN where no theta_1 carries the load.
 
         The derivative of theta_1 comes from the balance it solves, d theta_1 = -(d ln f_n / d free) / (d ln f_n / d
         theta_1), which is exact at the solution and a fifth of the work of differentiating the iteration.
@@ -62,7 +62,7 @@ class RigLaw:
         balance = ca.log(forces.f_n)
         turning = -ca.jacobian(balance, free) / ca.jacobian(balance, theta_1)
         jacobian = ca.jacobian(values, free) + ca.mtimes(ca.jacobian(values, theta_1), turning)
-        solved = entry_angle(load, S, wheel, soil)
+        solved = fitted_entry_angle(load, S, wheel, soil)
         values, jacobian = ca.substitute([values, jacobian], [theta_1], [solved])
         return values, jacobian
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 
@@ -79,8 +80,7 @@ def entry_angle(
 
     Source: Eq (6), f_n "balanced to the load W". Differs from the paper: it holds theta_1.
     """
-    fields = (wheel.r, wheel.b, soil.c, soil.phi, soil.k, soil.k_1, soil.k_2, soil.n, soil.exit_ratio)
-    found = _solver(steps, state)(load, S, *fields)
+    found = _solved(load, S, wheel, soil, steps, state)
     if not isinstance(found[0], ca.DM):
         return found[0]
     theta_1, residual = float(found[0]), float(found[1])
@@ -90,6 +90,18 @@ def entry_angle(
             f"(k_1 + k_2 b = {float(modulus(wheel, soil)):g} Pa); lighten the wheel, widen it or choose a firmer soil."
         )
     return theta_1
+
+
+def fitted_entry_angle(load: Scalar, S: Scalar, wheel: Wheel, soil: Soil) -> Scalar:
+    """Return `entry_angle`, of expressions NaN where none below 90 deg carries the load: fits step back from there."""
+    theta_1, residual = _solved(load, S, wheel, soil, STEPS, slipping)
+    return ca.if_else(ca.fabs(residual) < UNSOLVED, theta_1, math.nan)
+
+
+def _solved(load: Scalar, S: Scalar, wheel: Wheel, soil: Soil, steps: int, state: ShearState) -> Any:
+    """Return theta_1 and the error of ln f_n that is left."""
+    fields = (wheel.r, wheel.b, soil.c, soil.phi, soil.k, soil.k_1, soil.k_2, soil.n, soil.exit_ratio)
+    return _solver(steps, state)(load, S, *fields)
 
 
 @lru_cache(maxsize=16)

@@ -339,7 +339,7 @@ def test_the_fit_is_where_the_lowest_start_ended():
     found = _lowest(PLAIN, ends)
     assert (found.chi2, found.u) == (3.0, pytest.approx(BASE))
     assert found.covariance == pytest.approx(np.eye(3))
-    with pytest.raises(OptimisationError, match=r"none of 1 starts converged \(did not settle\)"):
+    with pytest.raises(OptimisationError, match=r"none of 1 starts converged \(did not settle\); start from"):
         _lowest(PLAIN, ends[2:])
 
 

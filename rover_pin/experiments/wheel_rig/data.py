@@ -120,10 +120,6 @@ class RigSet:
         if {"k_1", *BEKKER_UNITS} & self.rig.declared.keys() and not self.trials and n == float(self.soil().n):
             K = float(self.soil().k_1) / float(self.rig.wheel.b) ** n
             known.append(Independent("K_eff", "Pa/m^n", K, K, "stated with the data"))
-        if "angle_of_repose" in self.rig.beside:
-            least, most = self.rig.beside["angle_of_repose"], quantities(Soil)["phi"].high
-            said = "angle_of_repose: dry sand stands no steeper than its own friction; a smooth rim may slide on it"
-            known += [Independent(name, "rad", least, most, said) for name in FRICTION]
         lugs = self.rig.beside.get("lug_height", 0.0)
         if lugs > 0.0:
             names = ("LugExcavation.h_l", "Grousers.h_s")
@@ -132,6 +128,10 @@ class RigSet:
             moduli = press(self.trials, self.rig.wheel, n).moduli
             said = f"the same wheel pressed in without turning, {len(moduli)} trials"
             known.append(Independent("K_eff", "Pa/m^n", float(moduli.min()), float(moduli.max()), said))
+        if "angle_of_repose" in self.rig.beside:
+            least, most = self.rig.beside["angle_of_repose"], quantities(Soil)["phi"].high
+            said = "angle_of_repose: dry sand stands no steeper than its own friction; a smooth rim may slide on it"
+            known += [Independent(name, "rad", least, most, said) for name in FRICTION]
         return tuple(known)
 
 
