@@ -179,7 +179,8 @@ def _solve(problem: Problem, start: np.ndarray) -> Ended:
 def _lowest(problem: Problem, ended: Sequence[Ended]) -> Best:
     lowest = min(ended, key=lambda end: end.chi2)
     if lowest.u is None:
-        told = "; ".join(dict.fromkeys(end.status.rstrip(".") for end in ended)) + problem.unpredicted(problem.space.start())
+        lost = problem.unpredicted(problem.space.start())
+        told = "; ".join(dict.fromkeys(end.status.rstrip(".") for end in ended)) + lost
         raise OptimisationError(
             f"none of {len(ended)} starts converged ({told}); start from a soil nearer to the data, free fewer "
             "parameters.",
