@@ -17,6 +17,7 @@ from rover_pin.motion.driving import Drive, Progress, Ran, Stepper
 from rover_pin.motion.going_on import Ended, Held
 from rover_pin.motion.half_step import Halved, halved, repeating, spoken
 from rover_pin.motion.happened import happened
+from rover_pin.motion.implausible import implausible
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model
 from rover_pin.motion.place import RESTS, SetDown, Start, hovering, set_down
@@ -226,7 +227,8 @@ def _traced(
     doubts, energy = doubts_of(drive.model, rows, ran.counted.missed), energy_warning(asked.model, trace)
     doubts += again.pushed() if again and len(rows) else []
     half = again.halved(rows, ran.stop) if again and len(rows) else None
-    trace = told(trace, [*certain, *spoken(doubts, half), pivot_warning(stepper.pivoted), energy])
+    sizes = [f"{each}." for each in implausible(asked.model)]
+    trace = told(trace, [*certain, *sizes, *spoken(doubts, half), pivot_warning(stepper.pivoted), energy])
     if ran.stop != "duration":
         return trace
     held = Held(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.body import shapes
+from rover_pin.body.reach import reach_of
 from rover_pin.body.rover import load_rover
 from rover_pin.body.statics import wheel_loads
 from rover_pin.control.constant import ConstantDuty
@@ -113,3 +114,18 @@ def test_another_gravity_keeps_the_tilt():
 def test_what_is_refused_is_said(call, words):
     with pytest.raises(ParameterError, match=words):
         call()
+
+
+def test_bodies_reach_as_far_as_their_boxes_and_wheels():
+    """Nexus 6's base is a box of 280 x 200 x 90 mm, 25 mm above its origin; its wheels are the lowest and outermost."""
+    low, high = reach_of(NEXUS6)
+    assert high[2] == pytest.approx(0.025 + 0.045, abs=1e-6)
+    assert low[1] == pytest.approx(-(0.16 + 0.025), abs=1e-6)
+    assert low[2] == pytest.approx(-(0.085 + math.sqrt(3.0) / 2.0 * 0.045), abs=1e-4)
+
+
+@pytest.mark.parametrize(("size", "axis"), [("shift_z=124mm", "z = 2"), ("shift_x=-0.15", "x = -"), ("m=1.5", "")])
+def test_a_centre_of_mass_outside_the_rover_is_said(run, size, axis):
+    code, out, _ = run("drive", "flat", "--add", f"PointMass.{size}", "--set", "duration=0.2", "--out", "here")
+    assert code == 0
+    assert (f"PointMass puts the base's centre of mass at {axis}" in out) == bool(axis)

@@ -11,6 +11,7 @@ from rover_pin.discrepancy.cross_validation import losses_of
 from rover_pin.discrepancy.held_out import together
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Round
+from rover_pin.effects.point_mass import PointMass
 from rover_pin.estimation.profile import Profile
 from rover_pin.experiments.drive_log.extra import DriveExtra, extra_of
 from rover_pin.report.drive import ghost
@@ -179,6 +180,14 @@ def test_numbers_that_drifted_or_lie_at_a_bound_stand_first(verdict):
     said = cautions(one, extra_of(one).free)
     assert any("lies at its bound" in line for line in said)
     assert any("soil.phi sits +4.0 SD from what was declared" in line for line in said)
+
+
+def test_a_fitted_centre_of_mass_outside_the_rover_is_a_caution(verdict):
+    fitted = verdict.after.fit
+    for shift, said in ((0.124, True), (0.004, False)):
+        heavy = dataclasses.replace(fitted, model=fitted.model.having(PointMass(m=0.0, shift_x=0.0, shift_z=shift)))
+        one = dataclasses.replace(verdict, after=verdict.after._replace(fit=heavy))
+        assert any("centre of mass at z = " in line for line in cautions(one, extra_of(one).free)) == said
 
 
 def test_free_runs_that_stray_further_are_a_caution(verdict):

@@ -9,6 +9,7 @@ import numpy as np
 from rover_pin.discrepancy.held_out import together
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.free_runs import FreeRun
+from rover_pin.motion.implausible import implausible
 
 FEW_RUNS = 4
 """Runs below which those left out say little."""
@@ -27,6 +28,8 @@ def _cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
     for one in verdict.after.numbers if verdict.after else ():
         if one.at_bound:
             yield f"{one.name} lies at its bound: the form of the model is strained"
+    if verdict.after:
+        yield from implausible(verdict.after.fit.model)
     misfit = together(verdict.runs)[1]
     if misfit > MISSED:
         yield f"runs left out are missed by {misfit:.1f} times the noise: more than noise is left"
