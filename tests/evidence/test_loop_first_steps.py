@@ -1,6 +1,7 @@
 """What a newcomer meets first: a folder that is none, a column misspelt, a score that nothing can be claimed of."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -128,3 +129,24 @@ def test_a_run_that_would_tell_two_candidates_apart_by_nothing_is_not_proposed(t
     monkeypatch.setattr("rover_pin.experiments.wheel_rig.separating_run._predicted", predicted)
     data = read_rig_set(written(tmp_path, "slip,load_N,drawbar_pull_N,sinkage_m"))
     assert (separating_run(data, ("A", 0.0), ("B", off)) is not None) == proposed
+
+
+def test_runs_to_choose_from_keep_the_rig_s_travel_and_eq_1(tmp_path, monkeypatch):
+    asked = []
+
+    def predictor(model, free, runs):
+        asked.append(runs)
+        return lambda x: (np.zeros((5, len(runs))), np.zeros((5, len(runs), 0)), None)
+
+    monkeypatch.setattr("rover_pin.experiments.wheel_rig.separating_run.predictor", predictor)
+    head = "slip,load_N,drawbar_pull_N,sinkage_m,travel_speed_mps,rim_speed_mps"
+    data = read_rig_set(written(tmp_path, head, ("0.1,25,1.0,0.01,0.018,0.02", "0.4,25,2.0,0.02,0.018,0.03")))
+    fit = SimpleNamespace(
+        model=SimpleNamespace(vector=lambda: 0), parameters=(), u=(), columns=np.zeros((2, 0)), misfit=1
+    )
+    assert separating_run(data, ("A", fit), ("B", fit)) is None
+    for load, slip, travel, rim, _ in asked[0]:
+        assert load in (12.5, 25.0, 50.0)
+        assert travel == pytest.approx(0.018)
+        assert slip == pytest.approx((rim - travel) / max(rim, travel))
+    assert {slip for _, slip, *_ in asked[0]} >= {-0.3, 0.0, 0.9}

@@ -27,11 +27,6 @@ class Flag(NamedTuple):
         return self.says is Against.AGREES
 
     @property
-    def ratio(self) -> float:
-        """Fitted over independent value, the middle of its range."""
-        return self.fitted[0] / ((self.independent.low + self.independent.high) / 2)
-
-    @property
     def said(self) -> str:
         """One sentence for a reader."""
         known = shown(self.independent.low, self.unit)

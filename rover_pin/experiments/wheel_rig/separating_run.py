@@ -12,6 +12,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment, own_name
 from rover_pin.experiments.wheel_rig.model import conditions, predictor
+from rover_pin.soil.slip import speed_ratio
 
 SLIPS = (-0.3, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 LOADS = (0.5, 1.0, 2.0)
@@ -84,9 +85,8 @@ def _doubt(fit: Fit) -> np.ndarray:
 
 
 def _speeds(data: RigSet, slip: np.ndarray) -> np.ndarray | None:
-    """Return speeds at the menu's slips, the rig's travel speed kept while driving; None where it states none."""
+    """Return travel and rim speeds at the menu's slips, Eq (1), the rig's travel speed kept; None where it has none."""
     if data.speeds is None:
         return None
     travel = float(np.median(data.speeds[:, 0]))
-    rim = np.where(slip >= 0, travel / np.maximum(1 - slip, 1e-3), travel * (1 + slip))
-    return np.column_stack([np.full(slip.size, travel), rim])
+    return np.array([(travel, travel / float(speed_ratio(S))) for S in slip])
