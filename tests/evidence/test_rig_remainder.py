@@ -1,0 +1,71 @@
+"""What a channel of a rig leaves: a polynomial that was put there is found, chance is not, units are told."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.remainder import remainders
+
+SD = {"drawbar pull": 0.3, "sinkage": 0.6e-3}
+RIG = """
+kind = "wheel-rig"
+[wheel]
+r = { value = 62.5, unit = "mm" }
+b = { value = 60, unit = "mm" }
+[noise]
+drawbar_pull = { value = 0.3, unit = "N" }
+sinkage = { value = 0.6, unit = "mm" }
+"""
+SLIPS = np.linspace(-0.2, 0.8, 11)
+
+
+def of(folder, residual, loads=(20.0, 25.0, 30.0), repeats=1):
+    """What is left where pull and sinkage leave residual(S, load / mean load - 1, run) [SD]."""
+    runs = list(itertools.product(SLIPS, loads, range(repeats)))
+    rows = [f"{slip:.3f},{load},{1.0 + slip},{0.01 + 0.01 * slip}" for slip, load, _ in runs]
+    (folder / "rig.toml").write_text(RIG)
+    (folder / "points.csv").write_text("\n".join(["slip,load_N,drawbar_pull_N,sinkage_m", *rows]) + "\n")
+    slip, load, at = np.array(runs).T
+    left = residual(slip, load / load.mean() - 1.0, at)
+    return remainders(read_rig_set(folder), np.array([left, left]))
+
+
+def test_a_curve_that_was_put_there_is_found_with_its_coefficients(tmp_path):
+    pull, sinkage = of(tmp_path, lambda S, w, at: 10.0 - 30.0 * S + 40.0 * S**2 + 20.0 * w)
+    for left, sd in ((pull, SD["drawbar pull"]), (sinkage, SD["sinkage"])):
+        assert left.powers == pytest.approx([10.0 * sd, -30.0 * sd, 40.0 * sd], rel=1e-6)
+        assert left.of_load == pytest.approx([20.0 * sd], rel=1e-6)
+        assert left.explained == pytest.approx(1.0)
+        assert left.is_curved
+        assert not left.is_noise
+    assert "smooth fit +3 -9 S +12 S^2 +6 (W / mean W - 1) N, which takes 100% of it" in pull.said
+    assert "smooth fit +6 -18 S +24 S^2 +12 (W / mean W - 1) mm, which takes 100% of it" in sinkage.said
+
+
+def test_what_is_half_a_constant_is_half_explained(tmp_path):
+    """2 SDs, and 2 more or less from repeat to repeat."""
+    for left in of(tmp_path, lambda S, w, at: 2.0 + 2.0 * (-1.0) ** at, repeats=2):
+        assert left.powers == pytest.approx((2.0 * SD[left.name],))
+        assert left.explained == pytest.approx(0.5)
+        assert left.rms == pytest.approx(math.sqrt(8.0))
+
+
+def test_noise_is_no_curve_of_slip_and_load(tmp_path):
+    random = np.random.default_rng(8)
+    curved = [of(tmp_path, lambda S, w, at: random.normal(size=len(S)))[0].is_curved for _ in range(60)]
+    assert sum(curved) <= 2
+    scattered = [of(tmp_path, lambda S, w, at: 5.0 * random.normal(size=len(S)))[0].is_curved for _ in range(60)]
+    assert sum(scattered) <= 2, "chance is counted in what is left, not in a stated noise that is too small"
+
+
+def test_it_is_told_whether_what_is_left_goes_with_slip_or_load(tmp_path):
+    left, _ = of(tmp_path, lambda S, w, at: 3.0 * S)
+    assert (left.with_slip, left.with_load) == pytest.approx((1.0, 0.0), abs=1e-9)
+    left, _ = of(tmp_path, lambda S, w, at: -3.0 * w)
+    assert (left.with_slip, left.with_load) == pytest.approx((0.0, -1.0), abs=1e-9)
+    left, _ = of(tmp_path, lambda S, w, at: 0.0 * S + 3.0, loads=(25.0,))
+    assert left.with_slip == 0.0
+    assert math.isnan(left.with_load)
