@@ -84,9 +84,9 @@ def on_processes(
     from joblib import Parallel, delayed, effective_n_jobs, parallel_config
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
-    count = effective_n_jobs(workers)
+    count = min(effective_n_jobs(workers), max(len(jobs), effective_n_jobs(-1)))  # more would have nothing to do
     with parallel_config(backend="loky", inner_max_num_threads=1):
-        parallel = Parallel(n_jobs=workers, **how)
+        parallel = Parallel(n_jobs=count, **how)
     try:
         with safe_path():
             made = parallel(delayed(working_for)(os.getpid(), count, function, *job) for job in jobs)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import functools
 import inspect
-import re
 import traceback
 import typing
 from types import FunctionType, ModuleType
 from typing import Any
 
 from rover_pin.errors import DataError, RoverPinError
-from rover_pin.public import fits
+from rover_pin.public import fits, words
 from rover_pin.workers import Terminated
 
 
@@ -35,10 +34,23 @@ def guard(module: ModuleType) -> None:
     """Let every method of a module's classes raise one sentence, and return what its base class says, or be refused."""
     for _, kind in inspect.getmembers(module, inspect.isclass):
         if kind.__module__ == module.__name__:
+            _refuse_other_types(kind, str(module.__file__))
             for name, member in list(vars(kind).items()):
                 guarded = _guarded(kind, name, member, str(module.__file__))
                 if guarded is not member:
                     setattr(kind, name, guarded)
+
+
+def _refuse_other_types(kind: type, file: str) -> None:
+    """Refuse what a class says of all its objects, as `states` and `neutral`, where its base asks for another type."""
+    for name, value in vars(kind).items():
+        base = next((each for each in kind.__mro__[1:] if name in inspect.get_annotations(each)), None)
+        hint = typing.get_type_hints(base, include_extras=True)[name] if base is not None else Any
+        if typing.get_origin(hint) is typing.ClassVar and not fits(value, typing.get_args(hint)[0]):
+            raise DataError(
+                f"{file}, line {inspect.getsourcelines(kind)[1]}: {kind.__name__}.{name} is {_short(value)}, "
+                f"{_wanted(typing.get_args(hint)[0])}."
+            )
 
 
 def _guarded(kind: type, name: str, member: Any, file: str) -> Any:
@@ -64,9 +76,7 @@ def _watched(kind: type, name: str, method: Any, file: str) -> Any:
                 raise
             raise mistake(error, file, line) from error
         if not fits(made, asked):
-            raise DataError(
-                f"{file}, line {line}: {kind.__name__}.{name} returns {_short(made)}, where {_short(asked)} belongs."
-            )
+            raise DataError(f"{file}, line {line}: {kind.__name__}.{name} returns {_short(made)}, {_wanted(asked)}.")
         return made
 
     return call
@@ -84,7 +94,11 @@ def _asked(kind: type, name: str) -> Any:
     return Any
 
 
+def _wanted(asked: Any) -> str:
+    parts = ", each field as it is declared" if isinstance(asked, type) and hasattr(asked, "_fields") else ""
+    return f"where {words(asked)}{parts} belongs"
+
+
 def _short(thing: Any) -> str:
-    text = " ".join((thing.__name__ if isinstance(thing, type) else str(thing)).split())
-    text = re.sub(r"(\w+\.)+(?=[A-Z])", "", text)
+    text = " ".join(str(thing).split())
     return text if len(text) < 80 else f"{text[:80]} ..."

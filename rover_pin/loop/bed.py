@@ -61,7 +61,12 @@ def read_bed(data: str | Path, experiment: str | Path) -> Bed:
 
 def _refuse_unfit(bed: Bed, where: str) -> None:
     """Refuse a test bed whose arrays do not fit one another, before any fit."""
-    observed, noise, predicted = np.asarray(bed.observed, dtype=float), bed.noise(), bed.predict([bed.base_model()])
+    for name, kind in {"channels": tuple, "folds": tuple, "observed": np.ndarray}.items():
+        if not isinstance(getattr(bed, name, None), kind):
+            raise DataError(f"{where}: {name} is {getattr(bed, name, 'not there')!r}, where a {kind.__name__} belongs.")
+    if bed.observed.dtype.kind != "f":
+        raise DataError(f"{where}: observed holds {bed.observed.dtype}, where numbers of kind float belong.")
+    observed, noise, predicted = bed.observed, bed.noise(), bed.predict([bed.base_model()])
     whole = (len(bed.folds), len([bed.unit(channel) for channel in bed.channels]), *observed.shape[2:3])
     shapes = {
         "observed (folds, channels, samples)": (observed.shape, whole),

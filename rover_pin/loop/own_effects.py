@@ -10,7 +10,7 @@ from rover_pin.body.shapes import flat
 from rover_pin.contact import Soil
 from rover_pin.effects.effect import Effect, MotorEffect
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import DataError
+from rover_pin.errors import DataError, RoverPinError
 from rover_pin.motion.effect_files import AnyEffect, reading_traction, user_effects
 from rover_pin.motion.laws import contact_law, motor_law
 from rover_pin.motion.model import Model, base_effects
@@ -36,9 +36,12 @@ def refuse_unfit_effects(path: str | Path) -> None:
         try:
             _run(kind, model)
         except Exception as error:
+            file, line = inspect.getfile(kind), inspect.getsourcelines(kind)[1]
+            if isinstance(error, RoverPinError) and file not in str(error):
+                raise DataError(f"{file}, line {line}: {error}") from error
             if is_stop(error):
                 raise
-            raise mistake(error, inspect.getfile(kind), inspect.getsourcelines(kind)[1]) from error
+            raise mistake(error, file, line) from error
 
 
 def _refuse_no_neutral(kind: type[AnyEffect], where: str) -> None:

@@ -9,7 +9,7 @@ import casadi as ca
 
 from rover_pin.effects.effect import Body, BodyEffect, Push
 from rover_pin.errors import ParameterError
-from rover_pin.motion.laws import symbolic
+from rover_pin.motion.laws import law, symbolic
 from rover_pin.motion.native.rigid_body import rotation_of
 
 
@@ -59,7 +59,7 @@ def body_law(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
     m = 6 + n
     blocks = [at_end[:m], ca.vec(ca.densify(slope[:m, :])), at_end[m], ca.densify(slope[m, :]).T]
     out = ca.substitute(ca.densify(ca.vertcat(*blocks)), s.known_rates, s.rates)
-    return ca.Function("body_law", [ca.vertcat(*s[:-1]), ca.SX(0, 1), parameters], [out])
+    return law("body_law", [ca.vertcat(*s[:-1]), ca.SX(0, 1), parameters], out)
 
 
 def elastic_energy(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:

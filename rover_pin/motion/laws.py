@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -53,7 +54,7 @@ def loaded(effects: Sequence[Any], contact: Contact, states: States) -> tuple[Lo
     load = Load()
     for effect, x in zip(effects, states, strict=True):
         load = load.plus(effect.load(contact, load, x))
-    return load, [effect.rate(contact, load, x) for effect, x in zip(effects, states, strict=True)]
+    return load, [_each(effect, effect.rate(contact, load, x), x) for effect, x in zip(effects, states, strict=True)]
 
 
 def turned(
@@ -62,7 +63,36 @@ def turned(
     """Return what all effects make of the torque [N m] that an amended drive gives at the wheel, and their rates."""
     for effect, x in zip(effects, states, strict=True):
         torque = torque + effect.torque(drive, torque, x)
-    return torque, [effect.rate(drive, torque, x) for effect, x in zip(effects, states, strict=True)]
+    return torque, [_each(effect, effect.rate(drive, torque, x), x) for effect, x in zip(effects, states, strict=True)]
+
+
+def _each(effect: Any, rates: tuple[Scalar, ...], x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+    """Return an effect's rates, which must be one for each of its states."""
+    if len(rates) != len(x):
+        raise ParameterError(
+            f"{type(effect).__name__}.rate returns {len(rates)} rates of {len(x)} states: give one each."
+        )
+    return rates
+
+
+def law(name: str, inputs: Sequence[ca.SX], out: ca.SX) -> ca.Function:
+    """Return the function of formulas that effects have written.
+
+    Raises
+    ------
+    ParameterError
+        They hold a symbol of their own, or a number that is not finite.
+    """
+    own = {each.name() for each in ca.symvar(out)} - {each.name() for each in ca.symvar(ca.vertcat(*inputs))}
+    made = ca.Function(name, inputs, [out], {"allow_free": True})
+    constants = (at for at in range(made.n_instructions()) if made.instruction_id(at) == ca.OP_CONST)
+    wrong = sorted(own) or [each for at in constants if not math.isfinite(each := made.instruction_constant(at))]
+    if wrong:
+        raise ParameterError(
+            f"The formulas of the effects ({name}) hold {wrong[0]}: they may hold finite numbers, the effects' own "
+            "quantities and states, and what their hooks are given."
+        )
+    return made
 
 
 def contact_law(effects: Sequence[Effect]) -> ca.Function:
@@ -94,7 +124,7 @@ def contact_law(effects: Sequence[Effect]) -> ca.Function:
         slip[:2],
     ]
     out = ca.substitute(ca.densify(ca.vertcat(*blocks)), known, slip)
-    return ca.Function("contact_law", [ca.vertcat(inputs, constants), x, parameters], [out])
+    return law("contact_law", [ca.vertcat(inputs, constants), x, parameters], out)
 
 
 def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
@@ -122,7 +152,7 @@ def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
         *_derivatives(rate, x),
     ]
     out = ca.densify(ca.vertcat(*blocks))
-    return ca.Function("motor_law", [ca.vertcat(delta, omega, wheel, bus), x, parameters], [out])
+    return law("motor_law", [ca.vertcat(delta, omega, wheel, bus), x, parameters], out)
 
 
 def generated_source(*functions: ca.Function) -> str:

@@ -98,7 +98,7 @@ def _metadata(path: Path) -> dict[str, Any]:
     held = (parquet_table(path).schema.metadata or {}).get(METADATA)
     try:
         about = json.loads(held) if held else {}
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DataError(
             f"{path}: what the file says of its columns is not JSON: write it with `write_parquet`."
         ) from error

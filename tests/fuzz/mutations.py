@@ -254,6 +254,9 @@ def _scaled(cell: str, factor: float) -> str:
         return cell
 
 
+ET.register_namespace("xacro", "http://www.ros.org/wiki/xacro")
+
+
 def _xml(content: bytes, chance: random.Random) -> bytes:
     root = ET.fromstring(content)
     parent = chance.choice([each for each in root.iter() if len(each)])
@@ -315,6 +318,9 @@ def _npz(content: bytes, chance: random.Random) -> bytes:
 
 def _parquet(content: bytes, chance: random.Random) -> bytes:
     table = pyarrow.parquet.read_table(io.BytesIO(content))
+    held = (table.schema.metadata or {}).get(b"rover_pin")
+    if held and chance.random() < 0.5:
+        return _packed(table.replace_schema_metadata({b"rover_pin": _json(held, chance)}))
     at, way = chance.randrange(table.num_columns), chance.randrange(6)
     name, rows = table.column_names[at], table.num_rows
     if way == 0:
@@ -334,6 +340,18 @@ def _parquet(content: bytes, chance: random.Random) -> bytes:
              [datetime.date(2026, 1, 1)] * rows, [10**18] * rows, [float("inf")] * rows)
         )  # fmt: skip
         table = table.set_column(at, name, pyarrow.array(other))
+    return _packed(table)
+
+
+def _json(content: bytes, chance: random.Random) -> bytes:
+    if chance.random() < 0.2:
+        return chance.choice((_bytes(content, chance), b"[" * 50_000, b"null", b"3"))
+    tree = json.loads(content)
+    _change_node(tree, chance)
+    return json.dumps(tree, default=str).encode()
+
+
+def _packed(table: pyarrow.Table) -> bytes:
     made = io.BytesIO()
     pyarrow.parquet.write_table(table, made)
     return made.getvalue()
