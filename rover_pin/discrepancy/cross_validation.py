@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -44,7 +45,11 @@ def fall_of(without: np.ndarray, found: np.ndarray) -> float:
     NaN where the second loses a fold that the first predicts: on the rest alone the two are not compared. A fold that
     only the second predicts counts for neither.
     """
-    return float(np.nan if (np.isnan(found) & ~np.isnan(without)).any() else np.nansum(without - found))
+    return float(_falls(without, found).sum())
+
+
+def _falls(without: np.ndarray, found: np.ndarray) -> np.ndarray:
+    return (without - found)[~np.isnan(without)]
 
 
 def seen_again(without: np.ndarray, found: np.ndarray) -> float:
@@ -52,7 +57,7 @@ def seen_again(without: np.ndarray, found: np.ndarray) -> float:
 
     What a single run shows is not seen again in another.
     """
-    falls = without - found
+    falls = _falls(without, found)
     return float(falls.sum() - (max(falls.max(), 0.0) if len(falls) > 2 else 0.0))
 
 
@@ -65,7 +70,8 @@ def _surprises(fitted: Fit, predicted: Iterable[np.ndarray]) -> np.ndarray:
     noise, found = fitted.task.noise.inflation * max(fitted.misfit, 1.0), []
     for run, rows in enumerate(predicted):
         precision = _curvature(columns, weights * (owner != run), fitted.parameters) / noise
-        found.append(surprise(rows[owner == run], columns[owner == run], precision))
+        own = rows[owner == run]
+        found.append(math.nan if np.isnan(own).any() else surprise(own, columns[owner == run], precision))
     return np.array(found)
 
 
@@ -108,7 +114,7 @@ def refitted_left_out(fitted: Fit) -> np.ndarray:
     """
     residual = fitted.residual.copy()
     for run, one in enumerate(_fits_left_out(fitted)):
-        residual[run] = np.nan if one is None else one.residual[run]
+        residual[run] = np.nan if one is None else one.missed[run]
     return residual
 
 

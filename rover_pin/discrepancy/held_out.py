@@ -149,7 +149,7 @@ def fold_errors(fitted: Fit) -> dict[str, float]:
 
 def errors_anew(base: Fit, anew: dict[str, Search]) -> dict[str, float]:
     """Return the RMSE of each channel, every fold predicted with what is chosen and fitted without it."""
-    return _named_rms(base, np.array([one.last.residual[at] for at, one in enumerate(anew.values())]))
+    return _named_rms(base, np.array([one.last.missed[at] for at, one in enumerate(anew.values())]))
 
 
 def _named_rms(fitted: Fit, left: np.ndarray) -> dict[str, float]:

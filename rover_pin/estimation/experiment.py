@@ -33,6 +33,8 @@ class Experiment(ABC):
     """
 
     name: str = "experiment"
+    stand_in: float = np.inf
+    "what `predict` has in place of NaN where a fit by differences must step away: no error is taken of it"
     no_value: str = "the model has no value there"
     "why a prediction may be NaN, in words"
     is_timed: bool = False
@@ -57,7 +59,10 @@ at a minimum, and every fold is predicted by whole refits"
 
     @abstractmethod
     def predict(self, models: Sequence[Any]) -> np.ndarray:
-        """Return what each model predicts (models, folds, channels, samples); NaN where it predicts nothing."""
+        """Return what each model predicts (models, folds, channels, samples), `stand_in` where that is nothing.
+
+        Where fits are exact that is NaN; else finite everywhere.
+        """
 
     @abstractmethod
     def records(self, model: Any) -> Mapping[str, Any]:

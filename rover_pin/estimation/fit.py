@@ -43,6 +43,11 @@ class Fit:
         return residual(self.task.experiment.observed, self.predicted)
 
     @property
+    def missed(self) -> np.ndarray:
+        """Residuals as they may be reported: NaN where nothing is predicted, and a number stood in the fit."""
+        return np.where(np.abs(self.predicted) == self.task.experiment.stand_in, np.nan, self.residual)
+
+    @property
     def rows(self) -> np.ndarray:
         """Whitened residuals."""
         return self.task.rows(self.predicted)

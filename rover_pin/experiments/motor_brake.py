@@ -35,7 +35,7 @@ class MotorBrake(Bed):
     given: np.ndarray
     observed: np.ndarray
     sd: np.ndarray
-    name, channels = "motor on a brake", ("wheel rate", "current")
+    name, channels, stand_in = "motor on a brake", ("wheel rate", "current"), 1e3
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -77,4 +77,4 @@ class MotorBrake(Bed):
             out = np.array(law(np.array([duty, rate, none, none]), ca.DM(0, duty.size), values))
             rate = rate - (out[0] - load) / np.minimum(out[1], -1e-9)
         steady = np.array([rate, out[2]]).reshape(2, *self.given.shape[::2])
-        return np.nan_to_num(steady.transpose(1, 0, 2), nan=1e3)
+        return np.nan_to_num(steady.transpose(1, 0, 2), nan=self.stand_in)

@@ -7,9 +7,18 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from rover_pin.discrepancy import cross_validation, judge
-from rover_pin.discrepancy.cross_validation import FAR, held_out_losses, refitted_left_out, surprise, without_each
+from rover_pin.discrepancy.cross_validation import (
+    FAR,
+    fall_of,
+    held_out_losses,
+    refitted_left_out,
+    seen_again,
+    surprise,
+    without_each,
+)
 from rover_pin.discrepancy.search import Search
 from rover_pin.errors import OptimisationError
+from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
 
 RUNS, BLOCKS = 3, 6
@@ -82,13 +91,13 @@ def test_fits_to_the_others_start_where_the_whole_one_ended_and_a_lost_run_count
         seen.append((task.noise.good.copy(), [one.origin for one in held], list(start)))
         if len(seen) == 2:
             raise OptimisationError("it does not end")
-        return SimpleNamespace(residual=np.full((RUNS, 2, 1), float(len(seen))))
+        return SimpleNamespace(missed=np.full((RUNS, 2, 1), float(len(seen))))
 
     parameters = (Parameter("a", 2.0, 0.5, -9, 9), Parameter("b", 1.0, 0.25, -9, 9, prior=False))
     noise = SimpleNamespace(good=np.ones((RUNS, 2, 1), dtype=bool), floor=np.array([0.1, 0.3]))
     noise.good[0, 1, 0] = False
     fitted = SimpleNamespace(
-        residual=np.full((RUNS, 2, 1), 9.0), predicted=np.zeros((RUNS, 2, 1)), parameters=parameters,
+        residual=np.full((RUNS, 2, 1), 9.0), missed=None, predicted=np.zeros((RUNS, 2, 1)), parameters=parameters,
         u=np.array([0.4, -1.0]), slopes={"a": np.ones(1), "b": np.ones(1)}, model=None,
         task=SimpleNamespace(experiment=None, noise=noise),
     )  # fmt: skip
@@ -154,3 +163,22 @@ def test_a_second_effect_that_fewer_than_half_of_the_folds_choose_is_not_added(m
     every = (*(SimpleNamespace(alike=(one,)) for one in effects), SimpleNamespace(alike=()))
     assert len(judge.borne_by_folds(Search(None, every, ())).found) == rounds
     assert asked == [3], "a first effect stands without being asked for"
+
+
+def test_folds_that_only_one_model_predicts_are_not_compared():
+    """What the second loses keeps both from being compared; what only the first loses counts for neither."""
+    without, found = np.array([9.0, 7.0, 5.0]), np.array([3.0, 6.0, 1.0])
+    assert (fall_of(without, found), seen_again(without, found)) == (11.0, 5.0)
+    lost = np.array([np.nan, 0.0, 0.0])
+    assert fall_of(without + lost, found) == fall_of(without + lost, found + lost) == 5.0
+    assert seen_again(without + lost, found) == 5.0, "of two folds both count"
+    assert np.isnan([fall_of(without, found + lost), seen_again(without, found + lost)]).all()
+
+
+def test_what_stands_for_no_prediction_in_a_fit_is_no_error():
+    """A drive that breaks off is far off while numbers are fitted, and NaN in what is told."""
+    task = SimpleNamespace(experiment=SimpleNamespace(stand_in=1e3, observed=np.array([[[1.0, 2.0, 3.0]]])))
+    predicted = np.array([[[1.5, 1e3, -1e3]]])
+    fitted = Fit(task, None, (), np.zeros(0), predicted, {})
+    np.testing.assert_equal(fitted.missed, [[[-0.5, np.nan, np.nan]]])
+    assert np.isfinite(fitted.residual).all()

@@ -243,7 +243,7 @@ def test_errors_with_each_folds_own_choice_are_of_what_was_compared():
         task=SimpleNamespace(noise=SimpleNamespace(good=good), experiment=SimpleNamespace(channels=("pull",)))
     )
     left = [np.array([[[3.0, 4.0]], [[99.0, 99.0]]]), np.array([[[99.0, 99.0]], [[12.0, 99.0]]])]
-    anew = {name: SimpleNamespace(last=SimpleNamespace(residual=each)) for name, each in zip("ab", left, strict=True)}
+    anew = {name: SimpleNamespace(last=SimpleNamespace(missed=each)) for name, each in zip("ab", left, strict=True)}
     assert errors_anew(base, anew) == {"pull": pytest.approx(13.0 / 3**0.5)}
     good[:, 0, 1] = good[1, 0, 0] = False
     assert errors_anew(base, anew) == {"pull": 3.0}

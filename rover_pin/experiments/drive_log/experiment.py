@@ -37,7 +37,7 @@ from rover_pin.time_left import telling
 MADE = {"path": "m", "drift": "m", "heading": "rad", "speed": "m/s"}
 """Units of the features that are made of several channels."""
 LOST = 1e3
-"""What a prediction that is not a number counts as [channel's unit]: far, but finite."""
+"""What a prediction that is not a number counts as while a fit descends [channel's unit]: far, but finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +52,8 @@ class DriveExperiment(Experiment):
     stated: Mapping[str, float] = field(default_factory=dict, repr=False)
     "what the log declares of its sensors, in SI by kind"
     is_timed = True
+    stand_in = LOST
+    no_value = "the rover does not settle there, or its drive breaks off"
 
     @cached_property
     def identity(self) -> str:
