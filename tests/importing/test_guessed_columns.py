@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -51,3 +52,31 @@ def test_of_parts_alike_the_one_on_a_slope_is_kept(at):
     drive = Drive(t, noisy(1.0), noisy(0.09), noisy(0.1), pitch, noisy(0.0))
     parts = [Part(200 * k, 200 * k + 200) for k in range(10)]
     assert parts[at] in chosen(drive, parts, 2)
+
+
+def test_a_matrix_may_lie_on_its_side(tmp_path):
+    """Channels as rows or as columns: the longer way is that of time."""
+    from scipy.io import savemat
+
+    seen = recordings.truth()
+    wheels = np.array([seen[f"wheel_rate_{wheel}"] for wheel in ("fl", "fr", "bl", "br")])
+    logs = []
+    for name, matrix in (("rows", wheels), ("columns", wheels.T)):
+        (tmp_path / name).mkdir()
+        table = {"t_s": seen["t_s"], "wheel_omega": matrix} | {name: seen[f"body_{name}"] for name in ("x", "y", "yaw")}
+        savemat(tmp_path / name / "own.mat", table)
+        import_log([tmp_path / name / "own.mat"], "cart", tmp_path / name / "log")
+        logs.append(read_drive_log(tmp_path / name / "log"))
+    for one, other in zip(logs[0].runs, logs[1].runs, strict=True):
+        assert np.array_equal(one["wheel_rate_br"], other["wheel_rate_br"])
+
+
+def test_a_run_begins_a_second_before_the_wheels_turn_and_says_how_long_it_lasts(tmp_path):
+    """The drive stands from 30 to 36 s."""
+    made, log = imported(pd.read_csv(recordings.plain(recordings.truth(), tmp_path)), tmp_path)
+    begins = []
+    for line, run in zip(made.runs, log.runs, strict=True):
+        lasts, begin = re.search(r"([\d.]+) s from ([\d.]+) s of ", line).groups()
+        begins.append(float(begin))
+        assert float(lasts) == pytest.approx(run.t[-1] - run.t[0], abs=0.6)
+    assert min(abs(begin - 35.0) for begin in begins) < 0.25
