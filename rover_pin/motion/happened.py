@@ -181,12 +181,15 @@ def _barely_moved(trace: Trace, ways: _Ways) -> Happened | None:
 def _aside(trace: Trace, ways: _Ways) -> tuple[float, float, float]:
     """Return the last twentieth of a drive [s], and what wheels travel and the body goes aside of that in it [m].
 
-    aside^2 = body^2 - travel^2 on the level: on a straight way the wheels' travel is all but what they slide across.
+    Aside is the body's way across its heading, but no more than aside^2 = body^2 - travel^2: wheels that are steered
+    travel across the heading too, and do not slide.
     """
     row = -1 - max(1, len(ways.t) // 20)
-    body = math.dist(*([trace[name][at] for name in ("body_x", "body_y")] for at in (row, -1)))
+    x, y = (float(trace[name][-1] - trace[name][row]) for name in ("body_x", "body_y"))
+    yaw = float(np.mean(trace["body_yaw"][row:])) if "body_yaw" in trace else math.atan2(y, x)
     travel = float(ways.moved[-1] - ways.moved[row])
-    return float(ways.t[-1] - ways.t[row]), travel, math.sqrt(max(body**2 - travel**2, 0.0))
+    across = abs(y * math.cos(yaw) - x * math.sin(yaw))
+    return float(ways.t[-1] - ways.t[row]), travel, min(across, math.sqrt(max(x**2 + y**2 - travel**2, 0.0)))
 
 
 def _sliding(trace: Trace, ways: _Ways) -> Happened | None:

@@ -143,6 +143,11 @@ def test_what_slides_aside_does_not_just_drive_on(slope, kind):
     assert told is None or float(told[1]) == pytest.approx(aside, rel=0.12)
 
 
+@pytest.mark.parametrize("name", ["step", "ditch", "crab", "turn"])
+def test_what_climbs_or_is_steered_does_not_slide_aside(name):
+    assert "aside" not in scenario(name, duration=18.0).drive(settle_doubts=False).attrs["happened"]
+
+
 def test_motors_that_are_hardly_driven_do_not_drive_on():
     for duty in (1e-12, 1e-3):
         trace = scenario("park", duration=5.0, gear_friction=0.1, **{"control.delta": duty}).drive()
