@@ -282,3 +282,18 @@ def test_duties_without_gaps_between_them_are_many_levels():
     assert len(many) > 10
     assert np.diff(many).min() > 0.02
     assert len(one) == 1
+
+
+def test_a_heading_has_length_1_also_where_the_rover_turns_within_a_block():
+    t = np.arange(0.0, 6.0, 0.05)
+    run = Driven(Trace({"t_s": t, "body_x": t, "body_y": t, "body_yaw": 2.0 * t}), R)
+    assert len(run.heading) > 3
+    assert np.abs(run.heading) == pytest.approx(np.ones(len(run.heading)))
+
+
+def test_a_wheel_whose_rate_is_lost_does_not_turn():
+    t = np.arange(0.0, 6.0, 0.05)
+    rate = np.where(t < 3.0, 1.0, np.nan)
+    run = Driven(Trace({"t_s": t, "body_x": t, "wheel_rate_fl": rate, "wheel_rate_fr": 0.0 * t}), R)
+    assert run.moving[0]
+    assert not run.moving[-1]
