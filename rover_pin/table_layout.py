@@ -7,6 +7,8 @@ import re
 from collections import Counter
 from typing import NamedTuple
 
+from rover_pin.units import readings
+
 DELIMITERS = (";", "\t", "|", ",", " ")
 LOOKED = 60
 """Lines by which delimiter and header are told."""
@@ -19,8 +21,6 @@ NUMBERS = {
 }
 """A number under a decimal mark, perhaps with its unit."""
 DATE = re.compile(r"(?:\d{4}-\d\d-\d\d|\d{1,2}[./-]\d{1,2}[./-]\d{4})[T ]+\d{1,2}:\d\d|\d{1,2}:\d\d:\d\d")
-OF_A_ROW = re.compile(r"[\[(]?\s*[\w/°%*^² .·µμΩ-]{0,12}\s*[\])]?")
-"""A cell of a row of units."""
 COMMENTS = ("#", "%", "//")
 
 
@@ -72,9 +72,10 @@ def _scored(sample: list[str], kept: list[int], delimiter: str, decimal: str) ->
     width, count = widths.most_common(1)[0]
     first = next(at for at, row in enumerate(rows) if len(row) == width and shares[at] > 0.5)
     ended = not rows[first][-1]
-    names = [at for at in range(first) if len(fitted(rows[at], width, ended)) == width]
-    units = len(names) > 1 and names[-2] == names[-1] - 1 and _are_units(rows[names[-1]])
-    header = kept[names[-2] if units else names[-1]] if names else -1
+    fit = [at for at in range(first) if len(fitted(rows[at], width, ended)) == width]
+    names = [at for at in fit if _are_names(rows[at], decimal) and not (at - 1 in fit and _are_units(rows[at]))]
+    units = bool(names) and names[-1] + 1 in fit and _are_units(rows[names[-1] + 1])
+    header = kept[names[-1]] if names else -1
     whole = sum(share * len(row) for row, share in zip(rows, shares, strict=True) if len(row) == width)
     return whole / max(1, len(rows)) * (count / max(1, len(rows) - first)), Layout(
         delimiter, decimal, header, units, width
@@ -112,7 +113,14 @@ def _numeric(row: list[str], decimal: str) -> float:
     return sum(bool(NUMBERS[decimal].fullmatch(cell) or DATE.match(cell)) for cell in full) / len(full) if full else 0.0
 
 
-def _are_units(row: list[str]) -> bool:
+def _are_names(row: list[str], decimal: str) -> bool:
+    """Return whether a row names columns: most cells hold something, none a number or a mark for a missing one."""
     full = [cell for cell in row if cell]
-    short = all(OF_A_ROW.fullmatch(cell) for cell in full)
-    return bool(full) and short and sum(cell[0] in "[(" or len(cell) <= 5 for cell in full) > 0.7 * len(full)
+    numbers = (NUMBERS[decimal].fullmatch(cell) for cell in full)
+    return 2 * len(full) > len(row) and not any(found and not found[2] for found in numbers) and not MISSING & {*full}
+
+
+def _are_units(row: list[str]) -> bool:
+    """Return whether a row has the units of columns: most of what is no stroke is a unit, or stands in brackets."""
+    told = [cell for cell in row if cell not in MISSING]
+    return 2 * sum(cell[0] in "[(" or bool(readings(cell)) for cell in told) > len(told)

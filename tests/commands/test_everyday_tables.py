@@ -24,6 +24,7 @@ HABITS = {
     "lines before": "Rig 3\nmeasured by us, in 2026\n\n" + PLAIN,
     "row of units": "\n".join([HEAD, "-,N,N,Nm", *ROWS]),
     "row of units in brackets": "\n".join(["Slip,Load,Drawbar pull,Torque", "[-],[N],[N],[N m]", *ROWS]),
+    "row of units and words": "\n".join(["Slip,Load,DP,Torque,Who", "-,N,N,Nm,name", *(f"{row},Max" for row in ROWS)]),
     "units in cells": "\n".join(["slip,load,drawbar pull,torque"] + [f"{row} Nm" for row in ROWS]),
     "unit in some cells": PLAIN.replace("81", "81 N"),
     "other units in cells": re.sub(r",(79|80|81),", lambda found: f",{float(found[1]) / 1e3} kN,", PLAIN),
@@ -45,6 +46,32 @@ def test_init_reads_one_table_in_every_habit(habit, run):
     assert lines[0] == HEAD.split(",")
     assert [[float(cell) for cell in row] for row in lines[1:]] == [[float(c) for c in row.split(",")] for row in ROWS]
     assert run("check-data", "runs")[0] == 0
+
+
+@pytest.mark.parametrize("first", ["r1,low,0.05,-,-,-", "r1,,,78,,", "a,-,-,-,-,-", "m,b,0.1,80,9,2"])
+def test_a_first_row_that_is_hardly_filled_is_a_row(first, run):
+    rows = [f"r{at},high,{row}" for at, row in enumerate(ROWS)]
+    Path("runs.csv").write_text("\n".join([f"run,level,{HEAD}", f"{first.replace('-,-,-', '78,-,-')}", *rows]))
+    code, out, err = run("init", "runs.csv", *INIT)
+    kept = len(Path("runs/points.csv").read_text().splitlines()) - 1 if code == 0 else 0
+    assert kept == len(ROWS) + 1 or "is missing or not finite in row 1" in err, (out, err)
+
+
+def test_rigs_logs_and_terrains_are_read_alike(run):
+    from rover_pin.demo import rig
+
+    rig.write(Path("set"), "nothing", 0)
+    text = Path("set/points.csv").read_text()
+    holds = json.loads(run("check-data", "set", "--json")[1])["holds"]
+    Path("set/points.csv").write_text("Our rig\n\n" + text.replace(",", ";").replace(".", ","))
+    assert json.loads(run("check-data", "set", "--json")[1])["holds"] == holds
+    Path("ground.csv").write_text("x_m;z_m\n[m];[m]\n-1,0;0,0\n0,5;0,0\n2,0;0,25\n")
+    set_ground = ("--set", "terrain.path=ground.csv", "--set", "duration=0.1", "--out", "out")
+    assert run("drive", "polyline", *set_ground)[0] == 0
+    log = Path("out/log/polyline.csv")
+    log = log if log.is_file() else next(Path("out/log").glob("*.csv"))
+    log.write_text(log.read_text().replace(",", "\t").replace(".", ","))
+    assert run("export", "out/log", "--to", "csv")[0] == 0
 
 
 @pytest.mark.parametrize(
