@@ -136,7 +136,7 @@ def main() -> None:
 @lru_cache(maxsize=32)
 def prepared(sand: Sand, kind: str) -> Scenario:
     """Return the drive of this sand and kind of control; walls and gains are put in later."""
-    made = scenario("ditch", **sand.settings, control=kind, duration=DURATION)
+    made = scenario("ditch", soil="table-1", **sand.settings, control=kind, duration=DURATION)
     return dataclasses.replace(made, model=made.model.having(sand.loss)) if sand.loss else made
 
 

@@ -101,7 +101,7 @@ def main() -> None:
 def base_of(change: Change, kind: str) -> Scenario:
     """Return the drive of a change with a kind of control, its walls and gains still to be put in."""
     settings = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03, **change.settings}
-    made = scenario("ditch", **{**settings, "control": kind}, duration=DURATION)
+    made = scenario("ditch", soil="table-1", **{**settings, "control": kind}, duration=DURATION)
     fraction, S_w = change.loss
     model = made.model.having(PostPeak(fraction=fraction, S_w=S_w))
     return dataclasses.replace(made, model=model)

@@ -71,7 +71,7 @@ def main() -> None:
 def over(width: str, ground: int, height: float = HEIGHT) -> Scenario:
     """Return the drive over the bump of a ground: 0 sand, 1 hard."""
     settings = {"terrain.height": height, "terrain.length": LENGTH, "terrain.at": AT, "terrain.ground": ground}
-    return scenario(width, **settings, duration=30.0)
+    return scenario(width, soil="table-1", **settings, duration=30.0)
 
 
 def crossing(trace: Trace) -> tuple[float, float]:

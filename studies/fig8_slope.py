@@ -85,7 +85,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/fig8_slope"))
     options = parser.parse_args()
     duration, readings = (40.0, READINGS[::2]) if options.quick else (80.0, READINGS)
-    cases = {each.label: scenario("slope", **each.settings, duration=duration) for each in readings}
+    cases = {each.label: scenario("slope", soil="table-1", **each.settings, duration=duration) for each in readings}
     traces = {label: case.drive() for label, case in cases.items()}
     table = pd.DataFrame([row(label, cases[label], traces[label], options.quick) for label in cases])
     csv = write_csv(histories(traces), options.out / "fig8_slope.csv")

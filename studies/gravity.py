@@ -130,7 +130,9 @@ def rushing(scene: str, speed: float, place: str, damping: float) -> Scenario:
     """Return a drive of the rover with a motor geared to `speed` [m/s], from RUN_UP metres ahead; angles by sinkage."""
     name, settings, end = FAST[scene]
     usual = {"gravity": place, "effect.NormalDamping.d": damping, "start.x": -RUN_UP}
-    case = scenario(name, **as_on_earth(name, settings, "sinkage"), **usual, duration=(end + RUN_UP) / speed + 15.0)
+    case = scenario(
+        name, soil="table-1", **as_on_earth(name, settings, "sinkage"), **usual, duration=(end + RUN_UP) / speed + 15.0
+    )
     model = case.model
     torque = float(model.effect(MotionResistance).R) * EARTH * model.rover.mass / 6.0 * float(model.rover.wheel.r)
     motor = model.motor.calibrated(CRUISE_DUTY, speed / (1.0 - CRUISE_SLIP) / float(model.rover.wheel.r), torque)
@@ -168,12 +170,12 @@ def bouncing(trace: Trace, g: float, end: float) -> dict[str, float]:
 
 def driven(scene: str, place: str, angles: str) -> Scenario:
     name, settings, duration, _ = SCENES[scene]
-    return scenario(name, **as_on_earth(name, settings, angles), duration=duration, gravity=place)
+    return scenario(name, soil="table-1", **as_on_earth(name, settings, angles), duration=duration, gravity=place)
 
 
 def as_on_earth(name: str, settings: dict[str, Any], angles: str) -> dict[str, Any]:
     """Return the settings with these angles and with the resistance that they have under the Earth's loads."""
-    R = float(scenario(name, **settings, angles=angles).model.effect(MotionResistance).R)
+    R = float(scenario(name, soil="table-1", **settings, angles=angles).model.effect(MotionResistance).R)
     return {**settings, "angles": angles, "effect.MotionResistance.R": R}
 
 

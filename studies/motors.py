@@ -111,8 +111,8 @@ def readings() -> pd.DataFrame:
     for name in MOTORS:
         motor = motor_named(name)
         for k in SANDS:
-            rover = scenario("flat", **{"soil.k": k}).model.rover
-            soil, wheel = scenario("flat", **{"soil.k": k}).model.soils[0], rover.wheel
+            rover = scenario("flat", soil="table-1", **{"soil.k": k}).model.rover
+            soil, wheel = scenario("flat", soil="table-1", **{"soil.k": k}).model.soils[0], rover.wheel
             load = rover.mass * 9.81 / len(rover.wheels)
             for S in SLIPS:
                 torque = float(load_traction_factor(S, soil, wheel, TorqueTraction())) * float(wheel.r) * load
@@ -130,7 +130,7 @@ def sentences(share: float) -> pd.DataFrame:
 
 def slope(motor: str, share: float) -> dict[str, Any]:
     """Return when and how the slope of 12 deg is reached, on the made-up sand whose slip switches there."""
-    trace = scenario("slope", motor=motor, duration=80.0 * share, **ABRUPT).drive()
+    trace = scenario("slope", soil="table-1", motor=motor, duration=80.0 * share, **ABRUPT).drive()
     inclination = RATE * np.clip(trace["body_x"] - FOOT, 0.0, None)
     there = np.flatnonzero(inclination >= TWELVE - 0.5)
     above = [np.flatnonzero(trace["slip_ml"] > slip) for slip in (0.1, 0.9)]
@@ -144,14 +144,14 @@ def slope(motor: str, share: float) -> dict[str, Any]:
 
 def ditch(motor: str, share: float) -> dict[str, Any]:
     """Return what the wheels do in Table 1's ditch, and what the control rescues where strength is lost."""
-    stuck = scenario("ditch", motor=motor, duration=20.0 * share).drive()
+    stuck = scenario("ditch", soil="table-1", motor=motor, duration=20.0 * share).drive()
     rims = 45.0 * stuck.stack("wheel_rate")[-1]
     said = {
         "Fig 10: velocity lost at [s]": first(stuck.t, (stuck.t > 5.0) & (stuck["body_vx"] < 0.002)),
         "Fig 10: slowest and fastest rim, stuck [mm/s]": f"{rims.min():.0f} to {rims.max():.0f}",
     }
     for name, settings in CONTROLS.items():
-        drive = scenario("ditch", motor=motor, duration=40.0 * share, **settings, **LOSING)
+        drive = scenario("ditch", soil="table-1", motor=motor, duration=40.0 * share, **settings, **LOSING)
         said[f"Fig 10, half the strength lost: {name}"] = outcome(with_its_table(drive))
     return said
 
@@ -160,7 +160,7 @@ def with_its_table(drive: Scenario) -> Scenario:
     """Return the drive with Eq (9)'s table measured for its own motor on the default sand's flat."""
     if not isinstance(getattr(drive.controller, "estimate", None), TableEstimate):
         return drive
-    table = calibrated_table(scenario("flat").model.replace(motor=drive.model.motor))
+    table = calibrated_table(scenario("flat", soil="table-1").model.replace(motor=drive.model.motor))
     own = dataclasses.replace(drive.controller.estimate, table=table)  # type: ignore[attr-defined]
     return dataclasses.replace(drive, controller=dataclasses.replace(drive.controller, estimate=own))  # type: ignore[type-var]
 

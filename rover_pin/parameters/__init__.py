@@ -5,10 +5,14 @@ from __future__ import annotations
 from rover_pin.contact import Soil
 from rover_pin.errors import ParameterError, closest
 from rover_pin.parameters.simulants import FJS_1, HIT_LSS1, LUNAR_NOMINAL, MARSSIM_SAND
+from rover_pin.parameters.slope_sand import SlopeSand
 from rover_pin.parameters.wong import DRY_SAND
 from rover_pin.parameters.yoshida import LITERATURE_SAND, NEXUS6_WHEEL, TABLE_1
 
-__all__ = ["NEXUS6_WHEEL", "SOILS", "TABLE_1", "soil_named"]
+__all__ = ["NEXUS6_WHEEL", "SLOPE_SAND", "SOILS", "TABLE_1", "soil_named"]
+
+SLOPE_SAND = SlopeSand()
+"""Sand on which small rovers slip about 0.2 on 10 deg, as measured wheels do."""
 
 
 class Named(dict[str, Soil]):
@@ -22,6 +26,7 @@ class Named(dict[str, Soil]):
 SOILS = Named(
     {
         "table-1": TABLE_1,
+        "slope-sand": SLOPE_SAND,
         "literature-sand": LITERATURE_SAND,
         "dry-sand": DRY_SAND,
         "fjs-1": FJS_1,

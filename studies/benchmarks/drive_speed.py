@@ -44,14 +44,14 @@ def main() -> None:
     quick = asked.quick
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    case = scenario("ditch")
+    case = scenario("ditch", soil="table-1")
     case.drive()
     seconds = whole_drive(case, 2 if quick else 15)
     coarse = least(with_step(case, 2.0 * case.timing.dt).drive, 2 if quick else 15)
     print(f"    at twice the step {coarse:.3f} s, {DURATION / coarse:.0f} x real time")
     off = accuracy(case, "", 4 if quick else 16)
     off_out = accuracy(
-        scenario("ditch", **{"soil.k": 0.010, "cruise_slip": 0.05}),
+        scenario("ditch", soil="table-1", **{"soil.k": 0.010, "cruise_slip": 0.05}),
         "with k = 10 mm, which gets out: ",
         4 if quick else 16,
     )
@@ -259,7 +259,7 @@ def footprint() -> float:
     code = (
         "import time; t = time.perf_counter(); import rover_pin; a = time.perf_counter() - t\n"
         "from rover_pin.scenarios import scenario; b = time.perf_counter() - t\n"
-        "scenario('ditch').drive()\n"
+        "scenario('ditch', soil='table-1').drive()\n"
         "peak = next(line for line in open('/proc/self/status') if line.startswith('VmHWM'))\n"
         "print(a, b, int(peak.split()[1]) / 1024)"
     )

@@ -45,7 +45,7 @@ def main() -> None:
 
 def grounds() -> dict[str, Terrain]:
     """Return the ditch of six points, and the others, by what they are."""
-    ditch = scenario("ditch").model.terrain
+    ditch = scenario("ditch", soil="table-1").model.terrain
     assert isinstance(ditch, Lanes)
     line = ditch.profiles[0]
     x = np.linspace(LOW, HIGH, 1000)
@@ -65,7 +65,7 @@ def grounds() -> dict[str, Terrain]:
 
 def compare_grounds(turns: int) -> dict[str, float]:
     """Print and return the time of 20 s on each ground, and its ratio to the first."""
-    case = scenario("ditch")
+    case = scenario("ditch", soil="table-1")
     drives: dict[str, Callable[[], Any]] = {}
     for name, terrain in grounds().items():
         model = dataclasses.replace(case.model, terrain=terrain)

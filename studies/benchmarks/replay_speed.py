@@ -32,7 +32,7 @@ from rover_pin.motion.place import settled
 from rover_pin.motion.replay import commands, replay
 from rover_pin.scenarios import scenario
 shape, repeats, folder = sys.argv[1], int(sys.argv[2]), sys.argv[3]
-case = scenario(shape, duration=20.0)
+case = scenario(shape, soil="table-1", duration=20.0)
 rover = case.model.rover
 steered = tuple(wheel.name for wheel in rover.wheels if wheel.steer_dof is not None)
 run = commands(case.drive(), tuple(wheel.name for wheel in rover.wheels), steered)
@@ -50,7 +50,7 @@ from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.native.compiled_body import Known, compiled_body
 from rover_pin.motion.native.library import library
 from rover_pin.scenarios import scenario
-model = scenario("ditch").model
+model = scenario("ditch", soil="table-1").model
 def spent():
     uses = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(use.ru_utime + use.ru_stime for use in uses)

@@ -51,7 +51,7 @@ def test_loads_carry_the_weight_on_a_side_slope():
 )
 def test_they_are_the_normal_forces_of_a_drive(name, most, plainly):
     """RMS relative error over a drive on sand that resists; zero angles and pitch alone miss by `plainly` and more."""
-    mine, plain = errors(scenario(name, **{"soil.k": 0.005, "duration": 20.0}))
+    mine, plain = errors(scenario(name, soil="table-1", **{"soil.k": 0.005, "duration": 20.0}))
     assert np.sqrt(np.mean(np.square(mine))) < most
     assert np.sqrt(np.mean(np.square(plain))) > plainly
 
@@ -59,7 +59,7 @@ def test_they_are_the_normal_forces_of_a_drive(name, most, plainly):
 @pytest.mark.parametrize(("k", "off", "by_pitch"), [(0.05, 0.08, 0.07), (0.01, 0.115, 0.12), (0.005, 0.15, 0.15)])
 def test_on_rocks_they_are_off_as_is_told_and_no_better_than_by_pitch(k, off, by_pitch):
     """Mean relative error: no sensor tells the slopes under the wheels, which bend within a wheelbase."""
-    mine, plain = errors(scenario("rocks", **{"soil.k": k, "duration": 24.0}))
+    mine, plain = errors(scenario("rocks", soil="table-1", **{"soil.k": k, "duration": 24.0}))
     assert np.nanmean(np.abs(mine)) == pytest.approx(off, abs=0.01)
     assert np.nanmean(np.abs(plain)) == pytest.approx(by_pitch, abs=0.01)
 

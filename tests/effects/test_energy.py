@@ -112,7 +112,7 @@ def test_a_resistance_holds_a_wheel_that_turns_but_for_a_creep_that_vanishes_wit
 
 def test_a_rover_stands_on_slopes_that_its_resistance_holds():
     """Table 1, torque form: F(1) - R = tan 8.8 deg, F(1) = tan 10.3 deg; at 9.5 deg it used to creep at 1.9 mm/s."""
-    made = scenario("incline", duration=60.0, **{"terrain.angle_deg": 9.5})
+    made = scenario("incline", soil="table-1", duration=60.0, **{"terrain.angle_deg": 9.5})
     effect = made.model.effect(MotionResistance)
     grip = load_traction_factor(1.0, made.model.soils[0], Wheel(), FORMS["torque"])
     x = (grip - math.tan(math.radians(9.5))) / effect.R

@@ -19,7 +19,7 @@ SAND, HARD = 0, 1
 def traces():
     settings = {"terrain.height": HEIGHT, "terrain.length": LENGTH, "terrain.at": AT, "duration": 24.0}
     return {
-        (width, ground): scenario(width, **settings, **{"terrain.ground": ground}).drive()
+        (width, ground): scenario(width, soil="table-1", **settings, **{"terrain.ground": ground}).drive()
         for width in ("bump", "one-sided-bump")
         for ground in (SAND, HARD)
     }

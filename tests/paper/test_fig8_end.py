@@ -28,7 +28,7 @@ R_WHEEL = 0.045
 
 
 def driven(*, halved=False, **settings):
-    case = scenario("slope", **settings)
+    case = scenario("slope", soil="table-1", **settings)
     return (dataclasses.replace(case, timing=case.timing.halved()) if halved else case).drive()
 
 

@@ -1,7 +1,10 @@
 """The published sets: names, conversions, sources."""
 
 import math
+from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +14,10 @@ from rover_pin.errors import ParameterError
 from rover_pin.parameters import NEXUS6_WHEEL, SOILS, TABLE_1, soil_named
 from rover_pin.parameters.bekker import at_width, bekker
 from rover_pin.quantity import quantities
+from rover_pin.scenarios import scenario
 from rover_pin.soil.stress import modulus
+
+DATA = Path(__file__).parents[2] / "studies" / "data"
 
 
 def test_table_1_is_the_paper_s():
@@ -65,3 +71,21 @@ def test_an_unknown_name_lists_the_close_ones():
     with pytest.raises(ParameterError, match="no soil is named 'fjs1': did you mean 'fjs-1'"):
         soil_named("fjs1")
     assert soil_named("table-1") is TABLE_1
+
+
+def test_on_slope_sand_a_small_rover_slips_on_slopes_as_measured_wheels_do():
+    """Pull over load is the tangent of a slope: 0.2 of slip on 10.3 deg (smooth wheel) to 14.0 deg (lugged)."""
+
+    def slip(slope, soil):
+        steep = {"terrain.angle_deg": slope, "terrain.start": -9.0}
+        trace = scenario("incline", soil=soil, duration=15.0, **steep).drive(settle_doubts=False)
+        return np.average(trace.stack("slip")[-1], weights=trace.stack("normal")[-1])
+
+    wheels = (
+        pd.read_csv(DATA / name / "points.csv").set_index("slip") for name in ("ding-2011-smooth", "ding-2011-lugged")
+    )
+    smooth, lugged = (math.degrees(math.atan(wheel.drawbar_pull_N[0.2] / wheel.load_N[0.2])) for wheel in wheels)
+    assert [smooth, lugged] == pytest.approx([10.3, 14.0], abs=0.05)
+    assert slip(smooth, "slope-sand") == pytest.approx(0.22, abs=0.015)
+    assert slip(lugged, "slope-sand") < 0.35
+    assert slip(10.0, "table-1") > 0.98
