@@ -177,7 +177,7 @@ def bounds(
     trust: Trusted = False,
     as_json: AsJson = False,
 ) -> None:
-    """Print the slope that a drive climbs, and each wheel's traction-limited torque with the motor's margin.
+    """Print the slope that a drive climbs, and what wheels bear. The motor's margin is told beside it.
 
     Of a model's effects only its traction and its motion resistance count.
     """
