@@ -11,6 +11,7 @@ from typing import Any
 
 from rover_pin.arguments import arguments_of
 from rover_pin.body.rover import load_rover
+from rover_pin.bounded import text
 from rover_pin.contact import Soil
 from rover_pin.description.layout import rover_folder
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect, SensorEffect
@@ -116,7 +117,7 @@ def samples() -> list[Entry]:
 def _sample(name: str) -> Entry:
     folder = sample_folder() / name
     file = next(folder.glob("*.toml"))
-    about = file.read_text(encoding="utf-8").split("\n")[0].removeprefix("#").strip()
+    about = text(file).split("\n")[0].removeprefix("#").strip()
     return Entry(name, about, {"source": str(read_toml(file)["source"]), "folder": str(folder)})
 
 
