@@ -69,7 +69,7 @@ def data_share(problem: Problem, best: Best, index: int) -> float:
     free = [at for at, name in enumerate(problem.space.names) if at != index and name not in problem.priors]
     own, others = jacobian[:, index], jacobian[:, free]
     left = own - others @ np.linalg.lstsq(others, own, rcond=1e-10)[0]
-    return float(min(1.0 / max(left @ left * best.covariance[index, index], 1.0), 1.0))
+    return 1.0 / max(float(left @ left * best.covariance[index, index]), 1.0)
 
 
 def _given(problem: Problem, name: str) -> str:

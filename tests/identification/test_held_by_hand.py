@@ -13,6 +13,7 @@ from rover_pin.identification import dependence
 from rover_pin.identification.dependence import _distance, _judged, _refit, with_held
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import Search, identify
+from rover_pin.identification.judge import data_share
 from rover_pin.identification.result import Assumed, Estimate, Held, Verdict
 from rover_pin.measurements.channel import DrawbarPull
 from rover_pin.measurements.traction_points import TractionPoints
@@ -189,3 +190,24 @@ def test_a_report_has_its_heading_where_anything_is_held():
     )
     assert heading not in first.report()
     assert with_held(first, rig(), held_numbers(rig(), SAND, ("phi",))).report().count(heading) == 1
+
+
+def test_a_modulus_of_nothing_under_two_widths_may_be_all_of_the_pressure():
+    """k_2 = 0 of k_1 + k_2 b: none of it, or as much as k_1 is now."""
+    wide = dataclasses.replace(rig(), wheel=WHEEL.replace(b=0.1), name="wide")
+    sand = SAND.replace(k_2=0.0)
+    k_2 = next(one for one in held_numbers((rig(name="narrow"), wide), sand, ("phi",)) if one.name == "k_2")
+    assert (k_2.value, k_2.low) == (0.0, 0.0)
+    assert k_2.high == pytest.approx(SAND.k_1 / 0.05)
+    assert k_2.ends == ({}, {"k_2": k_2.high, "k_1": 0.0})
+
+
+@pytest.mark.parametrize(("sd", "share"), [(0.2, 1.0), (0.1, 1.0), (0.4, 0.25)])
+def test_the_data_s_share_is_of_the_variance_that_they_alone_would_leave(sd, share):
+    """The column (3, 4, 7) beside (0, 0, 2) of a number without a prior: 5 are its own, and so an SD of 1 / 5."""
+    jacobian = np.array([[3.0, 0.0, 9.0], [4.0, 0.0, 9.0], [7.0, 2.0, 9.0]])
+    problem = SimpleNamespace(
+        data_jacobian=lambda u: jacobian, space=SimpleNamespace(names=("phi", "k", "R")), priors={"R": 1.0}
+    )
+    best = SimpleNamespace(u=None, covariance=np.diag([sd**2, 1.0, 1.0]))
+    assert data_share(problem, best, 0) == pytest.approx(share)
