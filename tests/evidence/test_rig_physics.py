@@ -248,3 +248,20 @@ def test_a_slip_angle_pushes_the_wheel_to_its_left():
     assert right.drawbar_pull < straight.drawbar_pull
     plain = RigModel(model.wheel, model.soil).predict(24.0, 0.3)
     assert straight.drawbar_pull == pytest.approx(plain.drawbar_pull, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("kind", "slip", "sense"), [(Sinkage, 0.3, 1.0), (Torque, 0.3, 1.0), (DrawbarPull, -0.3, -1.0)]
+)
+def test_a_sign_is_wrong_beyond_three_sds_of_a_run(kind, slip, sense):
+    """Two SDs the wrong way are noise about nothing."""
+    rows = np.linspace(slip, slip + 0.05, 6)
+    for sds, refused in ((2.0, False), (4.0, True)):
+        measured = kind(np.full(6, -sense * sds * 1e-2), 1e-2)
+        rig = WheelRig(Wheel(), rows, np.full(6, 10.0), (measured,))
+        try:
+            refuse_impossible(rig)
+            said = ""
+        except DataError as error:
+            said = str(error)
+        assert ("multiply it by -1" in said) is refused
