@@ -140,7 +140,8 @@ def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter],
             found = best_of(Task(experiment, declared), model, numbers, [*(centre + times * (starts - centre))])
             if found is not None:
                 return found
-        why = experiment.unpredicted(model) or "free fewer numbers"
+        lost = experiment.unpredicted(model)
+        why = f"{lost}; start from a model that does, or mend that run" if lost else "free fewer numbers"
         said = f"{experiment.name}: no start of the fit of the base model converged: {why}."
         raise OptimisationError(said, status="")
     if declared is not None:

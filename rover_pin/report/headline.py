@@ -85,8 +85,8 @@ def _off(verdict: Verdict, manner: Manner) -> str:
     """Return by how much the model misses what it misses most."""
     said = []
     for one in worst(verdict.scores)[:2]:
-        off = brief(one.before, one.unit)
-        said.append(f"{_name(one, manner)} is wrong by {off}, {one.times(one.before):.2g} times its noise")
+        off = f"wrong by {brief(one.before, one.unit)}, {one.times(one.before):.2g} times its noise"
+        said.append(f"{_name(one, manner)} is {'not predicted everywhere' if one.lost else off}")
     return listing(said)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.wording import Against
+from rover_pin.estimation.wording import Against, shown
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.left import RigExtra
 from rover_pin.experiments.wheel_rig.residual_tests import BEYOND_CHANCE, ResidualTest
@@ -62,16 +62,16 @@ def _added(verdict: Verdict) -> str:
 def _picture(verdict: Verdict, data: RigSet) -> Picture:
     before = verdict.before.model if verdict.before else verdict.model
     after = verdict.model if verdict.named else None
-    shown = looks(before, after, _added(verdict)) if verdict.before else []
+    curves = looks(before, after, _added(verdict)) if verdict.before else []
     alt = f"Measured {listing(channel.name for channel in data.rig.channels)} against slip" + (
-        ", with the base model" if shown else ""
+        ", with the base model" if curves else ""
     ) + (f" and the model with {_added(verdict)}" if after else "")  # fmt: skip
     errors = [
-        f"{one.name} is missed by {one.before:.2g} before and {one.after:.2g} {one.unit} after"
+        f"{one.name} is missed by {shown(one.before, one.unit)} before and {shown(one.after, one.unit)} after"
         for one in verdict.scores
     ]
-    caption = load_caption(data) if shown else ""
-    return Picture(channel_panels(data, shown), f"{alt}. {listing(errors) if after else ''}".strip(), caption)
+    caption = load_caption(data) if curves else ""
+    return Picture(channel_panels(data, curves), f"{alt}. {listing(errors) if after else ''}".strip(), caption)
 
 
 @dataclass(frozen=True, eq=False)

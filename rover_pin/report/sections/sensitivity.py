@@ -101,6 +101,8 @@ def _far(row: Scored, name: str) -> bool:
 
 def _why(row: Scored, share: float) -> str:
     """Return why the log cannot tell a candidate, or an empty string."""
+    if math.isnan(row.gain):
+        return "with it, however small, the model does not predict all that was measured"
     if row.visible <= STILL:
         return "moves nothing that was measured here"
     if row.absorbed > IMITATED:

@@ -10,7 +10,7 @@ from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.search import Round, Search
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.numbers import numbers
-from rover_pin.estimation.wording import interval, shown
+from rover_pin.estimation.wording import figure, interval, shown
 from rover_pin.report.figures import candidates_figure
 from rover_pin.report.section import CHOSEN, Picture, Row, Section, Table
 from rover_pin.report.words import Manner, full, kinds_of, listing
@@ -86,7 +86,7 @@ class WhichEffect(Section):
 
 
 def _gains(one: Refit) -> tuple[str, ...]:
-    held = f"{one.held_out:+.1f}" if one.held_out else ""
+    held = figure(one.held_out, "+.1f") if one.held_out else ""
     return (f"{one.gain:.1f}", f"{one.fee:.1f}", f"{one.net:+.1f}", held)
 
 
@@ -96,6 +96,8 @@ def judged(one: Refit) -> str:
         return "its refit did not settle"
     if one.net <= 0:
         return "gains no more than chance"
+    if one.loses:
+        return "not compared: it loses a fold left out"
     return "accepted" if one.accepted else "no better where it was not fitted"
 
 
