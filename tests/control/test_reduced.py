@@ -19,7 +19,7 @@ from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_limit import NoLimit, TorqueLimit
-from rover_pin.control.wheel_path import SLOPE_ERROR, simplified, wheel_path
+from rover_pin.control.wheel_path import SLOPE_ERROR, piecewise, simplified, wheel_path
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.post_peak import PostPeak
@@ -195,3 +195,12 @@ def test_an_integrator_that_gives_up_is_reported_in_the_error_only(monkeypatch, 
     with pytest.raises(OptimisationError, match="reduced model cannot be driven with Gains"):
         Reduced(scene.model, OPEN, 5.0).drive(HELD, np.array([1.0, 5.0]))
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_path_is_the_mean_of_both_tracks_and_a_straight_line_between_its_knots():
+    """Across a slope the left track is as much higher as the right one is lower: the middle stays at 0, plus r."""
+    path = wheel_path(shapes.cross_slope(math.radians(10.0)), 0.05, 0.16, 0.5, 2.0)
+    assert float(path.height_at(1.5)) == pytest.approx(0.05, abs=2e-3)
+    knots, values = np.array([0.0, 1.0, 3.0]), np.array([3.0, 5.0, 4.0])
+    for x in (-1.0, 0.0, 0.5, 1.0, 2.5, 9.0):
+        assert float(piecewise(x, knots, values)) == pytest.approx(np.interp(x, knots, values))
