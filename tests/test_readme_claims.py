@@ -187,8 +187,10 @@ def lines():
 
 
 def only_named(line):
-    """Whether a line names a command of the package that wants more, as `rover-pin check-data`."""
+    """Whether a line names the program, or a command of it that wants more, as `rover-pin check-data`."""
     words = line.split()
+    if words == ["rover-pin"]:
+        return True
     if words[0] != "rover-pin" or len(words) != 2 or words[1].startswith("-"):
         return False
     return any(each.required and each.param_type_name == "argument" for each in GROUP.commands[words[1]].params)

@@ -385,7 +385,7 @@ def test_names_of_a_result_are_checked():
 
 @pytest.mark.parametrize(
     ("name", "value", "said"),
-    [("n", 1.0, "profile of 'n' needs it among"), ("k", 20.0, r"profile of k leaves \[1e-05, 10\] m")],
+    [("n", 1.0, "profile of 'n' needs it among"), ("k", 20.0, r"profile of k leaves \[1e-05, 0.5\] m")],
 )
 def test_bad_profiles(name, value, said):
     with pytest.raises(ParameterError, match=said):
