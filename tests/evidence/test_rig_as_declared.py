@@ -258,6 +258,16 @@ def test_fitted_lugs_are_held_against_their_height(plain, tmp_path):
     assert flag.said == "LugExcavation.h_l = 12.7 mm [10 mm, 16 mm] sits away from 5 mm (lug_height of [wheel])"
 
 
+@pytest.mark.parametrize(("high", "says"), [(28.9, "sits away from"), (29.1, "agrees with")])
+def test_friction_is_held_against_the_angle_of_repose(plain, tmp_path, high, says):
+    """The whole interval below it: dry sand's friction is no less."""
+    sand = 'angle_of_repose = { value = 29.0, unit = "deg" }\n'
+    data = read_rig_set(changed(plain, tmp_path / "sand", lambda text: declared(text, soil=sand)))
+    number = Number("soil.phi", "rad", *np.radians([26.0, 24.0, high]), math.nan)
+    told = [flag for flag in flags(data, data.soil(), 0.06, (number,)) if flag.independent.high > flag.independent.low]
+    assert [flag.says.value for flag in told] == [says]
+
+
 @pytest.mark.parametrize("stiffness", ["k_1 = 9e4", "k_phi = 1.5e6\nk_c = 0.0"])
 def test_a_fitted_stiffness_is_held_against_the_declared_one(plain, tmp_path, stiffness):
     """As its exponent goes with it: at another n the two have other units."""

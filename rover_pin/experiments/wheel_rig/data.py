@@ -17,7 +17,7 @@ from rover_pin.errors import DataError
 from rover_pin.measurements.channel import RIG_CHANNELS, SideForce
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.finding import Finding
-from rover_pin.measurements.pressed import Trial, press
+from rover_pin.measurements.pressed import UNSURE, Trial, press
 from rover_pin.measurements.rig_file import (
     ANGLE,
     BEKKER_UNITS,
@@ -62,6 +62,8 @@ class Independent(NamedTuple):
     low: float
     high: float
     source: str
+    unsure: float = UNSURE
+    "share of both ends that is granted"
 
 
 @brief
@@ -131,7 +133,7 @@ class RigSet:
         if "angle_of_repose" in self.rig.beside:
             least, most = self.rig.beside["angle_of_repose"], quantities(Soil)["phi"].high
             said = "angle_of_repose: dry sand stands no steeper than its own friction; a smooth rim may slide on it"
-            known += [Independent(name, "rad", least, most, said) for name in FRICTION]
+            known += [Independent(name, "rad", least, most, said, 0.0) for name in FRICTION]
         return tuple(known)
 
 

@@ -8,7 +8,6 @@ from rover_pin.contact import Soil
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.wording import Against, against, interval, shown
 from rover_pin.experiments.wheel_rig.data import Independent, RigSet
-from rover_pin.measurements.pressed import UNSURE
 
 
 class Flag(NamedTuple):
@@ -44,8 +43,8 @@ class Flag(NamedTuple):
 def flags(data: RigSet, soil: Soil, b: float, fitted: tuple[Number, ...]) -> tuple[Flag, ...]:
     """Return every fitted constant that is known from elsewhere, and whether the two agree.
 
-    They agree where the 95 % interval meets the independent range, which is granted 10 % on both sides; an interval
-    that covers nearly all that is allowed says nothing.
+    They agree where the 95 % interval meets the independent range, which is granted 10 % on both sides if it is a
+    measurement of the constant and no bound; an interval that covers nearly all that is allowed says nothing.
     """
     own = {one.name.removeprefix("soil."): one for one in fitted}
     rows = {name: (one.value, one.low, one.high) for name, one in own.items()}
@@ -56,7 +55,7 @@ def flags(data: RigSet, soil: Soil, b: float, fitted: tuple[Number, ...]) -> tup
     found = []
     for known in data.independent(float(soil.n)):
         if known.name in rows:
-            granted = known.low * (1 - UNSURE), known.high * (1 + UNSURE)
+            granted = known.low * (1 - known.unsure), known.high * (1 + known.unsure)
             says = against(rows[known.name][1:], granted, covered[known.name])
             found.append(Flag(known.name, known.unit, rows[known.name], known, says))
     return tuple(found)
