@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from scipy.optimize import brentq
-
 from rover_pin.body.rover import Rover
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.soil_traction import SoilTraction
@@ -68,4 +66,6 @@ def level_slip(
 
     if traction.form.name == "net" or spare(0.0) <= 0.0:
         return 0.0
+    from scipy.optimize import brentq  # it brings sparse matrices, which a drive has no use for
+
     return float(brentq(spare, least, 0.0)) if spare(least) < 0.0 else least
