@@ -182,7 +182,8 @@ class Excess(NamedTuple):
 def beyond_floor(fitted: Fit) -> tuple[Excess, ...]:
     """Return the channels that a fit leaves with more than AT_FLOOR times what no model beats, the worst first."""
     experiment, good = fitted.task.experiment, fitted.task.noise.good
-    times = _rms(fitted.residual, good, (0, 2)) / np.maximum(floor_of(experiment, fitted.task.noise), 1e-300)
+    floor = np.fmax(floor_of(experiment, fitted.task.noise), experiment.least_noise(fitted.model))
+    times = _rms(fitted.residual, good, (0, 2)) / floor
     worst = _rms(fitted.residual, good).argmax(axis=0)
     rows = zip(experiment.channels, times, worst, strict=True)
     found = [Excess(name, float(one), experiment.folds[at]) for name, one, at in rows if one > AT_FLOOR]

@@ -190,8 +190,12 @@ def saturated(base: Fit, found: Sequence[Signature], field: RandomField | None =
     scaled = columns / scale
     weighted = scaled * root[:, None]
     normal = weighted.T @ weighted + np.diag(held)
-    share = np.linalg.solve(normal, scaled.T @ (root**2 * rows)) / scale
-    doubted = explained / scale @ np.linalg.inv(np.linalg.cholesky(normal)).T
+    size = np.sqrt(np.diag(normal))
+    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    told = values > len(values) * np.finfo(float).eps * values[-1]  # below stands round-off, of columns that are alike
+    axes = vectors[:, told] / np.sqrt(values[told]) / size[:, None]
+    share = axes @ (axes.T @ (scaled.T @ (root**2 * rows))) / scale
+    doubted = explained / scale @ axes
     before = np.concatenate([np.zeros_like(doubted[..., :1, :]), doubted[..., :-1, :]], axis=-2)
     absorbed = Absorbed(np.sum(doubted**2, axis=-1), np.sum(doubted * before, axis=-1))
     return np.asarray(base.residual - explained @ share), absorbed

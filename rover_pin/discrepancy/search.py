@@ -50,8 +50,6 @@ LEARNT = 2
 """How often noise and base are fitted in turn."""
 STARTS, WIDER = 6, (1.0, 2.0, 4.0)
 """Starts of the base model's fit where it is exact, and how many times as far they lie where none of them ends."""
-LEAST = 1e-6
-"""Least SD of a channel's blocks [its unit]: one that never moves has no noise of its own."""
 
 
 @brief
@@ -146,8 +144,7 @@ def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter],
         raise OptimisationError(said, status="")
     if declared is not None:
         return again(fit(Task(experiment, declared), model, numbers))
-    least = np.full(len(experiment.channels), LEAST)
-    left = residual(experiment.observed, experiment.predict([model])[0])
+    left, least = residual(experiment.observed, experiment.predict([model])[0]), experiment.least_noise(model)
     base = fit(Task(experiment, first_noise(left, least)), model, numbers)
     return again(with_noise(base, base.residual, least))
 
@@ -167,13 +164,16 @@ def _with_what_is_left(base: Fit, known: Sequence[Signature], chance: RandomFiel
 def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     """Return what the calibrated model lacks of the candidates that are tried.
 
+    Nothing is looked for in what is left where that is no more than the least noise, the error of predictions.
     Where a fit is exact and its noise declared, what folds have by chance beyond it is learnt of what the search
     leaves, and the search made again in that noise.
     """
     known = _known(base, tried, progress)
-    least = np.full(base.predicted.shape[1], LEAST)
     if base.task.experiment.noise() is None:
-        chance = base.task.experiment.random_field(base.model)
+        experiment = base.task.experiment
+        least, chance = experiment.least_noise(base.model), experiment.random_field(base.model)
+        if np.all(base.rms <= least):
+            return Search(base, (Round(tuple(score(base, known)), ()),), tuple(known), chance)
         for _ in range(LEARNT):
             base = again(_with_what_is_left(base, known, chance, least))
         return _rounds(Search(base, (), tuple(known), chance), tried, progress)

@@ -15,6 +15,8 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.quantity import Quantity, quantities
 
 Arrays = dict[str, np.ndarray]
+LEAST = 1e-6
+"""Least SD of a channel's noise [its unit], where it is learnt."""
 
 
 class Sensitivities(NamedTuple):
@@ -109,6 +111,13 @@ at a minimum, and every fold is predicted by whole refits"
     def floor(self) -> np.ndarray | None:
         """Return the SD of each channel (channels,) that no model beats, as samples show it; None: the noise."""
         return None
+
+    def least_noise(self, model: Any) -> np.ndarray:
+        """Return the least SD that noise is taken to have in each channel (channels,), where it is learnt.
+
+        A channel that never moves, or a fit that meets all its numbers, shows no noise of its own.
+        """
+        return np.full(len(self.channels), LEAST)
 
     def random_field(self, model: Any) -> RandomField | None:
         """Return what differs from fold to fold by chance and how that would move a model; None: nothing that shows."""

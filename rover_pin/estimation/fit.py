@@ -48,6 +48,13 @@ class Fit:
         return np.where(np.abs(self.predicted) == self.task.experiment.stand_in, np.nan, self.residual)
 
     @property
+    def rms(self) -> np.ndarray:
+        """RMS of the residuals of each channel (channels,), in its unit."""
+        good = self.task.noise.good
+        squares = np.where(good, self.residual, 0.0) ** 2
+        return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(good.sum(axis=(0, 2)), 1)))
+
+    @property
     def rows(self) -> np.ndarray:
         """Whitened residuals."""
         return self.task.rows(self.predicted)

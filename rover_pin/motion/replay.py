@@ -159,8 +159,12 @@ def averaged(t: np.ndarray, values: np.ndarray, rows: np.ndarray, period: float)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def replay(model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState | None = None) -> Replay:
+def replay(
+    model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState | None = None, finer: int = 1
+) -> Replay:
     """Return what `model` does under the logged commands, from where it comes to rest, or from another's `rest`.
+
+    Steps are `finer` times as short as they would be.
 
     The rover is drawn to the logged x, y and heading with the time constant HOLD, so that it stays on the ground where
     the log was and errors do not add up. `body_x`, `body_y` and `body_yaw` are what the model itself has driven from
@@ -177,7 +181,7 @@ def replay(model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState
     _check_widths(model, run)
     state = settled(model, run.start) if rest is None else _taken_over(model, rest)
     model = model.begun(run.start.x, run.start.y)
-    dt = DT / parts(model, state, DT)
+    dt = DT / parts(model, state, DT) / finer
     kernel = Kernel(model, state, dt, symmetric=False)
     kernel.unaccounted()
     per_row = round(run.period / dt)

@@ -24,6 +24,7 @@ def fit_of(chi2=ENOUGH, declared=True, floors=None, rms=(1.0,), u=()):
     experiment = SimpleNamespace(
         channels=channels, folds=("run 1", "run 2"),
         noise=lambda: object() if declared else None, floor=lambda: None if floors is None else np.array(floors),
+        least_noise=lambda model: np.full(len(rms), 1e-6),
     )  # fmt: skip
     good = np.ones((2, len(rms), 20 // len(rms)), dtype=bool)
     task = SimpleNamespace(experiment=experiment, noise=SimpleNamespace(good=good, floor=np.ones(len(rms))))
@@ -31,7 +32,14 @@ def fit_of(chi2=ENOUGH, declared=True, floors=None, rms=(1.0,), u=()):
     numbers = tuple(Parameter(f"soil.{at}", 0.0, 1.0, -50.0, 50.0, declared=True) for at in range(len(u)))
     rows = np.full(int(good.sum()), np.sqrt(chi2 / good.sum()))
     return SimpleNamespace(
-        rows=rows, freedom=FREEDOM, misfit=chi2 / FREEDOM, task=task, residual=residual, parameters=numbers, u=u
+        model=None,
+        rows=rows,
+        freedom=FREEDOM,
+        misfit=chi2 / FREEDOM,
+        task=task,
+        residual=residual,
+        parameters=numbers,
+        u=u,
     )
 
 

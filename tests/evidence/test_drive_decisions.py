@@ -390,6 +390,19 @@ def test_of_what_is_left_chance_explains_what_its_sds_allow(made):
         np.testing.assert_allclose(left, wanted, atol=5e-3)
 
 
+def test_columns_alike_to_round_off_are_told_together(made):
+    """A log without noise: two places of the ground move it alike, by millions of its SDs."""
+    fitted, _ = made
+    column = np.zeros((1, *linear.SHAPE))
+    column[0, 0] = 1e9 * np.random.default_rng(4).normal(size=linear.SHAPE[1:])
+    moved = np.concatenate([column, column, (1.0 + 1e-15) * column])
+    field = RandomField((Kind("grip", 0.05, ""),), np.zeros(3, dtype=int), np.zeros(3, dtype=int), moved)
+    left, absorbed = saturated(fitted, signatures(fitted, [EXIT]), field)
+    once = dataclasses.replace(field, kind=field.kind[:1], fold=field.fold[:1], moved=moved[:1])
+    np.testing.assert_allclose(left, saturated(fitted, signatures(fitted, [EXIT]), once)[0], atol=1e-3)
+    assert np.isfinite(absorbed.variance).all()
+
+
 # --- fees ------------------------------------------------------------------------------------------------------------
 
 

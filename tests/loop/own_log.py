@@ -27,7 +27,7 @@ def write(folder, name="field", runs=4, seconds=16.0, seed=0, sensors=Sensors(),
     plans = [held(random, seconds, len(scene.model.rover.wheels)) for _ in range(runs)]
     plans[-1] = plans[0] if runs > 3 else plans[-1]
     for at, plan in enumerate(plans, 1):
-        own = dataclasses.replace(scene, controller=plan, duration=seconds)
+        own = dataclasses.replace(scene, controller=plan, duration=seconds, symmetric=False)
         trace = own.drive()
         if sensors is not None:
             trace = dataclasses.replace(

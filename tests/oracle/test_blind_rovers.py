@@ -28,13 +28,23 @@ if "blind_pair" not in sys.modules:
     sys.modules["blind_pair"] = importlib.util.module_from_spec(_spec)
     _spec.loader.exec_module(sys.modules["blind_pair"])
 pair = sys.modules["blind_pair"]
-campaign, drive, hidden, rover, sealed, vehicle, world = (
+drive, hidden, rover, sealed, soil, vehicle, world = (
     importlib.import_module(f"blind.{name}")
-    for name in ("campaign", "drive", "hidden", "rover", "sealed", "vehicle", "world")
+    for name in ("drive", "hidden", "rover", "sealed", "soil", "vehicle", "world")
 )
 
 G = 9.81
-R = campaign.cruise_resistance(world.PLAIN)
+
+
+def cruise_resistance(sand, slip=0.05):
+    """Return torque / (r f_n) at the fixed angles: what makes the flat cruise at this slip."""
+    on = soil.arc(np.array([sand["theta_1"]]), np.array([sand["theta_2"]]))
+    numbers = {"c": sand["c"], "tan_phi": np.tan(sand["phi"]), "k": sand["k"], "K": sand["k_1"], "n": None}
+    f_n, torque = soil.forces(on, soil.travel_ratio(np.array([slip])), numbers, sand["r"], sand["b"])
+    return float(torque[0] / (sand["r"] * f_n[0]))
+
+
+R = cruise_resistance(world.PLAIN)
 """With which Nexus 6 cruises the flat at a slip of 0.05, and so whatever is in proportion to it."""
 OTHERS = ("heavy", "cart")
 BUILT = {

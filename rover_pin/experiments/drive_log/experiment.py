@@ -79,6 +79,22 @@ class DriveExperiment(Experiment):
         """Return the SD of each feature (channels,) that its samples' scatter shows, or the log states: the greater."""
         return np.asarray(np.fmax(scatter(self.runs, self.channels), stated(self.stated, self.channels)))
 
+    def least_noise(self, model: Model) -> np.ndarray:
+        """Return the RMS error of a replay in each feature (channels,), no less than LEAST.
+
+        To first order in its step it is twice what halving the step moves. A log without noise shows that alone.
+        """
+
+        def halved() -> dict[str, np.ndarray]:
+            asked = [(model, run.commands, Nudge(), rest, 2) for run, rest in zip(self.runs, self.rests, strict=True)]
+            finer = self.read(self._spread(_replayed, asked), model.sensor_effects)
+            apart = finer - self.predict([model])[0]
+            use = np.isfinite(self.observed) & (np.abs(apart) < LOST / 2)
+            squares = np.sum(np.where(use, apart, 0.0) ** 2, axis=(0, 2)) / np.maximum(use.sum(axis=(0, 2)), 1)
+            return {"error": 2.0 * np.sqrt(squares)}
+
+        return np.fmax(super().least_noise(model), self.kept(("half the steps", model), halved)["error"])
+
     @property
     def folds(self) -> tuple[str, ...]:
         """Names of the runs."""
@@ -210,10 +226,10 @@ def _rest(model: Model, run: Commands) -> DriveState | None:
         return None
 
 
-def _replayed(model: Model, run: Commands, nudge: Nudge, rest: DriveState | None) -> Replay:
+def _replayed(model: Model, run: Commands, nudge: Nudge, rest: DriveState | None, finer: int = 1) -> Replay:
     """Return the replay; where the rover does not even settle or can have no such body, one in which nothing moves."""
     try:
-        return replay(model, run, nudge, rest)
+        return replay(model, run, nudge, rest, finer)
     except (ParameterError, SimulationError) as error:
         return Replay({"t_s": run.t}, str(error))
 

@@ -9,7 +9,6 @@ from math import radians
 import numpy as np
 
 from . import circumstance
-from .soil import arc, forces, travel_ratio
 from .vehicle import NEXUS6
 from .world import PLAIN, Run
 
@@ -32,7 +31,12 @@ MOST = {"phi": radians(1.5), "k": 0.25, "k_1": 0.20, "gear": 0.04, "resistance":
 WRONG_SD = {"phi": radians(2.0), "k": 0.25, "k_1": 0.25}
 """By how much more a wrong nominal soil is off."""
 WRONG_MOST = {"phi": radians(4.0), "k": np.log(1.6), "k_1": np.log(1.6)}
-RESISTANCE_SD, MOTOR_SPREAD, TACHO_SPREAD = 0.15, 0.012, 0.01
+MOTOR_SPREAD, TACHO_SPREAD = 0.012, 0.01
+UNLIKE = {"motor_gain": 0.03, "tacho_gain": 0.02}
+"""What a motor's or a tachogenerator's gain differs by at most, all of it alike probable."""
+RESISTANCE, FADES = (0.02, 0.10), (0.0005, 0.008)
+"""Share of the load that wheels take to roll, and speed below which that fades [m/s], log-uniform whatever the soil; no
+log tells them. Sources: 0.02 a firm track, 0.10 loose sand under light wheels, assumed."""
 
 
 def draw(random, sd, most):
@@ -42,35 +46,25 @@ def draw(random, sd, most):
     return value
 
 
-def cruise_resistance(soil, slip=0.05):
-    """Return torque / (r f_n) at the fixed angles: what makes the flat cruise at this slip."""
-    on = arc(np.array([soil["theta_1"]]), np.array([soil["theta_2"]]))
-    numbers = {"c": soil["c"], "tan_phi": np.tan(soil["phi"]), "k": soil["k"], "K": soil["k_1"], "n": None}
-    f_n, torque = forces(on, travel_ratio(np.array([slip])), numbers, soil["r"], soil["b"])
-    return float(torque[0] / (soil["r"] * f_n[0]))
-
-
 def nuisance(random, wrong, vehicle=NEXUS6):
     """Return the set's true numbers, and what is declared of soil and motor: in proportion to the rover."""
     off = {name: draw(random, SD[name], MOST[name]) for name in SD}
     true = {"phi": PLAIN["phi"] + off["phi"]} | {name: PLAIN[name] * np.exp(off[name]) for name in ("k", "k_1")}
     true["constant"] = MOTOR["k_t"] * MOTOR["gear"] * np.exp(off["gear"])
     true["resistance"] = MOTOR["resistance"] * np.exp(off["resistance"])
-    true["R"] = cruise_resistance(PLAIN | true) * np.exp(draw(random, RESISTANCE_SD, 0.3))
+    true |= {name: np.exp(random.uniform(*np.log(ends))) for name, ends in (("R", RESISTANCE), ("v_0", FADES))}
     said = {name: PLAIN[name] for name in ("phi", "k", "k_1")}
     sd = {name: SD[name] for name in said}
     if wrong:
         far = {name: draw(random, WRONG_SD[name], WRONG_MOST[name]) for name in said}
         said = {"phi": said["phi"] + far["phi"]} | {name: said[name] * np.exp(far[name]) for name in ("k", "k_1")}
         sd = {name: float(np.hypot(SD[name], WRONG_SD[name])) for name in said}
-    gains = {
-        "motor_gain": (1.0 + MOTOR_SPREAD * random.standard_normal(6)).tolist(),
-        "tacho_gain": (1.0 + TACHO_SPREAD * random.standard_normal(6)).tolist(),
-    }
+    gains = {name: (1.0 + random.uniform(-most, most, 6)).tolist() for name, most in UNLIKE.items()}
     gains = {name: [values[at] for at in vehicle.taken] for name, values in gains.items()}
     kinds = {"k": "length", "k_1": "Pa", "constant": "length", "resistance": "ohm"}
     true |= {name: true[name] * vehicle.ratio(kind) for name, kind in kinds.items()}
-    return {name: float(value) for name, value in true.items()}, gains, declared(said, sd, vehicle)
+    told = declared(said, sd, vehicle)
+    return {name: float(value) for name, value in true.items()}, gains, {name: told[name] for name in ("soil", "motor")}
 
 
 def declared(said, sd, vehicle=NEXUS6):

@@ -49,7 +49,7 @@ def about(name, plan, grounds, sample_period):
         f"gravity = {plan.get('gravity', 9.81)}", f"wheels = {json.dumps(list(vehicle.wheels))}", "", "[terrain]",
         f"polylines = {json.dumps(grounds)}", f"borders = {borders}",
     ]  # fmt: skip
-    for section in ("soil", "motor", "resistance"):
+    for section in plan["declared"]:
         lines += ["", f"[{section}]"]
         lines += [f"{key} = {inline(table)}" for key, table in plan["declared"][section].items()]
     lines += ["", "[noise]"]
