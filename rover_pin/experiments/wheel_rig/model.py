@@ -194,12 +194,13 @@ class RigPredictor:
         """
         z, r = self._law.first(self._runs, p).full(), float(p[FIELDS.index("r")])
         low, high = np.full((2, z.shape[1]), np.log([[2 * SHALLOW * r], [r]]))
-        for _ in range(STEPS):
+        for step in range(STEPS):
             before, (after, off) = z, (one.full() for one in self._law.newton(z, self._runs, p))
             deep = off[0] > 0.0
             low, high = np.where(deep, low, z[0]), np.where(deep, z[0], high)
             near = np.abs(after[0] - z[0]) <= SETTLED
-            told = np.isfinite(after).all(axis=0) & (near | (after[0] > low) & (after[0] < high))
+            newton = step < STEPS // 2 or step % 2 == 0  # from half-way every other step halves what is left
+            told = np.isfinite(after).all(axis=0) & (near | newton & (after[0] > low) & (after[0] < high))
             z = np.where(told, after, np.vstack([(low + high) / 2, z[1:]]))
             if not np.abs(z - before).max() > SETTLED:
                 break
