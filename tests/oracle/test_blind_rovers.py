@@ -134,6 +134,7 @@ def driven(logs, name, effect, values, duration, tracks):
     """Drive tracks here and there as the log declares it, with one effect."""
     of, models, runs = vehicle.KNOWN[name], [], []
     base = base_model(read_drive_log(logs[name]))
+    base = base.having(base.effect(MotionResistance).replace(q=0.0))  # as the generator's fades, which no log tells
     soil = base.soils[0]
     told = {"R": float(base.effect(MotionResistance).R), "phi": soil.phi, "k": soil.k, "k_1": soil.k_1}
     for lanes, borders, start, *commands in tracks:
