@@ -38,6 +38,11 @@ def test_a_folder_of_the_user_goes_before_a_sample(tmp_path, monkeypatch):
     assert data_path("cmu-smooth-wheel") == Path("cmu-smooth-wheel")
     assert data_path("..") == Path("..")
     assert data_path("elsewhere/cmu-smooth-wheel") == Path("elsewhere/cmu-smooth-wheel")
+    assert data_path("cmu-smooth-wheel/rig.toml") == DATA / "cmu-smooth-wheel" / "rig.toml"
+    (tmp_path / "cmu-smooth-wheel" / "rig.toml").touch()
+    assert data_path("cmu-smooth-wheel/rig.toml") == Path("cmu-smooth-wheel/rig.toml")
+    for other in ("", ".", "..", "cmu-smooth-wheel/../../data", "steepening-slope/none.csv"):
+        assert data_path(other) == Path(other)
 
 
 @pytest.mark.parametrize("call", [close_the_loop, check_data])
@@ -59,7 +64,9 @@ def test_the_wheel_alone_has_samples_and_rovers(tmp_path):
     stranger = tmp_path / "stranger"
     stranger.mkdir()
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "installed"), SAFE_PATH: "1"}
-    for words in (["check-data", "steepening-slope"], ["check-urdf", "cart"], ["list", "samples"]):
+    recordings = ["steepening-slope/climb-1.csv", "steepening-slope/flat-steps.csv", "--out", "imported"]
+    lines = (["check-data", "steepening-slope"], ["check-urdf", "cart"], ["list", "samples"])
+    for words in (*lines, ["import-log", *recordings], ["check-data", "imported"]):
         command = [sys.executable, "-m", "rover_pin.cli", *words]
         printed = subprocess.run(command, cwd=stranger, env=environment, text=True, capture_output=True)
         assert printed.returncode == 0, printed.stderr

@@ -19,6 +19,7 @@ from rover_pin.importing.raw import read_raw
 from rover_pin.importing.splitting import Part, chosen, parts
 from rover_pin.importing.understood import Understood, drive_of, lines, understood
 from rover_pin.importing.written import Run, Sheet, toml_of
+from rover_pin.measurements.reading import data_path
 from rover_pin.motion.channels import WHOLE, is_column
 from rover_pin.motion.drive_log import FILE
 from rover_pin.paths import exists, is_file, named_from
@@ -58,7 +59,7 @@ def import_log(
     rover : str or path
         The rover that was driven: a name, or a TOML as `new-rover` writes it.
     out : path, optional
-        Folder of the log; beside the first recording, by its name, if not given.
+        Folder of the log; by the first recording's name, beside it or, of a sample, here, if not given.
     told : mapping, optional
         Column of a drive log -> column or formula of the recording, where the guess is wrong.
     most : int
@@ -69,10 +70,10 @@ def import_log(
     DataError
         No recording, one that cannot be read, has no clock, no place or no wheel rates, or a log that is there.
     """
-    paths = [Path(each) for each in recordings]
+    paths = [data_path(each) for each in recordings]
     if not paths:
         raise DataError("import-log: give at least one recording: CSV, Parquet, .mat, .bag, .db3 or .mcap.")
-    folder = paths[0].with_suffix("") if out is None else Path(out)
+    folder = _beside(Path(recordings[0])) if out is None else Path(out)
     if exists(folder) and (not folder.is_dir() or any(folder.iterdir())):
         raise DataError(
             f"{folder}: is already there; give another folder with --out, nothing of yours is written over."
@@ -83,6 +84,11 @@ def import_log(
     each = (_read(path, own, given, most) for path in paths)
     readings = list(telling(each, len(paths), "recordings read"))
     return _written(folder, paths, rover, own, readings)
+
+
+def _beside(first: Path) -> Path:
+    """Return the folder of a log by its first recording: beside it, of a sample where one stands."""
+    return (first if exists(first) else Path(first.name)).with_suffix("")
 
 
 def _refuse_unread(told: Sequence[Guess], rover: Rover) -> None:

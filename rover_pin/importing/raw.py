@@ -15,7 +15,7 @@ from rover_pin.errors import DataError
 from rover_pin.importing.bags import bag_table
 from rover_pin.importing.matlab import mat_table
 from rover_pin.motion.ros_bag import is_bag
-from rover_pin.paths import exists
+from rover_pin.paths import exists, is_file, is_folder
 from rover_pin.table import read_table
 
 DATED = re.compile(
@@ -49,6 +49,8 @@ def read_raw(path: Path) -> Raw:
     """
     if not exists(path):
         raise DataError(f"{path}: there is no such file: give recordings as CSV, Parquet, .mat, .bag, .db3 or .mcap.")
+    if is_folder(path) and not is_file(path / "metadata.yaml"):
+        raise DataError(f"{path}: is a folder and no bag (no metadata.yaml in it): give the recordings in it by name.")
     table, notes = _table(path)
     numbers, dropped = _numbers(table)
     if numbers.shape[1] < 2 or len(numbers) < 2:

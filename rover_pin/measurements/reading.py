@@ -29,11 +29,11 @@ def sample_names() -> list[str]:
 
 
 def data_path(given: str | Path) -> Path:
-    """Return where data lie: what is given if it exists, else the sample of this name, else what is given."""
+    """Return where data lie: what is given if it exists, else the sample, or its file, of this name, else the given."""
     path = Path(given)
     sample = sample_folder() / path
-    is_name = len(path.parts) == 1 and path.name not in ("", "..")
-    return sample if is_name and not exists(path) and is_folder(sample) else path
+    is_named = path.parts and not path.is_absolute() and ".." not in path.parts
+    return sample if is_named and not exists(path) and exists(sample) else path
 
 
 def closest_samples(given: str | Path) -> str:

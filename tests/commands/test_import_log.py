@@ -64,3 +64,13 @@ def test_a_column_that_others_are_made_of_needs_no_name_of_a_log(run):
     code, out, _ = run("import-log", "plain.csv", "--rover", "cart", *made)
     assert code == 0
     assert "body_x = shifted - 1" in out
+
+
+def test_a_file_of_a_sample_is_imported_by_its_name(run):
+    code, out, err = run("import-log", "steepening-slope/climb-1.csv")
+    assert (code, err) == (0, "")
+    assert "written   climb-1/drive.toml" in out
+    assert not Path("steepening-slope").exists()
+    code, _, err = run("import-log", "steepening-slope")
+    assert code == 2
+    assert "is a folder and no bag (no metadata.yaml in it): give the recordings in it by name" in err
