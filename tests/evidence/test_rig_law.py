@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from rover_pin.contact import Soil, Wheel
+from rover_pin.effects.digging_memory import TOUCH, DiggingMemory
 from rover_pin.effects.soil_traction import NODES
 from rover_pin.experiments.wheel_rig import model as rig
 from rover_pin.experiments.wheel_rig.candidates import rig_kinds
@@ -55,3 +56,13 @@ def test_the_derivatives_are_those_of_differences(name):
         low, high = (function(vector + sign * step).values for sign in (-1.0, 1.0))
         moved = (high - low) / (2.0 * step.max())
         assert slopes[:, :, at] == pytest.approx(moved, rel=1e-4, abs=1e-5 * np.abs(moved).max())
+
+
+@pytest.mark.parametrize("k_1", np.logspace(5.0, 9.0, 9))
+def test_a_hole_lowers_a_wheel_by_its_depth_on_soft_and_on_firm_ground(k_1):
+    """On firm ground the wheel stands deep in its hole and hardly in its floor, as one without a hole does."""
+    soil, hole = SOIL.replace(k_1=k_1), DiggingMemory(c_d=0.18, length=1.0, deepest=0.4)
+    without, dug = (RigModel(WHEEL, soil, (*PAPER, *own)).predict(*RUNS[:, :2].T).sinkage for own in ((), (hole,)))
+    slip, rim = np.fmax(RUNS[:, 1], 0.0), hole.deepest * WHEEL.r
+    q = hole.c_d * hole.length * slip / (1 - slip) * np.fmin(without / TOUCH, 1.0)
+    assert dug == pytest.approx(without + rim * q / (rim + q), rel=2e-6)
