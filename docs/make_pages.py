@@ -15,7 +15,7 @@ from mkdocs.structure.files import File, Files
 from rover_pin import catalogue
 from rover_pin.cli import app
 from rover_pin.settings import Setting
-from rover_pin.terminal import allowed, fact, told
+from rover_pin.terminal import allowed, fact, format_value
 
 ROOT = Path(__file__).parents[1]
 PROSE = ("meaning", "acts")
@@ -102,7 +102,7 @@ def _table(numbers: Any) -> str:
 
 
 def _default(setting: Setting) -> str:
-    return _plain(told(setting.value, setting.unit))
+    return _plain(format_value(setting.value, setting.unit))
 
 
 def _code(text: str) -> str:

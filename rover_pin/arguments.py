@@ -19,7 +19,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def about(unit: str, source: str, low: float = -math.inf, high: float = math.inf) -> Quantity:
+def spec(unit: str, source: str, low: float = -math.inf, high: float = math.inf) -> Quantity:
     """Return what an argument's annotation says of it besides its type."""
     return Quantity(unit, source, low, high, "")
 
@@ -35,8 +35,8 @@ class Argument(NamedTuple):
 def arguments_of(function: Callable[..., Any]) -> dict[str, Argument]:
     """Return the arguments of a function, or fields of a class, whose annotation says what they are."""
     hints = get_type_hints(function, include_extras=True)
-    said = {name: get_args(hint) for name, hint in hints.items() if get_origin(hint) is Annotated}
-    return {name: Argument(*each[:2]) for name, each in said.items() if isinstance(each[1], Quantity)}
+    argument_parts = {name: get_args(hint) for name, hint in hints.items() if get_origin(hint) is Annotated}
+    return {name: Argument(*parts[:2]) for name, parts in argument_parts.items() if isinstance(parts[1], Quantity)}
 
 
 def checked(owner: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -53,11 +53,11 @@ def checked(owner: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
         @functools.wraps(function)
         def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
-            given = signature.bind(*args, **kwargs).arguments
-            for name, each in arguments_of(function).items():
-                if name in given and each.kind in (int, float):
-                    check(owner, name, given[name], each.quantity)
-                    _refuse_parts(owner, name, given[name], each.kind)
+            bound = signature.bind(*args, **kwargs).arguments
+            for name, argument in arguments_of(function).items():
+                if name in bound and argument.kind in (int, float):
+                    check(owner, name, bound[name], argument.quantity)
+                    _refuse_parts(owner, name, bound[name], argument.kind)
             return function(*args, **kwargs)
 
         return wrapper

@@ -37,15 +37,15 @@ def content(path: str | Path, most: int = MOST_UNPACKED) -> bytes:
     except ValueError as error:
         raise OSError(errno.EINVAL, "no file can have this name") from error
     with open(opened, "rb") as file:
-        about = os.fstat(opened)
-        if stat.S_ISDIR(about.st_mode):
+        status = os.fstat(opened)
+        if stat.S_ISDIR(status.st_mode):
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        if not stat.S_ISREG(about.st_mode):
+        if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "it is a device or a pipe, not a file")
-        found = file.read(most + 1) if about.st_size <= most else b""
-    if max(about.st_size, len(found)) > most:
+        raw = file.read(most + 1) if status.st_size <= most else b""
+    if max(status.st_size, len(raw)) > most:
         raise too_large(most)
-    return found
+    return raw
 
 
 def text(path: str | Path, most: int = MOST_TEXT, encoding: str = "utf-8") -> str:
@@ -68,16 +68,16 @@ def arrays(path: str | Path, most: int = MOST_UNPACKED) -> dict[str, np.ndarray]
         with zipfile.ZipFile(io.BytesIO(packed)) as archive:
             if sum(entry.file_size for entry in archive.infolist()) > most:
                 raise too_large(most)
-        with np.load(io.BytesIO(packed), allow_pickle=False) as found:
-            return {name: _array(found[name]) for name in found.files}
+        with np.load(io.BytesIO(packed), allow_pickle=False) as npz:
+            return {name: _array(npz[name]) for name in npz.files}
     except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, MemoryError, NotImplementedError) as error:
         raise ValueError(str(error) or "damaged") from error
 
 
-def _array(found: object) -> np.ndarray:
-    if not isinstance(found, np.ndarray):
+def _array(array: object) -> np.ndarray:
+    if not isinstance(array, np.ndarray):
         raise ValueError("an entry of it is no array")
-    return found
+    return array
 
 
 def too_large(most: int) -> OSError:

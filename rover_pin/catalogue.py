@@ -31,13 +31,18 @@ class Entry:
     """One thing to choose: its name, what it is in one line, further facts, and its numbers."""
 
     name: str
-    about: str
+    summary: str
     facts: Mapping[str, Any] = field(default_factory=dict)
     numbers: tuple[Setting, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, as JSON has them; a bound that is not there is None."""
-        return {"name": self.name, "about": self.about, **self.facts, "numbers": [plain(each) for each in self.numbers]}
+        return {
+            "name": self.name,
+            "about": self.summary,
+            **self.facts,
+            "numbers": [plain(number) for number in self.numbers],
+        }
 
 
 def plain(number: Setting) -> dict[str, Any]:
@@ -52,7 +57,7 @@ def scenarios() -> list[Entry]:
     return [
         Entry(
             name,
-            scene.about or first_sentence(scene.terrain),
+            scene.summary or first_sentence(scene.terrain),
             {"duration_s": scene.duration},
             _of_scene(name, scene),
         )
@@ -62,19 +67,21 @@ def scenarios() -> list[Entry]:
 
 def _of_scene(name: str, scene: Scene) -> tuple[Setting, ...]:
     if "path" in scene.terrain_settings:
-        about = arguments_of(scene.terrain)["path"].quantity
-        return (Setting("terrain.path", scene.terrain_settings["path"], source=about.source),)
-    known = settings_of(name)
-    own = (each._replace(source="of this scenario") for each in known if each.name in scene.settings)
-    return (*own, *(each for each in known if each.name.startswith("terrain.")))
+        path_quantity = arguments_of(scene.terrain)["path"].quantity
+        return (Setting("terrain.path", scene.terrain_settings["path"], source=path_quantity.source),)
+    all_settings = settings_of(name)
+    scene_settings = (
+        setting._replace(source="of this scenario") for setting in all_settings if setting.name in scene.settings
+    )
+    return (*scene_settings, *(setting for setting in all_settings if setting.name.startswith("terrain.")))
 
 
 def soils() -> list[Entry]:
     """Return the parameter sets, each number with its source."""
-    return [Entry(name, _said_of(soil), {}, numbers_of(soil)) for name, soil in SOILS.items()]
+    return [Entry(name, _soil_summary(soil), {}, numbers_of(soil)) for name, soil in SOILS.items()]
 
 
-def _said_of(soil: Soil) -> str:
+def _soil_summary(soil: Soil) -> str:
     return "The paper's Table 1, completed where it is silent" if type(soil) is Soil else first_sentence(type(soil))
 
 
@@ -88,8 +95,8 @@ def _rover(name: str) -> Entry:
     steered = sum(wheel.steer_dof is not None for wheel in rover.wheels)
     joints = [angle for angle in rover.angles if not angle.startswith("steer_")]
     facts = {"wheels": len(rover.wheels), "steered": steered, "mass_kg": round(rover.mass, 6), "suspension": joints}
-    about = f"{len(rover.wheels)} wheels of r = {1e3 * float(rover.wheel.r):g} mm, {rover.mass:.3g} kg"
-    return Entry(name, about, {**facts, "file": str(rover_folder() / f"{name}.toml")}, numbers_of(rover.wheel))
+    summary = f"{len(rover.wheels)} wheels of r = {1e3 * float(rover.wheel.r):g} mm, {rover.mass:.3g} kg"
+    return Entry(name, summary, {**facts, "file": str(rover_folder() / f"{name}.toml")}, numbers_of(rover.wheel))
 
 
 def effects() -> list[Entry]:
@@ -99,10 +106,10 @@ def effects() -> list[Entry]:
 
 
 def _effect(kind: type[AnyEffect]) -> Entry:
-    about = first_sentence(sys.modules[kind.__module__])
+    summary = first_sentence(sys.modules[kind.__module__])
     named = {"title": kind.title, "meaning": kind.meaning}
     facts = {**named, "acts": _acts(kind), "equation": first_line(kind), "vanishes_at": dict(kind.neutral)}
-    return Entry(kind.__name__, about, facts, numbers_of(kind()))
+    return Entry(kind.__name__, summary, facts, numbers_of(kind()))
 
 
 def _acts(kind: type[AnyEffect]) -> str:
@@ -117,11 +124,11 @@ def samples() -> list[Entry]:
 def _sample(name: str) -> Entry:
     folder = sample_folder() / name
     file = next(folder.glob("*.toml"))
-    about = text(file).split("\n")[0].removeprefix("#").strip()
-    return Entry(name, about, {"source": str(read_toml(file)["source"]), "folder": str(folder)})
+    summary = text(file).split("\n")[0].removeprefix("#").strip()
+    return Entry(name, summary, {"source": str(read_toml(file)["source"]), "folder": str(folder)})
 
 
-def settings(scenario: str = "ditch", **given: Any) -> list[Setting]:
+def settings(scenario: str = "ditch", **overrides: Any) -> list[Setting]:
     """Return everything that can be set of a scenario, as driven with what is given, with its default.
 
     Raises
@@ -129,7 +136,7 @@ def settings(scenario: str = "ditch", **given: Any) -> list[Setting]:
     ParameterError
         An unknown scenario or setting.
     """
-    return sorted(settings_of(scenario, **given), key=lambda each: (each.name.count("."), each.name))
+    return sorted(settings_of(scenario, **overrides), key=lambda setting: (setting.name.count("."), setting.name))
 
 
 def first_line(thing: Any) -> str:
@@ -139,5 +146,5 @@ def first_line(thing: Any) -> str:
 
 def first_sentence(thing: Any) -> str:
     """Return a docstring's first line as said of a thing: without its full stop and a leading 'Return'."""
-    said = first_line(thing).removeprefix("Return ")
-    return said[:1].upper() + said[1:]
+    sentence = first_line(thing).removeprefix("Return ")
+    return sentence[:1].upper() + sentence[1:]

@@ -12,7 +12,7 @@ from rover_pin import commands
 from rover_pin.commands.completing import scenario_names
 from rover_pin.commands.options import Add, AsJson, Effects, Gravity, ModelFile, Out, Scheduler, Set, SoilName, Trusted
 from rover_pin.commands.speaking import Speaking, program
-from rover_pin.commands.view import SEEN, asked_for, open_page, write_asked
+from rover_pin.commands.view import SEEN, open_page, requested_files, write_requested
 from rover_pin.errors import RoverPinError, one_line
 from rover_pin.paths import is_file
 from rover_pin.results_folder import alone_in
@@ -37,8 +37,8 @@ def main() -> None:
         if error.errno is None:
             raise
         file = f"{error.filename}: " if error.filename else ""
-        said = one_line(f"{file}{error.strerror}; make room there, or give another file or folder.")
-        print(f"rover-pin: {said}", file=sys.stderr)
+        message = one_line(f"{file}{error.strerror}; make room there, or give another file or folder.")
+        print(f"rover-pin: {message}", file=sys.stderr)
         sys.exit(2)
     except MemoryError:
         print("rover-pin: this needs more than half of the memory of this machine.", file=sys.stderr)
@@ -77,19 +77,19 @@ def drive(
     """Drive a scenario: write its drive log, figures and a summary."""
     from rover_pin.scenarios import scenario as ready
 
-    given = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
-    settings = {**{name: value for name, value in given.items() if value}, **assignments(set_)}
+    options = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
+    settings = {**{name: value for name, value in options.items() if value}, **assignments(set_)}
     settings["trust"] = Trust.of(effects, trust)
     chosen = ready(scenario, **settings)
-    seen = asked_for(view or open_, gif, mp4)
-    left = [name for name in SEEN if name not in seen]
-    with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *seen), left), alone_in(out):
-        _driven(chosen, check, seen, out, as_json)
+    views = requested_files(view or open_, gif, mp4)
+    untouched = [name for name in SEEN if name not in views]
+    with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):
+        _driven(chosen, check, views, out, as_json)
     if open_:
         open_page(out)
 
 
-def _driven(chosen: Any, check: bool, seen: list[str], out: Path, as_json: bool) -> None:
+def _driven(chosen: Any, check: bool, views: list[str], out: Path, as_json: bool) -> None:
     with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
         trace = chosen.drive(advance)
     log.debug("driven: %d rows of the trace", len(trace["t_s"]))
@@ -100,7 +100,11 @@ def _driven(chosen: Any, check: bool, seen: list[str], out: Path, as_json: bool)
         from rover_pin import plot
 
         chosen.write_log(trace, out / "log")
-        files = [out / "log", *plot.drive_figures(trace, chosen.model, out), *write_asked(chosen, trace, seen, out)]
+        files = [
+            out / "log",
+            *plot.drive_figures(trace, chosen.model, out),
+            *write_requested(chosen, trace, views, out),
+        ]
         result["files"] = list(map(str, files))
     report(result, as_json)
     if str(trace.attrs["stop"]).startswith("diverged"):
@@ -131,16 +135,20 @@ def check_urdf(
     name = file
     if not is_file(file):
         file = shipped(str(name))
-    found = check(file, Trust(everything=trust))
-    said: dict[str, Any] = {"faults": [*found.faults], "notes": list(found.notes), "facts": list(found.facts)}
-    if found.ok and found.loads:
+    urdf_report = check(file, Trust(everything=trust))
+    result: dict[str, Any] = {
+        "faults": [*urdf_report.faults],
+        "notes": list(urdf_report.notes),
+        "facts": list(urdf_report.facts),
+    }
+    if urdf_report.ok and urdf_report.loads:
         road = road_check(load_rover(file, Trust(everything=trust)))
-        said["faults"] += road.faults
-        said |= {"stands": road.stands, "moves": road.moves, "assumed": list(road.assumed)}
-    if not said["faults"] and file.suffix == ".toml":
-        said["next"] = f"rover-pin drive flat --set rover={name}"
-    report({"file": str(file), **said}, as_json)
-    if said["faults"]:
+        result["faults"] += road.faults
+        result |= {"stands": road.stands, "moves": road.moves, "assumed": list(road.assumed)}
+    if not result["faults"] and file.suffix == ".toml":
+        result["next"] = f"rover-pin drive flat --set rover={name}"
+    report({"file": str(file), **result}, as_json)
+    if result["faults"]:
         raise typer.Exit(1)
 
 
@@ -158,9 +166,9 @@ def sweep(
     from rover_pin.sweep import read_study
     from rover_pin.sweep import sweep as run
 
-    asked = read_study(study, Trust.of(effects, trust))
+    loaded_study = read_study(study, Trust.of(effects, trust))
     with stoppable():
-        result = run(asked, out, workers=workers or None, scheduler=scheduler or None)
+        result = run(loaded_study, out, workers=workers or None, scheduler=scheduler or None)
     report(result.summary(), as_json)
 
 
@@ -184,22 +192,22 @@ def bounds(
     from rover_pin.control.bound_pull import TractionLimit
     from rover_pin.control.rover_bounds import bounds_report, bounds_table, rover_torque_bounds
     from rover_pin.effects.soil_traction import SoilTraction
-    from rover_pin.motion.record import about
-    from rover_pin.quantity import written
+    from rover_pin.motion.record import model_attrs
+    from rover_pin.quantity import parse_quantity
     from rover_pin.scenarios import scenario
 
-    given = {"rover": rover, "soil": soil, "form": form, "gravity": gravity, "model": model and str(model)}
-    settings = {name: value for name, value in given.items() if value}
-    made = scenario("flat", **settings, trust=Trust.of(effects, trust)).model
-    own, ground, g, motor = made.rover, made.soils[0], made.gravity, made.motor
-    traction, R = made.effect(SoilTraction), about(made)["motion_resistance_R"]
-    limit = TractionLimit(written(slip, "", "--slip"), traction.form, traction.angles)
-    slope = written(slope_deg, "rad", "--slope-deg", "deg")
-    result = bounds_report(own, ground, slope, g, limit, motor, R)
+    options = {"rover": rover, "soil": soil, "form": form, "gravity": gravity, "model": model and str(model)}
+    settings = {name: value for name, value in options.items() if value}
+    loaded_model = scenario("flat", **settings, trust=Trust.of(effects, trust)).model
+    loaded_rover, ground, g, motor = loaded_model.rover, loaded_model.soils[0], loaded_model.gravity, loaded_model.motor
+    traction, R = loaded_model.effect(SoilTraction), model_attrs(loaded_model)["motion_resistance_R"]
+    limit = TractionLimit(parse_quantity(slip, "", "--slip"), traction.form, traction.angles)
+    slope = parse_quantity(slope_deg, "rad", "--slope-deg", "deg")
+    result = bounds_report(loaded_rover, ground, slope, g, limit, motor, R)
     if as_json:
         report(result, as_json)
         return
-    print(bounds_table(rover_torque_bounds(own, ground, slope, gravity=g, limit=limit), motor))
+    print(bounds_table(rover_torque_bounds(loaded_rover, ground, slope, gravity=g, limit=limit), motor))
     report({name: value for name, value in result.items() if name != "wheels"}, as_json)
 
 
@@ -224,24 +232,24 @@ def identify(
     uncertain where it decides and nothing measured it.
     """
     from rover_pin.identification.one_sand import sand_of
-    from rover_pin.loop.behind_points import behind_points
+    from rover_pin.loop.behind_points import derivation_inputs
     from rover_pin.loop.data_check import checked_evidence
     from rover_pin.loop.identified import identified
     from rover_pin.parameters import soil_named
     from rover_pin.settings import Settings
 
-    said = {name.removeprefix("soil."): value for name, value in assignments(set_).items()}
-    given = Settings({f"soil.{name}": value for name, value in said.items()})
+    soil_values = {name.removeprefix("soil."): value for name, value in assignments(set_).items()}
+    request = Settings({f"soil.{name}": value for name, value in soil_values.items()})
     start = soil_named(soil or "table-1")
-    changes = given.record("soil", start)
-    given.finish()
+    changes = request.record("soil", start)
+    request.finish()
     evidence, findings, drive = checked_evidence(data[0] if len(data) == 1 else tuple(data), Trust(everything=trust))
     start = (start if soil else sand_of(evidence).declared_soil(start)).replace(**changes)
     names = tuple(name.strip() for name in free.split(",") if name.strip())
     for finding in findings:
         log.warning("%s", finding)
-    found = identified(evidence, start, names, priors(prior), frozenset(said), behind_points(drive))
-    print(json_text(found.as_dict()) if as_json else found.report())
+    result = identified(evidence, start, names, priors(prior), frozenset(soil_values), derivation_inputs(drive))
+    print(json_text(result.as_dict()) if as_json else result.report())
 
 
 @app.command()
@@ -269,12 +277,12 @@ def tune(
             log.info("%s: %d done", name, total)
 
     allowed = Trust.of(effects, trust)
-    asked = read_tuning(study, allowed)
-    asked = (asked if model is None else asked.on_model(model)).trusting(allowed)
-    for line in cautions((*asked.training, *asked.held_out)):
+    tuning_study = read_tuning(study, allowed)
+    tuning_study = (tuning_study if model is None else tuning_study.on_model(model)).trusting(allowed)
+    for line in cautions((*tuning_study.training, *tuning_study.held_out)):
         log.warning("%s", line)
     with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png")):
-        result = tune_gains(asked, out, stage, workers or None, scheduler or None)
+        result = tune_gains(tuning_study, out, stage, workers or None, scheduler or None)
     report(result.summary(), as_json)
 
 

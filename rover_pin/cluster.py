@@ -70,7 +70,7 @@ def results(
 
 
 def on_processes(
-    function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int, **how: Any
+    function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int, **options: Any
 ) -> Iterator[Any]:
     """Yield None when so many processes are at work, then `function(*job)` of each job; `how` is joblib's.
 
@@ -86,12 +86,12 @@ def on_processes(
 
     count = min(effective_n_jobs(workers), max(len(jobs), effective_n_jobs(-1)))  # more would have nothing to do
     with parallel_config(backend="loky", inner_max_num_threads=1):
-        parallel = Parallel(n_jobs=count, **how)
+        parallel = Parallel(n_jobs=count, **options)
     try:
         with safe_path():
-            made = parallel(delayed(working_for)(os.getpid(), count, function, *job) for job in jobs)
+            results = parallel(delayed(working_for)(os.getpid(), count, function, *job) for job in jobs)
             yield None
-            yield from made
+            yield from results
     except BrokenProcessPool as error:
         raise SimulationError("A worker process died (killed, out of memory, or a crash in native code).") from error
     except MemoryError as error:

@@ -117,6 +117,6 @@ class Load(NamedTuple):
     moment_z: Scalar = 0.0
     "about the patch's normal through the wheel's centre, positive to the left; rigs read it, drives leave it out [N m]"
 
-    def plus(self, other: Load) -> Load:
+    def plus(self, addend: Load) -> Load:
         """Return the sum of the two loads."""
-        return Load(*(mine + theirs for mine, theirs in zip(self, other, strict=True)))
+        return Load(*(mine + theirs for mine, theirs in zip(self, addend, strict=True)))

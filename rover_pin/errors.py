@@ -68,7 +68,7 @@ class OptimisationError(RoverPinError):
 def one_line(text: str) -> str:
     """Return text as one line: breaks as spaces, what cannot be printed escaped, the middle of a long one left out."""
     line = " ".join(text.splitlines()).strip()
-    line = "".join(each if each.isprintable() else ascii(each)[1:-1] for each in line)
+    line = "".join(character if character.isprintable() else ascii(character)[1:-1] for character in line)
     return line if len(line) <= LONGEST else f"{line[: LONGEST - TAIL - 5]} ... {line[-TAIL:]}"
 
 
@@ -76,25 +76,25 @@ MOST_NAMES = 20
 """How many names an error lists; of more, the nearest."""
 
 
-def closest(name: Any, known: Iterable[Any]) -> str:
+def closest(name: Any, names: Iterable[Any]) -> str:
     """Return the tail of an unknown-name message: `did you mean 'x'? Known: ...`, or `known are ...` of none alike."""
-    name, known = str(name), sorted(map(str, known))
-    if not known:
+    name, names = str(name), sorted(map(str, names))
+    if not names:
         return "there is none."
     import difflib
 
-    near = difflib.get_close_matches(name, known, n=8, cutoff=0.5)
-    alike = bool(near) and difflib.SequenceMatcher(None, name, near[0]).ratio() > 0.6
-    if len(known) <= MOST_NAMES:
-        listed = f"{', '.join(known)}."
-        return f"did you mean '{near[0]}'? Known: {listed}" if alike else f"known are {listed}"
-    if alike:
-        return f"did you mean '{near[0]}'? Known and alike: {', '.join(near)}; {len(known)} in all."
-    nearer = [*near, *(each for each in known if each not in near)][:8]  # one that is hardly alike says nothing alone
-    return f"known are {', '.join(nearer)}; {len(known)} in all."
+    hits = difflib.get_close_matches(name, names, n=8, cutoff=0.5)
+    is_close = bool(hits) and difflib.SequenceMatcher(None, name, hits[0]).ratio() > 0.6
+    if len(names) <= MOST_NAMES:
+        listed = f"{', '.join(names)}."
+        return f"did you mean '{hits[0]}'? Known: {listed}" if is_close else f"known are {listed}"
+    if is_close:
+        return f"did you mean '{hits[0]}'? Known and alike: {', '.join(hits)}; {len(names)} in all."
+    nearer = [*hits, *(word for word in names if word not in hits)][:8]  # one that is hardly alike says nothing alone
+    return f"known are {', '.join(nearer)}; {len(names)} in all."
 
 
-def one_of(name: str, word: Any, known: Collection[str]) -> str:
+def one_of(name: str, word: Any, choices: Collection[str]) -> str:
     """Return a setting's word, which must be one of the known.
 
     Raises
@@ -102,6 +102,6 @@ def one_of(name: str, word: Any, known: Collection[str]) -> str:
     ParameterError
         It is not, with the close ones.
     """
-    if not isinstance(word, str) or word not in known:
-        raise ParameterError(f"{name} = {word!r} is not known: {closest(word, known)}")
+    if not isinstance(word, str) or word not in choices:
+        raise ParameterError(f"{name} = {word!r} is not known: {closest(word, choices)}")
     return word

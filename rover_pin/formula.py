@@ -46,8 +46,8 @@ def _square(x: Array, y: Array, z: Array, w: Array) -> Array:
 def unwrapped(angle: Array) -> Array:
     """Return an angle [rad] without jumps of whole turns, gaps left as they are."""
     angle = np.array(angle, dtype=float)
-    known = np.isfinite(angle)
-    angle[known] = np.unwrap(angle[known])
+    finite = np.isfinite(angle)
+    angle[finite] = np.unwrap(angle[finite])
     return angle
 
 
@@ -75,10 +75,10 @@ def course(x: Array, y: Array, t: Array) -> Array:
 
 def heading(x: Array, y: Array, t: Array, v: Array) -> Array:
     """Return the course [rad] of a rover that drives ahead where v > 0 and backwards where v < 0."""
-    known = np.isfinite(x + y)
-    if known.sum() < 2:
+    finite = np.isfinite(x + y)
+    if finite.sum() < 2:
         return np.full(len(t), np.nan)
-    dx, dy = (np.where(v < 0, -1.0, 1.0) * change(each, t, known) for each in (x, y))
+    dx, dy = (np.where(v < 0, -1.0, 1.0) * change(coordinate, t, finite) for coordinate in (x, y))
     way = np.hypot(dx, dy)
     use = way > 0.3 * np.median(way[way > 0]) if np.any(way > 0) else way > 0
     if not use.any():
@@ -86,10 +86,10 @@ def heading(x: Array, y: Array, t: Array, v: Array) -> Array:
     return np.asarray(np.interp(t, t[use], np.unwrap(np.arctan2(dy, dx)[use])))
 
 
-def change(value: Array, t: Array, known: Array) -> Array:
+def change(value: Array, t: Array, finite: Array) -> Array:
     """Return by how much a value changes over the second around each row, straight between its `known` rows."""
-    ahead, behind = (np.interp(at, t[known], value[known]) for at in (t + 0.5, t - 0.5))
-    return np.asarray(ahead - behind)
+    ahead, before = (np.interp(at, t[finite], value[finite]) for at in (t + 0.5, t - 0.5))
+    return np.asarray(ahead - before)
 
 
 def rate(value: Array, t: Array) -> Array:
@@ -98,8 +98,8 @@ def rate(value: Array, t: Array) -> Array:
 
 
 def _first(values: Array) -> float:
-    known = np.asarray(values)[np.isfinite(values)]
-    return float(known[0]) if known.size else float("nan")
+    finite = np.asarray(values)[np.isfinite(values)]
+    return float(finite[0]) if finite.size else float("nan")
 
 
 FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
@@ -130,8 +130,8 @@ def evaluate(text: str, columns: Mapping[str, Array], where: str) -> Array:
     tree, length = _parsed(text, where), len(next(iter(columns.values())))
     with np.errstate(all="ignore"):
         try:
-            found = np.asarray(_value(tree, columns, where), dtype=float)
-            return np.array(np.broadcast_to(found, (length,)))
+            result = np.asarray(_value(tree, columns, where), dtype=float)
+            return np.array(np.broadcast_to(result, (length,)))
         except (OverflowError, RecursionError, ZeroDivisionError) as error:
             raise DataError(f"{where}: {text!r} has no value ({error}); look at its numbers.") from None
 
@@ -182,7 +182,9 @@ def _value(node: ast.expr, columns: Mapping[str, Array], where: str) -> Any:
     if isinstance(node, ast.Name):
         return CONSTANTS[node.id] if node.id in CONSTANTS else _column(node.id, columns, where)
     if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
-        return OPERATORS[type(node.op)](*(np.asarray(_value(each, columns, where)) for each in (node.left, node.right)))
+        return OPERATORS[type(node.op)](
+            *(np.asarray(_value(operand, columns, where)) for operand in (node.left, node.right))
+        )
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.UAdd, ast.USub)):
         value = _value(node.operand, columns, where)
         return -value if isinstance(node.op, ast.USub) else value
@@ -209,5 +211,5 @@ def _called(node: ast.Call, name: str, columns: Mapping[str, Array], where: str)
     if len(node.args) != count or node.keywords:
         raise DataError(f"{where}: {name} takes {count} number{'s' * (count > 1)}, as in {name}({'abcd'[:count]}).")
     length = len(next(iter(columns.values())))
-    arguments = [np.asarray(_value(each, columns, where), dtype=float) for each in node.args]
-    return function(*(np.broadcast_to(each, (length,)) for each in arguments))
+    arguments = [np.asarray(_value(argument, columns, where), dtype=float) for argument in node.args]
+    return function(*(np.broadcast_to(argument, (length,)) for argument in arguments))

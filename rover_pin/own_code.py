@@ -13,16 +13,16 @@ from rover_pin.version import __version__
 
 def key_of_code(others: Iterable[Path] = ()) -> str:
     """Return a key of this program, its version and its very code, and of the code in other files."""
-    found = hashlib.sha256(_own().encode())
+    digest = hashlib.sha256(_own().encode())
     for file in sorted(others):
-        found.update(hashlib.sha256(file.read_bytes()).digest())
-    return found.hexdigest()[:32]
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()[:32]
 
 
 @lru_cache(maxsize=1)
 def _own() -> str:
     package = Path(str(files("rover_pin")))
-    found = hashlib.sha256(__version__.encode())
+    digest = hashlib.sha256(__version__.encode())
     for file in sorted(file for kind in ("*.py", "*.c") for file in package.rglob(kind)):
-        found.update(hashlib.sha256(file.read_bytes()).digest())
-    return found.hexdigest()
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()

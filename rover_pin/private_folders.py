@@ -26,14 +26,14 @@ def private_folders() -> list[Path]:
     CacheError
         There is none.
     """
-    own = os.environ.get(VARIABLE)
-    folders, troubles = [Path(own)] if own else _usual(), {}
+    configured = os.environ.get(VARIABLE)
+    folders, troubles = [Path(configured)] if configured else _usual(), {}
     for folder in folders:
         troubles[folder] = _trouble(folder)
     safe = [folder for folder in folders if not troubles[folder]]
     if not safe:
-        told = "; ".join(f"{folder}: {trouble}" for folder, trouble in troubles.items()) or "there is no home"
-        raise CacheError(f"Compiled code cannot be kept ({told}): {HINT}.")
+        reasons = "; ".join(f"{folder}: {trouble}" for folder, trouble in troubles.items()) or "there is no home"
+        raise CacheError(f"Compiled code cannot be kept ({reasons}): {HINT}.")
     return safe
 
 
@@ -50,9 +50,9 @@ def _trouble(folder: Path) -> str:
     """Return why a folder may not hold code, or nothing; make it where it is missing."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        about = folder.stat()
+        status = folder.stat()
     except OSError as error:
         return error.strerror or str(error)
-    if about.st_uid not in (os.geteuid(), 0):
-        return f"it belongs to another user ({about.st_uid})"
-    return "other users can write to it" if about.st_mode & OTHERS_WRITE else ""
+    if status.st_uid not in (os.geteuid(), 0):
+        return f"it belongs to another user ({status.st_uid})"
+    return "other users can write to it" if status.st_mode & OTHERS_WRITE else ""

@@ -52,27 +52,27 @@ def _guarded(function: Any, hinted: Any) -> Any:
 
     @functools.cache
     def hints() -> dict[str, Any]:
-        found = get_type_hints(hinted, include_extras=True)
-        return {name: found[name] for name in single if name in found}
+        all_hints = get_type_hints(hinted, include_extras=True)
+        return {name: all_hints[name] for name in single if name in all_hints}
 
     @functools.wraps(function)
     def wrapper(*args: Any, **kwargs: Any) -> Any:
         try:
-            given = signature.bind(*args, **kwargs).arguments
+            bound = signature.bind(*args, **kwargs).arguments
         except TypeError as error:
             refuse_unknown(f"{owner} {'has no field' if isinstance(hinted, type) else 'takes no'}", kwargs, names)
             raise ParameterError(f"{owner}: {error}; it takes {', '.join(names)}.") from None
         for name, hint in hints().items():
-            if name in given and not fits(given[name], hint):
-                raise ParameterError(f"{owner}: {name} = {SHORT.repr(given[name])} is not allowed: give {words(hint)}.")
+            if name in bound and not fits(bound[name], hint):
+                raise ParameterError(f"{owner}: {name} = {SHORT.repr(bound[name])} is not allowed: give {words(hint)}.")
         return function(*args, **kwargs)
 
     return wrapper
 
 
-def refuse_unknown(owner: str, given: Iterable[str], names: Collection[str]) -> None:
+def refuse_unknown(owner: str, keywords: Iterable[str], names: Collection[str]) -> None:
     """Refuse a name that is none of these, with the close ones; `owner` as in "Soil has no field"."""
-    for name in given:
+    for name in keywords:
         if name not in names:
             raise ParameterError(f"{owner} '{name}': {closest(name, names)}")
 
@@ -81,15 +81,15 @@ def fits(value: Any, hint: Any) -> bool:
     """Return whether a value is of the kind that an annotation says; what cannot be told is taken as it is."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return all(each.holds(value) for each in inner[1:] if isinstance(each, Kind)) and fits(value, inner[0])
+        return all(marker.holds(value) for marker in inner[1:] if isinstance(marker, Kind)) and fits(value, inner[0])
     if origin in (Union, UnionType):
-        return any(fits(value, each) for each in inner)
+        return any(fits(value, option) for option in inner)
     if hint in (float, int):
         return isinstance(value, Real if hint is float else Integral) and not isinstance(value, bool)
     if origin is tuple or origin is dict:
         parts = tuple(value.values()) if isinstance(value, dict) else value
         part = inner[-1] if origin is dict else inner[0] if inner[1:] == (...,) else Any
-        return isinstance(value, origin) and all(fits(each, part) for each in parts)
+        return isinstance(value, origin) and all(fits(element, part) for element in parts)
     if getattr(origin, "__name__", "") == "Callable":
         return callable(value) and not isinstance(value, type) and _takes(value, inner[0])
     if getattr(hint, "_is_protocol", False):
@@ -98,7 +98,7 @@ def fits(value: Any, hint: Any) -> bool:
     if not isinstance(kind, type) or kind is Any:
         return True
     hints = get_type_hints(kind, include_extras=True) if issubclass(kind, tuple) and hasattr(kind, "_fields") else {}
-    return isinstance(value, kind) and all(fits(getattr(value, name), each) for name, each in hints.items())
+    return isinstance(value, kind) and all(fits(getattr(value, name), field_hint) for name, field_hint in hints.items())
 
 
 def _takes(function: Any, parameters: Any) -> bool:
@@ -121,14 +121,14 @@ def words(hint: Any) -> str:
     """Return what an annotation says, in words."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return next((each.words for each in inner[1:] if isinstance(each, Kind)), words(inner[0]))
+        return next((marker.words for marker in inner[1:] if isinstance(marker, Kind)), words(inner[0]))
     if origin in (Union, UnionType):
         *most, last = dict.fromkeys(map(words, inner))
         return f"{', '.join(most)} or {last}" if most else last
     if origin is tuple:
         return f"a tuple, each {words(inner[0])}"
     if getattr(origin, "__name__", "") == "Callable":
-        return f"a function that takes {', '.join(words(each) for each in inner[0]) or 'nothing'}"
+        return f"a function that takes {', '.join(words(argument) for argument in inner[0]) or 'nothing'}"
     return NAMES.get(hint) or f"a {getattr(origin or hint, '__name__', hint)}"
 
 
@@ -146,15 +146,15 @@ LONGEST, PART = 240, 48
 
 
 def _brief(self: Any) -> str:
-    names = [each.name for each in fields(self) if each.repr] if is_dataclass(self) else self._fields
-    said = ""
+    names = [field.name for field in fields(self) if field.repr] if is_dataclass(self) else self._fields
+    text = ""
     for name in names:
-        more = f"{', ' if said else ''}{name}={_part(getattr(self, name))}"
-        if len(said) + len(more) > LONGEST:
-            said += ", ..."
+        more = f"{', ' if text else ''}{name}={_part(getattr(self, name))}"
+        if len(text) + len(more) > LONGEST:
+            text += ", ..."
             break
-        said += more
-    return f"{type(self).__name__}({said})"
+        text += more
+    return f"{type(self).__name__}({text})"
 
 
 def _part(value: Any) -> str:
@@ -165,8 +165,8 @@ def _part(value: Any) -> str:
     if hasattr(value, "shape"):
         return f"array{value.shape}"
     if isinstance(value, Collection) and value:
-        few = f"({', '.join(map(_part, value))})" if len(value) < 4 and not isinstance(value, Mapping) else ""
-        return few if 0 < len(few) <= PART else f"<{len(value)} in a {type(value).__name__}>"
+        listing = f"({', '.join(map(_part, value))})" if len(value) < 4 and not isinstance(value, Mapping) else ""
+        return listing if 0 < len(listing) <= PART else f"<{len(value)} in a {type(value).__name__}>"
     if value is None or isinstance(value, (bool, int, Collection)):
         return SHORT.repr(value)
     if is_dataclass(value) and len(fields(value)) < 3:

@@ -25,7 +25,7 @@ class Quantity(NamedTuple):
     low: float
     high: float
     symbol: str
-    doubt: float = 0.0
+    log_sd: float = 0.0
     "SD of its logarithm where even its order is assumed; 0 where more is known"
 
 
@@ -36,10 +36,10 @@ def quantity(
     low: float = -math.inf,
     high: float = math.inf,
     symbol: str = "",
-    doubt: float = 0.0,
+    log_sd: float = 0.0,
 ) -> Any:
     """A dataclass field that holds a number [unit], allowed in [low, high], with where it comes from and its doubt."""
-    return dataclasses.field(default=value, metadata={"quantity": Quantity(unit, source, low, high, symbol, doubt)})
+    return dataclasses.field(default=value, metadata={"quantity": Quantity(unit, source, low, high, symbol, log_sd)})
 
 
 def is_symbolic(value: object) -> bool:
@@ -64,12 +64,12 @@ class Record:
 
     def __new__(cls, *values: Any, **fields: Any) -> Self:
         """Return the record, its fields' names looked at first."""
-        refuse_unknown(f"{cls.__name__} has no field", fields, [each.name for each in dataclasses.fields(cls)])
+        refuse_unknown(f"{cls.__name__} has no field", fields, [field.name for field in dataclasses.fields(cls)])
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
-        for name, about in quantities(self).items():
-            check(type(self).__name__, name, getattr(self, name), about)
+        for name, spec in quantities(self).items():
+            check(type(self).__name__, name, getattr(self, name), spec)
 
     def replace(self, **changes: Any) -> Self:
         """Return the record with these fields changed; an unknown name is an error that lists the close ones."""
@@ -88,24 +88,26 @@ def quantities(record: Record | type[Record]) -> dict[str, Quantity]:
 
 @lru_cache(maxsize=1024)
 def _declared(kind: Any) -> dict[str, Quantity]:
-    return {each.name: each.metadata["quantity"] for each in dataclasses.fields(kind) if "quantity" in each.metadata}
+    return {
+        field.name: field.metadata["quantity"] for field in dataclasses.fields(kind) if "quantity" in field.metadata
+    }
 
 
-def check(owner: str, name: str, value: Any, about: Quantity) -> None:
+def check(owner: str, name: str, value: Any, spec: Quantity) -> None:
     """Refuse a number that is not finite or is out of bounds; let expressions pass."""
     if is_symbolic(value):
         return
     name = f"{owner}.{name}" if owner else name
     if not is_number(value):
-        raise ParameterError(f"{name} = {value!r} is not a number; give one in {about.unit or 'no unit'}.")
+        raise ParameterError(f"{name} = {value!r} is not a number; give one in {spec.unit or 'no unit'}.")
     number = as_float(value)
-    if not (math.isfinite(number) and about.low <= number <= about.high):
-        unit = f" {about.unit}" if about.unit else ""
-        other = meant(number, about)
-        hint = f"Did you mean {number:g} {other}? " if other else ""
+    if not (math.isfinite(number) and spec.low <= number <= spec.high):
+        unit = f" {spec.unit}" if spec.unit else ""
+        likely_unit = meant(number, spec)
+        hint = f"Did you mean {number:g} {likely_unit}? " if likely_unit else ""
         raise ParameterError(
             f"{name} = {number:g}{unit} is not allowed: it must lie in "
-            f"[{about.low:g}, {about.high:g}]{unit}. {hint}Its default comes from: {about.source}."
+            f"[{spec.low:g}, {spec.high:g}]{unit}. {hint}Its default comes from: {spec.source}."
         )
 
 
@@ -113,12 +115,12 @@ MEANT = {"rad": "deg", "rad/m": "deg/m", "m": "mm"}
 """The unit that a number out of bounds may have been in."""
 
 
-def meant(number: float, about: Quantity) -> str:
+def meant(number: float, spec: Quantity) -> str:
     """Return the unit in which a number that is out of bounds would be allowed, or nothing."""
-    unit = MEANT.get(about.unit, about.unit)
+    unit = MEANT.get(spec.unit, spec.unit)
     value = number * UNITS[unit][1] if unit in UNITS else math.nan
-    within = about.low <= number <= about.high
-    return unit if unit != about.unit and not within and about.low <= value <= about.high else ""
+    within = spec.low <= number <= spec.high
+    return unit if unit != spec.unit and not within and spec.low <= value <= spec.high else ""
 
 
 def as_float(value: Any) -> float:
@@ -151,7 +153,7 @@ def to_si(value: Any, unit: Any, expected: str, where: str) -> float:
 WRITTEN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*([^\d\s.,].*)|\s+(\S.*))?")
 
 
-def written(value: Any, expected: str, where: str, bare: str | None = None) -> float:
+def parse_quantity(value: Any, expected: str, where: str, bare: str | None = None) -> float:
     """Return the SI number of a value as one writes it: `0.005`, or `"5mm"`, `"30 deg"`, `"1.2 kPa"` with its unit.
 
     A number that names no unit is in `bare`, or in `expected` where that is None.
@@ -161,18 +163,18 @@ def written(value: Any, expected: str, where: str, bare: str | None = None) -> f
     ParameterError
         What is not a number, or has a unit of another kind, with `where` it stands.
     """
-    usual = expected if bare is None else bare
+    default_unit = expected if bare is None else bare
     if not isinstance(value, str):
-        return to_si(value, usual, expected, where)
-    found = WRITTEN.fullmatch(value.strip().replace("\N{MINUS SIGN}", "-"))
-    if found is None:
+        return to_si(value, default_unit, expected, where)
+    match = WRITTEN.fullmatch(value.strip().replace("\N{MINUS SIGN}", "-"))
+    if match is None:
         try:
             return float(value)  # as nan and inf are written, which bounds refuse
         except ValueError:
-            unit = f" [{usual}]" if usual else ""
+            unit = f" [{default_unit}]" if default_unit else ""
             point = "; write decimals with a point" if "," in value else ""
             raise ParameterError(f"{where} = {value!r} is not a number{unit}{point}.") from None
-    return to_si(float(found[1]), (found[2] or found[3] or usual).strip(), expected, where)
+    return to_si(float(match[1]), (match[2] or match[3] or default_unit).strip(), expected, where)
 
 
 ENTRY = ("value", "unit", "sd", "low", "high", "source", "note")
@@ -211,8 +213,8 @@ def declared_sd(entry: Any, unit: str, where: str) -> float | None:
 
 def declared_sds(table: Mapping[str, Any], record: type[Record], where: str) -> dict[str, float]:
     """Return name -> SD (SI) of a record's quantities that a table states with one; errors as of `declared_sd`."""
-    known = {name: about.unit for name, about in quantities(record).items() if name in table}
-    sds = {name: declared_sd(table[name], unit, f"{where}: the sd of '{name}'") for name, unit in known.items()}
+    units = {name: spec.unit for name, spec in quantities(record).items() if name in table}
+    sds = {name: declared_sd(table[name], unit, f"{where}: the sd of '{name}'") for name, unit in units.items()}
     return {name: sd for name, sd in sds.items() if sd is not None}
 
 
@@ -226,18 +228,18 @@ def record_from(record: type[Record], table: Mapping[str, Any], where: str) -> A
     """
     if not isinstance(table, Mapping):
         raise ParameterError(f"{where}: {table!r} is not a table; write one line a quantity, as name = 1.0.")
-    about = quantities(record)
+    specs = quantities(record)
     fields = {}
     for name, entry in table.items():
-        if name not in about:
-            raise ParameterError(f"{where}: {record.__name__} has no field '{name}': {closest(name, about)}")
+        if name not in specs:
+            raise ParameterError(f"{where}: {record.__name__} has no field '{name}': {closest(name, specs)}")
         if isinstance(entry, Mapping):
             refuse_strange(entry, f"{where}: '{name}'")
             if "value" not in entry:
                 raise ParameterError(
                     f"{where}: '{name}' needs a 'value', as in {name} = {{ value = 1.0, unit = '...' }}."
                 )
-            unit = about[name].unit
+            unit = specs[name].unit
             entry = to_si(entry["value"], entry.get("unit", unit), unit, f"{where}: '{name}'")
         fields[name] = entry
     try:
@@ -254,7 +256,7 @@ def declared(record: Record) -> dict[str, Any]:
     ParameterError
         A field that holds an expression.
     """
-    return {name: _entry(record, name, about.unit) for name, about in quantities(record).items()}
+    return {name: _entry(record, name, spec.unit) for name, spec in quantities(record).items()}
 
 
 def _entry(record: Record, name: str, unit: str) -> dict[str, Any]:

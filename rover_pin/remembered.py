@@ -21,16 +21,16 @@ def digest_of(parts: Iterable[str]) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
-def remembered(kind: str, digest: str) -> bool:
+def is_cached(kind: str, digest: str) -> bool:
     """Return whether this was found sound by this user on this machine; False where nothing can be kept."""
     return digest in _digests(kind)
 
 
 def remember(kind: str, digest: str) -> None:
     """Keep that this was found sound; where no private folder takes it, it is checked again next time."""
-    kept = [*(known for known in _digests(kind) if known != digest), digest][-MOST:]
+    digests = [*(old_digest for old_digest in _digests(kind) if old_digest != digest), digest][-MOST:]
     with contextlib.suppress(CacheError, DataError):
-        replace_file(_file(kind), "\n".join(kept))
+        replace_file(_file(kind), "\n".join(digests))
 
 
 def _digests(kind: str) -> list[str]:

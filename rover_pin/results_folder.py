@@ -39,7 +39,7 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
     missing = not exists(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        held = _held(folder / LOCK)
+        lock_fd = _held(folder / LOCK)
     except BlockingIOError:
         raise DataError(
             f"{folder}: {_holder(folder / LOCK)} is at work in this folder: wait until it has ended, or name another "
@@ -52,25 +52,25 @@ def alone_in(folder: str | Path | None) -> Iterator[None]:
     finally:
         with suppress(OSError):
             (folder / LOCK).unlink()
-        os.close(held)
+        os.close(lock_fd)
         with suppress(OSError):
             if missing:
                 folder.rmdir()  # where nothing came to lie in it
 
 
-def replacing(folder: str | Path, names: Sequence[str], kept: Sequence[str] = ()) -> str:
+def replacing(folder: str | Path, names: Sequence[str], untouched: Sequence[str] = ()) -> str:
     """Return what of an earlier run a new one may replace in a folder, and what it leaves; nothing if it is empty."""
-    there, stay = ([name for name in each if exists(Path(folder) / name)] for each in (names, kept))
-    found = f"{folder}: an earlier run's results are there, which this one replaces as it writes its own: "
-    left = f" Not written anew, and still of an earlier run: {', '.join(stay)}." if stay else ""
-    return f"{found}{', '.join(there)}.{left}" if there else ""
+    there, stay = ([name for name in group if exists(Path(folder) / name)] for group in (names, untouched))
+    message = f"{folder}: an earlier run's results are there, which this one replaces as it writes its own: "
+    note = f" Not written anew, and still of an earlier run: {', '.join(stay)}." if stay else ""
+    return f"{message}{', '.join(there)}.{note}" if there else ""
 
 
-def say_what_is_replaced(folder: str | Path | None, names: Sequence[str], kept: Sequence[str] = ()) -> None:
+def say_what_is_replaced(folder: str | Path | None, names: Sequence[str], untouched: Sequence[str] = ()) -> None:
     """Log what of an earlier run a new one may replace; to be called when nothing is left that could refuse the run."""
-    told = "" if folder is None else replacing(folder, names, kept)
-    if told:
-        log.info("rover-pin: %s", told)
+    message = "" if folder is None else replacing(folder, names, untouched)
+    if message:
+        log.info("rover-pin: %s", message)
 
 
 def _held(file: Path) -> int:

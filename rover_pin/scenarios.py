@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rover_pin.arguments import about
+from rover_pin.arguments import spec
 from rover_pin.body import shapes
 from rover_pin.body.section import DEEPEST
 from rover_pin.body.terrain import Terrain
@@ -23,7 +23,7 @@ from rover_pin.errors import ParameterError, closest
 from rover_pin.motion.command import Controller
 from rover_pin.motion.cruise import CRUISE_SLIP
 from rover_pin.motion.defaults import pace, scale, usual_angles
-from rover_pin.motion.drive_log import About, write_drive_log
+from rover_pin.motion.drive_log import LogMetadata, write_drive_log
 from rover_pin.motion.effect_words import having, words_of
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import Model, cruising
@@ -35,7 +35,7 @@ from rover_pin.motion.trace import Trace
 from rover_pin.parameters.gravity import GRAVITIES, gravity_named
 from rover_pin.paths import is_file, named_from
 from rover_pin.public import brief, public
-from rover_pin.quantity import declared, quantities, written
+from rover_pin.quantity import declared, parse_quantity, quantities
 from rover_pin.scenes import SCENES, Scene
 from rover_pin.settings import Setting, Settings
 from rover_pin.soil.angles import ANGLES
@@ -48,9 +48,9 @@ from rover_pin.vehicle.side_force import on_its_side
 ALGEBRAIC_DT = 0.0025
 """Step [s] with Eq (1) itself, which is stiffer than the relaxed slip: within 0.1 mm over 20 s of the ditch."""
 
-STEP = about("s", "the step, refined where the ground asks for it", FINEST, COARSEST)
-DURATION = about("s", "of the scenario", FINEST)
-BURIAL = about("", "assumed: sunk by half a wheel radius, a drive is over", 0.0, DEEPEST)
+STEP = spec("s", "the step, refined where the ground asks for it", FINEST, COARSEST)
+DURATION = spec("s", "of the scenario", FINEST)
+BURIAL = spec("", "assumed: sunk by half a wheel radius, a drive is over", 0.0, DEEPEST)
 WHOLE = {"soil": Soil, "motor": Motor, "start": Start}
 """Settings that may be given whole, as what they set the fields of."""
 FRICTION = quantities(GearFriction)["tau_c"]._replace(source="adds GearFriction of this torque at the wheel")
@@ -85,14 +85,14 @@ class Scenario:
             progress=progress,
             settle_doubts=settle_doubts,
         )
-        about = {
+        attributes = {
             "scenario": self.name,
             "control": getattr(self.controller, "__name__", type(self.controller).__name__),
             "settings": dict(self.settings),
             "start": dataclasses.asdict(self.start),
             "assumed": list(self.assumed),
         }
-        return dataclasses.replace(trace, attrs={**trace.attrs, **about})
+        return dataclasses.replace(trace, attrs={**trace.attrs, **attributes})
 
     @public
     def write_log(self, trace: Trace, folder: str | Path) -> Path:
@@ -102,19 +102,19 @@ class Scenario:
         of its wheels are declared.
         """
         model = self.model
-        resistance = [declared(each) for each in model.effects if isinstance(each, MotionResistance)]
-        about = About.of(trace, self.name)
-        about = dataclasses.replace(
-            about,
-            rover=self._rover_from(Path(folder)) or about.rover,
-            angles=_told_angles(model),
+        resistance = [declared(effect) for effect in model.effects if isinstance(effect, MotionResistance)]
+        metadata = LogMetadata.of(trace, self.name)
+        metadata = dataclasses.replace(
+            metadata,
+            rover=self._rover_from(Path(folder)) or metadata.rover,
+            angles=_declared_angles(model),
             terrain=write_terrain(folder, model.terrain),
             soil=declared(model.soils[0]),
             wheel=declared(model.rover.wheels[0].wheel),
             motor=declared(model.motor),
             resistance=resistance[0] if resistance else {},
         )
-        return write_drive_log(folder, {"run": trace}, about)
+        return write_drive_log(folder, {"run": trace}, metadata)
 
     def _rover_from(self, folder: Path) -> str:
         """Return the way from a folder to the TOML of a rover of one's own; nothing for one of the package's."""
@@ -125,11 +125,19 @@ class Scenario:
         return named_from(folder, rover) if is_file(rover) else ""
 
 
-def _told_angles(model: Model) -> str:
+def _declared_angles(model: Model) -> str:
     """Return the word for the contact angles; nothing for those that are usual for the rover's wheels."""
-    tractions = [each for each in model.effects if isinstance(each, SoilTraction)]
-    usual = usual_angles(model.rover)
-    return next((word for each in tractions for word, one in ANGLES.items() if usual != each.angles == one), "")
+    tractions = [traction for traction in model.effects if isinstance(traction, SoilTraction)]
+    default_angles = usual_angles(model.rover)
+    return next(
+        (
+            word
+            for traction in tractions
+            for word, angles in ANGLES.items()
+            if default_angles != traction.angles == angles
+        ),
+        "",
+    )
 
 
 @public
@@ -175,8 +183,8 @@ def scenario(name: str, /, **settings: Any) -> Scenario:
     >>> str(trace.attrs["stop"]), round(float(trace.t[-1]), 1)
     ('duration', 2.0)
     """
-    made, _ = _made(name, settings)
-    return made
+    ready_scenario, _ = _made(name, settings)
+    return ready_scenario
 
 
 def settings_of(name: str, /, **settings: Any) -> tuple[Setting, ...]:
@@ -188,27 +196,29 @@ def _made(name: str, settings: Mapping[str, Any]) -> tuple[Scenario, Settings]:
     if name not in SCENES:
         raise ParameterError(f"There is no scenario '{name}': {closest(name, SCENES)}")
     scene = SCENES[name]
-    whole = [name for name, kind in WHOLE.items() if isinstance(settings.get(name), kind)]
-    settings = spelled(settings, whole)
-    asked = Settings({**scene.settings, **settings})
-    model, assumed, _ = _model(scene, asked)
-    assumed = tuple(line for line in assumed if line.partition(":")[0] not in whole)
-    controller = controller_from(asked, model)
-    start = Start(**asked.arguments("start", Start))
-    dt = asked.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, STEP)
-    duration = asked.number("duration", scene.duration * pace(model.rover, model.motor), DURATION)
-    asked.finish()
+    record_names = [name for name, kind in WHOLE.items() if isinstance(settings.get(name), kind)]
+    settings = spelled(settings, record_names)
+    request = Settings({**scene.settings, **settings})
+    model, assumed, _ = _model(scene, request)
+    assumed = tuple(line for line in assumed if line.partition(":")[0] not in record_names)
+    controller = controller_from(request, model)
+    start = Start(**request.arguments("start", Start))
+    dt = request.number("dt", Timing().dt if isinstance(model.slip, RelaxedSlip) else ALGEBRAIC_DT, STEP)
+    duration = request.number("duration", scene.duration * pace(model.rover, model.motor), DURATION)
+    request.finish()
     symmetric = scene.symmetric and model.terrain.mirror_symmetric and start == Start(x=start.x)
     symmetric = symmetric and "model" not in settings and mirrored(model)
-    told = {name: words_of(value) if name == "add" else value for name, value in settings.items()}
-    told = {name: value for name, value in told.items() if name != "trust" and value is not controller}
-    return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, told, assumed), asked
+    final_settings = {name: words_of(value) if name == "add" else value for name, value in settings.items()}
+    final_settings = {
+        name: value for name, value in final_settings.items() if name != "trust" and value is not controller
+    }
+    return Scenario(name, model, controller, duration, start, Timing(dt), symmetric, final_settings, assumed), request
 
 
-def spelled(settings: Mapping[str, Any], whole: Sequence[str]) -> dict[str, Any]:
+def spelled(settings: Mapping[str, Any], record_names: Sequence[str]) -> dict[str, Any]:
     """Return settings in which `whole` ones go by their fields, as soil=Soil(k=0.01) by soil.k=0.01 and the others."""
-    fields = {f"{name}.{field}": value for name in whole for field, value in vars(settings[name]).items()}
-    return {**fields, **{name: value for name, value in settings.items() if name not in whole}}
+    fields = {f"{name}.{field}": value for name in record_names for field, value in vars(settings[name]).items()}
+    return {**fields, **{name: value for name, value in settings.items() if name not in record_names}}
 
 
 def mirrored(model: Model) -> bool:
@@ -217,68 +227,70 @@ def mirrored(model: Model) -> bool:
     return not model.body_effects and not one_sided and model.rover.symmetric
 
 
-def _terrain(scene: Scene, asked: Settings, size: float) -> Terrain:
-    usual = scaled(scene.terrain, scene.terrain_settings, size)
-    given = asked.arguments("terrain", scene.terrain, usual)
-    if "path" in usual and "path" not in given and not is_file(Path(usual["path"])):
+def _terrain(scene: Scene, request: Settings, size: float) -> Terrain:
+    preset = scaled(scene.terrain, scene.terrain_settings, size)
+    overrides = request.arguments("terrain", scene.terrain, preset)
+    if "path" in preset and "path" not in overrides and not is_file(Path(preset["path"])):
         raise ParameterError(
-            f"terrain.path names no file yet, and there is no {usual['path']} here: set terrain.path=FILE to that of "
+            f"terrain.path names no file yet, and there is no {preset['path']} here: set terrain.path=FILE to that of "
             "your own ground."
         )
-    terrain = scene.terrain(**{**usual, **given})
-    patch = asked.arguments("patch", shapes.with_ground, {"x_from": -math.inf, "x_to": math.inf}, ("x_from", "x_to"))
+    terrain = scene.terrain(**{**preset, **overrides})
+    patch = request.arguments("patch", shapes.with_ground, {"x_from": -math.inf, "x_to": math.inf}, ("x_from", "x_to"))
     if patch:
         terrain = shapes.with_ground(terrain, **{"x_from": -math.inf, "x_to": math.inf, **patch}, index=1)
     return terrain
 
 
-def _model(scene: Scene, asked: Settings) -> Made:
-    of_file = asked.values.get("model") is not None
-    model, assumed, resists = composed(asked, _trust(asked))
+def _model(scene: Scene, request: Settings) -> Made:
+    of_file = request.values.get("model") is not None
+    model, assumed, resists = composed(request, _trust(request))
     size = scale(model.rover)
-    terrain = _terrain(scene, asked, size)
+    terrain = _terrain(scene, request, size)
     if size != 1.0 and terrain != shapes.flat():
         assumed = (*assumed, f"terrain: lengths that are not set are those for Nexus 6's wheels times {size:.3g}")
     k = scene.settings.get("soil.k")
-    if size != 1.0 and k is not None and asked.values.get("soil.k") == k:
-        asked.values["soil.k"] = size * k
+    if size != 1.0 and k is not None and request.values.get("soil.k") == k:
+        request.values["soil.k"] = size * k
         assumed = (*assumed, f"soil: k = {size * k:.3g} m, which this scene has as {k:g} m for Nexus 6's wheels")
-    model, side = on_its_side(model.replace(terrain=terrain), asked, scene.askew, of_file)
+    model, side = on_its_side(model.replace(terrain=terrain), request, scene.askew, of_file)
     assumed = (*assumed, *side)
-    ground = model.soils[0].replace(**asked.record("soil", model.soils[0]))
-    motor = model.motor.replace(**asked.record("motor", model.motor))
-    gravity = gravity_named(asked.take("gravity", model.gravity, GRAVITIES, "or a number in m/s^2"))
-    buried = asked.number("buried", model.buried, BURIAL)
+    ground = model.soils[0].replace(**request.record("soil", model.soils[0]))
+    motor = model.motor.replace(**request.record("motor", model.motor))
+    gravity = gravity_named(request.take("gravity", model.gravity, GRAVITIES, "or a number in m/s^2"))
+    buried = request.number("buried", model.buried, BURIAL)
     model = model.replace(soils=(ground, *model.soils[1:]), motor=motor, gravity=gravity, buried=buried)
-    friction = asked.number("gear_friction", 0.0, FRICTION)
+    friction = request.number("gear_friction", 0.0, FRICTION)
     if friction:
         model = model.having(GearFriction(tau_c=friction))
-    model = _cruising(model, asked, resists)
+    model = _cruising(model, request, resists)
     model = having(
-        model, asked.take("add", (), source="effects to add, as DiggingMemory.c_d=0.1: rover-pin list effects")
+        model, request.take("add", (), source="effects to add, as DiggingMemory.c_d=0.1: rover-pin list effects")
     )
     for effect in model.all_effects:
-        changes = asked.record(f"effect.{type(effect).__name__}", effect)
+        changes = request.record(f"effect.{type(effect).__name__}", effect)
         model = model.having(effect.replace(**changes)) if changes else model
     return Made(model, assumed, resists)
 
 
-def _cruising(model: Model, asked: Settings, resists: bool) -> Model:
+def _cruising(model: Model, request: Settings, resists: bool) -> Model:
     """Return the model with the resistance of its soil, wheels and load as driven, unless R is declared."""
-    slip = asked.take("cruise_slip", None, source="slip on the flat [-], which gives R where it is not declared: 0.05")
-    declared_R = "effect.MotionResistance.R" in asked.values
+    slip = request.take(
+        "cruise_slip", None, source="slip on the flat [-], which gives R where it is not declared: 0.05"
+    )
+    declared_R = "effect.MotionResistance.R" in request.values
     if slip is not None and declared_R:
         raise ParameterError("cruise_slip and effect.MotionResistance.R both set R: give one of them.")
     if slip is None and (
-        resists or declared_R or not any(isinstance(each, MotionResistance) for each in model.effects)
+        resists or declared_R or not any(isinstance(effect, MotionResistance) for effect in model.effects)
     ):
         return model
-    return cruising(model, CRUISE_SLIP if slip is None else written(slip, "", "cruise_slip"))
+    return cruising(model, CRUISE_SLIP if slip is None else parse_quantity(slip, "", "cruise_slip"))
 
 
-def _trust(asked: Settings) -> Trust:
+def _trust(request: Settings) -> Trust:
     """Return what the user trusts, who alone can say it: a study's file cannot. It is no setting to be listed."""
-    trust = asked.values.pop("trust", Trust())
+    trust = request.values.pop("trust", Trust())
     if not isinstance(trust, Trust):
         raise ParameterError(f"trust = {trust!r} is not yours to give in a file: say --effects FILE or --trust.")
     return trust

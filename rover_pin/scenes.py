@@ -26,7 +26,7 @@ class Scene:
     symmetric: bool = False
     askew: bool = False
     "whether wheels go sideways on it"
-    about: str = ""
+    summary: str = ""
     "what it is, where the terrain's own docstring does not say it"
 
 
@@ -48,29 +48,29 @@ SCENES: dict[str, Scene] = {
         30.0,
         settings={"control": "turn", "soil.k": 0.003},
         askew=True,
-        about="A turn of 1 m radius on level ground, wheels steered",
+        summary="A turn of 1 m radius on level ground, wheels steered",
     ),
     "point-turn": Scene(
         shapes.flat,
         20.0,
         settings={"control": "point-turn", "soil.k": 0.003},
         askew=True,
-        about="A turn on the spot on level ground, wheels steered",
+        summary="A turn on the spot on level ground, wheels steered",
     ),
     "crab": Scene(
         shapes.flat,
         20.0,
         settings={"control": "crab", "soil.k": 0.003},
         askew=True,
-        about="Sideways at 20 deg on level ground, the wheels that steer all at one angle",
+        summary="Sideways at 20 deg on level ground, the wheels that steer all at one angle",
     ),
-    "polyline": Scene(from_polyline, 30.0, {"path": "terrain.csv"}, about="Your own ground: x_m, z_m of a CSV file"),
-    "grid": Scene(from_grid, 30.0, {"path": "terrain.npz"}, about="Your own ground: a height grid in .npz or CSV"),
+    "polyline": Scene(from_polyline, 30.0, {"path": "terrain.csv"}, summary="Your own ground: x_m, z_m of a CSV file"),
+    "grid": Scene(from_grid, 30.0, {"path": "terrain.npz"}, summary="Your own ground: a height grid in .npz or CSV"),
     "park": Scene(
         shapes.incline,
         10.0,
         {"angle": 6 * DEG, "start": -5.0},
         {"control.delta": 0.0, "gear_friction": 0.1},
-        about="Motors off on a slope of 6 deg, held by gear friction",
+        summary="Motors off on a slope of 6 deg, held by gear friction",
     ),
 }

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 
 from rover_pin.arguments import arguments_of
 from rover_pin.errors import ParameterError, closest, one_of
-from rover_pin.quantity import Quantity, Record, check, is_symbolic, meant, quantities, written
+from rover_pin.quantity import Quantity, Record, check, is_symbolic, meant, parse_quantity, quantities
 from rover_pin.units import factor_to
 
 
@@ -29,21 +29,21 @@ class Setting(NamedTuple):
     choices: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, name: str, value: Any, about: Quantity) -> Self:
+    def of(cls, name: str, value: Any, spec: Quantity) -> Self:
         """Return the setting of a quantity."""
-        return cls(name, value, about.unit, about.low, about.high, about.source)
+        return cls(name, value, spec.unit, spec.low, spec.high, spec.source)
 
 
 def numbers_of(record: Record) -> tuple[Setting, ...]:
     """Return a record's quantities with its values; of one that is not the class's default, both sources are said."""
-    usual = type(record)()
-    made = []
-    for name, about in quantities(record).items():
-        value, default = getattr(record, name), getattr(usual, name)
-        own = is_symbolic(value) or value == default
-        source = about.source if own else f"as given or read; usual {default:.6g}: {about.source}"
-        made.append(Setting.of(name, value, about._replace(source=source)))
-    return tuple(made)
+    default_record = type(record)()
+    settings = []
+    for name, spec in quantities(record).items():
+        value, default = getattr(record, name), getattr(default_record, name)
+        is_default = is_symbolic(value) or value == default
+        source = spec.source if is_default else f"as given or read; usual {default:.6g}: {spec.source}"
+        settings.append(Setting.of(name, value, spec._replace(source=source)))
+    return tuple(settings)
 
 
 class Settings:
@@ -57,10 +57,10 @@ class Settings:
         """Return a setting, or its default."""
         return self._taken(Setting(name, default, source=source, choices=tuple(choices)))
 
-    def number(self, name: str, default: float, about: Quantity) -> float:
+    def number(self, name: str, default: float, spec: Quantity) -> float:
         """Return a setting that is a number, or its default."""
-        setting = Setting.of(name, default, about)
-        value = written(self._taken(setting), about.unit, name)
+        setting = Setting.of(name, default, spec)
+        value = parse_quantity(self._taken(setting), spec.unit, name)
         _check(setting, name.rpartition(".")[2], value)
         self._in_force(name, value)
         return value
@@ -69,31 +69,36 @@ class Settings:
         """Return what a setting's word stands for."""
         return choices[one_of(name, self.take(name, default, choices, source), choices)]
 
-    def word(self, name: str, usual: str, choices: Collection[str], source: str) -> str:
+    def word(self, name: str, default: str, choices: Collection[str], source: str) -> str:
         """Return one of several words, or an empty one where none is given; `usual` is what then holds, for lists."""
-        given = self.values.get(name)
-        word = self.take(name, usual, choices, source)
-        return "" if given is None else one_of(name, word, choices)
+        value = self.values.get(name)
+        word = self.take(name, default, choices, source)
+        return "" if value is None else one_of(name, word, choices)
 
     def record(self, prefix: str, record: Record | type[Record]) -> dict[str, float]:
         """Return the settings `prefix.FIELD` that are given for the quantities of a record."""
-        own = record if isinstance(record, Record) else record()
-        return self._given(each._replace(name=f"{prefix}.{each.name}") for each in numbers_of(own))
+        base = record if isinstance(record, Record) else record()
+        return self._given(setting._replace(name=f"{prefix}.{setting.name}") for setting in numbers_of(base))
 
     def arguments(
-        self, prefix: str, function: Callable[..., Any], usual: Mapping[str, Any] = {}, names: Iterable[str] = ()
+        self, prefix: str, function: Callable[..., Any], overrides: Mapping[str, Any] = {}, names: Iterable[str] = ()
     ) -> dict[str, Any]:
         """Return the settings `prefix.NAME` that are given for a function's arguments, or for those of these names.
 
         Unit, bounds and source are those of their annotations; `usual` are defaults in place of the function's own.
         """
-        said = arguments_of(function)
+        arguments = arguments_of(function)
         chosen = {
-            name: each for name, each in inspect.signature(function).parameters.items() if not names or name in names
+            name: parameter
+            for name, parameter in inspect.signature(function).parameters.items()
+            if not names or name in names
         }
-        defaults = {name: None if each.default is each.empty else each.default for name, each in chosen.items()}
+        defaults = {
+            name: None if parameter.default is parameter.empty else parameter.default
+            for name, parameter in chosen.items()
+        }
         return self._given(
-            Setting.of(f"{prefix}.{name}", {**defaults, **usual}[name], said[name].quantity) for name in chosen
+            Setting.of(f"{prefix}.{name}", {**defaults, **overrides}[name], arguments[name].quantity) for name in chosen
         )
 
     def finish(self) -> None:
@@ -103,19 +108,21 @@ class Settings:
 
     def _given(self, settings: Iterable[Setting]) -> dict[str, Any]:
         """Return the values by the last part of the name; `_deg` behind that of an angle reads degrees."""
-        found = {}
-        for each in settings:
-            key = each.name.rpartition(".")[2]
-            degrees = f"{each.name}_deg" if each.unit.startswith("rad") else ""
-            if each.name in self.values:
-                found[key] = _read(each, self._taken(each))
-            self._taken(each)
+        values = {}
+        for setting in settings:
+            key = setting.name.rpartition(".")[2]
+            degrees = f"{setting.name}_deg" if setting.unit.startswith("rad") else ""
+            if setting.name in self.values:
+                values[key] = _read(setting, self._taken(setting))
+            self._taken(setting)
             if degrees in self.values:
-                found[key] = written(self.values.pop(degrees), each.unit, degrees, each.unit.replace("rad", "deg"))
-            if key in found:
-                _check(each, key, found[key])
-                self._in_force(each.name, found[key])
-        return found
+                values[key] = parse_quantity(
+                    self.values.pop(degrees), setting.unit, degrees, setting.unit.replace("rad", "deg")
+                )
+            if key in values:
+                _check(setting, key, values[key])
+                self._in_force(setting.name, values[key])
+        return values
 
     def _in_force(self, name: str, value: Any) -> None:
         """Have a setting listed with its value instead of its default."""
@@ -130,7 +137,7 @@ class Settings:
         """Return how a setting is written whose name was given its unit, as `soil.k_mm`; else the names alike."""
         stem, _, unit = name.rpartition("_")
         if stem in self.known and not math.isnan(factor_to(unit, self.known[stem].unit)):
-            return f"did you mean {stem}={shown(value)}{unit}?"
+            return f"did you mean {stem}={format_setting(value)}{unit}?"
         return closest(name, self.known)
 
 
@@ -145,25 +152,25 @@ def _read(setting: Setting, value: Any) -> Any:
         word = str(value).lower().removesuffix(".0")
         return SWITCHES[one_of(setting.name, word, SWITCHES)]
     if not isinstance(setting.value, tuple):
-        return written(value, setting.unit, setting.name)
+        return parse_quantity(value, setting.unit, setting.name)
     several = value.split(",") if isinstance(value, str) else value
     if not isinstance(several, (list, tuple)) or len(several) != len(setting.value):
         raise ParameterError(f"{setting.name} = {value!r} must be {len(setting.value)} numbers, as in 0.05,0.1.")
-    return tuple(written(each, setting.unit, setting.name) for each in several)
+    return tuple(parse_quantity(part, setting.unit, setting.name) for part in several)
 
 
 def _check(setting: Setting, key: str, value: Any) -> None:
     """Refuse a number out of bounds by the setting's own name, with how it is written in another unit."""
-    about = Quantity(setting.unit, setting.source, setting.low, setting.high, "")
+    spec = Quantity(setting.unit, setting.source, setting.low, setting.high, "")
     if isinstance(value, float) and math.isfinite(setting.low):
-        hint = meant(value, about)
+        hint = meant(value, spec)
         write = f" Write it as {setting.name}={value:g}{hint}." if hint else ""
         try:
-            check(setting.name.rpartition(".")[0], key, value, about)
+            check(setting.name.rpartition(".")[0], key, value, spec)
         except ParameterError as error:
             raise ParameterError(f"{error}{write}") from None
 
 
-def shown(value: Any) -> str:
+def format_setting(value: Any) -> str:
     """Return a number or word as one writes it."""
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -28,8 +28,8 @@ LEAST_SHARE = 2 << 30
 
 def leave_folder_out() -> None:
     """Take nothing from the working directory from now on, and bound our memory: for a process that is ours alone."""
-    own = str(Path(__file__).parents[1])
-    if not sys.flags.safe_path and sys.path[:1] in ([""], [os.getcwd()]) and os.getcwd() != own:
+    package_root = str(Path(__file__).parents[1])
+    if not sys.flags.safe_path and sys.path[:1] in ([""], [os.getcwd()]) and os.getcwd() != package_root:
         del sys.path[0]
     os.environ.update(safe_environment())
     read_pictures_settings()
@@ -43,8 +43,8 @@ def safe_environment() -> dict[str, str]:
 
 def program(name: str) -> str | None:
     """Return the path of a program, or None; one in the working directory only where its name says so."""
-    found = shutil.which(name, path=safe_environment()["PATH"])
-    return found and os.path.abspath(found)
+    path = shutil.which(name, path=safe_environment()["PATH"])
+    return path and os.path.abspath(path)
 
 
 @contextmanager
@@ -73,13 +73,13 @@ def read_pictures_settings() -> None:
     """Import matplotlib where it does not see a ./matplotlibrc, which names programs to run; no cost where none is."""
     if PICTURES in sys.modules or not os.path.lexists("matplotlibrc"):
         return
-    here = os.open(".", os.O_RDONLY)
+    working_folder = os.open(".", os.O_RDONLY)
     try:
         os.chdir(os.sep)
         importlib.import_module(PICTURES)
     finally:
-        os.fchdir(here)
-        os.close(here)
+        os.fchdir(working_folder)
+        os.close(working_folder)
 
 
 @lru_cache(maxsize=1)
@@ -92,7 +92,7 @@ def bound_memory(workers: int = 1) -> None:
     machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     share = max(machine // (workers + 1), LEAST_SHARE)
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    bounds = [each for each in (share, soft, hard) if each != resource.RLIM_INFINITY]
+    bounds = [limit for limit in (share, soft, hard) if limit != resource.RLIM_INFINITY]
     resource.setrlimit(resource.RLIMIT_DATA, (min(bounds), hard))
 
 

@@ -76,7 +76,7 @@ def measured_points(path: Path, required: Sequence[str] = (), texts: Sequence[st
     table.refuse_faults()
     for name in required:
         if name not in table.columns:
-            meant = [known for known in table.columns if "_sd_" not in known]
+            meant = [column for column in table.columns if "_sd_" not in column]
             hint = closest(name, meant).replace("? ", f"? then call it '{name}' there. ", 1)
             raise DataError(f"{path} has no column '{name}': {hint}")
         if name not in texts:
@@ -130,15 +130,15 @@ def _text(path: Path, raw: bytes) -> Table:
         for at, row in rows
         if len(row) != len(names)
     ]
-    whole = [(at, row) for at, row in rows if len(row) == len(names)]
-    filled = zip(names, zip(*(row for _, row in whole), strict=True), strict=False)
+    complete = [(at, row) for at, row in rows if len(row) == len(names)]
+    filled = zip(names, zip(*(row for _, row in complete), strict=True), strict=False)
     columns = dict(
         _column(name or f"column {at}", column, layout.decimal)
         for at, (name, column) in enumerate(filled, 1)
         if name or any(column)
     )
-    notes = (layout.said, *([f"text in {encoding}"] if encoding not in ("utf-8", "utf-8-sig") else []))
-    return Table(path, columns, tuple(f"line {at + 1}" for at, _ in whole), notes, tuple(faults))
+    notes = (layout.description, *([f"text in {encoding}"] if encoding not in ("utf-8", "utf-8-sig") else []))
+    return Table(path, columns, tuple(f"line {at + 1}" for at, _ in complete), notes, tuple(faults))
 
 
 def _decoded(raw: bytes) -> tuple[str, str]:
@@ -168,15 +168,17 @@ def _names(lines: list[str], layout: Layout) -> tuple[list[str], list[str]]:
     for at, name in enumerate(names):
         if name and name in names[:at]:
             faults.append(f"line {layout.header + 1}: column '{name}' stands there twice; rename one.")
-            names[at] = next(other for count in range(2, at + 3) if (other := f"{name} ({count})") not in names)
+            names[at] = next(
+                unique_name for count in range(2, at + 3) if (unique_name := f"{name} ({count})") not in names
+            )
     return names, faults
 
 
 def _with_unit(name: str, unit: str) -> str:
     """Return a column's name with its unit in brackets, unless it has none or the name tells the same."""
-    own = name_and_unit(name)[1]
-    told = not name or unit in ("", "-", "1") or bool(own and set(readings(own)) & set(readings(unit)))
-    return name if told else f"{name} [{unit}]"
+    name_unit = name_and_unit(name)[1]
+    redundant = not name or unit in ("", "-", "1") or bool(name_unit and set(readings(name_unit)) & set(readings(unit)))
+    return name if redundant else f"{name} [{unit}]"
 
 
 def _column(name: str, column: tuple[str, ...], decimal: str) -> tuple[str, np.ndarray]:
@@ -186,10 +188,10 @@ def _column(name: str, column: tuple[str, ...], decimal: str) -> tuple[str, np.n
             return name, np.array(column, dtype=kind)
     full = [cell for cell in column if cell.lower() not in MISSING]
     split = [NUMBERS[decimal].fullmatch(cell) for cell in full]
-    units = {found[2] or "" for found in split if found}
+    units = {match[2] or "" for match in split if match}
     named = _with_unit(name, max(units, default=""))
     if all(split) and (len(units) < 2 or (len(units) == 2 and "" in units and named == name)):
-        numbers = iter(found[1] for found in split if found)
+        numbers = iter(match[1] for match in split if match)
         column, name = tuple("" if cell.lower() in MISSING else next(numbers) for cell in column), named
     try:
         plain = ["nan" if cell.lower() in MISSING else cell.replace(decimal, ".") for cell in column]

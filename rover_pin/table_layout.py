@@ -37,7 +37,7 @@ class Layout(NamedTuple):
     "how many cells a line of numbers has"
 
     @property
-    def said(self) -> str:
+    def description(self) -> str:
         """The layout in words."""
         words = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
         decimal = ", decimal comma" if self.decimal == "," else ""
@@ -49,20 +49,23 @@ def layout_of(lines: list[str]) -> Layout:
 
     Where hardly any is a number, the first line that is no comment has the names, and tells what parts them.
     """
-    kept = [at for at, line in enumerate(lines[: 10 * LOOKED]) if line.strip()]
-    sample = [lines[at] for at in kept[:LOOKED]]
-    named = next((at for at in kept if not lines[at].lstrip().startswith(COMMENTS)), -1)
-    usual = max(",;\t|", key=lines[named].count) if named >= 0 else ","
-    best, most = Layout(usual, ".", named, False, len(cells(lines[named], usual)) if named >= 0 else 0), 0.0
+    line_numbers = [at for at, line in enumerate(lines[: 10 * LOOKED]) if line.strip()]
+    sample = [lines[at] for at in line_numbers[:LOOKED]]
+    named = next((at for at in line_numbers if not lines[at].lstrip().startswith(COMMENTS)), -1)
+    default_delimiter = max(",;\t|", key=lines[named].count) if named >= 0 else ","
+    best, most = (
+        Layout(default_delimiter, ".", named, False, len(cells(lines[named], default_delimiter)) if named >= 0 else 0),
+        0.0,
+    )
     for delimiter in DELIMITERS:
         for decimal in NUMBERS if delimiter != "," else ".":
-            score, layout = _scored(sample, kept, delimiter, decimal)
+            score, layout = _scored(sample, line_numbers, delimiter, decimal)
             if score > most + 1e-9:
                 best, most = layout, score
     return best
 
 
-def _scored(sample: list[str], kept: list[int], delimiter: str, decimal: str) -> tuple[float, Layout]:
+def _scored(sample: list[str], line_numbers: list[int], delimiter: str, decimal: str) -> tuple[float, Layout]:
     """Return how many cells a line are numbers under a layout, and where its header is."""
     rows = [cells(line, delimiter) for line in sample]
     shares = [_numeric(row, decimal) for row in rows]
@@ -71,13 +74,13 @@ def _scored(sample: list[str], kept: list[int], delimiter: str, decimal: str) ->
         return 0.0, Layout(delimiter, decimal, -1, False, 0)
     width, count = widths.most_common(1)[0]
     first = next(at for at, row in enumerate(rows) if len(row) == width and shares[at] > 0.5)
-    ended = not rows[first][-1]
-    fit = [at for at in range(first) if len(fitted(rows[at], width, ended)) == width]
+    trailing_blank = not rows[first][-1]
+    fit = [at for at in range(first) if len(fitted(rows[at], width, trailing_blank)) == width]
     names = [at for at in fit if _are_names(rows[at], decimal) and not (at - 1 in fit and _are_units(rows[at]))]
     units = bool(names) and names[-1] + 1 in fit and _are_units(rows[names[-1] + 1])
-    header = kept[names[-1]] if names else -1
-    whole = sum(share * len(row) for row, share in zip(rows, shares, strict=True) if len(row) == width)
-    return whole / max(1, len(rows)) * (count / max(1, len(rows) - first)), Layout(
+    header = line_numbers[names[-1]] if names else -1
+    numeric_cells = sum(share * len(row) for row, share in zip(rows, shares, strict=True) if len(row) == width)
+    return numeric_cells / max(1, len(rows)) * (count / max(1, len(rows) - first)), Layout(
         delimiter, decimal, header, units, width
     )
 
@@ -92,12 +95,12 @@ def cells(line: str, delimiter: str) -> list[str]:
     """
     line = line.lstrip("#% ").lstrip("/ ") if line.lstrip().startswith(COMMENTS) else line
     if delimiter == " ":
-        found = line.split()
+        parts = line.split()
     elif '"' in line:
-        found = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+        parts = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     else:
-        found = line.split(delimiter)
-    return [cell.strip().strip('"').strip() for cell in found]
+        parts = line.split(delimiter)
+    return [cell.strip().strip('"').strip() for cell in parts]
 
 
 def fitted(row: list[str], width: int, names: bool = False) -> list[str]:
@@ -117,10 +120,10 @@ def _are_names(row: list[str], decimal: str) -> bool:
     """Return whether a row names columns: most cells hold something, none a number or a mark for a missing one."""
     full = [cell for cell in row if cell]
     numbers = (NUMBERS[decimal].fullmatch(cell) for cell in full)
-    return 2 * len(full) > len(row) and not any(found and not found[2] for found in numbers) and not MISSING & {*full}
+    return 2 * len(full) > len(row) and not any(match and not match[2] for match in numbers) and not MISSING & {*full}
 
 
 def _are_units(row: list[str]) -> bool:
     """Return whether a row has the units of columns: most of what is no stroke is a unit, or stands in brackets."""
-    told = [cell for cell in row if cell not in MISSING]
-    return 2 * sum(cell[0] in "[(" or bool(readings(cell)) for cell in told) > len(told)
+    filled = [cell for cell in row if cell not in MISSING]
+    return 2 * sum(cell[0] in "[(" or bool(readings(cell)) for cell in filled) > len(filled)

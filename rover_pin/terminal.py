@@ -28,47 +28,47 @@ def priors(words: Iterable[str]) -> dict[str, Any]:
     """Return NAME=MEAN:SD words as priors by name."""
     from rover_pin.contact import Soil
     from rover_pin.estimation.problem import Prior
-    from rover_pin.quantity import quantities, written
+    from rover_pin.quantity import parse_quantity, quantities
 
-    found, units = {}, {name: about.unit for name, about in quantities(Soil).items()}
+    result, units = {}, {name: spec.unit for name, spec in quantities(Soil).items()}
     for word in words:
         name, _, value = word.partition("=")
         mean, sign, sd = value.partition(":")
-        bare = [each.strip()[-1:] in tuple("0123456789.") for each in (mean, sd)]
+        bare = [text.strip()[-1:] in tuple("0123456789.") for text in (mean, sd)]
         if not sign or bare[0] != bare[1]:
             raise ParameterError(f"--prior {word}: write it as NAME=MEAN:SD, as --prior n=1.1:0.1 or phi=30deg:2deg.")
         where = f"--prior {word}: {name}"
-        found[name] = Prior(*(written(each, units.get(name, ""), where) for each in (mean, sd)))
-    return found
+        result[name] = Prior(*(parse_quantity(text, units.get(name, ""), where) for text in (mean, sd)))
+    return result
 
 
 def assignments(words: Iterable[str], option: str = "--set") -> dict[str, Any]:
     """Return NAME=VALUE words of an option as a dict; numbers as numbers."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for word in words:
         name, sign, value = word.partition("=")
         if not sign:
             raise ParameterError(f"{option} {word}: write it as NAME=VALUE, as --set soil.k=0.01.")
         try:
-            found[name] = float(value)
+            values[name] = float(value)
         except ValueError:
-            found[name] = value
-    return found
+            values[name] = value
+    return values
 
 
 @contextmanager
-def stoppable(out: Path | None = None, replaced: Sequence[str] = (), kept: Sequence[str] = ()) -> Iterator[None]:
+def stoppable(out: Path | None = None, replaced: Sequence[str] = (), untouched: Sequence[str] = ()) -> Iterator[None]:
     """Let Ctrl-C and SIGTERM end a command, its workers too, with one line that says what is kept.
 
     What of an earlier run it will replace in its folder `out` is said first.
     """
-    say_what_is_replaced(out, replaced, kept)
+    say_what_is_replaced(out, replaced, untouched)
     try:
         with ending_workers():
             yield
     except (KeyboardInterrupt, Terminated) as stop:
-        told = "; ".join(getattr(stop, "__notes__", ())) or "nothing is kept"
-        print(f"rover-pin: stopped: {told}.", file=sys.stderr)
+        message = "; ".join(getattr(stop, "__notes__", ())) or "nothing is kept"
+        print(f"rover-pin: stopped: {message}.", file=sys.stderr)
         raise typer.Exit(128 + (signal.SIGTERM if isinstance(stop, Terminated) else signal.SIGINT)) from None
 
 
@@ -77,7 +77,7 @@ def report(result: Mapping[str, Any], as_json: bool) -> None:
     if as_json:
         print(json_text(result))
         return
-    lines = [(name.replace("_", " "), (shown(value) or "none").split("\n")) for name, value in result.items()]
+    lines = [(name.replace("_", " "), (format_result(value) or "none").split("\n")) for name, value in result.items()]
     width = max((len(name) for name, _ in lines), default=0)
     for name, (first, *more) in lines:  # never folded nor shortened: paths are to be copied
         print(f"{name:{width}}  {first}".rstrip())
@@ -92,7 +92,10 @@ WIDEST = 28
 def numbers_table(settings: Iterable[Setting]) -> None:
     """Print what can be set, a line each: default with unit, bounds or choices, source."""
     rows = [("name", "default", "allowed", "from")]
-    rows += [(each.name, told(each.value, each.unit), allowed(each), each.source) for each in settings]
+    rows += [
+        (setting.name, format_value(setting.value, setting.unit), allowed(setting), setting.source)
+        for setting in settings
+    ]
     widths = [min(max(len(row[i]) for row in rows), WIDEST) for i in range(3)]
     for row in rows:
         cells = (f"{cell:{width}}" for cell, width in zip(row, widths, strict=False))
@@ -104,21 +107,25 @@ def fact(name: str, value: Any) -> str:
     from rover_pin.units import UNITS
 
     words, _, unit = name.rpartition("_")
-    known = unit in UNITS and bool(words)
-    words = (words if known else name).replace("_", " ")
+    has_unit = unit in UNITS and bool(words)
+    words = (words if has_unit else name).replace("_", " ")
     if isinstance(value, Mapping):
-        said = ", ".join(f"{each} = {told(one)}" for each, one in value.items())
+        text = ", ".join(f"{key} = {format_value(entry)}" for key, entry in value.items())
     else:
-        said = ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else told(value, unit if known else "")
-    return f"{words}: {said}"
+        text = (
+            ", ".join(map(str, value))
+            if isinstance(value, (list, tuple))
+            else format_value(value, unit if has_unit else "")
+        )
+    return f"{words}: {text}"
 
 
-def told(value: Any, unit: str = "") -> str:
+def format_value(value: Any, unit: str = "") -> str:
     """Return a value as the table has it: six digits and its unit, an angle in degrees too."""
     if value is None or value == ():
         return "none"
-    if isinstance(value, tuple) and all(isinstance(each, (int, float)) for each in value):
-        return f"{', '.join(f'{each:.6g}' for each in value)} {unit}".rstrip()
+    if isinstance(value, tuple) and all(isinstance(number, (int, float)) for number in value):
+        return f"{', '.join(f'{number:.6g}' for number in value)} {unit}".rstrip()
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return str(value)
     degrees = f" = {math.degrees(value):.4g} {unit.replace('rad', 'deg')}" if unit.startswith("rad") and value else ""
@@ -141,22 +148,22 @@ def json_text(result: Mapping[str, Any]) -> str:
 
     def strict(value: Any) -> Any:
         if isinstance(value, Mapping):
-            return {str(name): strict(each) for name, each in value.items()}
+            return {str(name): strict(entry) for name, entry in value.items()}
         if isinstance(value, (list, tuple)):
-            return [strict(each) for each in value]
+            return [strict(entry) for entry in value]
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
     return json.dumps(strict(result), default=str, allow_nan=False)
 
 
-def shown(value: Any) -> str:
+def format_result(value: Any) -> str:
     """Return a value as the table shows it."""
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {shown(each)}" for name, each in value.items())
+        return ", ".join(f"{name} {format_result(entry)}" for name, entry in value.items())
     if isinstance(value, (list, tuple)):
-        return "\n".join(shown(each) for each in value)
+        return "\n".join(format_result(entry) for entry in value)
     return str(value)
 
 

@@ -25,11 +25,11 @@ class TimeLeft:
         if count < 1 or count >= total or now - self.last < SECONDS_BETWEEN_LINES:
             return
         self.last = now
-        left = spoken((now - self.start) / count * (total - count))
-        LOG.info("%s: %d of %d, about %s left", self.what, count, total, left)
+        remaining = format_duration((now - self.start) / count * (total - count))
+        LOG.info("%s: %d of %d, about %s left", self.what, count, total, remaining)
 
 
-def spoken(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """Return a time as one says it: seconds up to two minutes, then minutes, then hours."""
     if seconds < 120:
         return f"{seconds:.0f} s"
@@ -38,7 +38,7 @@ def spoken(seconds: float) -> str:
 
 def telling(rows: Iterable[T], total: int, what: str) -> Iterator[T]:
     """Yield the rows, and say on the way how long the rest takes."""
-    left = TimeLeft(what)
+    estimate = TimeLeft(what)
     for count, row in enumerate(rows, 1):
         yield row
-        left.done(count, total)
+        estimate.done(count, total)

@@ -45,7 +45,7 @@ def table_in(table: Mapping[str, Any], key: str, where: object) -> dict[str, Any
 def tables_in(table: Mapping[str, Any], key: str, where: object) -> list[dict[str, Any]]:
     """Return the list of tables under a key, an empty one where there is none; anything else is a `DataError`."""
     inner = table.get(key, [])
-    if not isinstance(inner, list) or not all(isinstance(each, dict) for each in inner):
+    if not isinstance(inner, list) or not all(isinstance(entry, dict) for entry in inner):
         raise DataError(f"{where}: {key} = {inner!r} must be a list of tables, as [[{key}]].")
     return inner
 
@@ -70,8 +70,8 @@ def toml_text(table: Mapping[str, Any]) -> str:
     for name, value in table.items():
         if isinstance(value, Mapping):
             sections.append(f"\n[{_key(name)}]\n{_pairs(value)}")
-        elif isinstance(value, Sequence) and value and all(isinstance(each, Mapping) for each in value):
-            sections += [f"\n[[{_key(name)}]]\n{_pairs(each)}" for each in value]
+        elif isinstance(value, Sequence) and value and all(isinstance(entry, Mapping) for entry in value):
+            sections += [f"\n[[{_key(name)}]]\n{_pairs(entry)}" for entry in value]
         elif value is not None:
             plain.append(f"{_key(name)} = {_value(name, value)}\n")
     return "".join(plain + sections)
@@ -95,10 +95,10 @@ def _value(name: str, value: Any) -> str:
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, Mapping):
-        inner = (f"{_key(key)} = {_value(key, each)}" for key, each in value.items() if each is not None)
+        inner = (f"{_key(key)} = {_value(key, entry)}" for key, entry in value.items() if entry is not None)
         return "{" + ", ".join(inner) + "}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_value(name, each) for each in value) + "]"
+        return "[" + ", ".join(_value(name, entry) for entry in value) + "]"
     raise DataError(
         f"'{name}' = {value!r} cannot be written to TOML: use text, numbers, true or false, lists or tables."
     )

@@ -41,7 +41,7 @@ class Trust:
             It is not among `effects`; the sentence says how to allow it.
         """
         real = _real(file, where)
-        if self.everything or any(_covers(each.resolve(), real) for each in self.effects):
+        if self.everything or any(_covers(effect_path.resolve(), real) for effect_path in self.effects):
             return
         raise DataError(
             f"{where}: the code of this effect lies in {file}, and it runs only if you say so: read it, then give "
@@ -81,12 +81,12 @@ class Trust:
         while pending:
             name, entry = pending.pop()
             if isinstance(entry, Mapping):
-                pending += [(str(key), each) for key, each in entry.items()]
+                pending += [(str(key), child) for key, child in entry.items()]
             elif isinstance(entry, list):
-                pending += [(name, each) for each in entry]
+                pending += [(name, child) for child in entry]
             elif isinstance(entry, str) and os.path.lexists(entry):
                 real = _real(Path(entry), str(file))
-                if not any(real.is_relative_to(each) for each in inside):
+                if not any(real.is_relative_to(root) for root in inside):
                     raise DataError(
                         f"{file}: {name} = {entry!r} lies outside its folder: put the file there, or say --trust (in "
                         "Python trust=Trust(everything=True))."

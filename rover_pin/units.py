@@ -55,10 +55,10 @@ class Unit(NamedTuple):
     size: Fraction
     powers: tuple[int, ...]
 
-    def times(self, other: Unit, power: int) -> Unit:
+    def times(self, factor: Unit, power: int) -> Unit:
         """Return the product with a whole power of another unit."""
-        powers = tuple(mine + power * theirs for mine, theirs in zip(self.powers, other.powers, strict=True))
-        return Unit(self.size * other.size**power, powers)
+        powers = tuple(mine + power * theirs for mine, theirs in zip(self.powers, factor.powers, strict=True))
+        return Unit(self.size * factor.size**power, powers)
 
 
 NONE = Unit(Fraction(1), (0,) * len(BASE))
@@ -67,15 +67,15 @@ NONE = Unit(Fraction(1), (0,) * len(BASE))
 @cache
 def _symbols(folded: bool) -> dict[str, tuple[Unit, ...]]:
     """Return what every symbol stands for; `folded` in small letters."""
-    made: dict[str, tuple[Unit, ...]] = {"1": (NONE,)}
+    symbols: dict[str, tuple[Unit, ...]] = {"1": (NONE,)}
 
     def add(name: str, size: float | str, unit: Unit) -> None:
         key = name.lower() if folded else name
-        made[key] = (*made.get(key, ()), unit._replace(size=Fraction(str(size)) * unit.size))
+        symbols[key] = (*symbols.get(key, ()), unit._replace(size=Fraction(str(size)) * unit.size))
 
     for name in BASE:
-        add(name, 1.0, Unit(Fraction(1), tuple(int(each == name) for each in BASE)))
-    exact = made if not folded else _symbols(False)
+        add(name, 1.0, Unit(Fraction(1), tuple(int(base == name) for base in BASE)))
+    exact = symbols if not folded else _symbols(False)
     for name, of in METRIC.items():
         unit = _over(of, exact)[0] if of else exact[name][0]
         for prefix, size in {"": "1", **PREFIXES}.items() if of else PREFIXES.items():
@@ -83,7 +83,7 @@ def _symbols(folded: bool) -> dict[str, tuple[Unit, ...]]:
     for name, count, of in OTHERS:
         for word in {name, f"{name}s"} if name.isalpha() and len(name) > 1 else {name}:
             add(word, count, _over(of, exact)[0])
-    return made
+    return symbols
 
 
 def _over(text: str, symbols: dict[str, tuple[Unit, ...]]) -> list[Unit]:
@@ -92,22 +92,22 @@ def _over(text: str, symbols: dict[str, tuple[Unit, ...]]) -> list[Unit]:
     ways = _product(above, symbols, {})
     for part in below:
         under = _product(part, symbols, {}) if part else []
-        ways = [unit.times(other, -1) for unit in ways for other in under]
+        ways = [unit.times(divisor, -1) for unit in ways for divisor in under]
     return ways
 
 
-def _product(text: str, symbols: dict[str, tuple[Unit, ...]], known: dict[str, list[Unit]]) -> list[Unit]:
+def _product(text: str, symbols: dict[str, tuple[Unit, ...]], cache: dict[str, list[Unit]]) -> list[Unit]:
     """Return the readings of symbols one after another, with a blank, point or hyphen between them or nothing."""
     if not text:
         return [NONE]
-    if text not in known:
+    if text not in cache:
         ways = set()
         for end in range(1, len(text) + 1):
             for unit in symbols.get(text[:end], ()):
-                power, rest = POWER.findall(text[end:])[0]
-                ways |= {after.times(unit, int(power or 1)) for after in _product(rest, symbols, known)}
-        known[text] = sorted(ways)
-    return known[text]
+                power, tail = POWER.findall(text[end:])[0]
+                ways |= {after.times(unit, int(power or 1)) for after in _product(tail, symbols, cache)}
+        cache[text] = sorted(ways)
+    return cache[text]
 
 
 @lru_cache(maxsize=1024)
@@ -126,9 +126,9 @@ def factor_to(unit: str, expected: str) -> float:
         return 1.0
     kinds = {reading.powers for reading in readings(expected)}
     for folded in (False, True):
-        sizes = {reading.size for reading in readings(unit, folded) if reading.powers in kinds}
-        if sizes:
-            return float(sizes.pop()) if len(sizes) == 1 else math.nan
+        factors = {reading.size for reading in readings(unit, folded) if reading.powers in kinds}
+        if factors:
+            return float(factors.pop()) if len(factors) == 1 else math.nan
     return math.nan
 
 

@@ -44,7 +44,7 @@ def guard(module: ModuleType) -> None:
 def _refuse_other_types(kind: type, file: str) -> None:
     """Refuse what a class says of all its objects, as `states` and `neutral`, where its base asks for another type."""
     for name, value in vars(kind).items():
-        base = next((each for each in kind.__mro__[1:] if name in inspect.get_annotations(each)), None)
+        base = next((ancestor for ancestor in kind.__mro__[1:] if name in inspect.get_annotations(ancestor)), None)
         hint = typing.get_type_hints(base, include_extras=True)[name] if base is not None else Any
         if typing.get_origin(hint) is typing.ClassVar and not fits(value, typing.get_args(hint)[0]):
             raise DataError(
@@ -65,38 +65,38 @@ def _guarded(kind: type, name: str, member: Any, file: str) -> Any:
 def _watched(kind: type, name: str, method: Any, file: str) -> Any:
     if not isinstance(method, FunctionType) or method.__code__.co_filename != file:
         return method
-    line, asked = method.__code__.co_firstlineno, _asked(kind, name)
+    line, hint = method.__code__.co_firstlineno, _return_hint(kind, name)
 
     @functools.wraps(method)
-    def call(*given: Any, **named: Any) -> Any:
+    def call(*args: Any, **named: Any) -> Any:
         try:
-            made = method(*given, **named)
+            result = method(*args, **named)
         except BaseException as error:
             if is_stop(error):
                 raise
             raise mistake(error, file, line) from error
-        if not fits(made, asked):
-            raise DataError(f"{file}, line {line}: {kind.__name__}.{name} returns {_short(made)}, {_wanted(asked)}.")
-        return made
+        if not fits(result, hint):
+            raise DataError(f"{file}, line {line}: {kind.__name__}.{name} returns {_short(result)}, {_wanted(hint)}.")
+        return result
 
     return call
 
 
-def _asked(kind: type, name: str) -> Any:
+def _return_hint(kind: type, name: str) -> Any:
     """Return what the method of this name returns in the nearest base class that is not the user's; Any without one."""
     for base in kind.__mro__[1:]:
         if base.__module__ != kind.__module__ and name in vars(base):
             member = vars(base)[name]
             method = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
             hints = typing.get_type_hints(method, include_extras=True) if isinstance(method, FunctionType) else {}
-            asked = hints.get("return", Any)
-            return kind if asked is typing.Self else asked
+            hint = hints.get("return", Any)
+            return kind if hint is typing.Self else hint
     return Any
 
 
-def _wanted(asked: Any) -> str:
-    parts = ", each field as it is declared" if isinstance(asked, type) and hasattr(asked, "_fields") else ""
-    return f"where {words(asked)}{parts} belongs"
+def _wanted(hint: Any) -> str:
+    parts = ", each field as it is declared" if isinstance(hint, type) and hasattr(hint, "_fields") else ""
+    return f"where {words(hint)}{parts} belongs"
 
 
 def _short(thing: Any) -> str:

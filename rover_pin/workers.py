@@ -33,18 +33,20 @@ def ending_workers() -> Iterator[None]:
 
     A handler of the program's own stays, and in another thread than the main one there can be none.
     """
-    own = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-    if own:
+    handles_term = (
+        threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    )
+    if handles_term:
         signal.signal(signal.SIGTERM, _terminate)
     try:
         yield
     except (KeyboardInterrupt, SystemExit):
-        if own:
+        if handles_term:
             signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one would end this by a traceback
         _end_all()
         raise
     finally:
-        if own:
+        if handles_term:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 

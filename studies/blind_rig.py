@@ -42,10 +42,10 @@ from joblib import Parallel, delayed
 from kept.case import kept
 
 from rover_pin.discrepancy.candidate import plain_candidate
-from rover_pin.discrepancy.exact_refits import judged, paired, variants
+from rover_pin.discrepancy.exact_refits import paired, rank_refits, variants
 from rover_pin.discrepancy.refit import Refit
-from rover_pin.discrepancy.screen import entry_fee
-from rover_pin.discrepancy.search import calibrated, fee_after
+from rover_pin.discrepancy.screen import null_threshold
+from rover_pin.discrepancy.search import calibrated, threshold_after
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber_losses
@@ -200,7 +200,7 @@ def case_of(hidden: Hidden) -> Case:
         hidden.kind,
         hidden.truth,
         verdict.answer,
-        tuple(tuple(one.split(" + ")) for one in verdict.alike) if verdict.effects else (),
+        tuple(tuple(one.split(" + ")) for one in verdict.indistinguishable) if verdict.effects else (),
         detectable(hidden, base, oracle),
         fitted_sizes(hidden, sizes, verdict),
         error_of(verdict.before.model, fresh, make.SD),
@@ -241,7 +241,7 @@ def true_fits(folder: Path, hidden: Hidden) -> tuple[Fit, Oracle | None]:
     kinds = {kind.__name__: kind for kind in rig_kinds()}
     effects = [plain_candidate(added(kinds[name], base.model)) for name in hidden.truth]
     tried = [((), one, fitted) for effect in effects for one, fitted in variants(base, effect)]
-    singles = judged(base, tried, fee_after((), len(kinds), 1.0))
+    singles = rank_refits(base, tried, threshold_after((), len(kinds), 1.0))
     if hidden.kind is not Kind.PAIR:
         return base, Oracle(singles, singles[0].fit)
     pairs = paired(base, singles, None, lambda said: None)
@@ -261,7 +261,7 @@ def detectable(hidden: Hidden, base: Fit, oracle: Oracle | None) -> bool:
         return not is_adequate(base)
     if oracle is None:
         return False
-    fee = entry_fee(len(rig_kinds()))
+    fee = null_threshold(len(rig_kinds()))
     if hidden.kind is not Kind.PAIR:
         return bool(base.chi2 - oracle.all.chi2 > fee)
     return all(one.fit.chi2 - oracle.all.chi2 > fee for one in oracle.singles)

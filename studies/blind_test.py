@@ -46,10 +46,10 @@ from kept.case import kept
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.compare import refit
-from rover_pin.discrepancy.cross_validation import left_out
-from rover_pin.discrepancy.judge import borne_by_folds, chosen_without, judged
+from rover_pin.discrepancy.cross_validation import first_order_surprises
+from rover_pin.discrepancy.judge import chosen_without, keep_supported_effects, make_verdict
 from rover_pin.discrepancy.refit import Refit
-from rover_pin.discrepancy.screen import fee_of, score
+from rover_pin.discrepancy.screen import candidate_threshold, score
 from rover_pin.discrepancy.search import Search, search
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import numbers
@@ -57,8 +57,8 @@ from rover_pin.experiments.drive_log.calibrate import calibrated_on
 from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.model import base_model, with_spread
-from rover_pin.experiments.unlisted.remainder import Remainder, describe
-from rover_pin.loop.drive import left_of
+from rover_pin.experiments.unlisted.remainder import DriveResidual, describe
+from rover_pin.loop.drive import residual_assessment
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.own_code import key_of_code
 
@@ -78,7 +78,7 @@ class Answered(NamedTuple):
 
     answer: Answer
     search: Search
-    remainder: Remainder
+    remainder: DriveResidual
 
 
 def main() -> None:
@@ -112,10 +112,12 @@ def answered(folder: Path) -> Answered:
     log = read_drive_log(folder)
     base = calibrated_on(log, with_spread(base_model(log)), 1, lambda said: None)
     tried = candidates(base.model, logged(base), base.parameters, None)
-    found = borne_by_folds(search(base, tried, lambda said: None))
+    found = keep_supported_effects(search(base, tried, lambda said: None))
     left = describe(found.last)
-    verdict = judged(("drive-log", log.about.name), found, chosen_without(found), left_of(found, left), 0)
-    print(f"{folder.name}: {verdict.answer.value} {verdict.alike} {verdict.vetoes}", flush=True)
+    verdict = make_verdict(
+        ("drive-log", log.metadata.name), found, chosen_without(found), residual_assessment(found, left), 0
+    )
+    print(f"{folder.name}: {verdict.answer.value} {verdict.indistinguishable} {verdict.vetoes}", flush=True)
     assert verdict.search is not None
     return Answered(verdict.answer, verdict.search, left)
 
@@ -162,7 +164,7 @@ def plain(name: str) -> str:
 
 def alike_of(found: Search) -> tuple[tuple[str, ...], ...]:
     """Return every combination of candidates that the data do not tell apart."""
-    rounds = [[plain(one.name) for one in each.alike] for each in found.rounds if each.alike]
+    rounds = [[plain(one.name) for one in each.indistinguishable] for each in found.rounds if each.indistinguishable]
     return tuple(itertools.product(*rounds))
 
 
@@ -172,11 +174,11 @@ def true_fit(found: Search, names: tuple[str, ...]) -> list[Refit] | None:
     What the loop itself added in that place is that refit.
     """
     here, made, same = found.base, list[Refit](), True
-    fee = partial(fee_of, count=len(found.rounds[0].scored))
+    fee = partial(candidate_threshold, count=len(found.rounds[0].scored))
     for at, name in enumerate(names):
-        same = same and at < len(found.found) and plain(found.found[at].name) == name
-        known = [each for each in found.known if plain(each.candidate.name) == name]
-        tried = found.found[at : at + 1] if same else refit(here, score(here, known)[:2], fee, lambda said: None)
+        same = same and at < len(found.best_refits) and plain(found.best_refits[at].name) == name
+        known = [each for each in found.signatures if plain(each.candidate.name) == name]
+        tried = found.best_refits[at : at + 1] if same else refit(here, score(here, known)[:2], fee, lambda said: None)
         if not tried:
             return None
         made.append(tried[0])
@@ -184,22 +186,22 @@ def true_fit(found: Search, names: tuple[str, ...]) -> list[Refit] | None:
     return made
 
 
-def is_detectable(found: Search, kind: Kind, oracle: list[Refit] | None, left: Remainder) -> bool:
+def is_detectable(found: Search, kind: Kind, oracle: list[Refit] | None, left: DriveResidual) -> bool:
     """Return whether the truth gains more chi2 than the luckiest of all candidates by chance; of two, each of them."""
     if kind is Kind.OFF_LIST:
-        return bool(found.found) or not left.is_noise
-    return oracle is not None and len(oracle) > 0 and all(one.gain > one.fee for one in oracle)
+        return bool(found.best_refits) or not left.is_noise
+    return oracle is not None and len(oracle) > 0 and all(one.gain > one.threshold for one in oracle)
 
 
 def sizes_of(found: Search, hidden: list[dict[str, Any]], names: tuple[str, ...]) -> tuple[Size, ...]:
     """Return the fitted sizes of what was hidden, where all of it and nothing else was named."""
-    if sorted(plain(one.name) for one in found.found) != sorted(names):
+    if sorted(plain(one.name) for one in found.best_refits) != sorted(names):
         return ()
     fitted = {one.name: one for one in numbers(found.last)}
     made = []
     for each, name in zip(hidden, names, strict=True):
-        candidate = next(one.candidate for one in found.found if plain(one.name) == name)
-        for own in candidate.sizes:
+        candidate = next(one.candidate for one in found.best_refits if plain(one.name) == name)
+        for own in candidate.amplitudes:
             true = each["numbers"].get(own.rpartition(".")[2])
             if true is not None and own in fitted:
                 made.append(Size(own, true, fitted[own].value, fitted[own].low, fitted[own].high))
@@ -208,7 +210,7 @@ def sizes_of(found: Search, hidden: list[dict[str, Any]], names: tuple[str, ...]
 
 def loss(fitted: Fit) -> float:
     """Return the held-out chi2 of each compared block; 1 is the noise."""
-    return float(left_out(fitted).sum()) / fitted.task.noise.count
+    return float(first_order_surprises(fitted).sum()) / fitted.task.noise.count
 
 
 if __name__ == "__main__":

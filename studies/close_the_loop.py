@@ -59,7 +59,7 @@ import wheel_laws
 from scipy.optimize import minimize_scalar
 
 from rover_pin.contact import Soil
-from rover_pin.discrepancy.cross_validation import models_left_out
+from rover_pin.discrepancy.cross_validation import fold_models
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import Outcome
@@ -139,7 +139,7 @@ def transient_runs(path: Path) -> dict[str, pd.DataFrame]:
 def held_out_steady(data: RigSet, fit: Fit) -> dict[str, float]:
     """Return the steady sinkage of each level [m], by the model fitted to the others."""
     found = {}
-    for number, (name, model) in enumerate(zip(data.level_names, models_left_out(fit), strict=True)):
+    for number, (name, model) in enumerate(zip(data.level_names, fold_models(fit), strict=True)):
         own = data.level == number
         found[name] = float(model.predict(data.rig.load[own].mean(), data.rig.slip[own].mean()).sinkage[0])
     return found
@@ -243,7 +243,7 @@ def with_authors_exponent(data: RigSet) -> Soil:
 
 
 def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:
-    found = " or ".join(verdict.alike) or verdict.answer.value
+    found = " or ".join(verdict.indistinguishable) or verdict.answer.value
     left = verdict.extra
     return [
         {
@@ -260,9 +260,9 @@ def rows(label: str, verdict: Verdict) -> list[dict[str, object]]:
             "change_high": score.high,
             "fitted_before_in_sd": was.rms,
             "fitted_after_in_sd": now.rms,
-            "said": score.said,
+            "said": score.claim,
         }
-        for score, was, now in zip(verdict.scores, left.before.remainders, left.after.remainders, strict=True)
+        for score, was, now in zip(verdict.scores, left.before.residuals, left.after.residuals, strict=True)
     ]
 
 

@@ -149,7 +149,7 @@ def draw_channel(axis: Axes, case: Case, result: Identification, channel: RigCha
 
 
 def summary(result: Identification) -> str:
-    return "found " + (", ".join(result.found) or "nothing") + f"; SDs widened {result.misfit:.1f} x"
+    return "found " + (", ".join(result.identified) or "nothing") + f"; SDs widened {result.misfit:.1f} x"
 
 
 if __name__ == "__main__":

@@ -93,7 +93,7 @@ def row(k: float, form: TractionForm, repeats: int) -> dict[str, float | str]:
         "k_high_mm": 1000 * ideal["k"].high,
         "phi_low_deg": ideal["phi"].low * DEG,
         "phi_high_deg": ideal["phi"].high * DEG,
-        "found": " ".join(ideal.found) or "none",
+        "found": " ".join(ideal.identified) or "none",
         "fits_on_phi_bound": np.mean([fit.soil.phi > math.radians(59.9) for fit in fits]),
         "k_95_holds_truth": np.mean([k_held for k_held, _ in held]),
         "phi_95_holds_truth": np.mean([phi_held for _, phi_held in held]),

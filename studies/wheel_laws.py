@@ -61,7 +61,7 @@ from forms.error_bars import draw_error_bars, last_law
 from forms.joined import joined
 from forms.sinkage import DingMetres, Exponential, Lyasko, Squared
 
-from rover_pin.discrepancy.cross_validation import refitted_left_out
+from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.discrepancy.search import calibrated
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.flank_pressure import FlankPressure
@@ -74,7 +74,7 @@ from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.joint_rig.sets import joined as joined_sets
-from rover_pin.experiments.wheel_rig.candidates import numbers_of, own_sizes
+from rover_pin.experiments.wheel_rig.candidates import numbers_of, present_amplitudes
 from rover_pin.experiments.wheel_rig.data import RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel
@@ -212,7 +212,7 @@ def compared(name: str, data: RigSet, laws: dict[str, tuple[Effect, ...]], n: fl
     experiment, rows = RigExperiment(data), []
     for law, effects in laws.items():
         fit = fitted(data, effects, n)
-        rows.append(row(name, law, data, experiment.rows(refitted_left_out(fit)), sizes(fit)))
+        rows.append(row(name, law, data, experiment.rows(held_out_residual(fit)), sizes(fit)))
     return rows + [row(name, law, data, left_out(data, predict)) for law, predict in BASELINES.items()]
 
 
@@ -266,8 +266,8 @@ def one_sand(sets: Sequence[RigSet]) -> list[Row]:
     for law, effects in ONE_SAND.items():
         model = dataclasses.replace(joint.base_model(), effects=(*ASKEW, *effects))
         known = joint.uncertain(model)
-        fit = calibrated(joint, model, (*known, *own_sizes(model, known)))
-        left = np.where(np.isfinite(joint.observed), refitted_left_out(fit), np.nan)
+        fit = calibrated(joint, model, (*known, *present_amplitudes(model, known)))
+        left = np.where(np.isfinite(joint.observed), held_out_residual(fit), np.nan)
         for name in joint.sets:
             own = left[joint.of_set(name)]
             seen = [(at, one) for at, one in enumerate(joint.channels) if np.isfinite(own[:, at]).any()]

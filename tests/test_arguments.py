@@ -5,14 +5,14 @@ from typing import Annotated
 
 import pytest
 
-from rover_pin.arguments import about, arguments_of, checked
+from rover_pin.arguments import arguments_of, checked, spec
 from rover_pin.errors import ParameterError
 
-Width = Annotated[float, about("m", "measured", 0.1, 2.0)]
+Width = Annotated[float, spec("m", "measured", 0.1, 2.0)]
 
 
 @checked("thing")
-def made(width: Width, plain: float = 9.0, *, count: Annotated[int, about("", "assumed", 1, 3)] = 2) -> tuple:
+def made(width: Width, plain: float = 9.0, *, count: Annotated[int, spec("", "assumed", 1, 3)] = 2) -> tuple:
     """Return them."""
     return width, plain, count
 

@@ -59,8 +59,8 @@ def test_the_log_of_a_drive_declares_what_made_it(tmp_path):
     drive = scenario("bump", duration=1.0, **{"soil.k": 0.02})
     trace = drive.drive()
     log = read_drive_log(drive.write_log(trace, tmp_path / "log"))
-    assert log.about.soil["k"]["value"] == 0.02
-    assert log.about.motor["supply"]["value"] == 7.2
+    assert log.metadata.soil["k"]["value"] == 0.02
+    assert log.metadata.motor["supply"]["value"] == 7.2
     assert log.terrain() == drive.model.terrain
     assert np.array_equal(log.runs[0]["body_x"], trace["body_x"])
 
@@ -155,7 +155,7 @@ def test_a_log_declares_its_resistance_and_the_loop_begins_with_it(tmp_path):
     drive = scenario("flat", duration=1.0, **{"soil.k": 0.01})
     log = read_drive_log(drive.write_log(drive.drive(), tmp_path / "log"))
     assert base_model(log).effect(MotionResistance) == drive.model.effect(MotionResistance)
-    undeclared = dataclasses.replace(log, about=dataclasses.replace(log.about, resistance={}))
+    undeclared = dataclasses.replace(log, metadata=dataclasses.replace(log.metadata, resistance={}))
     assert float(base_model(undeclared).effect(MotionResistance).R) == resistance(cruise_slip=0.05, **{"soil.k": 0.01})
 
 

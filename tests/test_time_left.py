@@ -5,12 +5,12 @@ import logging
 import pytest
 
 from rover_pin import time_left
-from rover_pin.time_left import TimeLeft, spoken, telling
+from rover_pin.time_left import TimeLeft, format_duration, telling
 
 
 @pytest.mark.parametrize(("seconds", "said"), [(7.2, "7 s"), (119.0, "119 s"), (600.0, "10 min"), (9000.0, "2.5 h")])
 def test_times_are_said_as_one_says_them(seconds, said):
-    assert spoken(seconds) == said
+    assert format_duration(seconds) == said
 
 
 def test_the_rest_takes_as_long_as_what_was_done(caplog):

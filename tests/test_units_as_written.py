@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rover_pin.errors import ParameterError
-from rover_pin.quantity import written
+from rover_pin.quantity import parse_quantity
 from rover_pin.units import UNITS, name_and_unit
 
 
@@ -18,12 +18,12 @@ from rover_pin.units import UNITS, name_and_unit
 )
 def test_a_number_and_any_unit_is_the_si_number(value, unit, between):
     si, factor = UNITS[unit]
-    assert written(f"{value!r}{between}{unit}", si, "x") == value * factor
+    assert parse_quantity(f"{value!r}{between}{unit}", si, "x") == value * factor
 
 
 @given(value=st.floats(allow_nan=False, allow_infinity=False))
 def test_a_number_alone_is_in_si_already(value):
-    assert written(repr(value), "m", "x") == value == written(value, "m", "x")
+    assert parse_quantity(repr(value), "m", "x") == value == parse_quantity(value, "m", "x")
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_a_number_alone_is_in_si_already(value):
     ],
 )
 def test_how_one_writes_it(text, si, value):
-    assert written(text, si, "x") == pytest.approx(value, rel=1e-15)
+    assert parse_quantity(text, si, "x") == pytest.approx(value, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -85,12 +85,16 @@ def test_how_one_writes_it(text, si, value):
 )
 def test_what_is_none_is_refused(text, si, sentence):
     with pytest.raises(ParameterError, match=sentence):
-        written(text, si, "x")
+        parse_quantity(text, si, "x")
 
 
 def test_a_number_alone_is_in_the_unit_that_the_option_names():
-    assert written("5", "rad", "x", "deg") == written(5, "rad", "x", "deg") == pytest.approx(math.radians(5.0))
-    assert written("5 rad", "rad", "x", "deg") == 5.0
+    assert (
+        parse_quantity("5", "rad", "x", "deg")
+        == parse_quantity(5, "rad", "x", "deg")
+        == pytest.approx(math.radians(5.0))
+    )
+    assert parse_quantity("5 rad", "rad", "x", "deg") == 5.0
 
 
 @pytest.mark.parametrize(

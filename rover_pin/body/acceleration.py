@@ -157,7 +157,7 @@ def wheel_jacobians(rover: Rover, q: np.ndarray) -> np.ndarray:
 def constraint_rows(rover: Rover, *, differential: bool = True) -> np.ndarray:
     """Return G [m, nv]: first the row of a rigid `differential`, if there is one, then one a joint that follows."""
     pairs: list[tuple[int | None, int | None, float]]
-    pairs = [(each.follower, each.leader, each.ratio) for each in rover.couplings]
+    pairs = [(coupling.follower, coupling.leader, coupling.ratio) for coupling in rover.couplings]
     if rover.differential is not None and differential:
         pairs.insert(0, (rover.differential.left, rover.differential.right, -1.0))
     return _rows(pairs, rover.model.nv)
@@ -165,7 +165,7 @@ def constraint_rows(rover: Rover, *, differential: bool = True) -> np.ndarray:
 
 def _angle_rows(rover: Rover) -> np.ndarray:
     """Return the same for the angles [m, nq]; a row of zeros for wheels that are tied, which have rates only."""
-    pairs = [(each.q_follower, each.q_leader, each.ratio) for each in rover.couplings]
+    pairs = [(coupling.q_follower, coupling.q_leader, coupling.ratio) for coupling in rover.couplings]
     if rover.differential is not None:
         pairs.insert(0, (rover.differential.q_left, rover.differential.q_right, -1.0))
     return _rows(pairs, rover.model.nq)
@@ -183,8 +183,8 @@ def supporting_dofs(model: pin.Model, joint: int) -> list[int]:
     """Return the places in v that move a joint, from the base outwards."""
     return [
         place
-        for each in list(model.supports[joint])[1:]
-        for place in range(model.joints[each].idx_v, model.joints[each].idx_v + model.joints[each].nv)
+        for support in list(model.supports[joint])[1:]
+        for place in range(model.joints[support].idx_v, model.joints[support].idx_v + model.joints[support].nv)
     ]
 
 

@@ -30,7 +30,7 @@ def bent(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain
     """
     places, lift = np.asarray(x, dtype=float), np.asarray(rise, dtype=float)
     if isinstance(terrain, Lanes):
-        return Lanes(tuple(_raised(one, places, lift) for one in terrain.profiles), terrain.borders)
+        return Lanes(tuple(_raised(profile, places, lift) for profile in terrain.profiles), terrain.borders)
     assert isinstance(terrain, HeightGrid)
     finer = max(1, math.ceil(terrain.dx / float(np.min(np.diff(places)))))
     lines = (terrain.z.shape[0] - 1) * finer + 1
@@ -41,17 +41,17 @@ def bent(terrain: Terrain, x: Sequence[float], rise: Sequence[float]) -> Terrain
             "cut the grid."
         )
     dx = terrain.dx / finer
-    own = terrain.x0 + dx * np.arange(lines)
+    grid_x = terrain.x0 + dx * np.arange(lines)
     y = terrain.y0 + terrain.dy * np.arange(terrain.z.shape[1])
-    z = terrain.height(own[:, None], y[None, :]) + np.interp(own, places, lift)[:, None]
+    z = terrain.height(grid_x[:, None], y[None, :]) + np.interp(grid_x, places, lift)[:, None]
     return HeightGrid(terrain.x0, terrain.y0, dx, terrain.dy, z, np.repeat(terrain.ground, finer, axis=0))
 
 
 def _raised(profile: Profile, places: np.ndarray, lift: np.ndarray) -> Profile:
     """Return a profile with the bend's points among its own, one more ahead and behind: beyond them nothing bends."""
     length = float(places[-1] - places[0])
-    further = np.concatenate([[places[0] - length], places, [places[-1] + length]])
-    near = np.min(np.abs(further[:, None] - profile.x), axis=1) < CLOSE
-    x = np.union1d(profile.x, further[~near])
+    extended = np.concatenate([[places[0] - length], places, [places[-1] + length]])
+    coincident = np.min(np.abs(extended[:, None] - profile.x), axis=1) < CLOSE
+    x = np.union1d(profile.x, extended[~coincident])
     middle = (x[1:] + x[:-1]) / 2.0
     return Profile(x, profile.height(x) + np.interp(x, places, lift), profile.ground[profile.piece(middle)])

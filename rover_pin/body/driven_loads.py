@@ -68,7 +68,7 @@ def wheel_mounts(rover: Rover, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     data = rover.model.createData()
     pin.forwardKinematics(rover.model, data, q)
     placed = [data.oMi[wheel.joint] for wheel in rover.wheels]
-    return np.array([each.rotation for each in placed]), np.array([each.translation for each in placed])
+    return np.array([pose.rotation for pose in placed]), np.array([pose.translation for pose in placed])
 
 
 def turning(rotations: Sequence[np.ndarray], axles: np.ndarray) -> np.ndarray:
@@ -136,25 +136,25 @@ def loads_on(rover: Rover, q: np.ndarray, torque: np.ndarray, foot: Footing, jac
     free = _free_places(rover)
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     pull = (torque / r)[:, None] * foot.forward
-    known = np.einsum("nij,ni->j", jacobians, np.hstack([pull, -torque[:, None] * foot.left]))
+    applied_force = np.einsum("nij,ni->j", jacobians, np.hstack([pull, -torque[:, None] * foot.left]))
     hold = rover.mass * rover.gravity * rover.up - pull.sum(axis=0)
     # The side force acts at the rim: (-r n) x (-eta y) = -r eta t.
     pushes = ((foot.normal, 0.0 * foot.normal), (-foot.forward, 0.0 * foot.normal),
               (-foot.left, -r[:, None] * foot.forward))  # fmt: skip
     lifts = [np.einsum("nij,ni->jn", jacobians, np.hstack(push))[free] for push in pushes]
-    held_rows, wanted = constraint_rows(rover).T[free], (weight - known)[free]
+    held_rows, wanted = constraint_rows(rover).T[free], (weight - applied_force)[free]
     rho, eta = 0.0, 0.0
     for _ in range(SHARES):
         unknown = np.column_stack([lifts[0] + rho * lifts[1] + eta * lifts[2], held_rows])
-        found, *_ = np.linalg.lstsq(unknown, wanted, rcond=1e-10)
-        load = found[: len(rover.wheels)]
+        solution, *_ = np.linalg.lstsq(unknown, wanted, rcond=1e-10)
+        load = solution[: len(rover.wheels)]
         lacking = hold - load @ foot.normal
         rho, eta = (-float(lacking @ _mean(axes, load)) / max(float(np.sum(load)), 1e-9)
                     for axes in (foot.forward, foot.left))  # fmt: skip
     return np.array(load)
 
 
-def told_together(rover: Rover, foot: Footing, jacobians: np.ndarray) -> list[tuple[int, ...]]:
+def determinate_groups(rover: Rover, foot: Footing, jacobians: np.ndarray) -> list[tuple[int, ...]]:
     """Return the wheels whose loads statics tell one by one, else axles whose sum they tell, else all the others.
 
     A rigid chassis on four wheels shares its weight over the diagonals as the ground's warp has it, which no balance
@@ -162,8 +162,8 @@ def told_together(rover: Rover, foot: Footing, jacobians: np.ndarray) -> list[tu
     """
     upright = [place for place in _free_places(rover) if place not in SLIDING]
     lifts = np.einsum("nij,ni->jn", jacobians[:, :3], foot.normal)[upright]
-    _, sizes, directions = np.linalg.svd(np.column_stack([lifts, constraint_rows(rover).T[upright]]))
-    open_ = directions[int(np.sum(sizes > UNTOLD * sizes[0])) :, : len(rover.wheels)].T
+    _, singular_values, directions = np.linalg.svd(np.column_stack([lifts, constraint_rows(rover).T[upright]]))
+    open_ = directions[int(np.sum(singular_values > UNTOLD * singular_values[0])) :, : len(rover.wheels)].T
     groups: list[tuple[int, ...]] = []
     others: list[int] = []
     for axle in dict.fromkeys(wheel.axle for wheel in rover.wheels):
@@ -179,8 +179,8 @@ def told_together(rover: Rover, foot: Footing, jacobians: np.ndarray) -> list[tu
 
 def _free_places(rover: Rover) -> list[int]:
     """Return the degrees of freedom that no motor holds."""
-    held = {mount.dof for mount in rover.wheels} | {mount.steer_dof for mount in rover.wheels}
-    return [place for place in range(rover.model.nv) if place not in held]
+    motor_dofs = {mount.dof for mount in rover.wheels} | {mount.steer_dof for mount in rover.wheels}
+    return [place for place in range(rover.model.nv) if place not in motor_dofs]
 
 
 def _mean(axes: np.ndarray, load: np.ndarray) -> np.ndarray:

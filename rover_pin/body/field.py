@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from rover_pin.arguments import about, checked
+from rover_pin.arguments import checked, spec
 from rover_pin.body import shapes
 from rover_pin.body.profile import Profile
 from rover_pin.body.terrain import Lanes
@@ -19,7 +19,7 @@ BETWEEN = 0.8
 DEG = math.pi / 180.0
 
 
-Size = Annotated[float, about("", "assumed: 1 for the wheels of Nexus 6", 1e-3, 1000.0)]
+Size = Annotated[float, spec("", "assumed: 1 for the wheels of Nexus 6", 1e-3, 1000.0)]
 
 
 @checked("terrain")
@@ -72,8 +72,8 @@ def _joined(parts: Sequence[Profile], seams: Sequence[float]) -> Profile:
     ends = [-math.inf, *seams, math.inf]
     x, z, ground = [], [], []
     for part, (low, high) in zip(parts, itertools.pairwise(ends), strict=True):
-        own = (part.x > low) & (part.x < high)
-        x += list(part.x[own])
-        z += list(part.z[own])
-        ground += list(part.ground[np.clip(np.flatnonzero(own), 0, part.ground.size - 1)])
+        inside = (part.x > low) & (part.x < high)
+        x += list(part.x[inside])
+        z += list(part.z[inside])
+        ground += list(part.ground[np.clip(np.flatnonzero(inside), 0, part.ground.size - 1)])
     return Profile(np.array(x), np.array(z), np.array(ground[:-1]))

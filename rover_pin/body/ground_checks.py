@@ -17,10 +17,10 @@ STEEPEST = math.radians(89.0)
 def numbers(name: str, values: Any) -> np.ndarray:
     """Return `values` [m] as an array of its own, or refuse what is not finite."""
     try:
-        given = np.asarray(values)
-        if given.dtype.kind not in "biuf":
-            raise ParameterError(f"A terrain's {name} must be numbers in m, not of the type {given.dtype}.")
-        array = np.array(given, dtype=float)
+        raw = np.asarray(values)
+        if raw.dtype.kind not in "biuf":
+            raise ParameterError(f"A terrain's {name} must be numbers in m, not of the type {raw.dtype}.")
+        array = np.array(raw, dtype=float)
     except (TypeError, ValueError) as error:
         raise ParameterError(f"A terrain's {name} must be numbers in m: {error}.") from error
     bad = np.argwhere(~np.isfinite(array))
@@ -30,14 +30,14 @@ def numbers(name: str, values: Any) -> np.ndarray:
     return array
 
 
-def soil_indices(values: Any, shape: tuple[int, ...], owner: str, each: str) -> np.ndarray:
+def soil_indices(values: Any, shape: tuple[int, ...], owner: str, element: str) -> np.ndarray:
     """Return `values` as an array of whole numbers of this shape; one number stands for all."""
     array = np.asarray(values)
-    counted = array.dtype.kind in "iuf" and np.all((array >= 0) & (array < 1000) & (array == np.floor(array)))
-    if array.shape not in ((), shape) or not counted:
+    valid = array.dtype.kind in "iuf" and np.all((array >= 0) & (array < 1000) & (array == np.floor(array)))
+    if array.shape not in ((), shape) or not valid:
         raise ParameterError(
             f"A {owner}'s ground of shape {array.shape} must be whole numbers from 0 up: one for all, "
-            f"or of shape {shape}, one a {each}; 0 is the default soil."
+            f"or of shape {shape}, one a {element}; 0 is the default soil."
         )
     return np.array(np.broadcast_to(array, shape), dtype=np.int64)
 
@@ -60,6 +60,6 @@ def freeze(owner: Any, **arrays: np.ndarray) -> None:
         object.__setattr__(owner, name, array)
 
 
-def same(one: Any, other: Any, *names: str) -> bool:
+def arrays_equal(first: Any, second: Any, *names: str) -> bool:
     """Return whether the named arrays of both are equal."""
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in names)

@@ -8,7 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
-from rover_pin.body.ground_checks import check_steepness, freeze, numbers, same, soil_indices
+from rover_pin.body.ground_checks import arrays_equal, check_steepness, freeze, numbers, soil_indices
 from rover_pin.errors import ParameterError
 
 FAR = 1000.0
@@ -61,7 +61,7 @@ class Profile:
         freeze(self, x=x, z=z, ground=ground)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Profile) and same(self, other, "x", "z", "ground")
+        return isinstance(other, Profile) and arrays_equal(self, other, "x", "z", "ground")
 
     def __hash__(self) -> int:
         return hash((self.x.tobytes(), self.z.tobytes(), self.ground.tobytes()))
@@ -94,11 +94,11 @@ class Profile:
     def straightened(self) -> Profile:
         """Return the same polyline without the points amid straight runs of one soil."""
         x, z, ground = self.x, self.z, self.ground
-        near = ROUND_OFF * max(1.0, float(np.max(np.abs(x))), float(np.max(np.abs(z))))
-        kept = np.ones(len(x), dtype=bool)
+        tolerance = ROUND_OFF * max(1.0, float(np.max(np.abs(x))), float(np.max(np.abs(z))))
+        corners = np.ones(len(x), dtype=bool)
         chord = z[:-2] + (x[1:-1] - x[:-2]) * (z[2:] - z[:-2]) / (x[2:] - x[:-2])
-        kept[1:-1] = (np.abs(z[1:-1] - chord) > near) | (ground[1:] != ground[:-1])
-        bent = np.abs(z - np.interp(x, x[kept], z[kept])) > near
-        run = np.cumsum(kept)
-        kept |= np.isin(run, run[bent])  # a bow of many small turns is no straight run: it stays as it is
-        return Profile(x[kept], z[kept], ground[kept[:-1]])
+        corners[1:-1] = (np.abs(z[1:-1] - chord) > tolerance) | (ground[1:] != ground[:-1])
+        bent = np.abs(z - np.interp(x, x[corners], z[corners])) > tolerance
+        run = np.cumsum(corners)
+        corners |= np.isin(run, run[bent])  # a bow of many small turns is no straight run: it stays as it is
+        return Profile(x[corners], z[corners], ground[corners[:-1]])

@@ -17,7 +17,7 @@ from rover_pin.body.parts import Coupling, Differential, WheelMount
 from rover_pin.body.symmetry import Mirror, is_symmetric, mirror
 from rover_pin.contact import Wheel
 from rover_pin.description.faults import refuse_faults
-from rover_pin.description.layout import Layout, read_layout, shipped, written
+from rover_pin.description.layout import Layout, layout_texts, read_layout, shipped
 from rover_pin.description.motor_sheet import MotorSheet
 from rover_pin.description.readers import free_tree
 from rover_pin.description.tree import read_tree
@@ -64,11 +64,11 @@ class Rover:
         ParameterError
             Its axles have wheels of different sizes.
         """
-        sizes = dict.fromkeys((float(mount.wheel.r), float(mount.wheel.b)) for mount in self.wheels)
-        if len(sizes) > 1:
-            told = ", ".join(f"{1e3 * r:g} x {1e3 * b:g} mm" for r, b in sizes)
+        dimensions = dict.fromkeys((float(mount.wheel.r), float(mount.wheel.b)) for mount in self.wheels)
+        if len(dimensions) > 1:
+            listing = ", ".join(f"{1e3 * r:g} x {1e3 * b:g} mm" for r, b in dimensions)
             raise ParameterError(
-                f"Rover '{self.name}' has wheels of several sizes (r x b: {told}), and this is done for one: take a "
+                f"Rover '{self.name}' has wheels of several sizes (r x b: {listing}), and this is done for one: take a "
                 "rover of equal wheels; drive, bounds and check-urdf take any."
             )
         return self.wheels[0].wheel
@@ -165,8 +165,8 @@ class Rover:
         for mount in self.wheels:
             if mount.name == name:
                 return mount
-        known = [mount.name for mount in self.wheels]
-        raise ParameterError(f"Rover '{self.name}' has no wheel '{name}': {closest(name, known)}")
+        names = [mount.name for mount in self.wheels]
+        raise ParameterError(f"Rover '{self.name}' has no wheel '{name}': {closest(name, names)}")
 
 
 @public
@@ -201,12 +201,12 @@ def load_rover(rover: str | Path = "nexus6", trust: Trust = Trust()) -> Rover:
     path = Path(rover)
     if path.suffix == "":
         path, trust = shipped(str(rover)), Trust(everything=True)
-    found = _loaded(path, written(path, trust), trust)
-    return dataclasses.replace(found, model=found.model.copy())
+    cached = _loaded(path, layout_texts(path, trust), trust)
+    return dataclasses.replace(cached, model=cached.model.copy())
 
 
 @lru_cache(maxsize=16)
-def _loaded(path: Path, written: tuple[str, ...], trust: Trust) -> Rover:
+def _loaded(path: Path, texts: tuple[str, ...], trust: Trust) -> Rover:
     """Return the rover of a TOML; what is `written` in its files tells whether it is the one loaded before."""
     layout = read_layout(path, trust)
     refuse_faults(layout)
@@ -255,11 +255,11 @@ def assemble(layout: Layout) -> Rover:
 
 
 def _mounts(model: pin.Model, layout: Layout) -> list[WheelMount]:
-    made = []
+    mounts = []
     for number, axle in enumerate(layout.axles):
         for side, joint, steer in zip("lr", axle.wheels, axle.steering, strict=True):
             at = model.getJointId(joint)
-            made.append(
+            mounts.append(
                 WheelMount(
                     name=axle.name[0] + side,
                     joint=at,
@@ -270,7 +270,7 @@ def _mounts(model: pin.Model, layout: Layout) -> list[WheelMount]:
                     wheel=axle.wheel,
                 )
             )
-    return made
+    return mounts
 
 
 def _differential(model: pin.Model, layout: Layout) -> Differential | None:
@@ -284,7 +284,7 @@ def _couplings(model: pin.Model, layout: Layout) -> Iterator[Coupling]:
     """Yield what the URDF's <mimic> joins and the differential does not."""
     for name, mimic in read_tree(layout.text, layout.file).followers(layout.differential):
         wheel = name in layout.wheel_joints
-        angles = [None if wheel else _angle(model, each) for each in (name, mimic.joint)]
+        angles = [None if wheel else _angle(model, joint) for joint in (name, mimic.joint)]
         yield Coupling(_dof(model, name), _dof(model, mimic.joint), mimic.multiplier, *angles)
 
 

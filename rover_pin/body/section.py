@@ -92,24 +92,24 @@ def patches(
 
     `exponents` are n of the soils by index. The sinkage is the greatest depth, its mean over the width.
     """
-    found, sinkage = [], 0.0
+    contacts, sinkage = [], 0.0
     for strip in strips(terrain, frame, r, b):
         touching = _patches_of(strip, r, exponents)
-        found += touching
+        contacts += touching
         sinkage += strip.share * max((patch.depth for patch in touching), default=0.0)
-    return found, sinkage
+    return contacts, sinkage
 
 
 def _patches_of(strip: Strip, r: float, exponents: Sequence[float]) -> list[Patch]:
-    found = []
+    contacts = []
     for k, facet in enumerate(strip.facets):
         n = exponents[facet.ground]
         patch = patch_of(strip.facets, k, r, n)
         if patch is not None:
             side = -strip.slope * patch.share * patch.h / (n + 1.5)
-            share, tilt, turn = (strip.share * each for each in (patch.share, patch.tilt, patch.turn))
-            found.append(patch._replace(share=share, tilt=tilt, turn=turn, side=side))
-    return found
+            share, tilt, turn = (strip.share * part for part in (patch.share, patch.tilt, patch.turn))
+            contacts.append(patch._replace(share=share, tilt=tilt, turn=turn, side=side))
+    return contacts
 
 
 def strips(terrain: Terrain, frame: WheelFrame, r: float, b: float) -> list[Strip]:
@@ -117,10 +117,10 @@ def strips(terrain: Terrain, frame: WheelFrame, r: float, b: float) -> list[Stri
     if not isinstance(terrain, Lanes):
         assert isinstance(terrain, HeightGrid)
         return [Strip(cut_grid(terrain, frame, r))]
-    found = (lane_share(terrain, frame, r, b, lane) for lane in range(len(terrain.profiles)))
+    shares = (lane_share(terrain, frame, r, b, lane) for lane in range(len(terrain.profiles)))
     return [
         Strip(cut_lane(terrain, frame, r, lane), share, slope)
-        for lane, (share, slope) in enumerate(found)
+        for lane, (share, slope) in enumerate(shares)
         if share > 0.0
     ]
 
@@ -156,16 +156,16 @@ def cut_lane(terrain: Lanes, frame: WheelFrame, r: float, lane: int) -> list[Fac
     dx, dz = x - frame.centre[0], z - frame.centre[2]
     corners = np.column_stack([dx, -(frame.axle[0] * dx + frame.axle[2] * dz) / across, dz])
     points = np.column_stack([corners @ frame.forward, corners @ frame.up])
-    near = np.flatnonzero((x[1:] > frame.centre[0] - 1.05 * r) & (x[:-1] <= frame.centre[0] + 1.05 * r))
-    pieces = range(max(near[0] - 1, 0), min(near[-1] + 2, len(ground)))
-    made = []
+    nearby = np.flatnonzero((x[1:] > frame.centre[0] - 1.05 * r) & (x[:-1] <= frame.centre[0] + 1.05 * r))
+    pieces = range(max(nearby[0] - 1, 0), min(nearby[-1] + 2, len(ground)))
+    facets = []
     for k in pieces:
         length = math.hypot(x[k + 1] - x[k], z[k + 1] - z[k])
         normal = np.array([-(z[k + 1] - z[k]), 0.0, x[k + 1] - x[k]]) / length
-        made.append(Facet(points[k], points[k + 1], normal, int(ground[k])))
+        facets.append(Facet(points[k], points[k + 1], normal, int(ground[k])))
     if frame.forward[0] < 0.0:
-        made = [facet._replace(start=facet.end, end=facet.start) for facet in reversed(made)]
-    return made
+        facets = [facet._replace(start=facet.end, end=facet.start) for facet in reversed(facets)]
+    return facets
 
 
 def cut_grid(terrain: HeightGrid, frame: WheelFrame, r: float) -> list[Facet]:
@@ -179,13 +179,13 @@ def cut_grid(terrain: HeightGrid, frame: WheelFrame, r: float) -> list[Facet]:
             lean = frame.up[2] - slope_x * frame.up[0] - slope_y * frame.up[1]
             t += (terrain.height(x, y) - z) / lean
         points.append(np.array([s, t]))
-    made: list[Facet] = []
+    facets: list[Facet] = []
     for facet in (_grid_facet(terrain, frame, a, b) for a, b in pairwise(points)):
-        if made and _one_plane(made[-1], facet):
-            made[-1] = made[-1]._replace(end=facet.end)
+        if facets and _one_plane(facets[-1], facet):
+            facets[-1] = facets[-1]._replace(end=facet.end)
         else:
-            made.append(facet)
-    return made
+            facets.append(facet)
+    return facets
 
 
 def _one_plane(a: Facet, b: Facet) -> bool:
@@ -230,11 +230,11 @@ def patch_of(facets: list[Facet], k: int, r: float, exponent: float) -> Patch | 
         return Patch(sunk, r * deepest, 1.0, 0.0, 1.0, facet)
     if deepest <= 1e-12:
         return None
-    whole = depth_integrals(0.0, math.acos(1.0 - sunk / r), exponent)
+    full_arc = depth_integrals(0.0, math.acos(1.0 - sunk / r), exponent)
     part = depth_integrals(low, theta_0, exponent) - depth_integrals(high, theta_0, exponent)
-    share, turn = 0.5 * part / whole
+    share, turn = 0.5 * part / full_arc
     rise = [max(math.cos(theta) - cosine, 0.0) ** (exponent + 1.0) for theta in (low, high)]
-    tilt = 0.5 * (rise[0] - rise[1]) / ((exponent + 1.0) * whole[0])
+    tilt = 0.5 * (rise[0] - rise[1]) / ((exponent + 1.0) * full_arc[0])
     return Patch(sunk, r * deepest, float(share), float(tilt), float(turn), facet)
 
 
@@ -249,13 +249,13 @@ def depth_integrals(theta: float, theta_0: float, exponent: float) -> np.ndarray
 
 
 def clip_at_bisector(
-    own: np.ndarray, other: np.ndarray, corner: np.ndarray, r: float, arc: tuple[float, float], side: float
+    normal: np.ndarray, neighbour: np.ndarray, corner: np.ndarray, r: float, arc: tuple[float, float], side: float
 ) -> tuple[float, float]:
     """Return the arc cut where a + r sin(theta - delta) has the wrong sign; an empty arc has low > high.
 
     a is the centre's distance ahead of the bisector through `corner`, delta the angle from the own normal to it.
     """
-    bisector = (own + other) / np.linalg.norm(own + other)
+    bisector = (normal + neighbour) / np.linalg.norm(normal + neighbour)
     ahead = np.array([bisector[1], -bisector[0]])
     a = -float(corner @ ahead)
     if side * a >= r:
@@ -263,5 +263,5 @@ def clip_at_bisector(
     if side * a <= -r:
         return 1.0, -1.0
     edge, turn = math.asin(-a / r), math.copysign(math.pi, side)
-    delta = math.atan2(own @ ahead, own @ bisector)
+    delta = math.atan2(normal @ ahead, normal @ bisector)
     return max(arc[0], min(edge, turn - edge) + delta), min(arc[1], max(edge, turn - edge) + delta)

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from rover_pin.arguments import about, checked
+from rover_pin.arguments import checked, spec
 from rover_pin.body.ground_checks import STEEPEST
 from rover_pin.body.terrain import HeightGrid, Lanes, Profile, Terrain
 from rover_pin.errors import ParameterError
@@ -28,28 +28,28 @@ FARTHEST = 1e6
 """Place [m] or angle [rad] beyond which millimetres and milliradians are lost in round-off."""
 
 FIG_10 = "paper, Fig 10 and section 4"
-Ground = Annotated[int, about("", "assumed: an index of the model's soils, 0 the sand, 1 the hard ground", 0, 255)]
-Place = Annotated[float, about("m", "assumed: level ground before it", -FARTHEST, FARTHEST)]
-Seed = Annotated[int, about("", "assumed: any number gives another ground", 0, 2**53)]
-Angle = Annotated[float, about("rad", "paper, section 4: up to 20 deg", -STEEPEST, STEEPEST)]
-Tilt = Annotated[float, about("rad", "paper, section 4: up to 20 deg", -80.0 * DEG, 80.0 * DEG)]
-Rate = Annotated[float, about("rad/m", "assumed: 12 deg after 25 s at 0.05 m/s, paper's Fig 8", 1e-6, 100.0)]
-Steepest = Annotated[float, about("rad", "paper, section 4: up to 20 deg", 1e-6, 80.0 * DEG)]
-Height = Annotated[float, about("m", "assumed: crossed on sand", -100.0, 100.0)]
-BumpLength = Annotated[float, about("m", "assumed: crossed on sand", 1e-3, 1000.0)]
-Depth = Annotated[float, about("m", FIG_10, 1e-6, 100.0)]
-Width = Annotated[float, about("m", FIG_10 + "; assumed: from lip to lip", 1e-6, 1000.0)]
-WallAngle = Annotated[float, about("rad", "assumed: 30 deg is Table 1's phi", 1e-3, STEEPEST)]
-StepAngle = Annotated[float, about("rad", "assumed: the steepest that a profile may have", 1e-3, STEEPEST)]
-Count = Annotated[int, about("", "assumed: the paper says several", 1, 10000)]
-RockLength = Annotated[float, about("m", "assumed: the paper says scattered", 1e-3, 1000.0)]
-Diameters = Annotated[tuple[float, float], about("m", "paper, section 4: 5 to 10 cm", 1e-3, 100.0)]
-Left = Annotated[bool, about("", "assumed: under the left wheels")]
-Amplitude = Annotated[float, about("m", "assumed: not in the paper", 0.0, 100.0)]
-Wavelength = Annotated[float, about("m", "assumed: not in the paper", 1e-3, 1000.0)]
-HillHeight = Annotated[float, about("m", "assumed: not in the paper; standard deviation", 0.0, 100.0)]
-HillLength = Annotated[float, about("m", "assumed: not in the paper", 0.2, 1000.0)]
-End = Annotated[float, about("m", "none: no stretch of hard ground is laid")]
+Ground = Annotated[int, spec("", "assumed: an index of the model's soils, 0 the sand, 1 the hard ground", 0, 255)]
+Place = Annotated[float, spec("m", "assumed: level ground before it", -FARTHEST, FARTHEST)]
+Seed = Annotated[int, spec("", "assumed: any number gives another ground", 0, 2**53)]
+Angle = Annotated[float, spec("rad", "paper, section 4: up to 20 deg", -STEEPEST, STEEPEST)]
+Tilt = Annotated[float, spec("rad", "paper, section 4: up to 20 deg", -80.0 * DEG, 80.0 * DEG)]
+Rate = Annotated[float, spec("rad/m", "assumed: 12 deg after 25 s at 0.05 m/s, paper's Fig 8", 1e-6, 100.0)]
+Steepest = Annotated[float, spec("rad", "paper, section 4: up to 20 deg", 1e-6, 80.0 * DEG)]
+Height = Annotated[float, spec("m", "assumed: crossed on sand", -100.0, 100.0)]
+BumpLength = Annotated[float, spec("m", "assumed: crossed on sand", 1e-3, 1000.0)]
+Depth = Annotated[float, spec("m", FIG_10, 1e-6, 100.0)]
+Width = Annotated[float, spec("m", FIG_10 + "; assumed: from lip to lip", 1e-6, 1000.0)]
+WallAngle = Annotated[float, spec("rad", "assumed: 30 deg is Table 1's phi", 1e-3, STEEPEST)]
+StepAngle = Annotated[float, spec("rad", "assumed: the steepest that a profile may have", 1e-3, STEEPEST)]
+Count = Annotated[int, spec("", "assumed: the paper says several", 1, 10000)]
+RockLength = Annotated[float, spec("m", "assumed: the paper says scattered", 1e-3, 1000.0)]
+Diameters = Annotated[tuple[float, float], spec("m", "paper, section 4: 5 to 10 cm", 1e-3, 100.0)]
+Left = Annotated[bool, spec("", "assumed: under the left wheels")]
+Amplitude = Annotated[float, spec("m", "assumed: not in the paper", 0.0, 100.0)]
+Wavelength = Annotated[float, spec("m", "assumed: not in the paper", 1e-3, 1000.0)]
+HillHeight = Annotated[float, spec("m", "assumed: not in the paper; standard deviation", 0.0, 100.0)]
+HillLength = Annotated[float, spec("m", "assumed: not in the paper", 0.2, 1000.0)]
+End = Annotated[float, spec("m", "none: no stretch of hard ground is laid")]
 
 
 def flat(ground: Ground = 0) -> Lanes:
@@ -216,8 +216,8 @@ def hills(seed: Seed = 0, height: HillHeight = 0.05, wavelength: HillLength = 1.
     k = 2.0 * math.pi / (wavelength * rng.uniform(1.0, 3.0, 32))
 
     def waves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        each = np.cos(k * (x[..., None] * np.cos(heading) + y[..., None] * np.sin(heading)) + phase)
-        return height * math.sqrt(2.0 / 32.0) * np.sum(each, axis=-1)
+        cosines = np.cos(k * (x[..., None] * np.cos(heading) + y[..., None] * np.sin(heading)) + phase)
+        return height * math.sqrt(2.0 / 32.0) * np.sum(cosines, axis=-1)
 
     return _grid(waves, 0.05)
 
@@ -258,7 +258,7 @@ def _relaid(profile: Profile, x_from: float, x_to: float, index: int) -> Profile
     for end in (x_from, x_to):
         if math.isfinite(end):
             new = [end] if x[0] < end < x[-1] else [end - LEAD, end, end + LEAD]
-            x = np.append(x, [each for each in new if np.min(np.abs(x - each)) > 1e-9])
+            x = np.append(x, [cut for cut in new if np.min(np.abs(x - cut)) > 1e-9])
     x = np.sort(x)
     middle = 0.5 * (x[1:] + x[:-1])
     ground = np.where((middle > x_from) & (middle < x_to), index, profile.ground[profile.piece(middle)])

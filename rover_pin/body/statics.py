@@ -60,21 +60,21 @@ def wheel_loads(rover: Rover, slope: float, side_slope: float = 0.0, gravity: fl
     lifts = _vertical_pushes(rover, q, rotation[:, 2])
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     free = _free_dofs(rover)
-    held = np.column_stack([lifts, constraint_rows(rover).T])[free]
-    springs, rest = (each[free] for each in _springs(rover))
-    unknown, asked = held, weight[free] - springs * rest
+    supports = np.column_stack([lifts, constraint_rows(rover).T])[free]
+    springs, rest_angles = (values[free] for values in _springs(rover))
+    unknown, rhs = supports, weight[free] - springs * rest_angles
     if np.any(springs):  # the joints give way by small angles, with all wheels on the ground
-        still = np.zeros((held.shape[1], held.shape[1]))
-        unknown = np.block([[held, -np.diag(springs)], [still, held.T]])
-        asked = np.concatenate([asked, np.zeros(len(still))])
+        still = np.zeros((supports.shape[1], supports.shape[1]))
+        unknown = np.block([[supports, -np.diag(springs)], [still, supports.T]])
+        rhs = np.concatenate([rhs, np.zeros(len(still))])
     # Least squares mixes N and N m: lengths and loads are of order one, and a rover that stands leaves no residual.
-    found, *_ = np.linalg.lstsq(unknown, asked, rcond=1e-10)
-    if np.max(np.abs(unknown @ found - asked)) > UNBALANCED * rover.mass * gravity:
+    solution, *_ = np.linalg.lstsq(unknown, rhs, rcond=1e-10)
+    if np.max(np.abs(unknown @ solution - rhs)) > UNBALANCED * rover.mass * gravity:
         raise ParameterError(
             f"Rover '{rover.name}' cannot stand on its wheels: a pivot of its suspension stays out of balance; "
             "give it a differential or a fixed joint there."
         )
-    return np.array(found[: len(rover.wheels)] * (rotation[:, 2] @ rover.up))
+    return np.array(solution[: len(rover.wheels)] * (rotation[:, 2] @ rover.up))
 
 
 def _springs(rover: Rover) -> tuple[np.ndarray, np.ndarray]:
@@ -101,11 +101,11 @@ def _vertical_pushes(rover: Rover, q: np.ndarray, normal: np.ndarray) -> np.ndar
 
 
 def _free_dofs(rover: Rover) -> list[int]:
-    held = {wheel.dof for wheel in rover.wheels} | {wheel.steer_dof for wheel in rover.wheels}
-    return [place for place in range(rover.model.nv) if place not in held]
+    motor_dofs = {wheel.dof for wheel in rover.wheels} | {wheel.steer_dof for wheel in rover.wheels}
+    return [place for place in range(rover.model.nv) if place not in motor_dofs]
 
 
 def _check(name: str, angle: float, low: float, high: float) -> None:
     if not (math.isfinite(angle) and low <= angle <= high):
-        degrees = [math.degrees(each) for each in (angle, low, high)]
+        degrees = [math.degrees(value) for value in (angle, low, high)]
         raise ParameterError("{} = {:g} deg is not allowed: it must lie in [{:g}, {:g}] deg.".format(name, *degrees))

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from rover_pin.body.ground_checks import check_steepness, freeze, numbers, same, soil_indices
+from rover_pin.body.ground_checks import arrays_equal, check_steepness, freeze, numbers, soil_indices
 from rover_pin.body.profile import Number, Profile
 from rover_pin.errors import ParameterError
 
@@ -190,7 +190,7 @@ class HeightGrid(Terrain):
         freeze(self, z=z, ground=soil_indices(self.ground, (z.shape[0] - 1, z.shape[1] - 1), "height grid", "cell"))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, HeightGrid) and same(self, other, "x0", "y0", "dx", "dy", "z", "ground")
+        return isinstance(other, HeightGrid) and arrays_equal(self, other, "x0", "y0", "dx", "dy", "z", "ground")
 
     def __hash__(self) -> int:
         return hash((self.x0, self.y0, self.dx, self.dy, self.z.tobytes(), self.ground.tobytes()))

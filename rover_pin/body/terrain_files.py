@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from rover_pin.arguments import about
+from rover_pin.arguments import spec
 from rover_pin.body.profile import Profile
 from rover_pin.body.terrain import HeightGrid, Lanes
 from rover_pin.bounded import arrays
@@ -21,7 +21,7 @@ SAME_SPACING = 1e-3
 """Greatest deviation of a grid line from its place, as a share of the spacing."""
 
 
-def from_polyline(path: Annotated[str | Path, about("", "your own file: CSV or Parquet of x_m, z_m")]) -> Lanes:
+def from_polyline(path: Annotated[str | Path, spec("", "your own file: CSV or Parquet of x_m, z_m")]) -> Lanes:
     """Return the terrain of a CSV (or Parquet) file with columns x_m, z_m and, optionally, ground.
 
     x_m increases; ground is the soil index of the piece from this point to the next (that of the last row is not used).
@@ -50,7 +50,7 @@ def to_polyline(path: str | Path, profile: Profile) -> Path:
     return replace_file(path, columns_text({"x_m": profile.x, "z_m": profile.z, "ground": ground}))
 
 
-def from_grid(path: Annotated[str | Path, about("", "your own file: a height grid in .npz or CSV")]) -> HeightGrid:
+def from_grid(path: Annotated[str | Path, spec("", "your own file: a height grid in .npz or CSV")]) -> HeightGrid:
     """Return the terrain of a height grid.
 
     `.npz`: arrays x0, y0, dx, dy [m], z (nx, ny) [m] and, optionally, ground (nx-1, ny-1).
@@ -78,7 +78,7 @@ def to_grid(path: str | Path, grid: HeightGrid) -> Path:
 
 def _npz_grid(path: Path) -> HeightGrid:
     try:
-        found = arrays(path)
+        table = arrays(path)
     except OSError as error:
         raise DataError(f"{path}: the file cannot be read: {error.strerror or error}.") from error
     except Exception as error:  # whatever numpy and zipfile raise for a damaged archive
@@ -86,13 +86,13 @@ def _npz_grid(path: Path) -> HeightGrid:
             f"{path}: the file is not an .npz of plain arrays ({error}): write it with numpy.savez or `to_grid`."
         ) from error
     for name in ("x0", "y0", "dx", "dy", "z"):
-        if name not in found:
-            there = ", ".join(sorted(found)) or "none"
+        if name not in table:
+            there = ", ".join(sorted(table)) or "none"
             raise DataError(
                 f"{path}: there is no array '{name}', only {there}: give the corner x0, y0 "
                 "and the steps dx, dy [m], one number each, and the heights z (nx, ny) [m]."
             )
-    fields: dict[str, Any] = {name: found[name] for name in ("x0", "y0", "dx", "dy", "z", "ground") if name in found}
+    fields: dict[str, Any] = {name: table[name] for name in ("x0", "y0", "dx", "dy", "z", "ground") if name in table}
     grid = HeightGrid(**fields)
     _refuse_large(path, "z", grid.z)
     return grid

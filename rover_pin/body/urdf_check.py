@@ -56,11 +56,11 @@ def check_urdf(path: str | Path, trust: Trust = Trust()) -> UrdfReport:
         tree = read_tree(text, path.name if layout is None else layout.file)
     except UrdfError as error:
         return UrdfReport(path.name, (str(error),), (), ())
-    found = faults_of(tree, text, layout)
-    loads = layout is not None and not found
+    problems = faults_of(tree, text, layout)
+    loads = layout is not None and not problems
     if layout is not None and loads:
-        found = list(_standing_faults(layout))
-    faults = tuple(f"{tree.file}: {fault}" for fault in found)
+        problems = list(_standing_faults(layout))
+    faults = tuple(f"{tree.file}: {fault}" for fault in problems)
     if faults:
         return UrdfReport(path.name, faults, (), (), loads)
     model = free_tree(text)

@@ -18,7 +18,20 @@ def check_data(
     """Check measured data as close-loop would, and fit nothing. Units, signs, ranges, gaps, clock, excitation."""
     from rover_pin.loop.data_check import check_data as check
 
-    found = check(data, Trust(everything=trust))
-    verdict = f"too poor: {found.too_poor}" if found.too_poor else "can be used: rover-pin close-loop goes on from here"
-    told = list(map(str, found.findings))
-    report({"data": str(data), "kind": found.kind, "holds": found.holds, "verdict": verdict, "findings": told}, as_json)
+    data_check = check(data, Trust(everything=trust))
+    verdict = (
+        f"too poor: {data_check.too_poor}"
+        if data_check.too_poor
+        else "can be used: rover-pin close-loop goes on from here"
+    )
+    findings = list(map(str, data_check.findings))
+    report(
+        {
+            "data": str(data),
+            "kind": data_check.kind,
+            "holds": data_check.holds,
+            "verdict": verdict,
+            "findings": findings,
+        },
+        as_json,
+    )

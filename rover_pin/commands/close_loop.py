@@ -39,10 +39,10 @@ def close_loop(
     from rover_pin.discrepancy.answer import answers_named
     from rover_pin.loop.close import close_the_loop
     from rover_pin.report.first_screen import first_lines
-    from rover_pin.report.manners import manner_of
+    from rover_pin.report.manners import labels_of
 
     failing = answers_named(fail_on)
-    say = (lambda said: None) if as_json else log.info
+    say = (lambda message: None) if as_json else log.info
     with stoppable():
         verdict = close_the_loop(
             data[0] if len(data) == 1 else tuple(data), model, effects, out, say,
@@ -51,7 +51,7 @@ def close_loop(
     if as_json:
         print(json.dumps(verdict.as_dict(), default=str))
     else:
-        print(f"{first_lines(verdict, manner_of(verdict))}\n\n{verdict.summary()}\nwritten: {out / REPORT}")
+        print(f"{first_lines(verdict, labels_of(verdict))}\n\n{verdict.summary()}\nwritten: {out / REPORT}")
     if open_:
         open_page(out, REPORT)
     if verdict.answer in failing:

@@ -27,18 +27,20 @@ def compare(
     """Compare two verdicts, two models or two drives. One sentence, and a table of what differs."""
     from rover_pin.comparison.compare import compare as compared
 
-    found = compared(first, second, run, Trust(everything=trust))
-    print(json_text(found.as_dict()) if as_json else table(found, all_))
+    comparison = compared(first, second, run, Trust(everything=trust))
+    print(json_text(comparison.as_dict()) if as_json else table(comparison, all_))
 
 
-def table(found: "Comparison", whole: bool = False) -> str:
+def table(comparison: "Comparison", include_equal: bool = False) -> str:
     """Return the sentence and the table of what differs, or of everything."""
-    shown = [row for row in found.rows if whole or row.differs]
-    lines = [found.sentence, "", f"A  {found.first}", f"B  {found.second}"]
-    if shown:
-        cells = [("", "A", "B", "B - A", ""), *(row[:5] for row in shown)]
+    rows = [row for row in comparison.rows if include_equal or row.differs]
+    lines = [comparison.sentence, "", f"A  {comparison.first}", f"B  {comparison.second}"]
+    if rows:
+        cells = [("", "A", "B", "B - A", ""), *(row[:5] for row in rows)]
         widths = [min(max(len(row[i]) for row in cells), WIDEST) for i in range(4)]
         pairs = ((*(f"{cell:{width}}" for cell, width in zip(row, widths, strict=False)), row[4]) for row in cells)
         lines += ["", *("  ".join(row).rstrip() for row in pairs)]
-    same = len(found.rows) - len(shown)
-    return "\n".join([*lines, *([f"\n{same} more rows are the same; --all prints them."] if same else [])])
+    equal_count = len(comparison.rows) - len(rows)
+    return "\n".join(
+        [*lines, *([f"\n{equal_count} more rows are the same; --all prints them."] if equal_count else [])]
+    )

@@ -36,7 +36,7 @@ def listed_names(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
 
     what = str(ctx.params.get("what") or "scenarios")
     entries: list[Entry] = getattr(catalogue, "scenarios" if what == "settings" else what)()
-    return [(each.name, each.about) for each in entries if each.name.startswith(begun)]
+    return [(entry.name, entry.summary) for entry in entries if entry.name.startswith(begun)]
 
 
 def effects_to_add(begun: str) -> list[tuple[str, str]]:
@@ -45,13 +45,13 @@ def effects_to_add(begun: str) -> list[tuple[str, str]]:
 
     kind, dot, number = begun.partition(".")
     if not dot:
-        return [(each.name, each.about) for each in effects() if each.name.startswith(kind)]
-    chosen = [each for each in effects() if each.name == kind]
+        return [(entry.name, entry.summary) for entry in effects() if entry.name.startswith(kind)]
+    chosen = [entry for entry in effects() if entry.name == kind]
     return [
-        (f"{kind}.{each.name}=", _told(each))
+        (f"{kind}.{setting.name}=", _setting_help(setting))
         for entry in chosen
-        for each in entry.numbers
-        if each.name.startswith(number)
+        for setting in entry.numbers
+        if setting.name.startswith(number)
     ]
 
 
@@ -63,18 +63,18 @@ def settings_to_set(ctx: typer.Context, begun: str) -> list[tuple[str, str]]:
     """
     name, equals, value = begun.partition("=")
     try:
-        known = _settings(ctx)
+        settings = _settings(ctx)
     except (RoverPinError, typer.BadParameter):
         return []
     if equals:
         return [
             (f"{name}={word}", "")
-            for each in known
-            if each.name == name
-            for word in each.choices
+            for setting in settings
+            if setting.name == name
+            for word in setting.choices
             if word.startswith(value)
         ]
-    return [(f"{each.name}=", _told(each)) for each in known if each.name.startswith(name)]
+    return [(f"{setting.name}=", _setting_help(setting)) for setting in settings if setting.name.startswith(name)]
 
 
 def _settings(ctx: typer.Context) -> "list[Setting]":
@@ -82,20 +82,20 @@ def _settings(ctx: typer.Context) -> "list[Setting]":
     from rover_pin.scenes import SCENES
     from rover_pin.terminal import assignments
 
-    given = {**{each: ctx.params.get(each) for each in ITS_OWN}, **assignments(ctx.params.get("set_") or [])}
-    said = {each: value if each == "add" else str(value) for each, value in given.items() if value}
+    options = {**{option: ctx.params.get(option) for option in ITS_OWN}, **assignments(ctx.params.get("set_") or [])}
+    overrides = {option: value if option == "add" else str(value) for option, value in options.items() if value}
     if ctx.info_name == "identify":
-        soil = [each for each in catalogue.settings("flat") if each.name.startswith(SOIL)]
-        return [*soil, *(each._replace(name=each.name.removeprefix(SOIL)) for each in soil)]
+        soil = [setting for setting in catalogue.settings("flat") if setting.name.startswith(SOIL)]
+        return [*soil, *(setting._replace(name=setting.name.removeprefix(SOIL)) for setting in soil)]
     # The option whose value is being typed keeps words before it from being taken: they are still in args.
     words = (ctx.params.get("scenario"), ctx.params.get("name"), *ctx.args)
     scenario = next((word for word in words if word in SCENES), "ditch")
-    return catalogue.settings(scenario, **said)
+    return catalogue.settings(scenario, **overrides)
 
 
-def _told(setting: "Setting") -> str:
+def _setting_help(setting: "Setting") -> str:
     """Return a setting's default with its unit and source, in a line."""
-    from rover_pin.settings import shown
+    from rover_pin.settings import format_setting
 
-    value = "" if setting.value in (None, "", ()) else f"{shown(setting.value)} {setting.unit}".strip()
-    return ": ".join(each for each in (value, setting.source) if each)
+    value = "" if setting.value in (None, "", ()) else f"{format_setting(setting.value)} {setting.unit}".strip()
+    return ": ".join(part for part in (value, setting.source) if part)

@@ -22,11 +22,11 @@ def curve(
     """Draw the load-traction factor F(S) against slip. In every form, at the soil's fixed angles."""
     from rover_pin import plot
     from rover_pin.parameters import soil_named
-    from rover_pin.quantity import written
+    from rover_pin.quantity import parse_quantity
     from rover_pin.soil.curves import traction_curves
 
-    lengths = [written(each, "m", "--k") for each in k]
-    table = traction_curves(soil_named(soil), lengths, written(n, "", "--n") if n else None)
+    lengths = [parse_quantity(length, "m", "--k") for length in k]
+    table = traction_curves(soil_named(soil), lengths, parse_quantity(n, "", "--n") if n else None)
     with stoppable(out, ("traction.csv", "traction.png")), alone_in(out):
         files = plot.traction_figure(table, soil, out)
     at = {f"F({form}, k = {1e3 * value:g} mm)": curve for (form, value), curve in table.curves.items()}

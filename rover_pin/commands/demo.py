@@ -30,7 +30,7 @@ def demo(
     if kind == "rig" and rover != "nexus6":
         raise ParameterError("A rig has no rover: leave --rover out, or make a drive-log or slip-slope.")
     folder = out or Path(f"demo-{kind}")
-    others = [file for each, file in SETS.items() if each != kind and is_file(folder / file)]
+    others = [file for set_kind, file in SETS.items() if set_kind != kind and is_file(folder / file)]
     if others:
         raise ParameterError(f"{folder}: another kind of set is there ({others[0]}): give another --out.")
     from rover_pin.demo import drive_log, rig, slip_slope
@@ -38,12 +38,12 @@ def demo(
 
     with alone_in(folder):
         if kind == "rig":
-            made = rig.write(folder, hidden, seed)
+            demo_set = rig.write(folder, hidden, seed)
         elif kind == "slip-slope":
-            made = slip_slope.write(folder, hidden, seed, rover)
+            demo_set = slip_slope.write(folder, hidden, seed, rover)
         else:
             with progress("driving", drive_log.RUNS, silent=as_json) as advance:
-                made = drive_log.write(folder, hidden, seed, rover, advance)
-    said = {"hidden": made.truth["hidden"]} if tell else {}
-    truth = {"truth": str(hiding.truth_file(folder)), **said}
-    report({"files": list(map(str, made.files)), **truth, "next": f"rover-pin close-loop {folder}"}, as_json)
+                demo_set = drive_log.write(folder, hidden, seed, rover, advance)
+    answer = {"hidden": demo_set.truth["hidden"]} if tell else {}
+    truth = {"truth": str(hiding.truth_file(folder)), **answer}
+    report({"files": list(map(str, demo_set.files)), **truth, "next": f"rover-pin close-loop {folder}"}, as_json)

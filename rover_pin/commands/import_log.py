@@ -27,26 +27,26 @@ def import_log(
     from rover_pin.importing.import_log import import_log as imported
     from rover_pin.loop.data_check import check_data
 
-    told: dict[str, str] = {}
-    for each in column:
-        name, equals, formula = each.partition("=")
-        if not equals or name in told:
-            raise ParameterError(f"--column {each}: give NAME=FORMULA, as body_x='x / 1000', once a name.")
-        told[name] = formula
-    made = imported(files, rover, out, told, most)
-    folder = made.files[-1].parent
-    said: dict[str, Any] = {
-        "written": str(made.files[-1]),
-        "columns": list(made.columns),
-        "runs": list(made.runs),
-        "lacks": list(made.lacks),
-        "notes": list(made.notes),
+    formulas: dict[str, str] = {}
+    for assignment in column:
+        name, equals, formula = assignment.partition("=")
+        if not equals or name in formulas:
+            raise ParameterError(f"--column {assignment}: give NAME=FORMULA, as body_x='x / 1000', once a name.")
+        formulas[name] = formula
+    drive_log = imported(files, rover, out, formulas, most)
+    folder = drive_log.files[-1].parent
+    result: dict[str, Any] = {
+        "written": str(drive_log.files[-1]),
+        "columns": list(drive_log.columns),
+        "runs": list(drive_log.runs),
+        "lacks": list(drive_log.lacks),
+        "notes": list(drive_log.notes),
     }
     try:
-        found = check_data(folder)
+        data_check = check_data(folder)
     except DataError:
-        report(said, as_json)
+        report(result, as_json)
         raise
-    said |= {"holds": found.holds, "findings": list(map(str, found.findings))}
-    said["next"] = f"too poor: {found.too_poor}" if found.too_poor else f"rover-pin close-loop {folder}"
-    report(said, as_json)
+    result |= {"holds": data_check.holds, "findings": list(map(str, data_check.findings))}
+    result["next"] = f"too poor: {data_check.too_poor}" if data_check.too_poor else f"rover-pin close-loop {folder}"
+    report(result, as_json)

@@ -24,19 +24,20 @@ def init(
     from rover_pin.contact import Wheel
     from rover_pin.loop.data_check import check_data
     from rover_pin.measurements.foreign_rig import channel_unit, read_foreign, write_rig_set
-    from rover_pin.quantity import written
+    from rover_pin.quantity import parse_quantity
 
     scatter = assignments(noise, "--noise")
     sds = {
-        name: (written(sd, channel_unit(name), f"--noise {name}"), channel_unit(name)) for name, sd in scatter.items()
+        name: (parse_quantity(sd, channel_unit(name), f"--noise {name}"), channel_unit(name))
+        for name, sd in scatter.items()
     }
-    wheel = Wheel(r=written(radius, "m", "--r"), b=written(width, "m", "--b"))
+    wheel = Wheel(r=parse_quantity(radius, "m", "--r"), b=parse_quantity(width, "m", "--b"))
     folder = table.with_suffix("") if out is None else out
     if folder == table:
         raise ParameterError(f"{table}: give a folder for the set: --out FOLDER.")
     read = read_foreign(table)
     read.refuse_without_noise(table, sds)
     files = write_rig_set(folder, table.stem, read, wheel, sds)
-    found = check_data(folder)
-    told = {"columns": list(read.said), "holds": found.holds, "findings": list(map(str, found.findings))}
-    report({"files": list(map(str, files)), **told, "next": f"rover-pin close-loop {folder}"}, as_json)
+    data_check = check_data(folder)
+    facts = {"columns": list(read.notes), "holds": data_check.holds, "findings": list(map(str, data_check.findings))}
+    report({"files": list(map(str, files)), **facts, "next": f"rover-pin close-loop {folder}"}, as_json)

@@ -43,18 +43,20 @@ def list_(
     from rover_pin import catalogue
 
     if what is None:
-        names = {each.value: [one.name for one in getattr(catalogue, each)()] for each in What}
-        said = {name: ", ".join(each) for name, each in names.items()}
-        report(names if as_json else {**said, "next": "rover-pin list soils, rover-pin list soils dry-sand"}, as_json)
+        names = {kind.value: [entry.name for entry in getattr(catalogue, kind)()] for kind in What}
+        summary = {name: ", ".join(kind_names) for name, kind_names in names.items()}
+        report(
+            names if as_json else {**summary, "next": "rover-pin list soils, rover-pin list soils dry-sand"}, as_json
+        )
         return
     if what is What.SETTINGS:
         _say_settings(catalogue.settings(name or "ditch", **assignments(set_)), as_json)
         return
     entries: list[Entry] = getattr(catalogue, what.value)()
     if name:
-        entries = [each for each in entries if each.name == name] or _unknown(what, name, entries)
+        entries = [entry for entry in entries if entry.name == name] or _unknown(what, name, entries)
     if as_json:
-        print(json_text({what.value: [each.as_dict() for each in entries]}))
+        print(json_text({what.value: [entry.as_dict() for entry in entries]}))
     elif name:
         _say_one(entries[0])
     else:
@@ -69,24 +71,24 @@ def _say_settings(settings: list["Setting"], as_json: bool) -> None:
     from rover_pin.catalogue import plain
 
     if as_json:
-        print(json_text({"settings": [plain(each) for each in settings]}))
+        print(json_text({"settings": [plain(setting) for setting in settings]}))
         return
     numbers_table(settings)
     print("\nGive them as --set NAME=VALUE, with a unit if you like: soil.k=5mm, terrain.wall_angle=40deg.")
 
 
 def _say_all(entries: list["Entry"]) -> None:
-    width = max(len(each.name) for each in entries)
+    width = max(len(entry.name) for entry in entries)
     group = ""
-    for each in entries:
-        if each.facts.get("acts", group) != group:
-            group = each.facts["acts"]
+    for entry in entries:
+        if entry.facts.get("acts", group) != group:
+            group = entry.facts["acts"]
             print(f"{group}:")
-        print(f"{each.name:{width}}  {each.about}")
+        print(f"{entry.name:{width}}  {entry.summary}")
 
 
 def _say_one(entry: "Entry") -> None:
-    print(f"{entry.name}: {entry.about}")
+    print(f"{entry.name}: {entry.summary}")
     for name, value in entry.facts.items():
         if value or value == 0:
             print(fact(name, value))

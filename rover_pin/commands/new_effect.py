@@ -36,14 +36,14 @@ def new_effect(
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):
         raise ParameterError(f"'{name}' is no name of an effect: write it as a class's, as StickySoil.")
     stem = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
-    made = {f"{stem}.py": acts.value, f"test_{stem}.py": "test"}
-    for file in made:
+    kinds = {f"{stem}.py": acts.value, f"test_{stem}.py": "test"}
+    for file in kinds:
         if exists(out / file):
             raise ParameterError(f"{out / file}: there is one already: take another name, or another folder by --out.")
     folder = files("rover_pin.commands") / "templates"
-    texts = {file: Template((folder / f"{kind}.txt").read_text(encoding="utf-8")) for file, kind in made.items()}
-    written = [
+    texts = {file: Template((folder / f"{kind}.txt").read_text(encoding="utf-8")) for file, kind in kinds.items()}
+    paths = [
         str(replace_file(out / file, text.substitute(Name=name, file=f"{stem}.py"))) for file, text in texts.items()
     ]
-    then = [f"pytest {written[1]}", f"rover-pin close-loop DATA --effects {written[0]}"]
-    report({"files": written, "next": then}, as_json)
+    then = [f"pytest {paths[1]}", f"rover-pin close-loop DATA --effects {paths[0]}"]
+    report({"files": paths, "next": then}, as_json)

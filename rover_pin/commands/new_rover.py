@@ -19,24 +19,24 @@ def new_rover(
     from rover_pin.trust import Trust
     from rover_pin.vehicle.new_rover import new_rover as propose
 
-    made = propose(urdf, out, Trust(everything=trust))
-    proposal = made.proposal
+    result = propose(urdf, out, Trust(everything=trust))
+    proposal = result.proposal
     wheels = {axle.name: " ".join(wheel.joint for wheel in axle.wheels) for axle in proposal.axles}
     steering = {axle.name: " ".join(axle.steering) for axle in proposal.axles if axle.steering}
     size = proposal.axles[0].wheels[0].size
-    said = {
+    facts = {
         "wheels": wheels,
         "wheel": f"r = {size.r:.3g} m, b = {size.b:.3g} m, from {size.source}",
         "steering": steering or "none: it turns by its sides' speeds",
         "suspension": {name: " ".join(joints) for name, joints in proposal.suspension.items()} or "none",
         "differential": proposal.differential or "none",
         "coupled": {joint: f"{ratio:+g} {leader}" for joint, (leader, ratio) in proposal.coupled.items()} or "none",
-        "held": ", ".join(proposal.held) or "none",
-        "faults": list(made.report.faults),
-        "files": [str(file) for file in made.files],
+        "held": ", ".join(proposal.held_joints) or "none",
+        "faults": list(result.report.faults),
+        "files": [str(file) for file in result.files],
     }
-    toml = next(file for file in made.files if file.suffix == ".toml")
-    said["next"] = f"look at what is marked GUESSED, then: rover-pin check-urdf {toml}"
-    report(said, as_json)
-    if not made.report.ok:
+    toml = next(file for file in result.files if file.suffix == ".toml")
+    facts["next"] = f"look at what is marked GUESSED, then: rover-pin check-urdf {toml}"
+    report(facts, as_json)
+    if not result.report.ok:
         raise typer.Exit(1)

@@ -21,19 +21,19 @@ class Lines(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the line."""
-        said = record.getMessage()
+        message = record.getMessage()
         if record.levelno >= logging.WARNING:
-            return f"rover-pin: warning: {said}"
+            return f"rover-pin: warning: {message}"
         if record.levelno >= logging.INFO:
-            return said
-        return f"{record.relativeCreated / 1e3:8.2f} s  {record.name.removeprefix('rover_pin.')}: {said}"
+            return message
+        return f"{record.relativeCreated / 1e3:8.2f} s  {record.name.removeprefix('rover_pin.')}: {message}"
 
 
 def speak(level: str = "") -> None:
     """Say the package's log on standard error from this level on: quiet, verbose, or what is usual."""
     log = logging.getLogger("rover_pin")
-    for each in [each for each in log.handlers if isinstance(each.formatter, Lines)]:
-        log.removeHandler(each)
+    for old_handler in [old_handler for old_handler in log.handlers if isinstance(old_handler.formatter, Lines)]:
+        log.removeHandler(old_handler)
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(Lines())
     log.addHandler(handler)
@@ -43,9 +43,9 @@ def speak(level: str = "") -> None:
 class Speaking(TyperGroup):
     """A program whose commands all take its own `-q` and `-v`, wherever one writes them."""
 
-    def __init__(self, **given: Any) -> None:
-        super().__init__(**given)
-        shared = [copy.copy(each) for each in self.params if each.name in LEVELS]
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        shared = [copy.copy(parameter) for parameter in self.params if parameter.name in LEVELS]
         for option in shared:
             option.expose_value = False
         for command in self.commands.values():
@@ -81,36 +81,36 @@ def _refused(error: Any) -> str:
     meant = _setting_meant(error)
     if meant:
         return f"{error.option_name} is no option of {error.ctx.info_name} but a setting: --set {meant}=..."
-    said = " ".join(error.format_message().split()).rstrip(".")
-    return f"{said}; rover-pin {error.ctx.info_name} --help lists what it takes." if error.ctx else f"{said}."
+    message = " ".join(error.format_message().split()).rstrip(".")
+    return f"{message}; rover-pin {error.ctx.info_name} --help lists what it takes." if error.ctx else f"{message}."
 
 
 def _setting_meant(error: Any) -> str:
     """Return the name of the setting that was written as an option, or nothing."""
     name = getattr(error, "option_name", "").lstrip("-").replace("-", "_")
-    if not name or not error.ctx or not any("--set" in each.opts for each in error.ctx.command.params):
+    if not name or not error.ctx or not any("--set" in parameter.opts for parameter in error.ctx.command.params):
         return ""
     from rover_pin.commands.completing import settings_to_set
 
-    return name if any(known == f"{name}=" for known, _ in settings_to_set(error.ctx, name)) else ""
+    return name if any(completion == f"{name}=" for completion, _ in settings_to_set(error.ctx, name)) else ""
 
 
-def _say_version(given: bool) -> None:
-    if given:
+def _say_version(flag: bool) -> None:
+    if flag:
         print(f"rover-pin {__version__}")
         raise typer.Exit
 
 
-def _say_less(given: bool) -> bool:
-    if given:
+def _say_less(flag: bool) -> bool:
+    if flag:
         speak("quiet")
-    return given
+    return flag
 
 
-def _say_more(given: bool) -> bool:
-    if given:
+def _say_more(flag: bool) -> bool:
+    if flag:
         speak("verbose")
-    return given
+    return flag
 
 
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", callback=_say_less, help="Say only warnings on the way.")]

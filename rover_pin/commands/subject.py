@@ -40,5 +40,5 @@ def read_subject(path: Path, run: str = "", trust: Trust = Trust()) -> Subject:
             f"{path}: the trace says no scenario, so its ground is not known; save it as a drive log: "
             "`Scenario.write_log`."
         )
-    made = scenario(name, **{**settings, "trust": trust}).model
-    return Subject(path.stem, trace, made.rover, made.ground, mesh_folder(str(settings.get("rover", "nexus6"))))
+    model = scenario(name, **{**settings, "trust": trust}).model
+    return Subject(path.stem, trace, model.rover, model.ground, mesh_folder(str(settings.get("rover", "nexus6"))))

@@ -39,14 +39,14 @@ def view(
     from rover_pin.commands.subject import read_subject
 
     subject = read_subject(path, run, Trust(everything=trust))
-    other = None if compare is None else read_subject(compare, run, Trust(everything=trust))
+    ghost = None if compare is None else read_subject(compare, run, Trust(everything=trust))
     if serve:
-        asked_for(True, False, False)
-        _serve(subject, other, serve)
+        requested_files(True, False, False)
+        _serve(subject, ghost, serve)
         return
-    wanted = asked_for(True, gif, mp4)
+    wanted = requested_files(True, gif, mp4)
     with stoppable(out, wanted, [name for name in SEEN if name not in wanted]), alone_in(out):
-        files = [write_seen(subject, other, out / name) for name in wanted]
+        files = [write_seen(subject, ghost, out / name) for name in wanted]
     report({"seen": subject.name, "files": list(map(str, files))}, as_json)
     if open_:
         open_page(out)
@@ -60,7 +60,7 @@ def open_page(out: Path, name: str = PAGE) -> None:
         print(f"rover-pin: no browser was found on this machine; open {out / name} in one.", file=sys.stderr)
 
 
-def asked_for(view: bool, gif: bool, mp4: bool) -> list[str]:
+def requested_files(view: bool, gif: bool, mp4: bool) -> list[str]:
     """Return the names of the files that are asked for; what they need is looked for before any work.
 
     Raises
@@ -72,10 +72,10 @@ def asked_for(view: bool, gif: bool, mp4: bool) -> list[str]:
         raise MissingExtraError("The view in 3D needs viser: pip install 'rover-pin[view]'.")
     if mp4 and program("ffmpeg") is None:
         raise MissingExtraError(f"{MP4} needs ffmpeg, which is not on the path: install it, or ask for --gif.")
-    return [name for name, asked in {PAGE: view, GIF: gif, MP4: mp4}.items() if asked]
+    return [name for name, wanted in {PAGE: view, GIF: gif, MP4: mp4}.items() if wanted]
 
 
-def write_asked(chosen: "Scenario", trace: "Trace", wanted: list[str], out: Path) -> list[Path]:
+def write_requested(chosen: "Scenario", trace: "Trace", wanted: list[str], out: Path) -> list[Path]:
     """Write pages and moving pictures of a drive just driven; return their paths, none where it has not moved on."""
     if not wanted or len(trace.t) < 2:
         return []
@@ -86,22 +86,24 @@ def write_asked(chosen: "Scenario", trace: "Trace", wanted: list[str], out: Path
     return [write_seen(subject, None, out / name) for name in wanted]
 
 
-def write_seen(subject: "Subject", other: "Subject | None", file: Path) -> Path:
+def write_seen(subject: "Subject", ghost: "Subject | None", file: Path) -> Path:
     """Write a page or a moving picture, by the file's name; return its path."""
     if file.suffix == ".html":
         from rover_pin.view.page import write_page
 
-        return write_page(file, subject, other)
+        return write_page(file, subject, ghost)
     from rover_pin.view.animation import write_animation
     from rover_pin.view.film import Film
 
-    film, *ghosts = (Film.of(each.trace, each.rover, each.terrain) for each in (subject, other) if each is not None)
+    film, *ghosts = (
+        Film.of(drive.trace, drive.rover, drive.terrain) for drive in (subject, ghost) if drive is not None
+    )
     return write_animation(file, film, subject.name, *ghosts)
 
 
-def _serve(subject: "Subject", other: "Subject | None", port: int) -> None:
+def _serve(subject: "Subject", ghost: "Subject | None", port: int) -> None:
     from rover_pin.view.serve import serve
 
     print(f"http://127.0.0.1:{port}", flush=True)
     with stoppable():
-        serve(subject, other, port)
+        serve(subject, ghost, port)

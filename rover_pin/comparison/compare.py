@@ -48,8 +48,8 @@ def compare(first: str | Path, second: str | Path, run: str = "", trust: Trust =
     if kinds[0] is not kinds[1]:
         raise DataError(f"{first} is {kinds[0]}, {second} {kinds[1]}: compare two of a kind.")
     if kinds[0] is Kind.VERDICT:
-        found = [verdicts.read_verdict(path if is_file(path) else path / verdicts.FILE) for path in paths]
-        return verdicts.compare_verdicts(*found)
+        sides = [verdicts.read_verdict(path if is_file(path) else path / verdicts.FILE) for path in paths]
+        return verdicts.compare_verdicts(*sides)
     if kinds[0] is Kind.MODEL:
         return models.compare_models(*(models.read_side(path, trust) for path in paths))
     return drives.compare_drives(*(drives.read_drive(path, run, trust) for path in paths))

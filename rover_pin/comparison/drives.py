@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.comparison.side import Comparison, Row, Side, Value, differences, number_rows, word_rows
 from rover_pin.errors import DataError
-from rover_pin.estimation.wording import shown
+from rover_pin.estimation.wording import format_value
 from rover_pin.motion.channels import WHOLE
 from rover_pin.motion.drive_log import FILE, read_drive_log
 from rover_pin.motion.saved import load_trace
@@ -55,9 +55,17 @@ class Channel(NamedTuple):
     @property
     def row(self) -> Row:
         """The channel in the table: means, and where it differs most."""
-        one, other = (shown(float(np.nanmean(side)), self.unit) for side in (self.first, self.second))
+        first_mean, second_mean = (
+            format_value(float(np.nanmean(side)), self.unit) for side in (self.first, self.second)
+        )
         name = f"mean {self.name}" + (f", {len(self.wheels)} wheels" if self.wheels else "")
-        return Row(name, one, other, note=f"RMS {shown(self.rms, self.unit)}" if self.rms else "", differs=self.rms > 0)
+        return Row(
+            name,
+            first_mean,
+            second_mean,
+            note=f"RMS {format_value(self.rms, self.unit)}" if self.rms else "",
+            differs=self.rms > 0,
+        )
 
 
 def read_drive(path: Path, run: str, trust: Trust) -> tuple[str, Trace]:
@@ -84,34 +92,40 @@ def compare_drives(first: tuple[str, Trace], second: tuple[str, Trace]) -> Compa
     DataError
         They share no time, or no channel.
     """
-    one, other = (Side(label, _words(trace), _numbers(trace)) for label, trace in (first, second))
+    first_side, second_side = (Side(label, _words(trace), _numbers(trace)) for label, trace in (first, second))
     t = _common_time(first, second)
-    channels = [each for each in _channels(first[1], second[1], t) if _is_seen(each)]
+    channels = [channel for channel in _channels(first[1], second[1], t) if _is_seen(channel)]
     if not channels:
         raise DataError(f"{first[0]} and {second[0]} have no channel in common: there is nothing to compare.")
-    rows = (*word_rows(one, other), *number_rows(one, other), *(each.row for each in channels))
-    return Comparison("drives", first[0], second[0], _said(t, channels), rows, differences(one, other))
+    rows = (
+        *word_rows(first_side, second_side),
+        *number_rows(first_side, second_side),
+        *(channel.row for channel in channels),
+    )
+    return Comparison(
+        "drives", first[0], second[0], _describe_difference(t, channels), rows, differences(first_side, second_side)
+    )
 
 
 def _words(trace: Trace) -> dict[str, str]:
-    told = {name: trace.attrs.get(name) for name in ("scenario", "rover", "control")}
-    told |= {f"set {name}": value for name, value in dict(trace.attrs.get("settings") or {}).items()}
-    told["what happened"] = trace.attrs.get("happened") or trace.attrs.get("stop")
-    return {name: str(value) for name, value in told.items() if value}
+    words = {name: trace.attrs.get(name) for name in ("scenario", "rover", "control")}
+    words |= {f"set {name}": value for name, value in dict(trace.attrs.get("settings") or {}).items()}
+    words["what happened"] = trace.attrs.get("happened") or trace.attrs.get("stop")
+    return {name: str(value) for name, value in words.items() if value}
 
 
 def _numbers(trace: Trace) -> dict[str, Value]:
-    found = {}
+    numbers = {}
     for name, value in trace.summary().items():
         end = next((end for end in UNITS if name.endswith(end)), "")
         if isinstance(value, float):
-            found[name.removesuffix(end).replace("_", " ")] = Value(value, UNITS.get(end, ""))
-    return found
+            numbers[name.removesuffix(end).replace("_", " ")] = Value(value, UNITS.get(end, ""))
+    return numbers
 
 
 def _common_time(first: tuple[str, Trace], second: tuple[str, Trace]) -> np.ndarray:
-    t, other = first[1].t, second[1].t
-    inside = t[(t >= other[0]) & (t <= other[-1])] if t.size and other.size else t[:0]
+    t, second_t = first[1].t, second[1].t
+    inside = t[(t >= second_t[0]) & (t <= second_t[-1])] if t.size and second_t.size else t[:0]
     if inside.size < 2:
         raise DataError(f"{first[0]} and {second[0]} share no two moments: compare drives that begin at the same time.")
     return inside
@@ -122,7 +136,7 @@ def _channels(first: Trace, second: Trace, t: np.ndarray) -> Iterator[Channel]:
     shared = [name for name in first if name != "t_s" and name in second and first.unit(name) == second.unit(name)]
     families: dict[str, list[tuple[str, str]]] = {}
     for name in shared:
-        wheel = next((each for each in first.wheels if f"_{each}" in name and name not in WHOLE), "")
+        wheel = next((wheel_name for wheel_name in first.wheels if f"_{wheel_name}" in name and name not in WHOLE), "")
         family = name.removesuffix("_A").removesuffix(f"_{wheel}") if wheel else name
         families.setdefault(family, []).append((name, wheel))
     for family, members in families.items():
@@ -139,20 +153,20 @@ def _is_seen(channel: Channel) -> bool:
     return bool(both.any()) and max(np.nanmax(np.abs(side)) for side in (channel.first, channel.second)) > NOTHING
 
 
-def _said(t: np.ndarray, channels: list[Channel]) -> str:
+def _describe_difference(t: np.ndarray, channels: list[Channel]) -> str:
     lasts = f"Over the {t[-1] - t[0]:.1f} s that both last"
-    if all(each.rms == 0.0 for each in channels):
+    if all(channel.rms == 0.0 for channel in channels):
         return f"{lasts} they are the same in all {len(channels)} channels that both have."
-    found = {each.name: each for each in channels}
-    said = []
-    away = [found[name].off for name in PLACE if name in found]
+    by_name = {channel.name: channel for channel in channels}
+    clauses = []
+    away = [by_name[name].off for name in PLACE if name in by_name]
     if away:
-        apart = np.sqrt(sum(each**2 for each in away))
-        end, rms = float(apart[-1, 0]), float(np.sqrt(np.nanmean(apart**2)))
-        said = [f"they are {shown(rms, 'm')} (RMS) apart, {shown(end, 'm')} at the end"]
-    scale = {each.unit: max(other.spread for other in channels if other.unit == each.unit) for each in channels}
-    moving = [each for each in channels if scale[each.unit] > 0 and each.name not in PLACE]
+        distance = np.sqrt(sum(offset**2 for offset in away))
+        end, rms = float(distance[-1, 0]), float(np.sqrt(np.nanmean(distance**2)))
+        clauses = [f"they are {format_value(rms, 'm')} (RMS) apart, {format_value(end, 'm')} at the end"]
+    scale = {channel.unit: max(peer.spread for peer in channels if peer.unit == channel.unit) for channel in channels}
+    moving = [channel for channel in channels if scale[channel.unit] > 0 and channel.name not in PLACE]
     if moving:
-        most = max(moving, key=lambda each: each.rms / scale[each.unit])
-        said.append(f"of what else was recorded {most.name} differs most: RMS {shown(most.rms, most.unit)}")
-    return f"{lasts}, {'; '.join(said)}."
+        most = max(moving, key=lambda channel: channel.rms / scale[channel.unit])
+        clauses.append(f"of what else was recorded {most.name} differs most: RMS {format_value(most.rms, most.unit)}")
+    return f"{lasts}, {'; '.join(clauses)}."

@@ -18,7 +18,7 @@ from rover_pin.motion.model_toml import is_rig_model, read_model
 from rover_pin.quantity import quantities
 from rover_pin.trust import Trust
 
-MOST = 3
+MAX_NAMED_NUMBERS = 3
 """Numbers that the sentence names."""
 
 
@@ -29,8 +29,8 @@ def read_side(path: Path, trust: Trust) -> Side:
     )
     numbers = {}
     for owner, record in _records(model):
-        for name, about in quantities(record).items():
-            numbers[f"{owner}.{name}"] = Value(float(getattr(record, name)), about.unit)
+        for name, quantity in quantities(record).items():
+            numbers[f"{owner}.{name}"] = Value(float(getattr(record, name)), quantity.unit)
     return Side(str(path), dict(_words(model)), numbers)
 
 
@@ -60,16 +60,16 @@ def _words(model: RigModel | Model) -> Iterator[tuple[str, str]]:
 def compare_models(first: Side, second: Side) -> Comparison:
     """Return the two side by side: effects that only one has, and every number that differs."""
     rows = (*word_rows(first, second), *number_rows(first, second))
-    said = " ".join((*_only(rows), _numbers(rows)))
-    return Comparison("models", first.label, second.label, said, rows, differences(first, second))
+    sentence = " ".join((*_only(rows), _numbers(rows)))
+    return Comparison("models", first.label, second.label, sentence, rows, differences(first, second))
 
 
 def _only(rows: tuple[Row, ...]) -> Iterator[str]:
     effects = [row for row in rows if row.name.startswith("effect ")]
     for who, has, lacks in (("first", "first", "second"), ("second", "second", "first")):
-        own = [getattr(row, has) for row in effects if getattr(row, lacks) == ABSENT]
-        if own:
-            yield f"Only the {who} has {', '.join(own)}."
+        unshared = [getattr(row, has) for row in effects if getattr(row, lacks) == ABSENT]
+        if unshared:
+            yield f"Only the {who} has {', '.join(unshared)}."
     if all(ABSENT not in (row.first, row.second) for row in effects):
         yield "Both have the same effects."
 
@@ -79,6 +79,6 @@ def _numbers(rows: tuple[Row, ...]) -> str:
     shared = sum(ABSENT not in (row.first, row.second) and not row.name.startswith("effect ") for row in rows)
     if not both:
         return f"None of the {shared} numbers that both have differs."
-    named = "; ".join(f"{row.name} {row.first} -> {row.second}" for row in both[:MOST])
-    more = f" and {len(both) - MOST} more" if len(both) > MOST else ""
+    named = "; ".join(f"{row.name} {row.first} -> {row.second}" for row in both[:MAX_NAMED_NUMBERS])
+    more = f" and {len(both) - MAX_NAMED_NUMBERS} more" if len(both) > MAX_NAMED_NUMBERS else ""
     return f"Of {shared} numbers that both have {len(both)} differ: {named}{more}."

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from rover_pin.estimation.wording import in_words, shown
+from rover_pin.estimation.wording import format_value, in_words
 
 SAME = 1e-9
 """Relative difference of two numbers from which they count as different."""
@@ -26,8 +26,12 @@ class Value(NamedTuple):
         """The number as a reader wants it, its interval behind it."""
         if not math.isfinite(self.value):
             return "not known"
-        ends = f" [{shown(self.low, self.unit)}, {shown(self.high, self.unit)}]" if self.low < self.high else ""
-        return shown(self.value, self.unit) + ends
+        ends = (
+            f" [{format_value(self.low, self.unit)}, {format_value(self.high, self.unit)}]"
+            if self.low < self.high
+            else ""
+        )
+        return format_value(self.value, self.unit) + ends
 
 
 class Side(NamedTuple):
@@ -69,43 +73,58 @@ class Comparison(NamedTuple):
 def word_rows(first: Side, second: Side) -> Iterator[Row]:
     """Yield what the two say in words, a row each."""
     for name in dict.fromkeys([*first.words, *second.words]):
-        one, other = (side.words.get(name, ABSENT) for side in (first, second))
-        yield Row(name, one, other, differs=one != other)
+        first_word, second_word = (side.words.get(name, ABSENT) for side in (first, second))
+        yield Row(name, first_word, second_word, differs=first_word != second_word)
 
 
 def number_rows(first: Side, second: Side) -> Iterator[Row]:
     """Yield the numbers of either, a row each."""
     for name in dict.fromkeys([*first.numbers, *second.numbers]):
-        one, other = first.numbers.get(name), second.numbers.get(name)
-        if one is None or other is None:
-            yield Row(name, ABSENT if one is None else one.text, ABSENT if other is None else other.text)
-        elif one.unit != other.unit:
-            yield Row(name, one.text, other.text, note="not of one unit")
+        first_value, second_value = first.numbers.get(name), second.numbers.get(name)
+        if first_value is None or second_value is None:
+            yield Row(
+                name,
+                ABSENT if first_value is None else first_value.text,
+                ABSENT if second_value is None else second_value.text,
+            )
+        elif first_value.unit != second_value.unit:
+            yield Row(name, first_value.text, second_value.text, note="not of one unit")
         else:
-            yield _both(name, one, other)
+            yield _both(name, first_value, second_value)
 
 
-def _both(name: str, one: Value, other: Value) -> Row:
-    differs = not math.isclose(one.value, other.value, rel_tol=SAME, abs_tol=1e-15)
-    known = math.isfinite(one.value) and math.isfinite(other.value)
-    return Row(name, one.text, other.text, _change(one, other) if known and differs else "", _note(one, other), differs)
+def _both(name: str, first_value: Value, second_value: Value) -> Row:
+    differs = not math.isclose(first_value.value, second_value.value, rel_tol=SAME, abs_tol=1e-15)
+    are_finite = math.isfinite(first_value.value) and math.isfinite(second_value.value)
+    return Row(
+        name,
+        first_value.text,
+        second_value.text,
+        _change(first_value, second_value) if are_finite and differs else "",
+        _note(first_value, second_value),
+        differs,
+    )
 
 
-def _change(one: Value, other: Value) -> str:
-    factor, unit = in_words(one.unit)
-    by = f"{factor * (other.value - one.value):+.3g} {unit}".rstrip()
-    ratio = other.value / one.value - 1.0 if one.value else math.inf
+def _change(first_value: Value, second_value: Value) -> str:
+    factor, unit = in_words(first_value.unit)
+    by = f"{factor * (second_value.value - first_value.value):+.3g} {unit}".rstrip()
+    ratio = second_value.value / first_value.value - 1.0 if first_value.value else math.inf
     return by + (f" ({ratio:+.1%})" if abs(ratio) < 1.0 else "")
 
 
-def _note(one: Value, other: Value) -> str:
-    if not (one.low < one.high and other.low < other.high):
+def _note(first_value: Value, second_value: Value) -> str:
+    if not (first_value.low < first_value.high and second_value.low < second_value.high):
         return ""
-    return "" if one.low <= other.high and other.low <= one.high else "intervals apart"
+    return "" if first_value.low <= second_value.high and second_value.low <= first_value.high else "intervals apart"
 
 
 def differences(first: Side, second: Side) -> dict[str, float]:
     """Return second - first of every number that both have in one unit [SI]."""
     both = [name for name in first.numbers if name in second.numbers]
     pairs = {name: (first.numbers[name], second.numbers[name]) for name in both}
-    return {name: other.value - one.value for name, (one, other) in pairs.items() if one.unit == other.unit}
+    return {
+        name: second_value.value - first_value.value
+        for name, (first_value, second_value) in pairs.items()
+        if first_value.unit == second_value.unit
+    }

@@ -10,7 +10,7 @@ from typing import Any
 
 from rover_pin import bounded
 from rover_pin.comparison.side import Comparison, Side, Value, differences, number_rows, word_rows
-from rover_pin.effects.names import spoken
+from rover_pin.effects.names import display_name
 from rover_pin.errors import DataError
 from rover_pin.motion.effect_files import package_effects
 
@@ -32,9 +32,9 @@ def read_verdict(path: Path) -> Side:
         words = {
             "data": str(table["name"]),
             "answer": str(table["answer"]),
-            ADDED: spoken(" + ".join(table["effects"]), package_effects()) or "nothing",
+            ADDED: display_name(" + ".join(table["effects"]), package_effects()) or "nothing",
         }
-        errors = {HELD_OUT + row["name"]: Value(_known(row["after"]), row["unit"]) for row in table["held_out"]}
+        errors = {HELD_OUT + row["name"]: Value(_to_float(row["after"]), row["unit"]) for row in table["held_out"]}
         return Side(str(path), words, {**errors, **_numbers(table["after"])})
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise DataError(
@@ -45,11 +45,13 @@ def read_verdict(path: Path) -> Side:
 
 def _numbers(side: Mapping[str, Any]) -> dict[str, Value]:
     rows = side.get("parameters", side)
-    known = {name: (row["value"], row["low"], row["high"]) for name, row in rows.items()}
-    return {name: Value(_known(v), rows[name]["unit"], _known(a), _known(b)) for name, (v, a, b) in known.items()}
+    entries = {name: (row["value"], row["low"], row["high"]) for name, row in rows.items()}
+    return {
+        name: Value(_to_float(v), rows[name]["unit"], _to_float(a), _to_float(b)) for name, (v, a, b) in entries.items()
+    }
 
 
-def _known(value: float | None) -> float:
+def _to_float(value: float | None) -> float:
     return math.nan if value is None else float(value)
 
 
@@ -57,8 +59,10 @@ def compare_verdicts(first: Side, second: Side) -> Comparison:
     """Return the two side by side: what they add, what they predict better, which numbers do not agree."""
     rows = (*word_rows(first, second), *number_rows(first, second))
     by = differences(first, second)
-    said = " ".join(part for part in (_answers(first, second), _errors(first, by), _apart(rows)) if part)
-    return Comparison("verdicts", first.label, second.label, said, rows, by)
+    sentence = " ".join(
+        part for part in (_answers(first, second), _errors(first, by), _describe_intervals(rows)) if part
+    )
+    return Comparison("verdicts", first.label, second.label, sentence, rows, by)
 
 
 def _answers(first: Side, second: Side) -> str:
@@ -84,9 +88,9 @@ def _errors(first: Side, by: Mapping[str, float]) -> str:
     return f"Of {len(shares)} held-out errors the second's is smaller in {better} and greater in {worse}{least}."
 
 
-def _apart(rows: tuple[Any, ...]) -> str:
-    apart = [row.name for row in rows if row.note == "intervals apart"]
+def _describe_intervals(rows: tuple[Any, ...]) -> str:
+    disjoint = [row.name for row in rows if row.note == "intervals apart"]
     shared = [row for row in rows if "[" in row.first and "[" in row.second]
     if not shared:
         return ""
-    return f"The 95 % intervals of {', '.join(apart)} do not meet." if apart else "All their 95 % intervals meet."
+    return f"The 95 % intervals of {', '.join(disjoint)} do not meet." if disjoint else "All their 95 % intervals meet."

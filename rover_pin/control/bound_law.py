@@ -38,7 +38,7 @@ right to 1e-6 there, to 1e-10 in the usual case.
 CARRIED = 1e-4
 """Largest |ln f_n - ln W| at the last point for which the series is trusted."""
 
-ALIKE = 1e-18
+MIN_STEP_SQUARED = 1e-18
 """Square of the step in ln f_n below which the curvature of the torque is dropped: it would be 0 / 0."""
 
 
@@ -60,13 +60,13 @@ def bound_law(angles: FixedAngles | SinkageAngles) -> ca.Function:
     load, slip_limit, wheel, soil = unpacked(x)
     log_load = ca.log(ca.sqrt(ca.fmax(load, 0.0) ** 2 + LOAD_FLOOR**2))
     solve = _at_fixed_angles if isinstance(angles, FixedAngles) else _at_sinkage
-    found = [solve(law, log_load, wheel, soil, x) for law in (full_shear, driving_shear(slip_limit, wheel, soil))]
+    solutions = [solve(law, log_load, wheel, soil, x) for law in (full_shear, driving_shear(slip_limit, wheel, soil))]
     share = contact_share(load)
     d_share, d_log = ca.jacobian(share, load), ca.jacobian(log_load, load)
-    torques = [share * each.torque for each in found]
-    derivatives = [d_share * each.torque + share * each.slope * d_log for each in found]
+    torques = [share * solution.torque for solution in solutions]
+    derivatives = [d_share * solution.torque + share * solution.slope * d_log for solution in solutions]
     # a comparison with NaN is false, so NaN is refused too
-    carried = [ca.fabs(each.residual) < CARRIED for each in found]
+    carried = [ca.fabs(solution.residual) < CARRIED for solution in solutions]
     refused = 1 - ca.logic_and(load >= 0, ca.logic_and(*carried))
     out = ca.vertcat(*torques, *derivatives, refused)
     return ca.Function("torque_bounds", [x], [ca.cse(out)], ["inputs"], ["outputs"])
@@ -75,9 +75,9 @@ def bound_law(angles: FixedAngles | SinkageAngles) -> ca.Function:
 def unpacked(x: ca.SX) -> tuple[Scalar, Scalar, Wheel, Soil]:
     """Return load, slip limit, wheel and soil whose quantities are the entries of a column ordered as INPUTS."""
     load, slip_limit, *constants = ca.vertsplit(x)
-    sizes = len(quantities(Wheel))
-    wheel = Wheel(**dict(zip(quantities(Wheel), constants[:sizes], strict=True)))
-    soil = Soil(**dict(zip(quantities(Soil), constants[sizes:], strict=True)))
+    n_wheel = len(quantities(Wheel))
+    wheel = Wheel(**dict(zip(quantities(Wheel), constants[:n_wheel], strict=True)))
+    soil = Soil(**dict(zip(quantities(Soil), constants[n_wheel:], strict=True)))
     return load, slip_limit, wheel, soil
 
 
@@ -103,9 +103,11 @@ def _at_sinkage(law: Mobilised, log_load: Scalar, wheel: Wheel, soil: Soil, x: c
         slope = d_torque / d_force
         y = ca.fmin(y - (force - log_load) / d_force, DEEPEST)
     last, torque, d_force, d_torque = _point(law, FINE, wheel, soil, x)(y, x)
-    last_slope, step, rest = d_torque / d_force, last - force, log_load - last
-    curvature = (last_slope - slope) * step / (step**2 + ALIKE)
-    return Carried(torque + rest * (last_slope + rest * curvature / 2), last_slope + rest * curvature, rest)
+    last_slope, step, residual = d_torque / d_force, last - force, log_load - last
+    curvature = (last_slope - slope) * step / (step**2 + MIN_STEP_SQUARED)
+    return Carried(
+        torque + residual * (last_slope + residual * curvature / 2), last_slope + residual * curvature, residual
+    )
 
 
 def _point(law: Mobilised, nodes: int, wheel: Wheel, soil: Soil, x: ca.SX) -> ca.Function:

@@ -97,12 +97,12 @@ def torque_bounds(
     True
     """
     _check_slip_limit(slip_limit)
-    found = bound_law(angles)(_column(load, slip_limit, wheel, soil))
-    if not isinstance(found, ca.DM):
-        return Bounds(found[0], found[1])
-    if float(found[4]):
+    outputs = bound_law(angles)(_column(load, slip_limit, wheel, soil))
+    if not isinstance(outputs, ca.DM):
+        return Bounds(outputs[0], outputs[1])
+    if float(outputs[4]):
         _refuse([load], [wheel], soil)
-    return Bounds(float(found[0]), float(found[1]))
+    return Bounds(float(outputs[0]), float(outputs[1]))
 
 
 def bound_gradient(

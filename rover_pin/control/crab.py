@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Self
 
-from rover_pin.arguments import about, checked
+from rover_pin.arguments import checked, spec
 from rover_pin.body.rover import Rover
 from rover_pin.control.steering import MOST_STEER, Steady
 from rover_pin.errors import ParameterError
@@ -25,8 +25,8 @@ class Crab(Steady):
     def of(
         cls,
         rover: Rover,
-        angle: Annotated[float, about("rad", "assumed; to the left", -MOST_STEER, MOST_STEER)] = math.radians(20.0),
-        delta: Annotated[float, about("", "paper, section 5", -1.0, 1.0)] = 0.55,
+        angle: Annotated[float, spec("rad", "assumed; to the left", -MOST_STEER, MOST_STEER)] = math.radians(20.0),
+        delta: Annotated[float, spec("", "paper, section 5", -1.0, 1.0)] = 0.55,
     ) -> Self:
         """Return the crab of this rover.
 

@@ -78,18 +78,18 @@ def score_trace(trace: Trace, model: Model, duration: float) -> Score:
         return Score(progress=0.0, slip=1.0, energy=0.0, stuck=1.0, sinkage=float(model.buried), buried=0.0)
     x, energy = trace.need("body_x", "energy_electric")
     end = float(np.interp(trace.t[-1] - TAIL, trace.t, x))
-    ended = trace.t[-1] < duration - 0.1
+    stopped_early = trace.t[-1] < duration - 0.1
     slow = (x[-1] - end) / TAIL < STUCK_SPEED
     way = CRUISE_SPEED * duration
     weight = model.rover.mass * model.gravity
     slip = float(np.mean(trace.stack("slip") ** 2))
     sunk = np.mean(trace.stack("sinkage"), axis=1) / float(model.rover.wheel.r)
     # what a drive that ended early would have gone on with
-    rest = max(duration - trace.t[-1], 0.0) / duration
-    sinkage = (1.0 - rest) * float(np.mean(sunk)) + rest * float(sunk[-1])
+    missing_share = max(duration - trace.t[-1], 0.0) / duration
+    sinkage = (1.0 - missing_share) * float(np.mean(sunk)) + missing_share * float(sunk[-1])
     buried = str(trace.attrs.get("stop", "")).startswith("buried")
     spent = float(energy[-1]) / (weight * way)
-    return Score(float(x[-1] - x[0]) / way, slip, spent, float(ended or slow), sinkage, float(buried))
+    return Score(float(x[-1] - x[0]) / way, slip, spent, float(stopped_early or slow), sinkage, float(buried))
 
 
 def score_outcome(outcome: Outcome, model: Model, start: float, duration: float) -> Score:

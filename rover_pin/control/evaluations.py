@@ -56,7 +56,7 @@ class Evaluations:
                 self.progress(stage, done, len(jobs))
         return [self.known[key] for key in keys]
 
-    def kept(self) -> str:
+    def resume_hint(self) -> str:
         """Return what is kept and how to go on with it."""
         if self.file is None or not self.known:
             return "nothing is kept"
@@ -86,13 +86,13 @@ def key_of(function: Callable[..., Any], job: tuple[Any, ...]) -> str:
 def _read(file: Path) -> dict[str, list[float]]:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        found = content(file) if file.exists() else b""
-        whole = found[: found.rfind(b"\n") + 1]
-        if len(whole) < len(found):
+        raw = content(file) if file.exists() else b""
+        complete = raw[: raw.rfind(b"\n") + 1]
+        if len(complete) < len(raw):
             part = file.with_name(f".{file.name}.part")
-            part.write_bytes(whole)
+            part.write_bytes(complete)
             part.replace(file)
-        return dict(json.loads(line) for line in whole.splitlines())
+        return dict(json.loads(line) for line in complete.splitlines())
     except OSError as error:
         raise DataError(f"{file}: evaluations cannot be kept there: {error.strerror}; name another folder.") from error
     except (ValueError, TypeError) as error:

@@ -10,10 +10,10 @@ from rover_pin.quantity import record_from
 from rover_pin.toml_file import read_toml, toml_text
 
 
-def save_gains(gains: Gains, path: str | Path, about: str = "") -> Path:
+def save_gains(gains: Gains, path: str | Path, comment: str = "") -> Path:
     """Write gains as a TOML file, one `name = value` a line; `about` becomes a comment."""
     text = toml_text({name: float(value) for name, value in gains.values().items()})
-    return replace_file(path, "".join(f"# {line}\n" for line in about.splitlines()) + text)
+    return replace_file(path, "".join(f"# {line}\n" for line in comment.splitlines()) + text)
 
 
 def load_gains(path: str | Path) -> Gains:

@@ -17,7 +17,7 @@ class AxleLoads(NamedTuple):
     Weight and inertia act at the same places: whatever the pushes do not overcome of the one they give to the other.
     """
 
-    rest: np.ndarray
+    at_rest: np.ndarray
     "loads of the axles at rest on level ground (axles) [N]"
     shift: np.ndarray
     "change of the load of axle i by a forward push of axle j (axles, axles) [-]"
@@ -50,10 +50,10 @@ def axle_loads(rover: Rover, gravity: float) -> AxleLoads:
     member = (axles[:, None] == np.unique(axles)).astype(float)
     weight = pin.computeGeneralizedGravity(rover.model, rover.model.createData(), q)
     inertia = mass_matrix(rover, q)[:, :1] / rover.mass
-    asked = np.column_stack([weight, inertia - pushes @ (member / member.sum(axis=0))])
+    rhs = np.column_stack([weight, inertia - pushes @ (member / member.sum(axis=0))])
     free = _free_dofs(rover)
-    found, *_ = np.linalg.lstsq(np.column_stack([lifts, constraint_rows(rover).T])[free], asked[free], rcond=1e-10)
-    loads = member.T @ found[: len(rover.wheels)]
+    solution, *_ = np.linalg.lstsq(np.column_stack([lifts, constraint_rows(rover).T])[free], rhs[free], rcond=1e-10)
+    loads = member.T @ solution[: len(rover.wheels)]
     data = rover.model.createData()
     pin.forwardKinematics(rover.model, data, q)
     centres = np.array([data.oMi[wheel.joint].translation for wheel in rover.wheels])
@@ -70,5 +70,5 @@ def _unit_forces(rover: Rover, q: np.ndarray, direction: np.ndarray) -> np.ndarr
 
 
 def _free_dofs(rover: Rover) -> list[int]:
-    held = {wheel.dof for wheel in rover.wheels} | {wheel.steer_dof for wheel in rover.wheels}
-    return [place for place in range(rover.model.nv) if place not in held]
+    motor_dofs = {wheel.dof for wheel in rover.wheels} | {wheel.steer_dof for wheel in rover.wheels}
+    return [place for place in range(rover.model.nv) if place not in motor_dofs]

@@ -73,8 +73,8 @@ class TackingControl:
             side, uneven_until = -side, -1.0
         self.memory[:] = side, uneven_until
         uneven = reading.t <= uneven_until
-        asked = side * law.heading if uneven else 0.0
-        bend = min(max(law.gain * (asked - reading.attitude[2]), -1.0 / law.radius), 1.0 / law.radius)
+        target_yaw = side * law.heading if uneven else 0.0
+        bend = min(max(law.gain * (target_yaw - reading.attitude[2]), -1.0 / law.radius), 1.0 / law.radius)
         nose_up = -reading.attitude[1]
         delta = law.delta_climb if uneven or nose_up > law.alert else law.delta
         if abs(bend) < STRAIGHT:

@@ -138,9 +138,11 @@ class OnboardSlip:
     def slip(self, reading: Reading) -> np.ndarray:
         """Return S_hat, one value a wheel [-]; to be called once a control period."""
         self.past.append(self._felt(reading))
-        q = self._posture(*(np.mean([getattr(one, name) for one in self.past], axis=0) for name in ("tilt", "links")))
+        q = self._posture(
+            *(np.mean([getattr(sample, name) for sample in self.past], axis=0) for name in ("tilt", "links"))
+        )
         foot, jacobians = footing(self.rover, q)
-        torque = self.constant * np.mean([one.current for one in self.past], axis=0)
+        torque = self.constant * np.mean([sample.current for sample in self.past], axis=0)
         load = loads_on(self.rover, q, torque, foot, jacobians)
         rates, level = self._rates(foot.left), np.hypot(foot.forward[:, 0], foot.forward[:, 1])
         slips = slip_ratios(rates.rim, (self.speeds[:, None] + rates.ahead) / level)
@@ -167,13 +169,13 @@ class OnboardSlip:
         return q
 
     def _rates(self, axles: np.ndarray) -> _Rates:
-        rate = np.mean([one.rate for one in self.past], axis=0)
+        rate = np.mean([sample.rate for sample in self.past], axis=0)
         if len(self.past) < LEAST_ROWS:
             return _Rates(self.r * rate, np.zeros(len(rate)), None)
         t = self.period * (np.arange(len(self.past)) - 0.5 * (len(self.past) - 1))
         to_rate = t / (t @ t)
-        swing = to_rate @ turning([one.mounts for one in self.past], axles)
-        ahead, rise = np.einsum("t,tnk->kn", to_rate, np.array([one.centres for one in self.past]))
+        swing = to_rate @ turning([sample.mounts for sample in self.past], axles)
+        ahead, rise = np.einsum("t,tnk->kn", to_rate, np.array([sample.centres for sample in self.past]))
         return _Rates(self.r * (rate + swing), ahead, rise)
 
     def _learn(self, slips: np.ndarray, factors: np.ndarray, bend: float = 0.0) -> None:
@@ -183,18 +185,18 @@ class OnboardSlip:
         self.belief = (1.0 - anything) * spread / spread.sum() + anything / len(spread)
         expected = np.interp(slips, SLIPS, self.factors)
         variance = float(trust.factor) ** 2 + (float(trust.strength) ** 2 + bend**2) * expected**2
-        known = np.exp(-0.5 * (factors - expected) ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
-        stray = float(trust.stray)
-        self._weigh(np.sum(np.log((1.0 - stray) * known + stray / FACTORS), axis=1))
+        likelihood = np.exp(-0.5 * (factors - expected) ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
+        p_outlier = float(trust.stray)
+        self._weigh(np.sum(np.log((1.0 - p_outlier) * likelihood + p_outlier / FACTORS), axis=1))
 
     def _folding(self, rise: float, bend: float) -> np.ndarray:
         """Return the density of wheels rising so fast against each other at each speed, on ground that bends so."""
         moving, quiet = np.hypot(SETTLING, self.speeds * bend), float(self.trust.quiet)
         return (1.0 - quiet) * np.exp(-rise / moving) / moving + quiet * np.exp(-rise / SETTLING) / SETTLING
 
-    def _weigh(self, chance: np.ndarray) -> None:
+    def _weigh(self, log_p: np.ndarray) -> None:
         """Multiply the belief by a likelihood, given as its logarithm, of readings that err alike for a while."""
-        belief = self.belief * np.exp(self.period / float(self.trust.correlated) * (chance - chance.max()))
+        belief = self.belief * np.exp(self.period / float(self.trust.correlated) * (log_p - log_p.max()))
         self.belief = belief / belief.sum()
 
 
@@ -219,8 +221,8 @@ class SureSlip:
 
     def slip(self, reading: Reading) -> np.ndarray:
         """Return the slip that is surely exceeded, one value a wheel [-]; a braking one as it is told."""
-        told = self.estimate.slip(reading)
-        return np.maximum(told - self.estimate.sd, np.minimum(told, 0.0))
+        S_hat = self.estimate.slip(reading)
+        return np.maximum(S_hat - self.estimate.sd, np.minimum(S_hat, 0.0))
 
 
 def slip_ratios(rim: np.ndarray, v: np.ndarray) -> np.ndarray:

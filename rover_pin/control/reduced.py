@@ -44,7 +44,7 @@ LIGHTEST = 0.05
 """Load of an axle that is about to lift, as a share of its load at rest: the shear model has no wheel in the air."""
 SHALLOWEST = 1e-4
 """Sinkage [m] below which a wheel is taken to sink by this: without contact there is no traction factor."""
-SETTLES = 0.02
+SINKING_TIME = 0.02
 """Time [s] in which a wheel comes down on undamped soil: the root of its mass over the soil's stiffness."""
 FASTEST = 3.0
 """How far the path is laid out, over cruise speed times duration."""
@@ -119,13 +119,13 @@ class Reduced:
     @property
     def axles(self) -> int:
         """How many axles the rover has."""
-        return len(self.loads.rest)
+        return len(self.loads.at_rest)
 
     @cached_property
     def sunk(self) -> float:
         """Sinkage of a wheel under a sixth of the weight [m]."""
         wheel, soil = self.model.rover.wheel, self.model.soils[0]
-        load = float(np.sum(self.loads.rest)) / len(self.model.rover.wheels)
+        load = float(np.sum(self.loads.at_rest)) / len(self.model.rover.wheels)
         return float(sinkage(entry_angle(load, 0.1, wheel, soil), wheel))
 
     @cached_property
@@ -144,20 +144,20 @@ class Reduced:
         nx = sum(len(effect.states) for effect in effects)
         nm = sum(len(effect.states) for effect in model.motor_effects)
         x, v = ca.SX.sym("x"), ca.SX.sym("v")
-        own = [ca.SX.sym(f"axle_{i}", 4 + nx + nm) for i in range(self.axles)]
+        axle_states = [ca.SX.sym(f"axle_{i}", 4 + nx + nm) for i in range(self.axles)]
         p = ca.SX.sym("gains", len(GAIN_NAMES))
         gains = Gains(**dict(zip(GAIN_NAMES, ca.vertsplit(p), strict=True)))
-        places = [x + float(each) for each in self.loads.place]
-        slopes = [self.path.slope_at(each) for each in places]
-        heights = [self.path.height_at(each) for each in places]
+        places = [x + float(place) for place in self.loads.place]
+        slopes = [self.path.slope_at(place) for place in places]
+        heights = [self.path.height_at(place) for place in places]
         pitch = (_mean(heights[1:]) - heights[0]) / (self.loads.place[0] - _mean(self.loads.place[1:]))
-        axles = [self._axle(i, places[i], slopes[i], v, own[i][: 4 + nx]) for i in range(self.axles)]
-        motors = self._motors(own, nx)
+        axles = [self._axle(i, places[i], slopes[i], v, axle_states[i][: 4 + nx]) for i in range(self.axles)]
+        motors = self._motors(axle_states, nx)
         normal, push = self._balance(slopes, -pitch, [axle.F for axle in axles])
         pull = pull_along(model.begun(self.start, 0.0), Along(x, v, _mean(heights), pitch))
         rates: list[Scalar] = [v, (sum(push) + pull) / self.rover.mass]
         for i, axle in enumerate(axles):
-            omega, duty, integral = own[i][0], own[i][1], own[i][2]
+            omega, duty, integral = axle_states[i][0], axle_states[i][1], axle_states[i][2]
             sinking = (normal[i] / 2 - axle.f_n) / axle.yielding
             S_hat = self.loop.estimated(axle.S, duty, model.rover.wheel.r * omega)
             highest = self.loop.highest(i, pitch, omega)
@@ -165,10 +165,12 @@ class Reduced:
             spin = (motors[i].torque - axle.M * normal[i] / 2) / self._inertia
             rates += [spin, d_duty, d_integral, sinking, *axle.rate, *motors[i].rate]
         slip = sum(axle.S**2 for axle in axles) / self.axles
-        power = sum(each.power for each in motors) * 2
-        sunk = sum(each[3] for each in own) / (self.axles * model.rover.wheel.r)
-        outputs = ca.vertcat(v, *(axle.S for axle in axles), *(each[0] for each in own), *(each[3] for each in own))
-        return ca.vertcat(x, v, *own), p, ca.vertcat(*rates), ca.vertcat(slip, power, sunk), outputs
+        power = sum(motor.power for motor in motors) * 2
+        sunk = sum(state[3] for state in axle_states) / (self.axles * model.rover.wheel.r)
+        outputs = ca.vertcat(
+            v, *(axle.S for axle in axles), *(state[0] for state in axle_states), *(state[3] for state in axle_states)
+        )
+        return ca.vertcat(x, v, *axle_states), p, ca.vertcat(*rates), ca.vertcat(slip, power, sunk), outputs
 
     @cached_property
     def _inertia(self) -> float:
@@ -178,27 +180,29 @@ class Reduced:
         wheel = rover.model.inertias[rover.wheels[0].joint].inertia
         return float(axis @ wheel @ axis) + float(self.model.motor.armature)
 
-    def _axle(self, i: int, x: Scalar, p: Scalar, v: Scalar, own: ca.SX) -> Axle:
+    def _axle(self, i: int, x: Scalar, p: Scalar, v: Scalar, axle_state: ca.SX) -> Axle:
         """Return what the soil does at axle `i` at the place `x` on slope `p`."""
         wheel, speed = self.model.rover.wheel, v * ca.sqrt(1 + p**2)
-        h, v_n = ca.fmax(own[3], SHALLOWEST), ca.SX.sym("v_n")
+        h, v_n = ca.fmax(axle_state[3], SHALLOWEST), ca.SX.sym("v_n")
         # S, S_y, h, v_x, v_y, v_n, rim, x, axle
-        contact = Contact(0.0, 0.0, h, speed, 0.0, v_n, wheel.r * own[0], x, float(i), wheel, self.model.soils[0])
-        contact, load, rate = through_contacts(self.model, contact, ca.vertsplit(own)[4:])
-        yielding = ca.jacobian(load.f_n, v_n) + SETTLES * ca.jacobian(load.f_n, own)[3]
-        found = ca.vertcat(load.f_t / load.f_n, load.torque / load.f_n, contact.S, load.f_n, yielding, *rate)
-        F, M, S, f_n, stiff, *rates = ca.vertsplit(ca.substitute(found, v_n, 0.0))
+        contact = Contact(
+            0.0, 0.0, h, speed, 0.0, v_n, wheel.r * axle_state[0], x, float(i), wheel, self.model.soils[0]
+        )
+        contact, load, rate = through_contacts(self.model, contact, ca.vertsplit(axle_state)[4:])
+        yielding = ca.jacobian(load.f_n, v_n) + SINKING_TIME * ca.jacobian(load.f_n, axle_state)[3]
+        outputs = ca.vertcat(load.f_t / load.f_n, load.torque / load.f_n, contact.S, load.f_n, yielding, *rate)
+        F, M, S, f_n, stiff, *rates = ca.vertsplit(ca.substitute(outputs, v_n, 0.0))
         return Axle(F, M, S, tuple(rates), f_n, stiff)
 
-    def _motors(self, own: list[ca.SX], nx: int) -> list[AxleMotors]:
+    def _motors(self, axle_states: list[ca.SX], nx: int) -> list[AxleMotors]:
         """Return what the motors of each axle do; what all draw comes from a first pass that does not know it."""
         bus: Scalar = 0.0
         for _ in range(2):
             motors = [
-                through_motors(self.model, i, each[1], each[0], ca.vertsplit(each)[4 + nx :], bus)
-                for i, each in enumerate(own)
+                through_motors(self.model, i, state[1], state[0], ca.vertsplit(state)[4 + nx :], bus)
+                for i, state in enumerate(axle_states)
             ]
-            bus = sum(each.drawn for each in motors) * 2
+            bus = sum(motor.drawn for motor in motors) * 2
         return motors
 
     def _balance(self, slopes: list[Scalar], s: Scalar, factors: list[Scalar]) -> tuple[list[Scalar], list[Scalar]]:
@@ -206,18 +210,18 @@ class Reduced:
         level = 1 / ca.sqrt(1 + s * s)
         against = [(p - s) / (1 + p * s) for p in slopes]
         ease = [(F - p) / (1 + F * p) for F, p in zip(factors, against, strict=True)]
-        shift, rest = ca.SX(self.loads.shift), level * ca.SX(self.loads.rest)
-        across = ca.solve(ca.SX.eye(self.axles) - shift @ ca.diag(ca.vertcat(*ease)), rest)
-        W = [ca.fmax(across[i], LIGHTEST * float(self.loads.rest[i])) for i in range(self.axles)]
+        shift, level_loads = ca.SX(self.loads.shift), level * ca.SX(self.loads.at_rest)
+        across = ca.solve(ca.SX.eye(self.axles) - shift @ ca.diag(ca.vertcat(*ease)), level_loads)
+        W = [ca.fmax(across[i], LIGHTEST * float(self.loads.at_rest[i])) for i in range(self.axles)]
         # a wheel presses the slope by the share of its load that neither pull nor chassis carries
         normal = [w * ca.sqrt(1 + p**2) / (1 + F * p) for w, p, F in zip(W, against, factors, strict=True)]
-        return normal, [w * level * (each - s) for w, each in zip(W, ease, strict=True)]
+        return normal, [w * level * (tangent - s) for w, tangent in zip(W, ease, strict=True)]
 
     @cached_property
     def initial(self) -> np.ndarray:
         """States at rest at the start."""
         state = self.ode[0]
-        names = [each.name() for each in ca.vertsplit(state)]
+        names = [symbol.name() for symbol in ca.vertsplit(state)]
         return np.array([self.start, *(self.sunk if name.endswith("_3") else 0.0 for name in names[1:])])
 
     def outcome(self) -> ca.Function:
@@ -254,10 +258,10 @@ class Reduced:
                 path = integrator(x0=self.initial, p=as_column(gains))["xf"]
         except RuntimeError as error:
             raise OptimisationError(f"The reduced model cannot be driven with {gains}: {error}") from error
-        seen = np.array(ca.Function("seen", [state], [outputs]).map(len(times))(path))
-        slip, wheel_rate, sinkage = (each.T for each in np.split(seen[1:], 3))
-        own = {"slip": slip, "wheel_rate": wheel_rate, "sinkage": sinkage}
-        return {"x": np.array(path[0, :]).ravel(), "v": seen[0], **own}
+        output_values = np.array(ca.Function("seen", [state], [outputs]).map(len(times))(path))
+        slip, wheel_rate, sinkage = (channel.T for channel in np.split(output_values[1:], 3))
+        per_axle = {"slip": slip, "wheel_rate": wheel_rate, "sinkage": sinkage}
+        return {"x": np.array(path[0, :]).ravel(), "v": output_values[0], **per_axle}
 
 
 def as_column(gains: Gains) -> np.ndarray:

@@ -46,7 +46,7 @@ def through_contacts(model: Model, contact: Contact, states: list[Scalar]) -> tu
     parts = _split(states, [len(effect.states) for effect in model.contact_effects])
     contact = amended(model.contact_effects, contact, parts)
     load, rates = loaded(model.contact_effects, contact, parts)
-    return contact, load, tuple(each for rate in rates for each in rate)
+    return contact, load, tuple(component for rate in rates for component in rate)
 
 
 def through_motors(
@@ -58,9 +58,9 @@ def through_motors(
     makes is left out.
     """
     wheels = [index for index, mount in enumerate(model.rover.wheels) if mount.axle == axle]
-    each = [_motor(model, index, duty, omega, states, bus) for index in wheels]
-    rates = zip(*(one.rate for one in each), strict=True)
-    torque, power, drawn = (sum(values) / len(wheels) for values in itertools.islice(zip(*each, strict=True), 3))
+    motors = [_motor(model, index, duty, omega, states, bus) for index in wheels]
+    rates = zip(*(motor.rate for motor in motors), strict=True)
+    torque, power, drawn = (sum(values) / len(wheels) for values in itertools.islice(zip(*motors, strict=True), 3))
     return AxleMotors(torque, power, drawn, tuple(sum(values) / len(wheels) for values in rates))
 
 
@@ -71,7 +71,7 @@ def _motor(model: Model, wheel: int, duty: Scalar, omega: Scalar, states: list[S
     current = drive.current
     torque, rates = turned(model.motor_effects, drive, drive.constant * current, parts)
     drawn = duty * current
-    return AxleMotors(torque, drawn * drive.supply, drawn, tuple(each for rate in rates for each in rate))
+    return AxleMotors(torque, drawn * drive.supply, drawn, tuple(component for rate in rates for component in rate))
 
 
 def pull_along(model: Model, at: Along) -> Scalar:
@@ -81,7 +81,7 @@ def pull_along(model: Model, at: Along) -> Scalar:
     return sum((effect.push(body).f_x for effect in model.body_effects), built.mass * built.model.gravity.linear[0])
 
 
-def left_out(model: Model) -> tuple[str, ...]:
+def omitted_effects(model: Model) -> tuple[str, ...]:
     """Return the names of the body effects that do more than the reduced model holds: weight and a push along x."""
     return tuple(type(effect).__name__ for effect in model.body_effects if _acts_elsewhere(model, effect))
 
@@ -90,7 +90,7 @@ def _acts_elsewhere(model: Model, effect: BodyEffect) -> bool:
     at = Along(*(ca.SX.sym(name) for name in Along._fields))
     push = effect.push(_body(at, *(ca.SX.sym("joint", number) for number in _joints(model))))
     others = (push.f_y, push.f_z, push.m_x, push.m_y, push.m_z, *push.joints, push.differential)
-    return effect.rise()[1] != 0.0 or any(not ca.SX(each).is_zero() for each in others)
+    return effect.rise()[1] != 0.0 or any(not ca.SX(component).is_zero() for component in others)
 
 
 def _joints(model: Model) -> tuple[int, int, int]:
@@ -101,12 +101,12 @@ def _joints(model: Model) -> tuple[int, int, int]:
 
 def _body(at: Along, angles: ca.SX, rates: ca.SX, twist: ca.SX) -> Body:
     """Return the body as the reduced model knows it."""
-    places, speeds = (tuple(ca.vertsplit(each)) if each.numel() else () for each in (angles, rates))
+    places, speeds = (tuple(ca.vertsplit(column)) if column.numel() else () for column in (angles, rates))
     base = {**dict.fromkeys(Body._fields, 0.0), "x": at.x, "z": at.height, "pitch": at.pitch, "v_x": at.v}
-    known = {"angles": places, "rates": speeds, "known_rates": speeds, "twist": twist[0], "twist_rate": twist[1]}
-    return Body(**{**base, **known, "names": ()})
+    joint_values = {"angles": places, "rates": speeds, "known_rates": speeds, "twist": twist[0], "twist_rate": twist[1]}
+    return Body(**{**base, **joint_values, "names": ()})
 
 
-def _split(values: list[Scalar], sizes: list[int]) -> list[tuple[Scalar, ...]]:
-    ends = np.cumsum([0, *sizes])
+def _split(values: list[Scalar], lengths: list[int]) -> list[tuple[Scalar, ...]]:
+    ends = np.cumsum([0, *lengths])
     return [tuple(values[start:end]) for start, end in itertools.pairwise(ends)]

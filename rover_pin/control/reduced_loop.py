@@ -48,5 +48,5 @@ class Loop:
         self, gains: Gains, S_hat: Scalar, highest: Scalar, integral: Scalar, duty: Scalar
     ) -> tuple[Scalar, Scalar]:
         """Return the time derivatives of the integral and of the duty, which follows within one control period."""
-        given = pi_law(gains, S_hat, integral, highest, self.smoothing)
-        return given.rate, (given.duty - duty) / CONTROL_PERIOD
+        step = pi_law(gains, S_hat, integral, highest, self.smoothing)
+        return step.rate, (step.duty - duty) / CONTROL_PERIOD

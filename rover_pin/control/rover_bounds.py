@@ -49,7 +49,7 @@ class RoverBounds:
     def first_to_slip(self) -> tuple[str, ...]:
         """The wheels with the smallest T_lim: where equal motors at equal duty turn at one speed, these slip first."""
         least = float(np.min(self.limit))
-        return tuple(name for name, own in zip(self.names, self.limit, strict=True) if own <= least * (1 + 1e-6))
+        return tuple(name for name, limit in zip(self.names, self.limit, strict=True) if limit <= least * (1 + 1e-6))
 
     def rows(self, motor: Motor | None = None) -> list[dict[str, Any]]:
         """Return one dict a wheel, SI units in the keys; with a motor, how its stall torque compares.
@@ -57,7 +57,7 @@ class RoverBounds:
         `margin_*` = stall torque / bound: above 1 the motor can exceed the bound. `duty_limit` is the duty at which a
         standing wheel's motor gives T_lim.
         """
-        found: list[dict[str, Any]] = [
+        table: list[dict[str, Any]] = [
             {
                 "wheel": name,
                 "load_N": float(self.load[i]),
@@ -73,10 +73,10 @@ class RoverBounds:
         ]
         if motor is not None:
             stall = float(motor.stall_torque)
-            for row in found:
+            for row in table:
                 row["margin_sat"], row["margin_lim"] = (_ratio(stall, row[key]) for key in ("T_sat_Nm", "T_lim_Nm"))
                 row["duty_lim"] = row["T_lim_Nm"] / stall
-        return found
+        return table
 
 
 def rover_torque_bounds(

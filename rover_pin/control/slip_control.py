@@ -12,7 +12,7 @@ import numpy as np
 from rover_pin.contact import Scalar
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
-from rover_pin.control.torque_limit import ASKED, NoLimit, TorqueLimit, native_limit
+from rover_pin.control.torque_limit import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
 from rover_pin.motion.command import Command, Reading
 from rover_pin.motion.native.control import Commands, SlipLaw
 from rover_pin.motion.timing import CONTROL_PERIOD
@@ -64,11 +64,11 @@ def pi_law(gains: Gains, S_hat: Scalar, integral: Scalar, highest: Scalar, smoot
     Source: section 5, Fig 9. Differs from the paper: it does not say what its integral does at the limit.
     """
     error = gains.S_d - S_hat
-    asked = gains.delta_0 + gains.k_p * error + integral
+    unclamped = gains.delta_0 + gains.k_p * error + integral
     most = lesser(gains.delta_max, highest, smoothing)
     least = lesser(gains.delta_min, most, smoothing)
-    duty = lesser(greater(asked, least, smoothing), most, smoothing)
-    outward = ca.fmax((asked - duty) * ca.sign(error), 0.0)
+    duty = lesser(greater(unclamped, least, smoothing), most, smoothing)
+    outward = ca.fmax((unclamped - duty) * ca.sign(error), 0.0)
     return Step(duty, gains.k_i * error * (1.0 - ca.fmin(outward / FADE, 1.0)))
 
 
@@ -136,16 +136,16 @@ class SlipControl:
     def __call__(self, reading: Reading) -> Command:
         """Return the duty of each wheel."""
         S_hat = np.asarray(self.estimate.slip(reading), dtype=float)
-        seen = np.vstack(np.broadcast_arrays(S_hat, self.integral, self.limit.duty(reading)))
+        inputs = np.vstack(np.broadcast_arrays(S_hat, self.integral, self.limit.duty(reading)))
         gains = [float(value) for value in self.gains.values().values()]
-        duty, rate = np.array(_law(len(S_hat))(seen, gains))
+        duty, rate = np.array(_law(len(S_hat))(inputs, gains))
         self.integral = self.integral + self.period * rate
         return Command(duty)
 
     def native(self, wheels: int) -> Commands | None:
         """Return the same for the compiled loop, which keeps `integral`; None with an estimate or limit of your own."""
         limit, true = native_limit(self.limit), type(self.estimate) is TrueSlip
-        if limit is ASKED or not (true or type(self.estimate) is TableEstimate):
+        if limit is CUSTOM_LIMIT or not (true or type(self.estimate) is TableEstimate):
             return None
         self.integral = np.broadcast_to(np.asarray(self.integral, dtype=float), wheels).copy()
         gains = [float(value) for value in self.gains.values().values()]

@@ -97,9 +97,9 @@ def calibrated_table(model: Model, duties: Sequence[float] = DUTIES) -> SpeedTab
     """
     speeds = [0.0, *(_steady_speed(model, duty) for duty in duties)]
     if not np.all(np.diff(speeds) > 0.0):
-        told = ", ".join(f"{speed:.2g}" for speed in speeds[1:])
+        text = ", ".join(f"{speed:.2g}" for speed in speeds[1:])
         raise ParameterError(
-            f"Eq (9) needs a speed for every duty, and on flat ground of its own soil this model runs at {told} m/s at "
+            f"Eq (9) needs a speed for every duty, and on flat ground of its own soil this model runs at {text} m/s at "
             f"duties {', '.join(f'{duty:g}' for duty in duties)}: it has no such table; take another soil or form, or "
             "control = 'onboard' or 'true'."
         )
@@ -126,15 +126,15 @@ def flat_table(model: Model) -> SpeedTable:
     Source: section 5, "we estimate the value of v_w from delta using an empirical function table".
     """
     body = [inertia.toDynamicParameters().tolist() for inertia in model.rover.model.inertias]
-    alike = (model.rover.urdf, body, model.soils[0], model.motor, model.gravity, model.all_effects)
-    return _flat_table(_OnFlat(repr(alike), model.replace(terrain=flat())))
+    identity = (model.rover.urdf, body, model.soils[0], model.motor, model.gravity, model.all_effects)
+    return _flat_table(_OnFlat(repr(identity), model.replace(terrain=flat())))
 
 
 @dataclass(frozen=True)
 class _OnFlat:
     """A model on flat ground, the same as another where its `alike` is."""
 
-    alike: str
+    identity: str
     model: Model = field(compare=False)
 
 

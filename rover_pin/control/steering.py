@@ -8,7 +8,7 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from rover_pin.arguments import about, checked
+from rover_pin.arguments import checked, spec
 from rover_pin.body.rover import Rover
 from rover_pin.body.wheel_base import wheel_places
 from rover_pin.errors import ParameterError
@@ -52,8 +52,8 @@ class Turn(Steady):
     def of(
         cls,
         rover: Rover,
-        radius: Annotated[float, about("m", "assumed: 0 turns on the spot, below 0 to the right", -1e6, 1e6)] = 1.0,
-        delta: Annotated[float, about("", "paper, section 5", -1.0, 1.0)] = 0.55,
+        radius: Annotated[float, spec("m", "assumed: 0 turns on the spot, below 0 to the right", -1e6, 1e6)] = 1.0,
+        delta: Annotated[float, spec("", "paper, section 5", -1.0, 1.0)] = 0.55,
     ) -> Self:
         """Return the turn of this rover; `delta` is the duty of the fastest wheel.
 

@@ -36,5 +36,5 @@ def _factor(model: Model, S: float, h: float, wheel: Wheel, soil: Soil) -> float
     at = Contact(0.0, 0.0, h, v, 0.0, 0.0, rim, NOWHERE, MIDDLE, wheel, soil)
     effects = model.contact_effects
     states = [tuple(S if state.name == "S" else 0.0 for state in effect.states) for effect in effects]
-    felt, _ = loaded(effects, amended(effects, at, states), states)
-    return float(felt.torque / (wheel.r * felt.f_n))
+    load, _ = loaded(effects, amended(effects, at, states), states)
+    return float(load.torque / (wheel.r * load.f_n))

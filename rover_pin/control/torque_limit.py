@@ -37,7 +37,7 @@ class NoLimit:
         """Return the highest duty allowed [-]."""
         return 1.0
 
-    def held(self, duty: np.ndarray | float, reading: Reading) -> np.ndarray | float:
+    def clip_duty(self, duty: np.ndarray | float, reading: Reading) -> np.ndarray | float:
         """Return the duty as it is."""
         return duty
 
@@ -95,7 +95,7 @@ class TorqueLimit:
         """Return the highest duty allowed to a wheel that drives forwards, one value a wheel [-]."""
         return self._most(reading, 1.0)
 
-    def held(self, duty: np.ndarray | float, reading: Reading) -> np.ndarray:
+    def clip_duty(self, duty: np.ndarray | float, reading: Reading) -> np.ndarray:
         """Return the duty of each wheel with its magnitude limited, forwards or backwards; none is raised."""
         return np.clip(duty, -self._most(reading, -1.0), self._most(reading, 1.0))
 
@@ -123,17 +123,17 @@ class TorqueLimited:
         command = self.controller(reading)
         if not isinstance(command, Command):
             command = Command(command)
-        return command._replace(duty=self.limit.held(command.duty, reading))
+        return command._replace(duty=self.limit.clip_duty(command.duty, reading))
 
     def native(self, wheels: int) -> Commands | None:
         """Return the same for the compiled loop, where the controller commands fixed duties."""
         inner, limit = commands_of(self.controller, wheels), native_limit(self.limit)
-        if inner is None or inner.slip is not None or inner.limit is not None or limit is ASKED:
+        if inner is None or inner.slip is not None or inner.limit is not None or limit is CUSTOM_LIMIT:
             return None
         return dataclasses.replace(inner, limit=limit)
 
 
-ASKED = TorqueTable(np.zeros(0), (), 0.0, 0.0)
+CUSTOM_LIMIT = TorqueTable(np.zeros(0), (), 0.0, 0.0)
 """Stands for a limit that is not one of this file's."""
 
 
@@ -142,7 +142,7 @@ def native_limit(limit: TorqueLimit | NoLimit) -> TorqueTable | None:
     if type(limit) is NoLimit:
         return None
     if type(limit) is not TorqueLimit:
-        return ASKED
+        return CUSTOM_LIMIT
     return TorqueTable(PITCHES, limit.torques, float(limit.motor.stall_torque), float(limit.motor.no_load_rate))
 
 

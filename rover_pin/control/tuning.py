@@ -94,7 +94,7 @@ def tune_gains(
         try:
             result = _tuned(study, evaluations)
         except (KeyboardInterrupt, SystemExit) as stop:
-            stop.add_note(evaluations.kept())
+            stop.add_note(evaluations.resume_hint())
             raise
         return result if out is None else write_result(result, Path(out))
 
@@ -105,9 +105,9 @@ def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
     points = search(study, evaluations, checks)
     polished, skipped = polishes(study, evaluations, spread(points, study.effort.starts))
     points += polished
-    candidates = judged(study, evaluations, spread(points, study.effort.keep))
+    candidates = evaluate_points(study, evaluations, spread(points, study.effort.keep))
     constant = _drives(evaluations, study.training, Control(CONSTANT, values(study.before)))
-    if all(score.stuck for each in candidates for score in each.scores):
+    if all(score.stuck for candidate in candidates for score in candidate.scores):
         raise OptimisationError(
             f"Tuning '{study.name}': every training drive ends stuck whatever the gains "
             f"({len(candidates)} sets driven by the full rover); constant duty {study.before.delta_0:g} costs "
@@ -115,13 +115,13 @@ def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
             "stuck: choose gentler drives, or do without this control.",
             status=constant.training,
         )
-    best = min(candidates, key=lambda each: each.cost)
+    best = min(candidates, key=lambda candidate: candidate.cost)
     return TuningResult(
         study,
         best.gains,
         candidates,
         tuple(_report(study, evaluations, best.gains)),
-        tuple((each.case.name, *each[1:]) for each in checked(study, evaluations, best.gains)),
+        tuple((check.case.name, *check[1:]) for check in checked(study, evaluations, best.gains)),
         evaluations.fresh,
         time.perf_counter() - begin,
         cautions=cautions((*study.training, *study.held_out)),
@@ -136,9 +136,9 @@ def search(study: TuningStudy, evaluations: Evaluations, checks: Sequence[Checke
 
     def costs(places: np.ndarray) -> np.ndarray:
         gains = [study.gains(place) for place in places.T]
-        found = search_costs(study, evaluations, gains, checks)
-        tried.extend(Point(place.copy(), float(cost), "search") for place, cost in zip(places.T, found, strict=True))
-        return found
+        values = search_costs(study, evaluations, gains, checks)
+        tried.extend(Point(place.copy(), float(cost), "search") for place, cost in zip(places.T, values, strict=True))
+        return values
 
     first = qmc.LatinHypercube(size, seed=study.seed).random(effort.population)
     first[0] = place_of(study, study.before)
@@ -166,10 +166,10 @@ def search_costs(
         (False, "search on the full rover", full_score),
     ):
         places = [i for i, check in enumerate(checks) if check.trusted == trusted]
-        jobs = [(checks[i].case, Control(study.estimate, values(each))) for each in gains for i in places]
+        jobs = [(checks[i].case, Control(study.estimate, values(gain_set))) for gain_set in gains for i in places]
         if jobs:
             scores[:, places] = np.reshape(evaluations.run(stage, score, jobs), (len(gains), len(places), -1))
-    costs = [[Score(*score).cost(study.cost) for score in own] for own in scores]
+    costs = [[Score(*score).cost(study.cost) for score in drive_scores] for drive_scores in scores]
     return study.cost.over(np.array(costs))
 
 
@@ -186,15 +186,15 @@ def polishes(
     study: TuningStudy, evaluations: Evaluations, starts: Sequence[Point]
 ) -> tuple[list[Point], tuple[str, ...]]:
     """Return what the polish finds from each start at which the reduced model is right, and why not from others."""
-    found: list[Point] = []
+    polished: list[Point] = []
     skipped: list[str] = []
     for i, start in enumerate(starts):
         wrong = refusal(checked(study, evaluations, study.gains(start.place)))
         if wrong:
             skipped.append(f"no gradient polish from start {i + 1} of {len(starts)}: {wrong}")
         else:
-            found.append(polish(study, evaluations, start.place))
-    return found, tuple(skipped)
+            polished.append(polish(study, evaluations, start.place))
+    return polished, tuple(skipped)
 
 
 def reduced_costs(study: TuningStudy, evaluations: Evaluations, gains: Sequence[Gains]) -> np.ndarray:
@@ -209,15 +209,15 @@ def polish(study: TuningStudy, evaluations: Evaluations, start: np.ndarray) -> P
     def cost_and_slope(place: np.ndarray) -> tuple[float, np.ndarray]:
         control = Control(study.estimate, values(study.gains(place)))
         jobs = [(case, control, study.cost) for case in study.training]
-        found = np.array(evaluations.run("polish by gradients", reduced_gradient, jobs))
+        rows = np.array(evaluations.run("polish by gradients", reduced_gradient, jobs))
         share = np.full(len(jobs), (1.0 - study.cost.worst) / len(jobs))
-        share[int(np.argmax(found[:, 0]))] += study.cost.worst
-        return float(study.cost.over(found[:, 0])), share @ found[:, 1:] @ slope_of(study, place)
+        share[int(np.argmax(rows[:, 0]))] += study.cost.worst
+        return float(study.cost.over(rows[:, 0])), share @ rows[:, 1:] @ slope_of(study, place)
 
     limits = {"maxfun": study.effort.steps, "maxiter": study.effort.steps}
     bounds = [(0.0, 1.0)] * len(start)
-    found = minimize(cost_and_slope, start, jac=True, method="L-BFGS-B", bounds=bounds, options=limits)
-    return Point(np.clip(found.x, 0.0, 1.0), float(found.fun), "polish")
+    result = minimize(cost_and_slope, start, jac=True, method="L-BFGS-B", bounds=bounds, options=limits)
+    return Point(np.clip(result.x, 0.0, 1.0), float(result.fun), "polish")
 
 
 def slope_of(study: TuningStudy, place: np.ndarray) -> np.ndarray:
@@ -232,30 +232,30 @@ def slope_of(study: TuningStudy, place: np.ndarray) -> np.ndarray:
 
 def spread(points: Sequence[Point], most: int) -> list[Point]:
     """Return the best points that lie apart from each other, the best first."""
-    kept: list[Point] = []
-    for point in sorted(points, key=lambda each: each.cost):
-        if len(kept) < most and all(np.max(np.abs(point.place - each.place)) > APART for each in kept):
-            kept.append(point)
-    return kept
+    selected: list[Point] = []
+    for point in sorted(points, key=lambda candidate: candidate.cost):
+        if len(selected) < most and all(np.max(np.abs(point.place - earlier.place)) > APART for earlier in selected):
+            selected.append(point)
+    return selected
 
 
-def judged(study: TuningStudy, evaluations: Evaluations, points: Sequence[Point]) -> tuple[Candidate, ...]:
+def evaluate_points(study: TuningStudy, evaluations: Evaluations, points: Sequence[Point]) -> tuple[Candidate, ...]:
     """Return the gains before and those of the points, each with the full rover's scores on the training drives."""
     sets = [("before", study.before), *((point.stage, study.gains(point.place)) for point in points)]
     reduced = reduced_costs(study, evaluations, [gains for _, gains in sets])
     jobs = [(case, Control(study.estimate, values(gains))) for _, gains in sets for case in study.training]
-    found = [Score(*score) for score in evaluations.run("verdict of the full rover", full_score, jobs)]
+    flat_scores = [Score(*score) for score in evaluations.run("verdict of the full rover", full_score, jobs)]
     size = len(study.training)
-    scores = [tuple(found[i * size : (i + 1) * size]) for i in range(len(sets))]
+    scores = [tuple(flat_scores[i * size : (i + 1) * size]) for i in range(len(sets))]
     return tuple(
-        Candidate(stage, gains, float(cost), _mean_cost(study, own), own)
-        for (stage, gains), cost, own in zip(sets, reduced, scores, strict=True)
+        Candidate(stage, gains, float(cost), _mean_cost(study, drive_scores), drive_scores)
+        for (stage, gains), cost, drive_scores in zip(sets, reduced, scores, strict=True)
     )
 
 
 def values(gains: Gains) -> tuple[float, ...]:
     """Return the gains as a tuple, in the order of GAIN_NAMES."""
-    return tuple(float(each) for each in as_column(gains))
+    return tuple(float(gain) for gain in as_column(gains))
 
 
 def place_of(study: TuningStudy, gains: Gains) -> np.ndarray:
@@ -278,8 +278,8 @@ def _report(study: TuningStudy, evaluations: Evaluations, gains: Gains) -> list[
         controls[f"tuned, {estimate}"] = Control(estimate, values(gains))
     both = (*study.training, *study.held_out)
     jobs = [(case, control) for control in controls.values() for case in both]
-    found = [Score(*score) for score in evaluations.run("report on all drives", full_score, jobs)]
-    rows = [tuple(found[i * len(both) : (i + 1) * len(both)]) for i in range(len(controls))]
+    scores = [Score(*score) for score in evaluations.run("report on all drives", full_score, jobs)]
+    rows = [tuple(scores[i * len(both) : (i + 1) * len(both)]) for i in range(len(controls))]
     split = len(study.training)
     return [Drives(name, row[:split], row[split:]) for name, row in zip(controls, rows, strict=True)]
 

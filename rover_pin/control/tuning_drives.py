@@ -16,7 +16,7 @@ import numpy as np
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.drive_score import TAIL, Cost, Score, score_outcome, score_trace
 from rover_pin.control.reduced import GAIN_NAMES, Outcome, Reduced
-from rover_pin.control.reduced_effects import left_out
+from rover_pin.control.reduced_effects import omitted_effects
 from rover_pin.control.reduced_loop import Loop
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, TrueSlip, flat_table
@@ -68,24 +68,24 @@ def built(case: DriveCase) -> Scenario:
         for name, _ in case.settings:
             if name.split(".")[0] == "control":
                 raise ParameterError(f"the setting '{name}' is the tuning's own: leave it out.")
-        made = scenario(case.scenario, **dict(case.settings))
+        base_scenario = scenario(case.scenario, **dict(case.settings))
     except ParameterError as error:
         raise ParameterError(f"{case.name}: {error}") from error
     if not case.post_peak:
-        return made
-    present = [effect for effect in made.model.effects if isinstance(effect, PostPeak)]
+        return base_scenario
+    present = [effect for effect in base_scenario.model.effects if isinstance(effect, PostPeak)]
     lossy = (present or [PostPeak()])[0].replace(fraction=case.post_peak)
-    return dataclasses.replace(made, model=made.model.having(lossy))
+    return dataclasses.replace(base_scenario, model=base_scenario.model.having(lossy))
 
 
 def cautions(cases: Sequence[DriveCase]) -> tuple[str, ...]:
     """Return in a sentence each what of the cases' models the reduced model, or every drive, leaves out."""
     models = [built(case).model for case in cases]
-    lost = sorted({name for model in models for name in left_out(model)})
+    lost = sorted({name for model in models for name in omitted_effects(model)})
     sensed = sorted({type(effect).__name__ for model in models for effect in model.sensor_effects})
-    said = [f"the search's reduced model leaves out {', '.join(lost)}; the full rover, which decides, has it."]
+    not_modelled = [f"the search's reduced model leaves out {', '.join(lost)}; the full rover, which decides, has it."]
     only_logged = [f"{', '.join(sensed)} changes what a log says, not what the control reads: no drive here has it."]
-    return tuple((said if lost else []) + (only_logged if sensed else []))
+    return tuple((not_modelled if lost else []) + (only_logged if sensed else []))
 
 
 def estimate_of(case: DriveCase, name: str) -> TrueSlip | TableEstimate:
@@ -165,7 +165,7 @@ def _numbers(function: ca.Function, gains: tuple[float, ...], failed: list[float
             out = np.array(function(np.array(gains))).ravel()
     except RuntimeError:
         return failed
-    return [float(each) for each in out] if np.all(np.isfinite(out)) else failed
+    return [float(number) for number in out] if np.all(np.isfinite(out)) else failed
 
 
 def reduced_errors(case: DriveCase, control: Control) -> list[float]:
@@ -182,10 +182,10 @@ def reduced_errors(case: DriveCase, control: Control) -> list[float]:
     if estimate == CONSTANT:
         gains, estimate = gains.replace(k_p=0.0, k_i=0.0, delta_min=-1.0, delta_max=1.0), "true"
     try:
-        own = reduced_of(case, estimate, 0.0).drive(gains, trace.t)
+        reduced = reduced_of(case, estimate, 0.0).drive(gains, trace.t)
     except OptimisationError:
         return [math.inf] * 3
     axle = [wheel.axle for wheel in built(case).model.rover.wheels]
-    slip = np.sqrt(np.mean((own["slip"][:, axle] - trace.stack("slip")) ** 2))
-    speed = np.sqrt(np.mean((own["v"] - trace["body_vx"]) ** 2))
-    return [float(slip), float(speed), abs(float(own["x"][-1] - trace["body_x"][-1]))]
+    slip = np.sqrt(np.mean((reduced["slip"][:, axle] - trace.stack("slip")) ** 2))
+    speed = np.sqrt(np.mean((reduced["v"] - trace["body_vx"]) ** 2))
+    return [float(slip), float(speed), abs(float(reduced["x"][-1] - trace["body_x"][-1]))]

@@ -43,23 +43,23 @@ def random_drives(
         raise ParameterError(f"digging = {digging:g} is not allowed: it is a share of the drives, from 0 to 1.")
     if min(ditches, inclines) < 0:
         raise ParameterError(f"{ditches} ditches and {inclines} inclines cannot be drawn: give numbers from 0 on.")
-    chance, holes = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    drawn = (_drawn(chance, i < ditches, duration, i + 1) for i in range(ditches + inclines))
+    rng, holes = np.random.default_rng(seed), np.random.default_rng([seed, 1])
+    drawn = (_drawn(rng, i < ditches, duration, i + 1) for i in range(ditches + inclines))
     return tuple(_digging(holes, case, digging) for case in drawn)
 
 
-def _digging(chance: np.random.Generator, case: DriveCase, share: float) -> DriveCase:
-    digs, c_d = chance.random() < share, round(math.exp(chance.uniform(*np.log(DIGS))), 3)
+def _digging(rng: np.random.Generator, case: DriveCase, share: float) -> DriveCase:
+    digs, c_d = rng.random() < share, round(math.exp(rng.uniform(*np.log(DIGS))), 3)
     if not digs:
         return case
     settings = (*case.settings, ("add", f"DiggingMemory.c_d={c_d}"))
     return dataclasses.replace(case, name=f"{case.name}, c_d {c_d:g}", settings=tuple(sorted(settings)))
 
 
-def _drawn(chance: np.random.Generator, ditch: bool, duration: float, number: int) -> DriveCase:
-    k = round(math.exp(chance.uniform(*np.log(SHEAR))), 5)
-    lost = round(float(chance.uniform(*LOSSES)), 3) if chance.random() < 0.5 else 0.0
-    angle = round(float(chance.uniform(*(WALLS if ditch else INCLINES))), 1)
+def _drawn(rng: np.random.Generator, ditch: bool, duration: float, number: int) -> DriveCase:
+    k = round(math.exp(rng.uniform(*np.log(SHEAR))), 5)
+    lost = round(float(rng.uniform(*LOSSES)), 3) if rng.random() < 0.5 else 0.0
+    angle = round(float(rng.uniform(*(WALLS if ditch else INCLINES))), 1)
     ground = {"terrain.wall_angle_deg": angle} if ditch else {"terrain.angle_deg": angle, "terrain.start": 0.5}
     kind = "ditch" if ditch else "incline"
     name = f"{number}: {kind} {angle:g} deg, k {1e3 * k:.1f} mm, past {100 * lost:.0f} %"

@@ -39,14 +39,14 @@ def refuse_other_model(case: DriveCase) -> None:
 
 def digest(file: str | Path) -> str:
     """Return a digest of a model file and of all files that it names."""
-    found = hashlib.sha1()
-    for each in model_files(file):
+    hasher = hashlib.sha1()
+    for part in model_files(file):
         try:
-            held = content(each)
+            raw = content(part)
         except OSError as error:
-            raise DataError(f"{file}: {each} cannot be read: {error.strerror}.") from error
-        found.update(b"%d " % len(held) + held)
-    return found.hexdigest()
+            raise DataError(f"{file}: {part} cannot be read: {error.strerror}.") from error
+        hasher.update(b"%d " % len(raw) + raw)
+    return hasher.hexdigest()
 
 
 def _with(seals: dict[str, str], cases: Sequence[DriveCase]) -> tuple[DriveCase, ...]:

@@ -18,7 +18,7 @@ from rover_pin.control.tuning_study import ESTIMATES, TuningStudy
 from rover_pin.plot import save, write_csv
 from rover_pin.plot.tuning import tuning_figure
 
-ALIKE = 1e-3
+COST_TOLERANCE = 1e-3
 """Costs closer than this count as equal."""
 
 
@@ -90,10 +90,10 @@ class TuningResult:
     def digests(self) -> dict[str, dict[str, Digest]]:
         """Return 'training' and 'held out' -> control -> Digest; without held-out drives only the first."""
         cost = self.study.cost
-        found = {"training": {each.control: digest(each.training, cost) for each in self.drives}}
+        table = {"training": {drives.control: digest(drives.training, cost) for drives in self.drives}}
         if self.study.held_out:
-            found["held out"] = {each.control: digest(each.held_out, cost) for each in self.drives}
-        return found
+            table["held out"] = {drives.control: digest(drives.held_out, cost) for drives in self.drives}
+        return table
 
     def verdicts(self) -> list[str]:
         """Return sentences on what the tuning is worth, the bad news included."""
@@ -115,14 +115,18 @@ class TuningResult:
     def where(self) -> list[str]:
         """Return in a sentence a set on how many drives a control helps, tuning adds to it, and nothing does."""
         sets = [("training", "training"), *([("held out", "held_out")] if self.study.held_out else [])]
-        return [f"{name}: {self._counted(part)}" for name, part in sets]
+        return [f"{name}: {self._outcome_counts(part)}" for name, part in sets]
 
-    def _counted(self, part: str) -> str:
+    def _outcome_counts(self, part: str) -> str:
         cost, by = self.study.cost, self.study.estimate
-        costs = {each.control: np.array([score.cost(cost) for score in getattr(each, part)]) for each in self.drives}
+        costs = {
+            drives.control: np.array([score.cost(cost) for score in getattr(drives, part)]) for drives in self.drives
+        }
         constant, check = costs["constant duty"], costs["torque check"]
         before, tuned = costs[f"before, {by}"], costs[f"tuned, {by}"]
-        helped, harmed = ([sign * (constant - each) > WORTH for each in (check, before, tuned)] for sign in (1.0, -1.0))
+        helped, harmed = (
+            [sign * (constant - trial) > WORTH for trial in (check, before, tuned)] for sign in (1.0, -1.0)
+        )
         counts = [f"{what} {int(np.sum(which))}" for what, which in zip(CONTROLLED, helped, strict=True)]
         return (
             f"of {len(constant)} drives, better than at constant duty: {', '.join(counts)}; worse: "
@@ -133,9 +137,9 @@ class TuningResult:
     def summary(self) -> dict[str, Any]:
         """Return the gains, the digests, the check of the reduced model and the verdicts, for a table or JSON."""
         rows = {
-            f"{where}: {control}": dict(zip(("mean", "worst", "10 % tail", "stuck share"), each, strict=True))
+            f"{where}: {control}": dict(zip(("mean", "worst", "10 % tail", "stuck share"), statistics, strict=True))
             for where, table in self.digests().items()
-            for control, each in table.items()
+            for control, statistics in table.items()
         }
         check = {
             f"reduced model on {name}": {"slip RMSE": slip, "speed RMSE [mm/s]": 1e3 * speed, "end x [mm]": 1e3 * end}
@@ -161,20 +165,20 @@ class TuningResult:
         import pandas as pd
 
         rows = []
-        for each in self.drives:
+        for drives in self.drives:
             for where, cases, scores in (
-                ("training", self.study.training, each.training),
-                ("held out", self.study.held_out, each.held_out),
+                ("training", self.study.training, drives.training),
+                ("held out", self.study.held_out, drives.held_out),
             ):
                 for case, score in zip(cases, scores, strict=True):
-                    rows.append((where, case.name, each.control, score.cost(self.study.cost), *score))
+                    rows.append((where, case.name, drives.control, score.cost(self.study.cost), *score))
         return pd.DataFrame(rows, columns=["set", "drive", "control", "cost", *Score._fields])
 
 
 def _warning(after: Digest, constant: Digest) -> str:
-    if after.mean > constant.mean + ALIKE:
+    if after.mean > constant.mean + COST_TOLERANCE:
         return ": the control makes things WORSE than constant duty."
-    if after.mean > constant.mean - ALIKE:
+    if after.mean > constant.mean - COST_TOLERANCE:
         return ": the control changes nothing."
     return f", stuck {100 * after.stuck:.0f} % against {100 * constant.stuck:.0f} %."
 
@@ -190,11 +194,14 @@ def write_result(result: TuningResult, out: Path) -> TuningResult:
 
     study = result.study
     on = f" on {', '.join(study.model_files)}" if study.model_files else ""
-    about = f"Found by rover_pin for '{study.name}'{on} with {study.estimate} slip.\n" + "\n".join(result.verdicts())
-    rows = [(each.stage, *each.gains.values().values(), each.reduced_cost, each.cost) for each in result.candidates]
+    comment = f"Found by rover_pin for '{study.name}'{on} with {study.estimate} slip.\n" + "\n".join(result.verdicts())
+    rows = [
+        (candidate.stage, *candidate.gains.values().values(), candidate.reduced_cost, candidate.cost)
+        for candidate in result.candidates
+    ]
     names = ["stage", *result.gains.values(), "reduced_cost", "full_cost"]
     files = (
-        save_gains(result.gains, out / "gains.toml", about),
+        save_gains(result.gains, out / "gains.toml", comment),
         write_csv(result.table(), out / "drives.csv"),
         write_csv(pd.DataFrame(rows, columns=names), out / "candidates.csv"),
         save(tuning_figure(result.table(), _title(result)), out / "drives.png"),

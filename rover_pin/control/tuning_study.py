@@ -130,20 +130,20 @@ class TuningStudy:
                     f"there, or tune without {file}."
                 )
 
-        def moved(case: DriveCase) -> DriveCase:
-            kept = (each for each in case.settings if each[0] != "cruise_slip")
-            return dataclasses.replace(case, settings=(*kept, ("model", str(file))))
+        def with_model(case: DriveCase) -> DriveCase:
+            settings = (setting for setting in case.settings if setting[0] != "cruise_slip")
+            return dataclasses.replace(case, settings=(*settings, ("model", str(file))))
 
-        training, held_out = (tuple(moved(each) for each in cases) for cases in (self.training, self.held_out))
+        training, held_out = (tuple(with_model(case) for case in cases) for cases in (self.training, self.held_out))
         return dataclasses.replace(self, training=training, held_out=held_out)
 
     def trusting(self, trust: Trust) -> Self:
         """Return the study with this trust in the files of effects that its drives' models name."""
 
-        def told(case: DriveCase) -> DriveCase:
+        def with_trust(case: DriveCase) -> DriveCase:
             return dataclasses.replace(case, settings=(*case.settings, ("trust", trust))) if case.model_file else case
 
-        training, held_out = (tuple(told(each) for each in cases) for cases in (self.training, self.held_out))
+        training, held_out = (tuple(with_trust(case) for case in cases) for cases in (self.training, self.held_out))
         return dataclasses.replace(self, training=training, held_out=held_out)
 
 
@@ -156,9 +156,9 @@ def placed(name: str, bounds: tuple[float, float], u: float) -> float:
 
 
 def _check_bounds(study: str, name: str, bounds: tuple[float, float]) -> None:
-    about = quantities(Gains)
-    if name not in about:
-        raise ParameterError(f"Tuning '{study}': there is no gain '{name}': {closest(name, about)}")
+    gain_fields = quantities(Gains)
+    if name not in gain_fields:
+        raise ParameterError(f"Tuning '{study}': there is no gain '{name}': {closest(name, gain_fields)}")
     try:
         low, high = map(float, bounds)
     except (TypeError, ValueError):
@@ -168,10 +168,10 @@ def _check_bounds(study: str, name: str, bounds: tuple[float, float]) -> None:
             f"Tuning '{study}': the bounds of {name} leave nothing between low = {low:g} and high = {high:g}: "
             "swap or widen them."
         )
-    floor = 1e-12 if name in LOGARITHMIC else about[name].low
-    if not (floor <= low and high <= about[name].high):
+    floor = 1e-12 if name in LOGARITHMIC else gain_fields[name].low
+    if not (floor <= low and high <= gain_fields[name].high):
         raise ParameterError(
-            f"Tuning '{study}': the bounds of {name} must lie in [{floor:g}, {about[name].high:g}], but are "
+            f"Tuning '{study}': the bounds of {name} must lie in [{floor:g}, {gain_fields[name].high:g}], but are "
             f"[{low:g}, {high:g}]{' (it is searched on a logarithmic scale)' if name in LOGARITHMIC else ''}."
         )
 
@@ -215,15 +215,15 @@ def read_tuning(path: str | Path, trust: Trust = Trust()) -> TuningStudy:
 
 
 def _study(table: dict[str, Any], stem: str) -> TuningStudy:
-    known = [each.name for each in dataclasses.fields(TuningStudy)]
+    keys = [entry.name for entry in dataclasses.fields(TuningStudy)]
     for key in table:
-        if key not in known:
-            raise ParameterError(f"the study has no key '{key}': {closest(key, known)}")
+        if key not in keys:
+            raise ParameterError(f"the study has no key '{key}': {closest(key, keys)}")
     fields = {key: value for key, value in table.items() if key in ("name", "estimate", "seed")}
     if "free" in table:
         fields["free"] = {name: _pair(name, bounds) for name, bounds in table_in(table, "free", stem).items()}
     effort = table_in(table, "effort", stem)
-    efforts = [each.name for each in dataclasses.fields(Effort)]
+    efforts = [entry.name for entry in dataclasses.fields(Effort)]
     for key in effort:
         if key not in efforts:
             raise ParameterError(f"[effort] has no key '{key}': {closest(key, efforts)}")
@@ -241,7 +241,7 @@ def _pair(name: str, bounds: Any) -> Any:
     """Return bounds as two numbers; what is none is left for `TuningStudy` to refuse."""
     if not isinstance(bounds, list):
         return bounds
-    return tuple(to_si(each, "", "", f"the bounds of {name}") for each in bounds)
+    return tuple(to_si(bound, "", "", f"the bounds of {name}") for bound in bounds)
 
 
 def _cases(where: str, entries: Any) -> tuple[DriveCase, ...]:

@@ -34,10 +34,10 @@ class Checked(NamedTuple):
 
 def checked(study: TuningStudy, evaluations: Evaluations, gains: Gains) -> tuple[Checked, ...]:
     """Return the check of every training drive under these gains."""
-    control = Control(study.estimate, tuple(float(each) for each in as_column(gains)))
+    control = Control(study.estimate, tuple(float(gain) for gain in as_column(gains)))
     jobs = [(case, control) for case in study.training]
-    found = evaluations.run("check of the reduced model", reduced_errors, jobs)
-    return tuple(Checked(case, *errors) for case, errors in zip(study.training, found, strict=True))
+    results = evaluations.run("check of the reduced model", reduced_errors, jobs)
+    return tuple(Checked(case, *errors) for case, errors in zip(study.training, results, strict=True))
 
 
 def checked_over(study: TuningStudy, evaluations: Evaluations) -> tuple[Checked, ...]:
@@ -46,12 +46,12 @@ def checked_over(study: TuningStudy, evaluations: Evaluations) -> tuple[Checked,
     One alone may lie where nothing moves: a rover that control holds before a wall is easily modelled.
     """
     both = [checked(study, evaluations, gains) for gains in (study.before, study.gains([0.5] * len(study.free)))]
-    return tuple(max(pair, key=lambda each: each.slip) for pair in zip(*both, strict=True))
+    return tuple(max(pair, key=lambda check: check.slip) for pair in zip(*both, strict=True))
 
 
 def refusal(checks: Sequence[Checked]) -> str:
     """Return in words on which drives the reduced model is not to be trusted; nothing where it is on all."""
-    off = sorted((each for each in checks if not each.trusted), key=lambda each: -each.slip)
+    off = sorted((check for check in checks if not check.trusted), key=lambda check: -check.slip)
     if not off:
         return ""
     worst = off[0]

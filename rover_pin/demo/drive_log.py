@@ -18,7 +18,7 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.motion.command import Controller
 from rover_pin.motion.defaults import has_papers_wheel, own_motor, own_soil, pace, scale, usual_angles, usual_slip
-from rover_pin.motion.drive_log import About, write_drive_log
+from rover_pin.motion.drive_log import LogMetadata, write_drive_log
 from rover_pin.motion.effect_words import effect_of
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import Model, base_effects
@@ -53,9 +53,10 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     random, model = np.random.default_rng(seed), _declared(rover)
     word = chosen(hidden, DRIVEN, random)
     effect = effect_of(word, model) if word else None
-    told = model.soils[0]
-    soil = told.replace(
-        phi=told.phi + random.normal(0.0, PHI_SD / 2), k=told.k * math.exp(random.normal(0.0, K_SD / 2))
+    declared_soil = model.soils[0]
+    soil = declared_soil.replace(
+        phi=declared_soil.phi + random.normal(0.0, PHI_SD / 2),
+        k=declared_soil.k * math.exp(random.normal(0.0, K_SD / 2)),
     )
     true = _apart(model.replace(soils=(soil,)), random)
     true = true if effect is None else true.having(effect)
@@ -64,29 +65,29 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6", progress:
     for run, plan in enumerate([*plans, *plans[:2]]):
         start = Start(-0.6 * size, 0.0, 0.0) if run % 2 == 0 else Start(0.7 * size, 0.0, math.pi)
         driven = simulate(true, plan, seconds, start, settle_doubts=False)
-        seen = _drifting(measured(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects), random)
-        traces[f"run-{run + 1}"] = dataclasses.replace(seen, attrs={"start": dataclasses.asdict(start)})
+        log = _drifting(measured(driven, Sensors(), int(random.integers(2**31)), true.sensor_effects), random)
+        traces[f"run-{run + 1}"] = dataclasses.replace(log, attrs={"start": dataclasses.asdict(start)})
         if progress is not None:
             progress(run + 1.0)
     truth = keep_truth(folder, effect, soil, {"seed": seed})
-    about = About(
+    metadata = LogMetadata(
         folder.name,
         "made up by rover-pin demo; not measured",
         named_from(folder, rover),
         wheels=tuple(wheel.name for wheel in model.rover.wheels),
         terrain=write_terrain(folder, model.terrain),
-        soil=_known(told),
+        soil=_known(declared_soil),
         motor=declared(model.motor),
     )
-    write_drive_log(folder, traces, about)
+    write_drive_log(folder, traces, metadata)
     return Made((folder / "drive.toml", *(folder / f"{name}.csv" for name in traces)), truth)
 
 
 def _declared(rover: str) -> Model:
     """Return the model as the log declares it: waves, then a slope of 5 deg, sized by the rover's wheels."""
     built = load_rover(rover)
-    size, own = scale(built), own_soil(built).value
-    soil = own.replace(k=K) if has_papers_wheel(built) else own
+    size, default_soil = scale(built), own_soil(built).value
+    soil = default_soil.replace(k=K) if has_papers_wheel(built) else default_soil
     x = size * np.arange(-1.8, 1.81, 0.06)
     z = 0.012 * size * np.sin(2 * np.pi * x / (0.8 * size))
     z += np.where(x > 0.2 * size, (x - 0.2 * size) * math.tan(math.radians(5)), 0.0)
@@ -106,10 +107,10 @@ def _apart(model: Model, random: np.random.Generator) -> Model:
 def _drifting(log: Trace, random: np.random.Generator) -> Trace:
     """Return the log with a tracker whose zero wanders."""
     steps = np.sqrt(np.diff(log.t, prepend=log.t[0]))
-    moved = {
+    drifted = {
         axis: log[axis] + np.cumsum(DRIFT * steps * random.normal(size=len(steps))) for axis in ("body_x", "body_y")
     }
-    return dataclasses.replace(log, channels={**log.channels, **moved})
+    return dataclasses.replace(log, channels={**log.channels, **drifted})
 
 
 def _known(soil: Soil) -> dict[str, dict[str, object]]:

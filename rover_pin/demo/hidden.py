@@ -60,18 +60,18 @@ def contact_effect(word: str) -> Effect | None:
     soil, rover = Soil(), load_rover("nexus6")
     effect = effect_of(word, Model(rover, flat(), (soil,), Motor(), effects=base_effects(soil, rover, SoilTraction())))
     if not isinstance(effect, Effect) or effect.before_slip or effect.places:
-        name, known = type(effect).__name__, [each.partition(".")[0] for each in CONTACT]
-        raise ParameterError(f"{name} shows in no steady wheel: {closest(name, known)} Or hide it in a drive-log.")
+        name, allowed = type(effect).__name__, [entry.partition(".")[0] for entry in CONTACT]
+        raise ParameterError(f"{name} shows in no steady wheel: {closest(name, allowed)} Or hide it in a drive-log.")
     return effect
 
 
-def keep_truth(folder: Path, hidden: AnyEffect | None, soil: Soil, about: Mapping[str, Any]) -> dict[str, Any]:
+def keep_truth(folder: Path, hidden: AnyEffect | None, soil: Soil, details: Mapping[str, Any]) -> dict[str, Any]:
     """Write the truth beside the folder of a set, never in it; return it. It is the first that is written.
 
     Nothing is left then that could refuse the set, so that what it replaces is said here.
     """
     say_what_is_replaced(folder, tuple(SETS.values()))
-    truth = {"hidden": NONE if hidden is None else word_of(hidden), **about, "soil": declared(soil)}
+    truth = {"hidden": NONE if hidden is None else word_of(hidden), **details, "soil": declared(soil)}
     replace_file(truth_file(folder), toml_text(truth))
     return truth
 

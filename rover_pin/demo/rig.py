@@ -43,16 +43,16 @@ def write(folder: Path, hidden: str, seed: int) -> Made:
     )
     model = RigModel(WHEEL, soil)
     model = model if effect is None else model.having(reading_traction(effect, model.effects))
-    load, slip, repeat = (each.ravel() for each in np.meshgrid(LOADS, SLIPS, np.arange(REPEATS), indexing="ij"))
+    load, slip, repeat = (grid.ravel() for grid in np.meshgrid(LOADS, SLIPS, np.arange(REPEATS), indexing="ij"))
     speeds = conditions(load, slip)[:, 2:4]
-    shown = model.predict(load, slip, speeds)
-    true = {"drawbar_pull_N": shown.drawbar_pull, "torque_Nm": shown.torque, "sinkage_m": shown.sinkage}
+    prediction = model.predict(load, slip, speeds)
+    true = {"drawbar_pull_N": prediction.drawbar_pull, "torque_Nm": prediction.torque, "sinkage_m": prediction.sinkage}
     level = np.repeat(np.arange(1.0, 1.0 + len(load) // REPEATS), REPEATS)
     table = {"level": level, "repeat": repeat + 1.0, "slip": slip, "load_N": load}
     table |= {"travel_speed_mps": speeds[:, 0], "rim_speed_mps": speeds[:, 1]}
-    table |= {name: np.round(each + random.normal(0.0, NOISE[name], len(each)), 6) for name, each in true.items()}
+    table |= {name: np.round(values + random.normal(0.0, NOISE[name], len(values)), 6) for name, values in true.items()}
     noise = {column.rpartition("_")[0]: sd for column, sd in NOISE.items()}
-    about = {
+    document = {
         "kind": "wheel-rig",
         "name": folder.name,
         "source": "made up by rover-pin demo; not measured",
@@ -63,4 +63,4 @@ def write(folder: Path, hidden: str, seed: int) -> Made:
     }
     truth = keep_truth(folder, effect, soil, {"seed": seed, "speed_mps": NOMINAL})
     points = replace_file(folder / "points.csv", columns_text(table))
-    return Made((replace_file(folder / "rig.toml", toml_text(about)), points), truth)
+    return Made((replace_file(folder / "rig.toml", toml_text(document)), points), truth)

@@ -18,7 +18,7 @@ from rover_pin.parameters.gravity import EARTH
 from rover_pin.paths import named_from
 from rover_pin.toml_file import toml_text
 
-STEEPEST, COUNT, MOST_SLIP = 30.0, 7, 0.85
+STEEPEST, COUNT, MAX_SLIP = 30.0, 7, 0.85
 """Slopes looked at [deg], how many of them are driven, and the slip up to which anybody drives."""
 DAYS = ("day-1", "day-2", "day-3")
 NOISE = 0.012
@@ -38,32 +38,32 @@ def write(folder: Path, hidden: str, seed: int, rover: str = "nexus6") -> Made:
     """
     random, built = np.random.default_rng(seed), load_rover(rover)
     effect = contact_effect(chosen(hidden, CONTACT, random))
-    usual = own_soil(built).value
-    soil = usual.replace(
-        phi=usual.phi + random.normal(0.0, PHI_SD / 2), k=usual.k * math.exp(random.normal(0.0, K_SD / 2))
+    default_soil = own_soil(built).value
+    soil = default_soil.replace(
+        phi=default_soil.phi + random.normal(0.0, PHI_SD / 2), k=default_soil.k * math.exp(random.normal(0.0, K_SD / 2))
     )
     fine = np.radians(np.arange(0.0, STEEPEST, 0.1))
     bed = SlipSlope(built, soil, EARTH, ("all",), fine[None], np.zeros((1, 1, len(fine))), np.array([NOISE]))
     model = bed.base_model()
-    resistance = next(each for each in model.effects if isinstance(each, MotionResistance))
+    resistance = next(candidate for candidate in model.effects if isinstance(candidate, MotionResistance))
     model = model if effect is None else model.having(reading_traction(effect, model.effects))
     slips = bed.predict([model])[0, 0, 0]
-    driven = np.unique(np.linspace(0, max(np.flatnonzero(slips < MOST_SLIP), default=0), COUNT).round().astype(int))
-    seen = np.clip(slips[driven] + random.normal(0.0, NOISE, (len(DAYS), len(driven))), -0.99, 0.99)
+    driven = np.unique(np.linspace(0, max(np.flatnonzero(slips < MAX_SLIP), default=0), COUNT).round().astype(int))
+    readings = np.clip(slips[driven] + random.normal(0.0, NOISE, (len(DAYS), len(driven))), -0.99, 0.99)
     rows = [
         f"{day},{math.degrees(slope):.1f},{slip:.4f},{NOISE:g}"
-        for day, row in zip(DAYS, seen, strict=True)
+        for day, row in zip(DAYS, readings, strict=True)
         for slope, slip in zip(fine[driven], row, strict=True)
     ]
-    known = {"phi": (usual.phi, "rad", PHI_SD), "k": (usual.k, "m", K_SD * usual.k)}
-    about = {
+    constants = {"phi": (default_soil.phi, "rad", PHI_SD), "k": (default_soil.k, "m", K_SD * default_soil.k)}
+    document = {
         "kind": KIND,
         "name": folder.name,
         "source": "made up by rover-pin demo; not measured",
         "rover": named_from(folder, rover),
         "gravity": EARTH,
-        "soil": {name: {"value": float(v), "unit": unit, "sd": float(sd)} for name, (v, unit, sd) in known.items()},
+        "soil": {name: {"value": float(v), "unit": unit, "sd": float(sd)} for name, (v, unit, sd) in constants.items()},
     }
     truth = keep_truth(folder, effect, soil, {"seed": seed, "R": float(resistance.R)})
     points = replace_file(folder / "points.csv", "\n".join(["run,slope_deg,slip,slip_sd", *rows]) + "\n")
-    return Made((replace_file(folder / FILE, toml_text(about)), points), truth)
+    return Made((replace_file(folder / FILE, toml_text(document)), points), truth)

@@ -38,7 +38,7 @@ class Forms:
     "the two rockers, left and right"
     sides: tuple[tuple[str, ...], ...] = ()
     "wheels that are tied together, front ones first"
-    held: Mapping[str, Any] = field(default_factory=dict)
+    held_joints: Mapping[str, Any] = field(default_factory=dict)
     "joint -> angle [rad] or travel [m], or { value, unit }"
     coupled: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     "joint -> the joint that it follows, and by how much"
@@ -65,7 +65,7 @@ def as_driven(text: str, file: str, forms: Forms) -> Driven:
     robot = _Robot(ET.fromstring(text) if read_tree(text, file) else ET.Element("robot"), file)
     changes = [
         *_cut(robot, forms),
-        *_freed(robot),
+        *_remove_floating_joint(robot),
         *_coupled(robot, forms),
         *_held(robot, forms),
         *_endless(robot, forms),
@@ -110,12 +110,14 @@ def _cut(robot: _Robot, forms: Forms) -> Iterator[str]:
         yield f"joint '{name}' is cut."
 
 
-def _freed(robot: _Robot) -> Iterator[str]:
+def _remove_floating_joint(robot: _Robot) -> Iterator[str]:
     """Take out the floating joint between a massless world and the base: the free base is added when it is read."""
     tree = robot.tree
     for joint in tree.joints:
         bare = [link.name for link in tree.links if link.body is None or link.body.mass == 0.0]
-        alone = [other.name for other in tree.joints if joint.parent in (other.parent, other.child)] == [joint.name]
+        alone = [
+            neighbour.name for neighbour in tree.joints if joint.parent in (neighbour.parent, neighbour.child)
+        ] == [joint.name]
         if joint.kind == "floating" and joint.parent in bare and alone:
             robot.element.remove(robot.joints[joint.name])
             (world,) = (link for link in robot.element.findall("link") if link.get("name") == joint.parent)
@@ -139,18 +141,18 @@ def _follow(joint: ET.Element, leader: str, ratio: float) -> None:
 
 def _held(robot: _Robot, forms: Forms) -> Iterator[str]:
     """Fix the joints that are held, and those that follow them, where they then stand."""
-    for name in forms.held:
+    for name in forms.held_joints:
         robot.named(name, "[held]")
     tree = robot.tree
-    values = {name: _value(tree.joint(name), entry, robot.file) for name, entry in forms.held.items()}
+    values = {name: _value(tree.joint(name), entry, robot.file) for name, entry in forms.held_joints.items()}
     for _ in tree.joints:
         for joint in tree.joints:
             if joint.mimic is not None and joint.mimic.joint in values and joint.name not in values:
                 values[joint.name] = joint.mimic.multiplier * values[joint.mimic.joint] + joint.mimic.offset
     for name, value in values.items():
-        found = tree.joint(name)
-        if found is not None and found.moves:
-            _fix(robot.joints[name], found, value)
+        held_joint = tree.joint(name)
+        if held_joint is not None and held_joint.moves:
+            _fix(robot.joints[name], held_joint, value)
     if values:
         yield f"{len(values)} joints are held: " + ", ".join(f"'{name}' at {at:.3g}" for name, at in values.items())
 
@@ -189,8 +191,8 @@ def _fix(element: ET.Element, joint: Joint, value: float) -> None:
 def _place(element: ET.Element, placement: np.ndarray) -> None:
     origin = element.find("origin")
     origin = ET.SubElement(element, "origin") if origin is None else origin
-    origin.set("xyz", " ".join(repr(float(each)) for each in placement[:3, 3]))
-    origin.set("rpy", " ".join(repr(float(each)) for each in pin.rpy.matrixToRpy(placement[:3, :3])))
+    origin.set("xyz", " ".join(repr(float(number)) for number in placement[:3, 3]))
+    origin.set("rpy", " ".join(repr(float(number)) for number in pin.rpy.matrixToRpy(placement[:3, :3])))
 
 
 def _endless(robot: _Robot, forms: Forms) -> Iterator[str]:
@@ -243,9 +245,9 @@ def _turned(robot: _Robot, forms: Forms) -> Iterator[str]:
         for name in wrong:
             _flip(robot, name)
         if wrong:
-            told = ", ".join(f"'{name}'" for name in wrong)
+            quoted_names = ", ".join(f"'{name}'" for name in wrong)
             sense = "turn left" if direction == 2 else "roll forward" if role == "wheel" else "lift the wheels before"
-            points = f"joint '{wrong[0]}' points" if len(wrong) == 1 else f"joints {told} point"
+            points = f"joint '{wrong[0]}' points" if len(wrong) == 1 else f"joints {quoted_names} point"
             yield (
                 f"{role} {points} to -{'xyz'[direction]}: angles and rates are counted the other way round, "
                 f"so that positive ones {sense}."
@@ -262,14 +264,14 @@ def _flip(robot: _Robot, name: str) -> None:
     joint, joints = robot.joints[name], robot.joints
     axis = joint.find("axis")
     axis = ET.SubElement(joint, "axis", xyz="1 0 0") if axis is None else axis
-    axis.set("xyz", " ".join(repr(0.0 - float(each)) for each in str(axis.get("xyz")).split()))
+    axis.set("xyz", " ".join(repr(0.0 - float(number)) for number in str(axis.get("xyz")).split()))
     limit = joint.find("limit")
     if limit is not None:
         low, high = (float(limit.get(end, "0")) for end in ("lower", "upper"))
         limit.set("lower", repr(0.0 - high))
         limit.set("upper", repr(0.0 - low))
-    for other_name, other in joints.items():
-        mimic = other.find("mimic")
+    for other_name, other_joint in joints.items():
+        mimic = other_joint.find("mimic")
         if mimic is None:
             continue
         if mimic.get("joint") == name:

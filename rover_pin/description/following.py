@@ -42,7 +42,7 @@ def follow_one_leader(
     for leader in _leaders(relations, differential, file):
         for name, ratio in _ratios(leader, relations, file).items():
             if name != leader and {name, leader} != set(differential or ()):
-                yield from _told(joints[name], Relation(name, leader, ratio))
+                yield from _set_mimic(joints[name], Relation(name, leader, ratio))
         if differential is not None and leader == differential[0]:
             yield from _unled(joints, differential)
 
@@ -51,7 +51,7 @@ def _mimics(joints: Mapping[str, ET.Element]) -> Iterator[tuple[str, str, float,
     for name, joint in joints.items():
         mimic = joint.find("mimic")
         if mimic is not None and mimic.get("joint") in joints and joint.get("type") != "fixed":
-            ratio, offset = (float(mimic.get(key, usual)) for key, usual in (("multiplier", "1"), ("offset", "0")))
+            ratio, offset = (float(mimic.get(key, default)) for key, default in (("multiplier", "1"), ("offset", "0")))
             if ratio:
                 yield name, str(mimic.get("joint")), ratio, offset
 
@@ -60,44 +60,47 @@ def _leaders(relations: list[Relation], differential: tuple[str, str] | None, fi
     """Return one joint for each group of joints that hang together."""
     followers = {relation.joint for relation in relations}
     first = [] if differential is None else [differential[0]]
-    found: list[str] = []
+    leaders: list[str] = []
     reached: set[str] = set()
-    for leader in [*first, *dict.fromkeys(each.leader for each in relations if each.leader not in followers)]:
+    for leader in [
+        *first,
+        *dict.fromkeys(relation.leader for relation in relations if relation.leader not in followers),
+    ]:
         if leader not in reached:
-            found.append(leader)
+            leaders.append(leader)
             reached |= set(_ratios(leader, relations, file))
-    if lost := sorted({name for each in relations for name in each[:2]} - reached):
+    if lost := sorted({name for relation in relations for name in relation[:2]} - reached):
         raise UrdfError(f"{file}: joint '{lost[0]}' follows itself in a ring of <mimic>: let one of them lead.")
-    return found
+    return leaders
 
 
 def _ratios(leader: str, relations: list[Relation], file: str) -> dict[str, float]:
     """Return by how much each joint of the leader's group turns when it turns by one."""
-    found = {leader: 1.0}
+    ratios = {leader: 1.0}
     for name in (names := [leader]):
-        for joint, other, ratio in relations:
-            for here, there, times in ((joint, other, 1.0 / ratio), (other, joint, ratio)):
-                if here == name and there not in found:
-                    found[there] = times * found[name]
+        for joint, lead, ratio in relations:
+            for start, there, times in ((joint, lead, 1.0 / ratio), (lead, joint, ratio)):
+                if start == name and there not in ratios:
+                    ratios[there] = times * ratios[name]
                     names.append(there)
-    for joint, other, ratio in relations:
-        if joint in found and not math.isclose(found[joint], ratio * found[other], rel_tol=1e-6):
+    for joint, lead, ratio in relations:
+        if joint in ratios and not math.isclose(ratios[joint], ratio * ratios[lead], rel_tol=1e-6):
             raise UrdfError(
-                f"{file}: joint '{joint}' would follow '{leader}' by {ratio * found[other]:g} and {found[joint]:g} at "
+                f"{file}: joint '{joint}' would follow '{leader}' by {ratio * ratios[lead]:g} and {ratios[joint]:g} at "
                 "once; mend its <mimic> or the TOML's [differential] and [coupled]."
             )
-    return found
+    return ratios
 
 
-def _told(joint: ET.Element, asked: Relation) -> Iterator[str]:
+def _set_mimic(joint: ET.Element, relation: Relation) -> Iterator[str]:
     mimic = joint.find("mimic")
-    if mimic is not None and mimic.get("joint") == asked.leader:
+    if mimic is not None and mimic.get("joint") == relation.leader:
         return
     mimic = ET.SubElement(joint, "mimic") if mimic is None else mimic
-    mimic.set("joint", asked.leader)
-    mimic.set("multiplier", repr(asked.ratio))
+    mimic.set("joint", relation.leader)
+    mimic.set("multiplier", repr(relation.ratio))
     mimic.set("offset", "0")
-    yield f"joint '{asked.joint}' follows '{asked.leader}' {asked.ratio:+g} : 1, which it did through others."
+    yield f"joint '{relation.joint}' follows '{relation.leader}' {relation.ratio:+g} : 1, which it did through others."
 
 
 def _unled(joints: Mapping[str, ET.Element], differential: tuple[str, str]) -> Iterator[str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.description.tree import Body, Link, UrdfTree
 
-SIZES = (0.02, 20.0)
+SPAN_LIMITS = (0.02, 20.0)
 """Distance across all joints of a rover [m]."""
 DENSITIES = (0.1, 5000.0)
 """Mass over the cube of that distance [kg/m^3]; Nexus 6 has 64."""
@@ -55,15 +55,15 @@ def inertia_notes(tree: UrdfTree) -> Iterator[str]:
 def small_parts(tree: UrdfTree) -> set[str]:
     """Return the links of at most SMALL of the mass of the rigid body that they are part of, where that is sound."""
     bodies = {link.name: link.body for link in tree.links if link.body is not None}
-    places, found = tree.placements, set()
+    places, small_links = tree.placements, set()
     for start in _starts(tree):
         group = [name for name in tree.rigid_group(start) if name in bodies and name in places]
         if not group or any(bodies[name].mass < 0.0 for name in group):
             continue
-        whole = _together([(bodies[name], places[name]) for name in group])
-        if whole.mass > 0.0 and not list(_body_faults(start, whole)):
-            found |= {name for name in group if bodies[name].mass <= SMALL * whole.mass}
-    return found
+        group_body = _together([(bodies[name], places[name]) for name in group])
+        if group_body.mass > 0.0 and not list(_body_faults(start, group_body)):
+            small_links |= {name for name in group if bodies[name].mass <= SMALL * group_body.mass}
+    return small_links
 
 
 def _starts(tree: UrdfTree) -> list[str]:
@@ -103,7 +103,7 @@ def _body_faults(name: str, body: Body) -> Iterator[str]:
 
 def unit_faults(tree: UrdfTree, across: float) -> Iterator[str]:
     """Yield signs of wrong units; `across` is the distance across all joints at zero angles [m]."""
-    low, high = SIZES
+    low, high = SPAN_LIMITS
     if not low <= across <= high:
         hint = "divide lengths by 1000 if they are millimetres" if across > high else "are its joints' origins missing?"
         yield f"its joints lie {across:.3g} m apart, no rover's size ({low:g} to {high:g} m): {hint}; metres are meant."

@@ -72,22 +72,22 @@ class Layout:
     @property
     def channels(self) -> list[tuple[str, str]]:
         """Channel and joint of every suspension and steering angle; no channel may be there twice."""
-        made = []
+        channels = []
         for name, joints in self.suspension.items():
             ends = [""] if len(joints) == 1 else ["_l", "_r"]
-            made += [(name + end, joint) for end, joint in zip(ends, joints, strict=True)]
+            channels += [(name + end, joint) for end, joint in zip(ends, joints, strict=True)]
         for axle in self.axles:
             sides = zip("lr", axle.steering, strict=True)
-            made += [(f"steer_{axle.name[0]}{side}", joint) for side, joint in sides if joint is not None]
-        return made + [(joint, joint) for joint in self.coupled]
+            channels += [(f"steer_{axle.name[0]}{side}", joint) for side, joint in sides if joint is not None]
+        return channels + [(joint, joint) for joint in self.coupled]
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
         """The joints (left, right) that are each other's mirror image; one in the middle is its own."""
-        made = [axle.wheels for axle in self.axles]
-        made += [(a, b) for axle in self.axles for a, b in [axle.steering] if a is not None and b is not None]
-        made += [(joints[0], joints[-1]) for joints in self.suspension.values()]
-        return made + [(joint, joint) for joint in self.coupled]
+        pairs = [axle.wheels for axle in self.axles]
+        pairs += [(a, b) for axle in self.axles for a, b in [axle.steering] if a is not None and b is not None]
+        pairs += [(joints[0], joints[-1]) for joints in self.suspension.values()]
+        return pairs + [(joint, joint) for joint in self.coupled]
 
 
 def shipped(name: str) -> Path:
@@ -101,9 +101,9 @@ def shipped(name: str) -> Path:
     folder = rover_folder()
     path = folder / f"{name}.toml"
     if not is_file(path):
-        known = [each.stem for each in folder.glob("*.toml")]
+        names = [file.stem for file in folder.glob("*.toml")]
         raise UrdfError(
-            f"There is no rover '{name}': {closest(name, known)} For one of your own give the path of its .toml."
+            f"There is no rover '{name}': {closest(name, names)} For one of your own give the path of its .toml."
         )
     return path
 
@@ -157,7 +157,7 @@ def read_layout(path: Path, trust: Trust = Trust()) -> Layout:
     return layout
 
 
-def written(path: Path, trust: Trust = Trust()) -> tuple[str, ...]:
+def layout_texts(path: Path, trust: Trust = Trust()) -> tuple[str, ...]:
     """Return the texts of a TOML and its URDF; nothing where they cannot be read, of which `read_layout` says why."""
     try:
         table = _table(path)
@@ -196,14 +196,14 @@ def _urdf_text(urdf: Path, where: str) -> str:
 def _wheel(table: Mapping[str, Any], axle: str, where: str) -> Wheel:
     """Return the size of an axle's wheels: what [wheel] says, and what [wheel.AXLE] says otherwise."""
     part = part_of(table, "wheel", where)
-    own = part_of(part, axle, f"{where}: wheel")
-    sizes = {**{name: value for name, value in part.items() if name not in table["wheels"]}, **own}
+    axle_table = part_of(part, axle, f"{where}: wheel")
+    dimensions = {**{name: value for name, value in part.items() if name not in table["wheels"]}, **axle_table}
     try:
-        wheel: Wheel = record_from(Wheel, sizes, f"{where}: wheel")
+        wheel: Wheel = record_from(Wheel, dimensions, f"{where}: wheel")
     except ParameterError as error:
         raise UrdfError(str(error)) from error
     for name in ("r", "b"):
-        if name not in sizes:
+        if name not in dimensions:
             raise UrdfError(f"{where}: [wheel] does not say '{name}' of axle '{axle}'; write both r and b in metres.")
     return wheel
 
@@ -230,13 +230,13 @@ def _axles(table: Mapping[str, Any], where: str) -> tuple[Axle, ...]:
     for name in steering:
         if name not in wheels:
             raise UrdfError(f"{where}: [steering] has no axle '{name}' to steer: {closest(name, wheels)}")
-    made = []
+    axles = []
     for name, joints in wheels.items():
         _refuse_single(name, joints, where)
         pair = _joints(joints, f"{where}: wheels.{name}", (2,))
         steer = _joints(steering[name], f"{where}: steering.{name}", (2,)) if name in steering else (None, None)
-        made.append(Axle(name, (pair[0], pair[1]), (steer[0], steer[1]), _wheel(table, name, where)))
-    return tuple(made)
+        axles.append(Axle(name, (pair[0], pair[1]), (steer[0], steer[1]), _wheel(table, name, where)))
+    return tuple(axles)
 
 
 def _refuse_single(name: str, joints: Any, where: str) -> None:
@@ -274,6 +274,6 @@ def _differential(
     pair = str(part_of(table, "differential", where).get("pair", ""))
     joints = suspension.get(pair, ())
     if len(joints) != 2:
-        known = [name for name, each in suspension.items() if len(each) == 2]
-        raise UrdfError(f"{where}: differential.pair = '{pair}' is no pair of the suspension: {closest(pair, known)}")
+        pairs = [name for name, members in suspension.items() if len(members) == 2]
+        raise UrdfError(f"{where}: differential.pair = '{pair}' is no pair of the suspension: {closest(pair, pairs)}")
     return joints[0], joints[1]

@@ -34,7 +34,7 @@ def _is_stl(read: bytes) -> bool:
 def _is_collada(read: bytes) -> bool:
     """An entity, or a node that is placed again inside others, grows without bound out of a few lines."""
     return b"<COLLADA" in read[:4096] and not any(
-        each in read for each in (b"<!DOCTYPE", b"<!ENTITY", b"<instance_node")
+        marker in read for marker in (b"<!DOCTYPE", b"<!ENTITY", b"<instance_node")
     )
 
 
@@ -52,13 +52,16 @@ def mesh_file(name: str, folder: Path) -> Path | None:
 
     It lies in that folder or, where that is part of a ROS package, anywhere in the package; links are followed.
     """
-    package = next((each for each in (folder.resolve(), *folder.resolve().parents) if is_file(each / PACKAGE)), folder)
+    package = next(
+        (directory for directory in (folder.resolve(), *folder.resolve().parents) if is_file(directory / PACKAGE)),
+        folder,
+    )
     parts = Path(name.split("://", 1)[-1]).parts
     for start in range(len(parts)):
         for base in (folder, package):
             file = base.joinpath(*parts[start:])
             inside = (folder.resolve(), package.resolve())
-            if is_file(file) and any(file.resolve().is_relative_to(each) for each in inside):
+            if is_file(file) and any(file.resolve().is_relative_to(directory) for directory in inside):
                 return file
     return None
 
@@ -80,8 +83,8 @@ def read_mesh(file: Path, scale: Any) -> tuple[np.ndarray, np.ndarray]:
         read = content(file, MOST_MESH)
         if not KINDS[kind](read):
             raise DataError(f"{file}: it does not begin as {kind} does, or names other parts: export the mesh again.")
-        found = trimesh.load(io.BytesIO(read), file_type=kind[1:], process=False)
-        mesh = _placed(found, file) if isinstance(found, trimesh.Scene) else found
+        loaded = trimesh.load(io.BytesIO(read), file_type=kind[1:], process=False)
+        mesh = _placed(loaded, file) if isinstance(loaded, trimesh.Scene) else loaded
         return np.asarray(mesh.vertices, dtype=float) * np.asarray(scale), np.asarray(mesh.faces)
     except DataError:
         raise
@@ -94,6 +97,6 @@ def read_mesh(file: Path, scale: Any) -> tuple[np.ndarray, np.ndarray]:
 def _placed(scene: Any, file: Path) -> Any:
     """Return a scene's shapes as one, each as often as it is placed."""
     placed = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
-    if sum(3 * len(getattr(each, "faces", ())) for each in placed) > MOST_CORNERS:
+    if sum(3 * len(getattr(shape, "faces", ())) for shape in placed) > MOST_CORNERS:
         raise DataError(f"{file}: its parts are placed so often that they have more than {MOST_CORNERS} corners.")
     return scene.to_mesh()

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from rover_pin import bounded
 from rover_pin.description.tree import UrdfTree
-from rover_pin.remembered import digest_of, remember, remembered
+from rover_pin.remembered import digest_of, is_cached, remember
 
 CONFIGURATIONS = 5
 """Random configurations at which the two readers are compared."""
@@ -38,7 +38,7 @@ def reader_faults(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
     A text that both read alike is remembered, so that it is read by the slower one once a machine and user.
     """
     digest = digest_of([text, bounded.text(__file__), *_readers()])
-    if remembered("urdf", digest):
+    if is_cached("urdf", digest):
         return
     faults = list(_compared(tree, text, model))
     yield from faults
@@ -48,8 +48,8 @@ def reader_faults(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
 
 def _readers() -> list[str]:
     """Return which readers these are: Pinocchio by its version, the other by its file, as importing takes long."""
-    found = find_spec("yourdfpy")
-    place = "" if found is None else str(found.origin)
+    spec = find_spec("yourdfpy")
+    place = "" if spec is None else str(spec.origin)
     return [pin.__version__, place, str(os.stat(place).st_mtime_ns) if place else ""]
 
 
@@ -57,14 +57,14 @@ def _compared(tree: UrdfTree, text: str, model: pin.Model) -> Iterator[str]:
     import yourdfpy  # half a second, and only a URDF not seen before wants it
 
     try:
-        other = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False)
+        reference = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False)
     except Exception as error:
         yield f"yourdfpy cannot read it ({error}); check its XML against the URDF format."
         return
     rng = np.random.default_rng(6)
     for _ in range(CONFIGURATIONS):
         angles = _random_angles(tree, rng)
-        for fault in _differences(tree, model, other, angles):
+        for fault in _differences(tree, model, reference, angles):
             yield fault
             return
 
@@ -78,17 +78,17 @@ def _random_angles(tree: UrdfTree, rng: np.random.Generator) -> dict[str, float]
     return angles
 
 
-def _differences(tree: UrdfTree, model: pin.Model, other: Any, angles: Mapping[str, float]) -> Iterator[str]:
+def _differences(tree: UrdfTree, model: pin.Model, reference: Any, angles: Mapping[str, float]) -> Iterator[str]:
     data, v = model.createData(), np.zeros(model.nv)
     for name, angle in angles.items():
         v[model.joints[model.getJointId(name)].idx_v] = angle
     pin.forwardKinematics(model, data, pin.integrate(model, pin.neutral(model), v))
-    other.update_cfg({name: angle for name, angle in angles.items() if name in other.actuated_joint_names})
-    for joint in (each for each in tree.joints if each.moves):
+    reference.update_cfg({name: angle for name, angle in angles.items() if name in reference.actuated_joint_names})
+    for joint in (moving_joint for moving_joint in tree.joints if moving_joint.moves):
         ours = data.oMi[model.getJointId(joint.name)].homogeneous
-        apart = float(np.max(np.abs(other.get_transform(joint.child, tree.roots[0]) - ours)))
-        if not apart <= AGREE:
+        distance = float(np.max(np.abs(reference.get_transform(joint.child, tree.roots[0]) - ours)))
+        if not distance <= AGREE:
             yield (
-                f"Pinocchio and yourdfpy place link '{joint.child}' {apart:.2g} apart; "
+                f"Pinocchio and yourdfpy place link '{joint.child}' {distance:.2g} apart; "
                 f"look at the origin and axis of joint '{joint.name}'."
             )

@@ -30,7 +30,7 @@ def role_faults(layout: Layout, tree: UrdfTree) -> Iterator[str]:
             yield f"wheel joint '{joint}' is {kinds[joint]}; a wheel turns without end, write type=\"continuous\"."
         elif role == "pivot" and kinds[joint] != "revolute":
             yield f"joint '{joint}' is {kinds[joint]}; suspension and steering need type=\"revolute\" with a <limit>."
-    for joint in (each.name for each in tree.joints if each.moves):
+    for joint in (moving_joint.name for moving_joint in tree.joints if moving_joint.moves):
         if joint not in dict(roles):
             yield f"joint '{joint}' moves but the TOML gives it no role; name it in [suspension], or in [held]."
     yield from _mimic_faults(layout, tree)
@@ -67,9 +67,9 @@ def _coupling_faults(joint: Joint, layout: Layout) -> Iterator[str]:
         if ratio <= 0.0:
             yield f"wheel '{name}' would turn against '{leader}' ({ratio:g} : 1); tie wheels that turn the same way."
     elif not {name, leader} <= steering:
-        for each in (name, leader):
-            if each not in pivots:
-                yield f"joint '{name}' mimics '{leader}'; name '{each}' in the TOML's [suspension], as a pivot."
+        for joint_name in (name, leader):
+            if joint_name not in pivots:
+                yield f"joint '{name}' mimics '{leader}'; name '{joint_name}' in the TOML's [suspension], as a pivot."
     if joint.mimic.offset != 0.0 or ratio == 0.0:
         yield (
             f"joint '{name}' mimics with multiplier {ratio:g} and offset {joint.mimic.offset:g}; one "
@@ -85,7 +85,7 @@ def axis_faults(layout: Layout, model: pin.Model, axes: np.ndarray) -> Iterator[
     for joint, role, direction in wanted:
         axis = axes[model.joints[model.getJointId(joint)].idx_v]
         if axis[direction] < ALONG:
-            xyz, name = " ".join(f"{each:.3g}" for each in axis + 0.0), "xyz"[direction]
+            xyz, name = " ".join(f"{component:.3g}" for component in axis + 0.0), "xyz"[direction]
             yield (
                 f"{role} joint '{joint}' turns about ({xyz}) in the base's axes; it must be +{name}, so that a "
                 f"positive {'angle turns left' if direction == 2 else 'rate rolls forward'}: mend <axis> or rpy."

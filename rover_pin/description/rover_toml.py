@@ -51,7 +51,7 @@ def read_forms(
         pivots=tuple(dict.fromkeys(pivots)),
         differential=differential,
         sides=tuple(tuple(axle.wheels[side] for axle in axles) for side in (0, 1)) if tied else (),
-        held=dict(_part(table, "held", where)),
+        held_joints=dict(_part(table, "held", where)),
         coupled=coupled,
         cut=_names(table.get("cut", []), f"{where}: cut"),
         base_rpy=_rpy(table.get("base_rpy", (0.0, 0.0, 0.0)), f"{where}: base_rpy"),
@@ -67,14 +67,14 @@ def read_springs(table: Mapping[str, Any], where: str) -> tuple[SpringDamper, ..
         Something that is no spring, or of no joint.
     """
     suspension = part_of(table, "suspension", where)
-    known = [*suspension, *(f"{name}_{side}" for name in suspension for side in "lr")]
-    made = []
+    names = [*suspension, *(f"{name}_{side}" for name in suspension for side in "lr")]
+    springs = []
     for name, entry in _part(table, "springs", where):
-        if name not in known:
-            raise UrdfError(f"{where}: [springs] names '{name}', which [suspension] has not: {closest(name, known)}")
-        stated = {"k_s": 0.0, "d": 0.0, **_table(entry, name, where)}
-        made.append(_record(SpringDamper, stated, f"{where}: springs.{name}").replace(joint=name))
-    return tuple(made)
+        if name not in names:
+            raise UrdfError(f"{where}: [springs] names '{name}', which [suspension] has not: {closest(name, names)}")
+        values = {"k_s": 0.0, "d": 0.0, **_table(entry, name, where)}
+        springs.append(_record(SpringDamper, values, f"{where}: springs.{name}").replace(joint=name))
+    return tuple(springs)
 
 
 def read_soil(table: Mapping[str, Any], where: str) -> Mapping[str, Any]:
@@ -121,11 +121,11 @@ def _record(kind: Any, entry: Mapping[str, Any], where: str) -> Any:
 
 
 def _leader(entry: Any, where: str) -> tuple[str, float]:
-    given = entry if isinstance(entry, Mapping) else {"joint": entry}
-    for key in given:
+    table = entry if isinstance(entry, Mapping) else {"joint": entry}
+    for key in table:
         if key not in ("joint", "ratio"):
             raise UrdfError(f"{where} has no key '{key}': {closest(key, ('joint', 'ratio'))}")
-    joint, ratio = given.get("joint"), given.get("ratio", 1.0)
+    joint, ratio = table.get("joint"), table.get("ratio", 1.0)
     number = not isinstance(ratio, bool) and isinstance(ratio, (int, float))
     if not isinstance(joint, str) or not number or not 1e-6 <= abs(as_float(ratio)) <= 1e6:
         raise UrdfError(f'{where} = {entry!r} must name whom it follows, as {{ joint = "rocker_l", ratio = -0.5 }}.')
@@ -133,16 +133,16 @@ def _leader(entry: Any, where: str) -> tuple[str, float]:
 
 
 def _names(value: Any, where: str) -> tuple[str, ...]:
-    if not isinstance(value, (list, tuple)) or not all(isinstance(each, str) for each in value):
+    if not isinstance(value, (list, tuple)) or not all(isinstance(name, str) for name in value):
         raise UrdfError(f"{where} = {value!r} must be a list of joint names.")
     return tuple(value)
 
 
 def _rpy(value: Any, where: str) -> tuple[float, float, float]:
     numbers = value if isinstance(value, (list, tuple)) else ()
-    if len(numbers) != 3 or any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in numbers):
+    if len(numbers) != 3 or any(isinstance(number, bool) or not isinstance(number, (int, float)) for number in numbers):
         raise UrdfError(f"{where} = {value!r} must be roll, pitch and yaw in radians, as [3.14159, 0.0, 0.0].")
-    roll, pitch, yaw = (as_float(each) for each in numbers)
+    roll, pitch, yaw = (as_float(number) for number in numbers)
     if not max(abs(roll), abs(pitch), abs(yaw)) <= 2.0 * math.pi:
         raise UrdfError(f"{where} = {value!r} must be angles within a full turn, in radians, as [3.14159, 0.0, 0.0].")
     return roll, pitch, yaw

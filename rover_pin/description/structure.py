@@ -56,7 +56,7 @@ def _joint_faults(tree: UrdfTree, joint: Joint) -> Iterator[str]:
     furthest = max((abs(limit) for limit in joint.limits if abs(limit) < UNLIMITED), default=0.0)
     if furthest > 10.0:
         yield f"joint '{joint.name}' has a limit of {furthest:g} rad; give radians, not degrees."
-    others = [other.name for other in tree.joints]
+    others = [tree_joint.name for tree_joint in tree.joints]
     if joint.mimic is not None and joint.mimic.joint not in others:
         yield f"joint '{joint.name}' mimics '{joint.mimic.joint}', not there: {closest(joint.mimic.joint, others)}"
 

@@ -95,14 +95,14 @@ class UrdfTree:
     @property
     def placements(self) -> dict[str, np.ndarray]:
         """Where each link that hangs on the first root lies in it, all joints at zero [4, 4]."""
-        found = {self.roots[0]: np.eye(4)} if self.roots else {}
-        reached = list(found)
+        placements = {self.roots[0]: np.eye(4)} if self.roots else {}
+        reached = list(placements)
         for name in reached:
             for joint in self.joints:
-                if joint.parent == name and joint.child not in found:
-                    found[joint.child] = found[name] @ joint.origin
+                if joint.parent == name and joint.child not in placements:
+                    placements[joint.child] = placements[name] @ joint.origin
                     reached.append(joint.child)
-        return found
+        return placements
 
     def joint(self, name: str) -> Joint | None:
         """Return the joint of this name, or None."""
@@ -152,7 +152,7 @@ def _link(element: ET.Element, file: str) -> Link:
     body = None if inertial is None else _body(inertial, where)
     centre = np.zeros(3) if body is None else body.centre
     drawn = [*element.findall("visual"), *element.findall("collision")]
-    shapes = tuple(shape for each in drawn for shape in _shapes(each, where))
+    shapes = tuple(shape for geometry in drawn for shape in _shapes(geometry, where))
     return Link(name, body, max((_reach(shape, centre) for shape in shapes), default=0.0), shapes)
 
 
@@ -186,8 +186,8 @@ def _shapes(element: ET.Element, where: str) -> Iterator[Shape]:
     for sphere in element.iter("sphere"):
         yield Shape("sphere", placement, (_number(sphere.get("radius", "missing"), f"{where}: sphere radius"),))
     for cylinder in element.iter("cylinder"):
-        sizes = [_number(cylinder.get(key, "missing"), f"{where}: cylinder {key}") for key in ("radius", "length")]
-        yield Shape("cylinder", placement, tuple(sizes))
+        dimensions = [_number(cylinder.get(key, "missing"), f"{where}: cylinder {key}") for key in ("radius", "length")]
+        yield Shape("cylinder", placement, tuple(dimensions))
     for mesh in element.iter("mesh"):
         scale = _vector(mesh.get("scale", "1 1 1"), f"{where}: mesh scale")
         yield Shape("mesh", placement, tuple(scale), mesh.get("filename", ""))

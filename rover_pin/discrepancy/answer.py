@@ -8,7 +8,7 @@ from typing import Any
 
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.errors import ParameterError, closest
-from rover_pin.estimation.wording import shown
+from rover_pin.estimation.wording import format_value
 
 TAKES_MOST = 2 / 3
 """Share of what is missed on held-out folds from which what is missing is like an effect: where the hidden law of a
@@ -43,20 +43,20 @@ def answers_named(words: str) -> tuple[Answer, ...]:
     ParameterError
         A word that is no answer.
     """
-    known = {answer.word: answer for answer in Answer}
-    asked = [word.strip() for word in words.split(",") if word.strip()]
-    for word in asked:
-        if word not in known:
-            raise ParameterError(f"'{word}' is no answer of the loop: {closest(word, known)}")
-    return tuple(known[word] for word in asked)
+    answers_by_word = {answer.word: answer for answer in Answer}
+    answer_words = [word.strip() for word in words.split(",") if word.strip()]
+    for word in answer_words:
+        if word not in answers_by_word:
+            raise ParameterError(f"'{word}' is no answer of the loop: {closest(word, answers_by_word)}")
+    return tuple(answers_by_word[word] for word in answer_words)
 
 
 def plain(value: Any) -> Any:
     """Return nested values with NaN and infinities as None."""
     if isinstance(value, dict):
-        return {str(key): plain(each) for key, each in value.items()}
+        return {str(key): plain(element) for key, element in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(each) for each in value]
+        return [plain(element) for element in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
@@ -64,8 +64,8 @@ def plain(value: Any) -> Any:
 
 def score_line(score: ChannelScore) -> str:
     """Return one channel's held-out error, before and after where that is not the same."""
-    change, noise = score.worded, f"noise {shown(score.floor, score.unit)}"
+    change, noise = score.worded, f"noise {format_value(score.floor, score.unit)}"
     if change.none:
-        return f"held-out {score.name}: RMSE {shown(score.before, score.unit)}, {noise}"
-    errors = f"RMSE {shown(score.before, score.unit)} -> {shown(score.after, score.unit)}"
-    return f"held-out {score.name}: {errors} ({change.text}, {noise}): {score.said}"
+        return f"held-out {score.name}: RMSE {format_value(score.before, score.unit)}, {noise}"
+    errors = f"RMSE {format_value(score.before, score.unit)} -> {format_value(score.after, score.unit)}"
+    return f"held-out {score.name}: {errors} ({change.text}, {noise}): {score.claim}"

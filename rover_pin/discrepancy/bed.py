@@ -26,7 +26,13 @@ class Parts:
 
     def having(self, effect: Any) -> Self:
         """Return the model with this effect, in the place of one of its kind."""
-        return replace(self, effects=(*(one for one in self.effects if type(one) is not type(effect)), effect))
+        return replace(
+            self,
+            effects=(
+                *(present_effect for present_effect in self.effects if type(present_effect) is not type(effect)),
+                effect,
+            ),
+        )
 
 
 class Bed(Experiment):

@@ -29,15 +29,15 @@ class Candidate:
     kind: str
     "what it is: the name of the effect"
     effect: Any
-    sizes: tuple[str, ...]
+    amplitudes: tuple[str, ...]
     shapes: tuple[str, ...] = ()
     place: str = ""
     "where it is: a wheel, a joint, a channel, or the begin of a stretch of the way [m]"
-    sought: bool = False
+    place_searched: bool = False
     "whether that place was sought along the way, so that chance had more to choose from"
-    freed: tuple[str, ...] = ()
+    free_shapes: tuple[str, ...] = ()
     "shapes without a prior, each of which has to pay for itself"
-    doubted: tuple[str, ...] = ()
+    diffuse_shapes: tuple[str, ...] = ()
     "where fits are exact: shapes that are assumed, even in their order, free within their doubt while others are held"
 
     @property
@@ -45,12 +45,12 @@ class Candidate:
         """Kind and place."""
         if not self.place:
             return self.kind
-        return f"{self.kind}@{self.place}" if self.sought else f"{self.kind}[{self.place}]"
+        return f"{self.kind}@{self.place}" if self.place_searched else f"{self.kind}[{self.place}]"
 
     @property
     def owner(self) -> str:
         """The name under which a model holds the effect; a place on the way does not belong to it."""
-        return self.kind if self.sought or not self.place else self.name
+        return self.kind if self.place_searched or not self.place else self.name
 
     def on(self, model: Any) -> Any:
         """Return the model with the effect at its default size."""
@@ -59,30 +59,32 @@ class Candidate:
     @property
     def neutral(self) -> dict[str, float]:
         """The values of the sizes at which the effect vanishes."""
-        return {name: self.effect.neutral[name.rpartition(".")[2]] for name in self.sizes}
+        return {name: self.effect.neutral[name.rpartition(".")[2]] for name in self.amplitudes}
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names of its own numbers: sizes, and shapes, freed or not."""
-        return (*self.sizes, *self.shapes, *self.doubted, *self.freed)
+        return (*self.amplitudes, *self.shapes, *self.diffuse_shapes, *self.free_shapes)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The free numbers of the effect: sizes without a prior, shapes with one unless they are freed of it."""
-        loose = (replace(self.shape(name), prior=False) for name in self.freed)
-        doubted = map(self._doubted, self.doubted)
-        return (*map(self.size, self.sizes), *map(self.shape, self.shapes), *doubted, *loose)
+        loose = (replace(self.shape(name), prior=False) for name in self.free_shapes)
+        diffuse = map(self._diffuse_shape, self.diffuse_shapes)
+        return (*map(self.size, self.amplitudes), *map(self.shape, self.shapes), *diffuse, *loose)
 
     @property
     def bare(self) -> Candidate:
         """The candidate with its law's shapes as published, those that nobody published within their doubt."""
-        doubted = (name for name in (*self.shapes, *self.freed) if self._about(name).doubt > 0.0)
-        return replace(self, shapes=(), freed=(), doubted=(*self.doubted, *doubted))
+        diffuse = (name for name in (*self.shapes, *self.free_shapes) if self._about(name).log_sd > 0.0)
+        return replace(self, shapes=(), free_shapes=(), diffuse_shapes=(*self.diffuse_shapes, *diffuse))
 
     @property
     def loose(self) -> Candidate:
         """The candidate with its law's shapes freed of any prior."""
-        return replace(self, shapes=(), freed=(*self.shapes, *self.doubted, *self.freed), doubted=())
+        return replace(
+            self, shapes=(), free_shapes=(*self.shapes, *self.diffuse_shapes, *self.free_shapes), diffuse_shapes=()
+        )
 
     def size(self, name: str) -> Parameter:
         """Return the parameter of a size: u = 0 neutral, u = 1 the effect's own; a logarithm where neutral is far off.
@@ -90,30 +92,30 @@ class Candidate:
         An effect that is at its neutral value is tried at the default of its class.
         """
         quantity = name.rpartition(".")[2]
-        about, neutral = quantities(self.effect)[quantity], self.effect.neutral[quantity]
+        spec, neutral = quantities(self.effect)[quantity], self.effect.neutral[quantity]
         default = float(getattr(self.effect, quantity))
         if default == neutral:
             default = float(type(self.effect).__dataclass_fields__[quantity].default)
-        low, high = float(about.low), float(about.high)
+        low, high = float(spec.low), float(spec.high)
         if abs(neutral) > FAR_FROM * abs(default):
             return Parameter(name, default, 1.0, low, high, log=True, prior=False, fd=0.1)
-        return Parameter(name, neutral, default - neutral or _reach(about.unit), low, high, prior=False, fd=0.2)
+        return Parameter(name, neutral, default - neutral or _reach(spec.unit), low, high, prior=False, fd=0.2)
 
     def shape(self, name: str) -> Parameter:
         """Return the parameter of a shape, with a prior around its present value."""
         quantity = name.rpartition(".")[2]
-        about, value = quantities(self.effect)[quantity], float(getattr(self.effect, quantity))
-        low, high = float(about.low), float(about.high)
+        spec, value = quantities(self.effect)[quantity], float(getattr(self.effect, quantity))
+        low, high = float(spec.low), float(spec.high)
         if quantity.startswith("x_"):
             return Parameter(name, value, SPACING, low, high, fd=0.1, source="sought along the way")
-        if about.low >= 0 and value > 0:
+        if spec.low >= 0 and value > 0:
             return Parameter(name, value, SHAPE_SD, low, high, log=True, declared=True, source=PUBLISHED)
         scale = SHAPE_SHARE * (abs(value) or 1.0)
         return Parameter(name, value, scale, low, high, declared=True, source=PUBLISHED)
 
-    def _doubted(self, name: str) -> Parameter:
+    def _diffuse_shape(self, name: str) -> Parameter:
         """Return the parameter of a shape of which even the order is assumed, its doubt the prior."""
-        return replace(self.shape(name), scale=self._about(name).doubt)
+        return replace(self.shape(name), scale=self._about(name).log_sd)
 
     def _about(self, name: str) -> Quantity:
         return quantities(self.effect)[name.rpartition(".")[2]]
@@ -121,9 +123,9 @@ class Candidate:
 
 def plain_candidate(effect: Any) -> Candidate:
     """Return an effect that has no place as a candidate: all its quantities free."""
-    own = type(effect).__name__
-    shapes = tuple(f"{own}.{name}" for name in quantities(effect) if name not in effect.neutral)
-    return Candidate(own, effect, tuple(f"{own}.{name}" for name in effect.neutral), shapes)
+    kind = type(effect).__name__
+    shapes = tuple(f"{kind}.{name}" for name in quantities(effect) if name not in effect.neutral)
+    return Candidate(kind, effect, tuple(f"{kind}.{name}" for name in effect.neutral), shapes)
 
 
 def is_effect(record: Any) -> bool:

@@ -19,7 +19,7 @@ FAR = 3.0
 """Default sizes by which a size may move when a run is left out, that the other runs hardly tell."""
 
 
-def left_out(fitted: Fit) -> np.ndarray:
+def first_order_surprises(fitted: Fit) -> np.ndarray:
     """Return how badly the others predict every run (runs,): `surprise`, to first order.
 
     The numbers without a run are one Gauss-Newton step from the optimum, its rows left out; nothing is replayed.
@@ -28,36 +28,36 @@ def left_out(fitted: Fit) -> np.ndarray:
     return _surprises(fitted, (rows + columns @ step for step in _steps(fitted)))
 
 
-def left_out_by_refits(fitted: Fit) -> np.ndarray:
+def refitted_surprises(fitted: Fit) -> np.ndarray:
     """Return how badly the others predict every run (runs,): `surprise`, by fits to the others."""
-    rows = fitted.task.noise.white(refitted_left_out(fitted))
+    rows = fitted.task.noise.white(held_out_residual(fitted))
     return _surprises(fitted, (rows for _ in fitted.predicted))
 
 
 def held_out_losses(fitted: Fit) -> np.ndarray:
     """Return how badly the others predict every fold: its robust chi2 where fits are exact, else its `surprise`."""
-    return losses_of(fitted) if fitted.task.experiment.is_exact else left_out_by_refits(fitted)
+    return losses_of(fitted) if fitted.task.experiment.is_exact else refitted_surprises(fitted)
 
 
-def fall_of(without: np.ndarray, found: np.ndarray) -> float:
+def fall_of(without: np.ndarray, new_losses: np.ndarray) -> float:
     """Return by how much held-out losses (folds,) fall, over the folds that both models predict.
 
     NaN where the second loses a fold that the first predicts: on the rest alone the two are not compared. A fold that
     only the second predicts counts for neither.
     """
-    return float(_falls(without, found).sum())
+    return float(_falls(without, new_losses).sum())
 
 
-def _falls(without: np.ndarray, found: np.ndarray) -> np.ndarray:
-    return (without - found)[~np.isnan(without)]
+def _falls(without: np.ndarray, new_losses: np.ndarray) -> np.ndarray:
+    return (without - new_losses)[~np.isnan(without)]
 
 
-def seen_again(without: np.ndarray, found: np.ndarray) -> float:
+def seen_again(without: np.ndarray, new_losses: np.ndarray) -> float:
     """Return the fall of `surprise` over all runs; of three and more that which falls most does not count.
 
     What a single run shows is not seen again in another.
     """
-    falls = _falls(without, found)
+    falls = _falls(without, new_losses)
     return float(falls.sum() - (max(falls.max(), 0.0) if len(falls) > 2 else 0.0))
 
 
@@ -67,12 +67,12 @@ def _surprises(fitted: Fit, predicted: Iterable[np.ndarray]) -> np.ndarray:
     What the others tell is counted in the noise as the fit leaves it.
     """
     columns, weights, owner = fitted.columns, huber_weights(fitted.rows), run_of_rows(fitted)
-    noise, found = fitted.task.noise.inflation * max(fitted.misfit, 1.0), []
+    noise, surprises = fitted.task.noise.inflation * max(fitted.misfit, 1.0), []
     for run, rows in enumerate(predicted):
         precision = _curvature(columns, weights * (owner != run), fitted.parameters) / noise
-        own = rows[owner == run]
-        found.append(math.nan if np.isnan(own).any() else surprise(own, columns[owner == run], precision))
-    return np.array(found)
+        run_rows = rows[owner == run]
+        surprises.append(math.nan if np.isnan(run_rows).any() else surprise(run_rows, columns[owner == run], precision))
+    return np.array(surprises)
 
 
 def surprise(e: np.ndarray, columns: np.ndarray, precision: np.ndarray) -> float:
@@ -93,42 +93,47 @@ def surprise(e: np.ndarray, columns: np.ndarray, precision: np.ndarray) -> float
 def without_each(fitted: Fit) -> np.ndarray:
     """Return the robust chi2, priors included, of a fit to all runs but one (runs,), to first order."""
     rows, owner, columns = fitted.rows, run_of_rows(fitted), fitted.columns
-    found = []
+    chi2_by_run = []
     for run, step in enumerate(_steps(fitted)):
         at = owner != run
-        found.append(objective((rows + columns @ step)[at], fitted.u + step, fitted.parameters))
-    return np.array(found)
+        chi2_by_run.append(objective((rows + columns @ step)[at], fitted.u + step, fitted.parameters))
+    return np.array(chi2_by_run)
 
 
 def losses_of(fitted: Fit) -> np.ndarray:
     """Return the robust chi2 of every run (runs,) as fits to the others predict it."""
-    rows, owner = fitted.task.noise.white(refitted_left_out(fitted)), run_of_rows(fitted)
+    rows, owner = fitted.task.noise.white(held_out_residual(fitted)), run_of_rows(fitted)
     return np.array([huber(rows[owner == run]) for run in range(len(fitted.predicted))])
 
 
-def refitted_left_out(fitted: Fit) -> np.ndarray:
+def held_out_residual(fitted: Fit) -> np.ndarray:
     """Return the residual (runs, channels, blocks) with every run as a fit to the others predicts it.
 
     The fits descend from the whole one with its slopes; sizes are held near their values by SDs of FAR default sizes.
     A run that no fit to the others predicts is NaN.
     """
     residual = fitted.residual.copy()
-    for run, one in enumerate(_fits_left_out(fitted)):
-        residual[run] = np.nan if one is None else one.missed[run]
+    for run, fold_fit in enumerate(_fold_fits(fitted)):
+        residual[run] = np.nan if fold_fit is None else fold_fit.missed[run]
     return residual
 
 
-def models_left_out(fitted: Fit) -> list[Any]:
+def fold_models(fitted: Fit) -> list[Any]:
     """Return the model as the fit to all runs but one has it, one a run; the whole fit's where there is none."""
-    return [(one or fitted).model for one in _fits_left_out(fitted)]
+    return [(fold_fit or fitted).model for fold_fit in _fold_fits(fitted)]
 
 
-def _fits_left_out(fitted: Fit) -> Iterator[Fit | None]:
+def _fold_fits(fitted: Fit) -> Iterator[Fit | None]:
     """Yield the fit to all runs but one, one a run, or None where it does not end; as it is for a run it has not."""
     noise = fitted.task.noise
-    held = tuple(_anchored(one, u) for one, u in zip(fitted.parameters, fitted.u, strict=True))
-    start = np.array([u if one.prior else 0.0 for one, u in zip(fitted.parameters, fitted.u, strict=True)])
-    slopes = {one.name: fitted.slopes[one.name] * (1.0 if one.prior else FAR) for one in fitted.parameters}
+    anchored_parameters = tuple(
+        _anchored(parameter, u) for parameter, u in zip(fitted.parameters, fitted.u, strict=True)
+    )
+    start = np.array([u if parameter.prior else 0.0 for parameter, u in zip(fitted.parameters, fitted.u, strict=True)])
+    slopes = {
+        parameter.name: fitted.slopes[parameter.name] * (1.0 if parameter.prior else FAR)
+        for parameter in fitted.parameters
+    }
     for run in range(len(fitted.predicted)):
         if not noise.good[run].any():
             yield fitted
@@ -137,31 +142,33 @@ def _fits_left_out(fitted: Fit) -> Iterator[Fit | None]:
         good[run] = False
         task = Task(fitted.task.experiment, dataclasses.replace(noise, good=good))
         try:
-            yield fit(task, fitted.model, held, start, slopes, reuse=True)
+            yield fit(task, fitted.model, anchored_parameters, start, slopes, reuse=True)
         except OptimisationError:
             yield None
 
 
-def _anchored(one: Parameter, u: float) -> Parameter:
-    if one.prior:
-        return one
-    return dataclasses.replace(one, origin=one.value(u), scale=FAR * one.scale, prior=True)
+def _anchored(parameter: Parameter, u: float) -> Parameter:
+    if parameter.prior:
+        return parameter
+    return dataclasses.replace(parameter, origin=parameter.value(u), scale=FAR * parameter.scale, prior=True)
 
 
 def _steps(fitted: Fit) -> Iterator[np.ndarray]:
     """Yield how u moves when the rows of each run in turn are left out."""
     rows, columns, owner = fitted.rows, fitted.columns, run_of_rows(fitted)
-    held = np.array([u if one.prior else 0.0 for one, u in zip(fitted.parameters, fitted.u, strict=True)])
+    prior_gradient = np.array(
+        [u if parameter.prior else 0.0 for parameter, u in zip(fitted.parameters, fitted.u, strict=True)]
+    )
     weights = huber_weights(rows)
     for run in range(len(fitted.predicted)):
         use = weights * (owner != run)
         normal = _curvature(columns, use, fitted.parameters)
-        yield -np.linalg.lstsq(normal, columns.T @ (use * rows) + held, rcond=None)[0]
+        yield -np.linalg.lstsq(normal, columns.T @ (use * rows) + prior_gradient, rcond=None)[0]
 
 
 def _curvature(columns: np.ndarray, weights: np.ndarray, parameters: Sequence[Parameter]) -> np.ndarray:
     """Return the normal matrix of weighted rows, every number held by its prior, or by FAR default sizes."""
-    prior = np.diag([1.0 if one.prior else FAR**-2 for one in parameters])
+    prior = np.diag([1.0 if parameter.prior else FAR**-2 for parameter in parameters])
     return np.asarray((columns * weights[:, None]).T @ columns + prior)
 
 

@@ -38,11 +38,11 @@ class Draft:
         return self.refit is not None and self.refit.accepted
 
     @property
-    def said(self) -> str:
+    def sentence(self) -> str:
         """How it did, in a sentence."""
         if self.refit is None:
             return "the draft promises nothing when it is tried"
-        gain = f"chi2 falls by {self.refit.gain:.3g} (chance: {self.refit.fee:.3g})"
+        gain = f"chi2 falls by {self.refit.gain:.3g} (chance: {self.refit.threshold:.3g})"
         folds = f"on folds left out by {self.refit.held_out:.3g}"
         if self.refit.loses:
             folds = "a fold left out that is predicted without it is lost, and nothing compared"
@@ -51,20 +51,27 @@ class Draft:
     def lines(self) -> list[str]:
         """Return lines for a reader."""
         again = [f"try it again: {self.command}"] if self.command else []
-        return [self.said, *(score_line(one) for one in self.scores), *again]
+        return [self.sentence, *(score_line(score) for score in self.scores), *again]
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
-        own = {} if self.refit is None else {"gain": self.refit.gain, "threshold": self.refit.fee}
-        held = {} if self.refit is None else {"held_out_gain": self.refit.held_out}
-        rows = [one.as_dict() for one in self.scores]
-        return {"accepted": self.accepted, "said": self.said, **own, **held, "held_out": rows, "command": self.command}
+        gains = {} if self.refit is None else {"gain": self.refit.gain, "threshold": self.refit.threshold}
+        held_out_gain = {} if self.refit is None else {"held_out_gain": self.refit.held_out}
+        rows = [score.as_dict() for score in self.scores]
+        return {
+            "accepted": self.accepted,
+            "said": self.sentence,
+            **gains,
+            **held_out_gain,
+            "held_out": rows,
+            "command": self.command,
+        }
 
 
-def tried(drafted: Drafted, here: Fit, progress: Progress) -> Draft:
+def tried(drafted: Drafted, fitted: Fit, progress: Progress) -> Draft:
     """Return a draft tried on the fit that leaves what it describes."""
     progress("trying the draft of what is left")
-    refits = attempted(here, drafted.candidates, progress)
+    refits = attempted(fitted, drafted.candidates, progress)
     return Draft(drafted.text, refits[0] if refits else None)
 
 

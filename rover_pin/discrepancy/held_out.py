@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rover_pin.discrepancy.cross_validation import refitted_left_out
+from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.discrepancy.search import Search
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit, table_of
 from rover_pin.estimation.noise import Noise, huber_losses
-from rover_pin.estimation.wording import AT_FLOOR, Change, shown
+from rover_pin.estimation.wording import AT_FLOOR, Change, format_value
 from rover_pin.public import brief
 
 LOSES = 0.95
@@ -58,11 +58,11 @@ class ChannelScore(NamedTuple):
         return Change(self.before, self.after, self.low, self.high, self.floor, self.of)
 
     @property
-    def said(self) -> str:
+    def claim(self) -> str:
         """What may be claimed."""
         if self.lost:
             return f"{', '.join(self.lost)} left out is not predicted: not compared"
-        return self.worded.said
+        return self.worded.claim
 
     def times(self, error: float) -> float:
         """Return an error of this channel in times its noise."""
@@ -70,12 +70,12 @@ class ChannelScore(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
-        return self._asdict() | {"said": self.said, "levels": [one._asdict() for one in self.levels]}
+        return self._asdict() | {"said": self.claim, "levels": [level_error._asdict() for level_error in self.levels]}
 
 
 def lost_folds(scores: Sequence[ChannelScore], why: str) -> tuple[str, ...]:
     """Return which folds no fit to the others predicts, one sentence each."""
-    lost = dict.fromkeys(name for one in scores for name in one.lost)
+    lost = dict.fromkeys(name for score in scores for name in score.lost)
     return tuple(f"{name} left out is not predicted by the others: {why}; no error is averaged" for name in lost)
 
 
@@ -108,8 +108,8 @@ def held_out(before: Fit, after: Fit, noise: Noise, seed: int) -> HeldOut:
 
     Runs are judged by `noise`; the fits descend in their own, which may be wider.
     """
-    first = refitted_left_out(before)
-    pair = (first, first if after is before else refitted_left_out(after))
+    first = held_out_residual(before)
+    pair = (first, first if after is before else held_out_residual(after))
     random = np.random.default_rng(seed)
     experiment = after.task.experiment
     return HeldOut(_by_channel(experiment, noise, pair, random), _by_run(experiment, noise, pair, random))
@@ -117,8 +117,8 @@ def held_out(before: Fit, after: Fit, noise: Noise, seed: int) -> HeldOut:
 
 def together(runs: Sequence[RunScore]) -> tuple[float, float]:
     """Return chi2 a compared block of all runs, before and after."""
-    blocks = np.array([one.blocks for one in runs])
-    before, after = (float(blocks @ [one[at] for one in runs]) / max(int(blocks.sum()), 1) for at in (2, 3))
+    blocks = np.array([run_score.blocks for run_score in runs])
+    before, after = (float(blocks @ [run_score[at] for run_score in runs]) / max(int(blocks.sum()), 1) for at in (2, 3))
     return before, after
 
 
@@ -128,45 +128,55 @@ Pair = tuple[np.ndarray, np.ndarray]
 def _by_channel(
     experiment: Experiment, noise: Noise, pair: Pair, random: np.random.Generator
 ) -> tuple[ChannelScore, ...]:
-    good, found, floor = noise.good, [], floor_of(experiment, noise)
+    good, scores, floor = noise.good, [], floor_of(experiment, noise)
     for row, name in enumerate(experiment.channels):
-        squares = [np.where(good, one, 0.0)[:, row] ** 2 for one in pair]
-        seen = np.full(len(good), True) if experiment.is_timed else good[:, row].any(axis=1)
-        low, high = _change(np.array([_resampled(experiment, each[seen]) for each in squares]), 0.5, random)
-        was, now = (float(np.sqrt(each.sum() / max(int(good[:, row].sum()), 1))) for each in squares)
+        squares = [np.where(good, residual, 0.0)[:, row] ** 2 for residual in pair]
+        has_data = np.full(len(good), True) if experiment.is_timed else good[:, row].any(axis=1)
+        low, high = _change(
+            np.array([_resampled(experiment, side_squares[has_data]) for side_squares in squares]), 0.5, random
+        )
+        was, now = (float(np.sqrt(side_squares.sum() / max(int(good[:, row].sum()), 1))) for side_squares in squares)
         unit, change = experiment.unit(name), now / max(was, 1e-300) - 1
         levels, of = _levels(experiment, noise.good[:, row], squares), "runs" if experiment.is_timed else "folds"
         gone = np.isnan(np.array(squares)).any(axis=(0, 2))
         lost = tuple(name for name, is_gone in zip(experiment.folds, gone, strict=True) if is_gone)
-        found.append(ChannelScore(name, unit, float(floor[row]), was, now, change, low, high, levels, of, lost))
-    return tuple(found)
+        scores.append(ChannelScore(name, unit, float(floor[row]), was, now, change, low, high, levels, of, lost))
+    return tuple(scores)
 
 
 def fold_errors(fitted: Fit) -> dict[str, float]:
     """Return the RMSE of each channel, in its unit, every fold as the fits to the others predict it."""
-    return _named_rms(fitted, refitted_left_out(fitted))
+    return _named_rms(fitted, held_out_residual(fitted))
 
 
 def errors_anew(base: Fit, anew: dict[str, Search]) -> dict[str, float]:
     """Return the RMSE of each channel, every fold predicted with what is chosen and fitted without it."""
-    return _named_rms(base, np.array([one.last.missed[at] for at, one in enumerate(anew.values())]))
+    return _named_rms(base, np.array([fold_search.last.missed[at] for at, fold_search in enumerate(anew.values())]))
 
 
-def _named_rms(fitted: Fit, left: np.ndarray) -> dict[str, float]:
-    rms = _rms(left, fitted.task.noise.good, (0, 2))
+def _named_rms(fitted: Fit, residual: np.ndarray) -> dict[str, float]:
+    rms = _rms(residual, fitted.task.noise.good, (0, 2))
     return dict(zip(fitted.task.experiment.channels, rms.tolist(), strict=True))
 
 
-def errors_of_others(found: Search) -> dict[str, dict[str, float]]:
+def errors_of_others(search_result: Search) -> dict[str, dict[str, float]]:
     """Return the held-out errors by channel of what cannot be distinguished from what was found best, by name."""
-    *_, last = (each.alike for each in found.rounds if each.alike)
-    return {name: fold_errors(one.fit) for name, one in zip(found.alike[1:], last[1:], strict=True)}
+    *_, last = (
+        search_round.indistinguishable for search_round in search_result.rounds if search_round.indistinguishable
+    )
+    return {
+        name: fold_errors(refit.fit) for name, refit in zip(search_result.indistinguishable[1:], last[1:], strict=True)
+    }
 
 
 def floor_of(experiment: Experiment, noise: Noise) -> np.ndarray:
     """Return what no model beats (channels,): the samples' scatter where that is told, else the noise."""
-    told = experiment.floor()
-    return noise.floor if told is None else np.where(np.nan_to_num(told) > 0, told, noise.floor)
+    sample_scatter = experiment.floor()
+    return (
+        noise.floor
+        if sample_scatter is None
+        else np.where(np.nan_to_num(sample_scatter) > 0, sample_scatter, noise.floor)
+    )
 
 
 class Excess(NamedTuple):
@@ -186,17 +196,17 @@ def beyond_floor(fitted: Fit) -> tuple[Excess, ...]:
     times = _rms(fitted.residual, good, (0, 2)) / floor
     worst = _rms(fitted.residual, good).argmax(axis=0)
     rows = zip(experiment.channels, times, worst, strict=True)
-    found = [Excess(name, float(one), experiment.folds[at]) for name, one, at in rows if one > AT_FLOOR]
-    return tuple(sorted(found, key=lambda one: -one.times))
+    excesses = [Excess(name, float(ratio), experiment.folds[at]) for name, ratio, at in rows if ratio > AT_FLOOR]
+    return tuple(sorted(excesses, key=lambda excess: -excess.times))
 
 
-def _rms(left: np.ndarray, good: np.ndarray, axes: int | tuple[int, int] = 2) -> np.ndarray:
+def _rms(residual: np.ndarray, good: np.ndarray, axes: int | tuple[int, int] = 2) -> np.ndarray:
     """Return the RMS of what is left where it is good, over the samples of a fold's channel; 0 where none is."""
-    squares = np.where(good, left, 0.0) ** 2
+    squares = np.where(good, residual, 0.0) ** 2
     return np.sqrt(squares.sum(axis=axes) / np.maximum(good.sum(axis=axes), 1))
 
 
-def most_left(fitted: Fit) -> Excess:
+def largest_residual(fitted: Fit) -> Excess:
     """Return the channel and fold that a fit leaves with most, in RMS of the stated noise."""
     rms = _rms(table_of(fitted), fitted.task.noise.good)
     fold, channel = np.unravel_index(int(rms.argmax()), rms.shape)
@@ -206,14 +216,14 @@ def most_left(fitted: Fit) -> Excess:
 
 def losses(scores: Sequence[ChannelScore], baselines: Sequence[Baseline]) -> tuple[str, ...]:
     """Return where a baseline predicts what was not fitted better than the model does, one sentence a channel."""
-    said = []
+    sentences = []
     for score in scores:
-        own = [one for one in baselines if one.channel == score.name]
-        best = min(own, key=lambda one: one.error, default=None)
+        channel_baselines = [baseline for baseline in baselines if baseline.channel == score.name]
+        best = min(channel_baselines, key=lambda baseline: baseline.error, default=None)
         if best is not None and best.error < LOSES * score.after:
-            errors = f"{shown(best.error, score.unit)} against {shown(score.after, score.unit)}"
-            said.append(f"held out, {score.name} is predicted better by a {best.curve} of {best.given} ({errors})")
-    return tuple(said)
+            errors = f"{format_value(best.error, score.unit)} against {format_value(score.after, score.unit)}"
+            sentences.append(f"held out, {score.name} is predicted better by a {best.curve} of {best.given} ({errors})")
+    return tuple(sentences)
 
 
 def _resampled(experiment: Experiment, squares: np.ndarray) -> np.ndarray:
@@ -223,23 +233,25 @@ def _resampled(experiment: Experiment, squares: np.ndarray) -> np.ndarray:
 
 def _levels(experiment: Experiment, good: np.ndarray, squares: Sequence[np.ndarray]) -> tuple[LevelError, ...]:
     count = good.sum(axis=1)
-    seen = np.where(count > 0, 1.0, np.nan)  # a fold without this channel has no error, not an error of 0
-    errors = [(seen * np.sqrt(each.sum(axis=1) / np.maximum(count, 1))).tolist() for each in squares]
-    return tuple(LevelError(*one) for one in zip(experiment.folds, *errors, strict=True))
+    presence = np.where(count > 0, 1.0, np.nan)  # a fold without this channel has no error, not an error of 0
+    errors = [
+        (presence * np.sqrt(side_squares.sum(axis=1) / np.maximum(count, 1))).tolist() for side_squares in squares
+    ]
+    return tuple(LevelError(*row) for row in zip(experiment.folds, *errors, strict=True))
 
 
 def _by_run(experiment: Experiment, noise: Noise, pair: Pair, random: np.random.Generator) -> tuple[RunScore, ...]:
     losses = np.zeros((2, *noise.good.shape))
     for side, residual in enumerate(pair):
         losses[side][noise.good] = huber_losses(noise.white(residual))
-    found = []
+    scores = []
     for at, run in enumerate(experiment.folds):
         count = max(int(noise.good[at].sum()), 1)
         sums = losses[:, at].sum(axis=1)
         low, high = _change(_summed(sums), 1.0, random)
-        was, now = (float(each) / count for each in sums.sum(axis=1))
-        found.append(RunScore(run, count, was, now, low, high))
-    return tuple(found)
+        was, now = (float(total) / count for total in sums.sum(axis=1))
+        scores.append(RunScore(run, count, was, now, low, high))
+    return tuple(scores)
 
 
 def _change(sums: np.ndarray, power: float, random: np.random.Generator) -> tuple[float, float]:

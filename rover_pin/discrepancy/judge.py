@@ -13,7 +13,7 @@ from rover_pin.discrepancy.candidate import Candidate, is_effect
 from rover_pin.discrepancy.cross_validation import without_each
 from rover_pin.discrepancy.draft import Draft, Drafted, scored, tried
 from rover_pin.discrepancy.held_out import ChannelScore, errors_anew, errors_of_others, held_out, lost_folds
-from rover_pin.discrepancy.left import Left, described, held_out_share
+from rover_pin.discrepancy.left import ResidualAssessment, described, held_out_share
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.search import Search, again, calibrated, search
 from rover_pin.discrepancy.sentence import sentence
@@ -60,17 +60,23 @@ def concluded(question: Question, progress: Progress, seed: int = 0) -> Verdict:
     progress("calibrating the base model")
     base = calibrated(question.experiment, question.model, question.numbers, seed)
     candidates = question.candidates(base)
-    found = search(base, candidates, progress)
+    search_result = search(base, candidates, progress)
     progress("choosing again without each fold")
-    anew = chosen_anew(found.base, _leading(found, candidates))
-    drafts = cache(lambda here: drafted(question, here, progress))
-    left, draft = described(found, question.draft is not None, drafts)
+    anew = chosen_anew(search_result.base, _leading(search_result, candidates))
+    drafts = cache(lambda fitted: drafted(question, fitted, progress))
+    assessment, draft = described(search_result, question.draft is not None, drafts)
     progress("intervals, and errors on what was left out")
-    verdict = judged((question.kind, question.name), found, {name: one.names for name, one in anew.items()}, left, seed)
-    if verdict.answer is Answer.LIKE and left.unlisted and verdict.search is not None:
+    verdict = make_verdict(
+        (question.kind, question.name),
+        search_result,
+        {name: fold_search.names for name, fold_search in anew.items()},
+        assessment,
+        seed,
+    )
+    if verdict.answer is Answer.LIKE and assessment.unlisted and verdict.search is not None:
         draft = drafts(verdict.search.last)
-    others = errors_of_others(found) if verdict.answer is Answer.SET else {}
-    return with_draft(replace(verdict, errors_anew=errors_anew(found.base, anew), others=others), draft, seed)
+    others = errors_of_others(search_result) if verdict.answer is Answer.SET else {}
+    return with_draft(replace(verdict, errors_anew=errors_anew(search_result.base, anew), others=others), draft, seed)
 
 
 def with_draft(verdict: Verdict, draft: Draft | None, seed: int) -> Verdict:
@@ -80,31 +86,43 @@ def with_draft(verdict: Verdict, draft: Draft | None, seed: int) -> Verdict:
     return replace(verdict, draft=scored(draft, verdict.after.fit, seed))
 
 
-def drafted(question: Question, here: Fit, progress: Progress) -> Draft | None:
+def drafted(question: Question, fitted: Fit, progress: Progress) -> Draft | None:
     """Return the draft of what a fit leaves as it was tried; None where nothing describes that."""
-    made = question.draft(here) if question.draft is not None else None
-    return None if made is None else tried(made, here, progress)
+    drafted_effect = question.draft(fitted) if question.draft is not None else None
+    return None if drafted_effect is None else tried(drafted_effect, fitted, progress)
 
 
-def _leading(found: Search, tried: Sequence[Candidate]) -> Sequence[Candidate]:
+def _leading(search_result: Search, tried: Sequence[Candidate]) -> Sequence[Candidate]:
     """Return the candidates among which a fold chooses.
 
     Where a fit is exact those that lead on all data, as freed, and as large as they were fitted there.
     """
-    if not found.base.task.experiment.is_exact:
+    if not search_result.base.task.experiment.is_exact:
         return tried
-    refits = [one for each in found.rounds for one in each.refits[:LEADERS] if one.net > -one.fee / 2]
-    leaders = {one.name: as_fitted(one, each.fit) for each in refits for one in (*each.instead, each.candidate)}
+    refits = [
+        refit
+        for search_round in search_result.rounds
+        for refit in search_round.refits[:LEADERS]
+        if refit.net > -refit.threshold / 2
+    ]
+    leaders = {
+        candidate.name: as_fitted(candidate, refit.fit)
+        for refit in refits
+        for candidate in (*refit.instead, refit.candidate)
+    }
     return list(leaders.values())
 
 
-def as_fitted(one: Candidate, fitted: Fit) -> Candidate:
+def as_fitted(candidate: Candidate, fitted: Fit) -> Candidate:
     """Return a candidate that starts at what it was fitted to, its doubted shapes at what is assumed of them."""
-    if one.effect is None:
-        return one
-    record = fitted.task.experiment.records(fitted.model)[one.owner]
-    assumed = {name: getattr(one.effect, name) for name in (each.rpartition(".")[2] for each in one.doubted)}
-    return replace(one, effect=record.replace(**assumed))
+    if candidate.effect is None:
+        return candidate
+    record = fitted.task.experiment.records(fitted.model)[candidate.owner]
+    assumed = {
+        name: getattr(candidate.effect, name)
+        for name in (full_name.rpartition(".")[2] for full_name in candidate.diffuse_shapes)
+    }
+    return replace(candidate, effect=record.replace(**assumed))
 
 
 def chosen_anew(base: Fit, tried: Sequence[Candidate]) -> dict[str, Search]:
@@ -115,42 +133,46 @@ def chosen_anew(base: Fit, tried: Sequence[Candidate]) -> dict[str, Search]:
         good[at] = False
         task = replace(base.task, noise=replace(base.task.noise, good=good))
         without = again(fit(task, base.model, base.parameters, base.u, base.slopes))
-        chosen[name] = search(without, tried, lambda said: None)
+        chosen[name] = search(without, tried, lambda message: None)
     return chosen
 
 
-def chosen_without(found: Search) -> dict[str, str]:
+def chosen_without(search_result: Search) -> dict[str, str]:
     """Return what is chosen of the refitted candidates without each fold, to first order: nothing is predicted anew.
 
     Every round is decided again, by the gain on the other folds beyond the threshold, as long as it decides as on all.
     """
-    folds = found.base.task.experiment.folds
+    folds = search_result.base.task.experiment.folds
     chosen: dict[str, list[str]] = {name: [] for name in folds}
-    going, here = set(folds), found.base
-    for each in found.rounds:
-        was = without_each(here)
-        nets = {one.name: was - without_each(one.fit) - one.fee for one in each.refits if one.net > -one.fee / 2}
+    going, current_fit = set(folds), search_result.base
+    for search_round in search_result.rounds:
+        was = without_each(current_fit)
+        nets = {
+            refit.name: was - without_each(refit.fit) - refit.threshold
+            for refit in search_round.refits
+            if refit.net > -refit.threshold / 2
+        }
         for at, name in enumerate(folds):
-            best = max(nets, key=lambda one: nets[one][at], default="")
+            best = max(nets, key=lambda candidate_name: nets[candidate_name][at], default="")
             if name in going and best and nets[best][at] > 0:
                 chosen[name].append(best)
-            if not each.alike or best != each.alike[0].name:
+            if not search_round.indistinguishable or best != search_round.indistinguishable[0].name:
                 going.discard(name)
-        here = each.alike[0].fit if each.alike else here
+        current_fit = search_round.indistinguishable[0].fit if search_round.indistinguishable else current_fit
     return {name: " + ".join(names) for name, names in chosen.items()}
 
 
-def borne_by_folds(found: Search) -> Search:
+def keep_supported_effects(search_result: Search) -> Search:
     """Return the search up to the last effect that, with those before it, half of the folds would choose as well.
 
     Where folds are told to first order: a second law that mends what the form of the first leaves gains on a few only.
     """
-    while len(found.found) > 1:
-        chosen = chosen_without(found)
-        if 2 * _agreeing(found, chosen) >= len(chosen):
+    while len(search_result.best_refits) > 1:
+        chosen = chosen_without(search_result)
+        if 2 * _agreeing(search_result, chosen) >= len(chosen):
             break
-        found = replace(found, rounds=found.rounds[: len(found.found) - 1])
-    return found
+        search_result = replace(search_result, rounds=search_result.rounds[: len(search_result.best_refits) - 1])
+    return search_result
 
 
 def side_of(fitted: Fit) -> Side:
@@ -159,16 +181,18 @@ def side_of(fitted: Fit) -> Side:
     return Side(wide.model, numbers, replace(wide, task=fitted.task).misfit, wide)
 
 
-def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Left, seed: int) -> Verdict:
+def make_verdict(
+    of: tuple[str, str], search_result: Search, chosen: dict[str, str], assessment: ResidualAssessment, seed: int
+) -> Verdict:
     """Return the verdict of kind and name `of` on what a search found and left."""
-    (kind, name), (answer, found) = of, graded(found, left, chosen)
-    last = found.base if answer in (Answer.INADEQUATE, Answer.NONE_FITS) else found.last
-    before = side_of(found.base)
-    after = before if last is found.base else side_of(last)
-    added = found.added if last is not found.base else ()
-    errors = held_out(before.fit, after.fit, found.base.task.noise, seed)
-    share = held_out_share(found.base, last) if added else 0.0
-    against = tuple(vetoes(found, chosen, errors.channels, left.patterned)) if added else ()
+    (kind, name), (answer, search_result) = of, graded(search_result, assessment, chosen)
+    last = search_result.base if answer in (Answer.INADEQUATE, Answer.NONE_FITS) else search_result.last
+    before = side_of(search_result.base)
+    after = before if last is search_result.base else side_of(last)
+    added = search_result.added if last is not search_result.base else ()
+    errors = held_out(before.fit, after.fit, search_result.base.task.noise, seed)
+    share = held_out_share(search_result.base, last) if added else 0.0
+    against = tuple(vetoes(search_result, chosen, errors.channels, assessment.patterned)) if added else ()
     if answer is Answer.NAMED and against:
         answer = Answer.LIKE
     records = after.fit.task.experiment.records(after.model)
@@ -176,11 +200,11 @@ def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Lef
         kind,
         answer,
         name,
-        sentence(answer, found, share, (left.said, against)),
+        sentence(answer, search_result, share, (assessment.description, against)),
         after.model,
-        tuple(records[one.owner] for one in added if is_effect(records[one.owner])),
-        tuple(one.name for one in added),
-        found.alike,
+        tuple(records[candidate.owner] for candidate in added if is_effect(records[candidate.owner])),
+        tuple(candidate.name for candidate in added),
+        search_result.indistinguishable,
         share,
         before,
         after,
@@ -188,71 +212,81 @@ def judged(of: tuple[str, str], found: Search, chosen: dict[str, str], left: Lef
         errors.runs,
         chosen,
         against,
-        lost_folds(errors.channels, found.base.task.experiment.no_value),
-        search=found,
+        lost_folds(errors.channels, search_result.base.task.experiment.no_value),
+        search=search_result,
     )
 
 
-def first_of(found: Search) -> Search:
+def first_of(search_result: Search) -> Search:
     """Return the search as it stood after its first round, where that found something."""
-    return replace(found, rounds=found.rounds[:1]) if found.rounds[0].alike else found
+    return (
+        replace(search_result, rounds=search_result.rounds[:1])
+        if search_result.rounds[0].indistinguishable
+        else search_result
+    )
 
 
-def vetoes(found: Search, chosen: dict[str, str], scores: Sequence[ChannelScore], patterned: bool) -> list[str]:
+def vetoes(search_result: Search, chosen: dict[str, str], scores: Sequence[ChannelScore], patterned: bool) -> list[str]:
     """Return what keeps a lone name from standing, one sentence each."""
-    last = found.last
-    said = []
-    for one, u in zip(last.parameters, last.u, strict=True):
-        usual = not one.prior and abs(u - 1.0) <= AT_BOUND  # at its default a law is as published, not strained
-        if min(u - one.bounds[0], one.bounds[1] - u) <= AT_BOUND and not usual:
-            said.append(f"{one.name} lies at its bound")
-    said += [f"{one} from what is declared of it" for one in implausible(last)]
-    same = _agreeing(found, chosen)
-    if len(chosen) >= FEWEST and 2 * same <= len(chosen):
-        said.append(f"{found.names} is chosen in {same} of {len(chosen)} folds only")
-    worse = [one for one in scores if one.worded.outcome is Outcome.WORSE and one.change > WORSE_BY]
-    said += [f"{one.name} is predicted worse where it was not fitted" for one in worse]
-    lost = [one for one in scores if math.isnan(one.after)]
-    said += [f"{one.name} is not predicted where it was not fitted" for one in lost]
-    return [*said, "a smooth curve describes what it leaves, beyond chance"] if patterned else said
+    last = search_result.last
+    sentences = []
+    for parameter, u in zip(last.parameters, last.u, strict=True):
+        nominal = not parameter.prior and abs(u - 1.0) <= AT_BOUND  # at its default a law is as published, not strained
+        if min(u - parameter.bounds[0], parameter.bounds[1] - u) <= AT_BOUND and not nominal:
+            sentences.append(f"{parameter.name} lies at its bound")
+    sentences += [f"{deviation} from what is declared of it" for deviation in implausible(last)]
+    agreeing_folds = _agreeing(search_result, chosen)
+    if len(chosen) >= FEWEST and 2 * agreeing_folds <= len(chosen):
+        sentences.append(f"{search_result.names} is chosen in {agreeing_folds} of {len(chosen)} folds only")
+    worse = [score for score in scores if score.worded.outcome is Outcome.WORSE and score.change > WORSE_BY]
+    sentences += [f"{score.name} is predicted worse where it was not fitted" for score in worse]
+    lost = [score for score in scores if math.isnan(score.after)]
+    sentences += [f"{score.name} is not predicted where it was not fitted" for score in lost]
+    return [*sentences, "a smooth curve describes what it leaves, beyond chance"] if patterned else sentences
 
 
-def graded(found: Search, left: Left, chosen: dict[str, str]) -> tuple[Answer, Search]:
+def graded(search_result: Search, assessment: ResidualAssessment, chosen: dict[str, str]) -> tuple[Answer, Search]:
     """Return what may be said of what was found and left, and chosen without each fold, and the search it is said of.
 
     What is missing is like all that was found where that holds together, else like the first.
     """
-    if left.outdone:
-        return Answer.NONE_FITS, found
-    if not found.found or not left.unlisted:
-        return answer_of(found, left, False), found
-    if hold_together(found, chosen):
-        return answer_of(found, left, True), found
-    first = first_of(found)
-    alone = held_out_share(found.base, first.last) >= TAKES_MOST
-    return answer_of(found, left, alone), first if alone else found
+    if assessment.outperformed:
+        return Answer.NONE_FITS, search_result
+    if not search_result.best_refits or not assessment.unlisted:
+        return answer_of(search_result, assessment, False), search_result
+    if hold_together(search_result, chosen):
+        return answer_of(search_result, assessment, True), search_result
+    first = first_of(search_result)
+    alone = held_out_share(search_result.base, first.last) >= TAKES_MOST
+    return answer_of(search_result, assessment, alone), first if alone else search_result
 
 
-def hold_together(found: Search, chosen: dict[str, str]) -> bool:
+def hold_together(search_result: Search, chosen: dict[str, str]) -> bool:
     """Return whether effects of few numbers take nearly all that is missed where not fitted, and most folds agree."""
-    own = sum(len(one.names) for one in found.added)
-    told = 2 * _agreeing(found, chosen) > len(chosen) and LEVELS_EACH * own <= len(found.base.task.experiment.folds)
-    return len(found.added) > 1 and told and held_out_share(found.base, found.last) >= TAKEN_TOGETHER
+    number_count = sum(len(candidate.names) for candidate in search_result.added)
+    is_supported = 2 * _agreeing(search_result, chosen) > len(chosen) and LEVELS_EACH * number_count <= len(
+        search_result.base.task.experiment.folds
+    )
+    return (
+        len(search_result.added) > 1
+        and is_supported
+        and held_out_share(search_result.base, search_result.last) >= TAKEN_TOGETHER
+    )
 
 
-def _agreeing(found: Search, chosen: dict[str, str]) -> int:
+def _agreeing(search_result: Search, chosen: dict[str, str]) -> int:
     """Return how many folds choose what was found, in any order."""
-    names = {one.name for one in found.added}
+    names = {candidate.name for candidate in search_result.added}
     return sum(set(name.split(" + ")) == names for name in chosen.values())
 
 
-def answer_of(found: Search, left: Left, takes_most: bool) -> Answer:
+def answer_of(search_result: Search, assessment: ResidualAssessment, takes_most: bool) -> Answer:
     """Return what may be said: a name stands where its law holds, or is like what is missing where it takes most."""
-    unlisted = Answer.NONE_FITS if left.described else Answer.INADEQUATE
-    if not found.found:
-        if left.unlisted:
+    unlisted = Answer.NONE_FITS if assessment.described else Answer.INADEQUATE
+    if not search_result.best_refits:
+        if assessment.unlisted:
             return unlisted
-        return Answer.INADEQUATE if implausible(found.base) else Answer.NONE_NEEDED
-    if left.unlisted:
+        return Answer.INADEQUATE if implausible(search_result.base) else Answer.NONE_NEEDED
+    if assessment.unlisted:
         return Answer.LIKE if takes_most else unlisted
-    return Answer.SET if len(found.alike) > 1 else Answer.NAMED
+    return Answer.SET if len(search_result.indistinguishable) > 1 else Answer.NAMED

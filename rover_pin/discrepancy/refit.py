@@ -21,7 +21,7 @@ HALF = 0.5
 """Share of the best's net gain from which better predictions of what was not fitted make a rival."""
 
 Progress = Callable[[str], None]
-Fee = Callable[..., float]
+Threshold = Callable[..., float]
 """What chance alone gains with a candidate; `inflation`, a keyword, says by how much more than with white noise."""
 
 
@@ -33,7 +33,7 @@ class Refit:
     fit: Fit = field(repr=False)
     gain: float
     "fall of chi2 from the model without"
-    fee: float
+    threshold: float
     "what chance alone would gain"
     held_out: float
     "how much better every fold is predicted from the others: in chi2 where fits are exact, else in `seen_again`; NaN \
@@ -46,12 +46,12 @@ where it loses one that the model without predicts"
     @property
     def name(self) -> str:
         """Name of the candidate, after those that it needs in place of the best before."""
-        return " + ".join(one.name for one in (*self.instead, self.candidate))
+        return " + ".join(candidate.name for candidate in (*self.instead, self.candidate))
 
     @property
     def net(self) -> float:
         """Gain minus fee."""
-        return self.gain - self.fee
+        return self.gain - self.threshold
 
     @property
     def loses(self) -> bool:
@@ -66,46 +66,51 @@ where it loses one that the model without predicts"
 
 def joined(base: Fit, candidate: Candidate, model: Any) -> tuple[tuple[Parameter, ...], np.ndarray]:
     """Return the base's numbers and the candidate's, and where the fit starts; freed numbers lose their prior."""
-    freed = [] if candidate.effect is not None else list(candidate.sizes)
-    old = [dataclasses.replace(one, prior=False) if one.name in freed else one for one in base.parameters]
-    own = () if candidate.effect is None else candidate.parameters
-    start = [one.u(base.task.experiment.value(model, one.name)) for one in own]
-    return (*old, *own), np.concatenate([base.u, start])
+    unconstrained_names = [] if candidate.effect is not None else list(candidate.amplitudes)
+    old = [
+        dataclasses.replace(parameter, prior=False) if parameter.name in unconstrained_names else parameter
+        for parameter in base.parameters
+    ]
+    candidate_parameters = () if candidate.effect is None else candidate.parameters
+    start = [parameter.u(base.task.experiment.value(model, parameter.name)) for parameter in candidate_parameters]
+    return (*old, *candidate_parameters), np.concatenate([base.u, start])
 
 
-def counted(refits: tuple[Refit, ...], fee: Fee) -> tuple[Refit, ...]:
+def rescale_thresholds(refits: tuple[Refit, ...], threshold: Threshold) -> tuple[Refit, ...]:
     """Return the refits with thresholds in units of what the best one leaves, if that is more than declared noise."""
     if not refits or refits[0].fit.task.experiment.noise() is None:
         return refits
-    unit = max(refits[0].fit.task.noise.inflation, min(one.fit.misfit for one in refits))
-    wider = [dataclasses.replace(one, fee=fee(one.candidate, inflation=unit), unit=unit) for one in refits]
-    return tuple(sorted(wider, key=lambda one: -one.net))
+    unit = max(refits[0].fit.task.noise.inflation, min(refit.fit.misfit for refit in refits))
+    wider = [
+        dataclasses.replace(refit, threshold=threshold(refit.candidate, inflation=unit), unit=unit) for refit in refits
+    ]
+    return tuple(sorted(wider, key=lambda refit: -refit.net))
 
 
 def best_of_each(refits: Sequence[Refit]) -> tuple[Refit, ...]:
     """Return the best refit of each candidate, the best first: from two starts there are two."""
     best: dict[str, Refit] = {}
-    for one in sorted(refits, key=lambda one: -one.net):
-        best.setdefault(one.name, one)
+    for refit in sorted(refits, key=lambda refit: -refit.net):
+        best.setdefault(refit.name, refit)
     return tuple(best.values())
 
 
-def alike(found: Sequence[Refit]) -> tuple[Refit, ...]:
+def indistinguishable_refits(refits: Sequence[Refit]) -> tuple[Refit, ...]:
     """Return the candidates that the data cannot tell from the best, the best first; empty where none is accepted."""
-    accepted = [one for one in found if one.accepted]
+    accepted = [refit for refit in refits if refit.accepted]
     if not accepted:
         return ()
     best = accepted[0]
     enough = max(0.0, best.net - ODDS * best.unit)
-    better = [one for one in accepted if one.held_out > best.held_out and one.net > HALF * best.net]
-    near = [one for one in found if one is not best and (one.net > enough or one in better)]
-    kept = {_what(best): best}
-    for one in near:
-        kept.setdefault(_what(one), one)
-    return tuple(kept.values())
+    better = [refit for refit in accepted if refit.held_out > best.held_out and refit.net > HALF * best.net]
+    rivals = [refit for refit in refits if refit is not best and (refit.net > enough or refit in better)]
+    distinct = {_what(best): best}
+    for refit in rivals:
+        distinct.setdefault(_what(refit), refit)
+    return tuple(distinct.values())
 
 
-def _what(one: Refit) -> tuple[str, bool]:
+def _what(refit: Refit) -> tuple[str, bool]:
     """Return what counts as one rival: a kind that is sought all over the ground, wherever it is, else a name."""
-    sought = one.candidate.sought
-    return (one.candidate.kind if sought else one.name), sought
+    place_searched = refit.candidate.place_searched
+    return (refit.candidate.kind if place_searched else refit.name), place_searched

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.discrepancy.candidate import FAR_FROM, Candidate
-from rover_pin.estimation.by_chance.random_field import RandomField, chance_of, learnt_sds
+from rover_pin.estimation.by_chance.random_field import RandomField, learnt_sds, random_effects_filter
 from rover_pin.estimation.fit import Fit, covariance
 from rover_pin.estimation.noise import COLOURED, Absorbed, Noise, huber_weights, noise_of
 from rover_pin.quantity import quantities
@@ -37,8 +37,8 @@ class Signature:
     """How a candidate at some size moves the features (runs, channels, blocks); `sizes` are its values there."""
 
     candidate: Candidate
-    sizes: dict[str, float]
-    moved: np.ndarray = field(repr=False)
+    amplitudes: dict[str, float]
+    shift: np.ndarray = field(repr=False)
     neutral: dict[str, float] = field(default_factory=dict)
 
 
@@ -60,37 +60,46 @@ class Scored:
     "share of the signature's sum of squares that they can imitate"
 
     @property
-    def told(self) -> bool:
+    def is_identifiable(self) -> bool:
         """Whether the data can tell the candidate at all."""
         return self.visible > STILL and 1 - self.absorbed > ABSORBED**2
 
-    def smallest(self, fee: float) -> float:
+    def smallest(self, threshold: float) -> float:
         """Return the share of the signature's size that these data would show."""
-        return math.sqrt(fee) / self.visible if self.visible > 0 else math.inf
+        return math.sqrt(threshold) / self.visible if self.visible > 0 else math.inf
 
 
 def signatures(base: Fit, candidates: Sequence[Candidate]) -> list[Signature]:
     """Return the signatures of all candidates on the fitted base: one prediction each."""
     model, experiment = base.model, base.task.experiment
-    freed = [_freed(base, one) for one in candidates if one.effect is None]
-    tried = [(one, sizes) for one in candidates if one.effect is not None for sizes in trials(one)]
-    with_it = [experiment.with_values(one.on(model), sizes) for one, sizes in tried]
-    asked = (model, tuple(with_it))
-    features = experiment.kept(asked, lambda: {"features": _features(base, with_it)})["features"]
-    found = [
-        Signature(one, sizes, each - base.predicted, one.neutral)
-        for (one, sizes), each in zip(tried, features, strict=True)
+    number_signatures = [
+        _unconstrained_signature(base, candidate) for candidate in candidates if candidate.effect is None
     ]
-    return freed + [_smaller(base, one) for one in found]
+    tried = [
+        (candidate, amplitudes)
+        for candidate in candidates
+        if candidate.effect is not None
+        for amplitudes in trials(candidate)
+    ]
+    with_it = [experiment.with_values(candidate.on(model), amplitudes) for candidate, amplitudes in tried]
+    request = (model, tuple(with_it))
+    features = experiment.cached_arrays(request, lambda: {"features": _features(base, with_it)})["features"]
+    effect_signatures = [
+        Signature(candidate, amplitudes, prediction - base.predicted, candidate.neutral)
+        for (candidate, amplitudes), prediction in zip(tried, features, strict=True)
+    ]
+    return number_signatures + [_smaller(base, signature) for signature in effect_signatures]
 
 
-def _smaller(base: Fit, found: Signature) -> Signature:
+def _smaller(base: Fit, signature: Signature) -> Signature:
     """Return a signature at a share SMALL of its sizes where the whole loses a prediction: no sinkage may carry it."""
-    if not is_lost(base, found.moved):
-        return found
-    sizes = {name: (1 - SMALL) * found.neutral[name] + SMALL * size for name, size in found.sizes.items()}
-    with_it = base.task.experiment.with_values(found.candidate.on(base.model), sizes)
-    return dataclasses.replace(found, sizes=sizes, moved=_features(base, [with_it])[0] - base.predicted)
+    if not is_lost(base, signature.shift):
+        return signature
+    amplitudes = {
+        name: (1 - SMALL) * signature.neutral[name] + SMALL * size for name, size in signature.amplitudes.items()
+    }
+    with_it = base.task.experiment.with_values(signature.candidate.on(base.model), amplitudes)
+    return dataclasses.replace(signature, amplitudes=amplitudes, shift=_features(base, [with_it])[0] - base.predicted)
 
 
 def is_lost(fitted: Fit, values: np.ndarray) -> bool:
@@ -102,30 +111,30 @@ def _features(base: Fit, models: Sequence[Any]) -> np.ndarray:
     return base.task.experiment.predict(models) if models else np.zeros((0, *base.predicted.shape))
 
 
-def _freed(base: Fit, candidate: Candidate) -> Signature:
+def _unconstrained_signature(base: Fit, candidate: Candidate) -> Signature:
     """Return the signature of a number freed from its prior: its slope for one SD of the prior."""
-    (name,) = candidate.sizes
-    one = next(each for each in base.parameters if each.name == name)
-    at = [each.name for each in base.parameters].index(name)
-    here = one.value(base.u[at])
-    return Signature(candidate, {name: one.value(base.u[at] + 1.0)}, base.slopes[name], {name: here})
+    (name,) = candidate.amplitudes
+    parameter = next(number for number in base.parameters if number.name == name)
+    at = [number.name for number in base.parameters].index(name)
+    present_value = parameter.value(base.u[at])
+    return Signature(candidate, {name: parameter.value(base.u[at] + 1.0)}, base.slopes[name], {name: present_value})
 
 
 def trials(candidate: Candidate) -> list[dict[str, float]]:
     """Return the sizes at which a candidate is tried: each of its sizes alone, threshold effects at several."""
-    parameters = [candidate.size(name) for name in candidate.sizes]
-    if candidate.sought and len(parameters) > 1:
-        return [{one.name: one.value(1.0) for one in parameters}]
-    found = []
-    for one in parameters:
-        multiples = MULTIPLES if one.log else (1.0,)
+    parameters = [candidate.size(name) for name in candidate.amplitudes]
+    if candidate.place_searched and len(parameters) > 1:
+        return [{parameter.name: parameter.value(1.0) for parameter in parameters}]
+    trial_amplitudes = []
+    for parameter in parameters:
+        multiples = MULTIPLES if parameter.log else (1.0,)
         for multiple in multiples:
-            value = one.origin * multiple if one.log else one.value(multiple)
-            found.append({**candidate.neutral, one.name: value})
-    return found
+            value = parameter.origin * multiple if parameter.log else parameter.value(multiple)
+            trial_amplitudes.append({**candidate.neutral, parameter.name: value})
+    return trial_amplitudes
 
 
-def score(base: Fit, found: Sequence[Signature]) -> list[Scored]:
+def score(base: Fit, candidate_signatures: Sequence[Signature]) -> list[Scored]:
     """Return every candidate with its best signature, the most promising first.
 
     With rows r, slopes J, priors P, weights W and A = J^T W J + P, a signature d scores
@@ -134,23 +143,32 @@ def score(base: Fit, found: Sequence[Signature]) -> list[Scored]:
     """
     rows, columns = base.rows, base.columns
     weights, spread = huber_weights(rows), covariance(columns, rows, base.parameters)
-    held = np.array([u if one.prior else 0.0 for one, u in zip(base.parameters, base.u, strict=True)])
-    off = columns.T @ (weights * rows) + held
+    prior_gradient = np.array(
+        [u if parameter.prior else 0.0 for parameter, u in zip(base.parameters, base.u, strict=True)]
+    )
+    off = columns.T @ (weights * rows) + prior_gradient
     best: dict[str, Scored] = {}
-    for each in found:
-        moved = base.task.noise.white(each.moved)
-        weighted = weights * moved
+    for signature in candidate_signatures:
+        white_shift = base.task.noise.white(signature.shift)
+        weighted = weights * white_shift
         across = columns.T @ weighted
-        whole = float(moved @ weighted)
-        info = np.maximum(whole - float(across @ spread @ across), 1e-12)
+        total_info = float(white_shift @ weighted)
+        info = np.maximum(total_info - float(across @ spread @ across), 1e-12)
         slope = float(weighted @ rows - across @ spread @ off)
-        share = _reachable(each, slope / info)
+        share = _reachable(signature, slope / info)
         gain = float(np.maximum(2 * share * slope - share**2 * info, 0.0))
-        row = Scored(each.candidate, each, gain, share, math.sqrt(info), float(1 - info / np.maximum(whole, 1e-12)))
-        name = each.candidate.name
+        row = Scored(
+            signature.candidate,
+            signature,
+            gain,
+            share,
+            math.sqrt(info),
+            float(1 - info / np.maximum(total_info, 1e-12)),
+        )
+        name = signature.candidate.name
         if name not in best or math.isnan(best[name].gain) or row.gain > best[name].gain:
             best[name] = row
-    return sorted(best.values(), key=lambda row: -row.gain if row.told else 0.0)
+    return sorted(best.values(), key=lambda row: -row.gain if row.is_identifiable else 0.0)
 
 
 def _reachable(signature: Signature, share: float) -> float:
@@ -159,18 +177,20 @@ def _reachable(signature: Signature, share: float) -> float:
     if candidate.effect is None:
         return share
     low, high = -math.inf, math.inf
-    for name, size in signature.sizes.items():
+    for name, size in signature.amplitudes.items():
         neutral = signature.neutral[name]
         field_name = name.rpartition(".")[2]
-        about = quantities(candidate.effect)[field_name]
+        spec = quantities(candidate.effect)[field_name]
         if size == neutral:
             continue
-        ends = sorted([(about.low - neutral) / (size - neutral), (about.high - neutral) / (size - neutral)])
+        ends = sorted([(spec.low - neutral) / (size - neutral), (spec.high - neutral) / (size - neutral)])
         low, high = max(low, ends[0]), min(high, ends[1])
     return min(max(share, low), high)
 
 
-def saturated(base: Fit, found: Sequence[Signature], field: RandomField | None = None) -> tuple[np.ndarray, Absorbed]:
+def saturated(
+    base: Fit, candidate_signatures: Sequence[Signature], field: RandomField | None = None
+) -> tuple[np.ndarray, Absorbed]:
     """Return the residual (runs, channels, blocks) that no candidate and no number explains, to tell noise from.
 
     Nor does the random field, of which as much is explained as its SDs allow, at first the sizes of its columns.
@@ -178,71 +198,82 @@ def saturated(base: Fit, found: Sequence[Signature], field: RandomField | None =
     Beside it stands what of the noise they took with them, the covariance of what they explain: p columns on n rows
     take p / n of the variance, and more of the memory, which made the noise of a minute's log half as large as it is.
     """
-    moved = [base.slopes[one.name] for one in base.parameters] + [each.moved for each in found]
-    free, noise = len(moved), dataclasses.replace(base.task.noise, chance=None)
+    responses = [base.slopes[parameter.name] for parameter in base.parameters] + [
+        signature.shift for signature in candidate_signatures
+    ]
+    free, noise = len(responses), dataclasses.replace(base.task.noise, random_effects=None)
     if field is not None:
-        moved += list(_scales(base.task.noise, field)[:, None, None, None] * field.moved)
-    explained = np.moveaxis(np.array(moved), 0, -1)
+        responses += list(_scales(base.task.noise, field)[:, None, None, None] * field.moved)
+    explained = np.moveaxis(np.array(responses), 0, -1)
     columns, rows = noise.white(np.moveaxis(explained, -1, 0)).T, noise.white(base.residual)
     root = np.sqrt(huber_weights(rows))
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
-    held = np.where(np.arange(len(scale)) < free, 1e-4, 1.0 / scale**2)
+    penalty = np.where(np.arange(len(scale)) < free, 1e-4, 1.0 / scale**2)
     scaled = columns / scale
     weighted = scaled * root[:, None]
-    normal = weighted.T @ weighted + np.diag(held)
+    normal = weighted.T @ weighted + np.diag(penalty)
     size = np.sqrt(np.diag(normal))
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))
-    told = values > len(values) * np.finfo(float).eps * values[-1]  # below stands round-off, of columns that are alike
-    axes = vectors[:, told] / np.sqrt(values[told]) / size[:, None]
+    sound = values > len(values) * np.finfo(float).eps * values[-1]  # below stands round-off, of columns that are alike
+    axes = vectors[:, sound] / np.sqrt(values[sound]) / size[:, None]
     share = axes @ (axes.T @ (scaled.T @ (root**2 * rows))) / scale
-    doubted = explained / scale @ axes
-    before = np.concatenate([np.zeros_like(doubted[..., :1, :]), doubted[..., :-1, :]], axis=-2)
-    absorbed = Absorbed(np.sum(doubted**2, axis=-1), np.sum(doubted * before, axis=-1))
+    projected = explained / scale @ axes
+    before = np.concatenate([np.zeros_like(projected[..., :1, :]), projected[..., :-1, :]], axis=-2)
+    absorbed = Absorbed(np.sum(projected**2, axis=-1), np.sum(projected * before, axis=-1))
     return np.asarray(base.residual - explained @ share), absorbed
 
 
 def _scales(noise: Noise, field: RandomField) -> np.ndarray:
     """Return the learnt SD of each column of a field, in its size; 1 before any is learnt."""
-    learnt = [one.sd / one.kind.size for one in noise.chance.learnt] if noise.chance else [1.0] * len(field.kinds)
+    learnt = (
+        [learnt_sd.sd / learnt_sd.kind.size for learnt_sd in noise.random_effects.learnt]
+        if noise.random_effects
+        else [1.0] * len(field.kinds)
+    )
     return np.array(learnt)[field.kind]
 
 
-def with_chance(base: Fit, found: Sequence[Signature], field: RandomField) -> Fit:
+def with_random_effects(base: Fit, candidate_signatures: Sequence[Signature], field: RandomField) -> Fit:
     """Return the fit with the SDs of the random field learnt, what it may have done taken out of its rows."""
     noise = base.task.noise
-    free = noise.white(np.array([base.slopes[one.name] for one in base.parameters] + [each.moved for each in found])).T
+    free = noise.white(
+        np.array(
+            [base.slopes[parameter.name] for parameter in base.parameters]
+            + [signature.shift for signature in candidate_signatures]
+        )
+    ).T
     columns, rows = noise.white(field.moved).T, base.rows
     root = np.sqrt(huber_weights(rows))
     learnt = learnt_sds(root * rows, root[:, None] * free, root[:, None] * columns, field)
-    made = dataclasses.replace(noise, chance=chance_of(field, columns, noise.good, learnt))
-    return dataclasses.replace(base, task=dataclasses.replace(base.task, noise=made))
+    learnt_noise = dataclasses.replace(noise, random_effects=random_effects_filter(field, columns, noise.good, learnt))
+    return dataclasses.replace(base, task=dataclasses.replace(base.task, noise=learnt_noise))
 
 
-def entry_fee(candidates: int) -> float:
+def null_threshold(candidates: int) -> float:
     """Return the gain in chi2 that chance alone gives the best of so many candidates in 5 % of sets."""
     return 2 * math.log(max(candidates, 1) / FALSE_ALARMS)
 
 
-def fee_of(candidate: Candidate, count: int, taken: float = 0.0, inflation: float = COLOURED) -> float:
+def candidate_threshold(candidate: Candidate, count: int, taken: float = 0.0, inflation: float = COLOURED) -> float:
     """Return what chance gains the best of `count` candidates; SOUGHT times that for one that is sought somewhere.
 
     Beside chance stands what the laws that were added before, which took `taken` of chi2, may leave by their form.
     """
-    further = len(candidate.sizes) - 1 + len(candidate.freed)
-    white = entry_fee(count) * (SOUGHT if candidate.sought else 1.0) + entry_fee(1) * further
+    extra_numbers = len(candidate.amplitudes) - 1 + len(candidate.free_shapes)
+    white = null_threshold(count) * (SOUGHT if candidate.place_searched else 1.0) + null_threshold(1) * extra_numbers
     return inflation * white + ROUGH * taken
 
 
 def started(scored: Scored, base: Fit) -> dict[str, float]:
     """Return the sizes at which a refit of a candidate starts: where its best signature takes the gain."""
     if scored.candidate.effect is None:
-        return {name: base.task.experiment.value(base.model, name) for name in scored.candidate.sizes}
+        return {name: base.task.experiment.value(base.model, name) for name in scored.candidate.amplitudes}
     share = min(max(scored.share, -3.0), 3.0)
-    sizes = {}
-    for name, size in scored.signature.sizes.items():
+    amplitudes = {}
+    for name, size in scored.signature.amplitudes.items():
         neutral = scored.signature.neutral[name]
-        sizes[name] = size if abs(neutral) > FAR_FROM * abs(size) else neutral + share * (size - neutral)
-    return sizes
+        amplitudes[name] = size if abs(neutral) > FAR_FROM * abs(size) else neutral + share * (size - neutral)
+    return amplitudes
 
 
 def with_noise(base: Fit, residual: np.ndarray, least: np.ndarray, absorbed: Absorbed | None = None) -> Fit:

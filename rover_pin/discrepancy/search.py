@@ -10,21 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.discrepancy.anchor import anchor, is_bent
+from rover_pin.discrepancy.anchor import declared_start, is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
-from rover_pin.discrepancy.exact_refits import Tried, as_published, exactly_refitted, judged, paired
-from rover_pin.discrepancy.refit import Fee, Progress, Refit, alike
+from rover_pin.discrepancy.exact_refits import Tried, as_published, exactly_refitted, paired, rank_refits
+from rover_pin.discrepancy.refit import Progress, Refit, Threshold, indistinguishable_refits
 from rover_pin.discrepancy.screen import (
     Scored,
     Signature,
-    fee_of,
+    candidate_threshold,
     is_lost,
     saturated,
     score,
     signatures,
-    with_chance,
     with_noise,
+    with_random_effects,
 )
 from rover_pin.errors import OptimisationError
 from rover_pin.estimation.by_chance.beyond_declared import beyond_declared
@@ -61,9 +61,9 @@ class Round:
     refits: tuple[Refit, ...]
 
     @property
-    def alike(self) -> tuple[Refit, ...]:
+    def indistinguishable(self) -> tuple[Refit, ...]:
         """The candidates that the data cannot tell from the best; empty where none is accepted."""
-        return alike(self.refits)
+        return indistinguishable_refits(self.refits)
 
 
 @brief
@@ -73,48 +73,56 @@ class Search:
 
     base: Fit
     rounds: tuple[Round, ...]
-    known: tuple[Signature, ...] = field(repr=False)
+    signatures: tuple[Signature, ...] = field(repr=False)
     "how each candidate moves the base model"
-    chance: RandomField | None = field(default=None, repr=False)
+    random_field: RandomField | None = field(default=None, repr=False)
     "what of the experiment differs from fold to fold by chance"
 
     @property
-    def found(self) -> tuple[Refit, ...]:
+    def best_refits(self) -> tuple[Refit, ...]:
         """The best of every round that found something, in turn."""
         return self.before(len(self.rounds))
 
     def before(self, number: int) -> tuple[Refit, ...]:
         """The best of every round before this one that found something."""
-        return tuple(each.alike[0] for each in self.rounds[:number] if each.alike)
+        return tuple(
+            search_round.indistinguishable[0] for search_round in self.rounds[:number] if search_round.indistinguishable
+        )
 
     @property
     def added(self) -> tuple[Candidate, ...]:
         """What was added, in turn."""
         path: tuple[Candidate, ...] = ()
-        for one in self.found:
-            path = (*(one.instead or path), one.candidate)
+        for best_refit in self.best_refits:
+            path = (*(best_refit.instead or path), best_refit.candidate)
         return path
 
     @property
     def names(self) -> str:
         """What was added, in words; empty where nothing was."""
-        return " + ".join(one.name for one in self.added)
+        return " + ".join(candidate.name for candidate in self.added)
 
     @property
-    def alike(self) -> tuple[str, ...]:
+    def indistinguishable(self) -> tuple[str, ...]:
         """What was added, then what cannot be distinguished from it; empty where nothing was added."""
-        *firsts, last = [each.alike for each in self.rounds if each.alike] or [()]
-        before = [one.name for one in replace(self, rounds=self.rounds[: len(firsts)]).added]
-        ways = [[*([c.name for c in one.instead] or before), one.candidate.name] for one in last]
+        *firsts, last = [
+            search_round.indistinguishable for search_round in self.rounds if search_round.indistinguishable
+        ] or [()]
+        before = [candidate.name for candidate in replace(self, rounds=self.rounds[: len(firsts)]).added]
+        ways = [[*([c.name for c in tied_refit.instead] or before), tied_refit.candidate.name] for tied_refit in last]
         if not self.base.task.experiment.is_exact:  # else every round but the last was looked at again by pairs
-            rest = self.names.split(" + ")
-            ways += [[*rest[:at], other.name, *rest[at + 1 :]] for at, each in enumerate(firsts) for other in each[1:]]
+            added_names = self.names.split(" + ")
+            ways += [
+                [*added_names[:at], tied_refit.name, *added_names[at + 1 :]]
+                for at, tied_refits in enumerate(firsts)
+                for tied_refit in tied_refits[1:]
+            ]
         return tuple(" + ".join(way) for way in ways)
 
     @property
     def last(self) -> Fit:
         """The fit with everything that was added."""
-        return self.found[-1].fit if self.found else self.base
+        return self.best_refits[-1].fit if self.best_refits else self.base
 
     @property
     def count(self) -> int:
@@ -132,20 +140,23 @@ def calibrated(experiment: Experiment, model: Any, numbers: Sequence[Parameter],
     """
     declared = experiment.noise()
     if declared is not None and experiment.is_exact:
-        centre = np.array([one.u(experiment.value(model, one.name)) for one in numbers])
+        centre = np.array([parameter.u(experiment.value(model, parameter.name)) for parameter in numbers])
         starts = np.array(scattered(numbers, centre, STARTS, seed))
         for times in WIDER:
-            found = best_of(Task(experiment, declared), model, numbers, [*(centre + times * (starts - centre))])
-            if found is not None:
-                return found
+            best_fit = best_of(Task(experiment, declared), model, numbers, [*(centre + times * (starts - centre))])
+            if best_fit is not None:
+                return best_fit
         lost = experiment.unpredicted(model)
         why = f"{lost}; start from a model that does, or mend that run" if lost else "free fewer numbers"
-        said = f"{experiment.name}: no start of the fit of the base model converged: {why}."
-        raise OptimisationError(said, status="")
+        message = f"{experiment.name}: no start of the fit of the base model converged: {why}."
+        raise OptimisationError(message, status="")
     if declared is not None:
         return again(fit(Task(experiment, declared), model, numbers))
-    left, least = residual(experiment.observed, experiment.predict([model])[0]), experiment.least_noise(model)
-    base = fit(Task(experiment, first_noise(left, least)), model, numbers)
+    initial_residual, least = (
+        residual(experiment.observed, experiment.predict([model])[0]),
+        experiment.least_noise(model),
+    )
+    base = fit(Task(experiment, first_noise(initial_residual, least)), model, numbers)
     return again(with_noise(base, base.residual, least))
 
 
@@ -154,11 +165,13 @@ def again(base: Fit) -> Fit:
     return fit(base.task, base.model, base.parameters, base.u, base.slopes)
 
 
-def _with_what_is_left(base: Fit, known: Sequence[Signature], chance: RandomField | None, least: np.ndarray) -> Fit:
+def _with_residual_noise(
+    base: Fit, candidate_signatures: Sequence[Signature], random_field: RandomField | None, least: np.ndarray
+) -> Fit:
     """Return the fit with noise, and chance, as large as what nothing explains."""
-    left, absorbed = saturated(base, known, chance)
-    noisy = with_noise(base, left, least, absorbed)
-    return noisy if chance is None else with_chance(noisy, known, chance)
+    unexplained, absorbed = saturated(base, candidate_signatures, random_field)
+    noisy = with_noise(base, unexplained, least, absorbed)
+    return noisy if random_field is None else with_random_effects(noisy, candidate_signatures, random_field)
 
 
 def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
@@ -168,29 +181,38 @@ def search(base: Fit, tried: Sequence[Candidate], progress: Progress) -> Search:
     Where a fit is exact and its noise declared, what folds have by chance beyond it is learnt of what the search
     leaves, and the search made again in that noise.
     """
-    known = _known(base, tried, progress)
+    candidate_signatures = _known(base, tried, progress)
     if base.task.experiment.noise() is None:
         experiment = base.task.experiment
-        least, chance = experiment.least_noise(base.model), experiment.random_field(base.model)
+        least, random_field = experiment.least_noise(base.model), experiment.random_field(base.model)
         if np.all(base.rms <= least):
-            return Search(base, (Round(tuple(score(base, known)), ()),), tuple(known), chance)
+            return Search(
+                base, (Round(tuple(score(base, candidate_signatures)), ()),), tuple(candidate_signatures), random_field
+            )
         for _ in range(LEARNT):
-            base = again(_with_what_is_left(base, known, chance, least))
-        return _rounds(Search(base, (), tuple(known), chance), tried, progress)
-    found = _rounds(Search(base, (), tuple(known)), tried, progress)
+            base = again(_with_residual_noise(base, candidate_signatures, random_field, least))
+        return _rounds(Search(base, (), tuple(candidate_signatures), random_field), tried, progress)
+    search_result = _rounds(Search(base, (), tuple(candidate_signatures)), tried, progress)
     for _ in range(LEARNT if base.task.experiment.is_exact else 0):
-        before, noise = found, beyond_declared(found.last, partial(_moved, found, tried))
+        before, noise = (
+            search_result,
+            beyond_declared(search_result.last, partial(_remaining_shifts, search_result, tried)),
+        )
         if noise is None:
             break
         base = again(replace(base, task=replace(base.task, noise=noise)))
-        found = _rounds(Search(base, (), tuple(_known(base, tried, progress))), tried, progress)
-        if found.names == before.names:
+        search_result = _rounds(Search(base, (), tuple(_known(base, tried, progress))), tried, progress)
+        if search_result.names == before.names:
             break
-    return found
+    return search_result
 
 
-def _moved(found: Search, tried: Sequence[Candidate]) -> list[np.ndarray]:
-    return [each.moved for each in _left(found, tried) if not is_lost(found.last, each.moved)]
+def _remaining_shifts(search_result: Search, tried: Sequence[Candidate]) -> list[np.ndarray]:
+    return [
+        signature.shift
+        for signature in _remaining_signatures(search_result, tried)
+        if not is_lost(search_result.last, signature.shift)
+    ]
 
 
 def _known(base: Fit, tried: Sequence[Candidate], progress: Progress) -> list[Signature]:
@@ -198,19 +220,23 @@ def _known(base: Fit, tried: Sequence[Candidate], progress: Progress) -> list[Si
     return signatures(base, tried)
 
 
-def _rounds(found: Search, tried: Sequence[Candidate], progress: Progress) -> Search:
+def _rounds(search_result: Search, tried: Sequence[Candidate], progress: Progress) -> Search:
     """Return the search with its rounds, until one finds nothing."""
-    base = found.base
-    while len(found.rounds) < _most(base.task.experiment) and len(found.found) == len(found.rounds):
-        found = replace(found, rounds=(*found.rounds, _round(found, tried, progress)))
-    if not found.found and _bears_pairs(base.task.experiment) and not is_adequate(base):
-        found = replace(found, rounds=(*found.rounds, _pairs(found, len(tried), progress)))
-    return found
+    base = search_result.base
+    while len(search_result.rounds) < _most(base.task.experiment) and len(search_result.best_refits) == len(
+        search_result.rounds
+    ):
+        search_result = replace(search_result, rounds=(*search_result.rounds, _round(search_result, tried, progress)))
+    if not search_result.best_refits and _bears_pairs(base.task.experiment) and not is_adequate(base):
+        search_result = replace(
+            search_result, rounds=(*search_result.rounds, _pairs(search_result, len(tried), progress))
+        )
+    return search_result
 
 
-def attempted(here: Fit, tried: Sequence[Candidate], progress: Progress) -> tuple[Refit, ...]:
+def attempted(current_fit: Fit, tried: Sequence[Candidate], progress: Progress) -> tuple[Refit, ...]:
     """Return a few candidates of any kind refitted on a fit as one round would, the best first."""
-    return _round(Search(here, (), tuple(signatures(here, tried))), tried, progress).refits
+    return _round(Search(current_fit, (), tuple(signatures(current_fit, tried))), tried, progress).refits
 
 
 def _most(experiment: Experiment, path: Sequence[Candidate] = ()) -> int:
@@ -220,16 +246,16 @@ def _most(experiment: Experiment, path: Sequence[Candidate] = ()) -> int:
     """
     if not experiment.is_exact:
         return MOST + 1
-    freed = sum(len(one.freed) for one in path)
-    levels = len(experiment.folds) - freed
-    return min(max(levels // FOLDS_EACH, 2 if levels >= FOLDS_OF_TWO and not freed else 1), MOST)
+    free_shape_count = sum(len(candidate.free_shapes) for candidate in path)
+    levels = len(experiment.folds) - free_shape_count
+    return min(max(levels // FOLDS_EACH, 2 if levels >= FOLDS_OF_TWO and not free_shape_count else 1), MOST)
 
 
-def _borne(found: Search, tried: Tried) -> bool:
+def _has_enough_folds(search_result: Search, tried: Tried) -> bool:
     """Return whether there are levels for all effects of what is tried: for one alone there always are."""
-    instead, one, _ = tried
-    path = (*(instead or found.added), one)
-    return len(path) <= _most(found.base.task.experiment, path)
+    instead, candidate, _ = tried
+    path = (*(instead or search_result.added), candidate)
+    return len(path) <= _most(search_result.base.task.experiment, path)
 
 
 def _bears_pairs(experiment: Experiment) -> bool:
@@ -237,63 +263,80 @@ def _bears_pairs(experiment: Experiment) -> bool:
     return experiment.is_exact and len(experiment.folds) >= 2 * FOLDS_EACH
 
 
-def _round(found: Search, tried: Sequence[Candidate], progress: Progress) -> Round:
-    here, known = found.last, _left(found, tried)
-    scored = tuple(score(here, known))
-    fee = fee_after(found.rounds, len(tried), here.task.noise.inflation)
-    if here.task.experiment.is_exact:
-        further = scored if len(found.added) < _most(here.task.experiment, found.added) else ()
-        refits = exactly_refitted(here, further, fee, progress, _second(found, tried, fee, progress))
-        return Round(scored, judged(here, [one for one in refits if _borne(found, one)], fee))
+def _round(search_result: Search, tried: Sequence[Candidate], progress: Progress) -> Round:
+    current_fit, candidate_signatures = search_result.last, _remaining_signatures(search_result, tried)
+    scored = tuple(score(current_fit, candidate_signatures))
+    threshold = threshold_after(search_result.rounds, len(tried), current_fit.task.noise.inflation)
+    if current_fit.task.experiment.is_exact:
+        eligible = scored if len(search_result.added) < _most(current_fit.task.experiment, search_result.added) else ()
+        refits = exactly_refitted(
+            current_fit, eligible, threshold, progress, _second(search_result, tried, threshold, progress)
+        )
+        return Round(
+            scored,
+            rank_refits(
+                current_fit, [attempt for attempt in refits if _has_enough_folds(search_result, attempt)], threshold
+            ),
+        )
     declared = None
-    if is_bent(here):
+    if is_bent(current_fit):
         progress("the numbers had to leave what is known beforehand: scoring every candidate there too")
-        declared = anchor(here, [each.candidate for each in known])
-    return Round(scored, refit(here, scored, fee, progress, declared))
+        declared = declared_start(current_fit, [signature.candidate for signature in candidate_signatures])
+    return Round(scored, refit(current_fit, scored, threshold, progress, declared))
 
 
-def _second(found: Search, tried: Sequence[Candidate], fee: Fee, progress: Progress) -> list[Tried] | None:
+def _second(
+    search_result: Search, tried: Sequence[Candidate], threshold: Threshold, progress: Progress
+) -> list[Tried] | None:
     """Return pairs for the second round, where the first leaves more than the noise; None in the first."""
-    if len(found.rounds) == 1 and not is_adequate(found.last):
-        pairs = paired(found.base, found.rounds[0].refits, found.found[0], progress)
-        return [*pairs, *_after_plain_laws(found, tried, fee, progress)]
-    return [] if found.rounds else None
+    if len(search_result.rounds) == 1 and not is_adequate(search_result.last):
+        pairs = paired(search_result.base, search_result.rounds[0].refits, search_result.best_refits[0], progress)
+        return [*pairs, *_after_plain_laws(search_result, tried, threshold, progress)]
+    return [] if search_result.rounds else None
 
 
-def _after_plain_laws(found: Search, tried: Sequence[Candidate], fee: Fee, progress: Progress) -> list[Tried]:
+def _after_plain_laws(
+    search_result: Search, tried: Sequence[Candidate], threshold: Threshold, progress: Progress
+) -> list[Tried]:
     """Return second steps from laws as published, where what was found best has its shapes freed and imitates two.
 
     Alone the second of two may gain nothing, so that it is not among the leaders of which pairs are made.
     """
-    best = found.found[0].candidate
-    if not best.freed:
+    best = search_result.best_refits[0].candidate
+    if not best.free_shapes:
         return []
-    others = ((one.candidate, one.fit) for one in found.rounds[0].refits if not one.candidate.freed)
+    others = (
+        (single.candidate, single.fit) for single in search_result.rounds[0].refits if not single.candidate.free_shapes
+    )
     steps: list[Tried] = []
-    for first, here in (*as_published(found.base, best), *itertools.islice(others, 1)):
-        known = signatures(here, [one for one in tried if one.kind != first.kind])
-        after = exactly_refitted(here, score(here, known), fee, progress, [])
-        steps += [((first,), one, fitted) for _, one, fitted in after]
+    for first, current_fit in (*as_published(search_result.base, best), *itertools.islice(others, 1)):
+        candidate_signatures = signatures(
+            current_fit, [candidate for candidate in tried if candidate.kind != first.kind]
+        )
+        after = exactly_refitted(current_fit, score(current_fit, candidate_signatures), threshold, progress, [])
+        steps += [((first,), candidate, fitted) for _, candidate, fitted in after]
     return steps
 
 
-def _left(found: Search, tried: Sequence[Candidate]) -> Sequence[Signature]:
+def _remaining_signatures(search_result: Search, tried: Sequence[Candidate]) -> Sequence[Signature]:
     """Return the signatures of what has not been added; where a fit is exact, on the model with what has."""
-    added = {one.kind for one in found.added}
-    if added and found.base.task.experiment.is_exact:
-        return signatures(found.last, [one for one in tried if one.kind not in added])
-    return [each for each in found.known if each.candidate.kind not in added]
+    added = {candidate.kind for candidate in search_result.added}
+    if added and search_result.base.task.experiment.is_exact:
+        return signatures(search_result.last, [candidate for candidate in tried if candidate.kind not in added])
+    return [signature for signature in search_result.signatures if signature.candidate.kind not in added]
 
 
-def _pairs(found: Search, count: int, progress: Progress) -> Round:
+def _pairs(search_result: Search, count: int, progress: Progress) -> Round:
     """Return the round of pairs where no single candidate was accepted: each pays for both."""
-    singles = found.rounds[0].refits
-    first = singles[0].fee / singles[0].unit if singles else 0.0
-    fee = fee_after((), count, found.base.task.noise.inflation)
-    return Round((), judged(found.base, paired(found.base, singles, None, progress), fee, first))
+    singles = search_result.rounds[0].refits
+    first = singles[0].threshold / singles[0].unit if singles else 0.0
+    threshold = threshold_after((), count, search_result.base.task.noise.inflation)
+    return Round(
+        (), rank_refits(search_result.base, paired(search_result.base, singles, None, progress), threshold, first)
+    )
 
 
-def fee_after(before: Sequence[Round], count: int, inflation: float = COLOURED) -> Fee:
+def threshold_after(before: Sequence[Round], count: int, inflation: float = COLOURED) -> Threshold:
     """Return what each of `count` candidates must gain once these rounds have added theirs."""
-    taken = sum(one.gain for each in before for one in each.alike[:1])
-    return partial(fee_of, count=count, taken=taken, inflation=inflation)
+    taken = sum(best_refit.gain for search_round in before for best_refit in search_round.indistinguishable[:1])
+    return partial(candidate_threshold, count=count, taken=taken, inflation=inflation)

@@ -6,72 +6,82 @@ import math
 from collections.abc import Callable, Sequence
 
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.held_out import beyond_floor, most_left
+from rover_pin.discrepancy.held_out import beyond_floor, largest_residual
 from rover_pin.discrepancy.search import Search
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.numbers import chance_of, implausible, is_adequate, numbers
-from rover_pin.estimation.wording import shown
+from rover_pin.estimation.numbers import implausible, is_adequate, numbers, p_value
+from rover_pin.estimation.wording import format_value
 
-MOST_SAID = 3
+MAX_NAMED_CHANNELS = 3
 """Channels that a sentence names."""
 RARE = 0.05
 """Share of sets in which chance leaves as much, below which that is said."""
 
 
-def sentence(answer: Answer, found: Search, share: float, besides: tuple[str, Sequence[str]]) -> str:
+def sentence(answer: Answer, search_result: Search, share: float, besides: tuple[str, Sequence[str]]) -> str:
     """Return the answer as a sentence; `besides` is how what is left acts, and what speaks against a lone name."""
-    return SENTENCES[answer](found, share, *besides)
+    return SENTENCES[answer](search_result, share, *besides)
 
 
-def _takes(found: Search, share: float) -> str:
+def _takes(search_result: Search, share: float) -> str:
     missed = f"takes {share:.0%} of what the base model misses beyond the noise where it was not fitted"
-    return f"{missed}{_bent(found)}"
+    return f"{missed}{_bent(search_result)}"
 
 
-def _bent(found: Search) -> str:
+def _bent(search_result: Search) -> str:
     """Return how far the base model already had to bend the numbers that were freed, if any."""
-    freed = {size for one in found.added if one.effect is None for size in one.sizes}
-    bent = [one for one in numbers(found.base) if one.name in freed] if freed else []
-    told = [f"{one.name} to {shown(one.value, one.unit)}, {one.away}" for one in bent]
-    return f"; the base model already had to bend {' and '.join(told)}, so its errors are small too" if told else ""
+    unconstrained_names = {
+        size for candidate in search_result.added if candidate.effect is None for size in candidate.amplitudes
+    }
+    bent = (
+        [number for number in numbers(search_result.base) if number.name in unconstrained_names]
+        if unconstrained_names
+        else []
+    )
+    phrases = [f"{number.name} to {format_value(number.value, number.unit)}, {number.away}" for number in bent]
+    return (
+        f"; the base model already had to bend {' and '.join(phrases)}, so its errors are small too" if phrases else ""
+    )
 
 
-def _names(found: Search) -> str:
-    return " and ".join(one.name for one in found.added)
+def _names(search_result: Search) -> str:
+    return " and ".join(candidate.name for candidate in search_result.added)
 
 
-def _rest(found: Search) -> str:
-    declared = found.base.task.experiment.noise() is not None
-    more = declared and not is_adequate(found.last)
+def _rest(search_result: Search) -> str:
+    declared = search_result.base.task.experiment.noise() is not None
+    more = declared and not is_adequate(search_result.last)
     return " What is left is still more than the noise: see what is left." if more else ""
 
 
-def _named(found: Search, share: float, left: str, against: Sequence[str]) -> str:
-    return f"the data are consistent with {_names(found)}, which {_takes(found, share)}.{_rest(found)}"
+def _named(search_result: Search, share: float, description: str, against: Sequence[str]) -> str:
+    return f"the data are consistent with {_names(search_result)}, which {_takes(search_result, share)}.{_rest(search_result)}"
 
 
-def _set(found: Search, share: float, left: str, against: Sequence[str]) -> str:
-    ways = " or ".join(found.alike)
-    return f"these cannot be distinguished: {ways}; the first {_takes(found, share)}.{_rest(found)}"
+def _set(search_result: Search, share: float, description: str, against: Sequence[str]) -> str:
+    ways = " or ".join(search_result.indistinguishable)
+    return f"these cannot be distinguished: {ways}; the first {_takes(search_result, share)}.{_rest(search_result)}"
 
 
-def _like(found: Search, share: float, left: str, against: Sequence[str]) -> str:
+def _like(search_result: Search, share: float, description: str, against: Sequence[str]) -> str:
     lone = (
         f"but the name does not stand alone: {'; '.join(against)}" if against else "but its law does not hold exactly"
     )
-    change = f"reduced chi-square {found.base.misfit:.3g} -> {found.last.misfit:.3g}"
-    like = " or ".join(found.alike)
-    return f"something like {like} is missing: the first {_takes(found, share)} ({change}), {lone}."
+    change = f"reduced chi-square {search_result.base.misfit:.3g} -> {search_result.last.misfit:.3g}"
+    like = " or ".join(search_result.indistinguishable)
+    return f"something like {like} is missing: the first {_takes(search_result, share)} ({change}), {lone}."
 
 
-def _none_needed(found: Search, share: float, left: str, against: Sequence[str]) -> str:
-    if found.base.task.experiment.noise() is not None and chance_of(found.base) < RARE:
-        return _rare(found.base)
-    over = () if found.base.task.experiment.floor() is None else beyond_floor(found.base)
+def _none_needed(search_result: Search, share: float, description: str, against: Sequence[str]) -> str:
+    if search_result.base.task.experiment.noise() is not None and p_value(search_result.base) < RARE:
+        return _rare(search_result.base)
+    over = () if search_result.base.task.experiment.floor() is None else beyond_floor(search_result.base)
     if not over:
         return "the calibrated base model meets the data within their noise, and no candidate gains more than chance."
-    worst = ", ".join(f"{one.channel} {one.times:.3g} times (most in {one.fold})" for one in over[:MOST_SAID])
-    more = f" and {len(over) - MOST_SAID} channels more" if len(over) > MOST_SAID else ""
+    worst = ", ".join(
+        f"{excess.channel} {excess.times:.3g} times (most in {excess.fold})" for excess in over[:MAX_NAMED_CHANNELS]
+    )
+    more = f" and {len(over) - MAX_NAMED_CHANNELS} channels more" if len(over) > MAX_NAMED_CHANNELS else ""
     return (
         "no candidate gains more than chance, but the calibrated base model leaves more than the samples scatter: "
         f"{worst}{more}."
@@ -80,35 +90,39 @@ def _none_needed(found: Search, share: float, left: str, against: Sequence[str])
 
 def _rare(base: Fit) -> str:
     """Return what is said where declared noise leaves so much seldom, though no candidate takes it."""
-    most = most_left(base)
+    most = largest_residual(base)
     return (
         "no candidate gains more than chance, but the calibrated base model leaves more than the declared noise mostly "
-        f"does: reduced chi-square {base.misfit:.3g}, as chance has it in {chance_of(base):.1%} of sets, most in "
+        f"does: reduced chi-square {base.misfit:.3g}, as chance has it in {p_value(base):.1%} of sets, most in "
         f"{most.channel} of {most.fold} ({most.times:.2g} times its noise); measure again, or doubt the declared noise."
     )
 
 
-def _unlisted(found: Search, share: float, left: str, against: Sequence[str]) -> str:
-    near = f" The nearest of the list, {found.alike[0]}, does not take it." if found.alike else ""
-    if left:
-        return f"something acts that is not on the list: it {left}.{near}"
-    missed = f"reduced chi-square {found.base.misfit:.3g}"
-    return f"the base model misses the data by more than their noise ({missed}), and no candidate explains it.{near}"
+def _unlisted(search_result: Search, share: float, description: str, against: Sequence[str]) -> str:
+    nearest = (
+        f" The nearest of the list, {search_result.indistinguishable[0]}, does not take it."
+        if search_result.indistinguishable
+        else ""
+    )
+    if description:
+        return f"something acts that is not on the list: it {description}.{nearest}"
+    missed = f"reduced chi-square {search_result.base.misfit:.3g}"
+    return f"the base model misses the data by more than their noise ({missed}), and no candidate explains it.{nearest}"
 
 
-def _inadequate(found: Search, share: float, left: str, against: Sequence[str]) -> str:
-    if not found.found and is_adequate(found.base):
-        away = ", ".join(implausible(found.base))
+def _inadequate(search_result: Search, share: float, description: str, against: Sequence[str]) -> str:
+    if not search_result.best_refits and is_adequate(search_result.base):
+        away = ", ".join(implausible(search_result.base))
         return f"the base model meets the data only with numbers far from what is declared of them: {away}."
-    missed = f"reduced chi-square {found.base.misfit:.3g}"
-    said = f"the base model misses the data by more than their noise ({missed}), and no candidate describes it"
-    return f"{said}{_unpatterned(found)}."
+    missed = f"reduced chi-square {search_result.base.misfit:.3g}"
+    message = f"the base model misses the data by more than their noise ({missed}), and no candidate describes it"
+    return f"{message}{_unpatterned(search_result)}."
 
 
-def _unpatterned(found: Search) -> str:
+def _unpatterned(search_result: Search) -> str:
     """Return what more than the noise may be that nothing describes, where the noise is declared."""
-    times = math.sqrt(found.base.misfit)
-    if found.base.task.experiment.noise() is None or found.base.misfit <= 1.0:
+    times = math.sqrt(search_result.base.misfit)
+    if search_result.base.task.experiment.noise() is None or search_result.base.misfit <= 1.0:
         return ""
     return f": single values may stray, or the noise may be {times:.2g} times what is declared"
 

@@ -15,7 +15,7 @@ from rover_pin.estimation.baselines import Baseline
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import DRIFTED, Number, assumed_lines
 from rover_pin.estimation.profile import Profile
-from rover_pin.estimation.wording import Outcome, got_worse, shown
+from rover_pin.estimation.wording import Outcome, format_value, got_worse
 from rover_pin.public import brief
 
 SCHEMA = 2
@@ -32,11 +32,11 @@ class Extra(Protocol):
         """Return plain values."""
 
 
-class Said(Protocol):
+class HasSentence(Protocol):
     """Something that a reader is told in a sentence."""
 
     @property
-    def said(self) -> str:
+    def sentence(self) -> str:
         """The sentence."""
 
 
@@ -68,7 +68,7 @@ class Verdict:
     "what was added to the base model, or freed in it, at its fitted values"
     named: tuple[str, ...] = ()
     "what was added, or freed, by name"
-    alike: tuple[str, ...] = ()
+    indistinguishable: tuple[str, ...] = ()
     "what was found best, then what cannot be distinguished from it"
     share: float = 0.0
     "of what is missed beyond the noise on data left out, what was added takes so much"
@@ -84,7 +84,7 @@ class Verdict:
     cautions: tuple[str, ...] = ()
     findings: tuple[Any, ...] = ()
     "what the check of the data found"
-    experiments: tuple[Said, ...] = ()
+    experiments: tuple[HasSentence, ...] = ()
     "what to measure next"
     search: Search | None = field(default=None, repr=False)
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
@@ -102,7 +102,7 @@ class Verdict:
     "versions, seed, seconds, the command that repeats it"
 
     @property
-    def model_said(self) -> str:
+    def model_description(self) -> str:
         """What `model` is, in words."""
         if self.search is None:
             return "the base model as declared, nothing fitted"
@@ -118,26 +118,28 @@ class Verdict:
             return f"chosen in {len(self.chosen)} folds: " + ", ".join(times)
         names = set(self.named)
         folds = [set(name.split(" + ")) for name in self.chosen.values()]
-        same, more = sum(fold == names for fold in folds), sum(fold > names for fold in folds)
+        agreeing_folds, more = sum(fold == names for fold in folds), sum(fold > names for fold in folds)
         among = f", and with another in {more}" if more else ""
-        return f"{' + '.join(self.named)} chosen in {same} of {len(folds)} folds{among}"
+        return f"{' + '.join(self.named)} chosen in {agreeing_folds} of {len(folds)} folds{among}"
 
     @property
     def _missed_anew(self) -> str:
-        told = self._errors_said(self.errors_anew)
-        return f"; held-out RMSE with each fold's own choice: {told}" if told else ""
+        errors_text = self._errors_text(self.errors_anew)
+        return f"; held-out RMSE with each fold's own choice: {errors_text}" if errors_text else ""
 
     def _instead(self, errors: dict[str, float]) -> str:
-        return f"held-out RMSE {self._errors_said(errors)}"
+        return f"held-out RMSE {self._errors_text(errors)}"
 
-    def _errors_said(self, errors: dict[str, float]) -> str:
-        units = {one.name: one.unit for one in self.scores}
-        return ", ".join(f"{name} {shown(error, units[name])}" for name, error in errors.items() if name in units)
+    def _errors_text(self, errors: dict[str, float]) -> str:
+        units = {score.name: score.unit for score in self.scores}
+        return ", ".join(
+            f"{name} {format_value(error, units[name])}" for name, error in errors.items() if name in units
+        )
 
     @property
     def drifted(self) -> tuple[Number, ...]:
         """Numbers that sit away from what was declared or assumed of them."""
-        return tuple(one for one in (self.after.numbers if self.after else ()) if abs(one.drift) > DRIFTED)
+        return tuple(number for number in (self.after.numbers if self.after else ()) if abs(number.drift) > DRIFTED)
 
     def summary(self) -> str:
         """Return the verdict in a page of text; angles in degrees."""
@@ -145,17 +147,17 @@ class Verdict:
         lines += [f"  check: {finding}" for finding in self.findings]
         if self.before is not None and self.after is not None:
             lines += [f"  reduced chi-square: {self.before.misfit:.3g} -> {self.after.misfit:.3g}; 1 is the noise"]
-        lines += [f"  {score_line(score)}" for score in self.scores if is_told(score) or len(self.scores) <= FEW]
+        lines += [f"  {score_line(score)}" for score in self.scores if is_claimable(score) or len(self.scores) <= FEW]
         lines += [f"  with {name} instead: {self._instead(errors)}" for name, errors in self.others.items()]
         lines += [f"  {self.chosen_again}{self._missed_anew}"] if self.chosen else []
-        lines += [f"  {got_worse((one.name, one.worded) for one in self.scores)}"] if self.named else []
+        lines += [f"  {got_worse((score.name, score.worded) for score in self.scores)}"] if self.named else []
         lines += [f"  {line}" for line in (self.extra.lines(bool(self.named)) if self.extra else [])]
         lines += [f"  draft: {line}" for line in (self.draft.lines() if self.draft else [])]
-        lines += [f"  {one.said}" for one in self._worth_a_line()]
+        lines += [f"  {number.text}" for number in self._worth_a_line()]
         lines += [f"  {line}" for line in assumed_lines(self.after.numbers if self.after else ())]
         lines += [f"  against the name: {veto}" for veto in self.vetoes]
-        lines += [f"  caution: {said}" for said in self.cautions]
-        lines += [f"  next: {one.said}" for one in self.experiments]
+        lines += [f"  caution: {caution}" for caution in self.cautions]
+        lines += [f"  next: {experiment.sentence}" for experiment in self.experiments]
         lines += [f"  written: {file}" for file in self.files]
         return "\n".join(lines)
 
@@ -164,8 +166,8 @@ class Verdict:
         numbers = self.after.numbers if self.after else ()
         if len(self.scores) <= FEW:
             return list(numbers)
-        own = tuple(name.partition("@")[0] + "." for name in self.named)
-        return [one for one in numbers if one.name.startswith(own) or one in self.drifted]
+        prefixes = tuple(name.partition("@")[0] + "." for name in self.named)
+        return [number for number in numbers if number.name.startswith(prefixes) or number in self.drifted]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the verdict as plain values for JSON; SI units, NaN and infinities as None."""
@@ -179,11 +181,11 @@ class Verdict:
                 "sentence": self.sentence,
                 "effects": [type(effect).__name__ for effect in self.effects],
                 "named": list(self.named),
-                "alike": list(self.alike),
+                "alike": list(self.indistinguishable),
                 "share": self.share,
                 "reduced_chi_square": {name: side.misfit for name, side in sides.items() if side is not None},
                 "held_out": [score.as_dict() for score in self.scores],
-                "held_out_folds": [one._asdict() for one in self.runs],
+                "held_out_folds": [run_score._asdict() for run_score in self.runs],
                 "folds": self.chosen,
                 "held_out_anew": self.errors_anew,
                 "held_out_others": self.others,
@@ -191,10 +193,10 @@ class Verdict:
                 "cautions": list(self.cautions),
                 "findings": [str(finding) for finding in self.findings],
                 **{name: _numbers(side) for name, side in sides.items()},
-                "rounds": [_round(one) for one in (self.search.rounds if self.search else ())],
-                "baselines": [one._asdict() for one in self.baselines],
-                "profiles": [one._asdict() for one in self.profiles],
-                "experiments": [one.said for one in self.experiments],
+                "rounds": [_round(search_round) for search_round in (self.search.rounds if self.search else ())],
+                "baselines": [baseline._asdict() for baseline in self.baselines],
+                "profiles": [profile._asdict() for profile in self.profiles],
+                "experiments": [experiment.sentence for experiment in self.experiments],
                 "draft": self.draft.as_dict() if self.draft else {},
                 "extra": self.extra.as_dict() if self.extra else {},
                 "files": [str(file) for file in self.files],
@@ -207,34 +209,38 @@ FEW = 5
 """Channels up to which a summary has a line for each; of more, those whose change can be claimed."""
 
 
-def is_told(score: ChannelScore) -> bool:
+def is_claimable(score: ChannelScore) -> bool:
     """Return whether a channel's change is worth a line: it can be claimed."""
     return score.worded.outcome in (Outcome.BETTER, Outcome.WORSE, Outcome.LOST)
 
 
 def _numbers(side: Side | None) -> dict[str, Any]:
-    return {} if side is None else {one.name: one.as_dict() for one in side.numbers}
+    return {} if side is None else {number.name: number.as_dict() for number in side.numbers}
 
 
-def _round(one: Round) -> dict[str, Any]:
+def _round(search_round: Round) -> dict[str, Any]:
     return {
         "scored": [
             {"name": row.candidate.name, "gain": row.gain, "visible": row.visible, "absorbed": row.absorbed}
-            for row in one.scored
+            for row in search_round.scored
         ],
-        "refits": [_refit(each) for each in one.refits],
-        "alike": [each.name for each in one.alike],
+        "refits": [_refit(refit) for refit in search_round.refits],
+        "alike": [refit.name for refit in search_round.indistinguishable],
     }
 
 
-def _refit(one: Refit) -> dict[str, Any]:
-    own = one.candidate.names
+def _refit(refit: Refit) -> dict[str, Any]:
+    candidate_names = refit.candidate.names
     return {
-        "name": one.name,
-        "gain": one.gain,
-        "threshold": one.fee,
-        "net": one.net,
-        "held_out_gain": one.held_out,
-        "reduced_chi_square": one.fit.misfit,
-        "values": {each.name: one.fit.value(each.name) for each in one.fit.parameters if each.name in own},
+        "name": refit.name,
+        "gain": refit.gain,
+        "threshold": refit.threshold,
+        "net": refit.net,
+        "held_out_gain": refit.held_out,
+        "reduced_chi_square": refit.fit.misfit,
+        "values": {
+            parameter.name: refit.fit.value(parameter.name)
+            for parameter in refit.fit.parameters
+            if parameter.name in candidate_names
+        },
     }

@@ -43,12 +43,12 @@ class BentGround(BodyEffect):
 
     def bend(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return x [m] and the rise beside the declared ground there [m]."""
-        own = self.values()
-        slopes = np.tan([0.0, *(float(own[name]) for name in self.neutral), 0.0])
+        values = self.values()
+        slopes = np.tan([0.0, *(float(values[name]) for name in self.neutral), 0.0])
         if not slopes.any():
             return (), ()
         share = np.linspace(0.0, 1.0, (KNOTS + 1) * CHORDS + 1)
         slope = np.interp(share, np.linspace(0.0, 1.0, len(slopes)), slopes)
-        step = float(own["length"]) / (len(share) - 1)
+        step = float(values["length"]) / (len(share) - 1)
         rise = np.concatenate([[0.0], np.cumsum((slope[1:] + slope[:-1]) / 2.0 * step)])
-        return tuple((float(own["x_from"]) + float(own["length"]) * share).tolist()), tuple(rise.tolist())
+        return tuple((float(values["x_from"]) + float(values["length"]) * share).tolist()), tuple(rise.tolist())

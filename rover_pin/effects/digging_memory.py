@@ -49,5 +49,5 @@ class DiggingMemory(Effect):
     def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         """Return dD/dt."""
         thrown = ca.fmax(contact.rim - contact.v_x, 0.0) * ca.fmin(contact.h / TOUCH, 1.0)
-        left = x[0] * contact.v_x * contact.sense(self.v_0) / self.length
-        return (self.c_d * thrown * (1.0 - x[0] / (self.deepest * contact.wheel.r)) - left,)
+        decay = x[0] * contact.v_x * contact.sense(self.v_0) / self.length
+        return (self.c_d * thrown * (1.0 - x[0] / (self.deepest * contact.wheel.r)) - decay,)

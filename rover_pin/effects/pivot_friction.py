@@ -36,7 +36,7 @@ class PivotFriction(BodyEffect):
     def push(self, body: Body) -> Push:
         """Return the friction of each joint: a positive factor of the known rate, times the rate."""
         pairs = zip(body.known_rates, body.rates, strict=True)
-        return Push(joints=tuple(-(self._factor(known) + self.b) * rate for known, rate in pairs))
+        return Push(joints=tuple(-(self._factor(known_rate) + self.b) * rate for known_rate, rate in pairs))
 
     def _factor(self, rate: Scalar) -> Scalar:
         x = ca.sqrt((rate / self.w_s) ** 2 + TINY**2)

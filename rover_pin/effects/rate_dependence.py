@@ -31,7 +31,7 @@ class RateDependence(Effect):
     title: ClassVar[str] = "rate-dependent shear"
     meaning: ClassVar[str] = "the soil's shear strength depends on how fast the rim slides"
     c_r: Scalar = quantity(0.05, "", "assumed: -0.05 to 0.15 is plausible", -0.15, 0.5, "c_r")
-    v_0: Scalar = quantity(0.01, "m/s", "assumed: a fifth of the paper's 0.05 m/s", 1e-4, 1.0, "v_0", doubt=DECADE)
+    v_0: Scalar = quantity(0.01, "m/s", "assumed: a fifth of the paper's 0.05 m/s", 1e-4, 1.0, "v_0", log_sd=DECADE)
     neutral: ClassVar[dict[str, float]] = {"c_r": 0.0}
 
     def load(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> Load:

@@ -40,6 +40,6 @@ class SideShear(Effect):
         j_y = contact.S_y * length / 2.0
         strength = soil.c * wheel.b * length + load.f_n * ca.tan(soil.phi)
         grip = ca.if_else(j_y < 0.0, ca.expm1(j_y / soil.k), -ca.expm1(-j_y / soil.k))
-        left = ca.fmax(strength * strength - load.f_t * load.f_t, (LEAST_SHARE * strength) ** 2 + 1e-24)
-        f_y = -self.scale * ca.sqrt(left) * grip
+        reserve = ca.fmax(strength * strength - load.f_t * load.f_t, (LEAST_SHARE * strength) ** 2 + 1e-24)
+        f_y = -self.scale * ca.sqrt(reserve) * grip
         return Load(f_y=f_y, moment_z=f_y * wheel.r * ca.sin((theta_1 + theta_2) / 2.0))

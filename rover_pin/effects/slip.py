@@ -53,7 +53,7 @@ class RelaxedSlip(Effect):
 
     def amend(self, contact: Contact, x: tuple[Scalar, ...]) -> Contact:
         """Set S and S_y from the states and their rates."""
-        S, S_y = (each + self.damping * rate for each, rate in zip(x, self.rate(contact, Load(), x), strict=True))
+        S, S_y = (state + self.damping * rate for state, rate in zip(x, self.rate(contact, Load(), x), strict=True))
         return contact._replace(S=ca.fmin(1.0, ca.fmax(-1.0, S)), S_y=S_y)
 
     def rate(self, contact: Contact, load: Load, x: tuple[Scalar, ...]) -> tuple[Scalar, ...]:

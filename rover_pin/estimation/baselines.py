@@ -40,7 +40,7 @@ def gaussian_process(inputs: np.ndarray, values: np.ndarray, at: np.ndarray) -> 
 
     bounds = [(-2.0, 3.0), (-4.0, 1.0), *[(-2.5, 2.0)] * inputs.shape[1]]
     starts = [np.array([0.0, -2.0, *[length] * inputs.shape[1]]) for length in (-1.0, 0.0)]
-    best = min((minimize(cost, start, bounds=bounds) for start in starts), key=lambda one: one.fun).x
+    best = min((minimize(cost, start, bounds=bounds) for start in starts), key=lambda solution: solution.fun).x
     K = kernel(inputs, inputs, best) + np.exp(2 * best[1]) * np.eye(len(y))
     return middle + scale * kernel(at, inputs, best) @ np.linalg.solve(K, y)
 
@@ -73,25 +73,25 @@ def curves(observed: np.ndarray, inputs: np.ndarray, channels: Sequence[tuple[st
     channels : sequence of (str, str)
         Name and unit of each channel.
     """
-    found = []
+    baselines = []
     for at, (name, unit) in enumerate(channels):
         good = np.isfinite(observed[:, at])
         for curve, predict in CURVES.items():
             errors = [_missed(observed[:, at], inputs, good, fold, predict) for fold in range(len(observed))]
-            found.append(Baseline(name, unit, curve, float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))))
-    return tuple(found)
+            baselines.append(Baseline(name, unit, curve, float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))))
+    return tuple(baselines)
 
 
 def _missed(values: np.ndarray, inputs: np.ndarray, good: np.ndarray, fold: int, predict: Predict) -> np.ndarray:
     """Return by how much a curve through the other folds misses one fold; their mean where there is no curve."""
-    rest = good.copy()
-    rest[fold] = False
-    own = good[fold]
+    training_mask = good.copy()
+    training_mask[fold] = False
+    fold_mask = good[fold]
     scale = np.maximum(np.ptp(inputs[good], axis=0), 1e-12)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            found = predict(inputs[rest] / scale, values[rest], inputs[fold][own] / scale)
+            prediction = predict(inputs[training_mask] / scale, values[training_mask], inputs[fold][fold_mask] / scale)
     except np.linalg.LinAlgError:
-        found = mean(inputs[rest], values[rest], inputs[fold][own])
-    return np.asarray(values[fold][own] - found)
+        prediction = mean(inputs[training_mask], values[training_mask], inputs[fold][fold_mask])
+    return np.asarray(values[fold][fold_mask] - prediction)

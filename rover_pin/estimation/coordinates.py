@@ -81,7 +81,7 @@ class Axis(NamedTuple):
     """One free parameter."""
 
     name: str
-    about: Quantity
+    quantity: Quantity
     coordinate: Coordinate
     low: float
     "lower bound of u"
@@ -95,7 +95,7 @@ class Space:
 
     axes: tuple[Axis, ...]
     base: np.ndarray
-    known: tuple[str, ...]
+    all_names: tuple[str, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -114,13 +114,15 @@ class Space:
 
     def start(self) -> np.ndarray:
         """Return u of the base values, inside the bounds."""
-        u = [axis.coordinate.u(self.base[self.known.index(axis.name)]) for axis in self.axes]
+        u = [axis.coordinate.u(self.base[self.all_names.index(axis.name)]) for axis in self.axes]
         return np.clip(u, self.low, self.high)
 
     def values(self, u: np.ndarray) -> np.ndarray:
         """Return the free parameters' values, held inside their bounds against rounding."""
-        found = [axis.coordinate.value(x) for axis, x in zip(self.axes, u, strict=True)]
-        return np.clip(found, [axis.about.low for axis in self.axes], [axis.about.high for axis in self.axes])
+        raw_values = [axis.coordinate.value(x) for axis, x in zip(self.axes, u, strict=True)]
+        return np.clip(
+            raw_values, [axis.quantity.low for axis in self.axes], [axis.quantity.high for axis in self.axes]
+        )
 
     def slopes(self, u: np.ndarray) -> np.ndarray:
         """Return d value / d u of the free parameters."""
@@ -129,5 +131,5 @@ class Space:
     def fields(self, u: np.ndarray) -> np.ndarray:
         """Return the values of all that are known."""
         fields = self.base.copy()
-        fields[[self.known.index(name) for name in self.names]] = self.values(u)
+        fields[[self.all_names.index(name) for name in self.names]] = self.values(u)
         return fields

@@ -15,8 +15,8 @@ def own_share(jacobian: np.ndarray, index: int) -> float:
     if others.shape[1] == 0 or length == 0:
         return float(length > 0)
     others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
-    rest = column - others @ np.linalg.lstsq(others, column, rcond=None)[0]
-    return float(np.linalg.norm(rest) / length)
+    residual = column - others @ np.linalg.lstsq(others, column, rcond=None)[0]
+    return float(np.linalg.norm(residual) / length)
 
 
 def covariance(problem: LeastSquares, u: np.ndarray) -> np.ndarray:
@@ -26,15 +26,15 @@ def covariance(problem: LeastSquares, u: np.ndarray) -> np.ndarray:
     """
     jacobian = problem.evaluate(u)[1]
     inside = (u > problem.space.low) & (u < problem.space.high)
-    found = np.diag(np.diag(_inverse_square(jacobian)))
-    found[np.ix_(inside, inside)] = _inverse_square(jacobian[:, inside])
-    return found
+    matrix = np.diag(np.diag(_inverse_square(jacobian)))
+    matrix[np.ix_(inside, inside)] = _inverse_square(jacobian[:, inside])
+    return matrix
 
 
 def _inverse_square(jacobian: np.ndarray) -> np.ndarray:
     rows, count = jacobian.shape
-    whole = np.vstack([jacobian, np.zeros((max(count - rows, 0), count))])
-    _, values, directions = np.linalg.svd(whole, full_matrices=False)
+    padded = np.vstack([jacobian, np.zeros((max(count - rows, 0), count))])
+    _, values, directions = np.linalg.svd(padded, full_matrices=False)
     return (directions.T / np.maximum(values, 1e-9) ** 2) @ directions
 
 

@@ -52,7 +52,7 @@ class LeastSquares(Protocol):
         """Return rows and their Jacobian at u."""
 
 
-def descend(problem: LeastSquares, u: np.ndarray, held: int | None = None) -> tuple[np.ndarray, float]:
+def descend(problem: LeastSquares, u: np.ndarray, fixed_index: int | None = None) -> tuple[np.ndarray, float]:
     """Return the u and chi2 of the nearest minimum inside the bounds, with coordinate `held` kept.
 
     Raises
@@ -67,7 +67,7 @@ def descend(problem: LeastSquares, u: np.ndarray, held: int | None = None) -> tu
         raise OptimisationError("the model has no finite value where the descent starts; start elsewhere.", status=0)
     radius, idle = 1.0, 0
     for _ in range(STEPS):
-        step, newton = _step(u, residual, jacobian, radius, (low, high, held))
+        step, newton = _step(u, residual, jacobian, radius, (low, high, fixed_index))
         if newton and _promised(residual, jacobian, step) < GAIN:
             return u, chi2
         trial = _bounded(u, step, low, high)
@@ -90,12 +90,12 @@ def _step(
     limits: tuple[np.ndarray, np.ndarray, int | None],
 ) -> tuple[np.ndarray, bool]:
     """Return the best step of length `radius` or less that leaves no bound, and whether it is the full Newton step."""
-    low, high, held = limits
+    low, high, fixed_index = limits
     gradient = jacobian.T @ residual
     free = ~((u <= low) & (gradient > 0))
     free &= ~((u >= high) & (gradient < 0))
-    if held is not None:
-        free[held] = False
+    if fixed_index is not None:
+        free[fixed_index] = False
     while free.any():
         step = np.zeros(len(u))
         step[free], newton = _damped(jacobian[:, free], residual, radius)
@@ -108,9 +108,9 @@ def _step(
 
 def _damped(jacobian: np.ndarray, residual: np.ndarray, radius: float) -> tuple[np.ndarray, bool]:
     """Return -(J^T J + damping)^-1 J^T r with the least damping that keeps its length within 1 % of `radius`."""
-    left, values, directions = np.linalg.svd(jacobian, full_matrices=False)
+    U, values, directions = np.linalg.svd(jacobian, full_matrices=False)
     values = np.maximum(values, 1e-12 * max(values[0], 1e-300))
-    share = values * (left.T @ residual)
+    share = values * (U.T @ residual)
     damping, length = 0.0, float(np.linalg.norm(share / values**2))
     newton = length <= radius
     while length > 1.01 * radius:

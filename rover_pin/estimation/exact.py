@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.estimation.experiment import Sensitivities
-from rover_pin.estimation.noise import STRAY, huber_losses
+from rover_pin.estimation.noise import HUBER_THRESHOLD, huber_losses
 from rover_pin.estimation.parameter import Parameter, bounds_of
 from rover_pin.estimation.task import Task
 
@@ -29,8 +29,8 @@ class ExactProblem:
 
     def __init__(self, task: Task, model: Any, parameters: Sequence[Parameter]):
         self.task, self.model, self.parameters = task, model, tuple(parameters)
-        self.space = Box(tuple(one.name for one in parameters), *bounds_of(parameters).T)
-        self._known = np.array([one.prior for one in parameters], dtype=bool)
+        self.space = Box(tuple(parameter.name for parameter in parameters), *bounds_of(parameters).T)
+        self._known = np.array([parameter.prior for parameter in parameters], dtype=bool)
         self._last: tuple[np.ndarray, Sensitivities] | None = None
 
     def sensitivities(self, u: np.ndarray) -> Sensitivities:
@@ -41,12 +41,12 @@ class ExactProblem:
 
     def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return rows and their Jacobian at u; beyond STRAY SDs a row grows as the root of what it counts."""
-        found = self.sensitivities(u)
-        rows, columns = self.task.rows(found.predicted), self.task.columns(found.slopes)
-        stray = np.abs(rows) > STRAY
-        root = np.sqrt(np.where(stray, huber_losses(rows), 1.0))
-        slope = np.where(stray, STRAY / root, 1.0)
-        rows = np.where(stray, np.sign(rows) * root, rows)
+        sensitivities = self.sensitivities(u)
+        rows, columns = self.task.rows(sensitivities.predicted), self.task.columns(sensitivities.slopes)
+        is_outlier = np.abs(rows) > HUBER_THRESHOLD
+        root = np.sqrt(np.where(is_outlier, huber_losses(rows), 1.0))
+        slope = np.where(is_outlier, HUBER_THRESHOLD / root, 1.0)
+        rows = np.where(is_outlier, np.sign(rows) * root, rows)
         prior = np.eye(len(u))[self._known]
         return np.concatenate([rows, u[self._known]]), np.concatenate([columns * slope[:, None], prior])
 

@@ -99,9 +99,9 @@ at a minimum, and every fold is predicted by whole refits"
 
         `declared` says where the data state it; without it is assumed, by the source of its quantity.
         """
-        about = self.quantity(model, name)
-        source = declared or f"assumed: {about.source.removeprefix('assumed: ')}"
-        low, high = float(about.low), float(about.high)
+        spec = self.quantity(model, name)
+        source = declared or f"assumed: {spec.source.removeprefix('assumed: ')}"
+        low, high = float(spec.low), float(spec.high)
         return Parameter(name, self.value(model, name), sd, low, high, log, declared=bool(declared), source=source)
 
     def noise(self) -> Noise | None:
@@ -142,7 +142,7 @@ at a minimum, and every fold is predicted by whole refits"
         """Return a candidate whose place was sought with its edges moved by `step`; none where there is no place."""
         return ()
 
-    def kept(self, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
+    def cached_arrays(self, request: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
         """Return what `make` makes, or what was kept of it when the same was asked before."""
         return make()
 
@@ -158,10 +158,10 @@ def find(records: Mapping[str, Any], name: str) -> tuple[Any, str, Quantity]:
     owner, _, quantity = name.rpartition(".")
     if owner not in records:
         raise ParameterError(f"The model has no '{owner}' to fit: {closest(owner, records)}")
-    known = quantities(records[owner])
-    if quantity not in known:
-        raise ParameterError(f"'{owner}' has no number '{quantity}': {closest(quantity, known)}")
-    return records[owner], quantity, known[quantity]
+    specs = quantities(records[owner])
+    if quantity not in specs:
+        raise ParameterError(f"'{owner}' has no number '{quantity}': {closest(quantity, specs)}")
+    return records[owner], quantity, specs[quantity]
 
 
 def residual(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:

@@ -72,12 +72,12 @@ class Fit:
     @property
     def freedom(self) -> int:
         """Compared blocks minus numbers without a prior."""
-        return max(self.task.noise.count - sum(not one.prior for one in self.parameters), 1)
+        return max(self.task.noise.count - sum(not parameter.prior for parameter in self.parameters), 1)
 
     @property
     def columns(self) -> np.ndarray:
         """d rows / d u as a matrix (n, parameters)."""
-        return self.task.columns([self.slopes[one.name] for one in self.parameters])
+        return self.task.columns([self.slopes[parameter.name] for parameter in self.parameters])
 
     @property
     def covariance(self) -> np.ndarray:
@@ -98,26 +98,26 @@ class Fit:
         plain = np.diag(self.covariance) * self.task.noise.inflation * max(self.misfit, 1.0)
         runs, _, blocks = self.task.noise.good.shape
         stretch = np.arange(blocks) // STRETCH
-        each = np.arange(runs)[:, None, None]
-        found = [plain, self._clustered(each * (stretch[-1] + 1) + stretch)]
+        run_index = np.arange(runs)[:, None, None]
+        variances = [plain, self._clustered(run_index * (stretch[-1] + 1) + stretch)]
         if runs >= FEW:
             wide = float(stdtrit(runs - 1, 0.975) / ndtri(0.975))
-            found.append(wide**2 * self._clustered(each))
-        return np.asarray(np.sqrt(np.max(found, axis=0)))
+            variances.append(wide**2 * self._clustered(run_index))
+        return np.asarray(np.sqrt(np.max(variances, axis=0)))
 
     def _clustered(self, owner: np.ndarray) -> np.ndarray:
         """Return the variance of each u where the rows of one owner (runs, 1, blocks) hang together."""
         good, rows = self.task.noise.good, self.rows
-        each = np.broadcast_to(owner, good.shape)[good]
+        row_owner = np.broadcast_to(owner, good.shape)[good]
         pushed = self.columns * (huber_weights(rows) * rows)[:, None]
-        sums = np.array([pushed[each == one].sum(axis=0) for one in np.unique(each)])
-        few = len(sums) / max(len(sums) - 1, 1)
+        sums = np.array([pushed[row_owner == cluster].sum(axis=0) for cluster in np.unique(row_owner)])
+        small_sample_factor = len(sums) / max(len(sums) - 1, 1)
         spread = self.covariance
-        return np.diag(spread @ (few * sums.T @ sums + priors(self.parameters)) @ spread)
+        return np.diag(spread @ (small_sample_factor * sums.T @ sums + priors(self.parameters)) @ spread)
 
     def value(self, name: str) -> float:
         """Return the fitted value of a parameter [SI]."""
-        at = [one.name for one in self.parameters].index(name)
+        at = [parameter.name for parameter in self.parameters].index(name)
         return self.parameters[at].value(self.u[at])
 
 
@@ -167,23 +167,25 @@ def fit(
     """
     if task.experiment.is_exact:
         return _exactly(task, model, parameters, np.zeros(len(parameters)) if start is None else start)
-    given = dict(slopes or {})
-    asked = (task.noise, model, tuple(parameters), start, given, reuse, stale)
-    found = task.experiment.kept(asked, lambda: descended(task, model, parameters, start, given, (reuse, stale)))
-    u, renewed = found["u"], [parameters[one].name for one in found["renewed"]]
-    known = given | dict(zip(renewed, found["slopes"], strict=True))
-    return Fit(task, at(task, model, parameters, u), tuple(parameters), u, found["predicted"], known)
+    given_slopes = dict(slopes or {})
+    request = (task.noise, model, tuple(parameters), start, given_slopes, reuse, stale)
+    arrays = task.experiment.cached_arrays(
+        request, lambda: descended(task, model, parameters, start, given_slopes, (reuse, stale))
+    )
+    u, renewed = arrays["u"], [parameters[index].name for index in arrays["renewed"]]
+    slopes_by_name = given_slopes | dict(zip(renewed, arrays["slopes"], strict=True))
+    return Fit(task, at(task, model, parameters, u), tuple(parameters), u, arrays["predicted"], slopes_by_name)
 
 
 def best_of(task: Task, model: Any, parameters: Sequence[Parameter], starts: Sequence[np.ndarray]) -> Fit | None:
     """Return the lowest of the fits from several starts, or None where none of them ends."""
-    found = []
+    fits = []
     for start in starts:
         try:
-            found.append(fit(task, model, parameters, start))
+            fits.append(fit(task, model, parameters, start))
         except OptimisationError:
             continue
-    return min(found, key=lambda one: one.chi2, default=None)
+    return min(fits, key=lambda fitted: fitted.chi2, default=None)
 
 
 def _exactly(task: Task, model: Any, parameters: Sequence[Parameter], start: np.ndarray) -> Fit:
@@ -193,5 +195,5 @@ def _exactly(task: Task, model: Any, parameters: Sequence[Parameter], start: np.
     except np.linalg.LinAlgError as error:
         raise OptimisationError(f"a refit met a singular problem ({error}); free fewer.", status=str(error)) from error
     predicted, slopes = problem.sensitivities(u)
-    known = dict(zip(problem.space.names, slopes, strict=True))
-    return Fit(task, at(task, model, parameters, u), tuple(parameters), u, predicted, known)
+    slopes_by_name = dict(zip(problem.space.names, slopes, strict=True))
+    return Fit(task, at(task, model, parameters, u), tuple(parameters), u, predicted, slopes_by_name)

@@ -33,30 +33,35 @@ Steps = list[np.ndarray]
 
 def at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> Any:
     """Return the model with the parameters at u."""
-    return task.experiment.with_values(model, {one.name: one.value(x) for one, x in zip(parameters, u, strict=True)})
+    return task.experiment.with_values(
+        model, {parameter.name: parameter.value(x) for parameter, x in zip(parameters, u, strict=True)}
+    )
 
 
 def slopes_at(task: Task, model: Any, parameters: Sequence[Parameter], u: np.ndarray) -> dict[str, np.ndarray]:
     """Return d predicted / d u by name: exact where the experiment knows them, else one-sided differences."""
     if task.experiment.is_exact:
         exact = task.experiment.sensitivities(model, parameters, u).slopes
-        return dict(zip([one.name for one in parameters], exact, strict=True))
-    here = at(task, model, parameters, u)
-    moved = {one.name: _moved(one, x) for one, x in zip(parameters, u, strict=True)}
-    shifted = [task.experiment.with_values(here, {name: value}) for name, (value, _) in moved.items()]
-    centre, *features = task.experiment.predict([here, *shifted])
-    return {name: (each - centre) / step for (name, (_, step)), each in zip(moved.items(), features, strict=True)}
+        return dict(zip([parameter.name for parameter in parameters], exact, strict=True))
+    model_at_u = at(task, model, parameters, u)
+    perturbed = {parameter.name: _perturbed_value(parameter, x) for parameter, x in zip(parameters, u, strict=True)}
+    shifted = [task.experiment.with_values(model_at_u, {name: value}) for name, (value, _) in perturbed.items()]
+    centre, *features = task.experiment.predict([model_at_u, *shifted])
+    return {
+        name: (prediction - centre) / step
+        for (name, (_, step)), prediction in zip(perturbed.items(), features, strict=True)
+    }
 
 
-def _moved(one: Parameter, u: float) -> tuple[float, float]:
+def _perturbed_value(parameter: Parameter, u: float) -> tuple[float, float]:
     """Return the value moved by the step of a difference, inside the bounds, and the step of u."""
-    step = one.fd if u + one.fd <= one.bounds[1] else -one.fd
-    return one.value(u + step), step
+    step = parameter.fd if u + parameter.fd <= parameter.bounds[1] else -parameter.fd
+    return parameter.value(u + step), step
 
 
 def priors(parameters: Sequence[Parameter]) -> np.ndarray:
     """Return the curvature that the priors give chi2 / 2; next to none where there is none."""
-    return np.diag([1.0 if one.prior else 1e-9 for one in parameters])
+    return np.diag([1.0 if parameter.prior else 1e-9 for parameter in parameters])
 
 
 def descended(
@@ -64,38 +69,44 @@ def descended(
     model: Any,
     parameters: Sequence[Parameter],
     start: np.ndarray | None,
-    given: Mapping[str, np.ndarray],
-    how: tuple[bool, bool],
+    given_slopes: Mapping[str, np.ndarray],
+    options: tuple[bool, bool],
 ) -> Arrays:
     """Return where the descent ends: u, the prediction, and the slopes of the parameters that it computed."""
-    reuse, stale = how
+    reuse, stale = options
     u = np.zeros(len(parameters)) if start is None else np.array(start, dtype=float)
     u = np.clip(u, *bounds_of(parameters).T)
-    known = dict(given)
-    own = [one for one, _ in enumerate(parameters) if not (reuse and parameters[one].name in known)]
-    missing = [one for one, each in enumerate(parameters) if each.name not in known]
-    known |= _slopes(task, model, parameters, u, missing)
+    slopes_by_name = dict(given_slopes)
+    renewable = [
+        index for index, _ in enumerate(parameters) if not (reuse and parameters[index].name in slopes_by_name)
+    ]
+    missing = [index for index, parameter in enumerate(parameters) if parameter.name not in slopes_by_name]
+    slopes_by_name |= _slopes(task, model, parameters, u, missing)
     predicted = task.experiment.predict([at(task, model, parameters, u)])[0]
-    was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(own)
+    was, fresh = objective(task.rows(predicted), u, parameters), len(missing) == len(renewable)
     (turns, renewals), damped = (TO_THE_END, DAMPED) if stale else ((TURNS, RENEWALS), ())
     for _ in range(turns):
-        columns = task.columns([known[one.name] for one in parameters])
+        columns = task.columns([slopes_by_name[parameter.name] for parameter in parameters])
         steps, promised = _steps(columns, task.rows(predicted), u, parameters, damped)
         tried = steps if promised >= SETTLED else steps[:1]
         u, predicted, now = _searched(task, model, parameters, (u, predicted, was), tried)
         gained, was = was - now, now
         if gained >= max(STALE * promised, SETTLED):
-            fresh = not own
+            fresh = not renewable
             continue
         stuck = gained < SETTLED if fresh else promised < SETTLED and not stale
         if stuck or not renewals:
             break
-        known |= _slopes(task, model, parameters, u, own)
+        slopes_by_name |= _slopes(task, model, parameters, u, renewable)
         fresh, stale, renewals = True, False, renewals - 1
-    renewed = [one for one, each in enumerate(parameters) if known[each.name] is not given.get(each.name)]
-    computed = [known[parameters[one].name] for one in renewed]
-    whole = np.array(computed) if computed else np.zeros((0, *predicted.shape))
-    return {"u": u, "predicted": predicted, "renewed": np.array(renewed, dtype=int), "slopes": whole}
+    renewed = [
+        index
+        for index, parameter in enumerate(parameters)
+        if slopes_by_name[parameter.name] is not given_slopes.get(parameter.name)
+    ]
+    computed = [slopes_by_name[parameters[index].name] for index in renewed]
+    renewed_slopes = np.array(computed) if computed else np.zeros((0, *predicted.shape))
+    return {"u": u, "predicted": predicted, "renewed": np.array(renewed, dtype=int), "slopes": renewed_slopes}
 
 
 def _slopes(
@@ -104,8 +115,8 @@ def _slopes(
     """Return the slopes of some of the parameters, the others at u."""
     if not which:
         return {}
-    here = at(task, model, parameters, u)
-    return slopes_at(task, here, [parameters[one] for one in which], u[list(which)])
+    model_at_u = at(task, model, parameters, u)
+    return slopes_at(task, model_at_u, [parameters[index] for index in which], u[list(which)])
 
 
 def _steps(
@@ -120,7 +131,7 @@ def _steps(
     weights, prior = huber_weights(rows), priors(parameters)
     normal = columns.T @ (columns * weights[:, None]) + prior
     right = -(columns.T @ (weights * rows)) - np.where(np.diag(prior) == 1.0, u, 0.0)
-    step, *others = (_bounded_step(normal + one * np.eye(len(u)), right, u, bounds) for one in (0.0, *damped))
+    step, *others = (_bounded_step(normal + damping * np.eye(len(u)), right, u, bounds) for damping in (0.0, *damped))
     groups = [[step], *([share * step] for share in SHORTER), *([others] if others else [])]
     return groups, float(2 * right @ step - step @ normal @ step)
 
@@ -129,9 +140,11 @@ def _bounded_step(normal: np.ndarray, right: np.ndarray, u: np.ndarray, bounds: 
     """Return the step that solves normal step = right; numbers that would leave their bounds are held there."""
     step, free = np.zeros(len(u)), np.ones(len(u), dtype=bool)
     for _ in range(len(u)):
-        held = np.where(free, 0.0, step)
-        step = held.copy()
-        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], right[free] - (normal @ held)[free], rcond=None)[0]
+        fixed_step = np.where(free, 0.0, step)
+        step = fixed_step.copy()
+        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], right[free] - (normal @ fixed_step)[free], rcond=None)[
+            0
+        ]
         clipped = np.clip(u + step, bounds[:, 0], bounds[:, 1]) - u
         out = free & (np.abs(clipped - step) > 1e-12)
         if not out.any():
@@ -140,21 +153,23 @@ def _bounded_step(normal: np.ndarray, right: np.ndarray, u: np.ndarray, bounds: 
     return np.asarray(np.clip(u + step, bounds[:, 0], bounds[:, 1]) - u)
 
 
-def _searched(task: Task, model: Any, parameters: Sequence[Parameter], here: State, steps: Sequence[Steps]) -> State:
+def _searched(task: Task, model: Any, parameters: Sequence[Parameter], current: State, steps: Sequence[Steps]) -> State:
     """Return the lowest of where the first of these groups of steps leads that helps, or where it was."""
     for group in steps:
-        best = _lowest(task, model, parameters, here, group)
-        if best is not here:
+        best = _lowest(task, model, parameters, current, group)
+        if best is not current:
             return best
-    return here
+    return current
 
 
-def _lowest(task: Task, model: Any, parameters: Sequence[Parameter], here: State, steps: Sequence[np.ndarray]) -> State:
+def _lowest(
+    task: Task, model: Any, parameters: Sequence[Parameter], current: State, steps: Sequence[np.ndarray]
+) -> State:
     """Return the lowest of where these steps lead, or where it was; they are predicted together."""
-    trials = [here[0] + step for step in steps]
-    found = task.experiment.predict([at(task, model, parameters, trial) for trial in trials])
+    trials = [current[0] + step for step in steps]
+    predictions = task.experiment.predict([at(task, model, parameters, trial) for trial in trials])
     reached = [
         (trial, predicted, objective(task.rows(predicted), trial, parameters))
-        for trial, predicted in zip(trials, found, strict=True)
+        for trial, predicted in zip(trials, predictions, strict=True)
     ]
-    return min([here, *reached], key=lambda state: state[2])
+    return min([current, *reached], key=lambda state: state[2])

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rover_pin.estimation.by_chance.drift import Drift
-from rover_pin.estimation.by_chance.random_field import Chance
+from rover_pin.estimation.by_chance.random_field import RandomEffectsFilter
 from rover_pin.public import brief
 
 SHRINK = 0.2
 """Share by which correlations between channels are drawn to 0."""
 MOST_MEMORY = 0.95
 """Greatest correlation of successive blocks."""
-STRAY = 4.0
+HUBER_THRESHOLD = 4.0
 """Whitened residuals beyond this many SDs count linearly, not squared."""
 COLOURED = 1.5
 """By how much chi2 by chance, and variances, exceed those of white noise: ground that is raked anew leaves residuals
@@ -40,7 +40,7 @@ class Noise:
     good: np.ndarray = field(repr=False)
     inflation: float = COLOURED
     "by how much chi2 by chance, and variances, exceed those of white rows; 1 where the noise is declared white"
-    chance: Chance | None = None
+    random_effects: RandomEffectsFilter | None = None
     "what besides differs from run to run by chance, as the ground does"
     drift: Drift | None = None
     "how samples hang on those measured before, where `sd` is of every block"
@@ -65,7 +65,7 @@ class Noise:
         """
         lost = np.isnan(residual)
         rows = np.asarray(self._scaled(np.where(lost, 0.0, residual))[..., self.good])
-        white = rows if self.chance is None else self.chance.taken_out(rows, self.good)
+        white = rows if self.random_effects is None else self.random_effects.taken_out(rows, self.good)
         return np.where(lost[..., self.good], np.nan, white)
 
     def _scaled(self, residual: np.ndarray) -> np.ndarray:
@@ -121,10 +121,10 @@ def noise_of(residual: np.ndarray, good: np.ndarray, least: np.ndarray, absorbed
         values = np.where(good[:, row], residual[:, row], np.nan)
         sd[row] = max(spread(values[np.isfinite(values)]), least[row])
         clipped = np.clip(values, -3 * sd[row], 3 * sd[row])
-        one, other = clipped[:, 1:].ravel(), clipped[:, :-1].ravel()
-        both = np.isfinite(one * other)
+        current, previous = clipped[:, 1:].ravel(), clipped[:, :-1].ravel()
+        both = np.isfinite(current * previous)
         power = float(np.nanmean(clipped**2)) if both.any() else 0.0
-        product = float(np.mean(one[both] * other[both])) if both.any() else 0.0
+        product = float(np.mean(current[both] * previous[both])) if both.any() else 0.0
         if absorbed is not None and both.any():
             taken = float(np.mean(absorbed.variance[:, row][good[:, row]]))
             sd[row], power = float(np.hypot(sd[row], np.sqrt(taken))), power + taken
@@ -140,9 +140,9 @@ def _mixing(plain: Noise, residual: np.ndarray) -> np.ndarray:
     rows: np.ndarray = np.full(residual.shape, np.nan)
     rows[plain.good] = np.clip(plain.white(residual), -3, 3)
     table = np.moveaxis(rows, 1, 0).reshape(residual.shape[1], -1)
-    known = np.isfinite(table)
-    filled = np.where(known, table, 0.0)
-    shared = np.maximum(known.astype(float) @ known.T, 1.0)
+    finite = np.isfinite(table)
+    filled = np.where(finite, table, 0.0)
+    shared = np.maximum(finite.astype(float) @ finite.T, 1.0)
     covariance = filled @ filled.T / shared
     size = np.sqrt(np.maximum(np.diag(covariance), 1e-12))
     correlation = (1 - SHRINK) * covariance / np.outer(size, size)
@@ -160,13 +160,13 @@ def spread(values: np.ndarray) -> float:
 
 def huber_weights(rows: np.ndarray) -> np.ndarray:
     """Return the weights with which stray rows count."""
-    return np.asarray(np.minimum(1.0, STRAY / np.maximum(np.abs(rows), 1e-12)))
+    return np.asarray(np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(rows), 1e-12)))
 
 
 def huber_losses(rows: Any) -> np.ndarray:
     """Return r^2 of each row, beyond STRAY linear."""
     size = np.abs(rows)
-    return np.asarray(np.where(size > STRAY, 2 * STRAY * size - STRAY**2, size**2))
+    return np.asarray(np.where(size > HUBER_THRESHOLD, 2 * HUBER_THRESHOLD * size - HUBER_THRESHOLD**2, size**2))
 
 
 def huber(rows: Any) -> float:

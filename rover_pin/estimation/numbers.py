@@ -63,7 +63,7 @@ class Number(NamedTuple):
         return "at its bound" if self.at_bound else "" if self.closed else "not closed by the data"
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """One line for a reader."""
         line = f"{self.name} = {wording.interval(self.value, self.low, self.high, self.unit)}"
         line += f", {self.note}" if self.note else ""
@@ -82,18 +82,18 @@ class Number(NamedTuple):
 def assumed_lines(numbers: Sequence[Number]) -> list[str]:
     """Return what was assumed of numbers before they were fitted, a line for each source."""
     by_source: dict[str, list[str]] = {}
-    for one in numbers:
-        if one.prior and not one.declared:
-            by_source.setdefault(one.source, []).append(f"{one.name} {one.prior}")
+    for number in numbers:
+        if number.prior and not number.declared:
+            by_source.setdefault(number.source, []).append(f"{number.name} {number.prior}")
     return [f"{source or 'assumed'}: {', '.join(names)}" for source, names in by_source.items()]
 
 
 def is_adequate(fitted: Fit, surprise: float = SURPRISE) -> bool:
     """Return whether what is left is as large as it may be by the stated noise."""
-    return chance_of(fitted) >= surprise
+    return p_value(fitted) >= surprise
 
 
-def chance_of(fitted: Fit) -> float:
+def p_value(fitted: Fit) -> float:
     """Return the probability that the stated noise leaves as much as a fit does, or more."""
     return float(chi2_law.sf(huber(fitted.rows), fitted.freedom))
 
@@ -101,7 +101,11 @@ def chance_of(fitted: Fit) -> float:
 def implausible(fitted: Fit) -> tuple[str, ...]:
     """Return the numbers that had to leave what is declared of them; what is assumed contradicts nobody."""
     rows = zip(fitted.parameters, fitted.u, strict=True)
-    return tuple(f"{one.name} {u:+.1f} SD" for one, u in rows if one.prior and one.declared and abs(u) > AWAY)
+    return tuple(
+        f"{parameter.name} {u:+.1f} SD"
+        for parameter, u in rows
+        if parameter.prior and parameter.declared and abs(u) > AWAY
+    )
 
 
 def settled(fitted: Fit) -> Fit:
@@ -150,14 +154,14 @@ def _about(fitted: Fit, at: int, sd: float) -> Number:
 
 
 def _number(fitted: Fit, at: int, ends: Interval) -> Number:
-    one, u = fitted.parameters[at], float(fitted.u[at])
-    unit = fitted.task.experiment.quantity(fitted.model, one.name).unit
-    low, high = sorted((one.value(ends.low), one.value(ends.high)))
-    stuck = min(u - one.bounds[0], one.bounds[1] - u) <= AT_BOUND
-    covered = (ends.high - ends.low) / (one.bounds[1] - one.bounds[0])
-    drift, closed = u if one.prior else math.nan, ends.closed_low and ends.closed_high
-    known = (one.beforehand, covered, one.declared, one.source)
-    return Number(one.name, unit, one.value(u), low, high, drift, closed, stuck, *known)
+    parameter, u = fitted.parameters[at], float(fitted.u[at])
+    unit = fitted.task.experiment.quantity(fitted.model, parameter.name).unit
+    low, high = sorted((parameter.value(ends.low), parameter.value(ends.high)))
+    stuck = min(u - parameter.bounds[0], parameter.bounds[1] - u) <= AT_BOUND
+    covered = (ends.high - ends.low) / (parameter.bounds[1] - parameter.bounds[0])
+    drift, closed = u if parameter.prior else math.nan, ends.closed_low and ends.closed_high
+    prior_facts = (parameter.beforehand, covered, parameter.declared, parameter.source)
+    return Number(parameter.name, unit, parameter.value(u), low, high, drift, closed, stuck, *prior_facts)
 
 
 def profiles(fitted: Fit, names: tuple[str, ...]) -> tuple[Profile, ...]:
@@ -165,31 +169,31 @@ def profiles(fitted: Fit, names: tuple[str, ...]) -> tuple[Profile, ...]:
 
     The others descend from where a linear model puts them, with the slopes of the fit; NaN where they do not settle.
     """
-    return tuple(_profile(fitted, [one.name for one in fitted.parameters].index(name)) for name in names)
+    return tuple(_profile(fitted, [parameter.name for parameter in fitted.parameters].index(name)) for name in names)
 
 
 def _profile(fitted: Fit, at: int) -> Profile:
-    one, spread = fitted.parameters[at], fitted.covariance
+    parameter, spread = fitted.parameters[at], fitted.covariance
     half = NORMAL_95 * float(fitted.spread[at])
-    reach = np.clip([fitted.u[at] + share * half for share in SHARES], *one.bounds)
+    reach = np.clip([fitted.u[at] + share * half for share in SHARES], *parameter.bounds)
     points = {float(fitted.u[at]): 0.0}
     for u in dict.fromkeys(map(float, reach)):
         if u not in points:
             points[u] = _rise(fitted, at, u, spread[:, at] / spread[at, at])
     us = sorted(points)
-    unit = fitted.task.experiment.quantity(fitted.model, one.name).unit
-    return Profile(one.name, unit, tuple(one.value(u) for u in us), tuple(points[u] for u in us))
+    unit = fitted.task.experiment.quantity(fitted.model, parameter.name).unit
+    return Profile(parameter.name, unit, tuple(parameter.value(u) for u in us), tuple(points[u] for u in us))
 
 
 def _rise(fitted: Fit, at: int, u: float, direction: np.ndarray) -> float:
     """Return how far chi2 rises where one parameter is held at u; NaN where the others do not settle."""
-    one = fitted.parameters[at]
+    parameter = fitted.parameters[at]
     start = np.delete(fitted.u + direction * (u - fitted.u[at]), at)
-    others = tuple(each for i, each in enumerate(fitted.parameters) if i != at)
-    held = fitted.task.experiment.with_values(fitted.model, {one.name: one.value(u)})
+    others = tuple(free_parameter for i, free_parameter in enumerate(fitted.parameters) if i != at)
+    fixed_model = fitted.task.experiment.with_values(fitted.model, {parameter.name: parameter.value(u)})
     try:
-        found = fit(fitted.task, held, others, start, fitted.slopes, reuse=True)
+        refitted = fit(fitted.task, fixed_model, others, start, fitted.slopes, reuse=True)
     except OptimisationError:
         return math.nan
-    prior = u**2 if one.prior else 0.0
-    return (found.chi2 + prior - fitted.chi2) / (fitted.task.noise.inflation * max(fitted.misfit, 1.0))
+    prior = u**2 if parameter.prior else 0.0
+    return (refitted.chi2 + prior - fitted.chi2) / (fitted.task.noise.inflation * max(fitted.misfit, 1.0))

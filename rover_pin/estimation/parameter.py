@@ -72,4 +72,4 @@ def declared_in(title: str, name: str, table: Container[str], sds: Container[str
 
 def bounds_of(parameters: Sequence[Parameter]) -> np.ndarray:
     """Return the bounds of each u (parameters, 2)."""
-    return np.array([one.bounds for one in parameters]).reshape(-1, 2)
+    return np.array([parameter.bounds for parameter in parameters]).reshape(-1, 2)

@@ -63,13 +63,13 @@ class Problem:
         for name in priors:
             if name not in space.names:
                 raise ParameterError(f"the prior of '{name}' has no free parameter: {closest(name, space.names)}")
-            check("prior", name, priors[name].mean, space.axes[space.names.index(name)].about)
+            check("prior", name, priors[name].mean, space.axes[space.names.index(name)].quantity)
         self.data, self.space, self.priors, self.widen = tuple(data), space, dict(priors), widen
-        measured = np.concatenate([channel.measured for one in data for channel in one.channels])
+        measured = np.concatenate([channel.measured for dataset in data for channel in dataset.channels])
         self._seen = np.isfinite(measured)
         self.measured = measured[self._seen]
-        self.sd = widen * np.concatenate([channel.sd for one in data for channel in one.channels])[self._seen]
-        self._predictors = [one.predictor(space.names) for one in data]
+        self.sd = widen * np.concatenate([channel.sd for dataset in data for channel in dataset.channels])[self._seen]
+        self._predictors = [dataset.predictor(space.names) for dataset in data]
         self._prior_at = [space.names.index(name) for name in priors]
         self._prior_mean = np.array([prior.mean for prior in priors.values()])
         self._prior_sd = np.array([prior.sd for prior in priors.values()])
@@ -93,21 +93,23 @@ class Problem:
         """Return residuals [rows] and their Jacobian [rows, p] at u."""
         fields, slopes = self.space.fields(u), self.space.slopes(u)
         parts = [predict(fields) for predict in self._predictors]
-        left = residual(self.measured, np.concatenate([values for values, _ in parts])[self._seen]) / self.sd
+        weighted_residual = (
+            residual(self.measured, np.concatenate([values for values, _ in parts])[self._seen]) / self.sd
+        )
         jacobian = -np.concatenate([slope for _, slope in parts])[self._seen] * slopes / self.sd[:, None]
         if not self.priors:
-            return left, jacobian
+            return weighted_residual, jacobian
         at = self._prior_at
-        stated = residual(self._prior_mean, self.space.values(u)[at]) / self._prior_sd
+        prior_residual = residual(self._prior_mean, self.space.values(u)[at]) / self._prior_sd
         rows = np.zeros((len(at), len(slopes)))
         rows[range(len(at)), at] = -slopes[at] / self._prior_sd
-        return np.concatenate([left, stated]), np.concatenate([jacobian, rows])
+        return np.concatenate([weighted_residual, prior_residual]), np.concatenate([jacobian, rows])
 
     def unpredicted(self, u: np.ndarray) -> str:
         """Return the first point that the model does not predict at u, in words; empty where it predicts all."""
         fields = self.space.fields(u)
-        for one, predict in zip(self.data, self._predictors, strict=True):
-            lost = np.isnan(predict(fields)[0]).reshape(len(one.channels), -1).any(axis=0)
+        for dataset, predict in zip(self.data, self._predictors, strict=True):
+            lost = np.isnan(predict(fields)[0]).reshape(len(dataset.channels), -1).any(axis=0)
             if lost.any():
                 return f"; no sinkage down to the axle carries the load of point {lost.argmax() + 1}"
         return ""

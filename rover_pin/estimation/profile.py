@@ -76,8 +76,8 @@ def interval(problem: LeastSquares, best: Best, index: int) -> Interval:
         _end(problem, best, index, side, NORMAL_95) for side in (-1, 1)
     )
     ends = [u for u, closed in ((below, closed_low), (above, closed_high)) if closed]
-    others = [other for other in range(len(best.u)) if other != index]
-    pinned = [other for other in others if any(_at_bound(problem, u, other) for u in ends)]
+    others = [other_index for other_index in range(len(best.u)) if other_index != index]
+    pinned = [other_index for other_index in others if any(_at_bound(problem, u, other_index) for u in ends)]
     return Interval(low, high, closed_low, closed_high, tuple(pinned))
 
 
@@ -85,7 +85,7 @@ def rise(problem: LeastSquares, best: Best, index: int, x: float, guess: np.ndar
     """Return the root of chi2's rise with coordinate `index` at x, and the refitted u."""
     start = guess.copy()
     start[index] = x
-    u, chi2 = descend(problem, start, held=index)
+    u, chi2 = descend(problem, start, fixed_index=index)
     if chi2 < best.chi2 - 1e-3:
         raise LowerMinimum(u)
     return float(np.sqrt(max(chi2 - best.chi2, 0.0))), u
@@ -93,8 +93,8 @@ def rise(problem: LeastSquares, best: Best, index: int, x: float, guess: np.ndar
 
 def _at_bound(problem: LeastSquares, u: np.ndarray, index: int) -> bool:
     low, high = problem.space.low[index], problem.space.high[index]
-    near = AT_BOUND * (high - low) if np.isfinite(high - low) else 0.0
-    return bool(u[index] <= low + near or u[index] >= high - near)
+    tolerance = AT_BOUND * (high - low) if np.isfinite(high - low) else 0.0
+    return bool(u[index] <= low + tolerance or u[index] >= high - tolerance)
 
 
 def _end(problem: LeastSquares, best: Best, index: int, side: int, target: float) -> tuple[float, bool, np.ndarray]:
@@ -102,10 +102,10 @@ def _end(problem: LeastSquares, best: Best, index: int, side: int, target: float
     centre = best.u[index]
     bound = float((problem.space.low, problem.space.high)[side > 0][index])
     sd = float(np.sqrt(best.covariance[index, index]))
-    inside, outside, kept = (centre, 0.0), None, best.u
+    inside, outside, u_inside = (centre, 0.0), None, best.u
     x = _within(centre + side * target * sd, centre, bound)
     for turn in range(TRIES):
-        z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if kept is best.u else kept)
+        z, u = rise(problem, best, index, x, _follow(problem, best, index, x) if u_inside is best.u else u_inside)
         if abs(z - target) < CLOSE * target:
             return x, True, u
         if z > target:
@@ -113,12 +113,12 @@ def _end(problem: LeastSquares, best: Best, index: int, side: int, target: float
         elif x == bound:
             return bound, False, u
         else:
-            inside, kept = (x, z), u
+            inside, u_inside = (x, z), u
         if outside is not None and abs(outside[0] - inside[0]) < JUMP * abs(inside[0] - centre):
-            z, u = rise(problem, best, index, outside[0], kept)
+            z, u = rise(problem, best, index, outside[0], u_inside)
             if z > target:
                 return outside[0], True, u
-            inside, kept, outside = (outside[0], z), u, None
+            inside, u_inside, outside = (outside[0], z), u, None
         x = _next(inside, outside, (centre, bound), target, turn)
     raise OptimisationError(
         f"the profile of {problem.space.names[index]} was not followed to its end in {TRIES} refits; "

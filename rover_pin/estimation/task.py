@@ -32,5 +32,5 @@ class Task:
 
 def objective(rows: np.ndarray, u: np.ndarray, parameters: Sequence[Parameter]) -> float:
     """Return the robust chi2 with the priors."""
-    held = np.array([one.prior for one in parameters], dtype=bool)
-    return huber(rows) + float(np.sum(np.asarray(u)[held] ** 2))
+    has_prior = np.array([parameter.prior for parameter in parameters], dtype=bool)
+    return huber(rows) + float(np.sum(np.asarray(u)[has_prior] ** 2))

@@ -31,7 +31,7 @@ def in_words(unit: str) -> tuple[float, str]:
     return READERS_UNITS.get(unit, (1.0, unit))
 
 
-def shown(value: float, unit: str) -> str:
+def format_value(value: float, unit: str) -> str:
     """Return a number as a reader wants it: degrees, millimetres, kilopascals; NaN is what is not predicted."""
     factor, name = in_words(unit)
     return figure(factor * value, ".4g", f" {name}".rstrip())
@@ -57,8 +57,8 @@ def spread(sd: float, size: float = 1.0) -> str:
 def interval(value: float, low: float, high: float, unit: str) -> str:
     """Return a value with its 95 % interval, or that the data give none."""
     if not high - low > NO_SPREAD * abs(value):
-        return f"{shown(value, unit)} (no interval)"
-    return f"{shown(value, unit)} [{shown(low, unit)}, {shown(high, unit)}]"
+        return f"{format_value(value, unit)} (no interval)"
+    return f"{format_value(value, unit)} [{format_value(low, unit)}, {format_value(high, unit)}]"
 
 
 class Against(Enum):
@@ -69,11 +69,11 @@ class Against(Enum):
     NOTHING = "says nothing of"
 
 
-def against(ends: tuple[float, float], known: tuple[float, float], covered: float) -> Against:
+def against(ends: tuple[float, float], reference: tuple[float, float], covered: float) -> Against:
     """Return what an interval says of a known range, given the share of all that is allowed which it covers."""
     if covered >= NEARLY:
         return Against.NOTHING
-    return Against.AGREES if ends[0] <= known[1] and ends[1] >= known[0] else Against.AWAY
+    return Against.AGREES if ends[0] <= reference[1] and ends[1] >= reference[0] else Against.AWAY
 
 
 class Outcome(Enum):
@@ -116,7 +116,7 @@ class Change(NamedTuple):
         return not self.lost and max(abs(self.share), abs(self.low), abs(self.high)) < SAME
 
     @property
-    def told(self) -> bool:
+    def has_interval(self) -> bool:
         """Whether the interval is one: an interval without width is that of a single resampled number."""
         return self.high - self.low > NO_SPREAD
 
@@ -125,7 +125,7 @@ class Change(NamedTuple):
         """The change and its interval, in a few letters."""
         if self.none or self.lost:
             return "not compared" if self.lost else "unchanged"
-        ends = f"95 % [{share(self.low)}, {share(self.high)}]" if self.told else "no interval"
+        ends = f"95 % [{share(self.low)}, {share(self.high)}]" if self.has_interval else "no interval"
         return f"{share(self.share)}, {ends}"
 
     @property
@@ -138,14 +138,14 @@ class Change(NamedTuple):
             return Outcome.AT_FLOOR
         if self.none or (abs(self.share) < SAME and self.low * self.high >= 0):
             return Outcome.NONE
-        if self.told and (self.high < 0 or self.low > 0):
+        if self.has_interval and (self.high < 0 or self.low > 0):
             return Outcome.BETTER if self.high < 0 else Outcome.WORSE
         if at_floor and self.share <= 0:
             return Outcome.AT_FLOOR
-        return Outcome.SCATTER if self.told else Outcome.UNTOLD
+        return Outcome.SCATTER if self.has_interval else Outcome.UNTOLD
 
     @property
-    def said(self) -> str:
+    def claim(self) -> str:
         """What may be claimed, in a sentence."""
         sense = (Outcome.BETTER if self.share < 0 else Outcome.WORSE).value
         if self.outcome is Outcome.AT_FLOOR:
@@ -161,9 +161,13 @@ def got_worse(changes: Iterable[tuple[str, Change]]) -> str:
     """Return which of the named errors grew, in a sentence; those that did not grow beyond the scatter apart."""
     changes = list(changes)
     rows = [(name, change) for name, change in changes if change.share >= SAME]
-    beyond = [f"{name} by {share(one.share).lstrip('+')}" for name, one in rows if one.outcome is Outcome.WORSE]
-    within = [f"{name} by {share(one.share).lstrip('+')}" for name, one in rows if one.outcome is not Outcome.WORSE]
-    said = f"Got worse: {', '.join(beyond)}." if beyond else "No channel got worse beyond its scatter."
+    significant = [
+        f"{name} by {share(change.share).lstrip('+')}" for name, change in rows if change.outcome is Outcome.WORSE
+    ]
+    within = [
+        f"{name} by {share(change.share).lstrip('+')}" for name, change in rows if change.outcome is not Outcome.WORSE
+    ]
+    sentence = f"Got worse: {', '.join(significant)}." if significant else "No channel got worse beyond its scatter."
     lost = [name for name, change in changes if change.lost]
-    said += f" Not predicted everywhere, and not compared: {', '.join(lost)}." if lost else ""
-    return f"{said} Higher within it: {', '.join(within)}." if within else said
+    sentence += f" Not predicted everywhere, and not compared: {', '.join(lost)}." if lost else ""
+    return f"{sentence} Higher within it: {', '.join(within)}." if within else sentence

@@ -21,8 +21,8 @@ def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str,
     table = measured_points(path, (by, *names), (by,))
     rows = np.array([column(table[name], name, str(path)) for name in names])
     folds, owner = np.unique(table[by].astype(str).to_numpy(dtype=object).astype(str), return_inverse=True)
-    whole = np.full((len(folds), len(names), int(np.bincount(owner).max())), np.nan)
+    padded_table = np.full((len(folds), len(names), int(np.bincount(owner).max())), np.nan)
     for at in range(len(folds)):
         part = rows[:, owner == at]
-        whole[at, :, : part.shape[1]] = part
-    return tuple(map(str, folds)), whole
+        padded_table[at, :, : part.shape[1]] = part
+    return tuple(map(str, folds)), padded_table

@@ -32,7 +32,7 @@ class MotorBrake(Bed):
 
     motor: Motor
     folds: tuple[str, ...]
-    given: np.ndarray
+    inputs: np.ndarray
     observed: np.ndarray
     sd: np.ndarray
     name, channels, stand_in = "motor on a brake", ("wheel rate", "current"), 1e3
@@ -71,10 +71,10 @@ class MotorBrake(Bed):
 
     def _steady(self, motor: Motor, effects: tuple[MotorEffect, ...]) -> np.ndarray:
         law, values = motor_law(motor, effects), numbers([motor, *effects])
-        duty, load = np.nan_to_num(self.given).transpose(1, 0, 2).reshape(2, -1)
+        duty, load = np.nan_to_num(self.inputs).transpose(1, 0, 2).reshape(2, -1)
         rate, none = np.zeros(duty.size), np.zeros(duty.size)
         for _ in range(30):
             out = np.array(law(np.array([duty, rate, none, none]), ca.DM(0, duty.size), values))
             rate = rate - (out[0] - load) / np.minimum(out[1], -1e-9)
-        steady = np.array([rate, out[2]]).reshape(2, *self.given.shape[::2])
+        steady = np.array([rate, out[2]]).reshape(2, *self.inputs.shape[::2])
         return np.nan_to_num(steady.transpose(1, 0, 2), nan=self.stand_in)

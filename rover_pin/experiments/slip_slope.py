@@ -94,10 +94,12 @@ class SlipSlope(Bed):
     def base_model(self) -> Parts:
         """Return the soil as declared, with the traction and the resistance of a drive of this rover."""
         traction = SoilTraction(TorqueTraction(), usual_angles(self.rover))
-        kept = [
-            each for each in base_effects(self.soil, self.rover, traction, self.gravity) if isinstance(each, ACTING)
+        acting_effects = [
+            effect
+            for effect in base_effects(self.soil, self.rover, traction, self.gravity)
+            if isinstance(effect, ACTING)
         ]
-        return Parts({"soil": self.soil}, tuple(kept))
+        return Parts({"soil": self.soil}, tuple(acting_effects))
 
     def uncertain(self, model: Parts) -> tuple[Parameter, ...]:
         """Return phi, k, k_1 and the motion resistance, whose value at S = 0.05 on the flat is an assumption."""
@@ -148,16 +150,16 @@ class SlipSlope(Bed):
 
     def _slips(self, model: Parts) -> np.ndarray:
         slopes = np.nan_to_num(self.slopes).ravel()
-        found, at = np.unique(slopes, return_inverse=True)
-        loads = [wheel_loads(self.rover, slope, gravity=self.gravity) for slope in found]
-        pulls = np.zeros((len(found), len(SLIPS)))
+        distinct_slopes, at = np.unique(slopes, return_inverse=True)
+        loads = [wheel_loads(self.rover, slope, gravity=self.gravity) for slope in distinct_slopes]
+        pulls = np.zeros((len(distinct_slopes), len(SLIPS)))
         for number, mount in enumerate(self.rover.wheels):
-            one = RigModel(mount.wheel, model.records["soil"], model.effects)
-            load = np.repeat([max(float(each[number]), 1e-3) for each in loads], len(SLIPS))
-            runs = conditions(load, np.tile(SLIPS, len(found)))
-            pulls += predictor(one, (), runs)(one.vector()).values[0].reshape(pulls.shape)
-        asked = self.rover.mass * self.gravity * np.sin(found)
-        slips = np.array([_least(pull, want) for pull, want in zip(pulls, asked, strict=True)])
+            wheel_model = RigModel(mount.wheel, model.records["soil"], model.effects)
+            load = np.repeat([max(float(slope_loads[number]), 1e-3) for slope_loads in loads], len(SLIPS))
+            runs = conditions(load, np.tile(SLIPS, len(distinct_slopes)))
+            pulls += predictor(wheel_model, (), runs)(wheel_model.vector()).values[0].reshape(pulls.shape)
+        required_pull = self.rover.mass * self.gravity * np.sin(distinct_slopes)
+        slips = np.array([_least(pull, want) for pull, want in zip(pulls, required_pull, strict=True)])
         return slips[at].reshape(len(self.folds), 1, -1)
 
 
@@ -165,15 +167,15 @@ ACTING = (SoilTraction, MotionResistance)
 """What of a drive's base effects acts at a steady wheel that runs straight."""
 
 
-def _least(pull: np.ndarray, asked: float) -> float:
+def _least(pull: np.ndarray, required_pull: float) -> float:
     """Return the least slip at which the pull is what is asked, straight between the worked-out ones."""
-    enough = np.flatnonzero(np.nan_to_num(pull, nan=-np.inf) >= asked)
+    enough = np.flatnonzero(np.nan_to_num(pull, nan=-np.inf) >= required_pull)
     if not enough.size:
         return STUCK
     at = int(enough[0])
     if at == 0:
         return float(SLIPS[0])
-    share = (asked - pull[at - 1]) / (pull[at] - pull[at - 1])
+    share = (required_pull - pull[at - 1]) / (pull[at] - pull[at - 1])
     return float(SLIPS[at - 1] + share * (SLIPS[at] - SLIPS[at - 1]))
 
 

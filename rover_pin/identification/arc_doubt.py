@@ -16,7 +16,7 @@ MODULUS = ("k_1", "k_2", "n")
 """Constants of which any can take the arc's doubt up."""
 
 
-def with_arc_doubt(
+def free_unmeasured_modulus(
     data: Evidence | Sequence[WheelRig],
     soil: Soil,
     free: Sequence[str],
@@ -30,10 +30,10 @@ def with_arc_doubt(
     user's word.
     """
     sets, sand = sets_of(data), sand_of(data)
-    told = any(isinstance(channel, Sinkage) for each in sets for channel in each.channels)
-    loaded = any(each.loads.size for each in sets)
-    if told or not loaded or exact.intersection(MODULUS) or {*MODULUS, "theta_1"}.intersection(free):
+    sinkage_measured = any(isinstance(channel, Sinkage) for evidence in sets for channel in evidence.channels)
+    loaded = any(evidence.loads.size for evidence in sets)
+    if sinkage_measured or not loaded or exact.intersection(MODULUS) or {*MODULUS, "theta_1"}.intersection(free):
         return tuple(free), dict(priors)
-    known = exact.union(sand.declared).intersection((*MODULUS, "k_phi", "k_c"))
-    sd = sand.doubts.get("k_1", (DECLARED_SD if known else UNDECLARED_SD) * float(modulus(sand.wheel, soil)))
+    declared_modulus = exact.union(sand.declared).intersection((*MODULUS, "k_phi", "k_c"))
+    sd = sand.doubts.get("k_1", (DECLARED_SD if declared_modulus else UNDECLARED_SD) * float(modulus(sand.wheel, soil)))
     return (*free, "k_1"), {**priors, "k_1": Prior(float(soil.k_1), sd)}

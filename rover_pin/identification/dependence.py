@@ -23,7 +23,7 @@ from rover_pin.identification.result import (
     Held,
     Identification,
     Verdict,
-    hanging_on,
+    describe_dependence,
     with_unit,
 )
 from rover_pin.measurements.channel import Evidence
@@ -35,9 +35,9 @@ SAME = 1e-9
 
 
 def with_held(
-    found: Identification,
+    identification: Identification,
     data: Evidence | Sequence[Evidence],
-    held: Sequence[Held],
+    fixed: Sequence[Held],
     priors: Mapping[str, Prior] | None = None,
 ) -> Identification:
     """Return a fit with what its numbers do when one that was held moves within its range.
@@ -53,16 +53,18 @@ def with_held(
     held : sequence of Held
         As `held_numbers` gives them.
     """
-    names = tuple(one.name for one in found.estimates)
-    fit = build(data, found.soil, names, priors or {}).widened(found.misfit)
+    names = tuple(estimate.name for estimate in identification.estimates)
+    fit = build(data, identification.soil, names, priors or {}).widened(identification.misfit)
     u = descend(fit, fit.space.start())[0]
-    moved = [
-        [_refit(sets_of(data), fit, change, u) for change in one.ends]
-        for one in telling(held, len(held), "held numbers moved")
+    refits = [
+        [_refit(sets_of(data), fit, change, u) for change in fixed_number.ends]
+        for fixed_number in telling(fixed, len(fixed), "held numbers moved")
     ]
-    rows = tuple(_assumed(fit, one, ends) for one, ends in zip(held, moved, strict=True))
-    estimates = tuple(_judged(fit, one, u[at], rows) for at, one in enumerate(found.estimates))
-    return dataclasses.replace(found, estimates=estimates, held=rows)
+    rows = tuple(_assumed(fit, fixed_number, ends) for fixed_number, ends in zip(fixed, refits, strict=True))
+    estimates = tuple(
+        _evaluate_dependence(fit, estimate, u[at], rows) for at, estimate in enumerate(identification.estimates)
+    )
+    return dataclasses.replace(identification, estimates=estimates, fixed=rows)
 
 
 def _refit(sets: Sequence[Evidence], fit: Problem, change: Change, u: np.ndarray) -> np.ndarray | None:
@@ -71,8 +73,10 @@ def _refit(sets: Sequence[Evidence], fit: Problem, change: Change, u: np.ndarray
         return None
     try:
         changed = _again(fit, sets_of(change())) if callable(change) else _changed(sets, fit, change)
-        there, here = changed.evaluate(u)[0], fit.evaluate(u)[0]
-        if there.shape == here.shape and np.allclose(there, here, rtol=0.0, atol=SAME):
+        changed_residuals, residuals = changed.evaluate(u)[0], fit.evaluate(u)[0]
+        if changed_residuals.shape == residuals.shape and np.allclose(
+            changed_residuals, residuals, rtol=0.0, atol=SAME
+        ):
             return None
         return descend(changed, u)[0]
     except (ValueError, np.linalg.LinAlgError, OptimisationError, DataError):
@@ -86,61 +90,71 @@ def _again(fit: Problem, sets: Sequence[Evidence], base: np.ndarray | None = Non
 
 def _changed(sets: Sequence[Evidence], fit: Problem, change: Mapping[str, float]) -> Problem:
     """Return the problem with other numbers of the soil, and of the wheel of all sets."""
-    sizes: dict[str, Any] = {name: value for name, value in change.items() if name in quantities(Wheel)}
-    own = [dataclasses.replace(one, wheel=one.wheel.replace(**sizes)) for one in sets] if sizes else sets  # type: ignore[type-var]
+    dimensions: dict[str, Any] = {name: value for name, value in change.items() if name in quantities(Wheel)}
+    changed_sets = (
+        [dataclasses.replace(evidence, wheel=evidence.wheel.replace(**dimensions)) for evidence in sets]
+        if dimensions
+        else sets
+    )  # type: ignore[type-var]
     base = fit.space.base.copy()
     for name, value in change.items():
-        base[fit.space.known.index(name)] = value
-    return _again(fit, own, base)
+        base[fit.space.all_names.index(name)] = value
+    return _again(fit, changed_sets, base)
 
 
-def _assumed(fit: Problem, held: Held, ends: Sequence[np.ndarray | None]) -> Assumed:
+def _assumed(fit: Problem, fixed: Held, ends: Sequence[np.ndarray | None]) -> Assumed:
     if all(u is None for u in ends):
-        return Assumed(held, {})
+        return Assumed(fixed, {})
     start = fit.space.start()
     low, high = (fit.space.values(start if u is None else u) for u in ends)
-    return Assumed(held, {name: (float(low[at]), float(high[at])) for at, name in enumerate(fit.space.names)})
+    return Assumed(fixed, {name: (float(low[at]), float(high[at])) for at, name in enumerate(fit.space.names)})
 
 
-def _judged(fit: Problem, one: Estimate, u: float, rows: Sequence[Assumed]) -> Estimate:
+def _evaluate_dependence(fit: Problem, estimate: Estimate, u: float, rows: Sequence[Assumed]) -> Estimate:
     """Return an estimate that was found with the verdict that what it depends on leaves it."""
-    if one.verdict is not Verdict.FOUND:
-        return one
-    far = {row.held.name: _distance(fit, one, u, row.moved[one.name]) for row in rows if row.moved}
-    blamed = _blamed(far)
+    if estimate.verdict is not Verdict.FOUND:
+        return estimate
+    distances = {
+        row.fixed.name: _distance(fit, estimate, u, row.refitted[estimate.name]) for row in rows if row.refitted
+    }
+    blamed = _blamed(distances)
     if not blamed:
-        return one
-    measured = tuple(row.held.name for row in rows if row.held.measured and row.held.name in blamed)
-    told = one._replace(verdict=Verdict.DEPENDS, depends_on=tuple(blamed), measured=measured)
-    return told._replace(reason=_reason(told, rows, far[blamed[0]] > 1.0))
+        return estimate
+    measured = tuple(row.fixed.name for row in rows if row.fixed.measured and row.fixed.name in blamed)
+    dependent = estimate._replace(verdict=Verdict.DEPENDS, depends_on=tuple(blamed), measured=measured)
+    return dependent._replace(reason=_reason(dependent, rows, distances[blamed[0]] > 1.0))
 
 
-def _distance(fit: Problem, one: Estimate, u: float, ends: tuple[float, float]) -> float:
+def _distance(fit: Problem, estimate: Estimate, u: float, ends: tuple[float, float]) -> float:
     """Return how far the farther end lies from the estimate, over the interval's end on that side, in u."""
-    coordinate = next(axis.coordinate for axis in fit.space.axes if axis.name == one.name)
-    low, high = u - coordinate.u(one.low), coordinate.u(one.high) - u
+    coordinate = next(axis.coordinate for axis in fit.space.axes if axis.name == estimate.name)
+    low, high = u - coordinate.u(estimate.low), coordinate.u(estimate.high) - u
     shifts = [coordinate.u(end) - u if math.isfinite(end) else math.inf for end in ends]
     return max(shift / high if shift > 0 else -shift / low for shift in shifts)
 
 
-def _blamed(far: Mapping[str, float]) -> list[str]:
+def _blamed(distances: Mapping[str, float]) -> list[str]:
     """Return what moves a number out of its interval: each that does alone, else the fewest that do together."""
-    order = sorted(far, key=lambda name: -far[name])
-    alone = [name for name in order if far[name] > 1.0]
+    order = sorted(distances, key=lambda name: -distances[name])
+    alone = [name for name in order if distances[name] > 1.0]
     if alone:
         return alone
     for count in range(2, len(order) + 1):
-        if math.hypot(*(far[name] for name in order[:count])) > 1.0:
+        if math.hypot(*(distances[name] for name in order[:count])) > 1.0:
             return order[:count]
     return []
 
 
-def _reason(one: Estimate, rows: Sequence[Assumed], alone: bool) -> str:
+def _reason(estimate: Estimate, rows: Sequence[Assumed], alone: bool) -> str:
     """Return the verdict's sentence: what it depends on, where each moves it, and what would tell the first."""
-    blamed = one.depends_on
-    moved = {row.held.name: with_unit(row.moved[one.name], one.unit) for row in rows if row.moved}
-    said = hanging_on({name: f"{name} (it becomes {moved[name]})" for name in blamed}, one.measured)
+    blamed = estimate.depends_on
+    refitted_ranges = {
+        row.fixed.name: with_unit(row.refitted[estimate.name], estimate.unit) for row in rows if row.refitted
+    }
+    dependence = describe_dependence(
+        {name: f"{name} (it becomes {refitted_ranges[name]})" for name in blamed}, estimate.measured
+    )
     remedy = REMEDY.get(blamed[0].partition(" ")[0], "measure it, and declare it with its sd")
-    if blamed[0] in one.measured:
+    if blamed[0] in estimate.measured:
         remedy = f"it was measured, but not closely enough; {remedy}"
-    return f"depends on {said}{'' if alone else ' together'}: {remedy}"
+    return f"depends on {dependence}{'' if alone else ' together'}: {remedy}"

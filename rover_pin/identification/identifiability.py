@@ -33,10 +33,10 @@ SAME_LOAD = 1.5
 INVISIBLE = 1e-3
 """A parameter that moves no prediction by this many SDs over the spread of the starts is not in the data."""
 
-ALIKE = 1e-5
+MIN_OWN_SHARE = 1e-5
 """A parameter whose effect is reproduced by others to this share is not told from them."""
 
-FEW = 2
+MAX_LISTED_PARAMETERS = 2
 """Parameters up to which a refusal lists what the data tell instead."""
 
 
@@ -62,19 +62,19 @@ def advice(name: str) -> str:
 
 
 def _refuse_kind(name: str, data: Sequence[Evidence]) -> None:
-    if not any(name in one.tells for one in data):
-        told_by = " and ".join(sorted({one.told_by for one in data}))
-        told = sorted(frozenset().union(*(one.tells for one in data)))
-        hint = f", which tells {', '.join(told)} only" if 0 < len(told) <= FEW else ""
-        raise ParameterError(f"{name} is not identifiable from {told_by}{hint}: {advice(name)}")
+    if not any(name in evidence.tells for evidence in data):
+        data_kinds = " and ".join(sorted({evidence.data_kind for evidence in data}))
+        identifiable = sorted(frozenset().union(*(evidence.tells for evidence in data)))
+        hint = f", which tells {', '.join(identifiable)} only" if 0 < len(identifiable) <= MAX_LISTED_PARAMETERS else ""
+        raise ParameterError(f"{name} is not identifiable from {data_kinds}{hint}: {advice(name)}")
 
 
 def _refuse_pairs(free: Sequence[str], data: Sequence[Evidence]) -> None:
-    loads = np.concatenate([one.loads for one in data])
+    loads = np.concatenate([evidence.loads for evidence in data])
     if {"c", "phi"} <= set(free) and (loads.size == 0 or loads.max() < SAME_LOAD * loads.min()):
-        told = f"all runs carry about {np.median(loads):.3g} N" if loads.size else "no load is known"
-        raise ParameterError(f"c and phi are not identifiable together from one load ({told}): {advice('c')}")
-    widths = {float(one.wheel.b) for one in data}
+        reason = f"all runs carry about {np.median(loads):.3g} N" if loads.size else "no load is known"
+        raise ParameterError(f"c and phi are not identifiable together from one load ({reason}): {advice('c')}")
+    widths = {float(evidence.wheel.b) for evidence in data}
     if {"k_1", "k_2"} <= set(free) and len(widths) == 1:
         raise ParameterError(
             f"k_1 and k_2 are not identifiable together from one wheel width ({widths.pop():g} m): {advice('k_1')}"
@@ -92,7 +92,7 @@ def _refuse_numerically(problem: Problem, starts: Sequence[np.ndarray]) -> None:
             raise ParameterError(
                 f"{name} is not identifiable: it moves nothing in {measured_channels(problem)}; {advice(name)}"
             )
-        if max(own_share(jacobian, index) for jacobian in jacobians) < ALIKE:
+        if max(own_share(jacobian, index) for jacobian in jacobians) < MIN_OWN_SHARE:
             raise ParameterError(
                 f"{name} is not identifiable from {measured_channels(problem)}: other free parameters do the same; "
                 f"{advice(name)}"
@@ -101,4 +101,4 @@ def _refuse_numerically(problem: Problem, starts: Sequence[np.ndarray]) -> None:
 
 def measured_channels(problem: Problem) -> str:
     """Return the names of the measured channels, as a sentence says them."""
-    return " and ".join(dict.fromkeys(channel.name for one in problem.data for channel in one.channels))
+    return " and ".join(dict.fromkeys(channel.name for evidence in problem.data for channel in evidence.channels))

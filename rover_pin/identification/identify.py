@@ -41,7 +41,7 @@ class Search:
     seed: int = 0
 
 
-class Ended(NamedTuple):
+class StartResult(NamedTuple):
     """Where one start ended; `u` is None where the solver failed."""
 
     u: np.ndarray | None
@@ -94,13 +94,15 @@ def identify(
     problem = build(data, soil, free, priors or {})
     starts = scatter(problem, search)
     refuse_untold(problem, starts)
-    ended = list(telling((_solve(problem, u) for u in starts), len(starts), "starts fitted"))
-    best = _lowest(problem, ended)
+    results = list(telling((_solve(problem, u) for u in starts), len(starts), "starts fitted"))
+    best = _lowest(problem, results)
     widen = misfit(best.chi2, problem.freedom)
-    judged = problem.widened(widen)
-    best, intervals = _intervals(judged, _settled(judged, best.u))
-    estimates = tuple(judge(judged, best, index, one, widen) for index, one in enumerate(intervals))
-    return _identification(problem, best, estimates, ended, soil)
+    widened = problem.widened(widen)
+    best, intervals = _intervals(widened, _refine_fit(widened, best.u))
+    estimates = tuple(
+        judge(widened, best, index, profile_interval, widen) for index, profile_interval in enumerate(intervals)
+    )
+    return _identification(problem, best, estimates, results, soil)
 
 
 def profile(
@@ -123,9 +125,9 @@ def profile(
     if index < 0:
         raise ParameterError(f"the profile of '{name}' needs it among the free parameters {', '.join(free)}.")
     axis = problem.space.axes[index]
-    if not all(axis.about.low <= value <= axis.about.high for value in values):
+    if not all(axis.quantity.low <= value <= axis.quantity.high for value in values):
         raise ParameterError(
-            f"the profile of {name} leaves [{axis.about.low:g}, {axis.about.high:g}] {axis.about.unit}."
+            f"the profile of {name} leaves [{axis.quantity.low:g}, {axis.quantity.high:g}] {axis.quantity.unit}."
         )
     best = _lowest(problem, [_solve(problem, u) for u in scatter(problem, SEARCH)])
     wanted = np.clip([axis.coordinate.u(float(value)) for value in values], axis.low, axis.high)
@@ -143,10 +145,10 @@ def build(data: Evidence | Sequence[Evidence], soil: Soil, free: Sequence[str], 
     sets = sets_of(data)
     if not sets:
         raise DataError("there are no data to identify from; give one data set or more.")
-    widths = {(float(one.wheel.r), float(one.wheel.b)) for one in sets}
+    widths = {(float(evidence.wheel.r), float(evidence.wheel.b)) for evidence in sets}
     if len(widths) > 1 and {"r", "b"} & set(free):
         raise ParameterError("r and b cannot be free for data of different wheels; hold them at each wheel's own.")
-    narrowest = min((one.wheel for one in sets), key=lambda wheel: float(wheel.b))
+    narrowest = min((evidence.wheel for evidence in sets), key=lambda wheel: float(wheel.b))
     return Problem(sets, space(tuple(free), narrowest, soil), priors)
 
 
@@ -167,29 +169,29 @@ def misfit(chi2: float, freedom: int) -> float:
     return float(np.sqrt(chi2 / freedom))
 
 
-def _solve(problem: Problem, start: np.ndarray) -> Ended:
+def _solve(problem: Problem, start: np.ndarray) -> StartResult:
     low, high = problem.space.low, problem.space.high
     margin = 1e-6 * np.minimum(high - low, 1.0)
     try:
-        return Ended(*descend(problem, np.clip(start, low + margin, high - margin)), status="settled")
+        return StartResult(*descend(problem, np.clip(start, low + margin, high - margin)), status="settled")
     except (ValueError, np.linalg.LinAlgError, OptimisationError) as error:
-        return Ended(None, np.inf, str(error))
+        return StartResult(None, np.inf, str(error))
 
 
-def _lowest(problem: Problem, ended: Sequence[Ended]) -> Best:
-    lowest = min(ended, key=lambda end: end.chi2)
+def _lowest(problem: Problem, results: Sequence[StartResult]) -> Best:
+    lowest = min(results, key=lambda end: end.chi2)
     if lowest.u is None:
         lost = problem.unpredicted(problem.space.start())
-        told = "; ".join(dict.fromkeys(end.status.rstrip(".") for end in ended)) + lost
+        messages = "; ".join(dict.fromkeys(end.status.rstrip(".") for end in results)) + lost
         raise OptimisationError(
-            f"none of {len(ended)} starts converged ({told}); start from a soil nearer to the data, free fewer "
+            f"none of {len(results)} starts converged ({messages}); start from a soil nearer to the data, free fewer "
             "parameters.",
-            status=[end.status for end in ended],
+            status=[end.status for end in results],
         )
     return Best(lowest.u, lowest.chi2, covariance(problem, lowest.u))
 
 
-def _settled(problem: Problem, u: np.ndarray) -> Best:
+def _refine_fit(problem: Problem, u: np.ndarray) -> Best:
     u, chi2 = descend(problem, u)
     return Best(u, chi2, covariance(problem, u))
 
@@ -200,25 +202,25 @@ def _intervals(problem: Problem, best: Best) -> tuple[Best, list[Interval]]:
         try:
             return best, [interval(problem, best, index) for index in range(len(best.u))]
         except LowerMinimum as lower:
-            best = _settled(problem, lower.u)
+            best = _refine_fit(problem, lower.u)
     raise OptimisationError(
         f"chi2 still falls after {POLISHES} profiles; give more starts or free fewer parameters.", status=best.chi2
     )
 
 
-def _agreement(problem: Problem, ended: Sequence[Ended]) -> Starts:
-    converged = [(end.u, end.chi2) for end in ended if end.u is not None]
+def _agreement(problem: Problem, results: Sequence[StartResult]) -> Starts:
+    converged = [(end.u, end.chi2) for end in results if end.u is not None]
     lowest = min(chi2 for _, chi2 in converged)
     others: dict[float, dict[str, float]] = {}
     for u, chi2 in converged:
-        if chi2 > lowest + SAME_CHI2 and all(abs(chi2 - seen) > SAME_CHI2 for seen in others):
+        if chi2 > lowest + SAME_CHI2 and all(abs(chi2 - other_chi2) > SAME_CHI2 for other_chi2 in others):
             others[chi2] = dict(zip(problem.space.names, problem.space.values(u).tolist(), strict=True))
     agreed = sum(chi2 <= lowest + SAME_CHI2 for _, chi2 in converged)
-    return Starts(len(ended), len(converged), agreed, tuple(sorted(others.items())))
+    return Starts(len(results), len(converged), agreed, tuple(sorted(others.items())))
 
 
 def _identification(
-    problem: Problem, best: Best, estimates: tuple[Estimate, ...], ended: Sequence[Ended], soil: Soil
+    problem: Problem, best: Best, estimates: tuple[Estimate, ...], results: Sequence[StartResult], soil: Soil
 ) -> Identification:
     """Return the result, with chi2 and singular values by the noise as stated."""
     chi2 = problem.chi2(best.u)
@@ -233,14 +235,14 @@ def _identification(
         chi2=chi2,
         freedom=problem.freedom,
         misfit=misfit(chi2, problem.freedom),
-        starts=_agreement(problem, ended),
+        starts=_agreement(problem, results),
         soil=soil.replace(**{name: fitted[name] for name in problem.space.names if name in quantities(soil)}),
     )
 
 
 def _channel_fits(problem: Problem, u: np.ndarray) -> tuple[ChannelFit, ...]:
     residual, at, fits = problem.evaluate(u)[0], 0, []
-    for channel in (channel for one in problem.data for channel in one.channels):
+    for channel in (channel for evidence in problem.data for channel in evidence.channels):
         sd = channel.sd[np.isfinite(channel.measured)]
         part = residual[at : at + sd.size]
         at += sd.size

@@ -22,10 +22,10 @@ def judge(problem: Problem, best: Best, index: int, interval: Interval, misfit: 
     if verdict is Verdict.FOUND and misfit > 1:
         reason += ", if what the model misses does not move it"
     value = float(problem.space.values(best.u)[index])
-    ends = np.clip([axis.coordinate.value(end) for end in interval[:2]], axis.about.low, axis.about.high)
+    ends = np.clip([axis.coordinate.value(end) for end in interval[:2]], axis.quantity.low, axis.quantity.high)
     return Estimate(
         name=axis.name,
-        unit=axis.about.unit,
+        unit=axis.quantity.unit,
         value=math.nan if verdict is Verdict.NOT_IDENTIFIABLE else value,
         sd=math.sqrt(best.covariance[index, index]) * float(problem.space.slopes(best.u)[index]),
         low=float(ends[0]),
@@ -41,14 +41,21 @@ def _verdict(problem: Problem, best: Best, index: int, interval: Interval) -> tu
     prior, closed = problem.priors.get(axis.name), interval.closed_low and interval.closed_high
     if prior is not None:
         sd = math.sqrt(best.covariance[index, index]) * float(problem.space.slopes(best.u)[index])
-        own = 1 - (sd / prior.sd) ** 2
-        if own < OWN_SHARE:
-            return Verdict.HELD_AT_PRIOR, f"held at prior: {from_here} give {max(own, 0.0):.0%} of what is known of it"
-    elif problem.priors and closed and (own := data_share(problem, best, index)) < OWN_SHARE:
-        why = f"its interval would be {math.sqrt(own):.0%} as wide were {' and '.join(problem.priors)} exact"
+        share = 1 - (sd / prior.sd) ** 2
+        if share < OWN_SHARE:
+            return (
+                Verdict.HELD_AT_PRIOR,
+                f"held at prior: {from_here} give {max(share, 0.0):.0%} of what is known of it",
+            )
+    elif problem.priors and closed and (share := data_share(problem, best, index)) < OWN_SHARE:
+        why = f"its interval would be {math.sqrt(share):.0%} as wide were {' and '.join(problem.priors)} exact"
         return Verdict.HELD_AT_PRIOR, f"set by the prior of {' and '.join(problem.priors)}: {why}"
     wide = interval.high - interval.low > axis.coordinate.widest
-    pinned = [problem.space.names[other] for other in interval.pinned if problem.space.names[other] != axis.name]
+    pinned = [
+        problem.space.names[parameter_index]
+        for parameter_index in interval.pinned
+        if problem.space.names[parameter_index] != axis.name
+    ]
     if closed and not wide and not pinned:
         return Verdict.FOUND, f"found{_given(problem, axis.name)}"
     why = "the 95 % interval is too wide to call it found"
@@ -67,11 +74,11 @@ def data_share(problem: Problem, best: Best, index: int) -> float:
     """
     jacobian = problem.data_jacobian(best.u)
     free = [at for at, name in enumerate(problem.space.names) if at != index and name not in problem.priors]
-    own, others = jacobian[:, index], jacobian[:, free]
-    left = own - others @ np.linalg.lstsq(others, own, rcond=1e-10)[0]
-    return 1.0 / max(float(left @ left * best.covariance[index, index]), 1.0)
+    column, others = jacobian[:, index], jacobian[:, free]
+    residual = column - others @ np.linalg.lstsq(others, column, rcond=1e-10)[0]
+    return 1.0 / max(float(residual @ residual * best.covariance[index, index]), 1.0)
 
 
 def _given(problem: Problem, name: str) -> str:
-    others = [other for other in problem.priors if other != name]
+    others = [prior_name for prior_name in problem.priors if prior_name != name]
     return f", given the prior of {' and '.join(others)}" if others else ""

@@ -20,7 +20,7 @@ T = TypeVar("T")
 SAME_TO = Held._fields.index("ends")
 """Numbers that are the same in a `Held` up to here are held alike."""
 
-ALIKE = 1e-6
+DECLARED_TOLERANCE = 1e-6
 """Share by which a constant that two sets declare may differ, and still be one: rounding of units."""
 
 OF_SAND = (*quantities(Soil), *BEKKER_UNITS, *(name for name, of in BESIDE.items() if of.table == "soil"))
@@ -49,16 +49,16 @@ def of_one_sand(rigs: Sequence[WheelRig]) -> WheelRig:
         Two sets of one name, or that declare different values of one constant.
     """
     names = [rig.name for rig in rigs]
-    for name in (each for each in names if names.count(each) > 1):
+    for name in (set_name for set_name in names if names.count(set_name) > 1):
         raise DataError(f"{name}: two sets have this name; give each its own, to tell whose numbers are meant.")
     stands = max(rigs, key=lambda rig: (bool(rig.trials), len(rig.declared)))
-    told: dict[str, tuple[str, float]] = {}
+    declarations: dict[str, tuple[str, float]] = {}
     for rig in (stands, *rigs):
         for name, value in {**rig.declared, **_of_sand(rig.beside)}.items():
-            first, own = told.setdefault(name, (rig.name, value))
-            if not math.isclose(own, value, rel_tol=ALIKE):
+            first, former = declarations.setdefault(name, (rig.name, value))
+            if not math.isclose(former, value, rel_tol=DECLARED_TOLERANCE):
                 raise DataError(
-                    f"{rig.name}: [soil] declares {name} = {value:.6g}, {first} {own:.6g} [SI]: one sand has one of "
+                    f"{rig.name}: [soil] declares {name} = {value:.6g}, {first} {former:.6g} [SI]: one sand has one of "
                     "it; declare it alike, or in one of the sets alone."
                 )
     return replace(
@@ -85,9 +85,9 @@ def as_held(rows: Sequence[tuple[str, Held]], count: int) -> Iterator[tuple[tupl
     A size that several sets state alike has one drawing, and is wrong in all of them at once. What not all of `count`
     sets hold says whose it is.
     """
-    alike: dict[tuple, tuple[list[str], Held]] = {}
-    for name, held in rows:
-        alike.setdefault((*held[:SAME_TO], held.measured), ([], held))[0].append(name)
-    for names, held in alike.values():
+    groups: dict[tuple, tuple[list[str], Held]] = {}
+    for name, fixed in rows:
+        groups.setdefault((*fixed[:SAME_TO], fixed.measured), ([], fixed))[0].append(name)
+    for names, fixed in groups.values():
         whose = "" if len(names) == count else f" of {' and '.join(names)}"
-        yield tuple(names), held._replace(name=f"{held.name}{whose}")
+        yield tuple(names), fixed._replace(name=f"{fixed.name}{whose}")

@@ -79,10 +79,10 @@ def posterior(
             f"the chain is too short: its memory is {time:.0f} of {chain.steps} steps; give at least {20 * time:.0f}.",
             status=time,
         )
-    kept = sampler.get_chain(discard=chain.burn_in, flat=True)
+    samples = sampler.get_chain(discard=chain.burn_in, flat=True)
     return Posterior(
         names=problem.space.names,
-        samples=np.array([problem.space.values(u) for u in kept]),
+        samples=np.array([problem.space.values(u) for u in samples]),
         autocorrelation=time,
         acceptance=float(np.mean(sampler.acceptance_fraction)),
     )

@@ -50,17 +50,17 @@ class Estimate(NamedTuple):
     "those of them whose range is a measurement's or was declared, not assumed"
 
     @property
-    def said(self) -> str:
+    def verdict_text(self) -> str:
         """The verdict in words, with the names of what it depends on."""
         words = {name: name for name in self.depends_on}
-        return " ".join((self.verdict.value, hanging_on(words, self.measured))).rstrip()
+        return " ".join((self.verdict.value, describe_dependence(words, self.measured))).rstrip()
 
 
-def hanging_on(words: Mapping[str, str], measured: Sequence[str]) -> str:
+def describe_dependence(words: Mapping[str, str], measured: Sequence[str]) -> str:
     """Return what a number depends on, name -> words: those that were assumed, then those that were measured."""
     parts = []
-    for kind, own in (("assumed", False), ("measured", True)):
-        names = [said for name, said in words.items() if (name in measured) == own]
+    for kind, is_measured in (("assumed", False), ("measured", True)):
+        names = [text for name, text in words.items() if (name in measured) == is_measured]
         parts += [f"the {kind} {' and '.join(names)}"] if names else []
     return " and ".join(parts)
 
@@ -91,24 +91,24 @@ class Held(NamedTuple):
 class Assumed(NamedTuple):
     """A number that was held, and what the free ones become at the ends of its range."""
 
-    held: Held
-    moved: Mapping[str, tuple[float, float]]
+    fixed: Held
+    refitted: Mapping[str, tuple[float, float]]
     "free name -> values refitted at either end, NaN where nothing fits; empty where it moves no prediction"
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values; SI units."""
-        row = {name: value for name, value in self.held._asdict().items() if name != "ends"}
-        return {**row, "moves": {name: list(ends) for name, ends in self.moved.items()}}
+        row = {name: value for name, value in self.fixed._asdict().items() if name != "ends"}
+        return {**row, "moves": {name: list(ends) for name, ends in self.refitted.items()}}
 
     def line(self, units: Mapping[str, str]) -> str:
         """Return the number, its source, its range and what that moves, as text; `units` are those of the free."""
-        held = self.held
-        said = f"{held.name} = {with_unit((held.value,), held.unit)} ({held.source})"
-        if held.low == held.high:
-            return f"{said}: {held.doubt}"
-        said += f", {with_unit((held.low, held.high), held.unit)} ({held.doubt})"
-        moves = [f"{name} {with_unit(ends, units[name])}" for name, ends in self.moved.items()]
-        return f"{said}: {'; '.join(moves) or 'does not enter these data'}"
+        fixed = self.fixed
+        text = f"{fixed.name} = {with_unit((fixed.value,), fixed.unit)} ({fixed.source})"
+        if fixed.low == fixed.high:
+            return f"{text}: {fixed.doubt}"
+        text += f", {with_unit((fixed.low, fixed.high), fixed.unit)} ({fixed.doubt})"
+        moves = [f"{name} {with_unit(ends, units[name])}" for name, ends in self.refitted.items()]
+        return f"{text}: {'; '.join(moves) or 'does not enter these data'}"
 
 
 class ChannelFit(NamedTuple):
@@ -168,7 +168,7 @@ class Identification:
     "factor by which SDs and intervals are widened, 1 where the model meets the data within their noise"
     starts: Starts
     soil: Soil
-    held: tuple[Assumed, ...] = ()
+    fixed: tuple[Assumed, ...] = ()
     "what was not free, as `with_held` found it; empty where it was not asked"
 
     def __getitem__(self, name: str) -> Estimate:
@@ -179,7 +179,7 @@ class Identification:
         raise ParameterError(f"'{name}' was not free: {closest(name, [estimate.name for estimate in self.estimates])}")
 
     @property
-    def found(self) -> tuple[str, ...]:
+    def identified(self) -> tuple[str, ...]:
         """Names of the parameters that the data tell."""
         return tuple(estimate.name for estimate in self.estimates if estimate.verdict is Verdict.FOUND)
 
@@ -192,7 +192,7 @@ class Identification:
                 "low": estimate.low,
                 "high": estimate.high,
                 "unit": estimate.unit,
-                "verdict": estimate.said,
+                "verdict": estimate.verdict_text,
                 "reason": estimate.reason,
                 "depends_on": list(estimate.depends_on),
             }
@@ -206,7 +206,7 @@ class Identification:
             "freedom": self.freedom,
             "misfit": self.misfit,
             "channels": [channel.as_dict() for channel in self.channels],
-            "held": [one.as_dict() for one in self.held],
+            "held": [assumed.as_dict() for assumed in self.fixed],
         }
 
     def report(self) -> str:
@@ -226,10 +226,10 @@ class Identification:
         units = {estimate.name: estimate.unit for estimate in self.estimates}
         head = (
             ["held, each with its source and 95 % range, and what the free ones become at the ends of that:"]
-            if self.held
+            if self.fixed
             else []
         )
-        return [*head, *(f"  {one.line(units)}" for one in self.held)]
+        return [*head, *(f"  {assumed.line(units)}" for assumed in self.fixed)]
 
     def _weakest(self) -> str:
         names = [estimate.name for estimate in self.estimates]
@@ -242,10 +242,10 @@ class Identification:
         return [f"correlation of {names[j]} and {names[i]}: {self.correlation[i, j]:.4f}" for i, j in pairs]
 
     def _starts(self) -> str:
-        said = f"{self.starts.agreed} of {self.starts.tried} starts agree"
+        text = f"{self.starts.agreed} of {self.starts.tried} starts agree"
         for chi2, values in self.starts.others:
-            said += f"; another minimum at chi2 = {chi2:.4g}: " + ", ".join(f"{n} = {v:.4g}" for n, v in values.items())
-        return said
+            text += f"; another minimum at chi2 = {chi2:.4g}: " + ", ".join(f"{n} = {v:.4g}" for n, v in values.items())
+        return text
 
 
 def _line(estimate: Estimate) -> str:
@@ -260,8 +260,8 @@ def _line(estimate: Estimate) -> str:
 def with_unit(values: Sequence[float], unit: str) -> str:
     """Return a number, or the ends of a range, in the unit of a report."""
     factor, name = _in_report(unit)
-    said = [f"{factor * value:.4g}" if math.isfinite(value) else "no fit" for value in values]
-    return f"{' to '.join(said)} {name}".rstrip()
+    texts = [f"{factor * value:.4g}" if math.isfinite(value) else "no fit" for value in values]
+    return f"{' to '.join(texts)} {name}".rstrip()
 
 
 def _in_report(unit: str) -> tuple[float, str]:

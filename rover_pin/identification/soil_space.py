@@ -15,7 +15,7 @@ from rover_pin.quantity import Quantity, quantities
 DECADES = 1e-6
 """A logarithm whose bound is zero or negative stops at this share of where it starts."""
 
-MOST_EXIT = 0.99
+MAX_EXIT_RATIO = 0.99
 """Greatest exit ratio of a fit: at 1 the stress ends on a second singularity, where derivatives jump."""
 
 
@@ -27,45 +27,45 @@ def space(free: tuple[str, ...], wheel: Wheel, soil: Soil) -> Space:
     ParameterError
         An unknown or repeated name (the message lists the close ones), none at all, or a pressure that is not positive.
     """
-    known = quantities(Wheel) | quantities(soil)
+    parameters = quantities(Wheel) | quantities(soil)
     for name in free:
-        if name not in known:
-            raise ParameterError(f"no parameter '{name}' can be free: {closest(name, known)}")
+        if name not in parameters:
+            raise ParameterError(f"no parameter '{name}' can be free: {closest(name, parameters)}")
     if not free or len(set(free)) < len(free):
         raise ParameterError(f"free = {tuple(free)!r} must name one parameter or more, each once.")
     base = {**wheel.values(), **soil.values()}
-    axes = tuple(_axis(name, known[name], base, free) for name in free)
+    axes = tuple(_axis(name, parameters[name], base, free) for name in free)
     return Space(axes, np.array([float(base[name]) for name in FIELDS]), FIELDS)
 
 
-def _axis(name: str, about: Quantity, base: dict[str, float], free: tuple[str, ...]) -> Axis:
+def _axis(name: str, quantity: Quantity, base: dict[str, float], free: tuple[str, ...]) -> Axis:
     if name in ("k_1", "k_2"):
-        return _modulus_axis(name, about, base, free)
+        return _modulus_axis(name, quantity, base, free)
     value = float(base[name])
-    if about.low > 0:
-        return _log_axis(name, about, value, 0.0)
-    span = about.high - about.low
+    if quantity.low > 0:
+        return _log_axis(name, quantity, value, 0.0)
+    span = quantity.high - quantity.low
     scale = min(span / 4, max(abs(value), 1e-3 * span))
-    return _linear_axis(name, about, scale, span / 4)
+    return _linear_axis(name, quantity, scale, span / 4)
 
 
-def _modulus_axis(name: str, about: Quantity, base: dict[str, float], free: tuple[str, ...]) -> Axis:
+def _modulus_axis(name: str, quantity: Quantity, base: dict[str, float], free: tuple[str, ...]) -> Axis:
     """k_1 + k_2 b must be positive, each alone need not: where one is held, the logarithm is of the sum."""
     b = base["b"]
     modulus, share = base["k_1"] + base["k_2"] * b, 1.0 if name == "k_1" else 1 / b
     if modulus <= 0:
         raise ParameterError(f"k_1 + k_2 b = {modulus:g} Pa must be positive to fit {name}; start from a firmer soil.")
     if {"k_1", "k_2"} <= set(free):
-        return _linear_axis(name, about, modulus * share / 2, modulus * share)
-    return _log_axis(name, about, float(base[name]), modulus * share - base[name])
+        return _linear_axis(name, quantity, modulus * share / 2, modulus * share)
+    return _log_axis(name, quantity, float(base[name]), modulus * share - base[name])
 
 
-def _linear_axis(name: str, about: Quantity, scale: float, widest: float) -> Axis:
+def _linear_axis(name: str, quantity: Quantity, scale: float, widest: float) -> Axis:
     coordinate = Linear(scale, widest / scale)
-    low, high = (0.0, MOST_EXIT) if name == "exit_ratio" else (about.low, about.high)
-    return Axis(name, about, coordinate, coordinate.u(low), coordinate.u(high))
+    low, high = (0.0, MAX_EXIT_RATIO) if name == "exit_ratio" else (quantity.low, quantity.high)
+    return Axis(name, quantity, coordinate, coordinate.u(low), coordinate.u(high))
 
 
-def _log_axis(name: str, about: Quantity, value: float, shift: float) -> Axis:
-    low = max(about.low + shift, DECADES * (value + shift))
-    return Axis(name, about, Log(shift), math.log(low), math.log(about.high + shift))
+def _log_axis(name: str, quantity: Quantity, value: float, shift: float) -> Axis:
+    low = max(quantity.low + shift, DECADES * (value + shift))
+    return Axis(name, quantity, Log(shift), math.log(low), math.log(quantity.high + shift))

@@ -49,13 +49,13 @@ def backwards(rates: Mapping[str, np.ndarray]) -> Guess | None:
     return Guess("body_yaw", {"formula": f"heading(body_x, body_y, t_s, {' + '.join(rates)})"}, why)
 
 
-def headings(seen: Recording, x: np.ndarray | None, y: np.ndarray | None) -> Iterator[Guess]:
+def headings(recording: Recording, x: np.ndarray | None, y: np.ndarray | None) -> Iterator[Guess]:
     """Yield body_yaw: a yaw, a quaternion's, a compass's, else the course."""
-    angle, sure, why = _yaw(seen)
+    angle, sure, why = _yaw(recording)
     if angle:
-        told = seen.values({"formula": angle}, "body_yaw")
+        yaw = recording.values({"formula": angle}, "body_yaw")
         if x is not None and y is not None:
-            yield _turned(seen, angle, told, x, y, (sure, why))
+            yield _turned(recording, angle, yaw, x, y, (sure, why))
         else:
             yield Guess("body_yaw", {"formula": angle}, why, sure)
     elif x is not None and y is not None:
@@ -63,19 +63,19 @@ def headings(seen: Recording, x: np.ndarray | None, y: np.ndarray | None) -> Ite
         yield Guess("body_yaw", {"formula": BY_COURSE}, why)
 
 
-def _yaw(seen: Recording) -> tuple[str, bool, str]:
+def _yaw(recording: Recording) -> tuple[str, bool, str]:
     """Return a formula of the yaw as recorded [rad], whether that is certain, and why it is thought."""
-    exact = next((each for each in seen.words if each.name == "body_yaw"), None)
+    exact = next((word for word in recording.words if word.name == "body_yaw"), None)
     if exact is not None:
         return f"unwrapped({quoted(exact.name)})", True, "its name"
-    four = quaternion(seen)
+    four = quaternion(recording)
     if four:
         return f"yaw({', '.join(four)})", True, "a quaternion, world z-y-x"
-    each = seen.best(lambda one: _score(one, YAW))
-    if each is None:
+    word = recording.best(lambda candidate: _score(candidate, YAW))
+    if word is None:
         return "", False, ""
-    unit, sure = angle_unit(seen, each)
-    inner = quoted(each.name)
+    unit, sure = angle_unit(recording, word)
+    inner = quoted(word.name)
     return (
         f"unwrapped(radians({inner}))" if unit == "deg" else f"unwrapped({inner})",
         sure,
@@ -84,62 +84,65 @@ def _yaw(seen: Recording) -> tuple[str, bool, str]:
 
 
 def _turned(
-    seen: Recording, angle: str, told: np.ndarray, x: np.ndarray, y: np.ndarray, known: tuple[bool, str]
+    recording: Recording, angle: str, yaw: np.ndarray, x: np.ndarray, y: np.ndarray, certainty: tuple[bool, str]
 ) -> Guess:
     """Return the way of counting under which the heading follows the course, the usual one if it does."""
-    sure, why = known
-    way = course(x, y, seen.t)
-    usual = _off(told, way)
-    if usual < FOLLOWS:
+    sure, why = certainty
+    way = course(x, y, recording.t)
+    offset = _off(yaw, way)
+    if offset < FOLLOWS:
         return Guess("body_yaw", {"formula": angle}, why, sure)
-    others = {form: _off(evaluate(form.format("told"), {"told": told}, "a heading"), way) for form in TURNS}
+    others = {form: _off(evaluate(form.format("told"), {"told": yaw}, "a heading"), way) for form in TURNS}
     best = min(others, key=lambda form: others[form])
-    if others[best] > FOLLOWS or others[best] > 0.5 * usual:
+    if others[best] > FOLLOWS or others[best] > 0.5 * offset:
         return Guess("body_yaw", {"formula": angle}, f"{why}; it does not follow the course", False)
     return Guess("body_yaw", {"formula": best.format(angle)}, f"{why}; it follows the course if {TURNS[best]}")
 
 
-def _off(told: np.ndarray, way: np.ndarray) -> float:
+def _off(yaw: np.ndarray, way: np.ndarray) -> float:
     """Return the angle [rad] between heading and course in the middle; a rover may drive backwards now and then."""
-    off = np.abs(np.angle(np.exp(1j * (told - way))))
-    known = off[np.isfinite(off)]
-    return float(np.median(known)) if known.size else math.pi
+    off = np.abs(np.angle(np.exp(1j * (yaw - way))))
+    finite = off[np.isfinite(off)]
+    return float(np.median(finite)) if finite.size else math.pi
 
 
-def tilts(seen: Recording) -> Iterator[Guess]:
+def tilts(recording: Recording) -> Iterator[Guess]:
     """Yield body_pitch and body_roll."""
-    four = quaternion(seen)
+    four = quaternion(recording)
     for target, words, function in (("body_pitch", PITCH, "pitch"), ("body_roll", ROLL, "roll")):
-        each = seen.best(partial(_tilt_score, words=words, target=target))
-        if each is not None:
-            unit, sure = angle_unit(seen, each)
+        word = recording.best(partial(_tilt_score, words=words, target=target))
+        if word is not None:
+            unit, sure = angle_unit(recording, word)
             sign = "; nose down is taken as positive" if target == "body_pitch" else "; right side down is positive"
-            own = each.name == target
+            exact = word.name == target
             yield Guess(
-                target, column(each, unit), "its name" + ("" if own else sign), own or (sure and target != "body_pitch")
+                target,
+                column(word, unit),
+                "its name" + ("" if exact else sign),
+                exact or (sure and target != "body_pitch"),
             )
         elif four:
             yield Guess(target, {"formula": f"{function}({', '.join(four)})"}, "a quaternion, world z-y-x", True)
 
 
-def _tilt_score(each: Word, words: set[str], target: str) -> float:
-    return 100.0 if each.name == target else _score(each, words)
+def _tilt_score(word: Word, words: set[str], target: str) -> float:
+    return 100.0 if word.name == target else _score(word, words)
 
 
-def _score(each: Word, words: set[str]) -> float:
-    if not each.has(words) or each.has(NO_ANGLE) or (each.unit and each.unit not in ANGLES):
+def _score(word: Word, words: set[str]) -> float:
+    if not word.has(words) or word.has(NO_ANGLE) or (word.unit and word.unit not in ANGLES):
         return 0.0
-    return 1.0 - 0.5 * each.has(ODOMETRY) - 0.2 * each.has(COMPASS) - 0.3 * each.has(COURSE)
+    return 1.0 - 0.5 * word.has(ODOMETRY) - 0.2 * word.has(COMPASS) - 0.3 * word.has(COURSE)
 
 
-def angle_unit(seen: Recording, each: Word) -> tuple[str, bool]:
+def angle_unit(recording: Recording, word: Word) -> tuple[str, bool]:
     """Return the unit of an angle, and whether that is certain: told by its name, or beyond a turn in radians."""
-    if each.unit in ANGLES:
-        return each.unit, True
-    values = seen.table[each.name].to_numpy(dtype=float)
-    known = values[np.isfinite(values)]
-    most = float(np.max(np.abs(known), initial=0.0))
-    return ("deg", True) if most > 2.0 * math.pi + 0.1 and not _is_unwrapped(known) else ("rad", False)
+    if word.unit in ANGLES:
+        return word.unit, True
+    values = recording.table[word.name].to_numpy(dtype=float)
+    finite = values[np.isfinite(values)]
+    most = float(np.max(np.abs(finite), initial=0.0))
+    return ("deg", True) if most > 2.0 * math.pi + 0.1 and not _is_unwrapped(finite) else ("rad", False)
 
 
 def _is_unwrapped(values: np.ndarray) -> bool:
@@ -153,32 +156,32 @@ def _is_unwrapped(values: np.ndarray) -> bool:
     )
 
 
-def quaternion(seen: Recording) -> tuple[str, ...]:
+def quaternion(recording: Recording) -> tuple[str, ...]:
     """Return the columns x, y, z, w of a quaternion as a formula names them, or nothing."""
     for pattern in (_lettered, _numbered):
-        found = pattern(seen)
-        if found:
-            square = sum(seen.table[name].to_numpy(dtype=float) ** 2 for name in found)
+        names = pattern(recording)
+        if names:
+            square = sum(recording.table[name].to_numpy(dtype=float) ** 2 for name in names)
             if abs(float(np.nanmedian(square)) - 1.0) < 0.05:
-                return tuple(map(quoted, found))
+                return tuple(map(quoted, names))
     return ()
 
 
-def _lettered(seen: Recording) -> tuple[str, ...]:
+def _lettered(recording: Recording) -> tuple[str, ...]:
     def named(letter: str) -> Callable[[Word], float]:
-        def score(each: Word) -> float:
-            own = {"q", "quat", "quaternion", "orientation", "rot", "rotation"}
-            last = each.tokens[-1] if each.tokens else ""
-            told = last == f"q{letter}" or (last == letter and each.has(own))
-            return float(told) * (1.0 - 0.5 * each.has(ODOMETRY) - 0.3 * each.has({"imu"}))
+        def score(word: Word) -> float:
+            quaternion_words = {"q", "quat", "quaternion", "orientation", "rot", "rotation"}
+            last = word.tokens[-1] if word.tokens else ""
+            matches = last == f"q{letter}" or (last == letter and word.has(quaternion_words))
+            return float(matches) * (1.0 - 0.5 * word.has(ODOMETRY) - 0.3 * word.has({"imu"}))
 
         return score
 
-    found = [seen.best(named(letter)) for letter in "xyzw"]
-    return tuple(each.name for each in found if each) if all(found) else ()
+    parts = [recording.best(named(letter)) for letter in "xyzw"]
+    return tuple(word.name for word in parts if word) if all(parts) else ()
 
 
-def _numbered(seen: Recording) -> tuple[str, ...]:
+def _numbered(recording: Recording) -> tuple[str, ...]:
     """Return q0 to q3 with the real part first, as their numbers from 0 have it."""
-    found = {each.tokens[-1]: each.name for each in seen.words if len(each.tokens) > 1 and each.tokens[-2] == "q"}
-    return tuple(found[str(at)] for at in (1, 2, 3, 0)) if {"0", "1", "2", "3"} <= found.keys() else ()
+    names = {word.tokens[-1]: word.name for word in recording.words if len(word.tokens) > 1 and word.tokens[-2] == "q"}
+    return tuple(names[str(at)] for at in (1, 2, 3, 0)) if {"0", "1", "2", "3"} <= names.keys() else ()

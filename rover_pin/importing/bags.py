@@ -37,12 +37,12 @@ def bag_table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """
     with opened(path) as bag:
         series, skipped = _read(bag)
-    series = {name: each for name, each in series.items() if len(each[0]) >= FEWEST}
+    series = {name: samples for name, samples in series.items() if len(samples[0]) >= FEWEST}
     if not series:
         raise DataError(f"{path}: no topic of the bag has numbers in {FEWEST} messages or more.")
     table, period = _on_one_clock(path, series)
-    left = (f"topics of unknown type are left out: {', '.join(skipped)}",) if skipped else ()
-    return table, (f"{len(series)} fields of the bag, interpolated every {period:g} s", *left)
+    omissions = (f"topics of unknown type are left out: {', '.join(skipped)}",) if skipped else ()
+    return table, (f"{len(series)} fields of the bag, interpolated every {period:g} s", *omissions)
 
 
 def _read(bag: Any) -> tuple[Series, list[str]]:
@@ -76,9 +76,9 @@ def _leaves(value: Any, path: str) -> Iterator[tuple[str, float]]:
         yield path, float(value)
     elif dataclasses.is_dataclass(value):
         names = getattr(value, "name", None)
-        for own in field_names(value):
-            if own not in ("header", "name"):
-                yield from _member(getattr(value, own), f"{path}.{own}", names)
+        for field in field_names(value):
+            if field not in ("header", "name"):
+                yield from _member(getattr(value, field), f"{path}.{field}", names)
 
 
 def _member(value: Any, path: str, names: Any) -> Iterator[tuple[str, float]]:
@@ -86,8 +86,8 @@ def _member(value: Any, path: str, names: Any) -> Iterator[tuple[str, float]]:
         yield from _leaves(value, path)
     elif len(value) <= LONGEST_ARRAY:
         labels = list(names) if isinstance(names, list) and len(names) == len(value) else range(len(value))
-        for label, each in zip(labels, value, strict=True):
-            yield from _leaves(each, f"{path}[{label}]")
+        for label, element in zip(labels, value, strict=True):
+            yield from _leaves(element, f"{path}[{label}]")
 
 
 def _on_one_clock(path: Path, series: Series) -> tuple[pd.DataFrame, float]:
@@ -102,10 +102,10 @@ def _on_one_clock(path: Path, series: Series) -> tuple[pd.DataFrame, float]:
             "of different clocks, convert the bag with one."
         )
     t = period * np.arange(rows)
-    made = {
+    columns = {
         name: _within(t, (np.array(times) - begin) * 1e-9, np.array(values)) for name, (times, values) in series.items()
     }
-    return pd.DataFrame({CLOCK: t, **made}), period
+    return pd.DataFrame({CLOCK: t, **columns}), period
 
 
 def _within(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -32,7 +32,7 @@ class Clock(NamedTuple):
     t: np.ndarray
     table: pd.DataFrame
     column: str
-    said: str
+    description: str
     sure: bool
 
 
@@ -46,33 +46,40 @@ def find_clock(table: pd.DataFrame, path: Path) -> Clock:
     """
     table = _whole_stamps(table)
     names = [word(str(name)) for name in table.columns]
-    found = next(
-        (each for each in sorted(names, key=_rank) if _is_clock(table[each.name], _rank(each) < UNNAMED)), None
+    clock_word = next(
+        (
+            candidate
+            for candidate in sorted(names, key=_rank)
+            if _is_clock(table[candidate.name], _rank(candidate) < UNNAMED)
+        ),
+        None,
     )
-    if found is None:
+    if clock_word is None:
         raise DataError(
             f"{path}: no column is a clock, one that increases from row to row: name it t_s (or time, stamp), in s."
         )
-    raw = table[found.name]
-    unit, sure = _unit(raw, found)
+    raw = table[clock_word.name]
+    unit, sure = _unit(raw, clock_word)
     begin = raw.iloc[0]
     t = (raw - begin).to_numpy(dtype=float) * SECONDS[unit]
     ahead = _ahead(t)
     dropped = int(np.sum(~ahead))
-    said = f"'{found.name}' in {unit}" + (
+    description = f"'{clock_word.name}' in {unit}" + (
         f"; {dropped} rows that repeat a time or run back are left out" if dropped else ""
     )
-    return Clock(t[ahead], table[ahead].reset_index(drop=True), found.name, said, sure)
+    return Clock(t[ahead], table[ahead].reset_index(drop=True), clock_word.name, description, sure)
 
 
 def _whole_stamps(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table whose stamps in two columns, whole seconds and the rest as ROS has them, are one column in s."""
-    for rest in map(str, table.columns):
-        found = REST.fullmatch(rest)
-        whole = next((name for end in ("sec", "secs") if found and (name := found[1] + end) in table), None)
-        if found and whole:
-            stamp = (table[whole] - table[whole].iloc[0]) + PARTS[found[2]] * table[rest]
-            table = table.drop(columns=[whole, rest]).assign(**{f"{found[1].rstrip('._')} stamp [s]".strip(): stamp})
+    for fraction in map(str, table.columns):
+        match = REST.fullmatch(fraction)
+        seconds = next((name for end in ("sec", "secs") if match and (name := match[1] + end) in table), None)
+        if match and seconds:
+            stamp = (table[seconds] - table[seconds].iloc[0]) + PARTS[match[2]] * table[fraction]
+            table = table.drop(columns=[seconds, fraction]).assign(
+                **{f"{match[1].rstrip('._')} stamp [s]".strip(): stamp}
+            )
     return table
 
 
@@ -82,15 +89,15 @@ def _ahead(t: np.ndarray) -> np.ndarray:
     return np.isfinite(t) & (before < t)
 
 
-def _rank(each: Word) -> int:
+def _rank(word: Word) -> int:
     """Return how likely a column is the clock by its name, the likeliest first."""
-    if each.name == "t_s":
+    if word.name == "t_s":
         return 0
-    if each.has(TIME) and each.unit in SECONDS:
+    if word.has(TIME) and word.unit in SECONDS:
         return 1
-    if each.tokens and each.tokens[0] in TIME and len(each.tokens) < 3:
+    if word.tokens and word.tokens[0] in TIME and len(word.tokens) < 3:
         return 2
-    return 3 if each.has(TIME) else UNNAMED
+    return 3 if word.has(TIME) else UNNAMED
 
 
 def _is_clock(values: pd.Series, named: bool) -> bool:
@@ -99,16 +106,16 @@ def _is_clock(values: pd.Series, named: bool) -> bool:
     Of a sawtooth, as the nanoseconds of a stamp are alone, hardly a row is later than all before.
     """
     t = values.to_numpy(dtype=float)
-    known = np.diff(t[np.isfinite(t)])
-    if not known.size or np.mean(_ahead(t)[np.isfinite(t)]) < 1.0 - BACK - 0.2 * (known.size > 50):
+    steps = np.diff(t[np.isfinite(t)])
+    if not steps.size or np.mean(_ahead(t)[np.isfinite(t)]) < 1.0 - BACK - 0.2 * (steps.size > 50):
         return False
-    middle = float(np.median(known))
-    return named or bool(np.mean(np.abs(known - middle) < 0.2 * middle) > 0.9)
+    middle = float(np.median(steps))
+    return named or bool(np.mean(np.abs(steps - middle) < 0.2 * middle) > 0.9)
 
 
-def _unit(values: pd.Series, about: Word) -> tuple[str, bool]:
-    if about.unit in SECONDS:
-        return about.unit, True
+def _unit(values: pd.Series, word: Word) -> tuple[str, bool]:
+    if word.unit in SECONDS:
+        return word.unit, True
     size = float(np.nanmedian(np.abs(values.to_numpy(dtype=float))))
     for limit, unit in EPOCHS:
         if size > limit:

@@ -36,14 +36,17 @@ class Recording(NamedTuple):
     words: tuple[Word, ...]
     "of the columns that are not the clock's"
 
-    def values(self, entry: Mapping[str, Any], target: str, made: Mapping[str, np.ndarray] = NOTHING) -> np.ndarray:
+    def values(self, entry: Mapping[str, Any], target: str, derived: Mapping[str, np.ndarray] = NOTHING) -> np.ndarray:
         """Return what an entry makes of the recording, and of columns that were `made` of it before [SI]."""
-        columns = {str(name): self.table[name].to_numpy(dtype=float) for name in self.table} | {**made, "t_s": self.t}
+        columns = {str(name): self.table[name].to_numpy(dtype=float) for name in self.table} | {
+            **derived,
+            "t_s": self.t,
+        }
         return mapped_column(target, entry, columns, f"the column {target}")
 
     def best(self, score: Callable[[Word], float]) -> Word | None:
         """Return the column that scores highest above 0; of equals the first."""
-        scored = [(score(each), -at, each) for at, each in enumerate(self.words)]
+        scored = [(score(word), -at, word) for at, word in enumerate(self.words)]
         top = max(scored, default=(0.0, 0, None))
         return top[2] if top[0] > 0.0 else None
 
@@ -53,7 +56,7 @@ def recording(t: np.ndarray, table: pd.DataFrame, clock: str, rover: Rover) -> R
     return Recording(t, table, rover, tuple(word(str(name)) for name in table.columns if name != clock))
 
 
-def column(each: Word, unit: str = "", **more: float) -> dict[str, Any]:
+def column(word: Word, unit: str = "", **more: float) -> dict[str, Any]:
     """Return an entry that takes a column as it is, in the unit that its name tells, or in this one."""
-    told = each.unit or unit
-    return {"column": each.name, **({"unit": told} if told else {}), **more}
+    stated_unit = word.unit or unit
+    return {"column": word.name, **({"unit": stated_unit} if stated_unit else {}), **more}

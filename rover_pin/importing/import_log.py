@@ -49,7 +49,7 @@ def import_log(
     recordings: Sequence[str | Path],
     rover: str | Path = "nexus6",
     out: str | Path | None = None,
-    told: Mapping[str, str] | None = None,
+    columns: Mapping[str, str] | None = None,
     most: int = MOST_RUNS,
 ) -> Imported:
     """Return what recordings were understood to hold, written as a drive log in a folder.
@@ -70,7 +70,7 @@ def import_log(
     DataError
         No recording, one that cannot be read, has no clock, no place or no wheel rates, or a log that is there.
     """
-    paths = [data_path(each) for each in recordings]
+    paths = [data_path(file) for file in recordings]
     if not paths:
         raise DataError("import-log: give at least one recording: CSV, Parquet, .mat, .bag, .db3 or .mcap.")
     folder = _beside(Path(recordings[0])) if out is None else Path(out)
@@ -78,12 +78,12 @@ def import_log(
         raise DataError(
             f"{folder}: is already there; give another folder with --out, nothing of yours is written over."
         )
-    own = load_rover(str(rover))
-    given = [Guess(name, {"formula": text}, "told", True) for name, text in (told or {}).items()]
-    _refuse_unread(given, own)
-    each = (_read(path, own, given, most) for path in paths)
-    readings = list(telling(each, len(paths), "recordings read"))
-    return _written(folder, paths, rover, own, readings)
+    loaded_rover = load_rover(str(rover))
+    declared = [Guess(name, {"formula": text}, "told", True) for name, text in (columns or {}).items()]
+    _refuse_unread(declared, loaded_rover)
+    pending = (_read(path, loaded_rover, declared, most) for path in paths)
+    readings = list(telling(pending, len(paths), "recordings read"))
+    return _written(folder, paths, rover, loaded_rover, readings)
 
 
 def _beside(first: Path) -> Path:
@@ -91,11 +91,11 @@ def _beside(first: Path) -> Path:
     return (first if exists(first) else Path(first.name)).with_suffix("")
 
 
-def _refuse_unread(told: Sequence[Guess], rover: Rover) -> None:
+def _refuse_unread(declared: Sequence[Guess], rover: Rover) -> None:
     """Refuse a column that is none of a drive log of this rover, and of which no other that was told is made."""
     wheels = [mount.name for mount in rover.wheels]
-    used = {word for each in told for word in re.findall(r"\w+", str(each.entry["formula"]))}
-    for name in (each.target for each in told):
+    used = {word for guess in declared for word in re.findall(r"\w+", str(guess.entry["formula"]))}
+    for name in (guess.target for guess in declared):
         if not is_column(name, wheels) and name not in used:
             kinds = ("wheel_rate_{}", "duty_{}", "current_{}_A", "raw_current_{}")
             there = (*WHOLE, *rover.angles, *(kind.format(wheel) for kind in kinds for wheel in wheels))
@@ -108,63 +108,63 @@ def _refuse_unread(told: Sequence[Guess], rover: Rover) -> None:
 @dataclass(frozen=True)
 class _Reading:
     path: Path
-    seen: Recording
-    found: Understood
+    recording: Recording
+    mapping: Understood
     parts: list[Part]
     notes: tuple[str, ...]
 
 
-def _read(path: Path, rover: Rover, told: Sequence[Guess], most: int) -> _Reading:
+def _read(path: Path, rover: Rover, declared: Sequence[Guess], most: int) -> _Reading:
     size = path.stat().st_size if is_file(path) else 0
     if size > LARGE:
         log.info("reading %s: %.0f MB", path.name, size / 1e6)
     raw = read_raw(path)
     clock = find_clock(raw.table, path)
-    seen = recording(clock.t, clock.table, clock.column, rover)
-    exact = [Guess(each.target, _entry(each, seen), each.why, True) for each in told]
-    found = understood(seen, exact, str(path))
-    drive = drive_of(seen, found)
-    whole = parts(drive)
-    if not whole:
+    log_recording = recording(clock.t, clock.table, clock.column, rover)
+    exact = [Guess(guess.target, _entry(guess, log_recording), guess.why, True) for guess in declared]
+    mapping = understood(log_recording, exact, str(path))
+    drive = drive_of(log_recording, mapping)
+    spans = parts(drive)
+    if not spans:
         raise DataError(f"{path}: the wheels never turn for 8 s on end: nothing was driven that could be compared.")
-    kept = chosen(drive, whole, most)
-    notes = [f"{path.name}: clock {clock.said}", *(f"{path.name}: {note}" for note in raw.notes)]
-    if len(kept) < len(whole):
-        times = sum(float(seen.t[part.last - 1] - seen.t[part.first]) for part in kept)
+    picks = chosen(drive, spans, most)
+    notes = [f"{path.name}: clock {clock.description}", *(f"{path.name}: {note}" for note in raw.notes)]
+    if len(picks) < len(spans):
+        times = sum(float(log_recording.t[part.last - 1] - log_recording.t[part.first]) for part in picks)
         notes.append(
-            f"{path.name}: {len(kept)} of {len(whole)} parts are kept, those that tell most of slip, slope, turns and "
-            f"rates: {times:.0f} s of {seen.t[-1]:.0f} s; --most gives more"
+            f"{path.name}: {len(picks)} of {len(spans)} parts are kept, those that tell most of slip, slope, turns and "
+            f"rates: {times:.0f} s of {log_recording.t[-1]:.0f} s; --most gives more"
         )
-    if found.unused:
-        notes.append(f"{path.name}: not used: {', '.join(found.unused[:30])}")
-    return _Reading(path, seen, found, kept, tuple(notes))
+    if mapping.unused:
+        notes.append(f"{path.name}: not used: {', '.join(mapping.unused[:30])}")
+    return _Reading(path, log_recording, mapping, picks, tuple(notes))
 
 
-def _entry(each: Guess, seen: Recording) -> dict[str, str]:
-    text = str(each.entry["formula"])
-    return {"column": text} if text in seen.table else {"formula": text}
+def _entry(guess: Guess, recording: Recording) -> dict[str, str]:
+    text = str(guess.entry["formula"])
+    return {"column": text} if text in recording.table else {"formula": text}
 
 
 def _written(
-    folder: Path, paths: Sequence[Path], rover: str | Path, own: Rover, readings: Sequence[_Reading]
+    folder: Path, paths: Sequence[Path], rover: str | Path, loaded_rover: Rover, readings: Sequence[_Reading]
 ) -> Imported:
     _refuse_unlike(readings)
     runs = [run for reading in readings for run in _runs(reading, several=len(readings) > 1)]
-    first = readings[0].found
+    first = readings[0].mapping
     notes = tuple(dict.fromkeys(note for reading in readings for note in reading.notes))
     lacks = first.lacks
     sheet = Sheet(
         folder.name,
         f"imported from {', '.join(path.name for path in paths)}",
         named_from(folder, rover),
-        [mount.name for mount in own.wheels],
+        [mount.name for mount in loaded_rover.wheels],
         first.guesses,
         runs,
-        [*notes, *(f"Lacks {said}." for said in lacks)],
+        [*notes, *(f"Lacks {lack}." for lack in lacks)],
         any(name in first.values for name in ("body_pitch", "body_z")),
     )
-    made = (replace_file(folder / f"{run.name}.csv", columns_text(dict(run.columns))) for run in runs)
-    files = list(telling(made, len(runs), "runs written"))
+    csv_files = (replace_file(folder / f"{run.name}.csv", columns_text(dict(run.columns))) for run in runs)
+    files = list(telling(csv_files, len(runs), "runs written"))
     files.append(replace_file(folder / FILE, toml_of(sheet)))
     return Imported(
         tuple(files), tuple(lines(first)), tuple(f"{run.name}: {run.purpose}" for run in runs), lacks, notes
@@ -173,27 +173,27 @@ def _written(
 
 def _refuse_unlike(readings: Sequence[_Reading]) -> None:
     first = readings[0]
-    for other in readings[1:]:
-        if other.found.entries != first.found.entries:
+    for later in readings[1:]:
+        if later.mapping.entries != first.mapping.entries:
             at = next(
                 name
-                for name in {**first.found.entries, **other.found.entries}
-                if first.found.entries.get(name) != other.found.entries.get(name)
+                for name in {**first.mapping.entries, **later.mapping.entries}
+                if first.mapping.entries.get(name) != later.mapping.entries.get(name)
             )
             raise DataError(
-                f"{other.path.name}: {at} is not made of the same columns as in {first.path.name}: import them one by "
+                f"{later.path.name}: {at} is not made of the same columns as in {first.path.name}: import them one by "
                 "one, or say --column for both."
             )
 
 
 def _runs(reading: _Reading, several: bool) -> list[Run]:
     stem = re.sub(r"\W+", "-", reading.path.stem).strip("-") or "run"
-    made = []
+    runs = []
     for at, part in enumerate(reading.parts, 1):
-        t = reading.seen.t[part.first : part.last]
-        table = reading.seen.table.iloc[part.first : part.last]
+        t = reading.recording.t[part.first : part.last]
+        table = reading.recording.table.iloc[part.first : part.last]
         columns = {str(name): table[name].to_numpy(dtype=float) for name in table if name != "t_s"}
         name = f"{stem}-{at:02d}" if several or len(reading.parts) > 1 else stem
         purpose = f"{t[-1] - t[0]:.0f} s from {t[0]:.1f} s of {reading.path.name}"
-        made.append(Run(name, purpose, {"t_s": np.asarray(t - t[0]), **columns}))
-    return made
+        runs.append(Run(name, purpose, {"t_s": np.asarray(t - t[0]), **columns}))
+    return runs

@@ -26,12 +26,12 @@ def mat_table(path: Path) -> pd.DataFrame:
     from scipy.io import loadmat
 
     try:
-        found = loadmat(io.BytesIO(content(path)), squeeze_me=True, struct_as_record=False)
+        variables = loadmat(io.BytesIO(content(path)), squeeze_me=True, struct_as_record=False)
     except NotImplementedError as error:
         raise DataError(f"{path}: a .mat of version 7.3 is not read: save it with '-v7', or as CSV.") from error
     except Exception as error:  # whatever scipy raises for bytes that are no .mat
         raise DataError(f"{path}: the file is no .mat that can be read: {error}".rstrip(". \n") + ".") from error
-    vectors = dict(_vectors("", {name: value for name, value in found.items() if not name.startswith("__")}))
+    vectors = dict(_vectors("", {name: value for name, value in variables.items() if not name.startswith("__")}))
     lengths = Counter(len(values) for values in vectors.values() if len(values) > 1)
     if not lengths:
         raise DataError(f"{path}: there is no vector of numbers in it: save one variable a channel.")
@@ -43,7 +43,7 @@ def _vectors(prefix: str, table: dict[str, Any]) -> Iterator[tuple[str, np.ndarr
     for key, value in table.items():
         name = f"{prefix}.{key}" if prefix else key
         if hasattr(value, "_fieldnames"):
-            yield from _vectors(name, {each: getattr(value, each) for each in value._fieldnames})
+            yield from _vectors(name, {field: getattr(value, field) for field in value._fieldnames})
         elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
             yield from _columns(name, value)
 

@@ -58,10 +58,12 @@ def read_raw(path: Path) -> Raw:
             f"{path}: {numbers.shape[1]} columns of numbers in {len(numbers)} rows: a recording needs a time and what "
             "was measured, in two rows at least."
         )
-    left = (f"columns without numbers are left out: {', '.join(dropped)}",) if dropped else ()
+    omissions = (f"columns without numbers are left out: {', '.join(dropped)}",) if dropped else ()
     lost = {name: int(_full(table[name]).sum() - numbers[name].notna().sum()) for name in numbers}
-    said = (f"{count} cells of '{name}' are no numbers and are left out" for name, count in lost.items() if count > 0)
-    return Raw(path, numbers, (*notes, *left, *said))
+    cell_notes = (
+        f"{count} cells of '{name}' are no numbers and are left out" for name, count in lost.items() if count > 0
+    )
+    return Raw(path, numbers, (*notes, *omissions, *cell_notes))
 
 
 def _full(column: pd.Series) -> pd.Series:
@@ -75,21 +77,21 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
         return mat_table(path), ()
     table = read_table(path)
     more = f" (and {len(table.faults) - 1} more)" if len(table.faults) > 1 else ""
-    left = (f"left out: {table.faults[0].rstrip('.')}{more}",) if table.faults else ()
-    return table.frame(), (*table.notes, *left)
+    omissions = (f"left out: {table.faults[0].rstrip('.')}{more}",) if table.faults else ()
+    return table.frame(), (*table.notes, *omissions)
 
 
 def _numbers(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """Return the columns of numbers, dates as nanoseconds, and the names of those without any."""
-    kept, dropped = {}, []
+    numeric, dropped = {}, []
     for name in table.columns:
         column = _as_numbers(table[name])
         sane = None if column is None else column.where(np.abs(column.astype(float)) < LARGEST)
         if sane is None or not sane.notna().any():
             dropped.append(str(name))
         else:
-            kept[str(name)] = sane
-    return pd.DataFrame(kept), dropped
+            numeric[str(name)] = sane
+    return pd.DataFrame(numeric), dropped
 
 
 def _as_numbers(column: pd.Series) -> pd.Series | None:

@@ -48,10 +48,10 @@ class Part(NamedTuple):
 
 def parts(drive: Drive) -> list[Part]:
     """Return the parts of a recording that drive, none longer than LONGEST nor shorter than SHORTEST."""
-    whole = [part for part in _driven(drive) if _lasts(drive, part) >= SHORTEST]
-    total = sum(_lasts(drive, part) for part in whole)
+    stretches = [part for part in _driven(drive) if _lasts(drive, part) >= SHORTEST]
+    total = sum(_lasts(drive, part) for part in stretches)
     longest = min(LONGEST, max(2.0 * SHORTEST, total / WANTED))
-    return [piece for part in whole for piece in _cut(drive, part, longest)]
+    return [piece for part in stretches for piece in _cut(drive, part, longest)]
 
 
 def _lasts(drive: Drive, part: Part) -> float:
@@ -65,9 +65,9 @@ def _driven(drive: Drive) -> Iterator[Part]:
     moves = np.flatnonzero(np.nan_to_num(drive.rate) > MOVES * fast)
     if not moves.size or fast <= 0.0:
         return
-    apart = np.diff(drive.t[moves]) > STANDS
+    stops = np.diff(drive.t[moves]) > STANDS
     late = np.flatnonzero(np.diff(drive.t) > max(GAP, GAPS * step)) + 1
-    for group in np.split(moves, np.flatnonzero(apart) + 1):
+    for group in np.split(moves, np.flatnonzero(stops) + 1):
         lead = int(np.searchsorted(drive.t, drive.t[group[0]] - LEAD))
         edges = [lead, *(int(at) for at in late if lead < at <= group[-1]), int(group[-1]) + 1]
         yield from (Part(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > 1)
@@ -82,29 +82,29 @@ def _cut(drive: Drive, part: Part, longest: float) -> Iterator[Part]:
     yield from (Part(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
 
 
-def chosen(drive: Drive, found: list[Part], most: int) -> list[Part]:
+def chosen(drive: Drive, candidates: list[Part], most: int) -> list[Part]:
     """Return at most so many parts, those that tell most, in their order.
 
     Parts are taken one by one, each time the one that adds most to log det(sum of F^T F), F being the blocks' 1, slip,
     slip^2, sin pitch, turn, and rate, each over its own spread (D-optimal, greedy).
     """
-    if len(found) <= most:
-        return found
+    if len(candidates) <= most:
+        return candidates
     rows = _regressors(drive)
     block = np.floor((drive.t - drive.t[0]) / BLOCK).astype(int)
-    grams = [_gram(rows[np.unique(block[part.first : part.last])]) for part in found]
-    have, left, taken = 1e-3 * np.eye(rows.shape[1]), list(range(len(found))), []
+    grams = [_gram(rows[np.unique(block[part.first : part.last])]) for part in candidates]
+    have, remaining, taken = 1e-3 * np.eye(rows.shape[1]), list(range(len(candidates))), []
     for _ in range(most):
-        best = max(left, key=lambda at: float(np.linalg.slogdet(have + grams[at])[1]))
+        best = max(remaining, key=lambda at: float(np.linalg.slogdet(have + grams[at])[1]))
         have = have + grams[best]
-        left.remove(best)
+        remaining.remove(best)
         taken.append(best)
-    return [found[at] for at in sorted(taken)]
+    return [candidates[at] for at in sorted(taken)]
 
 
 def _gram(rows: np.ndarray) -> np.ndarray:
-    known = rows[np.all(np.isfinite(rows), axis=1)]
-    return np.asarray(known.T @ known)
+    complete = rows[np.all(np.isfinite(rows), axis=1)]
+    return np.asarray(complete.T @ complete)
 
 
 def _regressors(drive: Drive) -> np.ndarray:
@@ -112,9 +112,9 @@ def _regressors(drive: Drive) -> np.ndarray:
     at = np.floor((drive.t - drive.t[0]) / BLOCK).astype(int)
 
     def mean(values: np.ndarray) -> np.ndarray:
-        known = np.isfinite(values)
-        count = np.bincount(at[known], minlength=at[-1] + 1)
-        return np.bincount(at[known], values[known], at[-1] + 1) / np.where(count > 0, count, np.nan)
+        finite = np.isfinite(values)
+        count = np.bincount(at[finite], minlength=at[-1] + 1)
+        return np.bincount(at[finite], values[finite], at[-1] + 1) / np.where(count > 0, count, np.nan)
 
     rim, speed = mean(drive.rim), mean(drive.speed)
     slip = np.clip((rim - speed) / np.where(np.abs(rim) > 1e-3, rim, np.nan), -1.0, 1.0)
@@ -125,5 +125,5 @@ def _regressors(drive: Drive) -> np.ndarray:
         np.nan_to_num(mean(drive.turn)),
         mean(drive.rate),
     ]
-    scaled = [(each - np.nanmean(each)) / max(float(np.nanstd(each)), 1e-9) for each in signals]
+    scaled = [(signal - np.nanmean(signal)) / max(float(np.nanstd(signal)), 1e-9) for signal in signals]
     return np.column_stack([np.ones(len(rim)), *scaled])

@@ -42,10 +42,10 @@ class Understood(NamedTuple):
     @property
     def entries(self) -> dict[str, dict[str, Any]]:
         """[columns] of the drive log."""
-        return {each.target: each.entry for each in self.guesses}
+        return {guess.target: guess.entry for guess in self.guesses}
 
 
-def understood(seen: Recording, told: Sequence[Guess], where: str) -> Understood:
+def understood(recording: Recording, declared: Sequence[Guess], where: str) -> Understood:
     """Return what the columns of a recording are; what the user has `told` comes before any guess.
 
     Raises
@@ -53,72 +53,74 @@ def understood(seen: Recording, told: Sequence[Guess], where: str) -> Understood
     DataError
         No place, or no rates of all wheels, can be found.
     """
-    found = {each.target: each for each in told}
+    accepted = {guess.target: guess for guess in declared}
     values: dict[str, np.ndarray] = {}
-    _take(found, values, seen, found.values())
-    _take(found, values, seen, places(seen))
+    _take(accepted, values, recording, accepted.values())
+    _take(accepted, values, recording, places(recording))
     x, y = values.get("body_x"), values.get("body_y")
-    _take(found, values, seen, headings(seen, x, y))
-    _refuse_without(values, NEEDED, seen, where)
-    _take(found, values, seen, tilts(seen))
-    _take(found, values, seen, wheel_guesses(seen, along(seen.t, values)))
-    rates = {f"wheel_rate_{mount.name}": f"the rate of wheel {mount.name}" for mount in seen.rover.wheels}
-    _refuse_without(values, rates, seen, where)
+    _take(accepted, values, recording, headings(recording, x, y))
+    _refuse_without(values, NEEDED, recording, where)
+    _take(accepted, values, recording, tilts(recording))
+    _take(accepted, values, recording, wheel_guesses(recording, along(recording.t, values)))
+    rates = {f"wheel_rate_{mount.name}": f"the rate of wheel {mount.name}" for mount in recording.rover.wheels}
+    _refuse_without(values, rates, recording, where)
     ahead = backwards({name: values[name] for name in rates})
-    if ahead is not None and found["body_yaw"].entry.get("formula") == BY_COURSE:
-        del found["body_yaw"], values["body_yaw"]
-        _take(found, values, seen, [ahead])
-    _take(found, values, seen, joint_guesses(seen))
-    guesses = tuple(each for each in found.values() if each.target in values)
-    lacks = tuple(said for part, said in LACKS.items() if not any(part in name for name in values))
-    used = {name for each in guesses for name in _sources(each, where)}
-    unused = tuple(each.name for each in seen.words if each.name not in used)
+    if ahead is not None and accepted["body_yaw"].entry.get("formula") == BY_COURSE:
+        del accepted["body_yaw"], values["body_yaw"]
+        _take(accepted, values, recording, [ahead])
+    _take(accepted, values, recording, joint_guesses(recording))
+    guesses = tuple(guess for guess in accepted.values() if guess.target in values)
+    lacks = tuple(lack for part, lack in LACKS.items() if not any(part in name for name in values))
+    used = {name for guess in guesses for name in _sources(guess, where)}
+    unused = tuple(word.name for word in recording.words if word.name not in used)
     return Understood(guesses, values, lacks, unused)
 
 
-def _sources(each: Guess, where: str) -> tuple[str, ...]:
+def _sources(guess: Guess, where: str) -> tuple[str, ...]:
     """Return the columns that a guess is made of."""
-    return (each.entry["column"],) if "column" in each.entry else names_in(each.entry["formula"], where)
+    return (guess.entry["column"],) if "column" in guess.entry else names_in(guess.entry["formula"], where)
 
 
-def _take(found: dict[str, Guess], values: dict[str, np.ndarray], seen: Recording, further: Any) -> None:
-    for each in list(further):
-        if each.target in values or (each.target in found and found[each.target] is not each):
+def _take(accepted: dict[str, Guess], values: dict[str, np.ndarray], recording: Recording, candidates: Any) -> None:
+    for guess in list(candidates):
+        if guess.target in values or (guess.target in accepted and accepted[guess.target] is not guess):
             continue
-        found[each.target] = each
-        values[each.target] = seen.values(each.entry, each.target, values)
+        accepted[guess.target] = guess
+        values[guess.target] = recording.values(guess.entry, guess.target, values)
 
 
-def _refuse_without(values: Mapping[str, np.ndarray], needed: Mapping[str, str], seen: Recording, where: str) -> None:
+def _refuse_without(
+    values: Mapping[str, np.ndarray], needed: Mapping[str, str], recording: Recording, where: str
+) -> None:
     for name, what in needed.items():
         if name not in values or not np.isfinite(values[name]).any():
             raise DataError(
                 f"{where}: no column is known as {what}: say --column {name}='FORMULA' of its columns, which are "
-                f"{', '.join(map(quoted, (each.name for each in seen.words)))}."
+                f"{', '.join(map(quoted, (word.name for word in recording.words)))}."
             )
 
 
 def along(t: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the speed along the heading [m/s], over the second around each row."""
     x, y, yaw = (values[f"body_{name}"] for name in ("x", "y", "yaw"))
-    known = np.isfinite(x + y)
-    dx, dy, lasts = (change(each, t, known) for each in (x, y, t))
+    finite = np.isfinite(x + y)
+    dx, dy, lasts = (change(series, t, finite) for series in (x, y, t))
     return np.asarray((np.cos(yaw) * dx + np.sin(yaw) * dy) / np.maximum(lasts, 1e-6))
 
 
-def drive_of(seen: Recording, found: Understood) -> Drive:
+def drive_of(recording: Recording, mapping: Understood) -> Drive:
     """Return what the recording shows of the drive."""
-    values, t = found.values, seen.t
-    rates = np.array([values[f"wheel_rate_{mount.name}"] for mount in seen.rover.wheels])
-    rim = np.nanmean(rates * seen.rover.radii[:, None], axis=0)
+    values, t = mapping.values, recording.t
+    rates = np.array([values[f"wheel_rate_{mount.name}"] for mount in recording.rover.wheels])
+    rim = np.nanmean(rates * recording.rover.radii[:, None], axis=0)
     pitch = values.get("body_pitch", np.zeros(len(t)))
     turn = np.gradient(values["body_yaw"], t)
     return Drive(t, np.nanmean(np.abs(rates), axis=0), along(t, values), rim, pitch, turn)
 
 
-def lines(found: Understood) -> Iterator[str]:
+def lines(mapping: Understood) -> Iterator[str]:
     """Yield one line a guess, for a reader."""
-    for each in found.guesses:
-        made = each.entry.get("column") or each.entry.get("formula")
-        unit = f" [{each.entry['unit']}]" if "unit" in each.entry else ""
-        yield f"{each.target} = {made}{unit}" + ("" if each.sure else f"  GUESSED: {each.why}")
+    for guess in mapping.guesses:
+        source = guess.entry.get("column") or guess.entry.get("formula")
+        unit = f" [{guess.entry['unit']}]" if "unit" in guess.entry else ""
+        yield f"{guess.target} = {source}{unit}" + ("" if guess.sure else f"  GUESSED: {guess.why}")

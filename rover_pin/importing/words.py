@@ -107,19 +107,19 @@ class Word(NamedTuple):
 def word(name: str) -> Word:
     """Return a column's name taken apart: small letters, camelCase and digits split, its unit read."""
     bracket = re.search(r"[\[(]\s*([^\])]{1,12})\s*[\])]\s*$", name)
-    told = _unit(bracket[1]) if bracket else ""
-    stem = name[: bracket.start()] if bracket and told else name
+    unit = _unit(bracket[1]) if bracket else ""
+    stem = name[: bracket.start()] if bracket and unit else name
     tokens = _tokens(stem)
-    if not told and len(tokens) > 1 and tokens[-1] in UNITS and _ends_in_unit(tokens):
-        told, tokens = UNITS[tokens[-1]], tokens[:-1]
-    if not told and "rpm" in tokens:
-        told = "rpm"
-    return Word(name, tuple(tokens), told)
+    if not unit and len(tokens) > 1 and tokens[-1] in UNITS and _ends_in_unit(tokens):
+        unit, tokens = UNITS[tokens[-1]], tokens[:-1]
+    if not unit and "rpm" in tokens:
+        unit = "rpm"
+    return Word(name, tuple(tokens), unit)
 
 
 def _tokens(text: str) -> list[str]:
-    apart = re.sub(r"(?<=[a-zäöüß0-9])(?=[A-ZÄÖÜ])", " ", text)
-    plain = unicodedata.normalize("NFKD", apart.lower().translate(SMALL))
+    spaced = re.sub(r"(?<=[a-zäöüß0-9])(?=[A-ZÄÖÜ])", " ", text)
+    plain = unicodedata.normalize("NFKD", spaced.lower().translate(SMALL))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
     return re.findall(r"[^\W\d_]+|\d+", plain) or [text]
 
@@ -142,10 +142,10 @@ def corner(tokens: tuple[str, ...]) -> tuple[str, str]:
     for token in reversed(tokens):
         if token in CORNERS:
             return CORNERS[token]
-    own = set(tokens)
-    side = "l" if own & LEFT else "r" if own & (RIGHT - {"r"}) else ""
-    axle = "front" if own & FRONT else "rear" if own & REAR else "mid" if own & MIDDLE else ""
-    if "r" in own:
+    token_set = set(tokens)
+    side = "l" if token_set & LEFT else "r" if token_set & (RIGHT - {"r"}) else ""
+    axle = "front" if token_set & FRONT else "rear" if token_set & REAR else "mid" if token_set & MIDDLE else ""
+    if "r" in token_set:
         side, axle = (side or "r", axle) if axle or not side else (side, "rear")
     number = next((token for token in reversed(tokens) if token.isdigit() and len(token) < 3), "")
     return axle or number, side

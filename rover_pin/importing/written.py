@@ -69,10 +69,10 @@ def _further() -> Iterator[str]:
 
 def _columns(guesses: Sequence[Guess]) -> Iterator[str]:
     yield "\n[columns]  # which column, or what formula of columns, each channel is; units other than SI are converted"
-    for each in guesses:
-        if each.entry == {"column": each.target}:
+    for guess in guesses:
+        if guess.entry == {"column": guess.target}:
             continue
-        yield f"{_key(each.target)} = {_inline(each.entry)}" + ("" if each.sure else f"  # GUESSED: {each.why}")
+        yield f"{_key(guess.target)} = {_inline(guess.entry)}" + ("" if guess.sure else f"  # GUESSED: {guess.why}")
 
 
 def _runs(runs: Sequence[Run]) -> Iterator[str]:

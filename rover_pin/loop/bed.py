@@ -16,7 +16,7 @@ from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.errors import DataError
 from rover_pin.experiments.slip_slope import FILE as SLOPE_FILE
-from rover_pin.loop.provenance import Asked, provenance
+from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import written_last
 from rover_pin.motion.effect_files import package_effects, run_file, user_effects
 from rover_pin.paths import is_file
@@ -47,12 +47,12 @@ def read_bed(data: str | Path, experiment: str | Path) -> Bed:
     DataError
         No such file, one that cannot be run or defines no experiment, or what its `read` refuses.
     """
-    kinds = _beds(_file(experiment))
+    kinds = _bed_classes(_file(experiment))
     if len(kinds) != 1:
-        found = ", ".join(kind.__name__ for kind in kinds) or "none"
+        names = ", ".join(kind.__name__ for kind in kinds) or "none"
         raise DataError(
             f"{experiment}: an experiment's file defines one class that derives from rover_pin.discrepancy.bed.Bed and "
-            f"leaves none of its methods abstract; here there is {found}."
+            f"leaves none of its methods abstract; here there is {names}."
         )
     bed = kinds[0].read(Path(data))
     _refuse_unfit(bed, str(experiment))
@@ -67,22 +67,22 @@ def _refuse_unfit(bed: Bed, where: str) -> None:
     if bed.observed.dtype.kind != "f":
         raise DataError(f"{where}: observed holds {bed.observed.dtype}, where numbers of kind float belong.")
     observed, noise, predicted = bed.observed, bed.noise(), bed.predict([bed.base_model()])
-    whole = (len(bed.folds), len([bed.unit(channel) for channel in bed.channels]), *observed.shape[2:3])
+    full_shape = (len(bed.folds), len([bed.unit(channel) for channel in bed.channels]), *observed.shape[2:3])
     shapes = {
-        "observed (folds, channels, samples)": (observed.shape, whole),
-        "what predict returns for one model": (predicted.shape, (1, *whole)),
-        "noise().good": (noise.good.shape, whole),
-        "noise().sd": (noise.sd.shape, whole if noise.sd.ndim == 3 else whole[1:2]),
+        "observed (folds, channels, samples)": (observed.shape, full_shape),
+        "what predict returns for one model": (predicted.shape, (1, *full_shape)),
+        "noise().good": (noise.good.shape, full_shape),
+        "noise().sd": (noise.sd.shape, full_shape if noise.sd.ndim == 3 else full_shape[1:2]),
     }
-    for what, (shape, asked) in shapes.items():
-        if shape != asked or len(whole) != 3:
-            raise DataError(f"{where}: {what} has the shape {shape}, where {asked} belongs.")
-    seen = np.isfinite(observed)
+    for what, (shape, expected) in shapes.items():
+        if shape != expected or len(full_shape) != 3:
+            raise DataError(f"{where}: {what} has the shape {shape}, where {expected} belongs.")
+    measured = np.isfinite(observed)
     for what, good in (
-        ("observed holds no number in some channel", seen.any(axis=(0, 2))),
+        ("observed holds no number in some channel", measured.any(axis=(0, 2))),
         (
             "predict gives no finite number for the declared model where something was measured",
-            np.isfinite(predicted[0][seen]),
+            np.isfinite(predicted[0][measured]),
         ),
         ("noise().sd is not positive in some channel", noise.floor > 0.0),
     ):
@@ -94,28 +94,28 @@ def _file(experiment: str | Path) -> Path:
     if str(experiment) in OWN:
         return Path(str(files("rover_pin.experiments") / f"{experiment}.py"))
     if not is_file(Path(experiment)):
-        own = ", ".join(OWN)
-        raise DataError(f"{experiment}: there is no such file of an experiment; give its path, or one of: {own}.")
+        bed_names = ", ".join(OWN)
+        raise DataError(f"{experiment}: there is no such file of an experiment; give its path, or one of: {bed_names}.")
     return Path(experiment)
 
 
-def _beds(file: Path) -> list[type[Bed]]:
+def _bed_classes(file: Path) -> list[type[Bed]]:
     module = run_file(file)
     kinds = [kind for _, kind in inspect.getmembers(module, inspect.isclass) if kind.__module__ == module.__name__]
     return [kind for kind in kinds if issubclass(kind, Bed) and not inspect.isabstract(kind)]
 
 
-def close_on_bed(bed: Bed, asked: Asked, progress: Progress) -> Verdict:
+def close_on_bed(bed: Bed, request: LoopRequest, progress: Progress) -> Verdict:
     """Return what the model of a test bed lacks; with `out`, report.html and verdict.json are written there."""
-    begun, effects, out = time.monotonic(), asked.effects, asked.out
-    own = {kind.__name__: kind for kind in (*package_effects(), *(user_effects(effects) if effects else ()))}
+    begun, effects, out = time.monotonic(), request.effects, request.out
+    kinds_by_name = {kind.__name__: kind for kind in (*package_effects(), *(user_effects(effects) if effects else ()))}
     poor = bed.insufficient()
     say_what_is_replaced(out, OF_A_LOOP)
     if poor:
-        found = Verdict("test-bed", Answer.CANNOT_TELL, bed.name, poor, bed.base_model())
+        verdict = Verdict("test-bed", Answer.CANNOT_TELL, bed.name, poor, bed.base_model())
     else:
-        found = concluded(question_of(bed, tuple(own.values())), progress, asked.seed)
-    found.provenance.update(provenance(asked, time.monotonic() - begun))
+        verdict = concluded(question_of(bed, tuple(kinds_by_name.values())), progress, request.seed)
+    verdict.provenance.update(provenance(request, time.monotonic() - begun))
     if out is not None:
-        found = written_last(found, write_report(found, bed, Path(out)), Path(out))
-    return found
+        verdict = written_last(verdict, write_report(verdict, bed, Path(out)), Path(out))
+    return verdict

@@ -20,25 +20,25 @@ from rover_pin.quantity import declared_sds, quantities, record_from
 OF_MOTOR = ("supply", "resistance", "k_t", "gear")
 
 
-def behind_points(log: DriveLog | None) -> tuple[Held, ...]:
+def derivation_inputs(log: DriveLog | None) -> tuple[Held, ...]:
     """Return the numbers with which a drive log's points were worked out; nothing for data that are of no log.
 
     A number whose error is not in the points' own moves them: its ends are the points worked out again.
     """
     if log is None:
         return ()
-    motor = record_from(Motor, log.about.motor, f"{log.folder}: [motor]")
+    motor = record_from(Motor, log.metadata.motor, f"{log.folder}: [motor]")
     return (*_of_motor(log, motor), *_of_lag(log, motor), *_of_loads(log))
 
 
 def _of_motor(log: DriveLog, motor: Motor) -> Iterator[Held]:
     """Yield the motor's constants; supply and k_t that state no SD share that of resistance and gear."""
-    table: Mapping[str, Any] = log.about.motor
+    table: Mapping[str, Any] = log.metadata.motor
     sds = declared_sds(table, Motor, f"{log.folder}: [motor]")
     for name in OF_MOTOR:
-        value, about = float(getattr(motor, name)), quantities(motor)[name]
-        source = "declared with the data" if name in table else about.source
-        row = partial(Held, f"motor.{name}", about.unit, value, source)
+        value, spec = float(getattr(motor, name)), quantities(motor)[name]
+        source = "declared with the data" if name in table else spec.source
+        row = partial(Held, f"motor.{name}", spec.unit, value, source)
         if name in sds and name in IN_POINTS:
             yield row(value, value, f"its declared SD, {sds[name] / value:.2g} of it, is in the points' errors")
         elif name not in sds and name not in MOTOR_SD:
@@ -52,18 +52,18 @@ def _of_motor(log: DriveLog, motor: Motor) -> Iterator[Held]:
 
 def _of_lag(log: DriveLog, motor: Motor) -> Iterator[Held]:
     lag = usual_slip(log.load_rover())
-    for name, about in quantities(lag).items():
+    for name, spec in quantities(lag).items():
         value = float(getattr(lag, name))
         low, high = range_of(value, DECLARED_SD, relative=True)
         ends = (_again(log, motor, lag.replace(**{name: low})), _again(log, motor, lag.replace(**{name: high})))
-        yield Held(f"RelaxedSlip.{name}", about.unit, value, about.source, low, high, ASSUMED, ends)
+        yield Held(f"RelaxedSlip.{name}", spec.unit, value, spec.source, low, high, ASSUMED, ends)
 
 
 def _of_loads(log: DriveLog) -> Iterator[Held]:
-    mass, g = float(log.load_rover().mass), float(log.about.gravity)
+    mass, g = float(log.load_rover().mass), float(log.metadata.gravity)
     share = f"{SAMPLING.load_error:.0%} of all loads is in the points' errors (assumed)"
     yield Held("gravity", "m/s^2", g, "the log's", g, g, "exact")
-    yield Held("mass", "kg", mass, f"the rover's, '{log.about.rover}'", mass, mass, share)
+    yield Held("mass", "kg", mass, f"the rover's, '{log.metadata.rover}'", mass, mass, share)
 
 
 def _again(log: DriveLog, motor: Motor, lag: RelaxedSlip | None = None) -> Callable[[], TractionPoints]:

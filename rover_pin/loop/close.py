@@ -21,7 +21,7 @@ from rover_pin.loop.bed import close_on_bed, own_kind, read_bed
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.joint import close_joint_loop
 from rover_pin.loop.own_effects import refuse_unfit_effects
-from rover_pin.loop.provenance import Asked
+from rover_pin.loop.provenance import LoopRequest
 from rover_pin.loop.rig import close_rig_loop, rig_set_of
 from rover_pin.loop.start import start_on
 from rover_pin.measurements.reading import closest_samples, data_path
@@ -41,7 +41,7 @@ def close_the_loop(
     model: RigModel | Soil | Model | str | Path | None = None,
     effects: str | Path | None = None,
     out: str | Path | None = None,
-    progress: Progress = lambda said: None,
+    progress: Progress = lambda message: None,
     seed: int = 0,
     jobs: int = 0,
     scheduler: str | None = None,
@@ -100,30 +100,30 @@ def close_the_loop(
         refuse_unfit_effects(effects)
     if isinstance(data, tuple):
         data = tuple(data_path(folder) for folder in data)
-        return _jointly(Asked(data, model, effects, out, experiment, trust, seed), progress)
+        return _jointly(LoopRequest(data, model, effects, out, experiment, trust, seed), progress)
     if isinstance(data, (str, Path)):
         data = data_path(data)
     experiment = experiment or own_kind(data)
-    asked = Asked(data, model, effects, out, experiment, trust, seed)
+    request = LoopRequest(data, model, effects, out, experiment, trust, seed)
     if isinstance(data, Bed) or experiment is not None:
         if model is not None:
             raise DataError(f"{data}: a test bed starts from the model that its own file declares; leave `model` out.")
         bed = data if isinstance(data, Bed) else read_bed(str(data), experiment or "")
         with alone_in(out):
-            return close_on_bed(bed, asked, progress)
+            return close_on_bed(bed, request, progress)
     allowed = Trust(everything=trust)
     log = _drive_log(data, allowed)
     if log is not None:
-        start = _start(log, asked)
+        start = _start(log, request)
         if not isinstance(start, (Model, type(None))):
             raise DataError(
                 f"{log.folder}: a drive log starts from a rover's model, not from a {type(start).__name__}."
             )
         if start is not None:
             _refuse_other_rover(log, start)
-        asked = dataclasses.replace(asked, data=log.folder)
+        request = dataclasses.replace(request, data=log.folder)
         with alone_in(out), ending_workers(), workers_of(jobs or os.cpu_count() or 1, scheduler) as workers:
-            return close_drive_loop(log, start, asked, progress, workers)
+            return close_drive_loop(log, start, request, progress, workers)
     if isinstance(model, Model):
         raise DataError(f"{data}: a wheel-rig set starts from a wheel's model, not from a rover's.")
     if scheduler is not None:
@@ -131,29 +131,31 @@ def close_the_loop(
     assert not isinstance(data, DriveLog)
     with alone_in(out):
         rigs = rig_set_of(data, allowed)
-        return close_rig_loop(rigs, _start(rigs, asked), asked, progress)
+        return close_rig_loop(rigs, _start(rigs, request), request, progress)
 
 
-def _jointly(asked: Asked, progress: Progress) -> Verdict:
+def _jointly(request: LoopRequest, progress: Progress) -> Verdict:
     """Return the verdict on several rig sets."""
-    for what, given in (("a model", asked.model), ("an experiment's file", asked.experiment)):
-        if given is not None:
-            raise DataError(f"{given}: a joint fit of several rig sets does not take {what}; leave it out.")
-    with alone_in(asked.out):
-        return close_joint_loop(read_joint(asked.data, Trust(everything=asked.trust)), asked, progress)
+    for what, value in (("a model", request.model), ("an experiment's file", request.experiment)):
+        if value is not None:
+            raise DataError(f"{value}: a joint fit of several rig sets does not take {what}; leave it out.")
+    with alone_in(request.out):
+        return close_joint_loop(read_joint(request.data, Trust(everything=request.trust)), request, progress)
 
 
-def _start(data: RigSet | DriveLog, asked: Asked) -> Any:
+def _start(data: RigSet | DriveLog, request: LoopRequest) -> Any:
     """Return the model to start from, read where it is a file's."""
-    if not isinstance(asked.model, (str, Path)):
-        return asked.model
-    return start_on(data, asked.model, Trust.of(asked.effects, asked.trust))
+    if not isinstance(request.model, (str, Path)):
+        return request.model
+    return start_on(data, request.model, Trust.of(request.effects, request.trust))
 
 
 def _refuse_other_rover(log: DriveLog, model: Model) -> None:
-    own, other = _wheels(log.load_rover()), _wheels(model.rover)
-    if own != other:
-        raise DataError(f"{log.folder}: the model's rover has the wheels {other}, the log's {own}; give its model.")
+    log_wheels, model_wheels = _wheels(log.load_rover()), _wheels(model.rover)
+    if log_wheels != model_wheels:
+        raise DataError(
+            f"{log.folder}: the model's rover has the wheels {model_wheels}, the log's {log_wheels}; give its model."
+        )
 
 
 def _wheels(rover: Rover) -> str:

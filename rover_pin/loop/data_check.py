@@ -45,10 +45,10 @@ def check_data(folder: str | Path, trust: Trust = Trust()) -> DataCheck:
     """
     data = read_data(folder, trust)
     if isinstance(data, DriveLog):
-        found = check_log(data)
+        log_check = check_log(data)
         seconds = sum(float(run.t[-1] - run.t[0]) for run in data.runs)
-        holds = f"{len(data.runs)} runs, {seconds:.0f} s, rover {data.about.rover}"
-        return DataCheck("drive-log", holds, found.found, found.too_poor)
+        holds = f"{len(data.runs)} runs, {seconds:.0f} s, rover {data.metadata.rover}"
+        return DataCheck("drive-log", holds, log_check.findings, log_check.too_poor)
     refuse_unfit(data)
     uncertain = RigExperiment(data).uncertain(as_declared(data))
     return DataCheck("wheel-rig", _holds(data), tuple(findings(data)), too_poor(data, len(uncertain)))

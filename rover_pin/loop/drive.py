@@ -11,8 +11,8 @@ from pathlib import Path
 from rover_pin.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import losses
-from rover_pin.discrepancy.judge import borne_by_folds, chosen_without, judged, with_draft
-from rover_pin.discrepancy.left import Left
+from rover_pin.discrepancy.judge import chosen_without, keep_supported_effects, make_verdict, with_draft
+from rover_pin.discrepancy.left import ResidualAssessment
 from rover_pin.discrepancy.refit import Progress, Refit
 from rover_pin.discrepancy.search import Search, search
 from rover_pin.discrepancy.verdict import Verdict
@@ -23,15 +23,15 @@ from rover_pin.experiments.drive_log.checks.log import findings, refuse_unfit, t
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.extra import DriveExtra
 from rover_pin.experiments.drive_log.free_runs import free_runs
-from rover_pin.experiments.drive_log.ground.raked import raked
+from rover_pin.experiments.drive_log.ground.raked import ground_variability
 from rover_pin.experiments.drive_log.kinematic import kinematic
-from rover_pin.experiments.drive_log.model import base_model, held, with_spread
+from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, with_spread
 from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
-from rover_pin.experiments.unlisted.remainder import Remainder, describe
+from rover_pin.experiments.unlisted.remainder import DriveResidual, describe
 from rover_pin.experiments.unlisted.trial import drafted
-from rover_pin.loop.drive_written import written
-from rover_pin.loop.provenance import Asked, provenance
+from rover_pin.loop.drive_written import write_results
+from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.effect_files import file_of, user_effects
 from rover_pin.motion.model import Model
@@ -50,7 +50,11 @@ MUCH = 0.1
 
 
 def close_drive_loop(
-    log: DriveLog, model: Model | None, asked: Asked, progress: Progress = lambda said: None, jobs: Workers = 1
+    log: DriveLog,
+    model: Model | None,
+    request: LoopRequest,
+    progress: Progress = lambda message: None,
+    jobs: Workers = 1,
 ) -> Verdict:
     """Return what a model of a drive log lacks, with the error before and after; see `close_the_loop`.
 
@@ -65,84 +69,94 @@ def close_drive_loop(
     progress("checking the log")
     refuse_unfit(log)
     poor, start = too_poor(log), model or base_model(log)
-    folder, effects = None if asked.out is None else Path(asked.out), asked.effects
+    folder, effects = None if request.out is None else Path(request.out), request.effects
     say_what_is_replaced(folder, OF_A_LOOP)
     memory = Memory(folder, "" if folder is None else key_of_code(_code(start, effects)))
     with memory.noting():
         verdict = (
-            _poor(log, start, poor) if poor else _decided(log, start, effects, memory, (progress, jobs, asked.seed))
+            _poor(log, start, poor) if poor else _decided(log, start, effects, memory, (progress, jobs, request.seed))
         )
-        verdict.provenance.update(provenance(asked, time.monotonic() - begun))
+        verdict.provenance.update(provenance(request, time.monotonic() - begun))
         if folder is None:
             return verdict
         progress("writing the report")
-        verdict = written(verdict, log, asked, folder)
+        verdict = write_results(verdict, log, request, folder)
     memory.done()
     return verdict
 
 
 def _decided(
-    log: DriveLog, start: Model, effects: str | Path | None, memory: Memory, how: tuple[Progress, Workers, int]
+    log: DriveLog, start: Model, effects: str | Path | None, memory: Memory, options: tuple[Progress, Workers, int]
 ) -> Verdict:
-    progress, jobs, seed = how
-    if memory.told:
-        progress(f"going on: {memory.told}")
-    base = calibrated_on(log, with_spread(start, motors=not held(log)), jobs, progress, memory)
-    found = borne_by_folds(search(base, candidates(base.model, logged(base), base.parameters, effects), progress))
+    progress, jobs, seed = options
+    if memory.status:
+        progress(f"going on: {memory.status}")
+    base = calibrated_on(log, with_spread(start, motors=not is_rate_driven(log)), jobs, progress, memory)
+    search_result = keep_supported_effects(
+        search(base, candidates(base.model, logged(base), base.parameters, effects), progress)
+    )
     progress("describing what is left")
-    return verdict_on(log, found, describe(found.last, progress), seed, progress)
+    return verdict_on(log, search_result, describe(search_result.last, progress), seed, progress)
 
 
 def _code(model: Model, effects: str | Path | None) -> set[Path]:
     """Return the files with the code of effects: a user's own, and those of the model."""
-    own = user_effects(effects) if effects else ()
-    return {file_of(kind) for kind in (*own, *map(type, model.all_effects))}
+    user_kinds = user_effects(effects) if effects else ()
+    return {file_of(kind) for kind in (*user_kinds, *map(type, model.all_effects))}
 
 
 def _poor(log: DriveLog, model: Model, poor: str) -> Verdict:
-    return Verdict("drive-log", Answer.CANNOT_TELL, log.about.name, poor, model, findings=findings(log))
+    return Verdict("drive-log", Answer.CANNOT_TELL, log.metadata.name, poor, model, findings=findings(log))
 
 
-def verdict_on(log: DriveLog, found: Search, left: Remainder, seed: int, progress: Progress) -> Verdict:
+def verdict_on(log: DriveLog, search_result: Search, residual: DriveResidual, seed: int, progress: Progress) -> Verdict:
     """Return the verdict on what was found in a log and what is left; what is doubtful is not in its model."""
     progress("runs left out, and driven freely")
-    verdict = judged(("drive-log", log.about.name), found, chosen_without(found), left_of(found, left), seed)
-    wheels = [wheel.name for wheel in found.base.model.rover.wheels]
-    added = [one for one in found.added if one.name in verdict.named]
-    sizes = tuple(name for one in added for name in one.sizes)
-    best, experiment = found.rounds[0].alike, logged(found.base)
-    free = free_runs(experiment, found.base.model, verdict.model)
-    ground = raked(found.last, found.chance)
-    odometry = kinematic(experiment, found.base.model.rover)
+    verdict = make_verdict(
+        ("drive-log", log.metadata.name),
+        search_result,
+        chosen_without(search_result),
+        residual_assessment(search_result, residual),
+        seed,
+    )
+    wheels = [wheel.name for wheel in search_result.base.model.rover.wheels]
+    added = [candidate for candidate in search_result.added if candidate.name in verdict.named]
+    amplitude_names = tuple(name for candidate in added for name in candidate.amplitudes)
+    best, experiment = search_result.rounds[0].indistinguishable, logged(search_result.base)
+    free = free_runs(experiment, search_result.base.model, verdict.model)
+    ground = ground_variability(search_result.last, search_result.random_field)
+    odometry = kinematic(experiment, search_result.base.model.rover)
     if verdict.answer is Answer.NONE_FITS:
-        verdict = with_draft(verdict, drafted(found.last, left, log.about.name, progress), seed)
+        verdict = with_draft(verdict, drafted(search_result.last, residual, log.metadata.name, progress), seed)
     return dataclasses.replace(
         verdict,
         baselines=odometry,
-        sentence=" ".join(filter(None, (spoken(verdict.sentence, wheels), ground.said if ground else ""))),
+        sentence=" ".join(
+            filter(None, (with_wheel_names(verdict.sentence, wheels), ground.sentence if ground else ""))
+        ),
         findings=findings(log),
         experiments=_experiments(best, progress),
-        profiles=profiles(verdict.after.fit, sizes) if sizes and verdict.after else (),
+        profiles=profiles(verdict.after.fit, amplitude_names) if amplitude_names and verdict.after else (),
         cautions=(*verdict.cautions, *cautions(verdict, free), *losses(verdict.scores, odometry)),
-        extra=DriveExtra(free, left, ground),
+        extra=DriveExtra(free, residual, ground),
     )
 
 
-def left_of(found: Search, left: Remainder) -> Left:
+def residual_assessment(search_result: Search, residual: DriveResidual) -> ResidualAssessment:
     """Return what is left, as it is judged."""
-    return Left(is_unknown(found, left), left.best.said, described=True)
+    return ResidualAssessment(is_unknown(search_result, residual), residual.best.description, described=True)
 
 
-def is_unknown(found: Search, left: Remainder) -> bool:
+def is_unknown(search_result: Search, residual: DriveResidual) -> bool:
     """Return whether a term takes, after everything listed, more than chance and no less than what was added.
 
     Where sand that was prepared anew is what describes it best, nothing is missing: the model's sand is everywhere one.
     """
-    taken = sum(one.net for one in found.found)
-    return left.best.strength > max(UNKNOWN, MUCH * taken) and not left.best.is_raking
+    taken = sum(refit.net for refit in search_result.best_refits)
+    return residual.best.strength > max(UNKNOWN, MUCH * taken) and not residual.best.is_raking
 
 
-def spoken(sentence: str, wheels: Sequence[str]) -> str:
+def with_wheel_names(sentence: str, wheels: Sequence[str]) -> str:
     """Return a sentence with the wheel's name behind that of a candidate which has the wheel's number only."""
 
     def with_name(match: re.Match[str]) -> str:
@@ -152,9 +166,9 @@ def spoken(sentence: str, wheels: Sequence[str]) -> str:
 
 
 def _experiments(best: tuple[Refit, ...], progress: Progress) -> tuple[SeparatingDrive, ...]:
-    found = []
+    drives = []
     for rival in best[1 : 1 + RIVALS]:
         progress(f"looking for the run that tells {best[0].name} from {rival.name}")
-        one = separating_drive((best[0].name, best[0].fit), (rival.name, rival.fit), progress)
-        found += [one] if one is not None else []
-    return tuple(found)
+        drive = separating_drive((best[0].name, best[0].fit), (rival.name, rival.fit), progress)
+        drives += [drive] if drive is not None else []
+    return tuple(drives)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
-from rover_pin.loop.provenance import Asked
+from rover_pin.loop.provenance import LoopRequest
 from rover_pin.loop.verdict_file import draft_written, written_last
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.model import Model
@@ -15,12 +15,12 @@ from rover_pin.motion.model_toml import write_model
 from rover_pin.report.drive.report import write_report
 
 
-def written(verdict: Verdict, log: DriveLog, asked: Asked, out: Path) -> Verdict:
+def write_results(verdict: Verdict, log: DriveLog, request: LoopRequest, out: Path) -> Verdict:
     """Write model.toml, report.html with its figures and verdict.json; return the verdict with their paths."""
     named = Path(log.rover)
     rover = "" if named.suffix == "" else os.path.relpath(named.resolve(), out.resolve())
     files = [write_model(on_its_ground(verdict), out / "model.toml", verdict.sentence, rover)]
-    verdict, draft = draft_written(verdict, asked, out)
+    verdict, draft = draft_written(verdict, request, out)
     return written_last(verdict, (*files, *draft, *write_report(verdict, log, out)), out)
 
 

@@ -12,7 +12,7 @@ from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.problem import Prior
 from rover_pin.experiments.wheel_rig.data import Independent, as_rig_set
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag, flags
-from rover_pin.identification.arc_doubt import with_arc_doubt
+from rover_pin.identification.arc_doubt import free_unmeasured_modulus
 from rover_pin.identification.dependence import with_held
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import identify
@@ -35,7 +35,7 @@ BY_HAND = "--set"
 class Identified(NamedTuple):
     """A fit with all that it assumes."""
 
-    found: Identification
+    identification: Identification
     elsewhere: tuple[Flag, ...]
     "fitted constants of a rig against other measurements of them, as `close-loop` has them"
     unused: tuple[str, ...] = ()
@@ -43,14 +43,14 @@ class Identified(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, for JSON; SI units."""
-        return self.found.as_dict() | {
+        return self.identification.as_dict() | {
             "elsewhere": [flag.as_dict() for flag in self.elsewhere],
             "unused": list(self.unused),
         }
 
     def report(self) -> str:
         """Return all of it as text."""
-        lines = [self.found.report(), *(f"measured elsewhere: {flag.said}" for flag in self.elsewhere)]
+        lines = [self.identification.report(), *(f"measured elsewhere: {flag.sentence}" for flag in self.elsewhere)]
         if self.unused:
             lines.append(f"not used: {', '.join(self.unused)}, which Eqs (2)-(7) do not have; close-loop's effects do")
         return "\n".join(lines)
@@ -62,7 +62,7 @@ def identified(
     free: Sequence[str],
     priors: Mapping[str, Prior] | None = None,
     by_hand: frozenset[str] = frozenset(),
-    behind: Sequence[Held] = (),
+    point_inputs: Sequence[Held] = (),
 ) -> Identified:
     """Fit parameters, say which the data tell, and what moves them of what was held.
 
@@ -84,37 +84,45 @@ def identified(
     ParameterError, DataError, OptimisationError
         As `identify`; also sets that declare different values of one constant.
     """
-    rigs = [one for one in sets_of(data) if isinstance(one, WheelRig)]
-    names, known = with_arc_doubt(data, soil, free, priors or {}, by_hand)
-    of_rigs = [held for _, held in as_held([(rig.name, row) for rig in rigs for row in _of_the_rig(rig)], len(rigs))]
-    held = (*held_numbers(data, soil, names, dict.fromkeys(by_hand, BY_HAND)), *of_rigs, *behind)
-    found = with_held(identify(data, soil, names, known), data, held, known)
+    rigs = [dataset for dataset in sets_of(data) if isinstance(dataset, WheelRig)]
+    names, all_priors = free_unmeasured_modulus(data, soil, free, priors or {}, by_hand)
+    of_rigs = [
+        held_number
+        for _, held_number in as_held([(rig.name, row) for rig in rigs for row in _of_the_rig(rig)], len(rigs))
+    ]
+    assumptions = (*held_numbers(data, soil, names, dict.fromkeys(by_hand, BY_HAND)), *of_rigs, *point_inputs)
+    identification = with_held(identify(data, soil, names, all_priors), data, assumptions, all_priors)
     if len(rigs) > 1:
         whose = [rig.name for rig in rigs for _ in rig.channels]
-        channels = tuple(one._replace(set=name) for one, name in zip(found.channels, whose, strict=True))
-        found = dataclasses.replace(found, channels=channels)
-    against = _elsewhere(found, rigs)
+        channels = tuple(
+            channel._replace(set=name) for channel, name in zip(identification.channels, whose, strict=True)
+        )
+        identification = dataclasses.replace(identification, channels=channels)
+    against = _elsewhere(identification, rigs)
     sources = " ".join(flag.independent.source for flag in against)
     unused = dict.fromkeys(name for rig in rigs for name, value in rig.beside.items() if value and name not in sources)
-    return Identified(found, against, tuple(unused))
+    return Identified(identification, against, tuple(unused))
 
 
 def _of_the_rig(data: WheelRig) -> tuple[Held, ...]:
     """Return what the rig may add to its readings: a fit of the soil alone takes all of it as stated."""
-    errors, about = data.errors, quantities(data.errors)
-    names = ["load_scale", *(name for one in data.channels for name in OF_CHANNELS.get(type(one), ()))]
-    said = "exact: with an sd in [rig], close-loop fits it"
-    rows = ((name, float(getattr(errors, name)), about[name]) for name in names)
-    return tuple(Held(f"rig.{name}", one.unit, value, one.source, value, value, said) for name, value, one in rows)
+    errors, specs = data.errors, quantities(data.errors)
+    names = ["load_scale", *(name for channel in data.channels for name in OF_CHANNELS.get(type(channel), ()))]
+    note = "exact: with an sd in [rig], close-loop fits it"
+    rows = ((name, float(getattr(errors, name)), specs[name]) for name in names)
+    return tuple(Held(f"rig.{name}", spec.unit, value, spec.source, value, value, note) for name, value, spec in rows)
 
 
-def _elsewhere(found: Identification, rigs: Sequence[WheelRig]) -> tuple[Flag, ...]:
+def _elsewhere(identification: Identification, rigs: Sequence[WheelRig]) -> tuple[Flag, ...]:
     """Return the fitted constants against what was measured of them; of several sets, which has it."""
-    told = [one for one in found.estimates if math.isfinite(one.value)]
-    numbers = tuple(Number(one.name, one.unit, one.value, one.low, one.high, math.nan) for one in told)
+    finite_estimates = [estimate for estimate in identification.estimates if math.isfinite(estimate.value)]
+    numbers = tuple(
+        Number(estimate.name, estimate.unit, estimate.value, estimate.low, estimate.high, math.nan)
+        for estimate in finite_estimates
+    )
     by_source: dict[Independent, tuple[Flag, list[str]]] = {}
     for rig in rigs:
-        for flag in flags(as_rig_set(rig), found.soil, float(rig.wheel.b), numbers):
+        for flag in flags(as_rig_set(rig), identification.soil, float(rig.wheel.b), numbers):
             by_source.setdefault(flag.independent, (flag, []))[1].append(rig.name)
     if len(rigs) == 1:
         return tuple(flag for flag, _ in by_source.values())

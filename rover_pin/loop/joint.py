@@ -14,18 +14,18 @@ from rover_pin.discrepancy.judge import Question, concluded
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.baselines import Baseline, curves
-from rover_pin.estimation.wording import shown
+from rover_pin.estimation.wording import format_value
 from rover_pin.experiments.joint_rig.experiment import JointRig
 from rover_pin.experiments.joint_rig.left import JointExtra, SetError
-from rover_pin.experiments.wheel_rig.beds import by_chance
+from rover_pin.experiments.wheel_rig.beds import learnt_random_effects
 from rover_pin.experiments.wheel_rig.candidates import rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import as_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.model_file import write_model
-from rover_pin.experiments.wheel_rig.presets import told
-from rover_pin.loop.provenance import Asked, provenance
+from rover_pin.experiments.wheel_rig.presets import describe_declared
+from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import written_last
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible
@@ -34,7 +34,7 @@ from rover_pin.report.rig.cautions import of_parameters
 from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
 
 
-def close_joint_loop(joint: JointRig, asked: Asked, progress: Progress) -> Verdict:
+def close_joint_loop(joint: JointRig, request: LoopRequest, progress: Progress) -> Verdict:
     """Return what one model of several sets lacks; see `close_the_loop`.
 
     Raises
@@ -47,12 +47,12 @@ def close_joint_loop(joint: JointRig, asked: Asked, progress: Progress) -> Verdi
     begun = time.monotonic()
     for data in joint.sets.values():
         refuse_impossible(data.rig)
-    say_what_is_replaced(asked.out, OF_A_LOOP)
-    verdict = on_sets(joint, rig_kinds(asked.effects), progress, asked.seed)
-    verdict.provenance.update(provenance(asked, time.monotonic() - begun))
-    if asked.out is None:
+    say_what_is_replaced(request.out, OF_A_LOOP)
+    verdict = on_sets(joint, rig_kinds(request.effects), progress, request.seed)
+    verdict.provenance.update(provenance(request, time.monotonic() - begun))
+    if request.out is None:
         return verdict
-    out = Path(asked.out)
+    out = Path(request.out)
     files = [write_model(verdict.model.of(name), out / f"model-{name}.toml", verdict.sentence) for name in joint.sets]
     return written_last(verdict, (*files, *write_report(verdict, joint, out)), out)
 
@@ -60,28 +60,28 @@ def close_joint_loop(joint: JointRig, asked: Asked, progress: Progress) -> Verdi
 def on_sets(joint: JointRig, kinds: Sequence[type], progress: Progress, seed: int = 0) -> Verdict:
     """Return the verdict on sets that were read and checked."""
     model, poor = joint.base_model(), joint.insufficient()
-    said = tuple(_findings(joint))
+    data_findings = tuple(_findings(joint))
     if poor:
-        return Verdict("wheel-rig", Answer.CANNOT_TELL, joint.name, poor, model, findings=said)
+        return Verdict("wheel-rig", Answer.CANNOT_TELL, joint.name, poor, model, findings=data_findings)
     numbers = joint.uncertain(model)
     question = Question(
         "wheel-rig", joint.name, joint, model, numbers, lambda base: joint.candidates(base.model, kinds)
     )
     verdict = concluded(question, progress, seed)
-    tried = [one.effect for one in joint.candidates(model, kinds)]
+    tried = [candidate.effect for candidate in joint.candidates(model, kinds)]
     assert verdict.before is not None
-    shared = by_chance(verdict.before.fit)
-    extra = JointExtra(tuple(_errors(joint, verdict)), told(joint.declared, tried, model.effects), shared)
+    shared = learnt_random_effects(verdict.before.fit)
+    extra = JointExtra(tuple(_errors(joint, verdict)), describe_declared(joint.declared, tried, model.effects), shared)
     fitted = verdict.after.numbers if verdict.after else ()
-    known = flags(as_rig_set(joint.declared), verdict.model.soil, float(joint.declared.wheel.b), fitted)
-    against = (*shared.cautions, *of_parameters((), known), *verdict.cautions, *_losses(extra.sets))
-    return dataclasses.replace(verdict, extra=extra, findings=said, cautions=against)
+    reference_flags = flags(as_rig_set(joint.declared), verdict.model.soil, float(joint.declared.wheel.b), fitted)
+    against = (*shared.cautions, *of_parameters((), reference_flags), *verdict.cautions, *_losses(extra.sets))
+    return dataclasses.replace(verdict, extra=extra, findings=data_findings, cautions=against)
 
 
 def _findings(joint: JointRig) -> list[Finding]:
     """Return what the check of each set found, the set's name before its place."""
-    own = [(name, each) for name, data in joint.sets.items() for each in findings(data)]
-    return [*joint.twice, *(each._replace(where=f"{name}, {each.where}") for name, each in own)]
+    set_findings = [(name, finding) for name, data in joint.sets.items() for finding in findings(data)]
+    return [*joint.twice, *(finding._replace(where=f"{name}, {finding.where}") for name, finding in set_findings)]
 
 
 def _errors(joint: JointRig, verdict: Verdict) -> list[SetError]:
@@ -89,29 +89,32 @@ def _errors(joint: JointRig, verdict: Verdict) -> list[SetError]:
     rows = []
     for name, data in joint.sets.items():
         experiment, folds = RigExperiment(data), joint.of_set(name)
-        channels = [(each, experiment.unit(each)) for each in experiment.channels]
-        best = _best(curves(experiment.observed, experiment.given, channels))
+        channels = [(channel_name, experiment.unit(channel_name)) for channel_name in experiment.channels]
+        best = _best(curves(experiment.observed, experiment.inputs, channels))
         for (channel, unit), noise in zip(channels, experiment.sd, strict=True):
             count = np.isfinite(joint.observed[folds, joint.channels.index(channel)]).sum(axis=1)
-            score = next(one for one in verdict.scores if one.name == channel)
-            levels = np.array([(one.before, one.after) for one in score.levels])[folds]
+            score = next(channel_score for channel_score in verdict.scores if channel_score.name == channel)
+            levels = np.array([(level_error.before, level_error.after) for level_error in score.levels])[folds]
             squares = np.where(count[:, None] > 0, levels, 0.0) ** 2  # a lost level stays NaN, one not measured is none
             was, now = np.sqrt(count @ squares / count.sum()).tolist()
             rows.append(SetError(name, channel, unit, was, now, float(noise), best[channel].curve, best[channel].error))
     return rows
 
 
-def _best(found: Sequence[Baseline]) -> dict[str, Baseline]:
+def _best(baselines: Sequence[Baseline]) -> dict[str, Baseline]:
     """Return the best curve of each channel."""
-    channels = {one.channel for one in found}
-    return {name: min((one for one in found if one.channel == name), key=lambda one: one.error) for name in channels}
+    channels = {baseline.channel for baseline in baselines}
+    return {
+        name: min((baseline for baseline in baselines if baseline.channel == name), key=lambda baseline: baseline.error)
+        for name in channels
+    }
 
 
 def _losses(sets: Sequence[SetError]) -> list[str]:
     """Return where a curve through a set's own points predicts its levels better than the joint model."""
     return [
-        f"held out, {one.channel} of {one.set} is predicted better by a {one.curve} of that set alone "
-        f"({shown(one.curve_error, one.unit)} against {shown(one.after, one.unit)})"
-        for one in sets
-        if one.curve_error < one.after
+        f"held out, {error.channel} of {error.set} is predicted better by a {error.curve} of that set alone "
+        f"({format_value(error.curve_error, error.unit)} against {format_value(error.after, error.unit)})"
+        for error in sets
+        if error.curve_error < error.after
     ]

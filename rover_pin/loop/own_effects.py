@@ -52,8 +52,12 @@ def _refuse_no_neutral(kind: type[AnyEffect], where: str) -> None:
         )
     strange = [name for name in kind.neutral if name not in quantities(kind)]
     if strange:
-        own = ", ".join(quantities(kind))
-        has = f"it has {own}." if own else "it has none. Is @dataclass(frozen=True) above the class?"
+        quantity_names = ", ".join(quantities(kind))
+        has = (
+            f"it has {quantity_names}."
+            if quantity_names
+            else "it has none. Is @dataclass(frozen=True) above the class?"
+        )
         raise DataError(f"{where} has a neutral value for '{strange[0]}', which is no quantity of it: {has}")
 
 

@@ -13,7 +13,7 @@ from rover_pin.version import __version__
 
 
 @dataclass(frozen=True)
-class Asked:
+class LoopRequest:
     """A loop as it was asked for: on what, from where, with whose effects, and where it writes.
 
     `data` and `model` are paths where files were given, else what lies in memory; `out` None writes nothing.
@@ -30,11 +30,11 @@ class Asked:
     @property
     def command(self) -> str:
         """The command line that repeats the loop, or why there is none."""
-        for name, held in (*(("data", one) for one in self.folders), ("a model", self.model)):
-            if not isinstance(held, (str, Path, type(None))):
+        for name, source in (*(("data", folder) for folder in self.folders), ("a model", self.model)):
+            if not isinstance(source, (str, Path, type(None))):
                 return f"close_the_loop(...) on {name} in memory"
         if self.seed:
-            words = [str(one) for one in self.folders]
+            words = [str(folder) for folder in self.folders]
             return f"close_the_loop({(words[0] if len(words) == 1 else words)!r}, ..., seed={self.seed})"
         return self._line(self.effects, self.out)
 
@@ -55,8 +55,8 @@ class Asked:
         return shlex.join(["rover-pin", "close-loop", *map(str, self.folders), *words, *trusted])
 
 
-def provenance(asked: Asked, seconds: float) -> dict[str, Any]:
+def provenance(request: LoopRequest, seconds: float) -> dict[str, Any]:
     """Return versions, seed, seconds and command as plain values."""
     packages = {name: version(name) for name in ("casadi", "numpy", "scipy", "pin")}
     versions = {"rover-pin": __version__, "python": platform.python_version(), **packages}
-    return {"versions": versions, "seed": asked.seed, "seconds": round(seconds, 1), "command": asked.command}
+    return {"versions": versions, "seed": request.seed, "seconds": round(seconds, 1), "command": request.command}

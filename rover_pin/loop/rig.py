@@ -17,21 +17,21 @@ from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.estimation.baselines import curves
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import profiles
-from rover_pin.experiments.wheel_rig.beds import by_chance
+from rover_pin.experiments.wheel_rig.beds import learnt_random_effects
 from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, rig_kinds
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set, read_rig_set
 from rover_pin.experiments.wheel_rig.draft import drafted
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
-from rover_pin.experiments.wheel_rig.left import Left, RigExtra
+from rover_pin.experiments.wheel_rig.left import FitDiagnostics, RigExtra
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model
-from rover_pin.experiments.wheel_rig.presets import told
-from rover_pin.experiments.wheel_rig.remainder import remainders
+from rover_pin.experiments.wheel_rig.presets import describe_declared
+from rover_pin.experiments.wheel_rig.remainder import channel_residuals
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.experiments.wheel_rig.separating_run import SeparatingRun, separating_run
-from rover_pin.loop.provenance import Asked, provenance
+from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.report.rig.cautions import cautions
@@ -44,7 +44,7 @@ RIVALS = 3
 
 
 def close_rig_loop(
-    data: RigSet, model: RigModel | Soil | None, asked: Asked, progress: Progress = lambda said: None
+    data: RigSet, model: RigModel | Soil | None, request: LoopRequest, progress: Progress = lambda message: None
 ) -> Verdict:
     """Return what a model of a wheel-rig set lacks, with the error before and after; see `close_the_loop`.
 
@@ -60,20 +60,22 @@ def close_rig_loop(
     begun = time.monotonic()
     refuse_unfit(data)
     start = model if isinstance(model, RigModel) else as_declared(data, model)
-    say_what_is_replaced(asked.out, OF_A_LOOP)
-    verdict = on_rig(RigExperiment(data), start, asked.effects, progress, asked.seed)
-    verdict.provenance.update(provenance(asked, time.monotonic() - begun))
-    if asked.out is None:
+    say_what_is_replaced(request.out, OF_A_LOOP)
+    verdict = on_rig(RigExperiment(data), start, request.effects, progress, request.seed)
+    verdict.provenance.update(provenance(request, time.monotonic() - begun))
+    if request.out is None:
         return verdict
     progress("errors of what a user would otherwise take")
-    return _written(with_baselines(verdict, RigExperiment(data)), data, asked, progress)
+    return _written(with_baselines(verdict, RigExperiment(data)), data, request, progress)
 
 
 def with_baselines(verdict: Verdict, experiment: RigExperiment) -> Verdict:
     """Return the verdict with the errors of curves through the points, and a caution where one predicts better."""
     channels = [(name, experiment.unit(name)) for name in experiment.channels]
-    found = curves(experiment.observed, experiment.given, channels) if verdict.scores else ()
-    return dataclasses.replace(verdict, baselines=found, cautions=(*verdict.cautions, *losses(verdict.scores, found)))
+    baselines = curves(experiment.observed, experiment.inputs, channels) if verdict.scores else ()
+    return dataclasses.replace(
+        verdict, baselines=baselines, cautions=(*verdict.cautions, *losses(verdict.scores, baselines))
+    )
 
 
 def rig_set_of(data: str | Path | WheelRig | RigSet, trust: Trust = Trust()) -> RigSet:
@@ -102,51 +104,55 @@ def on_rig(
     data, question = experiment.data, question_of(experiment, model, effects)
     poor = too_poor(data, len(question.numbers))
     if poor:
-        said = tuple(findings(data))
-        return Verdict("wheel-rig", Answer.CANNOT_TELL, data.rig.name, poor, model, findings=said)
+        data_findings = tuple(findings(data))
+        return Verdict("wheel-rig", Answer.CANNOT_TELL, data.rig.name, poor, model, findings=data_findings)
     verdict = concluded(question, progress, seed)
     assert verdict.before is not None
     assert verdict.after is not None
-    tried = [one.effect for one in candidates(data, model, rig_kinds(effects))]
+    tried = [candidate.effect for candidate in candidates(data, model, rig_kinds(effects))]
     extra = RigExtra(
-        _left(data, verdict.before, seed),
-        _left(data, verdict.after, seed),
-        told(data.rig, tried, model.effects),
-        by_chance(verdict.before.fit),
+        _fit_diagnostics(data, verdict.before, seed),
+        _fit_diagnostics(data, verdict.after, seed),
+        describe_declared(data.rig, tried, model.effects),
+        learnt_random_effects(verdict.before.fit),
     )
     return dataclasses.replace(
         verdict,
         extra=extra,
-        cautions=(*extra.chance.cautions, *cautions(verdict, extra.after)),
+        cautions=(*extra.random_effects.cautions, *cautions(verdict, extra.after)),
         findings=tuple(findings(data)),
         experiments=_experiments(data, verdict),
-        profiles=profiles(verdict.after.fit, tuple(one.name for one in verdict.after.numbers)),
+        profiles=profiles(verdict.after.fit, tuple(number.name for number in verdict.after.numbers)),
     )
 
 
-def _left(data: RigSet, side: Side, seed: int) -> Left:
+def _fit_diagnostics(data: RigSet, side: Side, seed: int) -> FitDiagnostics:
     """Return what a model leaves of a set, and how its constants agree with other measurements."""
     experiment, soil = side.fit.task.experiment, side.model.soil
     assert isinstance(experiment, RigExperiment)
     scaled = experiment.in_sds(side.fit.residual)
-    known = flags(data, soil, float(side.model.wheel.b), side.numbers)
-    return Left(known, remainders(data, scaled), residual_tests(data, scaled, seed))
+    reference_flags = flags(data, soil, float(side.model.wheel.b), side.numbers)
+    return FitDiagnostics(reference_flags, channel_residuals(data, scaled), residual_tests(data, scaled, seed))
 
 
 def _experiments(data: RigSet, verdict: Verdict) -> tuple[SeparatingRun, ...]:
     """Return the runs that would tell the best from its rivals."""
-    rounds = [each.alike for each in (verdict.search.rounds if verdict.search else ()) if each.alike]
+    rounds = [
+        search_round.indistinguishable
+        for search_round in (verdict.search.rounds if verdict.search else ())
+        if search_round.indistinguishable
+    ]
     if not verdict.named or not rounds:
         return ()
-    best, *rivals = [(name, one.fit) for name, one in zip(verdict.alike, rounds[-1], strict=False)]
+    best, *rivals = [(name, refit.fit) for name, refit in zip(verdict.indistinguishable, rounds[-1], strict=False)]
     runs = [separating_run(data, best, rival) for rival in rivals[:RIVALS]]
-    return tuple(one for one in runs if one is not None)
+    return tuple(run for run in runs if run is not None)
 
 
-def _written(verdict: Verdict, data: RigSet, asked: Asked, progress: Progress) -> Verdict:
+def _written(verdict: Verdict, data: RigSet, request: LoopRequest, progress: Progress) -> Verdict:
     """Write the files and return the verdict with their paths."""
     progress("writing the report")
-    out = Path(str(asked.out))
+    out = Path(str(request.out))
     files = [write_model(verdict.model, out / "model.toml", verdict.sentence)]
-    verdict, draft = draft_written(verdict, asked, out)
+    verdict, draft = draft_written(verdict, request, out)
     return written_last(verdict, (*files, *draft, *write_report(verdict, data, out)), out)

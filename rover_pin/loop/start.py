@@ -54,17 +54,17 @@ def _driven(drive: DriveLog, wheel: RigModel, file: str | Path) -> Model:
     tractions = [effect for effect in wheel.effects if isinstance(effect, SoilTraction)]
     if len(tractions) != 1:
         raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
-    own = base_model(drive)
-    effects = base_effects(wheel.soil, own.rover, tractions[0], own.gravity)
-    model = dataclasses.replace(own, soils=(wheel.soil, *own.soils[1:]), effects=effects)
+    log_model = base_model(drive)
+    effects = base_effects(wheel.soil, log_model.rover, tractions[0], log_model.gravity)
+    model = dataclasses.replace(log_model, soils=(wheel.soil, *log_model.soils[1:]), effects=effects)
     return functools.reduce(Model.having, wheel.effects, model)
 
 
 def _on_rig(data: RigSet, model: Model, file: str | Path) -> RigModel:
     acting = [effect for effect in model.all_effects if effect != model.slip and not isinstance(effect, STEADY)]
     contact = [effect for effect in acting if isinstance(effect, Effect)]
-    kept = tuple(effect for effect in contact if not effect.before_slip and not effect.places)
-    told = dict.fromkeys(type(effect).__name__ for effect in acting if effect not in kept)
-    if told:
-        log.warning("%s: %s cannot act at a wheel on a rig: left out.", file, ", ".join(told))
-    return RigModel(data.rig.wheel, model.soils[0], kept)
+    wheel_effects = tuple(effect for effect in contact if not effect.before_slip and not effect.places)
+    omitted = dict.fromkeys(type(effect).__name__ for effect in acting if effect not in wheel_effects)
+    if omitted:
+        log.warning("%s: %s cannot act at a wheel on a rig: left out.", file, ", ".join(omitted))
+    return RigModel(data.rig.wheel, model.soils[0], wheel_effects)

@@ -9,17 +9,17 @@ from pathlib import Path
 
 from rover_pin.columns import replace_file
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.loop.provenance import Asked
+from rover_pin.loop.provenance import LoopRequest
 
 DRAFT = Path("draft_effect") / "measured_remainder.py"
 
 
-def draft_written(verdict: Verdict, asked: Asked, out: Path) -> tuple[Verdict, list[Path]]:
+def draft_written(verdict: Verdict, request: LoopRequest, out: Path) -> tuple[Verdict, list[Path]]:
     """Write the draft of what is on no list, if any; return the verdict with the command that tries it again."""
     if verdict.draft is None:
         return verdict, []
     file = out / DRAFT
-    draft = dataclasses.replace(verdict.draft, command=asked.again_with(file))
+    draft = dataclasses.replace(verdict.draft, command=request.again_with(file))
     return dataclasses.replace(verdict, draft=draft), [replace_file(file, draft.text)]
 
 

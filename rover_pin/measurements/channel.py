@@ -47,7 +47,7 @@ class Channel:
         object.__setattr__(self, "sd", sd)
 
     @property
-    def seen(self) -> np.ndarray:
+    def has_value(self) -> np.ndarray:
         """Which points have a value [points]."""
         return np.isfinite(self.measured)
 
@@ -159,7 +159,7 @@ class Evidence(Protocol):
 
     tells: ClassVar[frozenset[str]]
     "the parameters that this kind of data can tell at all"
-    told_by: ClassVar[str]
+    data_kind: ClassVar[str]
     "what was measured, in words"
 
     @property
@@ -179,7 +179,7 @@ class Evidence(Protocol):
         """The SDs that are stated with them, by name (SI)."""
 
     @property
-    def known(self) -> Mapping[str, Known]:
+    def known_ranges(self) -> Mapping[str, Known]:
         """What the data say of the range of a number, by name: of the wheel's sizes, or by another measurement."""
 
     def declared_soil(self, soil: Soil) -> Soil:

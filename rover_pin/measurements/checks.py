@@ -42,8 +42,8 @@ def same_length(where: str, **columns: np.ndarray) -> None:
     """Refuse columns of different lengths."""
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise DataError(f"{where}: the columns have different lengths ({told}); give one value a point in each.")
+        length_list = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise DataError(f"{where}: the columns have different lengths ({length_list}); give one value a point in each.")
 
 
 def slips(values: np.ndarray, name: str, where: str) -> None:

@@ -59,12 +59,12 @@ def read_drive_points(folder: str | Path, sampling: Sampling = SAMPLING, trust: 
 
 def points_of_log(log: DriveLog, sampling: Sampling = SAMPLING) -> TractionPoints:
     """Return the traction points of a drive log with the motor that it must declare."""
-    if not log.about.motor:
+    if not log.metadata.motor:
         raise DataError(
             f"{log.folder}: drive.toml declares no [motor], and the torque is evaluated from its characteristics: "
             "add supply, resistance, k_t and gear."
         )
-    return drive_points(log, record_from(Motor, log.about.motor, f"{log.folder}: [motor]"), sampling)
+    return drive_points(log, record_from(Motor, log.metadata.motor, f"{log.folder}: [motor]"), sampling)
 
 
 def drive_points(
@@ -90,7 +90,7 @@ def drive_points(
     measured current tells the torque where there is one; driving torques are in the balance (`driven_loads`). The
     rotor's and the body's acceleration are neglected, hence the steady windows.
     """
-    rover = log.load_rover().under(log.about.gravity)
+    rover = log.load_rover().under(log.metadata.gravity)
     for trace in log.runs:
         if len(trace.t) < 2:
             raise DataError(f"{log.folder}: run {trace.attrs['file']} has {len(trace.t)} row: leave it out.")
@@ -105,7 +105,7 @@ def drive_points(
             f"{log.folder}: the slip of a window of {length:g} s scatters by {scatter:.2g}, more than a class of "
             f"{1.0 / sampling.levels:g}: drive longer at constant duty, or track the rover more finely."
         )
-    lag, angles = lag or usual_slip(rover), usual_angles(rover, log.about.angles)
+    lag, angles = lag or usual_slip(rover), usual_angles(rover, log.metadata.angles)
     by_load = sampling.loads if isinstance(angles, SinkageAngles) else math.inf
     classes = classed([pair for windows in runs for pair in instrumented(windows, length, lag)], sampling, by_load)
     if not classes:
@@ -113,7 +113,7 @@ def drive_points(
             f"{log.folder}: no class of slip has {sampling.least} steady windows of {length:g} s: drive longer at "
             "constant duty, over slopes that change the slip."
         )
-    slip, factor, sd, *others = points_of(classes, sampling, constant_doubt(log.about.motor)).T
+    slip, factor, sd, *others = points_of(classes, sampling, torque_constant_sd(log.metadata.motor)).T
     declared, doubts = declared_soil(log, rover)
     slip_sd, shared, slip_shared, load = others
     shared_errors = (slip_sd, shared, slip_shared)
@@ -128,18 +128,18 @@ def declared_soil(log: DriveLog, rover: Rover) -> tuple[dict[str, float], dict[s
 
     A wheel that is not the paper's needs a k_1 that carries it: one that is not declared is `own_soil`'s.
     """
-    where, table = f"{log.folder}: [soil]", log.about.soil
+    where, table = f"{log.folder}: [soil]", log.metadata.soil
     soil = record_from(Soil, table, where)
-    known, doubts = {name: getattr(soil, name) for name in table}, declared_sds(table, Soil, where)
+    constants, doubts = {name: getattr(soil, name) for name in table}, declared_sds(table, Soil, where)
     if not sized_soil(log, rover):
-        return known, doubts
+        return constants, doubts
     k_1 = float(own_soil(rover).value.k_1)
-    return {"k_1": k_1, **known}, {"k_1": UNDECLARED_SD * k_1, **doubts}
+    return {"k_1": k_1, **constants}, {"k_1": UNDECLARED_SD * k_1, **doubts}
 
 
 def sized_soil(log: DriveLog, rover: Rover) -> str:
     """Return how k_1 was chosen where the log declares no modulus and the wheel is not the paper's, else nothing."""
-    declared = {"k_1", "k_2"}.intersection(log.about.soil)
+    declared = {"k_1", "k_2"}.intersection(log.metadata.soil)
     return "" if has_papers_wheel(rover) or declared else "; ".join(own_soil(rover).assumed) or "the rover's own soil"
 
 
@@ -151,16 +151,20 @@ def instrumented(windows: Sequence[Window], length: float, lag: RelaxedSlip) -> 
     wheel. A window without any is left out.
     """
     at = {(window.wheel, round(window.start / length)): window for window in windows}
-    found = []
+    pairs = []
     for (wheel, number), window in at.items():
-        beside = [at[wheel, each] for each in (number - 1, number + 1) if (wheel, each) in at]
+        beside = [
+            at[wheel, neighbour_number]
+            for neighbour_number in (number - 1, number + 1)
+            if (wheel, neighbour_number) in at
+        ]
         if not beside:
             continue
         first, last = min((window, *beside), key=_start), max((window, *beside), key=_start)
         rate = (last.slip - first.slip) / (last.start - first.start)
-        felt = window.slip - (float(lag.length) / window.rim - float(lag.damping)) * rate
-        found.append((float(np.mean([each.slip for each in beside])), window._replace(slip=felt)))
-    return found
+        soil_slip = window.slip - (float(lag.length) / window.rim - float(lag.damping)) * rate
+        pairs.append((float(np.mean([neighbour.slip for neighbour in beside])), window._replace(slip=soil_slip)))
+    return pairs
 
 
 def _start(window: Window) -> float:
@@ -188,13 +192,13 @@ def points_of(classes: Sequence[Sequence[Window]], sampling: Sampling, constant:
     for windows in classes:
         count, wheels = len(windows), len({window.wheel for window in windows})
         slip, factor, lean = (float(np.mean([window[i] for window in windows])) for i in (2, 4, 6))
-        own = max(windows_sd / math.sqrt(count), wheels_sd / math.sqrt(wheels))
+        scatter_sd = max(windows_sd / math.sqrt(count), wheels_sd / math.sqrt(wheels))
         noise = rms([window.factor_sd for window in windows]) / math.sqrt(count)
         wheel_error = sampling.wheel_error / math.sqrt(wheels)
         shared = math.hypot(sampling.load_error * factor, constant * (factor + lean), lean * wheel_error)
         slip_sd = rms([window.slip_sd for window in windows]) / math.sqrt(count)
         load = float(np.mean([window.load for window in windows]))
-        rows.append((slip, factor, math.hypot(own, noise), slip_sd, shared, (1.0 - slip) * wheel_error, load))
+        rows.append((slip, factor, math.hypot(scatter_sd, noise), slip_sd, shared, (1.0 - slip) * wheel_error, load))
     return np.array(rows)
 
 
@@ -205,13 +209,13 @@ def pooled(classes: Sequence[Sequence[Window]], by_wheel: bool) -> float:
         values = np.array([window.factor for window in windows])
         if by_wheel:
             wheel = np.array([window.wheel for window in windows])
-            values = np.array([np.mean(values[wheel == each]) for each in np.unique(wheel)])
+            values = np.array([np.mean(values[wheel == wheel_index]) for wheel_index in np.unique(wheel)])
         squares += float(np.sum((values - np.mean(values)) ** 2))
         freedom += len(values) - 1
     return math.sqrt(squares / freedom) if freedom else 0.0
 
 
-def constant_doubt(motor: Mapping[str, Any]) -> float:
+def torque_constant_sd(motor: Mapping[str, Any]) -> float:
     """Return the relative SD that the log declares for its motor's torque constant, gear k_t."""
     declared = [motor[name] for name in IN_POINTS if isinstance(motor.get(name), Mapping)]
     return math.hypot(*(float(entry.get("sd", 0.0)) / abs(float(entry["value"])) for entry in declared))

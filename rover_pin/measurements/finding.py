@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-MOST_PLACES = 4
+MAX_LISTED_PLACES = 4
 """Places that one line lists; of more, the first and how many more."""
 
 
@@ -23,11 +23,11 @@ class Finding(NamedTuple):
 def gathered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the findings with those that differ only in their place made one."""
     places: dict[tuple[str, str], list[str]] = {}
-    for each in findings:
-        places.setdefault((each.what, each.todo), []).append(each.where)
+    for finding in findings:
+        places.setdefault((finding.what, finding.todo), []).append(finding.where)
     return tuple(Finding(what, _listed(where), todo) for (what, todo), where in places.items())
 
 
 def _listed(places: list[str]) -> str:
-    more = len(places) - MOST_PLACES
-    return ", ".join(places[:MOST_PLACES]) + (f" and {more} more" if more > 0 else "")
+    more = len(places) - MAX_LISTED_PLACES
+    return ", ".join(places[:MAX_LISTED_PLACES]) + (f" and {more} more" if more > 0 else "")

@@ -22,7 +22,7 @@ from rover_pin.toml_file import toml_text
 from rover_pin.units import name_and_unit
 
 
-class Known(NamedTuple):
+class RigColumn(NamedTuple):
     """A column of a set, its SI unit, and what others call it."""
 
     column: str
@@ -30,25 +30,25 @@ class Known(NamedTuple):
     names: tuple[str, ...]
 
 
-KNOWN = (
-    Known("slip", "", ("slip", "slip ratio", "s", "i")),
-    Known("load_N", "N", ("load", "vertical load", "normal load", "w", "fz")),
-    Known("drawbar_pull_N", "N", ("drawbar pull", "drawbar", "dp", "fx", "pull")),
-    Known("torque_Nm", "N m", ("torque", "wheel torque", "driving torque", "my", "t")),
-    Known("sinkage_m", "m", ("sinkage", "wheel sinkage", "z", "h")),
-    Known("lateral_N", "N", ("lateral", "lateral force", "side force", "fy")),
-    Known("moment_z_Nm", "N m", ("moment z", "mz", "vertical moment", "yaw moment", "steering moment")),
-    Known("drawbar_pull_sd_N", "N", ("drawbar pull sd", "dp sd")),
-    Known("torque_sd_Nm", "N m", ("torque sd",)),
-    Known("sinkage_sd_m", "m", ("sinkage sd",)),
-    Known("lateral_sd_N", "N", ("lateral sd", "side force sd")),
-    Known("moment_z_sd_Nm", "N m", ("mz sd",)),
-    Known("travel_speed_mps", "m/s", ("travel speed", "carriage speed", "v", "vx")),
-    Known("rim_speed_mps", "m/s", ("rim speed", "circumferential speed")),
-    Known("slope_rad", "rad", ("slope", "slope angle", "incline")),
-    Known("slip_angle_rad", "rad", ("slip angle", "beta")),
-    Known("run", "text", ("run", "test", "trial", "id")),
-    Known("level", "text", ("level", "slip level")),
+RIG_COLUMNS = (
+    RigColumn("slip", "", ("slip", "slip ratio", "s", "i")),
+    RigColumn("load_N", "N", ("load", "vertical load", "normal load", "w", "fz")),
+    RigColumn("drawbar_pull_N", "N", ("drawbar pull", "drawbar", "dp", "fx", "pull")),
+    RigColumn("torque_Nm", "N m", ("torque", "wheel torque", "driving torque", "my", "t")),
+    RigColumn("sinkage_m", "m", ("sinkage", "wheel sinkage", "z", "h")),
+    RigColumn("lateral_N", "N", ("lateral", "lateral force", "side force", "fy")),
+    RigColumn("moment_z_Nm", "N m", ("moment z", "mz", "vertical moment", "yaw moment", "steering moment")),
+    RigColumn("drawbar_pull_sd_N", "N", ("drawbar pull sd", "dp sd")),
+    RigColumn("torque_sd_Nm", "N m", ("torque sd",)),
+    RigColumn("sinkage_sd_m", "m", ("sinkage sd",)),
+    RigColumn("lateral_sd_N", "N", ("lateral sd", "side force sd")),
+    RigColumn("moment_z_sd_Nm", "N m", ("mz sd",)),
+    RigColumn("travel_speed_mps", "m/s", ("travel speed", "carriage speed", "v", "vx")),
+    RigColumn("rim_speed_mps", "m/s", ("rim speed", "circumferential speed")),
+    RigColumn("slope_rad", "rad", ("slope", "slope angle", "incline")),
+    RigColumn("slip_angle_rad", "rad", ("slip angle", "beta")),
+    RigColumn("run", "text", ("run", "test", "trial", "id")),
+    RigColumn("level", "text", ("level", "slip level")),
 )
 NEEDED = ("slip", "load_N")
 
@@ -57,9 +57,9 @@ class Read(NamedTuple):
     """A table's columns as those of a set, and what was understood of them."""
 
     table: pd.DataFrame
-    said: tuple[str, ...]
+    notes: tuple[str, ...]
 
-    def refuse_without_noise(self, file: Path, stated: Iterable[str]) -> None:
+    def refuse_without_noise(self, file: Path, noise_names: Iterable[str]) -> None:
         """Refuse a channel whose scatter nobody states: without it no fit can be judged.
 
         Raises
@@ -69,7 +69,7 @@ class Read(NamedTuple):
         """
         for kind in RIG_CHANNELS:
             name, _, unit = kind.column.rpartition("_")
-            if kind.column in self.table and name not in stated and f"{name}_sd_{unit}" not in self.table:
+            if kind.column in self.table and name not in noise_names and f"{name}_sd_{unit}" not in self.table:
                 raise DataError(
                     f"{file}: how much {name} scatters is not said: add a column {name}_sd_{unit}, or say "
                     f"--noise {name}=1{kind.unit.replace(' ', '')} with the SD of repeats."
@@ -87,52 +87,57 @@ def read_foreign(file: Path) -> Read:
         The file cannot be read, has two columns for one, a unit of another kind, or neither slip nor load.
     """
     table = measured_points(file)
-    made: dict[str, Any] = {}
-    said = []
+    columns: dict[str, Any] = {}
+    notes = []
     for name in map(str, table.columns):
         stem, unit = name_and_unit(name)
-        known = next((each for each in KNOWN if _plain(stem) in (*each.names, _plain(each.column))), None)
-        if known is None:
-            said.append(f"'{name}' is not used: no column of a wheel-rig set is known by it")
+        rig_column = next(
+            (candidate for candidate in RIG_COLUMNS if _plain(stem) in (*candidate.names, _plain(candidate.column))),
+            None,
+        )
+        if rig_column is None:
+            notes.append(f"'{name}' is not used: no column of a wheel-rig set is known by it")
             continue
-        if known.column in made:
-            raise DataError(f"{file}: two columns are {known.column}, '{name}' is the second: leave one of them out.")
-        made[known.column] = _in_si(table[name], unit, known, f"{file}: '{name}'")
-        guessed = "" if unit or known.unit in ("", "text") else f", taken as {known.unit}"
-        said.append(f"'{name}' is {known.column}{guessed}")
-    for kind in RIG_CHANNELS if not _askew(made) else ():
-        if kind.is_sideways and kind.column in made:
-            del made[kind.column]
-            said.append(
+        if rig_column.column in columns:
+            raise DataError(
+                f"{file}: two columns are {rig_column.column}, '{name}' is the second: leave one of them out."
+            )
+        columns[rig_column.column] = _in_si(table[name], unit, rig_column, f"{file}: '{name}'")
+        guessed = "" if unit or rig_column.unit in ("", "text") else f", taken as {rig_column.unit}"
+        notes.append(f"'{name}' is {rig_column.column}{guessed}")
+    for kind in RIG_CHANNELS if not _askew(columns) else ():
+        if kind.is_sideways and kind.column in columns:
+            del columns[kind.column]
+            notes.append(
                 f"{kind.column} is not used: a {kind.name} is looked at in runs with {ANGLE} above {STRAIGHT} only; "
                 "add that column, positive where the wheel travels to its right"
             )
-    if not any(kind.column in made for kind in RIG_CHANNELS):
+    if not any(kind.column in columns for kind in RIG_CHANNELS):
         raise DataError(f"{file}: nothing that was measured is known: name it drawbar_pull_N, torque_Nm or sinkage_m.")
-    missing = [name for name in NEEDED if name not in made]
+    missing = [name for name in NEEDED if name not in columns]
     if missing:
         raise DataError(
             f"{file}: no column is known as {' or '.join(missing)}: name it so, as in slip, load_N, drawbar_pull_N, "
             f"torque_Nm, sinkage_m. It has {', '.join(map(str, table.columns))}."
         )
-    return Read(pd.DataFrame(made), tuple(said))
+    return Read(pd.DataFrame(columns), tuple(notes))
 
 
-def _askew(made: Mapping[str, Any]) -> bool:
+def _askew(columns: Mapping[str, Any]) -> bool:
     """Return whether a run has a slip angle, without which a set's side force is not looked at."""
-    return ANGLE in made and bool((abs(made[ANGLE]) > STRAIGHT).any())
+    return ANGLE in columns and bool((abs(columns[ANGLE]) > STRAIGHT).any())
 
 
 def _plain(name: str) -> str:
     return re.sub(r"[\s_\-]+", " ", name).strip().lower()
 
 
-def _in_si(values: Any, unit: str, known: Known, where: str) -> Any:
-    if known.unit == "text":
+def _in_si(values: Any, unit: str, rig_column: RigColumn, where: str) -> Any:
+    if rig_column.unit == "text":
         return values.astype(str)
     values = column(values, "the column", where, gaps=True)
     try:
-        return values * (to_si(1.0, unit, known.unit, where) if unit else 1.0)
+        return values * (to_si(1.0, unit, rig_column.unit, where) if unit else 1.0)
     except ParameterError as error:
         raise DataError(str(error)) from error
 
@@ -158,7 +163,7 @@ def write_rig_set(
     toml = folder / "rig.toml"
     if is_file(toml):
         raise DataError(f"{toml}: there is one already: name another folder, or take it away first.")
-    about = {
+    document = {
         "kind": "wheel-rig",
         "name": name,
         "source": "who measured this, where, when: write it here",
@@ -167,4 +172,4 @@ def write_rig_set(
         **({"noise": {key: {"value": value, "unit": unit} for key, (value, unit) in noise.items()}} if noise else {}),
     }
     points = replace_file(folder / "points.csv", read.table.to_csv(index=False))
-    return [points, replace_file(toml, toml_text(about))]
+    return [points, replace_file(toml, toml_text(document))]

@@ -29,7 +29,7 @@ class Known(NamedTuple):
     "where the value is from"
     low: float
     high: float
-    doubt: str
+    range_source: str
     "where the range is from"
     at_low: Mapping[str, float] = MappingProxyType({})
     "what else the same measurement says where the number is at `low`"
@@ -55,11 +55,11 @@ def stated_ranges(table: Mapping[str, Any], where: str) -> dict[str, tuple[float
         A range that does not hold its value.
     """
     ranges = {}
-    for name, about in (quantities(Wheel) | quantities(Soil)).items():
+    for name, quantity in (quantities(Wheel) | quantities(Soil)).items():
         entry, place = table.get(name), f"{where}: {name}"
         if isinstance(entry, Mapping) and {"low", "high"} <= entry.keys():
-            unit = entry.get("unit", about.unit)
-            low, value, high = (to_si(entry.get(end), unit, about.unit, place) for end in ("low", "value", "high"))
+            unit = entry.get("unit", quantity.unit)
+            low, value, high = (to_si(entry.get(end), unit, quantity.unit, place) for end in ("low", "value", "high"))
             if not low <= value <= high:
                 raise DataError(f"{place} = {value:.4g} is not between its low = {low:.4g} and high = {high:.4g} [SI].")
             ranges[name] = (low, high)
@@ -70,11 +70,11 @@ def declared_ranges(
     values: Mapping[str, float], ranges: Mapping[str, tuple[float, float]], sds: Mapping[str, float]
 ) -> dict[str, Known]:
     """Return declared numbers with the range that is stated, cut to 1.96 of a stated SD; of neither, that of a size."""
-    known = {}
+    known_ranges = {}
     for name, value in values.items():
         sd = sds.get(name, math.inf if name in ranges else SIZE_SD * value)
         (low, high), of_sd = ranges.get(name, (-math.inf, math.inf)), range_of(value, sd)
         low, high = max(low, of_sd[0]), min(high, of_sd[1])
-        doubt = "its declared SD" if name in sds else "its declared range" if name in ranges else ASSUMED
-        known[name] = Known("declared with the data", low, high, doubt)
-    return known
+        range_source = "its declared SD" if name in sds else "its declared range" if name in ranges else ASSUMED
+        known_ranges[name] = Known("declared with the data", low, high, range_source)
+    return known_ranges

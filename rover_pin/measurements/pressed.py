@@ -32,7 +32,7 @@ DEEPEST, STRONGEST = 10.0, 1e7
 
 EXPONENTS = (0.3, 2.5)
 
-UNSURE = 0.1
+ASSUMED_UNCERTAINTY = 0.1
 """Relative uncertainty that is granted to an independent measurement that states none."""
 
 
@@ -81,12 +81,12 @@ def read_trials(path: Path, surface: str) -> tuple[Trial, ...]:
     return tuple(_trial(str(name), rows.loc[group.index], where) for name, group in rows.groupby(keys))
 
 
-def declared_trials(about: Mapping[str, Any], folder: Path, where: str, trust: Trust) -> tuple[Trial, ...]:
+def declared_trials(document: Mapping[str, Any], folder: Path, where: str, trust: Trust) -> tuple[Trial, ...]:
     """Return the trials of a `rig.toml`'s `penetration`, none where it names none; errors as of `read_trials`."""
-    files = table_in(about, "files", where)
+    files = table_in(document, "files", where)
     if "penetration" not in files:
         return ()
-    surface = text_in(table_in(about, "wheel", where), "surface", where)
+    surface = text_in(table_in(document, "wheel", where), "surface", where)
     return read_trials(trust.within(folder, text_in(files, "penetration", where), where), surface)
 
 
@@ -113,31 +113,41 @@ def exponent(trials: tuple[Trial, ...], wheel: Wheel) -> float:
 
     def misfit(n: float) -> float:
         units = ((trial, _unit_force(trial, wheel, n)) for trial in trials)
-        rest = (trial.force - _modulus(trial, unit) * unit for trial, unit in units)
-        return float(sum(residual @ residual for residual in rest))
+        residuals = (trial.force - _modulus(trial, unit) * unit for trial, unit in units)
+        return float(sum(residual @ residual for residual in residuals))
 
     return float(minimize_scalar(misfit, bounds=EXPONENTS, method="bounded", options={"xatol": 1e-3}).x)
 
 
-def pressed_known(trials: tuple[Trial, ...], wheel: Wheel, n: float, stated: bool) -> dict[str, Known]:
+def pressed_known(trials: tuple[Trial, ...], wheel: Wheel, n: float, n_declared: bool) -> dict[str, Known]:
     """Return what trials say of k_1 (then all of k_1 + k_2 b) and, unless it is stated, of n, with their spread.
 
     The modulus belongs to its exponent: where n moves, k_1 is what the trials say at that n. Both are granted 10 %.
     """
-    b, said = float(wheel.b), f"the same wheel pressed in without turning, {len(trials)} trials"
+    b, source = float(wheel.b), f"the same wheel pressed in without turning, {len(trials)} trials"
 
     def pressure(n: float) -> np.ndarray:
         return np.asarray(press(trials, wheel, n).moduli * b**n)
 
-    found = pressure(n)
-    doubt = f"between the trials, and {UNSURE:.0%}"
-    known = {"k_1": Known(said, (1 - UNSURE) * float(found.min()), (1 + UNSURE) * float(found.max()), doubt)}
-    if not stated:
-        own = [exponent((trial,), wheel) for trial in trials]
-        low, high = max((1 - UNSURE) * min(own), EXPONENTS[0]), min((1 + UNSURE) * max(own), EXPONENTS[1])
+    pressures = pressure(n)
+    range_source = f"between the trials, and {ASSUMED_UNCERTAINTY:.0%}"
+    known_ranges = {
+        "k_1": Known(
+            source,
+            (1 - ASSUMED_UNCERTAINTY) * float(pressures.min()),
+            (1 + ASSUMED_UNCERTAINTY) * float(pressures.max()),
+            range_source,
+        )
+    }
+    if not n_declared:
+        exponents = [exponent((trial,), wheel) for trial in trials]
+        low, high = (
+            max((1 - ASSUMED_UNCERTAINTY) * min(exponents), EXPONENTS[0]),
+            min((1 + ASSUMED_UNCERTAINTY) * max(exponents), EXPONENTS[1]),
+        )
         along = ({"k_1": float(pressure(end).mean())} for end in (low, high))
-        known["n"] = Known(said, low, high, doubt, *along)
-    return known
+        known_ranges["n"] = Known(source, low, high, range_source, *along)
+    return known_ranges
 
 
 def _modulus(trial: Trial, unit: np.ndarray) -> float:

@@ -28,17 +28,17 @@ def sample_names() -> list[str]:
     return sorted(folder.name for folder in sample_folder().iterdir() if folder.is_dir())
 
 
-def data_path(given: str | Path) -> Path:
+def data_path(location: str | Path) -> Path:
     """Return where data lie: what is given if it exists, else the sample, or its file, of this name, else the given."""
-    path = Path(given)
+    path = Path(location)
     sample = sample_folder() / path
     is_named = path.parts and not path.is_absolute() and ".." not in path.parts
     return sample if is_named and not exists(path) and exists(sample) else path
 
 
-def closest_samples(given: str | Path) -> str:
+def closest_samples(location: str | Path) -> str:
     """Return the tail of an unknown-data message: which sample a name may have meant; of a path or a folder nothing."""
-    path = Path(given)
+    path = Path(location)
     return f" Of samples {closest(path, sample_names())}" if len(path.parts) == 1 and not exists(path) else ""
 
 
@@ -79,7 +79,7 @@ def refuse_beyond_soil(rig: WheelRig, name: str) -> None:
             f"{name}: {int(rig.askew.sum())} of {rig.askew.size} runs have a slip angle; identify fits a "
             "wheel that runs straight: give it the straight runs alone, or the whole set to close-loop."
         )
-    if rig.errors != RigErrors() or any(each.startswith("rig.") for each in rig.error_sd):
+    if rig.errors != RigErrors() or any(parameter.startswith("rig.") for parameter in rig.error_sd):
         raise DataError(
             f"{name}: [rig] states errors of the rig, which identify does not fit: give it to close-loop, "
             "or take them off the points and the table away."

@@ -33,14 +33,14 @@ class RigErrors(Record):
     moment_tare: Scalar = quantity(0.0, "N m", "none unless [rig] states it", -1e4, 1e4, "M_0")
     moment_arm: Scalar = quantity(0.0, "m", "taken about the wheel's centre unless [rig] states it", -5.0, 5.0, "x_0")
 
-    def read(self, felt: Load, h: Scalar, load: Scalar) -> tuple[Scalar, ...]:
+    def read(self, forces: Load, h: Scalar, load: Scalar) -> tuple[Scalar, ...]:
         """Return what is read of pull [N], torque [N m], sinkage [m], side force [N], moment [N m] under W' [N]."""
         return (
-            self.force_scale * felt.f_t + self.pull_tare + self.crosstalk * load,
-            felt.torque + self.torque_tare,
+            self.force_scale * forces.f_t + self.pull_tare + self.crosstalk * load,
+            forces.torque + self.torque_tare,
             h + self.sinkage_zero,
-            self.force_scale * felt.f_y + self.side_tare,
-            felt.moment_z + self.moment_tare - self.moment_arm * felt.f_y,
+            self.force_scale * forces.f_y + self.side_tare,
+            forces.moment_z + self.moment_tare - self.moment_arm * forces.f_y,
         )
 
 
@@ -54,12 +54,12 @@ def stated_errors(table: Mapping[str, Any], where: str) -> tuple[RigErrors, dict
     DataError
         An SD that is no positive number.
     """
-    about = {name: entry for name, entry in table.items() if name != "note"}
-    errors = record_from(RigErrors, about, where)
-    return errors, {f"rig.{name}": sd for name, sd in declared_sds(about, RigErrors, where).items()}
+    entries = {name: entry for name, entry in table.items() if name != "note"}
+    errors = record_from(RigErrors, entries, where)
+    return errors, {f"rig.{name}": sd for name, sd in declared_sds(entries, RigErrors, where).items()}
 
 
-def unsure_sizes(table: Mapping[str, Any], where: str) -> dict[str, float]:
+def dimension_sds(table: Mapping[str, Any], where: str) -> dict[str, float]:
     """Return `wheel.name` -> SD [m] of each size of a table [wheel] that states one.
 
     Raises

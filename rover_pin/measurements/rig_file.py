@@ -71,7 +71,7 @@ MEANT = {
 """Names that others give to these constants."""
 
 
-def refuse_unknown_keys(about: Mapping[str, Any], where: str) -> None:
+def refuse_unknown_keys(document: Mapping[str, Any], where: str) -> None:
     """Refuse a key of `rig.toml`, or of one of its tables, that nothing reads.
 
     Raises
@@ -79,18 +79,18 @@ def refuse_unknown_keys(about: Mapping[str, Any], where: str) -> None:
     DataError
         An unknown key, with the one that may be meant, or what must be a table and is none.
     """
-    _refuse(about, (*TEXTS, *TABLES), where, "a rig set")
-    for name, known in TABLES.items():
-        _refuse(table_in(about, name, where), (*known, "note"), where, f"[{name}]")
+    _refuse(document, (*TEXTS, *TABLES), where, "a rig set")
+    for name, keys in TABLES.items():
+        _refuse(table_in(document, name, where), (*keys, "note"), where, f"[{name}]")
 
 
-def _refuse(table: Mapping[str, Any], known: Iterable[str], where: str, owner: str) -> None:
-    known = tuple(known)
+def _refuse(table: Mapping[str, Any], allowed: Iterable[str], where: str, owner: str) -> None:
+    allowed = tuple(allowed)
     for key in table:
-        if key not in known:
+        if key not in allowed:
             meant = MEANT.get(key.lower(), "")
-            hint = f"did you mean '{meant}'? " if meant in known else ""
-            raise DataError(f"{where}: there is no key '{key}' in {owner}: {hint}{closest(key, known)}")
+            hint = f"did you mean '{meant}'? " if meant in allowed else ""
+            raise DataError(f"{where}: there is no key '{key}' in {owner}: {hint}{closest(key, allowed)}")
 
 
 def number_si(entry: Any, expected: str, where: str) -> float:
@@ -113,16 +113,18 @@ def number_si(entry: Any, expected: str, where: str) -> float:
 
 def declared_constants(table: Mapping[str, Any], where: str) -> dict[str, float]:
     """Return the soil constants of a table [soil] by name, Bekker's among them, in SI; errors as of `number_si`."""
-    units = {name: about.unit for name, about in quantities(Soil).items()}
-    found = {name: number_si(entry, units[name], f"{where}: {name}") for name, entry in table.items() if name in units}
-    for name in (each for each in BEKKER_UNITS if each in table):
+    units = {name: quantity.unit for name, quantity in quantities(Soil).items()}
+    constants = {
+        name: number_si(entry, units[name], f"{where}: {name}") for name, entry in table.items() if name in units
+    }
+    for name in (key for key in BEKKER_UNITS if key in table):
         entry = table[name] if isinstance(table[name], Mapping) else {"value": table[name]}
         unit, place = str(entry.get("unit", BEKKER_UNITS[name])), f"{where}: {name}"
-        found[name] = bekker_si(name, number_si({**entry, "unit": ""}, "", place), unit, found.get("n"), place)
-    return found
+        constants[name] = bekker_si(name, number_si({**entry, "unit": ""}, "", place), unit, constants.get("n"), place)
+    return constants
 
 
-def declared_beside(about: Mapping[str, Any], where: str) -> dict[str, float]:
+def declared_beside(document: Mapping[str, Any], where: str) -> dict[str, float]:
     """Return what `BESIDE` has of [wheel] and [soil], by name, in SI.
 
     Raises
@@ -130,19 +132,21 @@ def declared_beside(about: Mapping[str, Any], where: str) -> dict[str, float]:
     DataError
         No number, or one out of its range.
     """
-    found = {}
+    values = {}
     for name, of in BESIDE.items():
-        table = table_in(about, of.table, where)
+        table = table_in(document, of.table, where)
         if name in table:
-            found[name] = number_si(table[name], of.unit, f"{where}: {name}")
-            if not of.low <= found[name] <= of.high:
+            values[name] = number_si(table[name], of.unit, f"{where}: {name}")
+            if not of.low <= values[name] <= of.high:
                 within = f"{of.low:g} to {of.high:.4g} {of.unit}".rstrip()
-                raise DataError(f"{where}: {name} = {found[name]:.4g} {of.unit} lies outside {within}; check its unit.")
-    smooth = table_in(about, "wheel", where).get("surface") == SMOOTH
-    return {"lug_height": 0.0, **found} if smooth else found
+                raise DataError(
+                    f"{where}: {name} = {values[name]:.4g} {of.unit} lies outside {within}; check its unit."
+                )
+    smooth = table_in(document, "wheel", where).get("surface") == SMOOTH
+    return {"lug_height": 0.0, **values} if smooth else values
 
 
-def rim_of(about: Mapping[str, Any], where: str) -> tuple[dict[str, Any], float]:
+def rim_of(document: Mapping[str, Any], where: str) -> tuple[dict[str, Any], float]:
     """Return the sizes of [wheel], r that of the rim, and the rim's radius over the stated one.
 
     Raises
@@ -150,31 +154,31 @@ def rim_of(about: Mapping[str, Any], where: str) -> tuple[dict[str, Any], float]
     DataError
         A size that is missing; `r_over_lugs` that is neither true nor false, without lugs, or with lugs as high as r.
     """
-    stated = table_in(about, "wheel", where)
+    wheel_table = table_in(document, "wheel", where)
     for name in quantities(Wheel):
-        if name not in stated:
+        if name not in wheel_table:
             raise DataError(f"{where}: [wheel] has no {name}; write {name} = {{ value, unit = 'm' }}.")
-    sizes, said = {name: stated[name] for name in quantities(Wheel)}, stated.get(OVER_LUGS, False)
-    if not isinstance(said, bool):
-        raise DataError(f"{where}: {OVER_LUGS} = {said!r}; write true or false.")
-    if not said:
-        return sizes, 1.0
-    r = number_si(sizes["r"], "m", f"{where}: r")
-    lug = declared_beside(about, where).get("lug_height")
+    dimensions, over_lugs = {name: wheel_table[name] for name in quantities(Wheel)}, wheel_table.get(OVER_LUGS, False)
+    if not isinstance(over_lugs, bool):
+        raise DataError(f"{where}: {OVER_LUGS} = {over_lugs!r}; write true or false.")
+    if not over_lugs:
+        return dimensions, 1.0
+    r = number_si(dimensions["r"], "m", f"{where}: r")
+    lug = declared_beside(document, where).get("lug_height")
     if lug is None or not lug < r:
         why = "needs lug_height" if lug is None else f"leaves no rim: lug_height = {lug:g} m"
         raise DataError(f"{where}: {OVER_LUGS} = true {why}; give the lugs' height over the rim.")
-    entry = sizes["r"] if isinstance(sizes["r"], Mapping) else {"value": r}
+    entry = dimensions["r"] if isinstance(dimensions["r"], Mapping) else {"value": r}
     ends = ("value", "low", "high")
     at_rim = {key: _size(entry, key, where) - lug * (key in ends) for key in (*ends, "sd") if key in entry}
-    return {**sizes, "r": {**at_rim, "unit": "m"}}, (r - lug) / r
+    return {**dimensions, "r": {**at_rim, "unit": "m"}}, (r - lug) / r
 
 
 def _size(entry: Mapping[str, Any], key: str, where: str) -> float:
     return to_si(entry[key], entry.get("unit", "m"), "m", f"{where}: {key} of r")
 
 
-def read_points(folder: Path, about: Mapping[str, Any], rim_share: float, trust: Trust) -> pd.DataFrame:
+def read_points(folder: Path, document: Mapping[str, Any], rim_share: float, trust: Trust) -> pd.DataFrame:
     """Return the points of a set as the model takes them: a slope as load and pull, slips and speeds of the rim.
 
     Parameters
@@ -188,14 +192,14 @@ def read_points(folder: Path, about: Mapping[str, Any], rim_share: float, trust:
         A missing file or column, one in another unit, or a slope beside a drawbar pull, that is no angle or has no SD.
     """
     where = f"{folder.name}/rig.toml"
-    points = trust.within(folder, text_in(table_in(about, "files", where), "points", where, "points.csv"), where)
+    points = trust.within(folder, text_in(table_in(document, "files", where), "points", where, "points.csv"), where)
     table = measured_points(points, ("slip", "load_N"))
-    here = f"{folder.name}/{points.name}"
-    _refuse_other_units(table, here)
-    table = _with_slips(table, here)
+    points_label = f"{folder.name}/{points.name}"
+    _refuse_other_units(table, points_label)
+    table = _with_slips(table, points_label)
     if SLOPE in table:
-        table = _on_a_slope(table, table_in(about, "noise", where), here)
-    return table if rim_share == 1.0 else _at_the_rim(table, rim_share, here)
+        table = _on_a_slope(table, table_in(document, "noise", where), points_label)
+    return table if rim_share == 1.0 else _at_the_rim(table, rim_share, points_label)
 
 
 def _refuse_other_units(table: pd.DataFrame, where: str) -> None:
@@ -218,14 +222,14 @@ def _with_slips(table: pd.DataFrame, where: str) -> pd.DataFrame:
     if not empty.any() or not set(SPEEDS) <= set(table):
         if np.isinf(slip).any():
             row, columns = int(np.argmax(np.isinf(slip))) + 1, " and ".join(SPEEDS)
-            said = "by Eq (1) a locked wheel has -1, one that spins and stands 1: give that, or columns of"
-            raise DataError(f"{where}: slip is infinite in row {row}; {said} {columns}.")
+            advice = "by Eq (1) a locked wheel has -1, one that spins and stands 1: give that, or columns of"
+            raise DataError(f"{where}: slip is infinite in row {row}; {advice} {columns}.")
         return table
     travel, rim = (column(table[name], name, where, gaps=True) for name in SPEEDS)
     angle = table[ANGLE].to_numpy(dtype=float) if ANGLE in table else 0.0
-    made = table.assign(slip=np.where(empty, slip_of_speeds(travel * np.cos(angle), rim), slip))
-    made.attrs[OF_SPEEDS] = int(empty.sum())
-    return made
+    converted = table.assign(slip=np.where(empty, slip_of_speeds(travel * np.cos(angle), rim), slip))
+    converted.attrs[OF_SPEEDS] = int(empty.sum())
+    return converted
 
 
 def slip_of_speeds(travel: np.ndarray, rim: np.ndarray) -> np.ndarray:
@@ -240,9 +244,9 @@ def _on_a_slope(table: pd.DataFrame, noise: Mapping[str, Any], where: str) -> pd
     slope, weight = column(table[SLOPE], SLOPE, where), column(table["load_N"], "load_N", where)
     if np.max(np.abs(slope)) > STEEPEST:
         raise DataError(f"{where}: {SLOPE} reaches {np.max(np.abs(slope)):g}; give radians, positive uphill.")
-    made = table.assign(load_N=weight * np.cos(slope), **{DrawbarPull.column: weight * np.sin(slope)})
+    converted = table.assign(load_N=weight * np.cos(slope), **{DrawbarPull.column: weight * np.sin(slope)})
     sd = number_si(noise["slope"], "rad", f"{where}: noise of slope") if "slope" in noise else table.get("slope_sd_rad")
-    return made if sd is None else made.assign(drawbar_pull_sd_N=weight * np.cos(slope) * sd)
+    return converted if sd is None else converted.assign(drawbar_pull_sd_N=weight * np.cos(slope) * sd)
 
 
 def _at_the_rim(table: pd.DataFrame, share: float, where: str) -> pd.DataFrame:
@@ -250,5 +254,9 @@ def _at_the_rim(table: pd.DataFrame, share: float, where: str) -> pd.DataFrame:
     slip = column(table["slip"], "slip", where)
     slips(slip, "slip", where)
     rim, travel = share * (1.0 + np.minimum(slip, 0.0)), 1.0 - np.maximum(slip, 0.0)
-    made = table.assign(slip=(rim - travel) / np.maximum(rim, travel))
-    return made.assign(rim_speed_mps=share * made["rim_speed_mps"]) if "rim_speed_mps" in made else made
+    converted = table.assign(slip=(rim - travel) / np.maximum(rim, travel))
+    return (
+        converted.assign(rim_speed_mps=share * converted["rim_speed_mps"])
+        if "rim_speed_mps" in converted
+        else converted
+    )

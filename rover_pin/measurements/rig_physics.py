@@ -38,7 +38,7 @@ LEAST_PULL = 0.02
 SOFTEST, NARROWEST, STIFFEST = 1e5, 1e4, 1e9
 """Mean pressure over sinkage [Pa/m], and times the width [Pa], that are named where both are less, and the most. The
 package's soils under wheels of 5 mm to 1 m and 1 N to 100 kN give 2e4 to 7e6 Pa/m, CMU's sand 3e5."""
-FEW, FALLING = 4, -0.7
+MIN_TREND_RUNS, FALLING = 4, -0.7
 """Runs from which a trend is told, and the rank correlation of pull with slip that is a fall."""
 SLENDER = (0.05, 5.0)
 """Width over diameter of wheels: a bicycle's has 0.05, a road roller's 2."""
@@ -99,8 +99,8 @@ def _signs(rig: WheelRig) -> Iterator[Finding]:
         (Torque, rig.slip > DRIVING, 1.0, f" at slips above {DRIVING:g}, where the wheel drives", "driving"),
         (DrawbarPull, rig.slip < -DRIVING, -1.0, f" at slips below {-DRIVING:g}, where the wheel brakes", "forwards"),
     ):
-        for channel in (each for each in rig.channels if isinstance(each, kind)):
-            use = use & channel.seen
+        for channel in (candidate for candidate in rig.channels if isinstance(candidate, kind)):
+            use = use & channel.has_value
             if use.any() and np.median(sign * channel.measured[use]) < -SURE * np.median(channel.sd[use]):
                 word = "negative" if sign > 0.0 else "positive"
                 what = f"{channel.column} is {word}{when} ({np.median(channel.measured[use]):.3g} in the median)"
@@ -112,11 +112,11 @@ def _work(rig: WheelRig) -> Iterator[Finding]:
     torque, pull = _channel(rig, Torque), _channel(rig, DrawbarPull)
     if torque is None:
         return
-    use = (rig.slip > SLIPPING) & torque.seen
+    use = (rig.slip > SLIPPING) & torque.has_value
     share = float(np.median(_over_load(rig, torque)[use])) if use.any() else np.inf
     if pull is not None:
         put_in, out, _ = work(rig, torque, pull)
-        drives = (rig.slip > DRIVING) & (out > 0.0) & torque.seen
+        drives = (rig.slip > DRIVING) & (out > 0.0) & torque.has_value
         if drives.any() and np.median(out[drives]) > GIVES_BACK * np.median(put_in[drives]):
             times = f"gives out {np.median(out[drives]) / np.median(put_in[drives]):.3g} times the work that its"
             what = f"the driving wheel {times} torque puts in, in the median"
@@ -145,8 +145,8 @@ def _units(rig: WheelRig) -> Iterator[Finding]:
     if not SLENDER[0] <= slender <= SLENDER[1]:
         what = f"the wheel is {slender:.2g} times as wide as high"
         yield Finding(what, rig.name, "check r and b of [wheel], and their units")
-    for channel in (each for each in rig.channels if type(each) in MUCH_FORCE):
-        use = (rig.slip > DRIVING) & channel.seen
+    for channel in (candidate for candidate in rig.channels if type(candidate) in MUCH_FORCE):
+        use = (rig.slip > DRIVING) & channel.has_value
         if not use.any():
             continue
         share = float(np.median(_over_load(rig, channel)[use]))
@@ -154,7 +154,7 @@ def _units(rig: WheelRig) -> Iterator[Finding]:
             what = f"{channel.column} is {share:.3g} times the {_of(channel)} in the median, more than sand gives"
             yield Finding(what, rig.name, "see whether load_N is in kg, or a sensor carries an offset")
     torque = _channel(rig, Torque)
-    slipping = (rig.slip > SLIPPING) & torque.seen if torque is not None else np.zeros(1, dtype=bool)
+    slipping = (rig.slip > SLIPPING) & torque.has_value if torque is not None else np.zeros(1, dtype=bool)
     if torque is not None and slipping.any():
         share = float(np.median(_over_load(rig, torque)[slipping]))
         if share < LITTLE_TORQUE:
@@ -180,8 +180,8 @@ def _pulls(rig: WheelRig) -> Iterator[Finding]:
 
 def _falling_pull(rig: WheelRig, pull: RigChannel) -> Iterator[Finding]:
     """Yield a pull that falls with slip until it drags, as one with its sign turned does."""
-    use = np.flatnonzero((rig.slip > -DRIVING) & pull.seen)
-    if use.size < FEW or np.ptp(rig.slip[use]) < SLIPPING:
+    use = np.flatnonzero((rig.slip > -DRIVING) & pull.has_value)
+    if use.size < MIN_TREND_RUNS or np.ptp(rig.slip[use]) < SLIPPING:
         return
     order = use[np.argsort(rig.slip[use])]
     low, high = (float(np.median(pull.measured[part])) for part in (order[: use.size // 3], order[-(use.size // 3) :]))
@@ -214,11 +214,11 @@ def _arm(rig: WheelRig) -> Iterator[Finding]:
     moment, side = _channel(rig, VerticalMoment), _channel(rig, SideForce)
     if moment is None or side is None:
         return
-    use = moment.seen & side.seen & rig.askew & (np.abs(side.measured) > SURE * side.sd)
+    use = moment.has_value & side.has_value & rig.askew & (np.abs(side.measured) > SURE * side.sd)
     if not use.any():
         return
     force = side.measured[use]
-    arm, sd = (float(np.median(each)) for each in (moment.measured[use] / force, moment.sd[use] / np.abs(force)))
+    arm, sd = (float(np.median(ratio)) for ratio in (moment.measured[use] / force, moment.sd[use] / np.abs(force)))
     if abs(arm) > float(rig.wheel.r) + SURE * sd:
         where = "ahead of" if arm > 0.0 else "behind"
         what = f"by {VerticalMoment.column} the side force acts {abs(arm):.3g} m {where} the axle, beyond the rim"
@@ -236,4 +236,4 @@ def _of(channel: RigChannel) -> str:
 
 
 def _channel(rig: WheelRig, kind: type[RigChannel]) -> RigChannel | None:
-    return next((each for each in rig.channels if isinstance(each, kind)), None)
+    return next((channel for channel in rig.channels if isinstance(channel, kind)), None)

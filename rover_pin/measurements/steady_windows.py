@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.body.driven_loads import configuration, footing, loads_on, told_together, turning, wheel_mounts
+from rover_pin.body.driven_loads import configuration, determinate_groups, footing, loads_on, turning, wheel_mounts
 from rover_pin.body.rover import Rover
 from rover_pin.motion.motor import Motor
 from rover_pin.motion.trace import Trace
@@ -32,7 +32,7 @@ class Steady:
     duty: float = 0.02
     rim: float = 0.1
     slip: float = 0.1
-    alike: float = 0.05
+    slip_spread: float = 0.05
 
 
 class Window(NamedTuple):
@@ -77,17 +77,17 @@ def steady_windows(trace: Trace, rover: Rover, motor: Motor, length: float, stea
         A channel that is needed and was not recorded.
     """
     run = _Run(trace, rover, motor)
-    found = []
+    windows = []
     for rows in _spans(trace.t, length, steady.settle):
         if run.complete[rows].all() and np.all(np.ptp(run.duty[rows], axis=0) <= steady.duty):
-            found += run.windows(rows, steady)
-    return found
+            windows += run.windows(rows, steady)
+    return windows
 
 
 def _spans(t: np.ndarray, length: float, settle: float) -> Iterator[np.ndarray]:
     number = np.floor((t - t[0] - settle) / length) if len(t) else t
-    for each in np.unique(number[number >= 0.0]):
-        rows = np.flatnonzero(number == each)
+    for window_number in np.unique(number[number >= 0.0]):
+        rows = np.flatnonzero(number == window_number)
         if len(rows) >= LEAST_ROWS and t[rows[-1]] - t[rows[0]] > 0.8 * length:
             yield rows
 
@@ -111,7 +111,7 @@ class _Run:
         self.by_current = all(name in trace for name in currents)
         self.current = np.column_stack(trace.need(*currents)) if self.by_current else np.zeros_like(self.rate)
         rows = (self.place, self.duty, self.rate, self.current, self.roll, self.pitch, self.yaw, *self.angles.values())
-        self.complete = np.all([np.isfinite(each).reshape(len(self.t), -1).all(axis=1) for each in rows], axis=0)
+        self.complete = np.all([np.isfinite(channel).reshape(len(self.t), -1).all(axis=1) for channel in rows], axis=0)
 
     def windows(self, rows: np.ndarray, steady: Steady) -> list[Window]:
         """Return what the wheels did over these rows, without those that were not steady."""
@@ -130,7 +130,7 @@ class _Run:
         torques = [self._torque(t, rows, i) for i in range(len(self.rover.wheels))]
         loads = loads_on(self.rover, q, np.array([torque.middle for torque in torques]), foot, jacobians)
         stiff = 0.0 if self.by_current else float(motor.constant) ** 2 / float(motor.resistance)
-        found: dict[int, Window] = {}
+        windows: dict[int, Window] = {}
         for i, mount in enumerate(self.rover.wheels):
             r, rate, torque = float(mount.wheel.r), rates[i], torques[i]
             path = line(t, centres[:, i] @ ahead[i])
@@ -143,10 +143,10 @@ class _Run:
                 continue
             share = 1.0 / (r * float(loads[i]))
             factor = (share * torque.middle, share * torque.sd, share * stiff * rate.middle)
-            found[i] = Window(i, float(t[0]), slip, slip_sd, *factor, rim, float(loads[i]))
-        together = told_together(self.rover, foot, jacobians)
-        groups = [[found[i] for i in group] for group in together if all(i in found for i in group)]
-        return [pooled(group) for group in groups if np.ptp([each.slip for each in group]) <= steady.alike]
+            windows[i] = Window(i, float(t[0]), slip, slip_sd, *factor, rim, float(loads[i]))
+        together = determinate_groups(self.rover, foot, jacobians)
+        groups = [[windows[i] for i in group] for group in together if all(i in windows for i in group)]
+        return [pooled(group) for group in groups if np.ptp([window.slip for window in group]) <= steady.slip_spread]
 
     def _mounts(self, row: int) -> tuple[np.ndarray, np.ndarray]:
         attitude = (float(self.roll[row]), float(self.pitch[row]), float(self.yaw[row]))
@@ -166,9 +166,9 @@ def pooled(group: Sequence[Window]) -> Window:
     """
     if len(group) == 1:
         return group[0]
-    loads = np.array([each.load for each in group])
+    loads = np.array([window.load for window in group])
     share = loads / loads.sum()
-    table = np.array([each[2:-1] for each in group])
+    table = np.array([window[2:-1] for window in group])
     means, sds = share @ table, np.sqrt(share**2 @ table**2)
     slip, _, factor, _, per_rate, rim = (float(value) for value in means)
     return Window(
@@ -181,13 +181,13 @@ def line(t: np.ndarray, values: np.ndarray) -> Mean:
 
     SDs are from the rows' scatter about it, times sqrt((1 + a) / (1 - a)) for neighbours that are alike by a > 0.
     """
-    own = t - np.mean(t)
-    middle, spread = float(np.mean(values)), float(own @ own)
-    slope = float(own @ values) / spread
-    left = values - middle - slope * own
-    power = float(left @ left)
-    alike = float(np.clip(left[1:] @ left[:-1] / power, 0.0, 0.95)) if power > 0.0 else 0.0
-    sd = math.sqrt(power / max(len(t) - 2, 1) * (1.0 + alike) / (1.0 - alike))
+    centred_t = t - np.mean(t)
+    middle, spread = float(np.mean(values)), float(centred_t @ centred_t)
+    slope = float(centred_t @ values) / spread
+    residual = values - middle - slope * centred_t
+    power = float(residual @ residual)
+    autocorrelation = float(np.clip(residual[1:] @ residual[:-1] / power, 0.0, 0.95)) if power > 0.0 else 0.0
+    sd = math.sqrt(power / max(len(t) - 2, 1) * (1.0 + autocorrelation) / (1.0 - autocorrelation))
     return Mean(middle, sd / math.sqrt(len(t)), slope, sd / math.sqrt(spread))
 
 

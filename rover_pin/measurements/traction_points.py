@@ -55,7 +55,7 @@ class FactorLaw:
         if self.loaded:
             soil = soil.replace(theta_1=fitted_entry_angle(load, slip, wheel, soil))
         law = load_traction_factor(slip, soil, wheel, self.form, self.angles)
-        factor, slope = (ca.substitute(each, slip, S) for each in (law, ca.jacobian(law, slip)))
+        factor, slope = (ca.substitute(expression, slip, S) for expression in (law, ca.jacobian(law, slip)))
         weight = 1.0 / ca.sqrt(b * b + (slope * a) ** 2)
         rows = ca.vertcat((factor - measured) * weight, weight, slope * weight)
         return rows, ca.jacobian(rows, free)
@@ -157,7 +157,7 @@ class TractionPoints:
     sized: str = ""
 
     tells: ClassVar[frozenset[str]] = frozenset({"k", "phi"})
-    told_by: ClassVar[str] = "the traction factor F(S) alone"
+    data_kind: ClassVar[str] = "the traction factor F(S) alone"
 
     def __post_init__(self) -> None:
         where = "TractionPoints"
@@ -209,7 +209,7 @@ class TractionPoints:
         return np.asarray(self.load) if isinstance(self.angles, SinkageAngles) else np.empty(0)
 
     @property
-    def known(self) -> Mapping[str, Known]:
+    def known_ranges(self) -> Mapping[str, Known]:
         """A k_1 that was sized, within a factor exp(1.96 UNDECLARED_SD)."""
         if not self.sized:
             return {}

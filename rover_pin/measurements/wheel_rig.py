@@ -20,7 +20,7 @@ from rover_pin.measurements.checks import column, depths, positive, same_length,
 from rover_pin.measurements.known import Known, declared_ranges, stated_ranges
 from rover_pin.measurements.prediction import CompiledPrediction
 from rover_pin.measurements.pressed import Trial, declared_trials, exponent, press, pressed_known
-from rover_pin.measurements.rig_errors import RigErrors, stated_errors, unsure_sizes
+from rover_pin.measurements.rig_errors import RigErrors, dimension_sds, stated_errors
 from rover_pin.measurements.rig_file import (
     ANGLE,
     BEKKER_UNITS,
@@ -119,7 +119,7 @@ class WheelRig:
     beside: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     tells: ClassVar[frozenset[str]] = frozenset(FIELDS) - {"theta_1", "theta_2"}
-    told_by: ClassVar[str] = "a wheel rig, whose arc follows from the load"
+    data_kind: ClassVar[str] = "a wheel rig, whose arc follows from the load"
 
     def __post_init__(self) -> None:
         slip = column(self.slip, "slip", self.name)
@@ -165,7 +165,9 @@ class WheelRig:
         A channel of which none of these points has a value is left out.
         """
         channels = tuple(
-            type(each)(each.measured[keep], each.sd[keep]) for each in self.channels if each.seen[keep].any()
+            type(channel)(channel.measured[keep], channel.sd[keep])
+            for channel in self.channels
+            if channel.has_value[keep].any()
         )
         levels = None if self.levels is None else self.levels[keep]
         slip, load, angle = self.slip[keep], self.load[keep], self.slip_angle[keep]
@@ -176,8 +178,8 @@ class WheelRig:
 
         Where the wheel was pressed in, that tells k_1 + k_2 b, all put into k_1, and n unless it is declared.
         """
-        known = {name: value for name, value in self.declared.items() if name in quantities(Soil)}
-        soil = soil.replace(**known)
+        constants = {name: value for name, value in self.declared.items() if name in quantities(Soil)}
+        soil = soil.replace(**constants)
         if self.trials:
             n = self._pressed_n
             return soil.replace(n=n, k_1=press(self.trials, self.wheel, n).mean * self.wheel.b**n, k_2=0.0)
@@ -187,15 +189,15 @@ class WheelRig:
         return soil.replace(k_1=k_1, k_2=k_2)
 
     @property
-    def known(self) -> Mapping[str, Known]:
+    def known_ranges(self) -> Mapping[str, Known]:
         """The wheel's sizes, soil constants that state a range, and n and k_1 where the wheel was pressed in."""
-        stated = {name: self.declared[name] for name in self.wheel_range if name in self.declared}
-        sds = {name: sd for name, sd in self.doubts.items() if name in stated}
+        ranged_constants = {name: self.declared[name] for name in self.wheel_range if name in self.declared}
+        sds = {name: sd for name, sd in self.doubts.items() if name in ranged_constants}
         sds |= {name.removeprefix("wheel."): sd for name, sd in self.error_sd.items()}
-        declared = declared_ranges({**self.wheel.values(), **stated}, self.wheel_range, sds)
+        declared = declared_ranges({**self.wheel.values(), **ranged_constants}, self.wheel_range, sds)
         if not self.trials:
             return declared
-        return {**declared, **pressed_known(self.trials, self.wheel, self._pressed_n, stated="n" in self.declared)}
+        return {**declared, **pressed_known(self.trials, self.wheel, self._pressed_n, n_declared="n" in self.declared)}
 
     @cached_property
     def _pressed_n(self) -> float:
@@ -216,30 +218,30 @@ def read_wheel_rig(folder: str | Path, trust: Trust = Trust()) -> WheelRig:
         or millimetres.
     """
     folder = Path(folder)
-    about = read_toml(folder / "rig.toml")
+    document = read_toml(folder / "rig.toml")
     where = f"{folder.name}/rig.toml"
-    if about.get("kind") != "wheel-rig":
-        raise DataError(f"{where}: kind = {about.get('kind')!r} is not a wheel rig; write kind = 'wheel-rig'.")
-    refuse_unknown_keys(about, where)
+    if document.get("kind") != "wheel-rig":
+        raise DataError(f"{where}: kind = {document.get('kind')!r} is not a wheel rig; write kind = 'wheel-rig'.")
+    refuse_unknown_keys(document, where)
     try:
-        sizes, rim_share = rim_of(about, where)
-        table = read_points(folder, about, rim_share, trust)
-        errors, error_sd = stated_errors(table_in(about, "rig", where), f"{where}: [rig]")
+        dimensions, rim_share = rim_of(document, where)
+        table = read_points(folder, document, rim_share, trust)
+        errors, error_sd = stated_errors(table_in(document, "rig", where), f"{where}: [rig]")
         return WheelRig(
-            wheel=record_from(Wheel, sizes, where),
+            wheel=record_from(Wheel, dimensions, where),
             slip=table["slip"],
             load=table["load_N"],
-            channels=_channels(table, table_in(about, "noise", where), where),
-            name=str(about.get("name", folder.name)),
-            wheel_range=stated_ranges({**sizes, **table_in(about, "soil", where)}, where),
-            declared=declared_constants(table_in(about, "soil", where), where),
+            channels=_channels(table, table_in(document, "noise", where), where),
+            name=str(document.get("name", folder.name)),
+            wheel_range=stated_ranges({**dimensions, **table_in(document, "soil", where)}, where),
+            declared=declared_constants(table_in(document, "soil", where), where),
             levels=table["level"].to_numpy() if "level" in table else None,
-            doubts=declared_sds(table_in(about, "soil", where), Soil, where),
+            doubts=declared_sds(table_in(document, "soil", where), Soil, where),
             slip_angle=slip_angles(table, f"{folder.name}: the points"),
             errors=errors,
-            error_sd={**error_sd, **unsure_sizes(sizes, where)},
-            trials=declared_trials(about, folder, where, trust),
-            beside=declared_beside(about, where),
+            error_sd={**error_sd, **dimension_sds(dimensions, where)},
+            trials=declared_trials(document, folder, where, trust),
+            beside=declared_beside(document, where),
         )
     except ParameterError as error:
         raise DataError(str(error)) from error

@@ -55,17 +55,17 @@ def balance_warning(trace: Trace) -> str:
 
 def doubts_of(model: Model, rows: np.ndarray, misjudged: float) -> list[str]:
     """Return what makes it doubtful whether half the step goes the same way. `misjudged` is `Ran.missed`."""
-    made = []
+    reasons = []
     missed = misjudged * model.gravity
     if missed > min(MOST_MISSED, MOST_MISSED_A_SECOND * _duration(rows)):
-        made.append(f"wheels' forces turned faster than the steps, which misjudged them by {missed:.2g} m/s in sum")
+        reasons.append(f"wheels' forces turned faster than the steps, which misjudged them by {missed:.2g} m/s in sum")
     hopping = airborne(rows)
     if hopping > MOST_AIRBORNE:
-        made.append(f"the wheels were off the ground {hopping:.0%} of the time")
-    held = braked(rows)
-    if held > MOST_BRAKED:
-        made.append(f"the wheels were braked beyond S = {BRAKED} {held:.0%} of the time")
-    return made
+        reasons.append(f"the wheels were off the ground {hopping:.0%} of the time")
+    braked_share = braked(rows)
+    if braked_share > MOST_BRAKED:
+        reasons.append(f"the wheels were braked beyond S = {BRAKED} {braked_share:.0%} of the time")
+    return reasons
 
 
 def _duration(rows: np.ndarray) -> float:

@@ -41,13 +41,21 @@ def body_law(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
 
     so that Q + D du is the force at the end of the step, to first order; dF/dq leaves the attitude out.
     """
-    own, parameters = symbolic(effects)
+    symbolic_effects, parameters = symbolic(effects)
     n = joints.number
-    sizes = {"position": 3, "quaternion": 4, "base_speed": 6, "angles": n, "rates": n, "half_step": 1, "known_rates": n}
-    s = _Symbols(**{name: ca.SX.sym(name, size) for name, size in sizes.items()})
+    dimensions = {
+        "position": 3,
+        "quaternion": 4,
+        "base_speed": 6,
+        "angles": n,
+        "rates": n,
+        "half_step": 1,
+        "known_rates": n,
+    }
+    s = _Symbols(**{name: ca.SX.sym(name, size) for name, size in dimensions.items()})
     rotation = rotation_of(s.quaternion)
     body = _body(s, rotation, joints)
-    pushes = [effect.push(body) for effect in own]  # type: ignore[attr-defined]
+    pushes = [effect.push(body) for effect in symbolic_effects]  # type: ignore[attr-defined]
     differential = sum((push.differential for push in pushes), ca.SX(0))
     force = ca.vertcat(_generalised(pushes, rotation, differential, joints), differential)
     speeds, places = ca.vertcat(s.base_speed, s.rates), ca.vertcat(s.position, s.angles)
@@ -65,11 +73,11 @@ def body_law(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
 def elastic_energy(effects: Sequence[BodyEffect], joints: Joints) -> ca.Function:
     """Return the function (q of the base (7), suspension angles) -> energy that the effects hold [J]."""
     base, angles = ca.SX.sym("base", 7), ca.SX.sym("angles", joints.number)
-    still, rest = ca.SX.zeros(6), ca.SX.zeros(joints.number)
-    s = _Symbols(base[:3], base[3:], still, angles, rest, ca.SX(0), rest)
+    still, zero_rates = ca.SX.zeros(6), ca.SX.zeros(joints.number)
+    s = _Symbols(base[:3], base[3:], still, angles, zero_rates, ca.SX(0), zero_rates)
     body = _body(s, rotation_of(s.quaternion), joints)
-    held = sum((effect.stored(body) for effect in effects), ca.SX(0))
-    return ca.Function("elastic_energy", [base, angles], [held])
+    energy = sum((effect.stored(body) for effect in effects), ca.SX(0))
+    return ca.Function("elastic_energy", [base, angles], [energy])
 
 
 def _body(s: _Symbols, rotation: ca.SX, joints: Joints) -> Body:
@@ -78,10 +86,12 @@ def _body(s: _Symbols, rotation: ca.SX, joints: Joints) -> Body:
     roll = ca.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = ca.asin(ca.fmax(-1.0, ca.fmin(1.0, 2 * (w * y - z * x))))
     yaw = ca.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    angles, rates, known = (tuple(ca.vertsplit(each)) if joints.number else () for each in (s.angles, s.rates, s[-1]))
+    angles, rates, known_rates = (
+        tuple(ca.vertsplit(column)) if joints.number else () for column in (s.angles, s.rates, s[-1])
+    )
     base = [*ca.vertsplit(s.position), roll, pitch, yaw, *ca.vertsplit(velocity), *ca.vertsplit(spin)]
-    twist, twist_rate = (sum((each[i] for i in joints.rockers or ()), 0.0) for each in (angles, rates))
-    return Body(*base, angles, rates, known, twist, twist_rate, joints.names)  # type: ignore[call-arg]
+    twist, twist_rate = (sum((values[i] for i in joints.rockers or ()), 0.0) for values in (angles, rates))
+    return Body(*base, angles, rates, known_rates, twist, twist_rate, joints.names)  # type: ignore[call-arg]
 
 
 def _generalised(pushes: Sequence[Push], rotation: ca.SX, differential: ca.SX, joints: Joints) -> ca.SX:

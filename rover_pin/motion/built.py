@@ -33,7 +33,7 @@ def built_ground(terrain: Terrain, bends: Sequence[Bend]) -> Terrain:
 
     A dense grid is compared by all of its heights, which takes as long as a short drive: not where nothing bends.
     """
-    there = tuple(each for each in bends if each[0])
+    there = tuple(bend for bend in bends if bend[0])
     return _bent_by(terrain, there) if there else terrain
 
 

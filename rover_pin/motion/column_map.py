@@ -38,12 +38,12 @@ def mapped(table: Columns, entries: Mapping[str, Any], where: str) -> Columns:
     DataError
         An entry that is neither a column nor a formula, an unknown column, key or unit.
     """
-    found = {name: values for name, values in table.values.items() if unit_of(name)}
-    made: dict[str, np.ndarray] = {}
+    direct = {name: values for name, values in table.values.items() if unit_of(name)}
+    derived: dict[str, np.ndarray] = {}
     for name, entry in entries.items():
         place = f"{where}: [columns] {name}, {table.path.name}"
-        made[name] = mapped_column(name, entry, {**table.values, **made}, place)
-    return Columns(table.path, found | made, table.places)
+        derived[name] = mapped_column(name, entry, {**table.values, **derived}, place)
+    return Columns(table.path, direct | derived, table.places)
 
 
 def mapped_column(name: str, entry: Any, columns: Mapping[str, np.ndarray], where: str) -> np.ndarray:
@@ -54,14 +54,14 @@ def mapped_column(name: str, entry: Any, columns: Mapping[str, np.ndarray], wher
     DataError
         As of `mapped`.
     """
-    about = {"column" if entry in columns else "formula": entry} if isinstance(entry, str) else entry
-    _refuse_strange(about, where)
-    if about.get("column", next(iter(columns))) not in columns:
-        raise DataError(f"{where}: there is no column '{about['column']}': {closest(about['column'], columns)}")
-    values = columns[about["column"]] if "column" in about else evaluate(about["formula"], columns, where)
-    values = float(about.get("scale", 1.0)) * values + float(about.get("offset", 0.0))
+    table = {"column" if entry in columns else "formula": entry} if isinstance(entry, str) else entry
+    _refuse_strange(table, where)
+    if table.get("column", next(iter(columns))) not in columns:
+        raise DataError(f"{where}: there is no column '{table['column']}': {closest(table['column'], columns)}")
+    values = columns[table["column"]] if "column" in table else evaluate(table["formula"], columns, where)
+    values = float(table.get("scale", 1.0)) * values + float(table.get("offset", 0.0))
     try:
-        return values * to_si(1.0, about["unit"], unit_of(name), where) if about.get("unit") else values
+        return values * to_si(1.0, table["unit"], unit_of(name), where) if table.get("unit") else values
     except ParameterError as error:
         raise DataError(str(error)) from error
 

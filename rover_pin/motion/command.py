@@ -45,7 +45,7 @@ class Reading:
 
     def replace(self, **changes: Any) -> Reading:
         """Return the reading with other values, such as those of a noisy sensor."""
-        return Reading(**{each.name: getattr(self, each.name) for each in fields(Reading)} | changes)
+        return Reading(**{field.name: getattr(self, field.name) for field in fields(Reading)} | changes)
 
 
 class Command(NamedTuple):

@@ -9,7 +9,7 @@ from typing import Any
 
 from rover_pin.motion import laws
 from rover_pin.motion.body_law import Joints, body_law
-from rover_pin.motion.hoist import hoisted
+from rover_pin.motion.hoist import split_law
 from rover_pin.motion.model import Model
 from rover_pin.motion.native import lanes
 from rover_pin.motion.suspension import joints_of
@@ -35,20 +35,20 @@ class CompiledLaws:
     work: tuple[int, int]
 
 
-COUNTED = "int law_lanes(void) { return LANES; }\n"
+LANE_COUNT_SOURCE = "int law_lanes(void) { return LANES; }\n"
 "Lets the step check that it passes as many lanes."
 
 
 @lru_cache(maxsize=64)
 def compiled_laws(structure: Any) -> CompiledLaws:
     """Return the laws of this structure, compiled; the numbers stay parameters, so a sweep compiles once."""
-    before, during = hoisted(laws.contact_law(structure.contact), len(laws.GEOMETRY))
+    before, during = split_law(laws.contact_law(structure.contact), len(laws.GEOMETRY))
     motor = laws.motor_law(structure.motor, structure.motor_effects)
     scalar = [before]
     if structure.body_effects:
         assert structure.joints is not None
         scalar.append(body_law(structure.body_effects, structure.joints))
-    together = lanes.header() + lanes.written(during) + lanes.written(motor, shared=[2]) + COUNTED
+    together = lanes.header() + lanes.c_source(during) + lanes.c_source(motor, shared=[2]) + LANE_COUNT_SOURCE
     handle = shared_library(laws.generated_source(*scalar) + together, "laws")
     names = ["contact_law_before", "contact_law_during", "motor_law", *(f.name() for f in scalar[1:])]
     at = [ctypes.cast(getattr(handle, name), ctypes.c_void_p).value or 0 for name in names]

@@ -15,12 +15,14 @@ def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ra
     per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
     assert isinstance(drive.stepper, Kernel)
     native = commands_of(drive.controller, len(drive.model.rover.wheels), len(drive.stepper.servo_wheels))
-    given = {} if native is None else native.fields(drive.stepper)
-    loop = Loop(drive.stepper, timing.dt, round(duration / timing.dt), per_sample, per_control=per_control, **given)
+    loop_fields = {} if native is None else native.fields(drive.stepper)
+    loop = Loop(
+        drive.stepper, timing.dt, round(duration / timing.dt), per_sample, per_control=per_control, **loop_fields
+    )
     if native is None:
         loop.ask()
-    if drive.counted:
-        loop.go_on(drive.counted)
+    if drive.checkpoint:
+        loop.go_on(drive.checkpoint)
     stop = ""
     while not (stop or loop.done):
         outcome = loop.run(OFTEN * (1 + loop.row // OFTEN))
@@ -33,4 +35,4 @@ def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ra
             stop = diverged(outcome, drive.state.t)
         elif progress and loop.row % OFTEN == 0:
             progress(drive.state.t)
-    return Ran(loop.rows[: loop.row], stop or "duration", loop.counted)
+    return Ran(loop.rows[: loop.row], stop or "duration", loop.checkpoint)

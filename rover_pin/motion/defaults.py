@@ -62,13 +62,13 @@ def pace(rover: Rover, motor: Motor) -> float:
 
 def has_papers_wheel(rover: Rover) -> bool:
     """Return whether all wheels have the size of Nexus 6's, for which Table 1's angles hold."""
-    own = (float(NEXUS6_WHEEL.r), float(NEXUS6_WHEEL.b))
-    return all((float(mount.wheel.r), float(mount.wheel.b)) == own for mount in rover.wheels)
+    nexus6_size = (float(NEXUS6_WHEEL.r), float(NEXUS6_WHEEL.b))
+    return all((float(mount.wheel.r), float(mount.wheel.b)) == nexus6_size for mount in rover.wheels)
 
 
-def usual_angles(rover: Rover, told: str = "") -> FixedAngles | SinkageAngles:
+def usual_angles(rover: Rover, name: str = "") -> FixedAngles | SinkageAngles:
     """Return the angles of this word, else Table 1's fixed ones for the paper's wheel, the sinkage's for any other."""
-    return ANGLES.get(told) or ANGLES["fixed" if has_papers_wheel(rover) else "sinkage"]
+    return ANGLES.get(name) or ANGLES["fixed" if has_papers_wheel(rover) else "sinkage"]
 
 
 def usual_slip(rover: Rover) -> RelaxedSlip:
@@ -125,14 +125,14 @@ def own_soil(rover: Rover, name: str = "") -> Chosen[Soil]:
     ParameterError
         An unknown name, field, unit or value.
     """
-    stated = {key: value for key, value in rover.soil.items() if key != "name"}
+    constants = {key: value for key, value in rover.soil.items() if key != "name"}
     if name or rover.soil:
         named = soil_named(str(name or rover.soil.get("name", "table-1")))
         soil = at_width(named, float(rover.wheels[0].wheel.b), float(NEXUS6_WHEEL.b))
-        if name or not stated:
+        if name or not constants:
             return Chosen(soil)
-        own = record_from(type(named), stated, f"rover '{rover.name}': [soil]")
-        return Chosen(soil.replace(**{key: getattr(own, key) for key in stated}))
+        declared_soil = record_from(type(named), constants, f"rover '{rover.name}': [soil]")
+        return Chosen(soil.replace(**{key: getattr(declared_soil, key) for key in constants}))
     table, load = Soil(), rover.mass * EARTH / len(rover.wheels)
     k_1 = max(_firm_enough(mount.wheel, table, load) for mount in rover.wheels)
     return Chosen(

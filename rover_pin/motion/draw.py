@@ -16,7 +16,7 @@ Trace = Any
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#999999", "#000000", "#f0e442")
 """Okabe and Ito's, told apart by all: blue, orange, green, pink, vermilion, sky, grey, black, yellow."""
 STYLES = {"l": "-", "r": "--"}
-ALIKE = 2e-3
+OVERLAP_TOLERANCE = 2e-3
 """Share of what all lines span within which two are one to the eye."""
 
 
@@ -24,8 +24,13 @@ def draw(trace: Trace, names: Sequence[str], axes: Axes) -> Axes:
     """Draw channels by name, or by the part of it that all wheels share (`slip`); return the axes."""
     lines: dict[str, np.ndarray] = {}
     for name in names:
-        own = [each for wheel in trace.wheels for each in (f"{name}_{wheel}", f"{name}_{wheel}_A") if each in trace]
-        lines |= {each: trace[each] for each in (own if own and name not in trace else [name])}
+        channels = [
+            channel
+            for wheel in trace.wheels
+            for channel in (f"{name}_{wheel}", f"{name}_{wheel}_A")
+            if channel in trace
+        ]
+        lines |= {channel: trace[channel] for channel in (channels if channels and name not in trace else [name])}
     units = {trace.unit(name) for name in lines}
     draw_lines(axes, trace.t, lines, {name: _look(trace, name, n) for n, name in enumerate(lines)})
     axes.legend(fontsize=7, ncols=3, loc="best")
@@ -45,26 +50,28 @@ def draw_lines(
     axes: Axes, t: np.ndarray, lines: Mapping[str, np.ndarray], looks: Mapping[str, Mapping[str, Any]]
 ) -> None:
     """Draw lines over time, without a legend; those that look the same are one, and its label says so."""
-    for group in alike(lines):
+    for group in group_overlapping_lines(lines):
         axes.plot(t, lines[group[0]], lw=1.2, label=" = ".join(group), **looks[group[0]])
 
 
-def alike(lines: Mapping[str, np.ndarray]) -> list[list[str]]:
+def group_overlapping_lines(lines: Mapping[str, np.ndarray]) -> list[list[str]]:
     """Return the names of the lines in groups of those that are one to the eye."""
-    seen = np.concatenate([each[np.isfinite(each)] for each in lines.values()]) if lines else np.zeros(0)
-    near = max(ALIKE * float(np.ptp(seen)) if seen.size else 0.0, 1e-9)
+    all_values = np.concatenate([line[np.isfinite(line)] for line in lines.values()]) if lines else np.zeros(0)
+    tolerance = max(OVERLAP_TOLERANCE * float(np.ptp(all_values)) if all_values.size else 0.0, 1e-9)
     groups: list[list[str]] = []
-    for name, own in lines.items():
-        same = (each for each in groups if np.allclose(lines[each[0]], own, rtol=0.0, atol=near, equal_nan=True))
-        found = next(same, None)
-        groups.append([name]) if found is None else found.append(name)
+    for name, values in lines.items():
+        matches = (
+            group for group in groups if np.allclose(lines[group[0]], values, rtol=0.0, atol=tolerance, equal_nan=True)
+        )
+        first_match = next(matches, None)
+        groups.append([name]) if first_match is None else first_match.append(name)
     return groups
 
 
 def _look(trace: Trace, name: str, number: int) -> dict[str, Any]:
     """Return colour by axle and style by side, of a wheel's line; else the next colour."""
-    wheel = next((each for each in trace.wheels if name == each or f"_{each}" in name), None)
+    wheel = next((wheel_name for wheel_name in trace.wheels if name == wheel_name or f"_{wheel_name}" in name), None)
     if wheel is None:
         return {"color": COLOURS[number % len(COLOURS)]}
-    axles = list(dict.fromkeys(each[:-1] for each in trace.wheels))
+    axles = list(dict.fromkeys(wheel_name[:-1] for wheel_name in trace.wheels))
     return {"color": COLOURS[axles.index(wheel[:-1]) % len(COLOURS)], "ls": STYLES.get(wheel[-1], "-")}

@@ -66,7 +66,7 @@ START_KEYS = ("x", "y", "yaw")
 
 @brief
 @dataclass(frozen=True)
-class About:
+class LogMetadata:
     """What a drive log declares besides its runs; the tables stay as written."""
 
     name: str
@@ -91,7 +91,7 @@ class About:
     bag: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, trace: Trace, name: str) -> About:
+    def of(cls, trace: Trace, name: str) -> LogMetadata:
         """Return what a trace's attributes tell of its log."""
         rover, gravity = trace.attrs.get("rover", "nexus6"), trace.attrs.get("gravity_mps2", EARTH)
         return cls(name, trace.attrs.get("made_by", ""), rover, gravity, trace.wheels or WHEELS)
@@ -108,7 +108,7 @@ class DriveLog:
     """The runs of a drive log in its order; each trace's attributes have its file, purpose, start, rover, gravity."""
 
     folder: Path
-    about: About
+    metadata: LogMetadata
     runs: tuple[Trace, ...]
     trust: Trust = Trust()
     "of the user in the log, whose files else lie in its folder"
@@ -123,8 +123,8 @@ class DriveLog:
 
     def terrain(self) -> Terrain:
         """Return the terrain that the log declares for all runs; flat ground where each run has its own."""
-        if self.about.terrain and not is_of_run(self.about.terrain):
-            return terrain_from(self.about.terrain, self.folder, self.trust)
+        if self.metadata.terrain and not is_of_run(self.metadata.terrain):
+            return terrain_from(self.metadata.terrain, self.folder, self.trust)
         return flat()
 
     def terrain_of(self, run: Trace) -> Terrain | None:
@@ -132,31 +132,31 @@ class DriveLog:
 
         Where nothing is declared at all it is estimated, as far as the run tells it.
         """
-        own = run.attrs.get("terrain")
-        table = own or self.about.terrain or {"estimated": True}
+        declared = run.attrs.get("terrain")
+        table = declared or self.metadata.terrain or {"estimated": True}
         if is_of_run(table):
             return run_terrain(table, run, self.load_rover(), f"{self.folder}: {run.attrs.get('file', 'run')}: terrain")
-        return None if own is None else terrain_from(table, self.folder, self.trust)
+        return None if declared is None else terrain_from(table, self.folder, self.trust)
 
     def is_estimated(self, run: Trace) -> bool:
         """Return whether the ground under a run is told by the run itself."""
-        table = run.attrs.get("terrain") or self.about.terrain
+        table = run.attrs.get("terrain") or self.metadata.terrain
         return not table or bool(table.get("estimated"))
 
     @property
     def noise_sd(self) -> dict[str, float]:
         """What the log declares of its sensors, in SI: see `noise_from`."""
-        return noise_from(self.about.noise, str(self.folder / FILE))
+        return noise_from(self.metadata.noise, str(self.folder / FILE))
 
     def load_rover(self) -> Rover:
         """Return the rover that the log names."""
-        return load_named(self.about.rover, self.folder, self.trust)
+        return load_named(self.metadata.rover, self.folder, self.trust)
 
     @property
     def rover(self) -> str:
         """What `load_rover` takes: the rover's name, or the path of its file in the folder."""
-        beside = self.folder / self.about.rover
-        return str(beside) if is_file(beside) else self.about.rover
+        beside = self.folder / self.metadata.rover
+        return str(beside) if is_file(beside) else self.metadata.rover
 
 
 def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
@@ -180,13 +180,13 @@ def read_drive_log(folder: str | Path, trust: Trust = Trust()) -> DriveLog:
     entries = table.get("run")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         raise DataError(f"{file}: there is no run: add a [[run]] with file = '...' for each.")
-    about = _about(file, {key: value for key, value in table.items() if key not in ("kind", "run")})
+    metadata = _checked_metadata(file, {key: value for key, value in table.items() if key not in ("kind", "run")})
     _refuse_twice(file, [entry.get("file") for entry in entries])
-    runs = (_run(file, about, at, entry, trust) for at, entry in enumerate(entries, 1))
-    return DriveLog(folder, about, tuple(telling(runs, len(entries), "runs read")), trust)
+    runs = (_run(file, metadata, at, entry, trust) for at, entry in enumerate(entries, 1))
+    return DriveLog(folder, metadata, tuple(telling(runs, len(entries), "runs read")), trust)
 
 
-def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], about: About) -> Path:
+def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], metadata: LogMetadata) -> Path:
     """Write traces, each to `NAME.csv` with every digit, then `drive.toml`; return the folder.
 
     Raises
@@ -202,7 +202,7 @@ def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], about: Abou
             raise DataError(f"{folder}: run '{name}' has no rows, so there is nothing to write.")
     if not traces:
         raise DataError(f"{folder}: a drive log needs one run at least.")
-    declared = {key: value for key, value in dataclasses.asdict(about).items() if value not in ("", {})}
+    declared = {key: value for key, value in dataclasses.asdict(metadata).items() if value not in ("", {})}
     entries = [_entry(name, trace) for name, trace in traces.items()]
     text = toml_text({"kind": KIND, **declared, "run": entries})
     for name, trace in traces.items():
@@ -213,17 +213,17 @@ def write_drive_log(folder: str | Path, traces: Mapping[str, Trace], about: Abou
 
 def _entry(name: str, trace: Trace) -> dict[str, Any]:
     """Return a run's entry; units that a channel's name tells are left out."""
-    told: dict[str, Any] = {key: trace.attrs[key] for key in ("start", "purpose") if key in trace.attrs}
+    head: dict[str, Any] = {key: trace.attrs[key] for key in ("start", "purpose") if key in trace.attrs}
     units = {channel: unit for channel, unit in trace.units.items() if unit != unit_of(channel)}
-    attrs = {key: value for key, value in trace.attrs.items() if key not in ("file", *told)}
-    return {"file": f"{name}.csv", **told, **({"units": units} if units else {}), **({"attrs": attrs} if attrs else {})}
+    attrs = {key: value for key, value in trace.attrs.items() if key not in ("file", *head)}
+    return {"file": f"{name}.csv", **head, **({"units": units} if units else {}), **({"attrs": attrs} if attrs else {})}
 
 
-def _about(file: Path, table: dict[str, Any]) -> About:
-    known = [each.name for each in dataclasses.fields(About)]
+def _checked_metadata(file: Path, table: dict[str, Any]) -> LogMetadata:
+    keys = [entry.name for entry in dataclasses.fields(LogMetadata)]
     for key, value in table.items():
-        if key not in known:
-            raise DataError(f"{file}: there is no key '{key}' in a drive log: {closest(key, known)}")
+        if key not in keys:
+            raise DataError(f"{file}: there is no key '{key}' in a drive log: {closest(key, keys)}")
         kind, word = (dict, "a table") if key in TABLES else (str, "text")
         if key in (*TABLES, *TEXTS) and not isinstance(value, kind):
             raise DataError(f"{file}: {key} = {value!r} must be {word}.")
@@ -236,7 +236,9 @@ def _about(file: Path, table: dict[str, Any]) -> About:
     wheels = table.get("wheels", list(WHEELS))
     if not isinstance(wheels, list) or not all(isinstance(wheel, str) for wheel in wheels):
         raise DataError(f"{file}: wheels = {wheels!r} must be a list of names, as ['fl', 'fr'].")
-    return About(**{**table, "wheels": tuple(wheels), "gravity": gravity_from(table.get("gravity", EARTH), str(file))})
+    return LogMetadata(
+        **{**table, "wheels": tuple(wheels), "gravity": gravity_from(table.get("gravity", EARTH), str(file))}
+    )
 
 
 def _refuse_twice(file: Path, names: list[Any]) -> None:
@@ -246,7 +248,7 @@ def _refuse_twice(file: Path, names: list[Any]) -> None:
             raise DataError(f"{file}: run {at} names the file {name!r}, as run {first} does: leave one of them out.")
 
 
-def _run(file: Path, about: About, at: int, entry: dict[str, Any], trust: Trust) -> Trace:
+def _run(file: Path, metadata: LogMetadata, at: int, entry: dict[str, Any], trust: Trust) -> Trace:
     for key in entry:
         if key not in RUN_KEYS:
             raise DataError(f"{file}: run {at} has an unknown key '{key}': {closest(key, RUN_KEYS)}")
@@ -259,23 +261,23 @@ def _run(file: Path, about: About, at: int, entry: dict[str, Any], trust: Trust)
         raise DataError(
             f"{file}: run {at} names the file {name!r}, which is not in {file.parent}: add it, or mend its name."
         )
-    told = {"file": name, "rover": about.rover, "gravity_mps2": about.gravity, "wheels": list(about.wheels)}
-    told |= {"start": _start(file, at, entry["start"])} if "start" in entry else {}
-    told |= {"input": about.input} if about.input else {}
-    told |= {"terrain": entry["terrain"]} if "terrain" in entry else {}
-    told |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
-    trace = run_from(_table(file, about, path, trust), about.wheels, units=entry.get("units", {}))
-    return Trace(trace.channels, trace.units, {**told, **trace.attrs, **entry.get("attrs", {})})
+    attrs = {"file": name, "rover": metadata.rover, "gravity_mps2": metadata.gravity, "wheels": list(metadata.wheels)}
+    attrs |= {"start": _start(file, at, entry["start"])} if "start" in entry else {}
+    attrs |= {"input": metadata.input} if metadata.input else {}
+    attrs |= {"terrain": entry["terrain"]} if "terrain" in entry else {}
+    attrs |= {"purpose": str(entry["purpose"])} if "purpose" in entry else {}
+    trace = run_from(_table(file, metadata, path, trust), metadata.wheels, units=entry.get("units", {}))
+    return Trace(trace.channels, trace.units, {**attrs, **trace.attrs, **entry.get("attrs", {})})
 
 
-def _table(file: Path, about: About, run: Path, trust: Trust) -> Columns:
+def _table(file: Path, metadata: LogMetadata, run: Path, trust: Trust) -> Columns:
     if not is_bag(run):
         table = read_columns(run)
-        return mapped(table, about.columns, str(file)) if about.columns else table
+        return mapped(table, metadata.columns, str(file)) if metadata.columns else table
     for part in run.iterdir() if is_folder(run) else [run]:
         if not is_file(trust.within(file.parent, str(part.relative_to(file.parent)), str(file))):
             raise DataError(f"{file}: {part} is no file, so that {run.name} is no bag: give one of regular files.")
-    return read_bag(run, about.columns, about.bag, str(file))
+    return read_bag(run, metadata.columns, metadata.bag, str(file))
 
 
 def _start(file: Path, at: int, start: Any) -> dict[str, float]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_pin.errors import SimulationError
 from rover_pin.motion.command import Command, Controller, Reading
-from rover_pin.motion.going_on import Counted
+from rover_pin.motion.going_on import Checkpoint
 from rover_pin.motion.model import Model
 from rover_pin.motion.pace import Steps
 from rover_pin.motion.state import DriveState
@@ -44,7 +44,7 @@ class Drive(NamedTuple):
     stepper: Stepper
     controller: Controller
     timing: Timing
-    counted: Counted | None = None
+    checkpoint: Checkpoint | None = None
     "where it goes on; None: it begins"
 
 
@@ -59,7 +59,7 @@ class Ran(NamedTuple):
 
     rows: np.ndarray
     stop: str
-    counted: Counted
+    checkpoint: Checkpoint
 
 
 def diverged(status: int, t: float) -> str:
@@ -72,8 +72,8 @@ def obey(drive: Drive, reading: Reading) -> None:
     stepper, wheels = drive.stepper, len(drive.model.rover.wheels)
     command = drive.controller(reading)
     duty, steer = command if isinstance(command, Command) else (command, 0.0)
-    known = _is_number(duty) and -1.0 <= duty <= 1.0
-    stepper.duty[:] = duty if known else _duties(duty, wheels, drive.state.t)
+    valid = _is_number(duty) and -1.0 <= duty <= 1.0
+    stepper.duty[:] = duty if valid else _duties(duty, wheels, drive.state.t)
     if stepper.servo_wheels:
         stepper.servo_target[:] = (
             steer if _is_number(steer) else _angles(steer, len(stepper.servo_wheels), drive.state.t)
@@ -84,29 +84,29 @@ def _is_number(value: Any) -> TypeGuard[float]:
     return type(value) is float and math.isfinite(value)
 
 
-def _duties(given: Any, wheels: int, t: float) -> np.ndarray:
-    duty = _numbers(given)
+def _duties(returned: Any, wheels: int, t: float) -> np.ndarray:
+    duty = _numbers(returned)
     if duty.shape not in ((), (1,), (wheels,)) or not (np.abs(duty) <= 1.0).all():
         raise SimulationError(
-            f"At {t:.2f} s the controller returned the duty {given!r}: "
+            f"At {t:.2f} s the controller returned the duty {returned!r}: "
             f"give one number in [-1, 1], or {wheels}, one a wheel; clip it where your law saturates."
         )
     return duty
 
 
-def _angles(given: Any, servos: int, t: float) -> np.ndarray:
-    steer = _numbers(given)
+def _angles(returned: Any, servos: int, t: float) -> np.ndarray:
+    steer = _numbers(returned)
     if steer.shape not in ((), (servos,)) or not np.isfinite(steer).all():
         raise SimulationError(
-            f"At {t:.2f} s the controller returned the steering {given!r}: "
+            f"At {t:.2f} s the controller returned the steering {returned!r}: "
             f"give one number, or {servos}, one a steered wheel [rad]."
         )
     return steer
 
 
-def _numbers(given: Any) -> np.ndarray:
+def _numbers(returned: Any) -> np.ndarray:
     """Return what a controller returned as numbers; of what is none, one that is none."""
     try:
-        return np.asarray(given, dtype=float)
+        return np.asarray(returned, dtype=float)
     except (TypeError, ValueError):
         return np.array(np.nan)

@@ -127,10 +127,10 @@ class _AsRead(SourceFileLoader):
 
 def reading_traction(effect: OneKind, present: Iterable[Any]) -> OneKind:
     """Return an effect that reads the traction law with the form and angles of the `SoilTraction` that is present."""
-    asked = {field.name for field in dataclasses.fields(effect)} - set(quantities(effect))
+    choice_names = {field.name for field in dataclasses.fields(effect)} - set(quantities(effect))
     for traction in present:
         if isinstance(traction, SoilTraction):
-            return effect.replace(**{name: getattr(traction, name) for name in asked if hasattr(traction, name)})
+            return effect.replace(**{name: getattr(traction, name) for name in choice_names if hasattr(traction, name)})
     return effect
 
 
@@ -168,9 +168,9 @@ def file_of(kind: type[AnyEffect]) -> Path:
 
 def _word(choice: Any) -> Any:
     """Return the word that stands for a choice in a file; numbers and text stand for themselves."""
-    for known in CHOICES.values():
-        for word, each in known.items():
-            if type(each) is type(choice):
+    for options in CHOICES.values():
+        for word, option in options.items():
+            if type(option) is type(choice):
                 return word
     return choice
 
@@ -188,30 +188,30 @@ def effect_from(entry: Mapping[str, Any], where: str, folder: Path, trust: Trust
     fields, name = dict(entry), text_in(entry, "name", where)
     file = fields.pop("file", None)
     fields.pop("name", None)
-    known = {kind.__name__: kind for kind in package_effects()}
+    kinds = {kind.__name__: kind for kind in package_effects()}
     if file is not None:
         code = folder / str(file)
         trust.refuse_code(code, f"{where} {name}".rstrip())
-        known |= {kind.__name__: kind for kind in user_effects(code)}
-    if name not in known:
-        raise DataError(f"{where}: there is no effect '{name}': {closest(name, known)}")
-    own, where = known[name](), f"{where} {name}"
+        kinds |= {kind.__name__: kind for kind in user_effects(code)}
+    if name not in kinds:
+        raise DataError(f"{where}: there is no effect '{name}': {closest(name, kinds)}")
+    default, where = kinds[name](), f"{where} {name}"
     choices = {
-        field.name: _choice(fields.pop(field.name), getattr(own, field.name), f"{where}: {field.name}")
-        for field in dataclasses.fields(own)
-        if field.name in fields and field.name not in quantities(own)
+        field.name: _choice(fields.pop(field.name), getattr(default, field.name), f"{where}: {field.name}")
+        for field in dataclasses.fields(default)
+        if field.name in fields and field.name not in quantities(default)
     }
-    made: AnyEffect = record_from(known[name], fields, where)
-    return made.replace(**choices)
+    effect: AnyEffect = record_from(kinds[name], fields, where)
+    return effect.replace(**choices)
 
 
-def _choice(value: Any, usual: Any, where: str) -> Any:
+def _choice(value: Any, default: Any, where: str) -> Any:
     """Return what a file's word stands for, where the field's default is `usual`."""
-    for none, known in CHOICES.items():
-        if type(usual) in map(type, known.values()):
-            if not isinstance(value, str) or value not in known:
-                raise DataError(f"{where}: there {none} '{value}': {closest(str(value), known)}")
-            return known[value]
-    if type(value) is not type(usual):
-        raise DataError(f"{where} = {value!r} must be like {usual!r}.")
+    for none, options in CHOICES.items():
+        if type(default) in map(type, options.values()):
+            if not isinstance(value, str) or value not in options:
+                raise DataError(f"{where}: there {none} '{value}': {closest(str(value), options)}")
+            return options[value]
+    if type(value) is not type(default):
+        raise DataError(f"{where} = {value!r} must be like {default!r}.")
     return value

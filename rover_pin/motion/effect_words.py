@@ -11,7 +11,7 @@ from rover_pin.body.rover import Rover
 from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.motion.effect_files import BASES, AnyEffect, effect_entry, effect_from, package_effects, reading_traction
 from rover_pin.motion.model import OWNERS, Model, same_place
-from rover_pin.quantity import quantities, written
+from rover_pin.quantity import parse_quantity, quantities
 
 FORM = "write it as EFFECT or EFFECT.name=value,name=value, as DiggingMemory.c_d=0.1"
 
@@ -28,24 +28,24 @@ def having(model: Model, effects: AnyEffect | str | Iterable[AnyEffect | str]) -
     ParameterError
         A word or value that cannot be read, an unknown effect or field, with the close ones, a value out of bounds.
     """
-    for each in _listed(effects):
-        model = model.having(effect_of(each, model) if isinstance(each, str) else each)
+    for entry in _listed(effects):
+        model = model.having(effect_of(entry, model) if isinstance(entry, str) else entry)
     return model
 
 
 def words_of(effects: AnyEffect | str | Iterable[AnyEffect | str]) -> list[str]:
     """Return the words for effects: read again they give the same ones, if the package knows their classes."""
-    return [each if isinstance(each, str) else word_of(each) for each in _listed(effects)]
+    return [entry if isinstance(entry, str) else word_of(entry) for entry in _listed(effects)]
 
 
 def word_of(effect: AnyEffect) -> str:
     """Return the word for an effect, every field in it."""
     entry = effect_entry(effect)
     fields = {name: value["value"] if isinstance(value, dict) else value for name, value in entry.items()}
-    given = ",".join(
+    settings = ",".join(
         f"{name}={value}" for name, value in fields.items() if name not in ("name", "file") and value != ""
     )
-    return f"{entry['name']}.{given}" if given else entry["name"]
+    return f"{entry['name']}.{settings}" if settings else entry["name"]
 
 
 def _listed(effects: Any) -> list[AnyEffect | str]:
@@ -56,26 +56,26 @@ def _listed(effects: Any) -> list[AnyEffect | str]:
         return [effects]
     if not isinstance(effects, Iterable):
         raise ParameterError(f"{effects!r} is no effect that could be added: {FORM}, or give an effect.")
-    return [word for each in effects for word in _listed(each)]
+    return [word for entry in effects for word in _listed(entry)]
 
 
 def effect_of(word: str, model: Model) -> AnyEffect:
     """Return the effect that a word stands for on this model."""
-    name, dot, rest = word.partition(".")
+    name, dot, settings = word.partition(".")
     kinds = {kind.__name__: kind for kind in package_effects()}
     if name not in kinds:
         raise ParameterError(f"There is no effect '{name}' to add: {closest(name, kinds)}")
-    if dot and not rest:
+    if dot and not settings:
         raise ParameterError(f"{word}: {FORM}.")
-    given = dict(_pair(word, part) for part in rest.split(",")) if dot else {}
-    usual = reading_traction(kinds[name](), model.all_effects)
-    owners = [field for field in OWNERS if field in given and hasattr(usual, field)]
+    texts = dict(_pair(word, part) for part in settings.split(",")) if dot else {}
+    effect = reading_traction(kinds[name](), model.all_effects)
+    owners = [field for field in OWNERS if field in texts and hasattr(effect, field)]
     for field in owners:
-        usual = usual.replace(**{field: _owner(word, given.pop(field), getattr(usual, field), model.rover)})
-    usual = next((present for present in model.all_effects if same_place(present, usual)), usual)
-    values = dict(_value(word, usual, field, text) for field, text in given.items())
+        effect = effect.replace(**{field: _owner(word, texts.pop(field), getattr(effect, field), model.rover)})
+    effect = next((present for present in model.all_effects if same_place(present, effect)), effect)
+    values = dict(_value(word, effect, field, text) for field, text in texts.items())
     try:
-        return effect_from({**effect_entry(usual), **values}, "effect", Path())
+        return effect_from({**effect_entry(effect), **values}, "effect", Path())
     except DataError as error:
         raise ParameterError(str(error)) from error
 
@@ -87,10 +87,10 @@ def _pair(word: str, part: str) -> tuple[str, str]:
     return field, text
 
 
-def _owner(word: str, text: str, usual: Any, rover: Rover) -> Any:
+def _owner(word: str, text: str, default: Any, rover: Rover) -> Any:
     """Return a wheel or channel as the effect's field has it: by name, or by number in the rover's order."""
     names = [wheel.name for wheel in rover.wheels]
-    if isinstance(usual, str):
+    if isinstance(default, str):
         return names[int(text)] if text.isdigit() and int(text) < len(names) else text
     if text in names:
         return names.index(text)
@@ -105,8 +105,8 @@ def _value(word: str, effect: AnyEffect, field: str, text: str) -> tuple[str, An
     angle = name != field and name in quantities(effect) and quantities(effect)[name].unit == "rad"
     name = name if angle else field
     if name not in quantities(effect):
-        known = [each.name for each in dataclasses.fields(effect)]
-        if name not in known:
-            raise ParameterError(f"{word}: {type(effect).__name__} has no field '{field}': {closest(field, known)}")
+        names = [entry.name for entry in dataclasses.fields(effect)]
+        if name not in names:
+            raise ParameterError(f"{word}: {type(effect).__name__} has no field '{field}': {closest(field, names)}")
         return name, text
-    return name, written(text, quantities(effect)[name].unit, f"{word}: {field}", "deg" if angle else None)
+    return name, parse_quantity(text, quantities(effect)[name].unit, f"{word}: {field}", "deg" if angle else None)

@@ -13,7 +13,7 @@ from rover_pin.motion.timing import Timing
 from rover_pin.public import brief
 
 
-class Counted(NamedTuple):
+class Checkpoint(NamedTuple):
     """How far a drive is."""
 
     begin: float
@@ -26,7 +26,7 @@ class Counted(NamedTuple):
 
 
 @brief
-class Held(NamedTuple):
+class StepperState(NamedTuple):
     """What a stepper holds between two steps: all arrays that a step changes, duties and servo targets."""
 
     moving: tuple[np.ndarray, ...]
@@ -36,7 +36,7 @@ class Held(NamedTuple):
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Ended:
+class DriveEnd:
     """The end of a drive, from which `simulate(model, controller, duration, trace.end)` goes on.
 
     It has the states of the effects, the loads and currents of the last step, and the duties that are held, so that a
@@ -45,7 +45,7 @@ class Ended:
     """
 
     state: DriveState
-    counted: Counted
+    checkpoint: Checkpoint
     timing: Timing
     "as asked for"
     fine: Timing
@@ -53,9 +53,9 @@ class Ended:
     place: tuple[float, float]
     "where the drive began, x and y [m]"
     symmetric: bool
-    held: Held
+    stepper_state: StepperState
 
-    def refuse_other(self, timing: Timing, symmetric: bool, other: DriveState) -> None:
+    def refuse_other(self, timing: Timing, symmetric: bool, new_state: DriveState) -> None:
         """Refuse to go on in another way, or with a model whose states are not those of this drive, but as of `other`.
 
         Raises
@@ -67,18 +67,18 @@ class Ended:
             raise SimulationError(
                 f"This drive goes on with {self.timing}, symmetric={self.symmetric}, as it began: give the same."
             )
-        if _shapes(other) != _shapes(self.state):
+        if _shapes(new_state) != _shapes(self.state):
             raise SimulationError(
                 "This drive goes on with its own model: the one given has another number of joints, wheels or states."
             )
         for name in ("control", "sample"):
             period = getattr(timing, name)
-            if self.counted.steps % round(period / self.fine.dt):
+            if self.checkpoint.steps % round(period / self.fine.dt):
                 raise SimulationError(
-                    f"This drive stopped after {self.counted.steps * self.fine.dt:g} s, between two {name} times "
+                    f"This drive stopped after {self.checkpoint.steps * self.fine.dt:g} s, between two {name} times "
                     f"{period:g} s apart: let it end at a multiple of that to go on."
                 )
 
 
 def _shapes(state: DriveState) -> list[tuple[int, ...]]:
-    return [each.shape for each in (state.q, state.v, state.contact, state.motor)]
+    return [array.shape for array in (state.q, state.v, state.contact, state.motor)]

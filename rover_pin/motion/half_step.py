@@ -18,7 +18,7 @@ MOVED, MOVED_SHARE = 1e-3, 0.005
 class Halved(NamedTuple):
     """What half the step makes of a drive."""
 
-    moved: float
+    distance: float
     "greatest distance between the two in x and y [m]"
     way: float
     "of the drive itself [m]"
@@ -26,31 +26,33 @@ class Halved(NamedTuple):
     "why the drive at half the step stopped, where that is for another reason; else nothing"
 
     @property
-    def told(self) -> str:
+    def warning(self) -> str:
         """The sentence that the drive owes, or nothing."""
-        if self.moved <= MOVED + MOVED_SHARE * self.way and not self.stop:
+        if self.distance <= MOVED + MOVED_SHARE * self.way and not self.stop:
             return ""
-        ended = f" and ends it: {self.stop}" if self.stop else ""
+        stop_text = f" and ends it: {self.stop}" if self.stop else ""
         return (
-            f"half the step moves the rover by up to {1e3 * self.moved:.2g} mm{ended}: "
+            f"half the step moves the rover by up to {1e3 * self.distance:.2g} mm{stop_text}: "
             "where it got to depends on the step; give a smaller dt."
         )
 
 
-def spoken(doubts: list[str], half: Halved | None) -> list[str]:
+def step_warnings(doubts: list[str], half: Halved | None) -> list[str]:
     """Return what a drive says of its doubts: what half the step made of it, nothing where that is nothing."""
     if half is None:
-        return [f"{doubt}: where the rover got to may depend on the step; compare with half of it." for doubt in doubts]
-    return [*(f"{doubt}." for doubt in doubts), half.told] if half.told else []
+        return [
+            f"{reason}: where the rover got to may depend on the step; compare with half of it." for reason in doubts
+        ]
+    return [*(f"{reason}." for reason in doubts), half.warning] if half.warning else []
 
 
 def halved(rows: np.ndarray, stop: str, finer: np.ndarray, finer_stop: str) -> Halved:
     """Return what half the step made of a drive, from the rows (`row_type`) of both and why they stopped."""
     n, places = min(len(rows), len(finer)), rows["q"][:, :2]
     off = np.linalg.norm(places[:n] - finer["q"][:n, :2], axis=1)
-    other = finer_stop if _kind(finer_stop) != _kind(stop) else ""
+    new_stop = finer_stop if _kind(finer_stop) != _kind(stop) else ""
     way = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    return Halved(float(np.max(off, initial=0.0)), float(way.sum()), other)
+    return Halved(float(np.max(off, initial=0.0)), float(way.sum()), new_stop)
 
 
 def _kind(stop: str) -> str:

@@ -26,7 +26,7 @@ ON_THE_SPOT = 0.2
 that of its wheels, from which it is told."""
 
 
-class Happened(NamedTuple):
+class DriveOutcome(NamedTuple):
     """What a drive came to; `since` [s] is NaN where it was so from the start."""
 
     kind: str
@@ -40,12 +40,12 @@ class _Ways(NamedTuple):
 
     t: np.ndarray
     turned: np.ndarray
-    moved: np.ndarray
+    travelled: np.ndarray
     driven: np.ndarray
     r: float
 
 
-def happened(trace: Trace) -> Happened | None:
+def drive_outcome(trace: Trace) -> DriveOutcome | None:
     """Return what a drive came to, or None where the trace has not the truth that it takes.
 
     - ended: stopped before its time, as `attrs["stop"]` says;
@@ -63,16 +63,16 @@ def happened(trace: Trace) -> Happened | None:
     if not {*needed, "body_x", "body_y", "energy_motor", "energy_electric"} <= trace.channels.keys():
         return None
     if str(trace.attrs.get("stop", "duration")) != "duration":
-        return Happened("ended", float(trace.t[-1]), f"{trace.attrs['stop']}, {_place(trace, -1)}")
+        return DriveOutcome("ended", float(trace.t[-1]), f"{trace.attrs['stop']}, {_place(trace, -1)}")
     if len(trace.t) < 2 or not trace.wheels or "wheel_radii_m" not in trace.attrs:
         return None
     ways = _ways(trace)
     if not np.any(ways.driven):
         return _parked(trace, ways)
     for judge in (_slid_back, _stopped, _stalled, _barely_moved, _sliding, _stuck):
-        found = judge(trace, ways)
-        if found is not None:
-            return found
+        outcome = judge(trace, ways)
+        if outcome is not None:
+            return outcome
     return _driving(trace, ways)
 
 
@@ -81,29 +81,31 @@ def _ways(trace: Trace) -> _Ways:
     duty, dt = trace.stack("duty"), np.diff(trace.t, prepend=trace.t[:1])[:, None]
     sense = _held_sense(duty)
     rims, travel = sense * r * trace.stack("wheel_rate"), sense * trace.stack("travel")
-    turned, moved = (np.cumsum(np.mean(each * dt, axis=1)) for each in (np.abs(rims), travel))
-    return _Ways(trace.t, turned, moved, np.any(duty != 0.0, axis=1), float(np.mean(r)))
+    turned, travelled = (np.cumsum(np.mean(speed * dt, axis=1)) for speed in (np.abs(rims), travel))
+    return _Ways(trace.t, turned, travelled, np.any(duty != 0.0, axis=1), float(np.mean(r)))
 
 
 def _held_sense(duty: np.ndarray) -> np.ndarray:
     """Return the sign of each wheel's duty, through a pause that of before, 1 before the first."""
     sign = np.sign(duty)
     last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(len(sign))[:, None], -1), axis=0)
-    held = np.take_along_axis(sign, np.maximum(last, 0), axis=0)
-    return np.where(last < 0, 1.0, held)
+    last_sign = np.take_along_axis(sign, np.maximum(last, 0), axis=0)
+    return np.where(last < 0, 1.0, last_sign)
 
 
 def _furthest(trace: Trace) -> float:
     return float(np.max(np.hypot(*(trace[name] - trace[name][0] for name in ("body_x", "body_y")))))
 
 
-def _parked(trace: Trace, ways: _Ways) -> Happened:
-    far = _furthest(trace)
+def _parked(trace: Trace, ways: _Ways) -> DriveOutcome:
+    distance = _furthest(trace)
     swing = _swinging(trace, ways)
-    if far < SHORT * ways.r:
-        return Happened("held", math.nan, f"held: not driven, it stood still to {1e3 * far:.2g} mm{swing}")
-    way = "forwards" if ways.moved[-1] > 0.0 else "back"
-    return Happened("slid", math.nan, f"slid {way} by {_length(far)} without being driven, {_place(trace, -1)}{swing}")
+    if distance < SHORT * ways.r:
+        return DriveOutcome("held", math.nan, f"held: not driven, it stood still to {1e3 * distance:.2g} mm{swing}")
+    way = "forwards" if ways.travelled[-1] > 0.0 else "back"
+    return DriveOutcome(
+        "slid", math.nan, f"slid {way} by {_length(distance)} without being driven, {_place(trace, -1)}{swing}"
+    )
 
 
 def _swinging(trace: Trace, ways: _Ways) -> str:
@@ -122,28 +124,28 @@ def _swinging(trace: Trace, ways: _Ways) -> str:
     return f"; its wheels swing to and fro at {rate:.1f} Hz, which the soil drives: F(0) > R"
 
 
-def _slid_back(trace: Trace, ways: _Ways) -> Happened | None:
-    most = int(np.argmax(ways.moved))
-    back = float(ways.moved[most] - ways.moved[-1])
+def _slid_back(trace: Trace, ways: _Ways) -> DriveOutcome | None:
+    most = int(np.argmax(ways.travelled))
+    back = float(ways.travelled[most] - ways.travelled[-1])
     if back < ways.r:
         return None
     when = _since(ways, most)
-    return Happened("slid back", float(ways.t[most]), f"slid back by {_length(back)} {when}, {_place(trace, -1)}")
+    return DriveOutcome("slid back", float(ways.t[most]), f"slid back by {_length(back)} {when}, {_place(trace, -1)}")
 
 
-def _stopped(trace: Trace, ways: _Ways) -> Happened | None:
+def _stopped(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     if ways.driven[-1]:
         return None
     off = int(np.flatnonzero(ways.driven)[-1]) + 1
-    on = float(ways.moved[-1] - ways.moved[off])
-    return Happened(
+    on = float(ways.travelled[-1] - ways.travelled[off])
+    return DriveOutcome(
         "stopped",
         float(ways.t[off]),
         f"not driven since {ways.t[off]:.1f} s, it moved on by {_length(on)}, {_place(trace, -1)}",
     )
 
 
-def _stalled(trace: Trace, ways: _Ways) -> Happened | None:
+def _stalled(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     """Over the last tenth of the drive and as long before as it was so."""
     window = max(2, len(ways.t) // 10)
     gave, took = (trace[name][window:] - trace[name][:-window] for name in ("energy_motor", "energy_electric"))
@@ -152,8 +154,8 @@ def _stalled(trace: Trace, ways: _Ways) -> Happened | None:
     if not still.size or not still[-1]:
         return None
     first = _last_stretch(still)
-    told = f"{_not_turning(trace, ways, first)}, {_place(trace, -1)}{_turned(trace)}"
-    return Happened("stalled", float(ways.t[first]), told)
+    text = f"{_not_turning(trace, ways, first)}, {_place(trace, -1)}{_turned(trace)}"
+    return DriveOutcome("stalled", float(ways.t[first]), text)
 
 
 def _not_turning(trace: Trace, ways: _Ways, first: int) -> str:
@@ -170,12 +172,14 @@ def _not_turning(trace: Trace, ways: _Ways, first: int) -> str:
     )
 
 
-def _barely_moved(trace: Trace, ways: _Ways) -> Happened | None:
-    far = _furthest(trace)
-    if max(far, ways.turned[-1]) >= SHORT * ways.r:
+def _barely_moved(trace: Trace, ways: _Ways) -> DriveOutcome | None:
+    distance = _furthest(trace)
+    if max(distance, ways.turned[-1]) >= SHORT * ways.r:
         return None
     duty = float(np.mean(np.abs(trace.stack("duty")[-1])))
-    return Happened("held", math.nan, f"moved by {1e3 * far:.2g} mm in {trace.t[-1]:.2g} s at a duty of {duty:.2g}")
+    return DriveOutcome(
+        "held", math.nan, f"moved by {1e3 * distance:.2g} mm in {trace.t[-1]:.2g} s at a duty of {duty:.2g}"
+    )
 
 
 def _aside(trace: Trace, ways: _Ways) -> tuple[float, float, float]:
@@ -187,30 +191,30 @@ def _aside(trace: Trace, ways: _Ways) -> tuple[float, float, float]:
     row = -1 - max(1, len(ways.t) // 20)
     x, y = (float(trace[name][-1] - trace[name][row]) for name in ("body_x", "body_y"))
     yaw = float(np.mean(trace["body_yaw"][row:])) if "body_yaw" in trace else math.atan2(y, x)
-    travel = float(ways.moved[-1] - ways.moved[row])
+    travel = float(ways.travelled[-1] - ways.travelled[row])
     across = abs(y * math.cos(yaw) - x * math.sin(yaw))
     return float(ways.t[-1] - ways.t[row]), travel, min(across, math.sqrt(max(x**2 + y**2 - travel**2, 0.0)))
 
 
-def _sliding(trace: Trace, ways: _Ways) -> Happened | None:
+def _sliding(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     time, travel, aside = _aside(trace, ways)
     if aside <= max(abs(travel), SHORT * ways.r):
         return None
-    told = f"slides aside at {aside / time:.2g} m/s, its wheels travel at {travel / time:.2g} m/s, {_place(trace, -1)}"
-    return Happened("sliding", math.nan, told + _turned(trace))
+    text = f"slides aside at {aside / time:.2g} m/s, its wheels travel at {travel / time:.2g} m/s, {_place(trace, -1)}"
+    return DriveOutcome("sliding", math.nan, text + _turned(trace))
 
 
-def _stuck(trace: Trace, ways: _Ways) -> Happened | None:
+def _stuck(trace: Trace, ways: _Ways) -> DriveOutcome | None:
     ratio = _grip(ways)
     if not ratio.size or ratio[-1] >= GRIP:
         return None
     first = _last_stretch(ratio < GRIP)
     least = np.min(np.mean(trace.stack("slip")[first:], axis=0)) if f"slip_{trace.wheels[0]}" in trace else math.nan
     tell = f": all wheels above S = {math.floor(100 * least) / 100:g}" if least > 0.0 else ""
-    return Happened("stuck", float(ways.t[first]), f"stuck {_place(trace, -1)} {_since(ways, first)}{tell}")
+    return DriveOutcome("stuck", float(ways.t[first]), f"stuck {_place(trace, -1)} {_since(ways, first)}{tell}")
 
 
-def _driving(trace: Trace, ways: _Ways) -> Happened:
+def _driving(trace: Trace, ways: _Ways) -> DriveOutcome:
     ratio = _grip(ways)
     last = float(ratio[-1]) if ratio.size else 1.0
     window = max(1, len(ways.t) // 20)
@@ -220,9 +224,9 @@ def _driving(trace: Trace, ways: _Ways) -> Happened:
     rate = _rate_on_the_spot(trace, ways, window)
     if rate:
         sense, halting = "left" if rate > 0.0 else "right", "" if kind == "driving" else ", its wheels slip much"
-        return Happened(kind, math.nan, f"turns {sense} on the spot at {abs(rate):.2g} deg/s{halting}, {place}")
+        return DriveOutcome(kind, math.nan, f"turns {sense} on the spot at {abs(rate):.2g} deg/s{halting}, {place}")
     across = f", sliding aside at {aside / time:.2g} m/s" if aside > ON_THE_SPOT * travel else ""
-    return Happened(kind, math.nan, f"{word} at {travel / time:.2g} m/s{across}, {place}")
+    return DriveOutcome(kind, math.nan, f"{word} at {travel / time:.2g} m/s{across}, {place}")
 
 
 def _rate_on_the_spot(trace: Trace, ways: _Ways, window: int) -> float:
@@ -230,7 +234,7 @@ def _rate_on_the_spot(trace: Trace, ways: _Ways, window: int) -> float:
     if "body_yaw" not in trace or not _turned(trace):
         return 0.0
     x, y = (np.diff(trace[name][-1 - window :]) for name in ("body_x", "body_y"))
-    wheels = abs(float(ways.moved[-1] - ways.moved[-1 - window]))
+    wheels = abs(float(ways.travelled[-1] - ways.travelled[-1 - window]))
     if float(np.sum(np.hypot(x, y))) > ON_THE_SPOT * wheels:
         return 0.0
     turn = math.degrees(float(trace["body_yaw"][-1] - trace["body_yaw"][-1 - window]))
@@ -241,7 +245,7 @@ def _grip(ways: _Ways) -> np.ndarray:
     """Return, for each row from which the rims still turn by r, what the wheels travel over that way."""
     begin = np.flatnonzero(ways.turned <= ways.turned[-1] - ways.r)
     end = np.searchsorted(ways.turned, ways.turned[begin] + ways.r)
-    return (ways.moved[end] - ways.moved[begin]) / (ways.turned[end] - ways.turned[begin])
+    return (ways.travelled[end] - ways.travelled[begin]) / (ways.turned[end] - ways.turned[begin])
 
 
 def _last_stretch(so: np.ndarray) -> int:

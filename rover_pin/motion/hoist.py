@@ -7,7 +7,7 @@ from typing import NamedTuple
 import casadi as ca
 
 
-class Hoisted(NamedTuple):
+class SplitLaw(NamedTuple):
     """One law as two functions with law(first, states, parameters) = during(varying, states, before(constants))."""
 
     before: ca.Function
@@ -16,7 +16,7 @@ class Hoisted(NamedTuple):
     "(varying, states, held) -> the law's output"
 
 
-def hoisted(law: ca.Function, varying: int) -> Hoisted:
+def split_law(law: ca.Function, varying: int) -> SplitLaw:
     """Split the function (first, states, parameters) -> column by what can change from call to call.
 
     Both parts do the operations of the whole in its order; equal expressions are worked out once.
@@ -32,9 +32,9 @@ def hoisted(law: ca.Function, varying: int) -> Hoisted:
     states, parameters = ca.SX.sym("state", law.numel_in(1)), ca.SX.sym("parameter", law.numel_in(2))
     out = ca.cse(law(ca.vertcat(moving, constants), states, parameters))
     fixed = ca.vertcat(constants, parameters)
-    left, symbols, values = ca.extract_parametric(out, fixed, {"extract_trivial": True})
-    held, value = (ca.vertcat(*each) if each else ca.SX(0, 1) for each in (symbols, values))
-    return Hoisted(
+    expression, symbols, values = ca.extract_parametric(out, fixed, {"extract_trivial": True})
+    precomputed, value = (ca.vertcat(*entries) if entries else ca.SX(0, 1) for entries in (symbols, values))
+    return SplitLaw(
         ca.Function(f"{law.name()}_before", [constants, parameters], [value]),
-        ca.Function(f"{law.name()}_during", [moving, states, held], [left]),
+        ca.Function(f"{law.name()}_during", [moving, states, precomputed], [expression]),
     )

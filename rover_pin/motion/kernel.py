@@ -13,7 +13,7 @@ from rover_pin.motion.compiled_laws import compiled_laws, structure_of
 from rover_pin.motion.kernel_rover import rover_fields
 from rover_pin.motion.kernel_terrain import terrain_fields
 from rover_pin.motion.model import Model
-from rover_pin.motion.native.library import aligned, library, sizes
+from rover_pin.motion.native.library import aligned, library, step_layout
 from rover_pin.motion.native.shared import ENERGY, RECORD, DriveStruct, fill
 from rover_pin.motion.state import DriveState
 from rover_pin.motion.suspension import joint_strength
@@ -52,7 +52,7 @@ class Kernel:
         self._bind_laws()
         self._step = library().rover_pin_step
         self._address = ctypes.addressof(self.struct)
-        self.resoil(self.soils)
+        self.set_soils(self.soils)
         self.moving = [state.q, state.v, state.contact, state.motor, self.record, self.loads, self.foreseen]
         self.moving += [self.energy, self.impulse, self.differential]
 
@@ -66,7 +66,7 @@ class Kernel:
 
     def saved(self) -> list[np.ndarray]:
         """Return a copy of all that a step changes."""
-        return [each.copy() for each in self.moving]
+        return [array.copy() for array in self.moving]
 
     def restore(self, saved: Sequence[np.ndarray]) -> None:
         """Go back to where `saved` was taken."""
@@ -87,20 +87,20 @@ class Kernel:
         """How many steps had to exchange rows to solve for their speeds."""
         return int(self.struct.pivoted)
 
-    def unaccounted(self) -> None:
+    def disable_energy_balance(self) -> None:
         """Keep no account of energies and impulses from now on: a replay has no use for them."""
         self.struct.accounts = 0
 
-    def resoil(self, soils: np.ndarray) -> None:
+    def set_soils(self, soils: np.ndarray) -> None:
         """Let the soils have these constants from now on: (soils, quantities), in the order of `Soil`'s fields."""
         self.soils[:] = soils
         library().rover_pin_hold(self._address)
 
     def energies(self) -> tuple[float, float]:
         """Return kinetic and potential energy [J] at the present state."""
-        found = np.zeros(2)
-        library().rover_pin_energies(self._address, found.ctypes.data)
-        return float(found[0]), float(found[1])
+        energy = np.zeros(2)
+        library().rover_pin_energies(self._address, energy.ctypes.data)
+        return float(energy[0]), float(energy[1])
 
     def _set(self, **values: Any) -> None:
         fill(self.struct, self.keep, values)
@@ -134,7 +134,7 @@ class Kernel:
 
     def _bind_state(self, state: DriveState) -> None:
         self.duty = np.zeros(len(self.model.rover.wheels))
-        odd = [-1.0 if each.odd else 1.0 for effect in self.model.contact_effects for each in effect.states]
+        odd = [-1.0 if variable.odd else 1.0 for effect in self.model.contact_effects for variable in effect.states]
         self._set(
             q=state.q,
             v=state.v,
@@ -152,25 +152,25 @@ class Kernel:
 
     def _bind_laws(self) -> None:
         model = self.model
-        room = sizes(library())
-        made, rigid = compiled_laws(structure_of(model)), self.fixed.body.work
+        room = step_layout(library())
+        compiled, rigid = compiled_laws(structure_of(model)), self.fixed.body.work
         self.soils = np.array([laws.numbers([soil]) for soil in model.soils])
-        assert made.lanes == room.lanes, "the laws and the step are compiled for other lanes"
+        assert compiled.lanes == room.lanes, "the laws and the step are compiled for other lanes"
         self._set(
             soils=self.soils,
             n_soils=len(self.soils),
-            n_held=made.held,
-            held=np.zeros((self.struct.n_kinds * len(self.soils), made.held)),
-            held_lanes=aligned(room.questions * made.held),
+            n_held=compiled.held,
+            held=np.zeros((self.struct.n_kinds * len(self.soils), compiled.held)),
+            held_lanes=aligned(room.questions * compiled.held),
             step=aligned(room.step // 8),
             contact_parameters=laws.numbers(model.contact_effects),
             motor_parameters=laws.numbers([model.motor, *model.motor_effects]),
             body_parameters=laws.numbers(model.body_effects),
-            contact_before=made.contact_before,
-            contact_law=made.contact,
-            motor_law=made.motor,
-            body_law=made.body,
-            work_i=np.zeros(max(made.work[0], rigid[0]), dtype=np.int64),
-            work_w=np.zeros(max(made.work[1], rigid[1])),
+            contact_before=compiled.contact_before,
+            contact_law=compiled.contact,
+            motor_law=compiled.motor,
+            body_law=compiled.body,
+            work_i=np.zeros(max(compiled.work[0], rigid[0]), dtype=np.int64),
+            work_w=np.zeros(max(compiled.work[1], rigid[1])),
         )
-        self.keep["laws"] = made
+        self.keep["laws"] = compiled

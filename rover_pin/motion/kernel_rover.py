@@ -13,7 +13,7 @@ from rover_pin.body.acceleration import supporting_dofs
 from rover_pin.body.rover import Rover
 from rover_pin.errors import ParameterError
 from rover_pin.motion import laws
-from rover_pin.motion.native.compiled_body import CompiledBody, Known, compiled_body, order_of_elimination
+from rover_pin.motion.native.compiled_body import CompiledBody, KeyedModel, compiled_body, order_of_elimination
 from rover_pin.motion.native.shared import MAX_COLS, MAX_DOF, DriveStruct, fill
 from rover_pin.motion.suspension import suspension_dofs, suspension_places
 
@@ -41,19 +41,19 @@ def rover_fields(rover: Rover, armature: float, strength: float, rigid_different
 
     `pushed`: effects act on its body.
     """
-    pin_model, known = armed(rover, armature), Known.of(rover.model)
-    body = compiled_body(known)
+    pin_model, keyed_model = armed(rover, armature), KeyedModel.of(rover.model)
+    body = compiled_body(keyed_model)
     struct, keep = DriveStruct(), dict[str, Any]()
     for fields in (
         _wheels(rover, pin_model),
         _joints(rover, pin_model),
-        _couplings(rover, known, rigid_differential, pushed),
+        _couplings(rover, keyed_model, rigid_differential, pushed),
         _rigid_body(body),
         _springs(rover, strength, pushed),
     ):
         fill(struct, keep, fields)
-    for each in keep.values():
-        each.flags.writeable = False
+    for array in keep.values():
+        array.flags.writeable = False
     return RoverFields(struct, keep, pin_model, body)
 
 
@@ -66,16 +66,16 @@ def _wheels(rover: Rover, model: pin.Model) -> dict[str, Any]:
             f"the step holds {MAX_DOF} and {MAX_COLS}."
         )
     cols = np.zeros((len(columns), most), dtype=np.int64)
-    for row, own in zip(cols, columns, strict=True):
-        row[: len(own)] = own
-    sizes = np.array([laws.numbers([wheel.wheel]) for wheel in rover.wheels])
-    kinds, kind = np.unique(sizes, axis=0, return_inverse=True)
+    for row, dofs in zip(cols, columns, strict=True):
+        row[: len(dofs)] = dofs
+    dimensions = np.array([laws.numbers([wheel.wheel]) for wheel in rover.wheels])
+    kinds, kind = np.unique(dimensions, axis=0, return_inverse=True)
     return {
         "n_wheels": len(columns),
         "n_cols": most,
         "n_axles": 1 + max(wheel.axle for wheel in rover.wheels),
         "cols": cols,
-        "col_count": np.array([len(own) for own in columns], dtype=np.int64),
+        "col_count": np.array([len(dofs) for dofs in columns], dtype=np.int64),
         "wheel_dof": np.array([wheel.dof for wheel in rover.wheels], dtype=np.int64),
         "axle": np.array([wheel.axle for wheel in rover.wheels], dtype=np.int64),
         "radius": rover.radii,
@@ -101,36 +101,36 @@ def _joints(rover: Rover, model: pin.Model) -> dict[str, Any]:
     }
 
 
-def _couplings(rover: Rover, known: Known, rigid_differential: bool, pushed: bool) -> dict[str, Any]:
+def _couplings(rover: Rover, keyed_model: KeyedModel, rigid_differential: bool, pushed: bool) -> dict[str, Any]:
     differential = rover.differential if rigid_differential else None
-    coupled = [(each.follower, each.leader, each.ratio) for each in rover.couplings]
+    coupled = [(coupling.follower, coupling.leader, coupling.ratio) for coupling in rover.couplings]
     coupled += [] if differential is None else [(differential.right, differential.left, -1.0)]
     return {
         "differential_left": -1 if differential is None else differential.left,
         "n_coupled": len(coupled),
         "coupled_dof": np.array([pair[:2] for pair in coupled], dtype=np.int64).ravel(),
         "coupled_ratio": np.array([ratio for *_, ratio in coupled]),
-        **_elimination(rover, known, [pair[:2] for pair in coupled], pushed),
+        **_elimination(rover, keyed_model, [pair[:2] for pair in coupled], pushed),
     }
 
 
-def _elimination(rover: Rover, known: Known, coupled: list[Any], pushed: bool) -> dict[str, Any]:
+def _elimination(rover: Rover, keyed_model: KeyedModel, coupled: list[Any], pushed: bool) -> dict[str, Any]:
     """Return the fields that say in which order the step's equations are solved."""
     body = [*range(6), *suspension_dofs(rover)] if pushed else []
-    order, above = order_of_elimination(known, tuple(coupled), tuple(body))
+    order, above = order_of_elimination(keyed_model, tuple(coupled), tuple(body))
     table = np.zeros((len(order), MAX_DOF), dtype=np.int64)
-    for row, left in zip(table, above, strict=True):
-        row[: len(left)] = left
-    count = np.array([len(left) for left in above], dtype=np.int64)
+    for row, remaining in zip(table, above, strict=True):
+        row[: len(remaining)] = remaining
+    count = np.array([len(remaining) for remaining in above], dtype=np.int64)
     return {"n_free": len(order), "free_order": np.array(order), "free_count": count, "free_above": table}
 
 
-def _rigid_body(made: CompiledBody) -> dict[str, Any]:
+def _rigid_body(body: CompiledBody) -> dict[str, Any]:
     return {
-        "n_inertia": len(made.rows),
-        "inertia_place": np.concatenate([made.rows * MAX_DOF + made.columns, made.columns * MAX_DOF + made.rows]),
-        "rigid_held": made.held,
-        "rigid_body": made.address,
+        "n_inertia": len(body.rows),
+        "inertia_place": np.concatenate([body.rows * MAX_DOF + body.columns, body.columns * MAX_DOF + body.rows]),
+        "rigid_held": body.precomputed,
+        "rigid_body": body.address,
     }
 
 

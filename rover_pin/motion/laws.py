@@ -25,12 +25,12 @@ MAX_STATES = 8
 
 def symbolic(records: Sequence[Record]) -> tuple[list[Record], ca.SX]:
     """Return the records with every quantity a symbol, and the symbols in order."""
-    made, symbols = [], []
+    copies, symbols = [], []
     for i, record in enumerate(records):
         named = {name: ca.SX.sym(f"{name}_{i}") for name in quantities(record)}
-        made.append(record.replace(**named))
+        copies.append(record.replace(**named))
         symbols += list(named.values())
-    return made, ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
+    return copies, ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
 
 
 def numbers(records: Sequence[Record]) -> np.ndarray:
@@ -42,11 +42,11 @@ Seen = TypeVar("Seen", Contact, Drive)
 States = Sequence[tuple[Scalar, ...]]
 
 
-def amended(effects: Sequence[Any], seen: Seen, states: States) -> Seen:
+def amended(effects: Sequence[Any], subject: Seen, states: States) -> Seen:
     """Return a contact, or a motor's drive, as all effects amend it in turn, each with its own states."""
     for effect, x in zip(effects, states, strict=True):
-        seen = effect.amend(seen, x)
-    return seen
+        subject = effect.amend(subject, x)
+    return subject
 
 
 def loaded(effects: Sequence[Any], contact: Contact, states: States) -> tuple[Load, list[tuple[Scalar, ...]]]:
@@ -83,16 +83,20 @@ def law(name: str, inputs: Sequence[ca.SX], out: ca.SX) -> ca.Function:
     ParameterError
         They hold a symbol of their own, or a number that is not finite.
     """
-    own = {each.name() for each in ca.symvar(out)} - {each.name() for each in ca.symvar(ca.vertcat(*inputs))}
-    made = ca.Function(name, inputs, [out], {"allow_free": True})
-    constants = (at for at in range(made.n_instructions()) if made.instruction_id(at) == ca.OP_CONST)
-    wrong = sorted(own) or [each for at in constants if not math.isfinite(each := made.instruction_constant(at))]
+    free_symbols = {symbol.name() for symbol in ca.symvar(out)} - {
+        symbol.name() for symbol in ca.symvar(ca.vertcat(*inputs))
+    }
+    function = ca.Function(name, inputs, [out], {"allow_free": True})
+    constants = (at for at in range(function.n_instructions()) if function.instruction_id(at) == ca.OP_CONST)
+    wrong = sorted(free_symbols) or [
+        constant for at in constants if not math.isfinite(constant := function.instruction_constant(at))
+    ]
     if wrong:
         raise ParameterError(
             f"The formulas of the effects ({name}) hold {wrong[0]}: they may hold finite numbers, the effects' own "
             "quantities and states, and what their hooks are given."
         )
-    return made
+    return function
 
 
 def contact_law(effects: Sequence[Effect]) -> ca.Function:
@@ -102,28 +106,28 @@ def contact_law(effects: Sequence[Effect]) -> ca.Function:
     (column-major): load (4: f_t f_y f_n torque); d load / d (v_x v_y v_n rim); rate; d rate / d speeds;
     d load / d states; d rate / d states; S, S_y.
     """
-    own, parameters = symbolic(effects)
+    symbolic_effects, parameters = symbolic(effects)
     geometry = {name: ca.SX.sym(name) for name in GEOMETRY}
     (wheel, soil), constants = symbolic([Wheel(), Soil()])
     states = _states(effects)
     contact = Contact(S=0.0, S_y=0.0, wheel=wheel, soil=soil, **geometry)  # type: ignore[arg-type]
-    contact = amended(own, contact, states)
+    contact = amended(symbolic_effects, contact, states)
     slip = ca.vertcat(contact.S, contact.S_y, contact.h)
-    known = ca.SX.sym("slip", 3)
-    contact = contact._replace(S=known[0], S_y=known[1], h=known[2])
-    load, rates = loaded(own, contact, states)
+    slip_symbol = ca.SX.sym("slip", 3)
+    contact = contact._replace(S=slip_symbol[0], S_y=slip_symbol[1], h=slip_symbol[2])
+    load, rates = loaded(symbolic_effects, contact, states)
     inputs = ca.vertcat(*geometry.values())
     force, rate, x = ca.vertcat(*load[:DRIVEN]), _column(rates), _column(states)
     blocks = [
         force,
-        *_through(known, slip, force, inputs[SPEEDS]),
+        *_through(slip_symbol, slip, force, inputs[SPEEDS]),
         rate,
-        *_through(known, slip, rate, inputs[SPEEDS]),
-        *_through(known, slip, force, x),
-        *_through(known, slip, rate, x),
+        *_through(slip_symbol, slip, rate, inputs[SPEEDS]),
+        *_through(slip_symbol, slip, force, x),
+        *_through(slip_symbol, slip, rate, x),
         slip[:2],
     ]
-    out = ca.substitute(ca.densify(ca.vertcat(*blocks)), known, slip)
+    out = ca.substitute(ca.densify(ca.vertcat(*blocks)), slip_symbol, slip)
     return law("contact_law", [ca.vertcat(inputs, constants), x, parameters], out)
 
 
@@ -133,13 +137,13 @@ def motor_law(motor: Motor, effects: Sequence[MotorEffect]) -> ca.Function:
     One output column: torque; d torque / d omega; current; supply voltage; rate; d rate / d omega;
     d torque / d states; d rate / d states.
     """
-    (own_motor, *own), parameters = symbolic([motor, *effects])
+    (own_motor, *symbolic_effects), parameters = symbolic([motor, *effects])
     delta, omega, wheel, bus = (ca.SX.sym(name) for name in ("delta", "omega", "wheel", "bus_current"))
     states = _states(effects)
     drive: Drive = own_motor.drive(delta, omega)._replace(wheel=wheel, bus_current=bus)  # type: ignore[attr-defined]
-    drive = amended(own, drive, states)
+    drive = amended(symbolic_effects, drive, states)
     current = drive.current
-    torque, rates = turned(own, drive, drive.constant * current, states)
+    torque, rates = turned(symbolic_effects, drive, drive.constant * current, states)
     rate, x = _column(rates), _column(states)
     blocks = [
         torque,
@@ -191,11 +195,11 @@ def _derivatives(of: ca.SX, by: ca.SX) -> list[ca.SX]:
     return [ca.vec(ca.densify(ca.jacobian(of, by)))]
 
 
-def _through(known: ca.SX, slip: ca.SX, of: ca.SX, by: ca.SX) -> list[ca.SX]:
+def _through(slip_symbol: ca.SX, slip: ca.SX, of: ca.SX, by: ca.SX) -> list[ca.SX]:
     """Return d of / d by with `known` for what is `slip` of `by`: the quadrature is differentiated once by each."""
     if of.numel() == 0 or by.numel() == 0:
         return []
-    chain = ca.mtimes(ca.jacobian(of, known), ca.jacobian(slip, by))
+    chain = ca.mtimes(ca.jacobian(of, slip_symbol), ca.jacobian(slip, by))
     return [ca.vec(ca.densify(ca.jacobian(of, by) + chain))]
 
 

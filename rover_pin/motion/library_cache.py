@@ -14,7 +14,7 @@ from rover_pin.errors import CacheError
 from rover_pin.private_folders import HINT
 
 
-def kept(folder: Path, stem: str) -> ctypes.CDLL | None:
+def cached_library(folder: Path, stem: str) -> ctypes.CDLL | None:
     """Return the library of this stem, or None; one that is not as it was made, or does not load, is removed."""
     for file in sorted(folder.glob(f"{stem}-*.so")):
         with contextlib.suppress(OSError):
@@ -46,9 +46,9 @@ def built(folders: Sequence[Path], stem: str, make: Callable[[Path], Path]) -> c
 
 def _placed(folder: Path, stem: str, make: Callable[[Path], Path]) -> Path:
     with tempfile.TemporaryDirectory(dir=folder) as place:
-        made = make(Path(place))
-        file = _named(folder, stem, made.read_bytes())
-        os.replace(made, file)
+        compiled = make(Path(place))
+        file = _named(folder, stem, compiled.read_bytes())
+        os.replace(compiled, file)
     return file
 
 

@@ -47,24 +47,24 @@ def noise_from(table: Mapping[str, Any], where: str) -> dict[str, float]:
     ParameterError
         A unit of another kind, or an entry with a strange key.
     """
-    found = {}
+    noise = {}
     for key, entry in table.items():
         if key not in NOISE:
             raise DataError(f"{where}: there is no key '{key}' in [noise]: {closest(key, NOISE)}")
-        found[key] = _number(entry, NOISE[key], f"{where}: [noise] {key}")
-    return found
+        noise[key] = _number(entry, NOISE[key], f"{where}: [noise] {key}")
+    return noise
 
 
 def kind_of(channel: str) -> str:
     """Return the kind of a channel as `[noise]` calls it; empty where it has none."""
-    own = [start for start in STARTS if channel.startswith(start)]
-    return STARTS[max(own, key=len)] if own else ""
+    prefixes = [start for start in STARTS if channel.startswith(start)]
+    return STARTS[max(prefixes, key=len)] if prefixes else ""
 
 
 def _number(entry: Any, unit: str, where: str) -> float:
     if isinstance(entry, Mapping):
         refuse_strange(entry, where)
-    value, given = value_and_unit(entry, unit)
+    value, declared_unit = value_and_unit(entry, unit)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < float("inf"):
         raise DataError(f"{where} has no number above 0; write {{ value = 0.01, unit = '{unit}' }}.")
-    return to_si(value, given, unit, where)
+    return to_si(value, declared_unit, unit, where)

@@ -82,8 +82,8 @@ def _beside(folder: Path, name: Any, trust: Trust) -> Path:
     path = trust.within(folder, name, f"{folder}: [terrain]")
     if not is_file(path):
         there = [file.name for file in folder.iterdir() if file.is_file()] if folder.is_dir() else []
-        near = closest(str(name), there)
-        raise DataError(f"{folder}: [terrain] names the file {name!r}, which is not there: {near}")
+        suggestion = closest(str(name), there)
+        raise DataError(f"{folder}: [terrain] names the file {name!r}, which is not there: {suggestion}")
     return path
 
 

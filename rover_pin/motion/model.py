@@ -220,16 +220,16 @@ def _unknown_joint(effect: BodyEffect, names: Sequence[str]) -> str:
 
 
 def _having(present: tuple[OneKind, ...], effect: OneKind) -> tuple[OneKind, ...]:
-    changed = [effect if same_place(other, effect) else other for other in present]
-    if not any(each is effect for each in changed):
+    changed = [effect if same_place(entry, effect) else entry for entry in present]
+    if not any(entry is effect for entry in changed):
         changed.append(effect)
     return tuple(changed)
 
 
-def same_place(one: AnyEffect, other: AnyEffect) -> bool:
+def same_place(first: AnyEffect, second: AnyEffect) -> bool:
     """Return whether a model can have only one of the two: they are of a class and of one wheel or channel."""
-    owners = [tuple(getattr(each, name, None) for name in OWNERS) for each in (one, other)]
-    return type(one) is type(other) and owners[0] == owners[1]
+    owners = [tuple(getattr(effect, name, None) for name in OWNERS) for effect in (first, second)]
+    return type(first) is type(second) and owners[0] == owners[1]
 
 
 def _without(present: tuple[OneKind, ...], kind: type[AnyEffect]) -> tuple[OneKind, ...]:

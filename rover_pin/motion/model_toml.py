@@ -113,22 +113,22 @@ def read_model(path: str | Path, terrain: Terrain | None = None, trust: Trust = 
         tuple(record_from(Soil, soil, f"{path} [[soil]]") for soil in table.get("soil", [{}])),
         record_from(Motor, table.get("motor", {}), f"{path} [motor]"),
         _slip(table.get("slip", {"name": "RelaxedSlip"}), path, trust),
-        tuple(each for each in effects if isinstance(each, Effect)),
-        tuple(each for each in effects if isinstance(each, MotorEffect)),
+        tuple(effect for effect in effects if isinstance(effect, Effect)),
+        tuple(effect for effect in effects if isinstance(effect, MotorEffect)),
         gravity_from(table.get("gravity", EARTH), str(path)),
-        tuple(each for each in effects if isinstance(each, BodyEffect)),
-        tuple(each for each in effects if isinstance(each, SensorEffect)),
+        tuple(effect for effect in effects if isinstance(effect, BodyEffect)),
+        tuple(effect for effect in effects if isinstance(effect, SensorEffect)),
         buried=_buried(table, path),
     )
 
 
 def _buried(table: dict[str, Any], path: Path) -> float:
-    given = table.get("buried", BURIED)
-    if isinstance(given, bool) or not isinstance(given, (int, float)):
+    value = table.get("buried", BURIED)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise DataError(
-            f"{path}: buried = {given!r} is not a number; give the sinkage over the wheel's radius, as 0.5."
+            f"{path}: buried = {value!r} is not a number; give the sinkage over the wheel's radius, as 0.5."
         )
-    return float(given)
+    return float(value)
 
 
 def model_files(path: str | Path) -> tuple[Path, ...]:
@@ -145,8 +145,8 @@ def model_files(path: str | Path) -> tuple[Path, ...]:
         return (path, *_effect_files(path, table))
     _checked(path, table)
     rover = path.parent / str(table.get("rover", "nexus6"))
-    found = [path, *((rover, rover.parent / read_layout(rover, Trust(everything=True)).file) if is_file(rover) else ())]
-    return (*found, *_effect_files(path, table))
+    files = [path, *((rover, rover.parent / read_layout(rover, Trust(everything=True)).file) if is_file(rover) else ())]
+    return (*files, *_effect_files(path, table))
 
 
 def is_rig_model(path: str | Path) -> bool:
@@ -155,11 +155,11 @@ def is_rig_model(path: str | Path) -> bool:
 
 
 def _effect_files(path: Path, table: dict[str, Any]) -> list[Path]:
-    found: list[Path] = []
+    files: list[Path] = []
     entries = [table.get("slip", {}), *table.get("effect", [])]
     for file in (path.parent / str(entry["file"]) for entry in entries if "file" in entry):
-        found += sorted(file.glob("*.py")) if file.is_dir() else [file]
-    return found
+        files += sorted(file.glob("*.py")) if file.is_dir() else [file]
+    return files
 
 
 def _checked(path: Path, table: dict[str, Any]) -> dict[str, Any]:
@@ -170,7 +170,7 @@ def _checked(path: Path, table: dict[str, Any]) -> dict[str, Any]:
             raise DataError(f"{path}: there is no key '{key}' in a model: {closest(key, KEYS)}")
         if key in TABLES and not isinstance(value, dict):
             raise DataError(f"{path}: {key} = {value!r} must be a table, as [{key}].")
-        if key in LISTS and not (isinstance(value, list) and all(isinstance(each, dict) for each in value)):
+        if key in LISTS and not (isinstance(value, list) and all(isinstance(entry, dict) for entry in value)):
             raise DataError(f"{path}: {key} = {value!r} must be a list of tables, as [[{key}]].")
     return table
 

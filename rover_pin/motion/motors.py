@@ -44,8 +44,8 @@ def nexus6_motor(stall_torque: float = MOTORS["speed-like"]) -> Motor:
     r = float(rover.wheels[0].wheel.r)
     load = EARTH * rover.mass / len(rover.wheels)
     torque = float(load_traction_factor(CRUISE_SLIP, Soil(), rover.wheels[0].wheel, TorqueTraction())) * r * load
-    usual = Motor()
-    weaker = usual.replace(resistance=usual.resistance * float(usual.stall_torque) / stall_torque)
+    default = Motor()
+    weaker = default.replace(resistance=default.resistance * float(default.stall_torque) / stall_torque)
     return weaker.calibrated(CRUISE_DUTY, CRUISE_SPEED / (1.0 - CRUISE_SLIP) / r, torque)
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from rover_pin.motion.going_on import Counted
+from rover_pin.motion.going_on import Checkpoint
 
 FINEST = 64
 """Parts into which a step may be divided."""
@@ -61,35 +61,35 @@ class Pace:
         self.before: Begun | None = None
         "where the last step began, if it can be taken again"
 
-    def go_on(self, counted: Counted) -> None:
+    def go_on(self, checkpoint: Checkpoint) -> None:
         """Go on with the steps that a drive ended with."""
-        self.missed = counted.missed
-        if counted.size != self.size:
-            self._change(counted.size)
+        self.missed = checkpoint.missed
+        if checkpoint.size != self.size:
+            self._change(checkpoint.size)
 
-    def counted(self, begun: Counted, steps: int) -> Counted:
+    def checkpoint(self, begun: Checkpoint, steps: int) -> Checkpoint:
         """Return how far the drive is that begun there, after so many steps."""
-        return Counted(begun.begin, steps, self.size, self.missed)
+        return Checkpoint(begun.begin, steps, self.size, self.missed)
 
     def advance(self, commanded: bool = True) -> int:
         """Advance by dt; return the first status that is not 0. `commanded`: the motors have a new command since."""
         if commanded:
             self.before = None
-        left = FINEST
-        while left:
-            here = Begun(self.stepper.saved(), self.size)
+        remaining = FINEST
+        while remaining:
+            step_start = Begun(self.stepper.saved(), self.size)
             status = self.stepper.step()
             off = 0.0 if status else self.stepper.misjudged
-            long = here if status else self.before if off > ROUGH else None
+            long = step_start if status else self.before if off > ROUGH else None
             if long and long.size > 1:
-                left += long.size if long is self.before else 0
+                remaining += long.size if long is self.before else 0
                 self._take_again(long)
             elif status:
                 return status
             else:
-                left -= here.size
-                self._keep(off, left)
-                self.before = here
+                remaining -= step_start.size
+                self._keep(off, remaining)
+                self.before = step_start
         return 0
 
     def _take_again(self, long: Begun) -> None:
@@ -98,13 +98,13 @@ class Pace:
         self.before = None
         self._change(max(1, long.size // 4))
 
-    def _keep(self, off: float, left: int) -> None:
+    def _keep(self, off: float, remaining: int) -> None:
         """Count what the step before misjudged, and choose the size of those that follow."""
         if off > ROUGH:
             self.missed += off * (self.before.size if self.before else self.size) * self.unit
         if off > ROUGH:
             self._change(max(1, self.size // 4))
-        elif off < CALM and self.size < FINEST and left % (2 * self.size) == 0:
+        elif off < CALM and self.size < FINEST and remaining % (2 * self.size) == 0:
             self._change(2 * self.size)
 
     def _change(self, size: int) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.arguments import about
+from rover_pin.arguments import spec
 from rover_pin.body.shapes import FARTHEST
 from rover_pin.effects.effect import BodyEffect
 from rover_pin.errors import SimulationError
@@ -28,9 +28,9 @@ AT_ORIGIN = "assumed: the base at the origin, along x"
 class Start:
     """Where the base starts: x, y [m] and yaw [rad] in the world."""
 
-    x: Annotated[float, about("m", AT_ORIGIN, -FARTHEST, FARTHEST)] = 0.0
-    y: Annotated[float, about("m", AT_ORIGIN, -FARTHEST, FARTHEST)] = 0.0
-    yaw: Annotated[float, about("rad", AT_ORIGIN, -FARTHEST, FARTHEST)] = 0.0
+    x: Annotated[float, spec("m", AT_ORIGIN, -FARTHEST, FARTHEST)] = 0.0
+    y: Annotated[float, spec("m", AT_ORIGIN, -FARTHEST, FARTHEST)] = 0.0
+    yaw: Annotated[float, spec("rad", AT_ORIGIN, -FARTHEST, FARTHEST)] = 0.0
 
     def __post_init__(self) -> None:
         for name, unit in (("x", "m"), ("y", "m"), ("yaw", "rad")):
@@ -69,13 +69,13 @@ def set_down(model: Model, start: Start, symmetric: bool = False) -> SetDown:
     """
     model = dataclasses.replace(model, body_effects=tuple(map(_at_rest, model.body_effects)))
     state = hovering(model, start)
-    rest = relaxed(model, state, start.yaw, symmetric)
-    if rest is Rest.NEVER:
+    rest_kind = relaxed(model, state, start.yaw, symmetric)
+    if rest_kind is Rest.NEVER:
         raise SimulationError(
             f"The rover does not settle at x = {start.x:g} m, y = {start.y:g} m: it tips or sinks there; "
             "start on gentler ground or on stiffer soil."
         )
-    return SetDown(state, RESTS if rest is Rest.RESTS else SLIDES)
+    return SetDown(state, RESTS if rest_kind is Rest.RESTS else SLIDES)
 
 
 def _at_rest(effect: BodyEffect) -> BodyEffect:

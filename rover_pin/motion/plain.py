@@ -71,7 +71,7 @@ class Plain:
 
     def saved(self) -> list[np.ndarray]:
         """Return a copy of all that a step changes."""
-        return [each.copy() for each in self.moving]
+        return [array.copy() for array in self.moving]
 
     def restore(self, saved: Sequence[np.ndarray]) -> None:
         """Go back to where `saved` was taken."""
@@ -119,10 +119,10 @@ class Plain:
         M = pin.crba(model, self.data, state.q)
         M = np.triu(M) + np.triu(M, 1).T
         nle = pin.nonLinearEffects(model, self.data, state.q, state.v)
-        left, right = M - 0.5 * self.dt * D, self.dt * (force - nle)
+        effective_mass, right = M - 0.5 * self.dt * D, self.dt * (force - nle)
         rigid = self.rover.differential is not None and self.model.rigid_differential
         G = constraint_rows(self.rover, differential=rigid)
-        saddle = np.block([[left, G.T], [G, np.zeros((len(G), len(G)))]])
+        saddle = np.block([[effective_mass, G.T], [G, np.zeros((len(G), len(G)))]])
         solved = np.linalg.solve(saddle, np.append(right, -G @ state.v))
         du = solved[: model.nv]
         self.differential[0] = -solved[model.nv] / self.dt if rigid else self.torque + self.torque_slope @ du
@@ -135,13 +135,13 @@ class Plain:
         J = pin.getJointJacobian(self.pin_model, self.data, mount.joint, pin.LOCAL_WORLD_ALIGNED)
         frame = wheel_frame(centre, J[3:, mount.dof].copy())
         exponents = [float(soil.n) for soil in self.model.soils]
-        found, sinkage = patches(self.ground, frame, float(mount.wheel.r), float(mount.wheel.b), exponents)
+        contacts, sinkage = patches(self.ground, frame, float(mount.wheel.r), float(mount.wheel.b), exponents)
         nx = self.state.contact.shape[1]
-        airborne = not found
+        airborne = not contacts
         if airborne and nx:
-            found = [Patch(1e-9, 0.0, 0.0, 0.0, 0.0, _below(frame))]
+            contacts = [Patch(1e-9, 0.0, 0.0, 0.0, 0.0, _below(frame))]
         weights, gains, slopes = [], [], []
-        for patch in found:
+        for patch in contacts:
             weight, gain, slope = self._patch(index, frame, J, patch)
             weights.append(weight)
             gains.append(weight * gain)
@@ -151,7 +151,7 @@ class Plain:
         self._judge(index)
         self.record[index, [0, 1, 7]] /= sum(weights)
         self.record[index, 2] = sinkage
-        self.record[index, 8] = 0.0 if airborne else len(found)
+        self.record[index, 8] = 0.0 if airborne else len(contacts)
         return np.sum(gains, axis=0) / sum(weights), np.sum(slopes, axis=0) / sum(weights)
 
     def _patch(
@@ -182,15 +182,15 @@ class Plain:
         forces = np.array([share * t + tilt * N, share * side, share * N - tilt * t + edge, np.zeros(3)])
         off_axle = np.eye(3) - np.outer(frame.axle, frame.axle)
         lever = [np.zeros(3), share * np.cross(arm, side), share * np.cross(arm, N) + np.cross(arm, edge)]
-        moments = np.array([*(off_axle @ each for each in lever), -turn * frame.axle])
+        moments = np.array([*(off_axle @ moment for moment in lever), -turn * frame.axle])
         push = forces @ J[:3] + moments @ J[3:]
         self.soil_Q += push.T @ load
         self.soil_D += push.T @ by_speed @ see
         weight = max(share * load[2], 1e-12)
-        felt = Load(*(parts * load))
+        scaled = Load(*(parts * load))
         self.record[index, :2] += weight * law.slip
-        lateral = felt.f_y + patch.side * side[1] * load[2]
-        self.record[index, 3:8] += [felt.f_n, felt.f_t, lateral, felt.torque, weight * float(velocity @ t)]
+        lateral = scaled.f_y + patch.side * side[1] * load[2]
+        self.record[index, 3:8] += [scaled.f_n, scaled.f_t, lateral, scaled.torque, weight * float(velocity @ t)]
         self.loads[index] += np.concatenate([forces.T @ load, moments.T @ load])
         return weight, step, step_by_speed @ see
 
@@ -242,8 +242,8 @@ class Plain:
 
         strength = joint_strength(self.model.rover)
 
-        def spring(dof: int, over: float, usual: tuple[float, float]) -> None:
-            gains = strength * usual[0], strength * usual[1]
+        def spring(dof: int, over: float, base_gains: tuple[float, float]) -> None:
+            gains = strength * base_gains[0], strength * base_gains[1]
             force[dof] = -gains[0] * (over + 0.5 * self.dt * state.v[dof]) - gains[1] * state.v[dof]
             slope[dof] = -0.5 * gains[0] * self.dt - gains[1]
 
@@ -263,8 +263,8 @@ class Plain:
         state, nv = self.state, self.pin_model.nv
         joints, places = suspension_dofs(self.rover), suspension_places(self.rover)
         m, at = 6 + len(joints), [*range(6), *joints]
-        seen = np.concatenate([state.q[:7], state.v[:6], state.q[places], state.v[joints], [0.5 * self.dt]])
-        out = self.body(seen, np.zeros(0), laws.numbers(self.model.body_effects))
+        inputs = np.concatenate([state.q[:7], state.v[:6], state.q[places], state.v[joints], [0.5 * self.dt]])
+        out = self.body(inputs, np.zeros(0), laws.numbers(self.model.body_effects))
         force, slope, self.torque_slope = np.zeros(nv), np.zeros((nv, nv)), np.zeros(nv)
         force[at], slope[np.ix_(at, at)] = out[:m], out[m : m + m * m].reshape((m, m), order="F")
         self.torque, self.torque_slope[at] = float(out[m + m * m]), out[m + m * m + 1 :]

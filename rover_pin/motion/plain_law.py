@@ -43,7 +43,7 @@ def direction(v: float, rim: float) -> tuple[float, float, float]:
     top = v * abs(v) + rim * abs(rim) + least * (v + rim)
     bottom = v * v + rim * rim + UNDECIDED**2
     scale = 1.0 / (math.sqrt(2.0 * bottom) * DIRECTION_SPEED)
-    slopes = [(2.0 * abs(each) + least - top * each / bottom) * scale for each in (v, rim)]
+    slopes = [(2.0 * abs(speed) + least - top * speed / bottom) * scale for speed in (v, rim)]
     return top * scale, slopes[0], slopes[1]
 
 
@@ -53,7 +53,9 @@ class PlainLaw:
     def __init__(self, model: Model):
         self.law = laws.as_numbers(laws.contact_law(model.contact_effects))
         self.parameters = laws.numbers(model.contact_effects)
-        self.odd = np.array([-1.0 if each.odd else 1.0 for effect in model.contact_effects for each in effect.states])
+        self.odd = np.array(
+            [-1.0 if variable.odd else 1.0 for effect in model.contact_effects for variable in effect.states]
+        )
         self.last_axle = max(wheel.axle for wheel in model.rover.wheels)
 
     def __call__(self, contact: np.ndarray, states: np.ndarray) -> LawValue:

@@ -6,7 +6,7 @@ import numpy as np
 
 from rover_pin.motion.driving import OFTEN, Drive, Progress, Ran, diverged, obey
 from rover_pin.motion.failure import failure, suspension_of
-from rover_pin.motion.going_on import Counted
+from rover_pin.motion.going_on import Checkpoint
 from rover_pin.motion.instant import Instant, Places
 from rover_pin.motion.pace import Pace
 from rover_pin.motion.rows import row_type
@@ -21,7 +21,7 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
     suspension, places = suspension_of(drive.model), Places.of(drive.model)
     pace = Pace(stepper, timing.dt)
     rows, count = np.zeros(steps // per_sample, dtype=row_type(drive.model)), 0
-    begun = drive.counted or Counted(state.t, 0, pace.size)
+    begun = drive.checkpoint or Checkpoint(state.t, 0, pace.size)
     pace.go_on(begun)
     for k in range(begun.steps, begun.steps + steps):
         if k % per_control == 0:
@@ -30,17 +30,17 @@ def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
             obey(drive, Instant(now, 0, places))
         status = pace.advance(k % per_control == 0 or k % per_sample == 0)
         if status:
-            return Ran(rows[:count], diverged(status, state.t), pace.counted(begun, k))
+            return Ran(rows[:count], diverged(status, state.t), pace.checkpoint(begun, k))
         state.t = begun.begin + (k + 1) * timing.dt
         if k % per_sample == per_sample - 1:
             _log(drive, rows[count])
             count += 1
             reason = failure(drive.model, state, stepper.record, suspension)
             if reason:
-                return Ran(rows[:count], f"{reason} at {state.t:.2f} s", pace.counted(begun, k + 1))
+                return Ran(rows[:count], f"{reason} at {state.t:.2f} s", pace.checkpoint(begun, k + 1))
             if progress and count % OFTEN == 0:
                 progress(state.t)
-    return Ran(rows[:count], "duration", pace.counted(begun, begun.steps + steps))
+    return Ran(rows[:count], "duration", pace.checkpoint(begun, begun.steps + steps))
 
 
 def _log(drive: Drive, row: np.void) -> None:

@@ -52,9 +52,9 @@ def configuration(rover: Rover, trace: Trace, row: int, turned: np.ndarray | Non
     for name, index in rover.angles.items():
         q[index] = _at(trace, name, row)
     spinning = {rover.model.joints[mount.joint].idx_q for mount in rover.wheels}
-    for each in rover.couplings:
-        if each.q_follower not in spinning:
-            q[each.q_follower] = each.ratio * q[each.q_leader]
+    for coupling in rover.couplings:
+        if coupling.q_follower not in spinning:
+            q[coupling.q_follower] = coupling.ratio * q[coupling.q_leader]
     for mount, angle in zip(rover.wheels, turned if turned is not None else (), strict=False):
         joint = rover.model.joints[mount.joint]
         at = slice(joint.idx_q, joint.idx_q + joint.nq)
@@ -107,9 +107,11 @@ def on_the_ground(trace: Trace, rover: Rover, terrain: Terrain) -> Trace:
     yaw = np.nan_to_num(trace.get("body_yaw", np.zeros(x.size)))
     places = np.array(list(wheel_places(rover).values()))
     radii = np.array([float(wheel.wheel.r) for wheel in rover.wheels])
-    stood = [_stood(terrain, places, radii, *each) for each in zip(x, y, yaw, strict=True)]
-    found = dict(zip(("body_z", "body_roll", "body_pitch"), np.array(stood).T, strict=True))
-    return Trace({**trace.channels, **{name: found[name] for name in missing}}, dict(trace.units), dict(trace.attrs))
+    stood = [_stood(terrain, places, radii, *pose) for pose in zip(x, y, yaw, strict=True)]
+    estimated = dict(zip(("body_z", "body_roll", "body_pitch"), np.array(stood).T, strict=True))
+    return Trace(
+        {**trace.channels, **{name: estimated[name] for name in missing}}, dict(trace.units), dict(trace.attrs)
+    )
 
 
 def _stood(

@@ -25,8 +25,8 @@ def level() -> str:
         lines = CPUINFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return ""
-    found = next((set(line.split(":", 1)[1].split()) for line in lines if line.startswith("flags")), set())
-    return next((name for name, needs in X86_LEVELS.items() if found.issuperset(needs.split())), "")
+    flags = next((set(line.split(":", 1)[1].split()) for line in lines if line.startswith("flags")), set())
+    return next((name for name, needs in X86_LEVELS.items() if flags.issuperset(needs.split())), "")
 
 
 def has_vector_math() -> bool:

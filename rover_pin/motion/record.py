@@ -36,7 +36,7 @@ WHEEL_CHANNELS = {
 def trace_of(model: Model, rows: np.ndarray, attrs: Mapping[str, Any]) -> Trace:
     """Return the trace of sampled rows (`row_type`); empty where the drive failed before the first."""
     if not len(rows):
-        return Trace({"t_s": np.zeros(0)}, {"t_s": "s"}, {**about(model), **attrs})
+        return Trace({"t_s": np.zeros(0)}, {"t_s": "s"}, {**model_attrs(model), **attrs})
     channels: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
 
@@ -69,16 +69,16 @@ def trace_of(model: Model, rows: np.ndarray, attrs: Mapping[str, Any]) -> Trace:
     put("energy_potential", "J", rows["mechanical"][:, 1])
     if model.body_effects:
         put("energy_elastic", "J", _elastic(model, q))
-    return Trace(channels, units, {**about(model), **attrs})
+    return Trace(channels, units, {**model_attrs(model), **attrs})
 
 
 def _elastic(model: Model, q: np.ndarray) -> np.ndarray:
     """Return the part of `energy_body` that springs hold at each configuration (rows)."""
-    held = elastic_energy(model.body_effects, joints_of(model.rover))
-    return np.array(held.map(len(q))(q[:, :7].T, q[:, suspension_places(model.rover)].T)).ravel()
+    energy = elastic_energy(model.body_effects, joints_of(model.rover))
+    return np.array(energy.map(len(q))(q[:, :7].T, q[:, suspension_places(model.rover)].T)).ravel()
 
 
-def about(model: Model) -> dict[str, Any]:
+def model_attrs(model: Model) -> dict[str, Any]:
     """Return what a trace says of its model: names of rover, traction form and effects, R, gravity, versions."""
     forms = [effect.form.name for effect in model.effects if hasattr(effect, "form")]
     resistances = [float(effect.R) for effect in model.effects if isinstance(effect, MotionResistance)]
@@ -99,7 +99,7 @@ def about(model: Model) -> dict[str, Any]:
 
 def notes(model: Model) -> list[str]:
     """Return what a reader should know of a model: driven wheels skid on the flat, sinking or rising costs nothing."""
-    return [each for each in (_skids(model), *_unpaid(model), *_lifted(model)) if each]
+    return [note for note in (_skids(model), *_unpaid(model), *_lifted(model)) if note]
 
 
 def _skids(model: Model) -> str:
@@ -130,13 +130,13 @@ def _unpaid(model: Model) -> list[str]:
 
 
 def _lifted(model: Model) -> list[str]:
-    found = [
+    lifted = [
         (type(effect).__name__, PAYING[type(effect)].__name__) for effect in model.effects if type(effect) in PAYING
     ]
     return [
-        f"{name} lifts a wheel whose slip falls as a spring would, by what it sank: sand gives nothing back; {other} "
+        f"{name} lifts a wheel whose slip falls as a spring would, by what it sank: sand gives nothing back; {paying} "
         "pays for the lift."
-        for name, other in found
+        for name, paying in lifted
     ]
 
 

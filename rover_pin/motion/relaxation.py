@@ -49,11 +49,11 @@ def relaxed(model: Model, state: DriveState, yaw: float, symmetric: bool) -> Res
     Source: pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35 (1998) 508).
     """
     kernel = Kernel(model, state, 1.0, symmetric, UNDECIDED)
-    kernel.unaccounted()
+    kernel.disable_energy_balance()
     struct, keep = SettlingStruct(), dict[str, Any]()
     fill(struct, keep, {"yaw": yaw, **_fields(model, state, kernel)})
-    made = library().rover_pin_set_down(ctypes.addressof(kernel.struct), ctypes.addressof(struct))
-    return Rest(made)
+    status = library().rover_pin_set_down(ctypes.addressof(kernel.struct), ctypes.addressof(struct))
+    return Rest(status)
 
 
 def _fields(model: Model, state: DriveState, kernel: Kernel) -> dict[str, Any]:
@@ -63,7 +63,7 @@ def _fields(model: Model, state: DriveState, kernel: Kernel) -> dict[str, Any]:
     locked = SLIDE + [wheel.dof for wheel in model.rover.wheels]
     lengths[locked], kernel.armature[locked] = 0.0, LOCKED
     radius = min(float(wheel.wheel.r) for wheel in model.rover.wheels)
-    size = sum(each.size for each in (state.q, state.v, state.contact, state.motor))
+    size = sum(array.size for array in (state.q, state.v, state.contact, state.motor))
     rooms = {name: np.zeros(size) for name in ("before", "looked", "in_hand")}
     return {
         **free,

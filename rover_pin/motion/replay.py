@@ -59,7 +59,7 @@ class Commands:
         return model if self.terrain is None else model.replace(terrain=self.terrain)
 
     @property
-    def held(self) -> bool:
+    def rate_driven(self) -> bool:
         """Whether the wheels are held to their measured rates."""
         return self.rate is not None
 
@@ -70,7 +70,7 @@ class Commands:
 
 
 @dataclass(frozen=True, eq=False)
-class Nudge:
+class Perturbation:
     """Small additions for a description of what a model lacks, one row a time step: torques, force, grip.
 
     `torque` (T, wheels) [N m] is added at the wheels, `force` (T,) [N] along the heading, `grip` (T,) changes tan phi
@@ -101,22 +101,22 @@ def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> C
         A channel that a replay needs and the log does not have, fewer than two rows, or no place where a run begins.
     """
     t, x, y, yaw = log.need("t_s", "body_x", "body_y", "body_yaw")
-    held = log.held
-    told = np.column_stack(log.need(*(f"{'wheel_rate' if held else 'duty'}_{wheel}" for wheel in wheels)))
+    rate_driven = log.rate_driven
+    inputs = np.column_stack(log.need(*(f"{'wheel_rate' if rate_driven else 'duty'}_{wheel}" for wheel in wheels)))
     if len(t) < 2:
         raise DataError(f"{log.attrs.get('file', 'the run')}: a replay needs two rows at least.")
     period = max(PERIOD, round(float(np.median(np.diff(t))) / DT) * DT)
     rows = t[0] + period * np.arange(1 + math.floor((t[-1] - t[0]) / period + 1e-6))
     at = np.searchsorted(t, rows - period / 2)
     steer = [_held(log[f"steer_{wheel}"])[at] if f"steer_{wheel}" in log else np.zeros(len(rows)) for wheel in steered]
-    rate = np.column_stack([filled(averaged(t, each, rows, period)) for each in told.T]) if held else None
-    duty = np.column_stack([_held(column)[at] for column in told.T]) if rate is None else shares(rate)
+    rate = np.column_stack([filled(averaged(t, column, rows, period)) for column in inputs.T]) if rate_driven else None
+    duty = np.column_stack([_held(column)[at] for column in inputs.T]) if rate is None else shares(rate)
     course = np.unwrap(_held(yaw))
     begun = np.column_stack([averaged(t, column, rows[:FIRST_ROWS], period) for column in (x, y, course)])
     declared = log.attrs.get("start")
     start = Start(**declared) if declared else _begun(log, begun, period)
-    known = np.where(np.isfinite(yaw), course, np.nan)
-    place = np.column_stack([averaged(t, column, rows, period) for column in (x, y, known)])
+    heading = np.where(np.isfinite(yaw), course, np.nan)
+    place = np.column_stack([averaged(t, column, rows, period) for column in (x, y, heading)])
     return Commands(rows, duty, np.column_stack(steer) if steer else np.zeros((len(rows), 0)), place, start, rate)
 
 
@@ -160,7 +160,11 @@ def averaged(t: np.ndarray, values: np.ndarray, rows: np.ndarray, period: float)
 
 
 def replay(
-    model: Model, run: Commands, nudge: Nudge = Nudge(), rest: DriveState | None = None, finer: int = 1
+    model: Model,
+    run: Commands,
+    perturbation: Perturbation = Perturbation(),
+    rest_state: DriveState | None = None,
+    finer: int = 1,
 ) -> Replay:
     """Return what `model` does under the logged commands, from where it comes to rest, or from another's `rest`.
 
@@ -179,13 +183,13 @@ def replay(
     """
     model = run.on(model)
     _check_widths(model, run)
-    state = settled(model, run.start) if rest is None else _taken_over(model, rest)
+    state = settled(model, run.start) if rest_state is None else _taken_over(model, rest_state)
     model = model.begun(run.start.x, run.start.y)
     dt = DT / parts(model, state, DT) / finer
     kernel = Kernel(model, state, dt, symmetric=False)
-    kernel.unaccounted()
+    kernel.disable_energy_balance()
     per_row = round(run.period / dt)
-    loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, nudge))
+    loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, perturbation))
     if run.rate is not None:
         loop.set(rate_rows=true_rates(model, run))
         kernel.hold(loop.keep["rate_rows"][0].copy())
@@ -202,22 +206,27 @@ def replay(
 def _check_widths(model: Model, run: Commands) -> None:
     """Refuse commands of other wheels than the rover's: the compiled loop reads so many a row."""
     wheels = model.rover.wheels
-    own = (len(wheels), sum(wheel.steer_dof is not None for wheel in wheels))
-    given = (run.duty.shape[1], run.steer.shape[1])
-    if given != own:
+    need = (len(wheels), sum(wheel.steer_dof is not None for wheel in wheels))
+    have = (run.duty.shape[1], run.steer.shape[1])
+    if have != need:
         raise DataError(
-            f"the commands are of {given[0]} driven, {given[1]} steered wheels, the rover has {own[0]} and {own[1]}: "
+            f"the commands are of {have[0]} driven, {have[1]} steered wheels, the rover has {need[0]} and {need[1]}: "
             "give `commands` the names of all of them."
         )
 
 
-def _fields(model: Model, run: Commands, nudge: Nudge) -> dict[str, Any]:
+def _fields(model: Model, run: Commands, perturbation: Perturbation) -> dict[str, Any]:
     """Return the fields of a replay's loop: its commands, row by row."""
-    duty = run.duty if nudge.torque is None else run.duty + nudge.torque / float(model.motor.stall_torque)
-    rows = {"duty_rows": duty, "steer_rows": run.steer, "force_rows": nudge.force, "grip_rows": nudge.grip}
-    given = {name: np.array(each, dtype=float) for name, each in rows.items() if each is not None}
+    duty = run.duty if perturbation.torque is None else run.duty + perturbation.torque / float(model.motor.stall_torque)
+    rows = {
+        "duty_rows": duty,
+        "steer_rows": run.steer,
+        "force_rows": perturbation.force,
+        "grip_rows": perturbation.grip,
+    }
+    fields = {name: np.array(values, dtype=float) for name, values in rows.items() if values is not None}
     place = np.array(run.place, dtype=float)
-    return {**given, "place_rows": place, "share": run.period / HOLD, "check_every": CHECKED}
+    return {**fields, "place_rows": place, "share": run.period / HOLD, "check_every": CHECKED}
 
 
 def true_rates(model: Model, run: Commands) -> np.ndarray:
@@ -235,10 +244,10 @@ def shared(model: Model, values: np.ndarray) -> np.ndarray:
     Held each to its own, noise of a second tachogenerator would be torques without bound that turn nothing.
     """
     column = {wheel.dof: at for at, wheel in enumerate(model.rover.wheels)}
-    ties = [each for each in model.rover.couplings if each.follower in column and each.leader in column]
+    ties = [tie for tie in model.rover.couplings if tie.follower in column and tie.leader in column]
     means = values.copy()
-    for leader in {each.leader for each in ties}:
-        ratios = {column[leader]: 1.0} | {column[each.follower]: each.ratio for each in ties if each.leader == leader}
+    for leader in {tie.leader for tie in ties}:
+        ratios = {column[leader]: 1.0} | {column[tie.follower]: tie.ratio for tie in ties if tie.leader == leader}
         group, ratio = list(ratios), np.array(list(ratios.values()))
         means[:, group] = ratio * (values[:, group] / ratio).mean(axis=1, keepdims=True)
     return means
@@ -251,32 +260,32 @@ def _with_last(loop: Loop, good: int) -> np.ndarray:
     return loop.rows
 
 
-def _taken_over(model: Model, rest: DriveState) -> DriveState:
+def _taken_over(model: Model, rest_state: DriveState) -> DriveState:
     """Return another model's rest: same place, the soil's shear unloaded, effects at the start of their states."""
     wheels = len(model.rover.wheels)
     contact = sum(len(effect.states) for effect in model.contact_effects)
     motor = sum(len(effect.states) for effect in model.motor_effects)
-    taken = rest.copy()
+    taken = rest_state.copy()
     taken.contact, taken.motor = np.zeros((wheels, contact)), np.zeros((wheels, motor))
     return taken
 
 
 def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.ndarray]:
     rover = model.rover
-    q, v, record, attitude, moved = (rows[name] for name in ("q", "v", "record", "attitude", "moved"))
-    found = {"t_s": run.t}
+    q, v, record, attitude, offset = (rows[name] for name in ("q", "v", "record", "attitude", "moved"))
+    channels = {"t_s": run.t}
     current = record[:, :, RECORD.index("current")]
-    if run.held:
+    if run.rate_driven:
         current = shared(model, record[:, :, RECORD.index("torque")]) / float(model.motor.constant)
     for i, wheel in enumerate(rover.wheels):
-        found[f"wheel_rate_{wheel.name}"] = v[:, wheel.dof]
-        found[f"current_{wheel.name}_A"] = current[:, i]
+        channels[f"wheel_rate_{wheel.name}"] = v[:, wheel.dof]
+        channels[f"current_{wheel.name}_A"] = current[:, i]
         for name in ("slip", "sinkage", "normal", "tangential"):
-            found[f"{name}_{wheel.name}"] = record[:, i, RECORD.index(name)]
-    found |= {name: q[:, index] for name, index in rover.angles.items()}
-    found |= {"body_x": q[:, 0] - moved[:, 0], "body_y": q[:, 1] - moved[:, 1], "body_z": q[:, 2]}
-    found |= {"body_roll": attitude[:, 0], "body_pitch": attitude[:, 1]}
-    found |= {"body_yaw": np.unwrap(attitude[:, 2]) - moved[:, 2]}
-    found |= {f"body_v{axis}": rows["velocity"][:, i] for i, axis in enumerate("xyz")}
-    found["battery_V"] = record[:, 0, RECORD.index("supply")]
-    return {name: np.ascontiguousarray(values) for name, values in found.items()}
+            channels[f"{name}_{wheel.name}"] = record[:, i, RECORD.index(name)]
+    channels |= {name: q[:, index] for name, index in rover.angles.items()}
+    channels |= {"body_x": q[:, 0] - offset[:, 0], "body_y": q[:, 1] - offset[:, 1], "body_z": q[:, 2]}
+    channels |= {"body_roll": attitude[:, 0], "body_pitch": attitude[:, 1]}
+    channels |= {"body_yaw": np.unwrap(attitude[:, 2]) - offset[:, 2]}
+    channels |= {f"body_v{axis}": rows["velocity"][:, i] for i, axis in enumerate("xyz")}
+    channels["battery_V"] = record[:, 0, RECORD.index("supply")]
+    return {name: np.ascontiguousarray(values) for name, values in channels.items()}

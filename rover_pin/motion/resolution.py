@@ -65,9 +65,9 @@ def firmness(stepper: Any, model: Model) -> float:
     way, or lies elsewhere, is not seen.
     """
     before = stepper.saved()
-    found = _firmness(stepper, model)
+    ratio = _firmness(stepper, model)
     stepper.restore(before)
-    return found
+    return ratio
 
 
 def _firmness(stepper: Any, model: Model) -> float:

@@ -62,13 +62,13 @@ def read_bag(path: Path, columns: Mapping[str, Any], bag: Mapping[str, Any], whe
             f"{MOST_ROWS}: give a longer period."
         )
     t = 1e-9 * period * np.arange(rows)
-    made = {"t_s": t}
-    for name, (at, own) in values.items():
+    channels = {"t_s": t}
+    for name, (at, messages) in values.items():
         source = sources[name]
         seconds = (at - begin) * 1e-9
-        found = _held(t, seconds, own) if source.hold else interpolated(t, seconds, own)
-        made[name] = si(name, source, found, where)
-    return Columns(path, made, tuple(f"t = {each:.6g} s" for each in t))
+        resampled = _held(t, seconds, messages) if source.hold else interpolated(t, seconds, messages)
+        channels[name] = si(name, source, resampled, where)
+    return Columns(path, channels, tuple(f"t = {instant:.6g} s" for instant in t))
 
 
 @contextmanager
@@ -105,11 +105,11 @@ def _held(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def interpolated(t: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the values of messages at these times, NaN where they fail to come; beyond the ends the last ones."""
-    found = np.interp(t, at, values)
+    resampled = np.interp(t, at, values)
     after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
-    apart = (at[after] - at[after - 1]) > MISSED * np.median(np.diff(at))
+    gaps = (at[after] - at[after - 1]) > MISSED * np.median(np.diff(at))
     inside = (t > at[after - 1]) & (t < at[after])
-    return np.where(apart & inside, np.nan, found)
+    return np.where(gaps & inside, np.nan, resampled)
 
 
 class _Messages:
@@ -182,33 +182,33 @@ class _Messages:
         for part in parts(field):
             matched = PART.fullmatch(part)
             assert matched is not None
-            own, index, beside, label = matched.groups()
-            if own in ANGLES and set(field_names(value)) == set("xyzw"):
-                value = angle_of(own, value)
+            key, index, beside, label = matched.groups()
+            if key in ANGLES and set(field_names(value)) == set("xyzw"):
+                value = angle_of(key, value)
                 continue
-            parent, value = value, self._member(name, value, own)
+            parent, value = value, self._member(name, value, key)
             if index is not None:
-                value = self._entry(name, value, own, int(index))
+                value = self._entry(name, value, key, int(index))
             elif beside is not None:
-                labels = [str(each) for each in self._member(name, parent, beside)]
+                labels = [str(entry) for entry in self._member(name, parent, beside)]
                 self.seen[name].update(labels)
                 if label not in labels or labels.index(label) >= len(value):
                     return None
                 value = value[labels.index(label)]
         return value
 
-    def _member(self, name: str, value: Any, own: str) -> Any:
-        if own not in field_names(value):
-            known = [*field_names(value), *(ANGLES if set(field_names(value)) == set("xyzw") else ())]
+    def _member(self, name: str, value: Any, key: str) -> Any:
+        if key not in field_names(value):
+            names = [*field_names(value), *(ANGLES if set(field_names(value)) == set("xyzw") else ())]
             topic = self.sources[name].topic
-            raise DataError(f"{self.path}: topic '{topic}' has no field '{own}' for {name}: {closest(own, known)}")
-        return getattr(value, own)
+            raise DataError(f"{self.path}: topic '{topic}' has no field '{key}' for {name}: {closest(key, names)}")
+        return getattr(value, key)
 
-    def _entry(self, name: str, value: Any, own: str, index: int) -> Any:
+    def _entry(self, name: str, value: Any, key: str, index: int) -> Any:
         if not hasattr(value, "__len__") or index >= len(value):
             count = len(value) if hasattr(value, "__len__") else "no"
             raise DataError(
-                f"{self.path}: '{own}' of topic '{self.sources[name].topic}' has {count} entries, and {name} asks for "
+                f"{self.path}: '{key}' of topic '{self.sources[name].topic}' has {count} entries, and {name} asks for "
                 f"[{index}], counted from 0."
             )
         return value[index]
@@ -226,9 +226,9 @@ class _Messages:
             raise DataError(
                 f"{self.path}: topic '{source.topic}' has {len(times)} messages for {name}; two are needed."
             )
-        own = np.array(values)
+        array = np.array(values)
         turns = source.field.rpartition(".")[2] in ANGLES
-        return np.array(times, dtype=np.int64), np.unwrap(own) if turns else own
+        return np.array(times, dtype=np.int64), np.unwrap(array) if turns else array
 
 
 def nanoseconds(stamp: Any) -> int:
@@ -239,4 +239,4 @@ def nanoseconds(stamp: Any) -> int:
 def field_names(value: Any) -> list[str]:
     """Return the names of a message's fields."""
     fields = dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
-    return [each.name for each in fields if not each.name.startswith("__")]
+    return [field.name for field in fields if not field.name.startswith("__")]

@@ -68,8 +68,8 @@ def _plane(entry: Any, run: Trace, where: str) -> Terrain:
     if not abs(slope) < STEEPEST:
         raise DataError(f"{where}: slope = {math.degrees(slope):.4g} deg is beyond 45 deg: give value and unit.")
     x, y, yaw = (run[f"body_{name}"] for name in ("x", "y", "yaw"))
-    known = np.isfinite(x + y + yaw)
-    x, y, heading = x[known], y[known], float(yaw[known][0])
+    valid = np.isfinite(x + y + yaw)
+    x, y, heading = x[valid], y[valid], float(yaw[valid][0])
     middle = np.array([np.mean([x.min(), x.max()]), np.mean([y.min(), y.max()])])
     half = 5.0 + max(np.ptp(x), np.ptp(y))
     ends = np.array([-half, half])
@@ -159,7 +159,7 @@ class _Grid:
     def around(cls, x: np.ndarray, y: np.ndarray, base: float) -> _Grid:
         """Return the grid that holds a way with a base of the rover around it."""
         size = max(base / CELLS, (max(np.ptp(x), np.ptp(y)) + 2.0 * base) / MOST)
-        nx, ny = (math.ceil((np.ptp(each) + 2.0 * base) / size) + 1 for each in (x, y))
+        nx, ny = (math.ceil((np.ptp(coordinate) + 2.0 * base) / size) + 1 for coordinate in (x, y))
         return cls(float(x.min()) - base, float(y.min()) - base, size, nx, ny)
 
     def at(self, x: np.ndarray, y: np.ndarray) -> scipy.sparse.csr_matrix:
@@ -179,9 +179,9 @@ class _Grid:
         """Return the second differences along both axes and the mixed one, each over the spacing: bends [rad]."""
         along = [scipy.sparse.diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(n - 2, n)) for n in (self.nx, self.ny)]
         step = [scipy.sparse.diags([-1.0, 1.0], [0, 1], shape=(n - 1, n)) for n in (self.nx, self.ny)]
-        one = [scipy.sparse.diags([1.0], [0], shape=(n, n)) for n in (self.nx, self.ny)]
+        identity = [scipy.sparse.diags([1.0], [0], shape=(n, n)) for n in (self.nx, self.ny)]
         kron = scipy.sparse.kron
-        rows = [kron(along[0], one[1]), kron(one[0], along[1]), kron(step[0], step[1]) * math.sqrt(2.0)]
+        rows = [kron(along[0], identity[1]), kron(identity[0], along[1]), kron(step[0], step[1]) * math.sqrt(2.0)]
         return scipy.sparse.vstack([row for row in rows if row.shape[0]]).tocsr() / self.size
 
     def surface(self, rows: scipy.sparse.csr_matrix, right: np.ndarray) -> HeightGrid:

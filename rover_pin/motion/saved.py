@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rover_pin.errors import DataError
-from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
+from rover_pin.motion.drive_log import LogMetadata, read_drive_log, write_drive_log
 from rover_pin.motion.trace import Trace
 from rover_pin.motion.trace_files import read_run, write_parquet
 
@@ -25,7 +25,7 @@ def save_trace(trace: Trace, path: str | Path) -> Path:
         return write_parquet(path, trace)
     if path.suffix == ".csv":
         raise DataError(f"{path}: a trace is saved to a folder, which gets a CSV and its description, or to .parquet.")
-    return write_drive_log(path, {"run": trace}, About.of(trace, path.name))
+    return write_drive_log(path, {"run": trace}, LogMetadata.of(trace, path.name))
 
 
 def load_trace(path: str | Path) -> Trace:

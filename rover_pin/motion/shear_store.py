@@ -27,14 +27,14 @@ class ShearStore(NamedTuple):
 
     taken: np.ndarray
     "what it took since the row before, L sum f_n M(s) ds; negative while it gives back"
-    held: np.ndarray
+    stored: np.ndarray
     "what it holds, E"
 
     @property
     def overdrawn(self) -> float:
         """By how much it gave back more than it had held and took [J]: loads that change make it, at most."""
         balance = np.cumsum(self.taken)
-        return max(0.0, float(np.max(np.maximum.accumulate(balance - self.held) - balance)))
+        return max(0.0, float(np.max(np.maximum.accumulate(balance - self.stored) - balance)))
 
 
 def shear_store(model: Model, trace: Trace) -> ShearStore:
@@ -49,13 +49,13 @@ def shear_store(model: Model, trace: Trace) -> ShearStore:
     if not isinstance(slip, RelaxedSlip):
         return ShearStore(np.zeros(len(load)), np.zeros(len(load)))
     lagging = _lagging(trace.t, trace.stack("slip"), float(slip.damping))
-    angles = next((each.angles for each in model.effects if isinstance(each, SoilTraction)), FixedAngles())
+    angles = next((effect.angles for effect in model.effects if isinstance(effect, SoilTraction)), FixedAngles())
     # As plain numbers, whatever they came as: so the soil is found again.
     soil = Soil(*laws.numbers(model.soils[:1]).tolist())
     shear = [_integral_of_shear(angles, soil, mount.wheel) for mount in model.rover.wheels]
     stretched = [np.interp(s, GRID, integral) for s, integral in zip(lagging.T, shear, strict=True)]
-    held = float(slip.length) * np.column_stack(stretched)
-    return ShearStore(np.sum(load * np.diff(held, axis=0, prepend=held[:1]), axis=1), np.sum(load * held, axis=1))
+    stored = float(slip.length) * np.column_stack(stretched)
+    return ShearStore(np.sum(load * np.diff(stored, axis=0, prepend=stored[:1]), axis=1), np.sum(load * stored, axis=1))
 
 
 def _lagging(t: np.ndarray, S: np.ndarray, damping: float) -> np.ndarray:
@@ -71,5 +71,5 @@ def _integral_of_shear(angles: Angles, soil: Soil, wheel: Wheel) -> np.ndarray:
     """Return int M ds at the slips of GRID, from where M is 0: 0 where it is least; not to be written to."""
     forces = wheel_forces(ca.DM(GRID), *angles.angles(sinkage(soil.theta_1, wheel), wheel, soil), wheel, soil)
     M = np.array(forces.torque / (wheel.r * forces.f_n)).ravel()
-    whole = np.concatenate([[0.0], np.cumsum(0.5 * (M[1:] + M[:-1]) * np.diff(GRID))])
-    return whole - np.min(whole)
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (M[1:] + M[:-1]) * np.diff(GRID))])
+    return integral - np.min(integral)

@@ -14,9 +14,9 @@ from rover_pin.motion.audit import balance_warning, doubts_of, load_warning, piv
 from rover_pin.motion.command import Controller
 from rover_pin.motion.compiled_run import run_compiled
 from rover_pin.motion.driving import Drive, Progress, Ran, Stepper
-from rover_pin.motion.going_on import Ended, Held
-from rover_pin.motion.half_step import Halved, halved, repeating, spoken
-from rover_pin.motion.happened import happened
+from rover_pin.motion.going_on import DriveEnd, StepperState
+from rover_pin.motion.half_step import Halved, halved, repeating, step_warnings
+from rover_pin.motion.happened import drive_outcome
 from rover_pin.motion.implausible import implausible
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.model import Model
@@ -34,7 +34,7 @@ from rover_pin.motion.trace import Trace
 from rover_pin.public import public
 
 
-class Asked(NamedTuple):
+class DriveJob(NamedTuple):
     """A drive as it is asked for, by the compiled or by the plain step."""
 
     stepper: Callable[[Model, DriveState, float, bool], Stepper]
@@ -53,7 +53,7 @@ def simulate(
     model: Model,
     controller: Controller,
     duration: float,
-    start: Start | DriveState | Ended = Start(),
+    start: Start | DriveState | DriveEnd = Start(),
     timing: Timing = Timing(),
     *,
     symmetric: bool = False,
@@ -103,8 +103,8 @@ def simulate(
     >>> bool(0.0 < slow["body_x"][-1] < fast["body_x"][-1]), slow.units["body_x"]
     (True, 'm')
     """
-    asked = Asked(Kernel, run_compiled, model, controller, duration, timing, symmetric, progress, settle_doubts)
-    return _simulate(asked, start)
+    job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, symmetric, progress, settle_doubts)
+    return _simulate(job, start)
 
 
 @public
@@ -112,7 +112,7 @@ def plain_simulate(
     model: Model,
     controller: Controller,
     duration: float,
-    start: Start | DriveState | Ended = Start(),
+    start: Start | DriveState | DriveEnd = Start(),
     timing: Timing = Timing(),
     *,
     symmetric: bool = False,
@@ -144,33 +144,33 @@ def plain_simulate(
     >>> bool(abs(plain["body_x"][-1] - compiled["body_x"][-1]) < 1e-9)
     True
     """
-    asked = Asked(Plain, run_plain, model, controller, duration, timing, symmetric, progress, settle_doubts)
-    return _simulate(asked, start)
+    job = DriveJob(Plain, run_plain, model, controller, duration, timing, symmetric, progress, settle_doubts)
+    return _simulate(job, start)
 
 
-def _simulate(asked: Asked, start: Start | DriveState | Ended) -> Trace:
-    model, duration, timing, symmetric = asked.model, asked.duration, asked.timing, asked.symmetric
+def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
+    model, duration, timing, symmetric = job.model, job.duration, job.timing, job.symmetric
     if not (math.isfinite(duration) and duration > 0.0):
         raise SimulationError(f"duration = {duration:g} s is not allowed: give a positive time.")
     if symmetric and not model.ground.mirror_symmetric:
         raise SimulationError("A mirror-symmetric drive needs a terrain that is the same on the left and on the right.")
     if symmetric and model.built.up[1] != 0.0:
         raise SimulationError("A mirror-symmetric drive needs gravity without a pull to one side: set rise_y to 0.")
-    if isinstance(start, Ended):
-        return _gone_on(asked, start)
+    if isinstance(start, DriveEnd):
+        return _gone_on(job, start)
     parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
     begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
-    if hasattr(asked.controller, "reset"):
-        asked.controller.reset()
+    if hasattr(job.controller, "reset"):
+        job.controller.reset()
     attrs = {"set_down": begin.standing} if begin.standing else {}
-    again = _Again(asked, begin.state.copy(), begin.standing) if asked.settle_doubts else None
-    return _traced(asked, _begun(asked, begin.state), _place(begin.state), attrs, again)
+    again = _Again(job, begin.state.copy(), begin.standing) if job.settle_doubts else None
+    return _traced(job, _begun(job, begin.state), _place(begin.state), attrs, again)
 
 
 class _Again(NamedTuple):
     """Drives once more from where a drive began, to find or settle what speaks against it."""
 
-    asked: Asked
+    job: DriveJob
     state: DriveState
     standing: str
 
@@ -178,70 +178,72 @@ class _Again(NamedTuple):
         """Return the doubt of a start at rest that a push throws off, if it does."""
         if self.standing != RESTS:
             return []
-        doubt = thrown_by_a_push(_begun(self.asked, self.state.copy()))
-        return [doubt] if doubt else []
+        reason = thrown_by_a_push(_begun(self.job, self.state.copy()))
+        return [reason] if reason else []
 
     def halved(self, rows: np.ndarray, stop: str) -> Halved | None:
         """Return what half the step makes of the drive with these rows, if its commands are known."""
-        controller = repeating(self.asked.controller, rows, self.asked.timing)
+        controller = repeating(self.job.controller, rows, self.job.timing)
         if controller is None:
             return None
-        asked = self.asked._replace(controller=controller, timing=self.asked.timing.halved())
-        ran = asked.run(_begun(asked, self.state.copy()), asked.duration, None)
-        return halved(rows, stop, finite(ran.rows), ran.stop)
+        halved_job = self.job._replace(controller=controller, timing=self.job.timing.halved())
+        halved_run = halved_job.run(_begun(halved_job, self.state.copy()), halved_job.duration, None)
+        return halved(rows, stop, finite(halved_run.rows), halved_run.stop)
 
 
 def _place(state: DriveState) -> tuple[float, float]:
     return float(state.q[0]), float(state.q[1])
 
 
-def _begun(asked: Asked, state: DriveState) -> Drive:
+def _begun(job: DriveJob, state: DriveState) -> Drive:
     """Return a drive that begins in this state, with the step that its ground asks for."""
-    model = asked.model.begun(*_place(state))
-    stepper = asked.stepper(model, state, STANDING, asked.symmetric)
-    fine = asked.timing.refined(parts(model, state, asked.timing.dt, firmness(stepper, model)))
+    model = job.model.begun(*_place(state))
+    stepper = job.stepper(model, state, STANDING, job.symmetric)
+    fine = job.timing.refined(parts(model, state, job.timing.dt, firmness(stepper, model)))
     stepper.set_step(fine.dt)
-    return Drive(model, state, stepper, asked.controller, fine)
+    return Drive(model, state, stepper, job.controller, fine)
 
 
-def _gone_on(asked: Asked, end: Ended) -> Trace:
+def _gone_on(job: DriveJob, end: DriveEnd) -> Trace:
     """Drive on from where a drive ended."""
-    state, begun = end.state.copy(), asked.model.begun(*end.place)
-    end.refuse_other(asked.timing, asked.symmetric, hovering(begun, Start()))
-    stepper = asked.stepper(begun, state, end.fine.dt, asked.symmetric)
-    stepper.restore(end.held.moving)
-    stepper.duty[:], stepper.servo_target[:] = end.held.duty, end.held.servo
-    return _traced(asked, Drive(begun, state, stepper, asked.controller, end.fine, end.counted), end.place, {})
+    state, begun = end.state.copy(), job.model.begun(*end.place)
+    end.refuse_other(job.timing, job.symmetric, hovering(begun, Start()))
+    stepper = job.stepper(begun, state, end.fine.dt, job.symmetric)
+    stepper.restore(end.stepper_state.moving)
+    stepper.duty[:], stepper.servo_target[:] = end.stepper_state.duty, end.stepper_state.servo
+    return _traced(job, Drive(begun, state, stepper, job.controller, end.fine, end.checkpoint), end.place, {})
 
 
 def _traced(
-    asked: Asked, drive: Drive, place: tuple[float, float], attrs: dict[str, Any], again: _Again | None = None
+    job: DriveJob, drive: Drive, place: tuple[float, float], attrs: dict[str, Any], again: _Again | None = None
 ) -> Trace:
     """Run a drive and return its trace, with where it ended if it can go on."""
-    ran, stepper = asked.run(drive, asked.duration, asked.progress), drive.stepper
-    rows, symmetric = finite(ran.rows), asked.symmetric
-    attrs |= {"dt_s": drive.timing.dt, "control_period_s": asked.timing.control, "symmetric": symmetric}
-    attrs["stop"] = ran.stop
-    trace = trace_of(asked.model, rows, attrs)
+    run, stepper = job.run(drive, job.duration, job.progress), drive.stepper
+    rows, symmetric = finite(run.rows), job.symmetric
+    attrs |= {"dt_s": drive.timing.dt, "control_period_s": job.timing.control, "symmetric": symmetric}
+    attrs["stop"] = run.stop
+    trace = trace_of(job.model, rows, attrs)
     certain = [load_warning(drive.model, rows), balance_warning(trace)]
-    doubts, energy = doubts_of(drive.model, rows, ran.counted.missed), energy_warning(asked.model, trace)
+    doubts, energy = doubts_of(drive.model, rows, run.checkpoint.missed), energy_warning(job.model, trace)
     doubts += again.pushed() if again and len(rows) else []
-    half = again.halved(rows, ran.stop) if again and len(rows) else None
-    sizes = [f"{each}." for each in implausible(asked.model)]
-    trace = told(trace, [*certain, *sizes, *spoken(doubts, half), pivot_warning(stepper.pivoted), energy])
-    if ran.stop != "duration":
+    half = again.halved(rows, run.stop) if again and len(rows) else None
+    oddities = [f"{text}." for text in implausible(job.model)]
+    trace = annotate_trace(
+        trace, [*certain, *oddities, *step_warnings(doubts, half), pivot_warning(stepper.pivoted), energy]
+    )
+    if run.stop != "duration":
         return trace
-    held = Held(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())
-    end = Ended(drive.state.copy(), ran.counted, asked.timing, drive.timing, place, symmetric, held)
+    stepper_state = StepperState(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())
+    end = DriveEnd(drive.state.copy(), run.checkpoint, job.timing, drive.timing, place, symmetric, stepper_state)
     return dataclasses.replace(trace, end=end)
 
 
-def told(trace: Trace, warnings: list[str]) -> Trace:
+def annotate_trace(trace: Trace, warnings: list[str]) -> Trace:
     """Return the trace with what it came to, and with all reasons not to believe it; empty ones are none."""
-    came_to = happened(trace)
-    found: dict[str, Any] = {"happened": came_to.sentence} if came_to else {}
-    found["warnings"] = [each for each in warnings if each]
-    return dataclasses.replace(trace, attrs={**trace.attrs, **found})
+    came_to = drive_outcome(trace)
+    attrs: dict[str, Any] = {"happened": came_to.sentence} if came_to else {}
+    attrs["warnings"] = [warning for warning in warnings if warning]
+    return dataclasses.replace(trace, attrs={**trace.attrs, **attrs})
 
 
 @public

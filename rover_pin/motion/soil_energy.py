@@ -24,7 +24,7 @@ WHY = {"net": "near rest Eq (7)'s compaction pushes, though nothing rolls"}
 """Why a form gives energy, where it is not that its slip `LAGS`."""
 
 
-class Gift(NamedTuple):
+class SpuriousEnergy(NamedTuple):
     """Energy [J] that a drive had from nowhere."""
 
     traction: float
@@ -35,7 +35,7 @@ class Gift(NamedTuple):
     "what the motors gave while traction did [J]"
 
 
-def gift(model: Model, trace: Trace) -> Gift:
+def spurious_energy(model: Model, trace: Trace) -> SpuriousEnergy:
     """Return what the soil gave from nowhere over the rows of a drive, two at least.
 
     Sheared soil takes T omega - f_t v from a wheel, omega of the world and not of the link that carries it, without
@@ -51,19 +51,19 @@ def gift(model: Model, trace: Trace) -> Gift:
             pull = pull + float(effect.R) * load * v / np.hypot(v, effect.fading(rim))
     taken = np.sum(torque * rate - pull * v, axis=1) * dt
     power = np.gradient(trace["energy_motor"], trace.t)
-    held = np.sum(load * trace.stack("sinkage"), axis=1) / (float(model.soils[0].n) + 1.5)
+    pressed = np.sum(load * trace.stack("sinkage"), axis=1) / (float(model.soils[0].n) + 1.5)
     # Before the first row a rover that was set down has had nothing, and its wheels held no more than they do later.
-    start = [-float(np.max(held))] if "set_down" in trace.attrs else []
-    lost = np.array([*start, *(trace["energy_soil"] - held)])
+    start = [-float(np.max(pressed))] if "set_down" in trace.attrs else []
+    lost = np.array([*start, *(trace["energy_soil"] - pressed)])
     fall = float(np.max(np.maximum.accumulate(lost) - lost))
-    return Gift(_unstored(model, trace, -taken), fall, float(power[taken < 0.0] @ dt[taken < 0.0]))
+    return SpuriousEnergy(_unstored(model, trace, -taken), fall, float(power[taken < 0.0] @ dt[taken < 0.0]))
 
 
 def _unstored(model: Model, trace: Trace, gave: np.ndarray) -> float:
     """Return what traction gave from row to row [J] that sheared soil had not stored before."""
     store = shear_store(model, trace)
-    beyond = np.sum(np.maximum(gave + np.minimum(store.taken, 0.0), 0.0))
-    return float(min(np.sum(np.maximum(gave, 0.0)), beyond + store.overdrawn))
+    unstored = np.sum(np.maximum(gave + np.minimum(store.taken, 0.0), 0.0))
+    return float(min(np.sum(np.maximum(gave, 0.0)), unstored + store.overdrawn))
 
 
 def energy_warning(model: Model, trace: Trace) -> str:
@@ -74,22 +74,24 @@ def energy_warning(model: Model, trace: Trace) -> str:
     """
     if len(trace.t) < 2:
         return ""
-    given, least = gift(model, trace), WORTH_TELLING * _scale(trace)
-    return "; ".join(each for each in (_of_traction(trace, given, least), _of_account(given, least)) if each)
+    extra, least = spurious_energy(model, trace), WORTH_TELLING * _scale(trace)
+    return "; ".join(
+        sentence for sentence in (_of_traction(trace, extra, least), _of_account(extra, least)) if sentence
+    )
 
 
-def _of_traction(trace: Trace, given: Gift, least: float) -> str:
-    if given.traction <= least:
+def _of_traction(trace: Trace, extra: SpuriousEnergy, least: float) -> str:
+    if extra.traction <= least:
         return ""
-    form, works = trace.attrs.get("traction_form", ""), given.meanwhile > given.traction
-    share = f", {100.0 * given.traction / given.meanwhile:.2g} % of the motors' work meanwhile" if works else ""
-    return f"the {form} form's traction gave {given.traction:.2g} J from nowhere{share}: {WHY.get(form, LAGS)}"
+    form, works = trace.attrs.get("traction_form", ""), extra.meanwhile > extra.traction
+    share = f", {100.0 * extra.traction / extra.meanwhile:.2g} % of the motors' work meanwhile" if works else ""
+    return f"the {form} form's traction gave {extra.traction:.2g} J from nowhere{share}: {WHY.get(form, LAGS)}"
 
 
-def _of_account(given: Gift, least: float) -> str:
-    if given.soil <= least:
+def _of_account(extra: SpuriousEnergy, least: float) -> str:
+    if extra.soil <= least:
         return ""
-    return f"the soil's account fell by {given.soil:.2g} J more than loads and sinkages of the rows had pressed into it"
+    return f"the soil's account fell by {extra.soil:.2g} J more than loads and sinkages of the rows had pressed into it"
 
 
 def carriers(model: Model, trace: Trace) -> np.ndarray:
@@ -100,11 +102,11 @@ def carriers(model: Model, trace: Trace) -> np.ndarray:
     joints = zip(suspension_dofs(rover), joints_of(rover).names, strict=True)
     rates = {dof: np.gradient(trace[name], trace.t) for dof, name in joints}
     base = np.gradient(trace["body_pitch"], trace.t)
-    found = []
+    pitch_rates = []
     for mount in rover.wheels:
         J = pin.getJointJacobian(rover.model, data, mount.joint, pin.LOCAL_WORLD_ALIGNED)
-        found.append(base + sum(J[4, dof] * rate for dof, rate in rates.items()))
-    return np.array(found).T
+        pitch_rates.append(base + sum(J[4, dof] * rate for dof, rate in rates.items()))
+    return np.array(pitch_rates).T
 
 
 def _scale(trace: Trace) -> float:

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 from rover_pin.errors import MissingExtraError
-from rover_pin.motion.library_cache import built, kept
+from rover_pin.motion.library_cache import built, cached_library
 from rover_pin.motion.processor import has_vector_math, level
 from rover_pin.private_folders import private_folders
 from rover_pin.surroundings import bound_memory, program, safe_environment
@@ -30,8 +30,8 @@ FULL = os.strerror(errno.ENOSPC)
 def compiler() -> list[str] | None:
     """Return the command of a C compiler: $CC, cc, gcc, clang, or the `ziglang` package; None where there is none."""
     for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        if name and (found := program(name)):
-            return [found]
+        if name and (executable := program(name)):
+            return [executable]
     if importlib.util.find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc", PLAIN_CPU]
     return None
@@ -56,8 +56,8 @@ def shared_library(source: str, name: str) -> ctypes.CDLL:
     words = [source, *command, *FLAGS, *fast_flags(command), sys.platform, os.uname().machine, *platform.libc_ver()]
     stem = f"{name}-{hashlib.sha256(SEPARATOR.join(words).encode()).hexdigest()[:20]}"
     folders = private_folders()
-    found = next(filter(None, (kept(folder, stem) for folder in folders)), None)
-    return found or built(folders, stem, lambda place: _compiled(command, source, place))
+    cached = next(filter(None, (cached_library(folder, stem) for folder in folders)), None)
+    return cached or built(folders, stem, lambda place: _compiled(command, source, place))
 
 
 def fast_flags(command: list[str]) -> list[str]:
@@ -69,10 +69,10 @@ def fast_flags(command: list[str]) -> list[str]:
 
 def _compiled(command: list[str], source: str, place: Path) -> Path:
     log.debug("compiling %d lines of C with %s", source.count("\n"), " ".join(command))
-    file, made = place / "source.c", place / "made.so"
+    file, library = place / "source.c", place / "made.so"
     file.write_text(source)
     fast = fast_flags(command)
-    tried = [[*FLAGS, *fast, "-o", str(made), str(file), "-lmvec"], [*FLAGS, "-o", str(made), str(file)]]
+    tried = [[*FLAGS, *fast, "-o", str(library), str(file), "-lmvec"], [*FLAGS, "-o", str(library), str(file)]]
     for arguments in tried if fast else tried[1:]:
         run = subprocess.run(
             [*command, *arguments, "-lm"], capture_output=True, text=True, check=False,
@@ -87,4 +87,4 @@ def _compiled(command: list[str], source: str, place: Path) -> Path:
             f"The C compiler {' '.join(command)} failed: {run.stderr.strip().splitlines()[-1:]}; "
             "set CC to one that works."
         )
-    return made
+    return library

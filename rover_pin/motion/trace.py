@@ -12,11 +12,11 @@ import numpy as np
 
 from rover_pin.errors import DataError, MissingExtraError, ParameterError, closest
 from rover_pin.motion.channels import RATES, unit_of, wheels_in
-from rover_pin.motion.going_on import Ended
+from rover_pin.motion.going_on import DriveEnd
 
 NOT_LOSSES = ("energy_motor", "energy_electric", "energy_kinetic", "energy_potential", "energy_elastic")
 """Energy channels beside what soil, stops, servos and further effects take; springs' share is within `energy_body`."""
-TOLD = ("stop", "happened", "warnings", "notes", "assumed", "set_down", "traction_form", "motion_resistance_R")
+SUMMARY_ATTRS = ("stop", "happened", "warnings", "notes", "assumed", "set_down", "traction_form", "motion_resistance_R")
 """Attributes that a summary repeats."""
 
 
@@ -51,7 +51,7 @@ class Trace(Mapping[str, np.ndarray]):
     channels: dict[str, np.ndarray]
     units: dict[str, str] = field(default_factory=dict)
     attrs: dict[str, Any] = field(default_factory=dict)
-    end: Ended | None = field(default=None, repr=False)
+    end: DriveEnd | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         try:
@@ -105,7 +105,7 @@ class Trace(Mapping[str, np.ndarray]):
         return tuple(self.attrs.get("wheels") or wheels_in(self.channels))
 
     @property
-    def held(self) -> bool:
+    def rate_driven(self) -> bool:
         """Whether a replay turns the wheels at their measured rates: no duty was recorded, or the log says so."""
         return self.attrs.get("input") == RATES or not any(name.startswith("duty_") for name in self.channels)
 
@@ -153,9 +153,9 @@ class Trace(Mapping[str, np.ndarray]):
         ]
         if len(self.t) < 2:
             return math.nan
-        left = np.max(np.abs(motor - sum(stored) - sum(losses)))
+        residual = np.max(np.abs(motor - sum(stored) - sum(losses)))
         scale = max(float(np.max(np.abs(term))) for term in (motor, *stored, *losses))
-        return float(left / scale) if scale > 0.0 else 0.0
+        return float(residual / scale) if scale > 0.0 else 0.0
 
     def summary(self) -> dict[str, Any]:
         """Return a few plain values of the drive; what was not recorded is left out, and gaps are passed over."""
@@ -167,17 +167,17 @@ class Trace(Mapping[str, np.ndarray]):
             short["mean_slip"], short["max_slip"] = _over(np.mean, slip), _over(np.max, slip)
         if {"energy_motor", "energy_kinetic", "energy_potential"} <= self.channels.keys():
             short["energy_motor_J"], short["energy_error"] = float(self["energy_motor"][-1]), self.energy_error()
-        told = {name: self.attrs[name] for name in TOLD if self.attrs.get(name, []) != []}
-        return {**told, **{name: value for name, value in short.items() if math.isfinite(value)}}
+        attrs = {name: self.attrs[name] for name in SUMMARY_ATTRS if self.attrs.get(name, []) != []}
+        return {**attrs, **{name: value for name, value in short.items() if math.isfinite(value)}}
 
     def _travel(self) -> dict[str, float]:
         if not {"body_x", "body_y"} <= self.channels.keys():
             return {}
         x, y = self.need("body_x", "body_y")
-        seen = np.isfinite(x) & np.isfinite(y)
-        if not np.any(seen):
+        valid = np.isfinite(x) & np.isfinite(y)
+        if not np.any(valid):
             return {}
-        x, y = x[seen], y[seen]
+        x, y = x[valid], y[valid]
         path = float(np.sum(np.hypot(np.diff(x), np.diff(y))))
         return {"distance_m": path, "end_x_m": float(x[-1]), "end_y_m": float(y[-1])}
 
@@ -242,5 +242,5 @@ def _shown(value: Any) -> str:
 
 
 def _over(reduce: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
-    seen = values[np.isfinite(values)]
-    return float(reduce(seen)) if seen.size else math.nan
+    valid = values[np.isfinite(values)]
+    return float(reduce(valid)) if valid.size else math.nan

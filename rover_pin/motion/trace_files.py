@@ -57,11 +57,11 @@ def run_from(
             raise DataError(
                 f"{table.path}: units name a column '{name}' that is not there: {closest(name, table.values)}"
             )
-    held = _metadata(table.path) if table.path.suffix == ".parquet" else {}
-    stated = {**held.get("units", {}), **(units or {})}
-    channels = {name: _si(table, name, stated.get(name, unit_of(name))) for name in table.values}
-    units = {name: unit_of(name) or stated.get(name, "") for name in channels}
-    return Trace(channels, units, {**held.get("attrs", {}), **(attrs or {})})
+    metadata = _metadata(table.path) if table.path.suffix == ".parquet" else {}
+    declared_units = {**metadata.get("units", {}), **(units or {})}
+    channels = {name: _si(table, name, declared_units.get(name, unit_of(name))) for name in table.values}
+    units = {name: unit_of(name) or declared_units.get(name, "") for name in channels}
+    return Trace(channels, units, {**metadata.get("attrs", {}), **(attrs or {})})
 
 
 def _si(table: Columns, name: str, unit: Any) -> np.ndarray:
@@ -79,10 +79,10 @@ def write_parquet(path: str | Path, trace: Trace) -> Path:
     import pyarrow.parquet
 
     try:
-        about = json.dumps({"units": trace.units, "attrs": trace.attrs}, default=_plain)
+        metadata = json.dumps({"units": trace.units, "attrs": trace.attrs}, default=_plain)
     except TypeError as error:
         raise DataError(f"{path}: an attribute of the trace is not a plain value: {error}.") from error
-    table = pyarrow.table(trace.channels).replace_schema_metadata({METADATA: about.encode()})
+    table = pyarrow.table(trace.channels).replace_schema_metadata({METADATA: metadata.encode()})
     content = io.BytesIO()
     pyarrow.parquet.write_table(table, content)
     return replace_file(path, content.getvalue())
@@ -95,16 +95,16 @@ def _plain(value: Any) -> Any:
 
 
 def _metadata(path: Path) -> dict[str, Any]:
-    held = (parquet_table(path).schema.metadata or {}).get(METADATA)
+    raw = (parquet_table(path).schema.metadata or {}).get(METADATA)
     try:
-        about = json.loads(held) if held else {}
+        metadata = json.loads(raw) if raw else {}
     except (ValueError, RecursionError) as error:
         raise DataError(
             f"{path}: what the file says of its columns is not JSON: write it with `write_parquet`."
         ) from error
-    if not isinstance(about, dict):
-        raise DataError(f"{path}: what the file says of its columns is {about!r}, not a table of units and attrs.")
-    return {name: table_in(about, name, path) for name in ("units", "attrs")}
+    if not isinstance(metadata, dict):
+        raise DataError(f"{path}: what the file says of its columns is {metadata!r}, not a table of units and attrs.")
+    return {name: table_in(metadata, name, path) for name in ("units", "attrs")}
 
 
 def _refuse_percent(table: Columns) -> None:

@@ -32,11 +32,11 @@ def bekker_si(name: str, value: float, unit: str, n: float | None, where: str) -
     ParameterError
         A unit of another form or power than this constant's, or a length that needs n, with `where` it stands.
     """
-    found = WRITTEN.fullmatch(unit.strip())
-    top, under = (found[1], found[2]) if found else ("", "")
+    matched = WRITTEN.fullmatch(unit.strip())
+    top, under = (matched[1], matched[2]) if matched else ("", "")
     pressure = math.isnan(factor_to(top, "N"))
     factor, length = factor_to(top, "Pa" if pressure else "N"), factor_to(under, "m")
-    power = int((found[3] or "0").replace(" ", "")) if found else 0
+    power = int((matched[3] or "0").replace(" ", "")) if matched else 0
     if math.isnan(factor * length) or power + 2 * pressure != POWERS[name]:
         over, pascals = f"/m^(n+{POWERS[name]})", "kPa/m^(n-1)" if name == "k_c" else "kPa/m^n"
         raise ParameterError(

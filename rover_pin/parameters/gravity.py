@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.quantity import to_si, value_and_unit, written
+from rover_pin.quantity import parse_quantity, to_si, value_and_unit
 
 EARTH = 9.81
 """Standard gravity, rounded as engineering tables do (9.80665)."""
@@ -23,7 +23,7 @@ def gravity_named(word: str | float) -> float:
     if isinstance(word, str) and word in GRAVITIES:
         return GRAVITIES[word]
     try:
-        return written(word, "m/s^2", "gravity")
+        return parse_quantity(word, "m/s^2", "gravity")
     except ParameterError:
         raise ParameterError(
             f"gravity = {word!r} is neither a number [m/s^2] nor known: {closest(str(word), GRAVITIES)}"

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_pin.motion.draw import COLOURS, alike, draw_lines, wheel_lines
+from rover_pin.motion.draw import COLOURS, draw_lines, group_overlapping_lines, wheel_lines
 from rover_pin.motion.trace import Trace
 from rover_pin.plot.sheet import in_lines, sheet
 from rover_pin.plot.snapshots import title_of
@@ -49,11 +49,11 @@ def history(trace: Trace) -> Figure:
     size = (SIZE[0], 1.0 + SIZE[1] * len(panels))
     figure, axes = sheet(len(panels), size=size, sharex=True, squeeze=False)
     figure.subplots_adjust(right=1.0 - LEGEND / SIZE[0])
-    for (label, draw), each in zip(panels.items(), axes[:, 0], strict=True):
-        draw(each)
-        _legend_beside(each)
-        each.set_ylabel(label)
-        each.grid(alpha=0.3)
+    for (label, draw), panel in zip(panels.items(), axes[:, 0], strict=True):
+        draw(panel)
+        _legend_beside(panel)
+        panel.set_ylabel(label)
+        panel.grid(alpha=0.3)
     axes[0, 0].set_title(in_lines([*title_of(trace), *constant]), fontsize=8)
     axes[-1, 0].set_xlabel("t [s]")
     return figure
@@ -69,12 +69,12 @@ def _panels(trace: Trace) -> tuple[dict[str, Panel], list[str]]:
     """Return the panels by their label, and what is constant in words."""
     drawn: dict[str, Panel] = {}
     constant = []
-    for each in (SLIP, SINKAGE, DUTY):
-        values = _values(trace, each)
-        if any(np.nanmax(own) - np.nanmin(own) > STILL for own in values.values()):
-            drawn[each.label] = lambda axes, each=each: wheel_lines(axes, trace, each.channel, each.scale)  # type: ignore[misc]
+    for signal in (SLIP, SINKAGE, DUTY):
+        values = _values(trace, signal)
+        if any(np.nanmax(series) - np.nanmin(series) > STILL for series in values.values()):
+            drawn[signal.label] = lambda axes, signal=signal: wheel_lines(axes, trace, signal.channel, signal.scale)  # type: ignore[misc]
         elif values:
-            constant.append(_in_words(each, values))
+            constant.append(_in_words(signal, values))
     if {"body_vx", "body_vy"} <= trace.channels.keys():
         drawn["speed [mm/s]"] = lambda axes: _speed(axes, trace)
     for label, angles in _angles(trace).items():
@@ -85,28 +85,28 @@ def _panels(trace: Trace) -> tuple[dict[str, Panel], list[str]]:
     return {label: drawn[label] for label in order if label in drawn}, constant
 
 
-def _values(trace: Trace, each: OfWheels) -> dict[str, np.ndarray]:
+def _values(trace: Trace, signal: OfWheels) -> dict[str, np.ndarray]:
     """Return what was recorded of a channel by wheel, in the label's unit."""
-    names = {wheel: f"{each.channel}_{wheel}" for wheel in trace.wheels}
-    own = {wheel: each.scale * trace[name] for wheel, name in names.items() if name in trace}
-    return {wheel: values for wheel, values in own.items() if np.any(np.isfinite(values))}
+    names = {wheel: f"{signal.channel}_{wheel}" for wheel in trace.wheels}
+    scaled = {wheel: signal.scale * trace[name] for wheel, name in names.items() if name in trace}
+    return {wheel: values for wheel, values in scaled.items() if np.any(np.isfinite(values))}
 
 
-def _in_words(each: OfWheels, values: Mapping[str, np.ndarray]) -> str:
+def _in_words(signal: OfWheels, values: Mapping[str, np.ndarray]) -> str:
     """Return what is constant as "duty 0.55", or as "duty 0.55 (fr, rr), 0.4 (fl, rl)" where wheels differ."""
-    groups = [(float(np.nanmean(values[group[0]])), group) for group in alike(values)]
-    unit = f" {each.unit}" if each.unit else ""
-    said = [f"{value:.3g}{unit}" + (f" ({', '.join(group)})" if len(groups) > 1 else "") for value, group in groups]
-    return f"{each.name} {', '.join(said)}"
+    groups = [(float(np.nanmean(values[group[0]])), group) for group in group_overlapping_lines(values)]
+    unit = f" {signal.unit}" if signal.unit else ""
+    phrases = [f"{value:.3g}{unit}" + (f" ({', '.join(group)})" if len(groups) > 1 else "") for value, group in groups]
+    return f"{signal.name} {', '.join(phrases)}"
 
 
 def _speed(axes: Axes, trace: Trace) -> None:
     yaw = trace.get("body_yaw", np.zeros(trace.t.size))
     ahead = 1e3 * (np.cos(yaw) * trace["body_vx"] + np.sin(yaw) * trace["body_vy"])
-    left = 1e3 * (np.cos(yaw) * trace["body_vy"] - np.sin(yaw) * trace["body_vx"])
+    leftward = 1e3 * (np.cos(yaw) * trace["body_vy"] - np.sin(yaw) * trace["body_vx"])
     lines = {
         "ahead": ahead,
-        **({"to the left": left} if np.nanmax(np.abs(left)) > 0.03 * np.nanmax(np.abs(ahead)) else {}),
+        **({"to the left": leftward} if np.nanmax(np.abs(leftward)) > 0.03 * np.nanmax(np.abs(ahead)) else {}),
     }
     draw_lines(axes, trace.t, lines, {name: {"color": COLOURS[n]} for n, name in enumerate(lines)})
 
@@ -117,12 +117,12 @@ ANGLES, HEADING = "angle [deg]", "heading [deg]"
 def _angles(trace: Trace) -> dict[str, dict[str, np.ndarray]]:
     """Return the angles that change [deg], by panel: a turn would flatten what the suspension does."""
     kinds = {ANGLES: ("rocker", "bogie", "body_pitch", "body_roll"), HEADING: ("body_yaw",)}
-    found: dict[str, dict[str, np.ndarray]] = {}
+    panels: dict[str, dict[str, np.ndarray]] = {}
     for label, starts in kinds.items():
-        own = {name.replace("_", " "): np.degrees(trace[name]) for name in trace.channels if name.startswith(starts)}
-        own = {name: values for name, values in own.items() if np.nanmax(values) - np.nanmin(values) > STILL_DEG}
-        found |= {label: own} if own else {}
-    return found
+        angles = {name.replace("_", " "): np.degrees(trace[name]) for name in trace.channels if name.startswith(starts)}
+        angles = {name: values for name, values in angles.items() if np.nanmax(values) - np.nanmin(values) > STILL_DEG}
+        panels |= {label: angles} if angles else {}
+    return panels
 
 
 def _draw_angles(axes: Axes, trace: Trace, lines: Mapping[str, np.ndarray]) -> None:

@@ -33,20 +33,22 @@ class Pose(NamedTuple):
 
 def poses(trace: Trace, rover: Rover, rows: Sequence[int] | np.ndarray) -> list[Pose]:
     """Return the rover at rows of a trace."""
-    data, made = rover.model.createData(), []
+    data, rover_poses = rover.model.createData(), []
     for row in rows:
         q = configuration(rover, trace, int(row))
-        made.append(Pose(float(trace.t[row]), q, *place_links(rover, data, q), np.array(data.oMi[1].rotation[:2, 1])))
-    return made
+        rover_poses.append(
+            Pose(float(trace.t[row]), q, *place_links(rover, data, q), np.array(data.oMi[1].rotation[:2, 1]))
+        )
+    return rover_poses
 
 
 def draw_rover(axes: Axes, rover: Rover, q: np.ndarray, colour: Any, side: str = "l") -> None:
     """Draw a side of the rover: links between joints, wheels, and the body's axis."""
     data = rover.model.createData()
     pin.forwardKinematics(rover.model, data, q)
-    own = {wheel.joint for wheel in rover.wheels if wheel.side == side}
-    shown = {joint for wheel in own for joint in rover.model.supports[wheel]}
-    for joint in sorted(shown - {0, 1}):
+    wheel_joints = {wheel.joint for wheel in rover.wheels if wheel.side == side}
+    joints = {joint for wheel in wheel_joints for joint in rover.model.supports[wheel]}
+    for joint in sorted(joints - {0, 1}):
         parent = rover.model.parents[joint]
         start, end = data.oMi[parent].translation, data.oMi[joint].translation
         axes.plot([start[0], end[0]], [start[2], end[2]], color=colour, lw=1.4, solid_capstyle="round")
@@ -62,13 +64,13 @@ def ground_line(terrain: Terrain, low: float, high: float, y: float) -> tuple[np
     return x, np.asarray(terrain.height(x, y))
 
 
-def draw_ground(axes: Axes, terrain: Terrain, span: tuple[float, float], under: float, other: float) -> float:
+def draw_ground(axes: Axes, terrain: Terrain, span: tuple[float, float], under: float, other_y: float) -> float:
     """Draw the ground under the wheels that are drawn, at y = `under`; dashed under the others; return its lowest z."""
     x, z = ground_line(terrain, *span, under)
     low = float(np.min(z))
     axes.fill_between(x, z, low - 0.05, color=SAND, lw=0)
     axes.plot(x, z, color=EDGE, lw=1)
-    beside = ground_line(terrain, *span, other)[1]
+    beside = ground_line(terrain, *span, other_y)[1]
     if np.max(np.abs(beside - z)) > 1e-6:
         axes.plot(x, beside, color=EDGE, lw=0.8, ls="--")
     return low

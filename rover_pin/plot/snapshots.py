@@ -37,18 +37,18 @@ def snapshots(trace: Trace, model: Model, count: int = 6) -> Figure:
     x, y = (trace.get(f"body_{name}", np.zeros(trace.t.size)) for name in "xy")
     way = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
     rows = np.linspace(0, trace.t.size - 1, max(count, round((0.6 + way) / FURTHEST_APART))).astype(int)
-    shown = poses(trace, model.rover, rows)
-    turned, side = Turned.of(trace), _Side(shown, model)
+    instants = poses(trace, model.rover, rows)
+    turned, side = Turned.of(trace), _Side(instants, model)
     views: list[_Side | _Above] = [side] if turned.side_tells and side.stands else []
     if not views or turned.from_above:
-        views.append(_Above(shown, model, trace))
+        views.append(_Above(instants, model, trace))
     heights = [view.height for view in views]
     figure, axes = sheet(
         len(views), (WIDTH, sum(heights) + 1.0 + 0.5 * (len(views) - 1)), squeeze=False, height_ratios=heights
     )
     figure.subplots_adjust(hspace=0.25)
-    for view, each in zip(views, axes[:, 0], strict=True):
-        view.draw(each)
+    for view, panel in zip(views, axes[:, 0], strict=True):
+        view.draw(panel)
     axes[0, 0].set_title(in_lines(title_of(trace)), fontsize=8)
     return figure
 
@@ -68,16 +68,16 @@ class _View:
 
 
 class _Side(_View):
-    def __init__(self, shown: list[Pose], model: Model):
-        self.shown, self.model = shown, model
-        centres, r = np.array([pose.centres for pose in shown]), _radius(model.rover)
+    def __init__(self, instants: list[Pose], model: Model):
+        self.instants, self.model = instants, model
+        centres, r = np.array([pose.centres for pose in instants]), _radius(model.rover)
         self.span = float(centres[..., 0].min()) - 3 * r, float(centres[..., 0].max()) + 3 * r
         self.y = {side: float(np.mean(centres[:, of_side(model.rover, side), 1])) for side in "lr"}
         ground = {side: model.terrain.height(np.linspace(*self.span, 500), y) for side, y in self.y.items()}
         self.side = max("lr", key=lambda side: (float(np.ptp(ground[side])), side == "l"))
-        tops = [float(pose.q[2]) for pose in shown] + [float(centres[..., 2].max()) + r]
+        tops = [float(pose.q[2]) for pose in instants] + [float(centres[..., 2].max()) + r]
         self.top = max(tops) + 0.3 * r
-        lowest = min(float(each.min()) for each in ground.values())
+        lowest = min(float(profile.min()) for profile in ground.values())
         self.stands = self._stands(centres[:, of_side(model.rover, self.side)], 0.25 * r)
         super().__init__((self.span[0], lowest - 0.05), (self.span[1], self.top + 2.2 * r + 0.05))
 
@@ -89,21 +89,21 @@ class _Side(_View):
 
     def draw(self, axes: Axes) -> None:
         """Draw ground, rovers, and when each was."""
-        rover, other = self.model.rover, "r" if self.side == "l" else "l"
-        draw_ground(axes, self.model.terrain, self.span, self.y[self.side], self.y[other])
-        for shade, pose in zip(np.linspace(0.65, 0.0, len(self.shown)), self.shown, strict=True):
+        rover, far_side = self.model.rover, "r" if self.side == "l" else "l"
+        draw_ground(axes, self.model.terrain, self.span, self.y[self.side], self.y[far_side])
+        for shade, pose in zip(np.linspace(0.65, 0.0, len(self.instants)), self.instants, strict=True):
             draw_rover(axes, rover, pose.q, str(shade), self.side)
-        for x, when, line in _labels(self.shown, self.span):
+        for x, when, line in _labels(self.instants, self.span):
             axes.text(x, self.top + 0.9 * _radius(rover) * line, when, ha="center", va="bottom", fontsize=8)
         self.frame(axes, ("x", "z"))
-        seen = "left" if self.side == "l" else "right"
-        axes.text(0.995, 0.03, f"{seen} wheels", transform=axes.transAxes, ha="right", fontsize=8, color="#555555")
+        side_name = "left" if self.side == "l" else "right"
+        axes.text(0.995, 0.03, f"{side_name} wheels", transform=axes.transAxes, ha="right", fontsize=8, color="#555555")
 
 
 class _Above(_View):
-    def __init__(self, shown: list[Pose], model: Model, trace: Trace):
-        self.shown, self.model, self.trace = shown, model, trace
-        centres, r = np.array([pose.centres for pose in shown]), _radius(model.rover)
+    def __init__(self, instants: list[Pose], model: Model, trace: Trace):
+        self.instants, self.model, self.trace = instants, model, trace
+        centres, r = np.array([pose.centres for pose in instants]), _radius(model.rover)
         low, high = centres.min(axis=(0, 1))[:2] - 3 * r, centres.max(axis=(0, 1))[:2] + 3 * r
         super().__init__((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
 
@@ -111,7 +111,7 @@ class _Above(_View):
         """Draw the ground by its height, the body's way, rovers, and when each was."""
         draw_heights(axes, self.model.terrain, (self.low[0], self.high[0], self.low[1], self.high[1]))
         axes.plot(self.trace["body_x"], self.trace["body_y"], color="#0072b2", lw=1)
-        for shade, pose in zip(np.linspace(0.65, 0.0, len(self.shown)), self.shown, strict=True):
+        for shade, pose in zip(np.linspace(0.65, 0.0, len(self.instants)), self.instants, strict=True):
             draw_above(axes, self.model.rover, pose, str(shade))
         for (x, y), when in self._times():
             axes.text(x, y, when, ha="center", va="center", fontsize=8, bbox=PAPER)
@@ -120,24 +120,24 @@ class _Above(_View):
     def _times(self) -> Iterator[tuple[np.ndarray, str]]:
         """Yield place and text of the labels: within a pose, ahead of it where poses overlap, one for those alike."""
         inch = max((self.high[0] - self.low[0]) / WIDTH, (self.high[1] - self.low[1]) / self.height)
-        apart = inch * np.array(A_LABEL)
-        middles = np.array([pose.centres[:, :2].mean(axis=0) for pose in self.shown])
-        near = (np.abs(middles[:, None] - middles) < apart).all(axis=-1)
+        spacing = inch * np.array(A_LABEL)
+        middles = np.array([pose.centres[:, :2].mean(axis=0) for pose in self.instants])
+        overlaps = (np.abs(middles[:, None] - middles) < spacing).all(axis=-1)
         places = [
             _ahead(pose, _radius(self.model.rover)) if close.sum() > 1 else middle
-            for pose, close, middle in zip(self.shown, near, middles, strict=True)
+            for pose, close, middle in zip(self.instants, overlaps, middles, strict=True)
         ]
         groups: list[list[int]] = []
         for at, place in enumerate(places):
-            alike = [group for group in groups if (np.abs(places[group[-1]] - place) < apart).all()]
-            if alike:
-                alike[0].append(at)
+            close_groups = [group for group in groups if (np.abs(places[group[-1]] - place) < spacing).all()]
+            if close_groups:
+                close_groups[0].append(at)
             else:
                 groups.append([at])
         for group in groups:
-            times = [f"{self.shown[at].t:.1f}" for at in group]
+            times = [f"{self.instants[at].t:.1f}" for at in group]
             together = f"{times[0]} to {times[-1]}" if group == [*range(group[0], group[-1] + 1)] else ", ".join(times)
-            within = np.clip(places[group[-1]], np.array(self.low) + apart, np.array(self.high) - apart)
+            within = np.clip(places[group[-1]], np.array(self.low) + spacing, np.array(self.high) - spacing)
             yield within, f"{together if len(group) > 1 else times[0]} s"
 
 
@@ -152,17 +152,17 @@ def _radius(rover: Rover) -> float:
     return max(float(wheel.wheel.r) for wheel in rover.wheels)
 
 
-def _labels(shown: list[Pose], span: tuple[float, float]) -> Iterator[tuple[float, str, int]]:
+def _labels(instants: list[Pose], span: tuple[float, float]) -> Iterator[tuple[float, str, int]]:
     """Yield place, text and line (0 or 1) of the labels: one for all poses at one place, the next one line higher."""
     wide = span[1] - span[0]
     groups: list[list[Pose]] = []
-    for pose in shown:
+    for pose in instants:
         if groups and abs(pose.q[0] - groups[-1][-1].q[0]) < SAME_PLACE * wide:
             groups[-1].append(pose)
         else:
             groups.append([pose])
     last, line = -math.inf, 0
-    for group in sorted(groups, key=lambda each: float(each[0].q[0])):
+    for group in sorted(groups, key=lambda members: float(members[0].q[0])):
         x, ends = float(np.mean([pose.q[0] for pose in group])), f"{group[-1].t:.1f} s"
         line = 1 - line if abs(x - last) < 0.07 * wide else 0
         last = x
@@ -183,7 +183,7 @@ def title_of(trace: Trace) -> list[str]:
 
 def _deepest(trace: Trace) -> Iterator[str]:
     depths = {wheel: trace[f"sinkage_{wheel}"] for wheel in trace.wheels if f"sinkage_{wheel}" in trace}
-    most = {wheel: float(np.nanmax(each)) for wheel, each in depths.items() if np.any(np.isfinite(each))}
+    most = {wheel: float(np.nanmax(depth)) for wheel, depth in depths.items() if np.any(np.isfinite(depth))}
     if most:
-        wheel = max(most, key=lambda each: most[each])
+        wheel = max(most, key=lambda name: most[name])
         yield f"deepest sinkage {1e3 * most[wheel]:.1f} mm ({wheel})"

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from rover_pin.motion.draw import COLOURS
 
-ASKED_FIRST = ("distance_m", "mean_slip", "energy_motor_J", "max_pitch_deg")
+MAIN_OUTCOMES = ("distance_m", "mean_slip", "energy_motor_J", "max_pitch_deg")
 """Outcomes of a drive that are shown before others."""
 MOST_OUTCOMES, MOST_PARAMETERS, MOST_KINDS = 3, 4, 4
 MARKERS = "os^DvP"
@@ -50,9 +50,11 @@ def study_figure(name: str, table: Any, units: Mapping[str, str], logarithmic: S
     """
     done = table[table["error"].isna()]
     numbers = {
-        each: _shown(done[each], each, units[each], each in logarithmic) for each in units if _varies(done, each)
+        parameter: _shown(done[parameter], parameter, units[parameter], parameter in logarithmic)
+        for parameter in units
+        if _varies(done, parameter)
     }
-    kinds, kind = _kinds(done, [each for each in units if each not in numbers])
+    kinds, kind = _kinds(done, [parameter for parameter in units if parameter not in numbers])
     outcomes = _outcomes(done, units)
     columns = list(numbers.values())[:MOST_PARAMETERS] or [Shown(np.arange(len(done)), "case")]
     maps = len(columns) > 1 and bool(outcomes)
@@ -93,11 +95,11 @@ def _outcomes(table: Any, units: Mapping[str, str]) -> list[str]:
     """Return the outcomes to show: numbers that differ from case to case, what is asked of drives first."""
     inside = list(table.columns).index("key") + 1 if "key" in table.columns else 0
     names = [name for name in table.columns[inside:] if name not in units and _varies(table, name)]
-    return sorted(names, key=lambda name: (name not in ASKED_FIRST, _place(name), names.index(name)))[:MOST_OUTCOMES]
+    return sorted(names, key=lambda name: (name not in MAIN_OUTCOMES, _place(name), names.index(name)))[:MOST_OUTCOMES]
 
 
 def _place(name: str) -> int:
-    return ASKED_FIRST.index(name) if name in ASKED_FIRST else 0
+    return MAIN_OUTCOMES.index(name) if name in MAIN_OUTCOMES else 0
 
 
 def _label(outcome: str) -> str:
@@ -108,14 +110,14 @@ def _label(outcome: str) -> str:
 def _maps(part: Any, columns: list[Shown], outcome: np.ndarray, name: str, kinds: np.ndarray, kind: str) -> None:
     """Draw an outcome as a colour over the first two parameters, one map a kind."""
     x, y = columns[:2]
-    found = list(dict.fromkeys(sorted(kinds)))[:MOST_KINDS]
+    drawn_kinds = list(dict.fromkeys(sorted(kinds)))[:MOST_KINDS]
     scale = Normalize(np.nanmin(outcome), np.nanmax(outcome))
-    panels = part.subplots(1, len(found), sharey=True, squeeze=False)[0]
-    for axes, one in zip(panels, found, strict=True):
-        own = kinds == one
-        axes.scatter(x.values[own], y.values[own], c=outcome[own], cmap="cividis", norm=scale, s=42, ec="k", lw=0.3)
+    panels = part.subplots(1, len(drawn_kinds), sharey=True, squeeze=False)[0]
+    for axes, category in zip(panels, drawn_kinds, strict=True):
+        mask = kinds == category
+        axes.scatter(x.values[mask], y.values[mask], c=outcome[mask], cmap="cividis", norm=scale, s=42, ec="k", lw=0.3)
         axes.set(xlabel=x.label, ylabel=y.label if axes is panels[0] else "")
-        axes.set_title(f"{kind} = {one}" if kind else "", fontsize=9)
+        axes.set_title(f"{kind} = {category}" if kind else "", fontsize=9)
         _scaled(axes, x, y)
     part.colorbar(ScalarMappable(scale, "cividis"), ax=list(panels), label=_label(name))
 
@@ -123,21 +125,21 @@ def _maps(part: Any, columns: list[Shown], outcome: np.ndarray, name: str, kinds
 def _row(part: Any, columns: list[Shown], outcome: np.ndarray, name: str, kinds: np.ndarray, kind: str) -> None:
     """Draw an outcome over each parameter; kinds differ by colour and mark."""
     panels = part.subplots(1, len(columns), sharey=True, squeeze=False)[0]
-    for axes, shown in zip(panels, columns, strict=True):
-        for n, one in enumerate(sorted(set(kinds))):
-            own = kinds == one
+    for axes, column in zip(panels, columns, strict=True):
+        for n, category in enumerate(sorted(set(kinds))):
+            mask = kinds == category
             axes.scatter(
-                shown.values[own],
-                outcome[own],
+                column.values[mask],
+                outcome[mask],
                 s=16,
                 alpha=0.8,
                 lw=0,
                 color=COLOURS[n],
                 marker=MARKERS[n % 6],
-                label=one,
+                label=category,
             )
-        axes.set(xlabel=shown.label, ylabel=_label(name) if axes is panels[0] else "")
-        _scaled(axes, shown)
+        axes.set(xlabel=column.label, ylabel=_label(name) if axes is panels[0] else "")
+        _scaled(axes, column)
     if kind:
         panels[-1].legend(title=kind, fontsize=7, title_fontsize=7)
 

@@ -34,7 +34,7 @@ def tuning_figure(table: Any, title: str) -> Figure:
         A panel a set with a line a drive; left is better. A drive's line spans its controls.
     """
     sets = list(dict.fromkeys(table["set"]))
-    drives = {each: list(dict.fromkeys(table[table["set"] == each]["drive"])) for each in sets}
+    drives = {set_name: list(dict.fromkeys(table[table["set"] == set_name]["drive"])) for set_name in sets}
     heights = [len(names) + 1 for names in drives.values()]
     figure = Figure(figsize=(10.0, 1.6 + 0.32 * sum(heights)), layout="constrained")
     figure.suptitle(title, fontsize=10)
@@ -50,15 +50,15 @@ def tuning_figure(table: Any, title: str) -> Figure:
 
 def _panel(axes: Axes, rows: Any, drives: list[str]) -> None:
     places = {drive: -n for n, drive in enumerate(drives)}
-    for drive, own in rows.groupby("drive"):
-        axes.plot([own["cost"].min(), own["cost"].max()], [places[drive]] * 2, color="#cccccc", lw=1, zorder=1)
+    for drive, group in rows.groupby("drive"):
+        axes.plot([group["cost"].min(), group["cost"].max()], [places[drive]] * 2, color="#cccccc", lw=1, zorder=1)
     for control in dict.fromkeys(rows["control"]):
-        own = rows[rows["control"] == control]
+        group = rows[rows["control"] == control]
         marker, colour = next(look for start, look in LOOKS.items() if control.startswith(start))
         fed = control.endswith("eq9")
         name = f"{control} slip" if ", " in control else control
         axes.plot(
-            own["cost"], [places[drive] for drive in own["drive"]], ls="", label=name, marker=marker, ms=7,
+            group["cost"], [places[drive] for drive in group["drive"]], ls="", label=name, marker=marker, ms=7,
             mec=colour, mfc="none" if fed else colour, mew=1.5, zorder=2,
         )  # fmt: skip
     axes.set_yticks(list(places.values()), list(places), fontsize=8)

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.report.headline import headline
-from rover_pin.report.reasons import MOST, believe, doubt, next_run
+from rover_pin.report.reasons import MAX_REASONS, next_run, opposing_reasons, supporting_reasons
 from rover_pin.report.section import Picture, Section
-from rover_pin.report.words import Manner, capital, human, kinds_of
+from rover_pin.report.words import Labels, capital, human, kinds_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +18,7 @@ class FirstScreen(Section):
     """The first screen of any verdict; `picture` shows what was measured, before and after."""
 
     verdict: Verdict
-    manner: Manner
+    labels: Labels
     picture: Picture | None = None
     file: str = "first"
     "name of the picture's file"
@@ -27,16 +27,16 @@ class FirstScreen(Section):
 
     def content(self) -> Mapping[str, Any]:
         """Return sentence and reasons; of more reasons than fit, how many stand further below."""
-        why, but = believe(self.verdict, self.manner), doubt(self.verdict, self.manner)
+        why, but = supporting_reasons(self.verdict, self.labels), opposing_reasons(self.verdict, self.labels)
         return {
             "file": self.file,
-            "sentence": headline(self.verdict, self.manner),
+            "sentence": headline(self.verdict, self.labels),
             "answer": capital(self.verdict.answer.value),
             "said": capital(human(self.verdict.sentence, kinds_of(self.verdict))),
             "added": bool(self.verdict.named),
-            "believe": why[:MOST],
-            "doubt": but[:MOST],
-            "more": max(len(but) - MOST, 0),
+            "believe": why[:MAX_REASONS],
+            "doubt": but[:MAX_REASONS],
+            "more": max(len(but) - MAX_REASONS, 0),
             "next": next_run(self.verdict),
         }
 
@@ -45,14 +45,14 @@ class FirstScreen(Section):
         return {self.file: self.picture} if self.picture is not None else {}
 
 
-def first_lines(verdict: Verdict, manner: Manner) -> str:
+def first_lines(verdict: Verdict, labels: Labels) -> str:
     """Return the first screen as text, for a terminal."""
     parts = {
-        "believe it because": believe(verdict, manner)[:MOST],
-        "doubt it because": doubt(verdict, manner)[:MOST],
+        "believe it because": supporting_reasons(verdict, labels)[:MAX_REASONS],
+        "doubt it because": opposing_reasons(verdict, labels)[:MAX_REASONS],
         "next": next_run(verdict),
     }
-    lines = [headline(verdict, manner)]
-    for head, said in parts.items():
-        lines += [f"{head}:", *(f"  - {line}" for line in said)] if said else []
+    lines = [headline(verdict, labels)]
+    for head, reasons in parts.items():
+        lines += [f"{head}:", *(f"  - {line}" for line in reasons)] if reasons else []
     return "\n".join(lines)

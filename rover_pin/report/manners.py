@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.report.bed.report import MANNER as BED
-from rover_pin.report.drive.report import manner_of as of_drive
+from rover_pin.report.bed.report import LABELS as BED
+from rover_pin.report.drive.report import labels_of as of_drive
 from rover_pin.report.rig.report import UNSEEN as RIG
-from rover_pin.report.words import Manner
+from rover_pin.report.words import Labels
 
 
-def manner_of(verdict: Verdict) -> Manner:
+def labels_of(verdict: Verdict) -> Labels:
     """Return what the data of a verdict call their parts; levels of a rig by their names."""
     if verdict.kind == "drive-log":
         return of_drive(verdict)

@@ -29,7 +29,7 @@ class Head(NamedTuple):
 
 def write_page(head: Head, sections: Sequence[Section], out: Path) -> list[Path]:
     """Write report.html and NAME.png of every picture, and return their paths, the page's first."""
-    shown: list[tuple[Section, Markup]] = []
+    rendered_sections: list[tuple[Section, Markup]] = []
     files: list[Path] = []
     for section in reversed(sections):  # what another process makes for the first ones is waited for last
         content = section.content()
@@ -37,13 +37,13 @@ def write_page(head: Head, sections: Sequence[Section], out: Path) -> list[Path]
             continue
         pictures = section.pictures()
         inline = {name: _inline(name, picture) for name, picture in pictures.items()}
-        shown.insert(0, (section, rendered(section.template, {**content, "pictures": inline})))
+        rendered_sections.insert(0, (section, rendered(section.template, {**content, "pictures": inline})))
         files[:0] = [
             replace_file(out / file, image)
             for name, picture in pictures.items()
             for file, image in _files(name, picture)
         ]
-    return [replace_file(out / "report.html", rendered(PAGE, {"head": head, "sections": shown})), *files]
+    return [replace_file(out / "report.html", rendered(PAGE, {"head": head, "sections": rendered_sections})), *files]
 
 
 def _files(name: str, picture: Picture) -> list[tuple[str, bytes]]:

@@ -8,11 +8,11 @@ import numpy as np
 
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
-from rover_pin.report.words import Manner, brief
+from rover_pin.report.words import Labels, brief
 
 SMALL = 1.0
 """SDs of its noise below which what an effect does to a channel is not worth a word."""
-MOST = 3
+MAX_DESCRIBED_CHANNELS = 3
 """Channels that are said."""
 
 
@@ -26,14 +26,14 @@ class Size(NamedTuple):
     without: float
     in_noise: float
 
-    def said(self, manner: Manner) -> str:
+    def describe(self, labels: Labels) -> str:
         """One clause for a reader."""
         by = abs(self.with_it - self.without)
         share = f", {by / abs(self.without):.0%}" if abs(self.without) > by else ""
         more = "more" if self.with_it > self.without else "less"
         return (
-            f"{manner.channel(self.channel)} is {brief(self.with_it, self.unit)} instead of "
-            f"{brief(self.without, self.unit)}, {brief(by, self.unit)} {more}{share}, at {manner.fold(self.fold)}"
+            f"{labels.channel(self.channel)} is {brief(self.with_it, self.unit)} instead of "
+            f"{brief(self.without, self.unit)}, {brief(by, self.unit)} {more}{share}, at {labels.fold(self.fold)}"
         )
 
 
@@ -43,23 +43,27 @@ def without(experiment: Experiment, model: Any, owner: str) -> Any:
     return experiment.replaced(model, owner, effect.replace(**effect.neutral))
 
 
-def sizes(fitted: Fit, owner: str) -> list[Size]:
+def channel_changes(fitted: Fit, owner: str) -> list[Size]:
     """Return what an effect of a fitted model does to each channel, the most in SDs of its noise first."""
     experiment = fitted.task.experiment
     bare = without(experiment, fitted.model, owner)
     predicted = experiment.predict([fitted.model, bare])
-    seen = np.where(np.isfinite(experiment.observed), predicted[0] - predicted[1], 0.0)
-    found = []
+    difference = np.where(np.isfinite(experiment.observed), predicted[0] - predicted[1], 0.0)
+    changes = []
     for at, channel in enumerate(experiment.channels):
         noise = max(float(fitted.task.noise.floor[at]), 1e-300)
-        fold, sample = np.unravel_index(int(np.argmax(np.abs(seen[:, at]))), seen[:, at].shape)
+        fold, sample = np.unravel_index(int(np.argmax(np.abs(difference[:, at]))), difference[:, at].shape)
         with_it, bare_value = (float(side[fold, at, sample]) for side in predicted)
         by = abs(with_it - bare_value) / noise
-        found.append(Size(channel, experiment.unit(channel), experiment.folds[fold], with_it, bare_value, by))
-    return sorted(found, key=lambda one: -one.in_noise)
+        changes.append(Size(channel, experiment.unit(channel), experiment.folds[fold], with_it, bare_value, by))
+    return sorted(changes, key=lambda size: -size.in_noise)
 
 
-def practical(fitted: Fit, owner: str, manner: Manner) -> str:
+def practical(fitted: Fit, owner: str, labels: Labels) -> str:
     """Return in one sentence what an effect does to the channels where it does most; empty where to none."""
-    said = [one.said(manner) for one in sizes(fitted, owner)[:MOST] if one.in_noise >= SMALL]
-    return f"With it {'; '.join(said)}." if said else ""
+    clauses = [
+        size.describe(labels)
+        for size in channel_changes(fitted, owner)[:MAX_DESCRIBED_CHANNELS]
+        if size.in_noise >= SMALL
+    ]
+    return f"With it {'; '.join(clauses)}." if clauses else ""

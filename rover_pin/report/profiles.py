@@ -15,18 +15,18 @@ from rover_pin.report.svg import AFTER, GREY
 
 def profiles_figure(profiles: Sequence[Profile], intervals: Sequence[tuple[float, float]]) -> tuple[Figure, ...]:
     """Return one small panel a number: the rise of chi2, the limit of the 95 % interval, the interval [SI]."""
-    return tuple(_panel(one, ends) for one, ends in zip(profiles, intervals, strict=True))
+    return tuple(_panel(profile, ends) for profile, ends in zip(profiles, intervals, strict=True))
 
 
-def _panel(one: Profile, ends: tuple[float, float]) -> Figure:
+def _panel(profile: Profile, ends: tuple[float, float]) -> Figure:
     figure = Figure(figsize=(2.7, 2.3), layout="constrained")
     axis = figure.subplots()
-    factor, unit = in_words(one.unit)
+    factor, unit = in_words(profile.unit)
     low, high = ends
     axis.axvspan(factor * low, factor * high, color=GREY, alpha=0.2, lw=0)
-    axis.plot(factor * np.array(one.values), one.rises, "o-", color=AFTER, lw=1.4, ms=3)
+    axis.plot(factor * np.array(profile.values), profile.rises, "o-", color=AFTER, lw=1.4, ms=3)
     axis.axhline(NORMAL_95**2, color="k", lw=0.8, ls="--")
-    name = one.name.replace(".", ".\n") if len(one.name) > 18 else one.name
+    name = profile.name.replace(".", ".\n") if len(profile.name) > 18 else profile.name
     axis.set(xlabel=f"{name} [{unit or '-'}]", ylabel="rise of chi2", ylim=(0, 2.2 * NORMAL_95**2))
     axis.xaxis.set_major_locator(MaxNLocator(4))
     axis.grid(alpha=0.25)

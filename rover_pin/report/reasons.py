@@ -8,9 +8,9 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.wording import Outcome, share
 from rover_pin.report.headline import by_outcome, worst
-from rover_pin.report.words import Manner, capital, human, kinds_of, listing, two_digits
+from rover_pin.report.words import Labels, capital, human, kinds_of, listing, two_digits
 
-MOST = 4
+MAX_REASONS = 4
 """Reasons on the first screen; all of them stand further below."""
 LOUD = 1.5
 """Times its noise from which a channel that is left over is a reason to doubt."""
@@ -34,91 +34,91 @@ NEXT = {
 """What to do next where no run was found that would tell more."""
 
 
-def believe(verdict: Verdict, manner: Manner) -> list[str]:
+def supporting_reasons(verdict: Verdict, labels: Labels) -> list[str]:
     """Return what speaks for a verdict."""
-    lines = (*_added(verdict, manner), *_nothing_added(verdict, manner))
-    return _said(verdict, (*lines[:1], *manner.evidence, *lines[1:]))
+    lines = (*_added(verdict, labels), *_nothing_added(verdict, labels))
+    return _as_sentences(verdict, (*lines[:1], *labels.evidence, *lines[1:]))
 
 
-def doubt(verdict: Verdict, manner: Manner) -> list[str]:
+def opposing_reasons(verdict: Verdict, labels: Labels) -> list[str]:
     """Return what speaks against it, the weightiest first."""
-    return _said(verdict, _doubts(verdict, manner))
+    return _as_sentences(verdict, _doubts(verdict, labels))
 
 
 def next_run(verdict: Verdict) -> list[str]:
     """Return what to drive or measure next."""
     if verdict.experiments:
-        return _said(verdict, (one.said for one in verdict.experiments))
+        return _as_sentences(verdict, (experiment.sentence for experiment in verdict.experiments))
     return [capital(NEXT[verdict.answer]) + "."]
 
 
-def _said(verdict: Verdict, lines: Iterator[str] | tuple[str, ...]) -> list[str]:
+def _as_sentences(verdict: Verdict, lines: Iterator[str] | tuple[str, ...]) -> list[str]:
     kinds = kinds_of(verdict)
     return [capital(human(line, kinds)).rstrip(".") + "." for line in dict.fromkeys(lines)]
 
 
-def _added(verdict: Verdict, manner: Manner) -> Iterator[str]:
+def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
     if not verdict.named or verdict.before is None or verdict.after is None or verdict.search is None:
         return
-    better, worse = (by_outcome(verdict.scores, one) for one in (Outcome.BETTER, Outcome.WORSE))
+    better, worse = (by_outcome(verdict.scores, outcome) for outcome in (Outcome.BETTER, Outcome.WORSE))
     if better:
-        one = better[0]
-        change = f"{manner.channel(one.name)} by {share(one.change)} [{share(one.low)}, {share(one.high)}]"
+        score = better[0]
+        change = f"{labels.channel(score.name)} by {share(score.change)} [{share(score.low)}, {share(score.high)}]"
         yield (
-            f"{manner.unseen} {len(better)} of {len(verdict.scores)} channels are predicted better beyond their "
+            f"{labels.unseen} {len(better)} of {len(verdict.scores)} channels are predicted better beyond their "
             f"scatter, {len(worse)} worse: {change}"
         )
     if verdict.share > 0:
-        yield f"it takes {verdict.share:.0%} of what the base model misses beyond the noise {manner.unseen}"
-    yield from _chosen(verdict, manner, True)
-    for each in verdict.search.rounds:
-        if each.alike:
+        yield f"it takes {verdict.share:.0%} of what the base model misses beyond the noise {labels.unseen}"
+    yield from _chosen(verdict, labels, True)
+    for search_round in verdict.search.rounds:
+        if search_round.indistinguishable:
             yield (
-                f"{each.alike[0].name} gains {each.alike[0].gain:.0f} in chi2; the luckiest of {verdict.search.count} "
-                f"candidates gains {two_digits(each.alike[0].fee)} by chance"
+                f"{search_round.indistinguishable[0].name} gains {search_round.indistinguishable[0].gain:.0f} in chi2; the luckiest of {verdict.search.count} "
+                f"candidates gains {two_digits(search_round.indistinguishable[0].threshold)} by chance"
             )
     before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)
     yield f"chi2 for each number measured falls from {before} to {after}; 1 is the noise"
 
 
-def _nothing_added(verdict: Verdict, manner: Manner) -> Iterator[str]:
+def _nothing_added(verdict: Verdict, labels: Labels) -> Iterator[str]:
     if verdict.named or verdict.before is None or verdict.search is None:
         return
     yield f"chi2 for each number measured is {two_digits(verdict.before.misfit)}, where 1 is the noise"
     yield f"{verdict.search.count} candidates were tried, each with all uncertain numbers free"
-    if verdict.answer is not Answer.NONE_NEEDED and verdict.search.alike:
-        yield f"the nearest, {verdict.search.alike[0]}, does not take what is left"
+    if verdict.answer is not Answer.NONE_NEEDED and verdict.search.indistinguishable:
+        yield f"the nearest, {verdict.search.indistinguishable[0]}, does not take what is left"
 
 
-def _chosen(verdict: Verdict, manner: Manner, same: bool) -> Iterator[str]:
+def _chosen(verdict: Verdict, labels: Labels, agreeing: bool) -> Iterator[str]:
     """Yield that most folds choose the same again, or, if not `same`, that they do not."""
     names = set(verdict.named)
     folds = [set(name.split(" + ")) for name in verdict.chosen.values()]
     agree = sum(fold == names for fold in folds)
-    if folds and (2 * agree > len(folds)) is same:
-        yield f"it is chosen anew in {agree} of {len(folds)} cases when one of the {manner.folds} is left out"
+    if folds and (2 * agree > len(folds)) is agreeing:
+        yield f"it is chosen anew in {agree} of {len(folds)} cases when one of the {labels.folds} is left out"
 
 
-def _doubts(verdict: Verdict, manner: Manner) -> Iterator[str]:
+def _doubts(verdict: Verdict, labels: Labels) -> Iterator[str]:
     yield from verdict.vetoes
-    for one in by_outcome(verdict.scores, Outcome.WORSE):
-        yield f"{manner.channel(one.name)} is predicted worse by {share(one.change)} {manner.unseen}"
+    for score in by_outcome(verdict.scores, Outcome.WORSE):
+        yield f"{labels.channel(score.name)} is predicted worse by {share(score.change)} {labels.unseen}"
     if verdict.named and not any("folds" in veto for veto in verdict.vetoes):
-        yield from _chosen(verdict, manner, False)
-    if len(verdict.alike) > 1:
-        yield f"{listing(verdict.alike[1:4], 'or')} cannot be told from it by these data"
-    left = max(verdict.runs, key=lambda one: one.after / max(one.before, 1e-9), default=None)
-    if verdict.named and left is not None and left.after > MORE * left.before:
+        yield from _chosen(verdict, labels, False)
+    if len(verdict.indistinguishable) > 1:
+        yield f"{listing(verdict.indistinguishable[1:4], 'or')} cannot be told from it by these data"
+    worst_run = max(verdict.runs, key=lambda run_score: run_score.after / max(run_score.before, 1e-9), default=None)
+    if verdict.named and worst_run is not None and worst_run.after > MORE * worst_run.before:
         yield (
-            f"{manner.fold(left.run)} is predicted worse with it by the others (chi2 for each number "
-            f"{two_digits(left.before)} -> {two_digits(left.after)}): what it tells they do not"
+            f"{labels.fold(worst_run.run)} is predicted worse with it by the others (chi2 for each number "
+            f"{two_digits(worst_run.before)} -> {two_digits(worst_run.after)}): what it tells they do not"
         )
-    loud = [one for one in worst(verdict.scores) if one.after > LOUD * one.floor]
+    loud = [score for score in worst(verdict.scores) if score.after > LOUD * score.floor]
     if loud and (verdict.named or verdict.answer is Answer.NONE_NEEDED):
-        one, still = loud[0], "still " if verdict.named else ""
-        times = two_digits(one.times(one.after))
-        yield f"{manner.channel(one.name)} is {still}missed by {times} times its noise"
-    yield from (one for one in verdict.cautions if one.partition(":")[0] not in verdict.vetoes)
+        score, still = loud[0], "still " if verdict.named else ""
+        times = two_digits(score.times(score.after))
+        yield f"{labels.channel(score.name)} is {still}missed by {times} times its noise"
+    yield from (caution for caution in verdict.cautions if caution.partition(":")[0] not in verdict.vetoes)
     for finding in verdict.findings:
         yield f"the data check says: {finding}"
     tried = verdict.search.count if verdict.search else 0

@@ -26,7 +26,7 @@ class Section(ABC):
     "name of its file in this room"
 
     @property
-    def anchor(self) -> str:
+    def html_id(self) -> str:
         """Where the contents point."""
         return "".join(letter if letter.isalnum() else "-" for letter in self.title.lower()).strip("-")
 

@@ -9,7 +9,7 @@ from textwrap import fill
 from typing import NamedTuple
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.effects.names import meaning_of, spoken, title_of
+from rover_pin.effects.names import display_name, meaning_of, title_of
 from rover_pin.estimation.wording import in_words
 from rover_pin.motion.effect_files import package_effects
 
@@ -21,7 +21,7 @@ def _same(name: str) -> str:
     return name
 
 
-class Manner(NamedTuple):
+class Labels(NamedTuple):
     """What one kind of data calls what it has."""
 
     unseen: str
@@ -51,28 +51,32 @@ def brief(value: float, unit: str, digits: int = 2) -> str:
 def pair(before: float, after: float, unit: str) -> tuple[str, str]:
     """Return two numbers in as few digits as tell them apart."""
     for digits in (2, 3, 4):
-        said = brief(before, unit, digits), brief(after, unit, digits)
-        if said[0] != said[1]:
+        texts = brief(before, unit, digits), brief(after, unit, digits)
+        if texts[0] != texts[1]:
             break
-    return said
+    return texts
 
 
 def kinds_of(verdict: Verdict) -> tuple[type, ...]:
     """Return the classes of effects that a verdict may name: the package's, what it added, what was tried."""
-    tried = [row.candidate.effect for each in (verdict.search.rounds if verdict.search else ()) for row in each.scored]
-    own = [type(effect) for effect in (*verdict.effects, *tried) if effect is not None]
-    return tuple(dict.fromkeys([*package_effects(), *own]))
+    tried = [
+        row.candidate.effect
+        for search_round in (verdict.search.rounds if verdict.search else ())
+        for row in search_round.scored
+    ]
+    other_kinds = [type(effect) for effect in (*verdict.effects, *tried) if effect is not None]
+    return tuple(dict.fromkeys([*package_effects(), *other_kinds]))
 
 
 def human(text: str, kinds: Iterable[type]) -> str:
     """Return a text with its effects' human names in the place of their classes'."""
-    known = {kind.__name__: title_of(kind) for kind in kinds}
-    return re.sub(r"\b[A-Z]\w+\b(?!\.)", lambda found: known.get(found[0], found[0]), text)
+    titles = {kind.__name__: title_of(kind) for kind in kinds}
+    return re.sub(r"\b[A-Z]\w+\b(?!\.)", lambda match: titles.get(match[0], match[0]), text)
 
 
 def cause(name: str, kinds: Iterable[type]) -> str:
     """Return what was found as a clause that follows 'because', its name in brackets."""
-    kind = {each.__name__: each for each in kinds}.get(re.split(r"[\[@]", name)[0])
+    kind = {effect_class.__name__: effect_class for effect_class in kinds}.get(re.split(r"[\[@]", name)[0])
     if kind is None:
         return f"{name} is not what was declared"
     where = re.fullmatch(r"\w+(?:\[(.*)\])?(?:@(.*))?", name)
@@ -106,8 +110,8 @@ def capital(text: str) -> str:
 
 def full(name: str, kinds: Iterable[type]) -> str:
     """Return a candidate's human name with its class and place behind it: 'digging (DiggingMemory)'."""
-    said = spoken(name, kinds)
-    return said if said == name else f"{said} ({name})"
+    title = display_name(name, kinds)
+    return title if title == name else f"{title} ({name})"
 
 
 def as_text(name: str) -> str:

@@ -27,9 +27,9 @@ class Arc(NamedTuple):
     tau_cos: Scalar
     tau_sin: Scalar
 
-    def plus(self, other: Arc) -> Arc:
+    def plus(self, arc: Arc) -> Arc:
         """Return the integrals over both stretches."""
-        return Arc(*(mine + theirs for mine, theirs in zip(self, other, strict=True)))
+        return Arc(*(mine + theirs for mine, theirs in zip(self, arc, strict=True)))
 
 
 def shear_law(ratio: Scalar, wheel: Wheel, soil: Soil) -> Mobilised:

@@ -49,8 +49,8 @@ def certified_forces(
     cuts = _cuts(ratio, theta_1, length, wheel.r / soil.k) if is_symbolic(S) or S < 0 else ()
     law, strong, rule = shear_law(ratio, wheel, soil), strength(wheel, soil), both_graded(nodes)
     ends = (0.0, *cuts, length)
-    first, *rest = (integrate(theta_1, a, b, law, strong, rule) for a, b in pairwise(ends))
-    for stretch in rest:
+    first, *later_arcs = (integrate(theta_1, a, b, law, strong, rule) for a, b in pairwise(ends))
+    for stretch in later_arcs:
         first = first.plus(stretch)
     return assemble(first, theta_1, length, wheel, soil)
 
@@ -80,14 +80,14 @@ def certified_peak_forces(
     ratio, front, length = speed_ratio(S), theta_1 - theta_m, theta_1 - theta_2
     cuts = _cuts(ratio, theta_1, length, wheel.r / soil.k) if is_symbolic(S) or S < 0 else ()
     before = pairwise((0.0, *(ca.fmin(cut, front) for cut in cuts), front))
-    behind = pairwise((front, *(ca.fmax(cut, front) for cut in cuts), length))
+    after = pairwise((front, *(ca.fmax(cut, front) for cut in cuts), length))
     (cohesion, friction, n), law, rule = strength(wheel, soil), shear_law(ratio, wheel, soil), both_graded(nodes)
     sums = PeakSums()
-    for start, end in (*before, *behind):
+    for start, end in (*before, *after):
         for psi, weight in zip(rule.psi, rule.weights, strict=True):
             s = start + (end - start) * psi
-            alike = ca.fmin(s, (length - s) * front / (length - front))  # where in front the stress is the same
-            depth = ca.fmax(2 * ca.sin(theta_1 - alike / 2) * ca.sin(alike / 2), LEAST_DEPTH)
+            s_front = ca.fmin(s, (length - s) * front / (length - front))  # where in front the stress is the same
+            depth = ca.fmax(2 * ca.sin(theta_1 - s_front / 2) * ca.sin(s_front / 2), LEAST_DEPTH)
             sigma = ca.exp(n * ca.log(depth))
             part = terms(theta_1 - s, theta_1, sigma, cohesion + friction * sigma, law)
             sums = sums.plus(weight * (end - start), part)
@@ -99,12 +99,12 @@ def _cuts(ratio: Scalar, theta_1: Scalar, length: Scalar, stiffness: Scalar) -> 
 
     The layer ends where stiffness (slope s + bend s^2 / 2) = 20, j / r to second order behind its first zero.
     """
-    near, far = _sign_changes(ratio, theta_1, length)
-    slope = ca.fmax(ratio * ca.cos(theta_1 - near) - 1, 1e-9)
-    bend = ca.fmax(ratio * ca.sin(theta_1 - near), 0.0)
+    s_1, s_2 = _sign_changes(ratio, theta_1, length)
+    slope = ca.fmax(ratio * ca.cos(theta_1 - s_1) - 1, 1e-9)
+    bend = ca.fmax(ratio * ca.sin(theta_1 - s_1), 0.0)
     depth = LAYER / stiffness
     layer = 2 * depth / (slope + ca.sqrt(slope**2 + 2 * bend * depth))
-    return near, ca.fmin(near + layer, far), far
+    return s_1, ca.fmin(s_1 + layer, s_2), s_2
 
 
 def _sign_changes(ratio: Scalar, theta_1: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:
@@ -114,13 +114,13 @@ def _sign_changes(ratio: Scalar, theta_1: Scalar, length: Scalar) -> tuple[Scala
     either end of [0, 2 theta_1] comes to the nearer zero from outside. Any cut is harmless where there is no zero.
     """
     target = ca.fmin(1 / ca.fmax(ratio, 1e-30), 1.0)
-    near, far = 0.0 * theta_1, 2 * theta_1
+    s_1, s_2 = 0.0 * theta_1, 2 * theta_1
     for _ in range(NEWTON_STEPS):
-        near = near + ca.fmax(target - _mean_cosine(near, theta_1), 0.0) / ca.fmax(_mean_slope(near, theta_1), 1e-9)
-        far = far + ca.fmax(target - _mean_cosine(far, theta_1), 0.0) / ca.fmin(_mean_slope(far, theta_1), -1e-9)
-        near, far = ca.fmin(near, 2 * theta_1), ca.fmax(far, 0.0)
-    near = ca.fmin(near, length)
-    return near, ca.fmax(near, ca.fmin(far, length))
+        s_1 = s_1 + ca.fmax(target - _mean_cosine(s_1, theta_1), 0.0) / ca.fmax(_mean_slope(s_1, theta_1), 1e-9)
+        s_2 = s_2 + ca.fmax(target - _mean_cosine(s_2, theta_1), 0.0) / ca.fmin(_mean_slope(s_2, theta_1), -1e-9)
+        s_1, s_2 = ca.fmin(s_1, 2 * theta_1), ca.fmax(s_2, 0.0)
+    s_1 = ca.fmin(s_1, length)
+    return s_1, ca.fmax(s_1, ca.fmin(s_2, length))
 
 
 def _mean_cosine(s: Scalar, theta_1: Scalar) -> Scalar:

@@ -25,7 +25,7 @@ def traction_curves(soil: Soil, k: Sequence[float] = (), n: float | None = None)
     slips = np.linspace(0.0, 1.0, 101)
     curves = {}
     for value in k or (float(soil.k),):
-        own = soil.replace(k=value)
+        varied_soil = soil.replace(k=value)
         for name, form in FORMS.items():
-            curves[name, value] = np.array([float(load_traction_factor(S, own, Wheel(), form)) for S in slips])
+            curves[name, value] = np.array([float(load_traction_factor(S, varied_soil, Wheel(), form)) for S in slips])
     return TractionCurves(slips, curves)

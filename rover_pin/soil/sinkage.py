@@ -80,10 +80,10 @@ def entry_angle(
 
     Source: Eq (6), f_n "balanced to the load W". Differs from the paper: it holds theta_1.
     """
-    found = _solved(load, S, wheel, soil, steps, state)
-    if not isinstance(found[0], ca.DM):
-        return found[0]
-    theta_1, residual = float(found[0]), float(found[1])
+    solution = _solved(load, S, wheel, soil, steps, state)
+    if not isinstance(solution[0], ca.DM):
+        return solution[0]
+    theta_1, residual = float(solution[0]), float(solution[1])
     if not abs(residual) < UNSOLVED:  # nor where it is not a number
         raise ParameterError(
             f"no entry angle below 90 deg carries load = {float(load):g} N at S = {float(S):g} on this soil "

@@ -19,8 +19,8 @@ SECONDS_BETWEEN_LINES = 10.0
 @contextmanager
 def progress(name: str, total: int, done: int) -> Iterator[Advance]:
     """Show on stderr how many of `total` cases are finished, `done` of them before."""
-    shown = _silent if LOG.level > logging.INFO else _bar if sys.stderr.isatty() else _lines
-    with shown(name, total, done) as advance:
+    display = _silent if LOG.level > logging.INFO else _bar if sys.stderr.isatty() else _lines
+    with display(name, total, done) as advance:
         yield advance
 
 
@@ -50,16 +50,16 @@ def _bar(name: str, total: int, done: int) -> Iterator[Advance]:
 @contextmanager
 def _lines(name: str, total: int, done: int) -> Iterator[Advance]:
     start = last = time.monotonic()
-    here = failed = 0
+    finished = failed = 0
 
     def say() -> None:
-        seconds = (time.monotonic() - start) / max(here, 1) * (total - done - here)
-        left = f", about {seconds:.0f} s left" if here and here + done < total else ""
-        print(f"{name}: {done + here} of {total} cases, {failed} failed{left}", file=sys.stderr, flush=True)
+        seconds = (time.monotonic() - start) / max(finished, 1) * (total - done - finished)
+        remaining = f", about {seconds:.0f} s left" if finished and finished + done < total else ""
+        print(f"{name}: {done + finished} of {total} cases, {failed} failed{remaining}", file=sys.stderr, flush=True)
 
     def advance(has_failed: bool) -> None:
-        nonlocal here, failed, last
-        here += 1
+        nonlocal finished, failed, last
+        finished += 1
         failed += has_failed
         if time.monotonic() - last > SECONDS_BETWEEN_LINES:
             last = time.monotonic()

@@ -58,26 +58,26 @@ def read_study(path: str | Path, trust: Trust = Trust()) -> Study:
 
 
 def _study(table: dict[str, Any]) -> Study:
-    fields = (each for each in dataclasses.fields(Study) if each.name != "trust")
-    _check_keys(table, [each.name for each in fields], "the study")
+    fields = (field for field in dataclasses.fields(Study) if field.name != "trust")
+    _check_keys(table, [field.name for field in fields], "the study")
     for name in ("name", "scenario", "plan", "parameters"):
         if name not in table:
             raise ParameterError(f"the study has no '{name}': add it.")
     axes = {name: _axis(name, entry) for name, entry in _flat(table["parameters"], "parameters")}
     settings = {name: _setting(name, entry) for name, entry in _flat(table.get("settings", {}), "settings")}
-    rest = {name: value for name, value in table.items() if name not in ("plan", "parameters", "settings")}
-    return Study(**rest, plan=_plan(table["plan"]), parameters=axes, settings=settings)
+    study_fields = {name: value for name, value in table.items() if name not in ("plan", "parameters", "settings")}
+    return Study(**study_fields, plan=_plan(table["plan"]), parameters=axes, settings=settings)
 
 
 def _plan(entry: Any) -> Plan:
     if not isinstance(entry, Mapping) or "kind" not in entry:
         raise ParameterError('plan needs a kind, as in plan = { kind = "sobol", cases = 64 }.')
     kind = _chosen(entry["kind"], PLANS, "plan")
-    own = {name: value for name, value in entry.items() if name != "kind"}
-    _check_keys(own, [each.name for each in dataclasses.fields(kind)], f"the plan '{entry['kind']}'")
-    if kind is not Grid and "cases" not in own:
+    arguments = {name: value for name, value in entry.items() if name != "kind"}
+    _check_keys(arguments, [field.name for field in dataclasses.fields(kind)], f"the plan '{entry['kind']}'")
+    if kind is not Grid and "cases" not in arguments:
         raise ParameterError(f"the plan '{entry['kind']}' has no 'cases': say how many.")
-    return kind(**own)
+    return kind(**arguments)
 
 
 def _flat(table: Any, where: str, prefix: str = "") -> list[tuple[str, Any]]:
@@ -132,7 +132,9 @@ def _si(value: Any, entry: Mapping[str, Any]) -> Any:
     if "unit" not in entry:
         return value
     unit = entry["unit"]
-    factor = next((each for each in (factor_to(str(unit), si) for si in USUAL) if not math.isnan(each)), None)
+    factor = next(
+        (candidate for candidate in (factor_to(str(unit), si) for si in USUAL) if not math.isnan(candidate)), None
+    )
     if factor is None or not isinstance(unit, str):
         raise ParameterError(f"there is no unit '{unit}': {closest(unit, UNITS)}")
     if kind_of(value) != "number":
@@ -147,7 +149,7 @@ def _chosen(word: Any, choices: Mapping[str, Any], what: str) -> Any:
     return choices[word]
 
 
-def _check_keys(entry: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+def _check_keys(entry: Mapping[str, Any], allowed: Iterable[str], where: str) -> None:
     for name in entry:
-        if name not in known:
-            raise ParameterError(f"{where} has no key '{name}': {closest(name, known)}")
+        if name not in allowed:
+            raise ParameterError(f"{where} has no key '{name}': {closest(name, allowed)}")

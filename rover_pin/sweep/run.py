@@ -87,11 +87,11 @@ def sweep(
     with alone_in(place), ending_workers():
         store = Store(place, fingerprint(study, case_function))
         before = store.keys()
-        left = [case for case in study.cases() if case.key not in before]
-        if left and case_function is drive_case:
-            check_names(study, left)
+        pending = [case for case in study.cases() if case.key not in before]
+        if pending and case_function is drive_case:
+            check_names(study, pending)
         try:
-            _run(store, left, partial(run_case, study, case_function), workers, scheduler)
+            _run(store, pending, partial(run_case, study, case_function), workers, scheduler)
             results = Results(study.name, store.finish(), store.folder, len(before))
             _draw(study, results)
         except OSError as error:
@@ -119,21 +119,21 @@ def _units(study: Study) -> dict[str, str]:
 
     try:
         first = next(iter(study.cases())).values
-        known = {each.name: each.unit for each in settings_of(study.scenario, **{**study.settings, **first})}
+        units = {setting.name: setting.unit for setting in settings_of(study.scenario, **{**study.settings, **first})}
     except RoverPinError:  # a function of the user's own drives something else
-        known = {}
-    return {name: known.get(name, "") for name in study.parameters}
+        units = {}
+    return {name: units.get(name, "") for name in study.parameters}
 
 
 def _run(
-    store: Store, left: Sequence[Case], work: Callable[[Case], Row], workers: int | None, scheduler: str | None
+    store: Store, pending: Sequence[Case], work: Callable[[Case], Row], workers: int | None, scheduler: str | None
 ) -> None:
     """Run the cases that are left; stopped, say what is kept and where."""
-    if not left:
+    if not pending:
         return
-    rows = on_cores(work, left, workers) if scheduler is None else on_cluster(work, left, scheduler)
+    rows = on_cores(work, pending, workers) if scheduler is None else on_cluster(work, pending, scheduler)
     done = len(store.keys())
-    total = done + len(left)
+    total = done + len(pending)
     try:
         with progress(str(store.study["name"]), total, done) as advance:
             for row in rows:

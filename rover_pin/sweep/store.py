@@ -117,8 +117,10 @@ def _refuse_change(folder: Path, old: dict[str, Any], new: dict[str, Any]) -> No
     if list(old["parameters"]) != list(new["parameters"]) and "parameters" not in changed:
         changed.append("parameters")  # their order decides which case is the first
     if changed:
-        told = "; ".join(f"{name} was {json.dumps(old.get(name))}, is {json.dumps(new.get(name))}" for name in changed)
-        raise DataError(f"{folder}: the folder holds another study ({told}); name a new folder or undo the change.")
+        changes = "; ".join(
+            f"{name} was {json.dumps(old.get(name))}, is {json.dumps(new.get(name))}" for name in changed
+        )
+        raise DataError(f"{folder}: the folder holds another study ({changes}); name a new folder or undo the change.")
 
 
 def _rows(folder: Path) -> list[Row]:
@@ -173,8 +175,8 @@ def _replace(path: Path, write: Callable[[Path], Any]) -> None:
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     try:
         write(temporary)
-        with temporary.open("rb") as written:
-            os.fsync(written.fileno())
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError:
         temporary.unlink(missing_ok=True)

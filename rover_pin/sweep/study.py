@@ -117,8 +117,8 @@ class Study:
                 raise ParameterError(f"'{name}' is both a setting and a parameter: remove one of them.")
             if kind_of(self.settings[name]) is None:
                 raise ParameterError(f"the setting {name} = {self.settings[name]!r} is no number, text or true/false.")
-        seen = Counter(name for names in self.paired for name in names)
-        for name, times in seen.items():
+        counts = Counter(name for names in self.paired for name in names)
+        for name, times in counts.items():
             if name not in self.parameters:
                 raise ParameterError(f"paired names '{name}': {closest(name, self.parameters)}")
             if times > 1:
@@ -134,7 +134,7 @@ class Study:
 
     def cases(self) -> list[Case]:
         """Return all cases in the plan's order, the repeats of a point one after the other."""
-        seen: Counter[str] = Counter()
+        counts: Counter[str] = Counter()
         cases: list[Case] = []
         points = self.plan.choose(self.groups(), self.seed)
         if len(points) * self.repeats > MOST_CASES:
@@ -145,13 +145,13 @@ class Study:
             values = {name: point[name] for name in self.parameters}
             for _ in range(self.repeats):
                 digest = canonical(values)
-                cases.append(Case(len(cases), self._key(values, seen[digest]), values, seen[digest]))
-                seen[digest] += 1
+                cases.append(Case(len(cases), self._key(values, counts[digest]), values, counts[digest]))
+                counts[digest] += 1
         return cases
 
     def describe(self) -> dict[str, Any]:
         """Return the study as plain data, for comparison and for the record."""
-        plain = {each.name: getattr(self, each.name) for each in dataclasses.fields(self) if each.name != "trust"}
+        plain = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "trust"}
         plain["plan"] = _plain(self.plan)
         plain["parameters"] = {name: _plain(axis) for name, axis in self.parameters.items()}
         plain["settings"] = dict(self.settings)

@@ -39,7 +39,7 @@ class Made(NamedTuple):
     resists: bool = False
 
 
-def composed(asked: Settings, trust: Trust) -> Made:
+def composed(request: Settings, trust: Trust) -> Made:
     """Return the model, on flat ground, of the settings `rover`, `soil`, `form`, `angles`, `slip`, `motor` or `model`.
 
     Raises
@@ -47,66 +47,70 @@ def composed(asked: Settings, trust: Trust) -> Made:
     RoverPinError
         A setting or a file that is not understood.
     """
-    file = asked.take("model", None, source="a model file, as close-loop writes it")
+    file = request.take("model", None, source="a model file, as close-loop writes it")
     if file is None:
-        return _of_settings(asked, trust)
+        return _of_settings(request, trust)
     if not isinstance(file, (str, Path)):
         raise ParameterError(
             f"model = {SHORT.repr(file)} is not allowed: give the path of a model file; what is in memory is driven by "
             "simulate(model, controller, duration)."
         )
-    return (_of_rig if is_rig_model(str(file)) else _of_file)(str(file), asked, trust)
+    return (_of_rig if is_rig_model(str(file)) else _of_file)(str(file), request, trust)
 
 
-def _of_file(file: str, asked: Settings, trust: Trust) -> Made:
+def _of_file(file: str, request: Settings, trust: Trust) -> Made:
     model = read_model(file, shapes.flat(), trust)
-    _refuse(("rover", "soil", "form", "angles", "slip", "motor"), asked, file)
+    _refuse(("rover", "soil", "form", "angles", "slip", "motor"), request, file)
     return Made(model, (), resists=True)
 
 
-def _of_rig(file: str, asked: Settings, trust: Trust) -> Made:
+def _of_rig(file: str, request: Settings, trust: Trust) -> Made:
     """Return a rover on the soil, with the traction law and the effects, of a wheel's model; its wheels are its own."""
-    _refuse(("soil", "form", "angles"), asked, file)
-    rig, rover = read_rig_model(file, trust), load_rover(asked.take("rover", "nexus6", source=ROVERS), trust)
+    _refuse(("soil", "form", "angles"), request, file)
+    rig, rover = read_rig_model(file, trust), load_rover(request.take("rover", "nexus6", source=ROVERS), trust)
     tractions = [effect for effect in rig.effects if isinstance(effect, SoilTraction)]
     if len(tractions) != 1:
         raise DataError(f"{file}: a wheel's model that a rover is to drive on must have one [[effect]] SoilTraction.")
-    made = _on_soil(asked, rover, rig.soil, tractions[0])
+    composition = _on_soil(request, rover, rig.soil, tractions[0])
     resists = any(isinstance(effect, MotionResistance) for effect in rig.effects)
-    return made._replace(model=functools.reduce(Model.having, rig.effects, made.model), resists=resists)
+    return composition._replace(model=functools.reduce(Model.having, rig.effects, composition.model), resists=resists)
 
 
-def _refuse(names: tuple[str, ...], asked: Settings, file: str) -> None:
+def _refuse(names: tuple[str, ...], request: Settings, file: str) -> None:
     for name in names:
-        if asked.take(name, None) is not None:
+        if request.take(name, None) is not None:
             raise ParameterError(f"{name} stands in the model file {file}: change it there, or leave out one of both.")
 
 
-def _of_settings(asked: Settings, trust: Trust) -> Made:
-    rover = load_rover(asked.take("rover", "nexus6", source=ROVERS), trust)
-    named = asked.word("soil", str(rover.soil.get("name", "of its weight")), SOILS, "rover-pin list soils")
+def _of_settings(request: Settings, trust: Trust) -> Made:
+    rover = load_rover(request.take("rover", "nexus6", source=ROVERS), trust)
+    named = request.word("soil", str(rover.soil.get("name", "of its weight")), SOILS, "rover-pin list soils")
     soil = own_soil(rover, named)
-    form = asked.choice("form", "torque", FORMS, "which reading of the paper's traction is driven")
-    usual = usual_angles(rover)
-    word = asked.word("angles", next(name for name, each in ANGLES.items() if each == usual), ANGLES, CONTACT)
-    angles = ANGLES.get(word, usual)
-    made = _on_soil(asked, rover, soil.value, SoilTraction(form, angles))
-    return made._replace(assumed=(*soil.assumed, *made.assumed))
+    form = request.choice("form", "torque", FORMS, "which reading of the paper's traction is driven")
+    default_angles = usual_angles(rover)
+    word = request.word(
+        "angles", next(name for name, form_angles in ANGLES.items() if form_angles == default_angles), ANGLES, CONTACT
+    )
+    angles = ANGLES.get(word, default_angles)
+    composition = _on_soil(request, rover, soil.value, SoilTraction(form, angles))
+    return composition._replace(assumed=(*soil.assumed, *composition.assumed))
 
 
-def _on_soil(asked: Settings, rover: Rover, soil: Soil, traction: SoilTraction) -> Made:
+def _on_soil(request: Settings, rover: Rover, soil: Soil, traction: SoilTraction) -> Made:
     """Return the rover with its motors and springs on a soil, with what every ready-made drive has besides."""
-    word = asked.word("motor", rover.motor if isinstance(rover.motor, str) else "of its TOML or weight", MOTORS, MOTOR)
+    word = request.word(
+        "motor", rover.motor if isinstance(rover.motor, str) else "of its TOML or weight", MOTORS, MOTOR
+    )
     motor = Chosen(motor_named(word)) if word else own_motor(rover)
     effects = base_effects(soil, rover, traction)
     grounds = (soil, HARD_GROUND)
-    slip = _slip(asked, rover)
+    slip = _slip(request, rover)
     model = Model(rover, shapes.flat(), grounds, motor.value, slip, effects, body_effects=rover.springs)
     return Made(model, motor.assumed)
 
 
-def _slip(asked: Settings, rover: Rover) -> AlgebraicSlip | RelaxedSlip:
-    chosen: AlgebraicSlip | RelaxedSlip = asked.choice(
+def _slip(request: Settings, rover: Rover) -> AlgebraicSlip | RelaxedSlip:
+    chosen: AlgebraicSlip | RelaxedSlip = request.choice(
         "slip", "relaxed", {"relaxed": usual_slip(rover), "algebraic": AlgebraicSlip()}, "algebraic: Eq 1 at once"
     )
     return chosen

@@ -26,7 +26,7 @@ TIRED = ("wheel", "tyre", "tire", "rad", "drive", "hub")
 def candidates_of(view: Topology, folder: Path) -> list[tuple[Joint, WheelSize]]:
     """Return the joints that might be wheels': they turn far, nothing moves below, they are round about the axis."""
     carriers = {up.name for joint in view.moving for up in view.ancestors(joint.name)}
-    found: list[tuple[Joint, WheelSize]] = []
+    candidates: list[tuple[Joint, WheelSize]] = []
     for joint in view.moving:
         turns = joint.kind == "continuous" or (joint.kind == "revolute" and _far(joint))
         if not turns or joint.name in carriers or joint.child not in view.places or not np.any(joint.axis):
@@ -34,8 +34,8 @@ def candidates_of(view: Topology, folder: Path) -> list[tuple[Joint, WheelSize]]
         size = wheel_size(view.tree, joint, folder)
         named = any(word in f"{joint.name} {joint.child}".lower() for word in TIRED)
         if size is not None and (named or "inertia" not in size.source):
-            found.append((joint, size))
-    return found
+            candidates.append((joint, size))
+    return candidates
 
 
 def _far(joint: Joint) -> bool:
@@ -75,8 +75,8 @@ def _pairs(wheels: list[GuessedWheel]) -> list[tuple[GuessedWheel, GuessedWheel]
     ]
     taken: set[int] = set()
     pairs = []
-    for apart, i, k in sorted(options):
-        if apart <= BESIDE * wheels[i].size.r and not {i, k} & taken:
+    for distance, i, k in sorted(options):
+        if distance <= BESIDE * wheels[i].size.r and not {i, k} & taken:
             taken |= {i, k}
             pairs.append((wheels[i], wheels[k]))
     return pairs
@@ -89,13 +89,13 @@ def _steering(
     rpy: tuple[float, float, float],
 ) -> tuple[str, str] | None:
     """Return the joints that turn each of two wheels, and no other wheel, about an upright axis."""
-    found = []
+    joints = []
     for wheel in pair:
         for up in view.ancestors(wheel.joint):
             if view.below(up.name, wheels) == [wheel.joint] and abs(view.axis(up, rpy)[2]) >= ALONG:
-                found.append(up.name)
+                joints.append(up.name)
                 break
-    return (found[0], found[1]) if len(found) == 2 else None
+    return (joints[0], joints[1]) if len(joints) == 2 else None
 
 
 def upright(view: Topology, axles: list[GuessedAxle], rpy: tuple[float, float, float]) -> bool:

@@ -32,11 +32,11 @@ def place_names(axes: Sequence[Axes], names: Sequence[Sequence[Name]]) -> None:
     assert figure is not None
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    for own, its in zip(axes, names, strict=True):
-        points = own.transData.transform([name.at for name in its])
+    for panel, its in zip(axes, names, strict=True):
+        points = panel.transData.transform([name.at for name in its])
         taken = [Bbox.from_extents(*(point - GAP), *(point + GAP)) for point in points]
         for name in its:
-            taken.append(_written(own, name, taken))
+            taken.append(_written(panel, name, taken))
 
 
 def _written(axes: Axes, name: Name, taken: Sequence[Bbox]) -> Bbox:
@@ -47,7 +47,7 @@ def _written(axes: Axes, name: Name, taken: Sequence[Bbox]) -> Bbox:
     first, point = note.get_window_extent(), 72.0 / axes.figure.dpi
     for row, across, up in _offsets(first.width * point):
         box = first.translated((across - GAP) / point, (up - GAP) / point)
-        if _within(box, axes.bbox) and not any(box.overlaps(other) for other in taken):
+        if _within(box, axes.bbox) and not any(box.overlaps(occupied) for occupied in taken):
             note.set_position((across, up))
             if row > 0:
                 _joined(axes, name, box)

@@ -91,5 +91,5 @@ def _content(source: Path, trust: Trust) -> str:
     try:
         return str(XacroDoc.from_file(str(source)).to_urdf_string())
     except Exception as error:
-        said = getattr(error, "exc", None) or error  # xacro says it twice, what went wrong below it once
-        raise UrdfError(f"{source.name}: xacro cannot expand it ({said}); expand it where its packages are.") from error
+        why = getattr(error, "exc", None) or error  # xacro says it twice, what went wrong below it once
+        raise UrdfError(f"{source.name}: xacro cannot expand it ({why}); expand it where its packages are.") from error

@@ -49,7 +49,7 @@ class Proposal:
     differential: str = ""
     coupled: dict[str, tuple[str, float]] = field(default_factory=dict)
     "joint -> the joint of the suspension that it follows, and by how much"
-    held: dict[str, float] = field(default_factory=dict)
+    held_joints: dict[str, float] = field(default_factory=dict)
     cut: tuple[str, ...] = ()
     reasons: dict[str, str] = field(default_factory=dict)
     "part or joint -> why"

@@ -35,5 +35,5 @@ def propose(tree: UrdfTree, folder: Path) -> Proposal:
             + (f" ({', '.join(joint.name for joint, _ in candidates)})" if candidates else "")
             + ": write the TOML by hand, as urdf/cart.toml."
         )
-    _, rpy, axles = max(best, key=lambda each: each[0])
+    _, rpy, axles = max(best, key=lambda option: option[0])
     return add_suspension(view, Proposal(view.base, rpy, tuple(axles)))

@@ -33,9 +33,9 @@ def picture(rover: Rover) -> Figure:
     pin.forwardKinematics(rover.model, data, pin.neutral(rover.model))
     names = [_side(side, rover, data), _plan(plan, rover, data)]
     centre = pin.centerOfMass(rover.model, data, pin.neutral(rover.model))
-    for axes, own, (i, k), words in ((side, names[0], (0, 2), "z [m]"), (plan, names[1], (0, 1), "y [m]")):
+    for axes, panel_names, (i, k), words in ((side, names[0], (0, 2), "z [m]"), (plan, names[1], (0, 1), "y [m]")):
         axes.plot(centre[i], centre[k], "x", color=RED, ms=9, mew=2)
-        own.append(Name("centre of mass", (centre[i], centre[k]), RED))
+        panel_names.append(Name("centre of mass", (centre[i], centre[k]), RED))
         axes.set(aspect="equal", xlabel="x, forward [m]", ylabel=words)
         axes.grid(alpha=0.3)
         axes.margins(0.15)
@@ -46,11 +46,11 @@ def picture(rover: Rover) -> Figure:
 
 def _side(axes: Axes, rover: Rover, data: pin.Data) -> list[Name]:
     left = [wheel for wheel in rover.wheels if wheel.side == "l"]
-    shown = {joint for wheel in left for joint in rover.model.supports[wheel.joint]} - {0, 1}
+    joints = {joint for wheel in left for joint in rover.model.supports[wheel.joint]} - {0, 1}
     for wheel in left:
         x, _, z = data.oMi[wheel.joint].translation
         axes.add_patch(Circle((x, z), float(wheel.wheel.r), fill=False, color=BLUE, lw=1.5))
-    return _joints(axes, rover, data, sorted(shown), (0, 2))
+    return _joints(axes, rover, data, sorted(joints), (0, 2))
 
 
 def _plan(axes: Axes, rover: Rover, data: pin.Data) -> list[Name]:
@@ -60,11 +60,11 @@ def _plan(axes: Axes, rover: Rover, data: pin.Data) -> list[Name]:
     return _joints(axes, rover, data, range(2, rover.model.njoints), (0, 1))
 
 
-def _joints(axes: Axes, rover: Rover, data: pin.Data, shown: Iterable[int], seen: tuple[int, int]) -> list[Name]:
+def _joints(axes: Axes, rover: Rover, data: pin.Data, joints: Iterable[int], plane: tuple[int, int]) -> list[Name]:
     """Draw joints and the links between them along two axes of the base; return the joints' names."""
     wheels, names = {wheel.joint for wheel in rover.wheels}, []
-    for joint in shown:
-        start, end = (data.oMi[each].translation[list(seen)] for each in (rover.model.parents[joint], joint))
+    for joint in joints:
+        start, end = (data.oMi[index].translation[list(plane)] for index in (rover.model.parents[joint], joint))
         colour = BLUE if joint in wheels else GREY
         axes.plot(*zip(start, end, strict=True), color=GREY, lw=1.5)
         axes.plot(*end, "o", color=colour, ms=4)

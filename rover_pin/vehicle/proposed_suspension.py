@@ -25,7 +25,7 @@ def add_suspension(view: Topology, proposal: Proposal) -> Proposal:
     steering = [joint for axle in proposal.axles for joint in axle.steering or ()]
     sides = ({axle.wheels[0].joint for axle in proposal.axles}, {axle.wheels[1].joint for axle in proposal.axles})
     pivots: list[Joint] = []
-    left_over: list[Joint] = []
+    unassigned: list[Joint] = []
     for joint in view.moving:
         if joint.name in (*wheels, *steering):
             continue
@@ -33,12 +33,12 @@ def add_suspension(view: Topology, proposal: Proposal) -> Proposal:
         turns = joint.kind in ("revolute", "continuous")
         upright = joint.child in view.places and abs(view.axis(joint, proposal.base_rpy)[2]) >= 0.7
         swings = turns and not upright and 1 < len(below) < len(wheels)
-        (pivots if swings else left_over).append(joint)
+        (pivots if swings else unassigned).append(joint)
     for name, joints in _named(view, proposal, pivots, sides):
         proposal.suspension[name] = tuple(joint.name for joint in joints)
-    left_over = [joint for joint in left_over if not _other_half(view, proposal, joint, wheels)]
+    unassigned = [joint for joint in unassigned if not _other_half(view, proposal, joint, wheels)]
     _differential(view, proposal, sides)
-    _rest(view, proposal, left_over, wheels)
+    _rest(view, proposal, unassigned, wheels)
     proposal.skid = not steering
     proposal.cut = view.cut
     for name in view.cut:
@@ -51,13 +51,13 @@ def _named(
 ) -> Iterator[tuple[str, list[Joint]]]:
     """Yield the names of pairs (left, right) of pivots, and of single ones in the middle."""
     wheels = [*sides[0], *sides[1]]
-    of_left = [each for each in pivots if set(view.below(each.name, wheels)) <= sides[0]]
-    of_right = [each for each in pivots if set(view.below(each.name, wheels)) <= sides[1]]
+    of_left = [pivot for pivot in pivots if set(view.below(pivot.name, wheels)) <= sides[0]]
+    of_right = [pivot for pivot in pivots if set(view.below(pivot.name, wheels)) <= sides[1]]
     used: list[str] = []
     for left in of_left:
         right = _partner(view, proposal, left, of_right)
         if right is None:
-            proposal.held[left.name] = _rest_angle(left)
+            proposal.held_joints[left.name] = _rest_angle(left)
             proposal.reasons[left.name] = "it carries wheels but has no partner on the other side"
             continue
         name = _level(view, left, of_left)
@@ -65,9 +65,11 @@ def _named(
         yield name + (str(used.count(name)) if used.count(name) > 1 else ""), [left, right]
         of_right.remove(right)
     for right in of_right:
-        proposal.held[right.name] = _rest_angle(right)
+        proposal.held_joints[right.name] = _rest_angle(right)
         proposal.reasons[right.name] = "it carries wheels but has no partner on the other side"
-    for middle in (each for each in pivots if each not in of_left and set(view.below(each.name, wheels)) & sides[0]):
+    for middle in (
+        pivot for pivot in pivots if pivot not in of_left and set(view.below(pivot.name, wheels)) & sides[0]
+    ):
         used.append("cross")
         proposal.reasons[middle.name] = "it carries wheels of both sides"
         yield "cross" + (str(used.count("cross")) if used.count("cross") > 1 else ""), [middle]
@@ -77,9 +79,11 @@ def _partner(view: Topology, proposal: Proposal, left: Joint, others: list[Joint
     """Return the pivot on the right that lies beside one on the left, with as many joints above it."""
     r = proposal.wheels[0].size.r
     at, rpy = view.centre(left, proposal.base_rpy), proposal.base_rpy
-    same = [each for each in others if len(view.ancestors(each.name)) == len(view.ancestors(left.name))]
-    apart = [float(np.hypot(*(view.centre(each, rpy) - at)[[0, 2]])) for each in same]
-    return same[int(np.argmin(apart))] if apart and min(apart) <= NEAR * r else None
+    candidates = [
+        candidate for candidate in others if len(view.ancestors(candidate.name)) == len(view.ancestors(left.name))
+    ]
+    distances = [float(np.hypot(*(view.centre(candidate, rpy) - at)[[0, 2]])) for candidate in candidates]
+    return candidates[int(np.argmin(distances))] if distances and min(distances) <= NEAR * r else None
 
 
 def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[str]) -> bool:
@@ -88,10 +92,10 @@ def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[s
         return False
     rpy, r = proposal.base_rpy, proposal.wheels[0].size.r
     for pivot in (name for joints in proposal.suspension.values() if len(joints) == 2 for name in joints):
-        other = view.joints[pivot]
-        apart = float(np.linalg.norm(view.centre(other, rpy) - view.centre(joint, rpy)))
-        along = float(view.axis(other, rpy) @ view.axis(joint, rpy))
-        if apart < NEAR * r and abs(along) > ALONG and other not in view.ancestors(joint.name):
+        partner = view.joints[pivot]
+        distance = float(np.linalg.norm(view.centre(partner, rpy) - view.centre(joint, rpy)))
+        along = float(view.axis(partner, rpy) @ view.axis(joint, rpy))
+        if distance < NEAR * r and abs(along) > ALONG and partner not in view.ancestors(joint.name):
             proposal.coupled[joint.name] = (pivot, math.copysign(1.0, along))
             proposal.reasons[joint.name] = f"it turns about the same pin as '{pivot}': two halves of one rocker"
             return True
@@ -100,9 +104,9 @@ def _other_half(view: Topology, proposal: Proposal, joint: Joint, wheels: list[s
 
 def _level(view: Topology, pivot: Joint, side: list[Joint]) -> str:
     """Return rocker for a pivot that carries others or all wheels of its side, bogie for one that hangs on another."""
-    names = [each.name for each in side]
+    names = [member.name for member in side]
     above = [up.name for up in view.ancestors(pivot.name) if up.name in names]
-    carries = [each for each in side if pivot.name in [up.name for up in view.ancestors(each.name)]]
+    carries = [member for member in side if pivot.name in [up.name for up in view.ancestors(member.name)]]
     return ("bogie", "second_bogie", "third_bogie")[min(len(above), 3) - 1] if above else "rocker" if carries else "arm"
 
 
@@ -110,10 +114,10 @@ def _differential(view: Topology, proposal: Proposal, sides: tuple[set[str], set
     """Name the pair that carries all wheels of either side: nothing but a differential (or springs) holds the body."""
     wheels = [*sides[0], *sides[1]]
     for name, joints in list(proposal.suspension.items()):
-        whole = len(joints) == 2 and all(
+        carries_all = len(joints) == 2 and all(
             _carried(view, proposal, joint, wheels) == side for joint, side in zip(joints, sides, strict=True)
         )
-        if whole:
+        if carries_all:
             proposal.differential = name.replace("arm", "rocker")
             proposal.suspension = _renamed(proposal.suspension, "rocker")
             proposal.reasons["differential"] = (
@@ -131,20 +135,20 @@ def _renamed(suspension: dict[str, tuple[str, ...]], word: str) -> dict[str, tup
 
 def _carried(view: Topology, proposal: Proposal, joint: str, wheels: list[str]) -> set[str]:
     halves = [half for half, (pivot, _) in proposal.coupled.items() if pivot == joint]
-    return {wheel for each in (joint, *halves) for wheel in view.below(each, wheels)}
+    return {wheel for member in (joint, *halves) for wheel in view.below(member, wheels)}
 
 
-def _rest(view: Topology, proposal: Proposal, left_over: list[Joint], wheels: list[str]) -> None:
+def _rest(view: Topology, proposal: Proposal, unassigned: list[Joint], wheels: list[str]) -> None:
     """Couple what the URDF couples to the suspension; hold everything else within its stops."""
     roles = {*wheels, *(joint for axle in proposal.axles for joint in axle.steering or ())}
     roles |= {joint for joints in proposal.suspension.values() for joint in joints}
     linked = _linked(view, roles)
-    for joint in left_over:
+    for joint in unassigned:
         if joint.name in linked and joint.kind != "prismatic":
             proposal.suspension[joint.name] = (joint.name,)
             proposal.reasons[joint.name] = "the URDF's <mimic> couples it to the suspension"
             continue
-        proposal.held[joint.name] = _rest_angle(joint)
+        proposal.held_joints[joint.name] = _rest_angle(joint)
         proposal.reasons[joint.name] = _why(view, joint, wheels)
 
 
@@ -157,12 +161,12 @@ def _rest_angle(joint: Joint) -> float:
 
 def _linked(view: Topology, roles: set[str]) -> set[str]:
     """Return what the URDF's mimics tie to joints that have a role."""
-    found: set[str] = set()
+    linked_joints: set[str] = set()
     for joint in view.moving:
         if joint.mimic is not None:
             pair = {joint.name, joint.mimic.joint}
-            found |= pair - roles if pair & roles else set()
-    return found
+            linked_joints |= pair - roles if pair & roles else set()
+    return linked_joints
 
 
 def _why(view: Topology, joint: Joint, wheels: list[str]) -> str:

@@ -38,12 +38,14 @@ def _wheels(proposal: Proposal) -> Iterator[str]:
     yield "\n[wheels]  # GUESSED by axis, place and shape; axles from front to rear, joints left and right"
     for axle in proposal.axles:
         yield f"{axle.name} = [{_text(axle.wheels[0].joint)}, {_text(axle.wheels[1].joint)}]"
-    sizes = {axle.name: axle.wheels[0].size for axle in proposal.axles}
-    usual = next(iter(sizes.values()))
+    size_by_axle = {axle.name: axle.wheels[0].size for axle in proposal.axles}
+    default_size = next(iter(size_by_axle.values()))
     yield "\n[wheel]  # radius and width in metres"
-    yield from _size(usual)
-    for name, size in sizes.items():
-        if not (math.isclose(size.r, usual.r, rel_tol=0.02) and math.isclose(size.b, usual.b, rel_tol=0.02)):
+    yield from _size(default_size)
+    for name, size in size_by_axle.items():
+        if not (
+            math.isclose(size.r, default_size.r, rel_tol=0.02) and math.isclose(size.b, default_size.b, rel_tol=0.02)
+        ):
             yield f"\n[wheel.{name}]"
             yield from _size(size)
     steered = [axle for axle in proposal.axles if axle.steering]
@@ -80,9 +82,9 @@ def _coupled(proposal: Proposal) -> Iterator[str]:
 
 
 def _ends(proposal: Proposal) -> Iterator[str]:
-    if proposal.held:
+    if proposal.held_joints:
         yield "\n[held]  # GUESSED: joints that stay where they are, at an angle [rad] or a travel [m]"
-        for joint, value in proposal.held.items():
+        for joint, value in proposal.held_joints.items():
             yield f"{_key(joint)} = {value:.6g}  # {proposal.reasons[joint]}"
     yield "\n# The motor of a wheel, from its data sheet; without this table one is sized by the rover's weight:"
     yield "# [motor]"

@@ -52,8 +52,8 @@ def road_check(rover: Rover) -> RoadCheck:
         stands = _stance(rover, soil)
         resistance = _resistance(rover, soil)
     except ParameterError as error:
-        told = f"no: {error}"
-        return RoadCheck(told, "no: it does not stand", assumed, (f"it does not stand on its soil: {error}",))
+        answer = f"no: {error}"
+        return RoadCheck(answer, "no: it does not stand", assumed, (f"it does not stand on its soil: {error}",))
     moves, fault = _motion(rover, soil, motor, resistance)
     return RoadCheck(stands, moves, assumed, (fault,) if fault else ())
 
@@ -83,10 +83,10 @@ def _resistance(rover: Rover, soil: Soil) -> float:
 def _motion(rover: Rover, soil: Soil, motor: Motor, R: float) -> tuple[str, str]:
     """Return what is said of the motion, and the fault where there is none."""
     weight, stall = rover.mass * EARTH, float(motor.stall_torque)
-    needed, given = R * weight * float(rover.radii.mean()) / len(rover.wheels), CRUISE_DUTY * stall
-    if given <= needed:
-        told = f"its motors stall: {given:.3g} N m a wheel at duty {CRUISE_DUTY:g}, and the flat takes {needed:.3g} N m"
-        return f"no: {told}", f"{told}; a stronger motor or gear goes into the TOML's [motor]."
+    needed, torque = R * weight * float(rover.radii.mean()) / len(rover.wheels), CRUISE_DUTY * stall
+    if torque <= needed:
+        why = f"its motors stall: {torque:.3g} N m a wheel at duty {CRUISE_DUTY:g}, and the flat takes {needed:.3g} N m"
+        return f"no: {why}", f"{why}; a stronger motor or gear goes into the TOML's [motor]."
     by_motor = _held_slope(stall * float(np.sum(1.0 / rover.radii)), R, weight)
     most, slipping = (
         math.degrees(driven_slope(rover, soil, TractionLimit(slip, TorqueTraction(), usual_angles(rover)), R=R))
@@ -94,7 +94,7 @@ def _motion(rover: Rover, soil: Soil, motor: Motor, R: float) -> tuple[str, str]
     )
     first = "the motors" if by_motor < most else "the soil"
     return (
-        f"yes: the flat takes {needed:.3g} N m a wheel, the motor gives {given:.3g} N m at duty {CRUISE_DUTY:g}; "
+        f"yes: the flat takes {needed:.3g} N m a wheel, the motor gives {torque:.3g} N m at duty {CRUISE_DUTY:g}; "
         f"motors hold {by_motor:.0f} deg at full duty, the soil {most:.0f} deg at S = 1 and {slipping:.0f} deg at "
         f"S = 0.2: "
         f"{first} give{'' if first == 'the motors' else 's'} first"

@@ -13,18 +13,25 @@ POWERS = {"m": 1, "rad/m": -1}
 """Power of a length in the units of a terrain's arguments."""
 
 
-def scaled(terrain: Callable[..., Terrain], usual: Mapping[str, Any], size: float) -> dict[str, Any]:
+def scaled(terrain: Callable[..., Terrain], arguments: Mapping[str, Any], size: float) -> dict[str, Any]:
     """Return the arguments of a terrain for wheels `size` times as large as those that it is made for.
 
     An argument's unit says whether it is a length. What is no argument (`field` has distances of its own) grows by the
     argument `size`, where there is one.
     """
     if size == 1.0:
-        return dict(usual)
-    units = {name: each.quantity.unit for name, each in arguments_of(terrain).items()}
+        return dict(arguments)
+    units = {name: argument.quantity.unit for name, argument in arguments_of(terrain).items()}
     parameters = inspect.signature(terrain).parameters
-    given = {name: each.default for name, each in parameters.items() if each.default is not inspect.Parameter.empty}
-    return {name: _scaled(value, _power(name, units.get(name, "")), size) for name, value in {**given, **usual}.items()}
+    defaults = {
+        name: parameter.default
+        for name, parameter in parameters.items()
+        if parameter.default is not inspect.Parameter.empty
+    }
+    return {
+        name: _scaled(value, _power(name, units.get(name, "")), size)
+        for name, value in {**defaults, **arguments}.items()
+    }
 
 
 def _power(name: str, unit: str) -> int:
@@ -33,5 +40,5 @@ def _power(name: str, unit: str) -> int:
 
 def _scaled(value: Any, power: int, size: float) -> Any:
     if isinstance(value, tuple):
-        return tuple(_scaled(each, power, size) for each in value)
+        return tuple(_scaled(element, power, size) for element in value)
     return value if power == 0 else size**power * value

@@ -18,7 +18,7 @@ SOURCE = (
 )
 TURNS = ("turn", "point-turn", "crab")
 """Controllers that steer."""
-SAID = (
+SIDE_FORCE_NOTE = (
     "side force: thrust and side force share the soil's strength (CombinedShear), and the soil beside a sunk wheel "
     "resists as beside one measured wheel (FlankPressure); side = shear has SideShear instead"
 )
@@ -30,13 +30,13 @@ def combined(model: Model) -> Model:
     return model.without(SideShear).having(shear).having(FlankPressure())
 
 
-def on_its_side(model: Model, asked: Settings, askew: bool, of_file: bool) -> tuple[Model, tuple[str, ...]]:
+def on_its_side(model: Model, request: Settings, askew: bool, of_file: bool) -> tuple[Model, tuple[str, ...]]:
     """Return the model with the side force that is asked for, or usual, and what is to be said of it.
 
     `askew`: the scene sends wheels sideways. A model that is read keeps its own where nothing is asked.
     """
-    usual = "combined" if askew or asked.values.get("control") in TURNS else "shear"
-    given = asked.word("side", usual, SIDES, SOURCE)
-    if (given or ("shear" if of_file else usual)) == "shear":
+    default = "combined" if askew or request.values.get("control") in TURNS else "shear"
+    word = request.word("side", default, SIDES, SOURCE)
+    if (word or ("shear" if of_file else default)) == "shear":
         return model, ()
-    return combined(model), () if given else (SAID,)
+    return combined(model), () if word else (SIDE_FORCE_NOTE,)

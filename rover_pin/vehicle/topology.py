@@ -27,14 +27,14 @@ class Topology:
 
     def ancestors(self, joint: str) -> list[Joint]:
         """Return the moving joints above a joint, nearest first."""
-        found: list[Joint] = []
+        ancestors: list[Joint] = []
         link = self.joints[joint].parent
-        while link in self.above and len(found) <= len(self.joints):
+        while link in self.above and len(ancestors) <= len(self.joints):
             up = self.above[link]
             if up.moves and up.name not in self.dropped:
-                found.append(up)
+                ancestors.append(up)
             link = up.parent
-        return found
+        return ancestors
 
     @property
     def moving(self) -> list[Joint]:

@@ -34,12 +34,12 @@ def wheel_size(tree: UrdfTree, joint: Joint, folder: Path) -> WheelSize | None:
     group = [links[name] for name in tree.rigid_group(joint.child) if name in links]
     places = tree.placements
     at = np.linalg.inv(places[joint.child]) if joint.child in places else np.eye(4)
-    found: list[WheelSize] = []
+    candidates: list[WheelSize] = []
     for link in group:
         placement = at @ places.get(link.name, np.eye(4))
-        found += _drawn(link, placement, joint.axis, folder)
-    if found:
-        return max(found, key=lambda size: ("inertia" not in size.source, "cylinder" in size.source, size.r))
+        candidates += _drawn(link, placement, joint.axis, folder)
+    if candidates:
+        return max(candidates, key=lambda size: ("inertia" not in size.source, "cylinder" in size.source, size.r))
     return _of_inertia(links[joint.child], joint.axis)
 
 
@@ -96,10 +96,10 @@ def _of_inertia(link: Link, axis: np.ndarray) -> WheelSize | None:
     if link.body is None or not link.body.mass > 0.0:
         return None
     unit = link.body.axes.T @ (axis / np.linalg.norm(axis))
-    about = float(unit @ link.body.inertia @ unit)
-    across = (float(np.trace(link.body.inertia)) - about) / 2.0
-    if not about > 0.0:
+    axial = float(unit @ link.body.inertia @ unit)
+    across = (float(np.trace(link.body.inertia)) - axial) / 2.0
+    if not axial > 0.0:
         return None
-    r = math.sqrt(2.0 * about / link.body.mass)
+    r = math.sqrt(2.0 * axial / link.body.mass)
     b = math.sqrt(max(12.0 * across / link.body.mass - 3.0 * r**2, (0.2 * r) ** 2))
     return WheelSize(r, b, f"the inertia of link '{link.name}' as a solid cylinder's, which is a poor measure")

@@ -59,20 +59,20 @@ def write_animation(file: Path, film: Film, name: str, ghost: Film | None = None
     show(0)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # the same for all pictures, and laid out once
-    moving = FuncAnimation(figure, show, frames=[int(each) for each in frames], init_func=lambda: None)
+    moving = FuncAnimation(figure, show, frames=[int(frame) for frame in frames], init_func=lambda: None)
     writer = (FFMpegWriter if file.suffix == ".mp4" else PillowWriter)(fps=PICTURES_PER_SECOND)
     with tempfile.TemporaryDirectory() as place:
-        made = Path(place) / f"made{file.suffix}"
-        moving.save(made, writer=writer, dpi=75)
-        return replace_file(file, made.read_bytes() if file.suffix == ".mp4" else _small(made))
+        rendered = Path(place) / f"made{file.suffix}"
+        moving.save(rendered, writer=writer, dpi=75)
+        return replace_file(file, rendered.read_bytes() if file.suffix == ".mp4" else _small(rendered))
 
 
 def _small(gif: Path) -> bytes:
     """Return a GIF whose pictures share one palette, so that what stands still costs nothing."""
     with Image.open(gif) as picture:
-        pictures, lasts = [each.convert("RGB") for each in ImageSequence.Iterator(picture)], picture.info["duration"]
+        pictures, lasts = [frame.convert("RGB") for frame in ImageSequence.Iterator(picture)], picture.info["duration"]
     palette = pictures[len(pictures) // 2].quantize(COLOURS)
-    first, *others = (each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures)
+    first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in pictures)
     small = io.BytesIO()
     first.save(small, "GIF", save_all=True, append_images=others, duration=lasts, loop=0, optimize=True)
     return small.getvalue()
@@ -91,7 +91,7 @@ def _figure(film: Film, ghost: Film | None) -> tuple[Figure, list[Draw]]:
     heights = [min(max(height, 0.16), 0.6) for _, height in views]
     figure = Figure(figsize=(8.0, 8.0 * sum(heights) + 0.9), layout="constrained")
     axes = figure.subplots(len(views), 1, height_ratios=heights, squeeze=False)[:, 0]
-    return figure, [view(each, film, ghost) for (view, _), each in zip(views, axes, strict=True)]
+    return figure, [view(panel, film, ghost) for (view, _), panel in zip(views, axes, strict=True)]
 
 
 def _share(film: Film, axis: int) -> float:
@@ -109,19 +109,19 @@ def _side(axes: Axes, film: Film, ghost: Film | None) -> Draw:
     high = float(film.centres[..., 2].max() + 0.2)
     axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", xlim=(box.x_low, box.x_high), ylim=(floor, high))
     sand = axes.add_patch(Polygon(np.zeros((3, 2)), fc="#d9c9a5", ec="#8a7340", lw=1))
-    beyond = axes.plot([], [], color="#8a7340", lw=0.9, ls="--")[0]
+    right_ground = axes.plot([], [], color="#8a7340", lw=0.9, ls="--")[0]
     rovers = [_rover(axes, film, sides["l"], None)]
     if ghost is not None:
         rovers.append(_as_ghost(film, ghost, _rover(axes, ghost, sides["l"], GHOST)))
 
     def draw(frame: int) -> None:
-        under, other = (
+        under, under_right = (
             film.terrain.height(x, np.full(x.size, film.centres[frame, wheels, 1].mean())) for wheels in sides.values()
         )
         sand.set_xy(np.column_stack([[x[0], *x, x[-1]], [floor - 1.0, *under, floor - 1.0]]))
-        beyond.set_data(x, np.where(np.abs(under - other) > 1e-6, other, np.nan))
-        for each in rovers:
-            each(frame)
+        right_ground.set_data(x, np.where(np.abs(under - under_right) > 1e-6, under_right, np.nan))
+        for draw_rover in rovers:
+            draw_rover(frame)
 
     return draw
 
@@ -160,8 +160,8 @@ def _above(axes: Axes, film: Film, ghost: Film | None) -> Draw:
         rovers.append(_as_ghost(film, ghost, _rover_above(axes, ghost, GHOST)))
 
     def draw(frame: int) -> None:
-        for each in rovers:
-            each(frame)
+        for draw_rover in rovers:
+            draw_rover(frame)
 
     return draw
 
@@ -207,7 +207,7 @@ def _key(axes: Axes) -> None:
     """Draw the colours of slip along the slip's own axis."""
     low, high = axes.get_ylim()
     edges = np.linspace(low, high, 101)
-    colours = np.array([[slip_colour(float(each))] for each in 0.5 * (edges[1:] + edges[:-1])])
+    colours = np.array([[slip_colour(float(slip))] for slip in 0.5 * (edges[1:] + edges[:-1])])
     strip = axes.inset_axes((1.005, 0.0, 0.02, 1.0))
     strip.imshow(colours, extent=(0.0, 1.0, low, high), origin="lower", aspect="auto")
     strip.set(xticks=[], yticks=[], ylim=(low, high))

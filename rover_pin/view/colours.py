@@ -23,15 +23,15 @@ def slip_colour(slip: float) -> tuple[float, float, float]:
     """Return the colour of a slip; grey where it is not known."""
     if not np.isfinite(slip):
         return UNKNOWN
-    at = [each[0] for each in STOPS]
+    at = [stop[0] for stop in STOPS]
     rounded = round(slip * STEPS) / STEPS
-    r, g, b = (float(np.interp(rounded, at, [each[1][i] for each in STOPS])) for i in range(3))
+    r, g, b = (float(np.interp(rounded, at, [stop[1][i] for stop in STOPS])) for i in range(3))
     return r, g, b
 
 
 def in_bytes(colour: tuple[float, float, float]) -> tuple[int, int, int]:
     """Return a colour as three whole numbers from 0 to 255."""
-    r, g, b = (round(255.0 * each) for each in colour)
+    r, g, b = (round(255.0 * channel) for channel in colour)
     return r, g, b
 
 

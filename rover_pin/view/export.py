@@ -52,7 +52,7 @@ def write_mcap(file: Path, subject: Subject) -> Path:
     messages += [
         (t, "/tf", {"transforms": _frames(film, frame, float(t - film.t[0]))}) for frame, t in enumerate(film.t)
     ]
-    for t, topic, message in sorted(messages, key=lambda each: float(each[0])):
+    for t, topic, message in sorted(messages, key=lambda entry: float(entry[0])):
         at = round(NANO * (float(t) - float(subject.trace.t[0])))
         writer.add_message(ids[topic], log_time=at, publish_time=at, data=json.dumps(message).encode())
     writer.finish()
@@ -65,9 +65,9 @@ def write_rerun(file: Path, subject: Subject) -> Path:
 
     film = _film(subject)
     with tempfile.TemporaryDirectory() as place:
-        made = Path(place) / "made.rrd"
+        rrd_file = Path(place) / "made.rrd"
         recording = rerun.RecordingStream("rover_pin")
-        recording.save(made)
+        recording.save(rrd_file)
         for patch in patches(film.terrain, film.box):
             mesh = rerun.Mesh3D(vertex_positions=patch.vertices, triangle_indices=patch.faces)
             recording.log(f"ground/{patch.soil}", mesh, static=True)
@@ -85,7 +85,7 @@ def write_rerun(file: Path, subject: Subject) -> Path:
                 recording.log(f"channels/{name}", rerun.Scalars(float(values[film.rows[frame]])))
         recording.flush()
         recording.disconnect()
-        return replace_file(file, made.read_bytes())
+        return replace_file(file, rrd_file.read_bytes())
 
 
 def _film(subject: Subject) -> Film:
@@ -110,11 +110,11 @@ def _frames(film: Film, frame: int, t: float) -> list[dict[str, Any]]:
     """Return every link in the world, as Foxglove has frames."""
     seconds = math.floor(t)
     stamp = {"sec": seconds, "nsec": round(NANO * (t - seconds))}
-    made = []
+    transforms = []
     for name, (where, turned) in film.links.items():
         w, x, y, z = map(float, turned[frame])
         place = dict(zip("xyz", map(float, where[frame]), strict=True))
         turn = {"x": x, "y": y, "z": z, "w": w}
         names = {"timestamp": stamp, "parent_frame_id": "world", "child_frame_id": name}
-        made.append({**names, "translation": place, "rotation": turn})
-    return made
+        transforms.append({**names, "translation": place, "rotation": turn})
+    return transforms

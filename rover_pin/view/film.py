@@ -90,7 +90,7 @@ class Film:
         centre, the wheel's heading along that ground, and to its left. On an edge, where a wheel stands on several
         facets, the direction is that of one of them.
         """
-        parts = [self._of_wheels(each) for each in ("normal", "tangential", "lateral")]
+        parts = [self._of_wheels(name) for name in ("normal", "tangential", "lateral")]
         if any(part is None for part in parts):
             return None
         up = self.terrain.normal(self.centres[..., 0], self.centres[..., 1])
@@ -123,11 +123,11 @@ class Film:
         model = self.rover.model
         names = {frame.parentJoint: str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY}
         left = [wheel.joint for wheel in self.rover.wheels if wheel.side == "l"]
-        shown = sorted({joint for wheel in left for joint in model.supports[wheel] if joint > 1})
+        joints = sorted({joint for wheel in left for joint in model.supports[wheel] if joint > 1})
         gap = np.full((self.t.size, 1, 3), np.nan)
         parts = []
-        for joint in shown:
-            ends = (self.links[names[each]][0][:, None] for each in (model.parents[joint], joint))
+        for joint in joints:
+            ends = (self.links[names[index]][0][:, None] for index in (model.parents[joint], joint))
             parts += [*ends, gap]
         return np.concatenate(parts, axis=1)
 

@@ -54,7 +54,9 @@ def _lanes(terrain: Lanes, box: Extent) -> tuple[np.ndarray, np.ndarray]:
         quads.append(_strip(x, right.height(x), left.height(x), y, y))
         higher = np.where(right.height(0.5 * (x[1:] + x[:-1])) > left.height(0.5 * (x[1:] + x[:-1])), 0, 1)
         middle = 0.5 * (x[1:] + x[:-1])
-        soils.append(np.choose(higher, [each.ground[each.piece(middle)] for each in (right, left)]))
+        soils.append(
+            np.choose(higher, [side_profile.ground[side_profile.piece(middle)] for side_profile in (right, left)])
+        )
     return np.concatenate(quads), np.concatenate(soils)
 
 
@@ -84,9 +86,9 @@ def _ticks(terrain: Terrain, low: float, high: float, axis: int) -> np.ndarray:
         return np.linspace(low, high, MOST)
     start, spacing = ((terrain.x0, terrain.dx), (terrain.y0, terrain.dy))[axis]
     count = terrain.z.shape[axis]
-    own = start + spacing * np.arange(count)
-    own = own[(own > low) & (own < high)]
-    return np.concatenate([[low], own[:: max(1, own.size // MOST)], [high]])
+    ticks = start + spacing * np.arange(count)
+    ticks = ticks[(ticks > low) & (ticks < high)]
+    return np.concatenate([[low], ticks[:: max(1, ticks.size // MOST)], [high]])
 
 
 def ruled(terrain: Terrain, box: Extent) -> np.ndarray:

@@ -22,7 +22,7 @@ from rover_pin.view.subject import Subject
 COLOURS = {"blue": BLUE, "orange": ORANGE}
 
 
-def write_page(file: Path, subject: Subject, other: Subject | None = None) -> Path:
+def write_page(file: Path, subject: Subject, ghost: Subject | None = None) -> Path:
     """Write a drive, and another one as its ghost, to an HTML page; return its path.
 
     Raises
@@ -30,7 +30,7 @@ def write_page(file: Path, subject: Subject, other: Subject | None = None) -> Pa
     DataError
         A trace in which there is nothing to see, or the file cannot be written.
     """
-    return replace_file(file, page_of(subject, () if other is None else ((other, "blue"),)))
+    return replace_file(file, page_of(subject, () if ghost is None else ((ghost, "blue"),)))
 
 
 def page_of(subject: Subject, others: Sequence[tuple[Subject, str]] = ()) -> str:
@@ -58,7 +58,7 @@ def page_of(subject: Subject, others: Sequence[tuple[Subject, str]] = ()) -> str
 
 def ghosts_of(film: Film, others: Sequence[tuple[Subject, str]]) -> list[Ghost]:
     """Return others as ghosts beside a film, each in the colour of its word; see `Film.refuse_other`."""
-    ghosts = [Ghost(Film.of(each.trace, each.rover, each.terrain), COLOURS[word]) for each, word in others]
+    ghosts = [Ghost(Film.of(subject.trace, subject.rover, subject.terrain), COLOURS[word]) for subject, word in others]
     for ghost in ghosts:
         film.refuse_other(ghost.film)
     return ghosts
@@ -70,18 +70,18 @@ def server(host: str = "127.0.0.1", port: int = 0) -> Iterator[Any]:
     import viser
 
     with redirect_stdout(io.StringIO()):  # it announces itself
-        made = viser.ViserServer(host=host, port=port or _free_port(host), verbose=False)
+        viser_server = viser.ViserServer(host=host, port=port or _free_port(host), verbose=False)
     try:
-        yield made
+        yield viser_server
     finally:
         with redirect_stdout(io.StringIO()):
-            made.stop()
+            viser_server.stop()
 
 
 def _free_port(host: str) -> int:
-    with socket.socket() as found:
-        found.bind((host, 0))
-        return int(found.getsockname()[1])
+    with socket.socket() as probe:
+        probe.bind((host, 0))
+        return int(probe.getsockname()[1])
 
 
 def look_from(viser: Any, film: Film) -> None:
@@ -94,18 +94,18 @@ def look_from(viser: Any, film: Film) -> None:
 
 def legend_of(subject: Subject, others: Sequence[tuple[Subject, str]], film: Film) -> str:
     """Return in HTML what is seen, what happened, what the colours and arrows mean."""
-    said = [f"<b>{html.escape(subject.name)}</b>"]
-    happened = subject.trace.attrs.get("happened") or subject.trace.attrs.get("stop")
-    said += [html.escape(str(happened))] if happened else []
-    for other, word in others:
-        said.append(
-            html.escape(f"ghost, in {word}: {other.name}, {other.trace.attrs.get('happened', '')}".rstrip(", "))
+    lines = [f"<b>{html.escape(subject.name)}</b>"]
+    outcome = subject.trace.attrs.get("happened") or subject.trace.attrs.get("stop")
+    lines += [html.escape(str(outcome))] if outcome else []
+    for ghost, word in others:
+        lines.append(
+            html.escape(f"ghost, in {word}: {ghost.name}, {ghost.trace.attrs.get('happened', '')}".rstrip(", "))
         )
-    said += [_bar()] if film.slip is not None else ["slip was not recorded: wheels have their own colours"]
-    said += ["green arrows: the soil's force on each wheel"] if film.forces is not None else []
+    lines += [_bar()] if film.slip is not None else ["slip was not recorded: wheels have their own colours"]
+    lines += ["green arrows: the soil's force on each wheel"] if film.forces is not None else []
     missing = [name for name in ("body_z", "body_pitch", "body_roll") if name not in subject.trace]
-    said += [f"{', '.join(missing)} not recorded: set on the ground"] if missing else []
-    return "".join(f"<div>{each}</div>" for each in said)
+    lines += [f"{', '.join(missing)} not recorded: set on the ground"] if missing else []
+    return "".join(f"<div>{line}</div>" for line in lines)
 
 
 STYLE = (

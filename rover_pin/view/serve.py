@@ -13,10 +13,10 @@ from rover_pin.view.subject import Subject
 STYLE = "padding:8px 12px;font:13px/1.45 system-ui,sans-serif"
 
 
-def serve(subject: Subject, other: Subject | None, port: int, seconds: float = float("inf")) -> None:
+def serve(subject: Subject, ghost: Subject | None, port: int, seconds: float = float("inf")) -> None:
     """Serve a drive, and another one as its ghost, at a port of this machine, until interrupted or for `seconds`."""
     film = Film.of(subject.trace, subject.rover, subject.terrain)
-    others = () if other is None else ((other, "blue"),)
+    others = () if ghost is None else ((ghost, "blue"),)
     ghosts = ghosts_of(film, others)
     with server(port=port) as viser:
         look_from(viser, film)

@@ -43,18 +43,18 @@ def shapes_of(rover: Rover, folder: Path | None = None) -> list[Shape]:
     left out, with a word.
     """
     robot = yourdfpy.URDF.load(io.BytesIO(rover.urdf.encode()), load_meshes=False, build_scene_graph=False).robot
-    palette = {each.name: each.color for each in robot.materials}
+    palette = {material.name: material.color for material in robot.materials}
     rims = {_link_of(rover, mount): mount for mount in rover.wheels}
-    made: list[Shape] = []
+    shapes: list[Shape] = []
     for link in robot.links:
-        own: list[Shape] = []
+        link_shapes: list[Shape] = []
         for visual in link.visuals:
-            full = 3 * sum(len(each.faces) for each in (*made, *own)) > MOST_CORNERS
-            own += _shape(link.name, visual, palette, None if full else folder)
+            full = 3 * sum(len(shape.faces) for shape in (*shapes, *link_shapes)) > MOST_CORNERS
+            link_shapes += _shape(link.name, visual, palette, None if full else folder)
         if link.name in rims:
-            own = list(_wheel(link.name, rims[link.name], own, rover))
-        made += own or list(_rods(rover, link.name))
-    return made
+            link_shapes = list(_wheel(link.name, rims[link.name], link_shapes, rover))
+        shapes += link_shapes or list(_rods(rover, link.name))
+    return shapes
 
 
 def _shape(link: str, visual: Any, palette: dict[str, Any], folder: Path | None) -> Iterator[Shape]:
@@ -89,19 +89,19 @@ def _colour(material: Any, palette: dict[str, Any]) -> tuple[float, float, float
     colour = None if material is None else material.color or palette.get(material.name)
     if colour is None:
         return PLAIN
-    r, g, b = (float(each) for each in colour.rgba[:3])
+    r, g, b = (float(value) for value in colour.rgba[:3])
     return r, g, b
 
 
-def _wheel(link: str, mount: WheelMount, own: list[Shape], rover: Rover) -> Iterator[Shape]:
+def _wheel(link: str, mount: WheelMount, link_shapes: list[Shape], rover: Rover) -> Iterator[Shape]:
     """Yield a wheel's own shapes, or a cylinder of its radius and width; one alone gets a bar that shows it turn."""
     r, b = float(mount.wheel.r), float(mount.wheel.b)
     to_axle = _axle(rover, mount, link)
-    if not own:
+    if not link_shapes:
         rim = trimesh.creation.cylinder(radius=r, height=b, sections=48)
         rim.apply_transform(to_axle)
-        own = [Shape(link, np.asarray(rim.vertices), np.asarray(rim.faces), PLAIN)]
-    rim_of, *others = sorted(own, key=lambda shape: -float(np.prod(np.ptp(shape.vertices, axis=0))))
+        link_shapes = [Shape(link, np.asarray(rim.vertices), np.asarray(rim.faces), PLAIN)]
+    rim_of, *others = sorted(link_shapes, key=lambda shape: -float(np.prod(np.ptp(shape.vertices, axis=0))))
     yield rim_of._replace(wheel=mount.name)
     if others:  # it shows by itself how it turns
         yield from others

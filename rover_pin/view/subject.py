@@ -26,9 +26,9 @@ class Subject:
 def subject_of_log(log: DriveLog, run: str = "") -> Subject:
     """Return what a run of a drive log shows; its first unless another is named."""
     trace = log.run(run) if run else log.runs[0]
-    name = Path(str(trace.attrs.get("file", log.about.name))).stem
+    name = Path(str(trace.attrs.get("file", log.metadata.name))).stem
     return Subject(
-        log.about.name if len(log.runs) == 1 else f"{log.about.name}, {name}",
+        log.metadata.name if len(log.runs) == 1 else f"{log.metadata.name}, {name}",
         trace,
         log.load_rover(),
         log.terrain(),

@@ -29,7 +29,7 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.motion.command import Reading
-from rover_pin.motion.drive_log import About, write_drive_log
+from rover_pin.motion.drive_log import LogMetadata, write_drive_log
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
@@ -73,7 +73,9 @@ def write(folder: Path, runs: int, duration: float) -> Path:
     known = {name: declared(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
     wheels = tuple(wheel.name for wheel in model.rover.wheels)
     terrain = write_terrain(folder, model.terrain)
-    about = About("tether", rover="nexus6", wheels=wheels, terrain=terrain, soil=known, motor=declared(model.motor))
+    about = LogMetadata(
+        "tether", rover="nexus6", wheels=wheels, terrain=terrain, soil=known, motor=declared(model.motor)
+    )
     return write_drive_log(folder, traces, about)
 
 

@@ -222,12 +222,12 @@ def test_a_sound_urdf_is_read_by_the_slow_reader_once_and_a_faulty_one_always(ow
 def test_what_is_remembered_is_bounded_and_may_be_lost(tmp_path, monkeypatch):
     for number in range(remembered.MOST + 5):
         remembered.remember("kind", str(number))
-    known = [remembered.remembered("kind", str(number)) for number in range(remembered.MOST + 5)]
+    known = [remembered.is_cached("kind", str(number)) for number in range(remembered.MOST + 5)]
     assert known == [False] * 5 + [True] * remembered.MOST
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("ROVER_PIN_CACHE", str(tmp_path / "file"))
     remembered.remember("kind", "7")
-    assert not remembered.remembered("kind", "7")
+    assert not remembered.is_cached("kind", "7")
 
 
 def test_copies_of_the_example_load_from_anywhere(tmp_path):

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
-from rover_pin.body.driven_loads import configuration, driven_loads, footing, told_together
+from rover_pin.body.driven_loads import configuration, determinate_groups, driven_loads, footing
 from rover_pin.body.rover import load_rover
 from rover_pin.body.statics import wheel_loads
 from rover_pin.errors import ParameterError
@@ -144,7 +144,7 @@ def test_a_rigid_chassis_leaves_loads_open(tmp_path, wheels, groups):
     """Over four wheels the diagonals' share; over six also that of the middle axle: only the weight is told."""
     rover = rigid_rover(tmp_path, wheels)
     for attitude in ((0.0, 0.0, 0.0), (0.1, -0.2, 0.4)):
-        assert told_together(rover, *footing(rover, configuration(rover, attitude, {}))) == groups
+        assert determinate_groups(rover, *footing(rover, configuration(rover, attitude, {}))) == groups
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.095, True), (0.105, False)])
@@ -157,14 +157,14 @@ def test_an_axle_s_sum_is_told_where_no_open_combination_moves_it_by_a_tenth(tmp
         return e / math.sqrt(1 + (1 + e) ** 2 + (e / 2 + g) ** 2 + (e / 2 - g) ** 2)
 
     rover = rigid_rover(tmp_path, (("front", 0.3), ("back", -0.3)), skew=brentq(lambda s: moved(s) - share, 0.0, 0.2))
-    found = told_together(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
+    found = determinate_groups(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
     assert found == ([(0, 1), (2, 3)] if told else [(0, 1, 2, 3)])
 
 
 def test_a_load_that_is_told_beside_one_that_is_not_tells_no_axle(tmp_path):
     """The front right wheel stands amid the line from front left to back right: (1, -2, 0, 1) balances."""
     rover = rigid_rover(tmp_path, (("front", 0.3), ("back", -0.3)), skew=0.2, inward=0.299)
-    found = told_together(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
+    found = determinate_groups(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
     assert found == [(0, 1, 2, 3)]
 
 
@@ -172,7 +172,7 @@ def test_a_load_that_is_told_beside_one_that_is_not_tells_no_axle(tmp_path):
 def test_the_balance_along_the_ground_tells_no_load(tmp_path, lift):
     """Three rigid axles on a crest: normals that lean along x tell their loads only if nothing else resists there."""
     rover = rigid_rover(tmp_path, (("front", 0.3), ("middle", 0.1), ("back", -0.3)), lift=lift)
-    found = told_together(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
+    found = determinate_groups(rover, *footing(rover, configuration(rover, (0.0, 0.0, 0.0), {})))
     assert found == [(0, 1, 2, 3, 4, 5)]
 
 
@@ -180,7 +180,7 @@ def test_the_balance_along_the_ground_tells_no_load(tmp_path, lift):
 def test_a_suspension_tells_every_wheel_s_load(name):
     rover = load_rover(name)
     posture = configuration(rover, (0.05, -0.1, 0.3), dict.fromkeys(rover.angles, 0.0))
-    assert told_together(rover, *footing(rover, posture)) == [(i,) for i in range(6)]
+    assert determinate_groups(rover, *footing(rover, posture)) == [(i,) for i in range(6)]
 
 
 @pytest.mark.parametrize("gravity", [1e-4, 90.0])

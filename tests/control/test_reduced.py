@@ -35,7 +35,7 @@ OPEN = Loop(TrueSlip(), NoLimit())
 
 def test_axle_loads_at_rest_are_those_of_the_wheels():
     rover = load_rover()
-    assert axle_loads(rover, 9.81).rest == pytest.approx(wheel_loads(rover, 0.0).reshape(3, 2).sum(axis=1))
+    assert axle_loads(rover, 9.81).at_rest == pytest.approx(wheel_loads(rover, 0.0).reshape(3, 2).sum(axis=1))
 
 
 def test_a_push_moves_load_backwards_by_the_height_of_the_centre_of_mass():

@@ -6,7 +6,7 @@ import pytest
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.load_transfer import axle_loads
 from rover_pin.control.reduced import Reduced
-from rover_pin.control.reduced_effects import Along, left_out, pull_along
+from rover_pin.control.reduced_effects import Along, omitted_effects, pull_along
 from rover_pin.control.reduced_loop import Loop
 from rover_pin.control.slip_control import Gains
 from rover_pin.control.slip_estimate import TrueSlip
@@ -78,9 +78,9 @@ def test_one_weak_wheel_of_an_axle_counts_by_its_share(slope, plain):
 
 def test_effects_on_joints_and_sideways_are_named_as_left_out(slope):
     for effect in (PivotFriction(), DifferentialCompliance(), GravityTilt(rise_y=0.05)):
-        assert left_out(slope.having(effect)) == (type(effect).__name__,)
+        assert omitted_effects(slope.having(effect)) == (type(effect).__name__,)
     for effect in (TetherDrag(), PointMass(), GravityTilt(), PivotFriction(tau_c=0.0, b=0.0), SupplySag()):
-        assert left_out(slope.having(effect)) == ()
+        assert omitted_effects(slope.having(effect)) == ()
 
 
 def test_a_tether_pulls_back_by_what_is_pulled_out_and_a_rise_by_its_sine(slope):
@@ -94,5 +94,5 @@ def test_a_tether_pulls_back_by_what_is_pulled_out_and_a_rise_by_its_sine(slope)
 
 def test_gravity_that_leans_along_the_path_moves_no_load_by_itself(slope):
     """Its share along the path accelerates the rover and is taken up by inertia at the same point."""
-    level, leaning = (axle_loads(model.built, 9.81).rest for model in (slope, slope.having(GravityTilt(rise_x=0.2))))
+    level, leaning = (axle_loads(model.built, 9.81).at_rest for model in (slope, slope.having(GravityTilt(rise_x=0.2))))
     assert leaning == pytest.approx(level * float(ca.cos(0.2)), rel=1e-6)

@@ -193,10 +193,10 @@ def test_a_wheel_held_at_the_slip_limit_s_torque_slips_by_that(rover, slip):
 def test_the_limit_is_of_the_duty_s_magnitude_and_raises_none():
     limit = TorqueLimit.at_slip(scenario("flat").model, 0.2)
     most = limit.duty(reading(rate=0.4))
-    assert limit.held(1.0, reading(rate=0.4)) == pytest.approx(most)
-    assert limit.held(-1.0, reading(rate=-0.4)) == pytest.approx(-most)
-    assert limit.held(0.01, reading(rate=0.4)) == pytest.approx(np.full(6, 0.01))
-    assert limit.held(0.0, reading(rate=-1.0)) == pytest.approx(np.zeros(6))
+    assert limit.clip_duty(1.0, reading(rate=0.4)) == pytest.approx(most)
+    assert limit.clip_duty(-1.0, reading(rate=-0.4)) == pytest.approx(-most)
+    assert limit.clip_duty(0.01, reading(rate=0.4)) == pytest.approx(np.full(6, 0.01))
+    assert limit.clip_duty(0.0, reading(rate=-1.0)) == pytest.approx(np.zeros(6))
 
 
 def test_any_controller_can_be_limited():
@@ -315,7 +315,7 @@ class Own(NoLimit):
     def duty(self, reading):
         return 0.2
 
-    def held(self, duty, reading):
+    def clip_duty(self, duty, reading):
         return np.clip(duty, -0.2, 0.2)
 
 

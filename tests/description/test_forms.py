@@ -277,7 +277,7 @@ def test_a_log_of_tied_wheels_is_replayed_by_duties_and_by_rates(tmp_path, held)
         kept |= {name: kept[name] + random.normal(0.0, 0.01, len(true.t)) for name in kept if "wheel_rate" in name}
     log = Trace(kept, true.units, {**true.attrs, "start": {"x": 0.0, "y": 0.0, "yaw": 0.0}})
     run = commands(log, true.wheels, ())
-    assert run.held == held
+    assert run.rate_driven == held
     driven = replay(drive.model, run).channels
     for front, rear in (("fl", "rl"), ("fr", "rr")):
         assert driven[f"wheel_rate_{front}"] == pytest.approx(driven[f"wheel_rate_{rear}"], abs=1e-9)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
-from rover_pin.discrepancy.exact_refits import judged, told_shapes, variants
+from rover_pin.discrepancy.exact_refits import rank_refits, variants, with_visible_shapes
 from rover_pin.discrepancy.judge import as_fitted
-from rover_pin.discrepancy.search import calibrated, fee_after
+from rover_pin.discrepancy.search import calibrated, threshold_after
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.quantity import quantities
@@ -36,14 +36,14 @@ def test_a_law_as_published_keeps_free_what_nobody_published_within_a_decade():
 def test_a_published_shape_is_held_as_published():
     law = plain_candidate(PostPeak()).bare
     assert [one.name for one in law.parameters] == ["PostPeak.fraction"]
-    assert law.doubted == ()
+    assert law.diffuse_shapes == ()
 
 
 def test_a_doubted_shape_that_is_freed_loses_its_prior_and_held_again_has_it_back():
     loose = RATE.loose
     assert [(one.name, one.prior) for one in loose.parameters] == [(SIZE, False), (SHAPE, False)]
     for one in (loose.bare, RATE.bare.bare, RATE.bare.loose.bare):
-        assert (one.shapes, one.freed, one.doubted) == ((), (), (SHAPE,))
+        assert (one.shapes, one.free_shapes, one.diffuse_shapes) == ((), (), (SHAPE,))
 
 
 def test_where_fits_are_not_exact_its_prior_is_that_of_other_shapes():
@@ -61,9 +61,9 @@ def test_the_refit_is_least_squares_with_the_doubt_as_a_prior_and_pays_for_its_s
     u, chi2 = linear.gaussian(rows, laws, (*linear.FREE, SIZE, SHAPE)).solved()
     np.testing.assert_allclose(found.u, u, atol=1e-5)
     assert found.chi2 == pytest.approx(chi2, rel=1e-8)
-    fee = fee_after((), 10, 1.0)
-    (row,) = judged(base, [((), one, found)], fee)
-    assert row.fee == pytest.approx(row.unit * 2 * math.log(10 / 0.05))
+    fee = threshold_after((), 10, 1.0)
+    (row,) = rank_refits(base, [((), one, found)], fee)
+    assert row.threshold == pytest.approx(row.unit * 2 * math.log(10 / 0.05))
 
 
 @pytest.mark.parametrize(("fitted", "shown"), [(0.01, 0.1), (0.1, 1.0), (1.0, 0.1)])
@@ -83,7 +83,7 @@ def test_whether_the_data_show_a_shape_is_asked_from_where_it_was_fitted(fitted,
             return np.zeros((1, 1))
 
     task = SimpleNamespace(experiment=Line(), noise=SimpleNamespace(white=lambda moved: moved))
-    told_shapes(SimpleNamespace(task=task, model={SHAPE: fitted}, predicted=np.zeros(1)), RATE)
+    with_visible_shapes(SimpleNamespace(task=task, model={SHAPE: fitted}, predicted=np.zeros(1)), RATE)
     assert asked == pytest.approx([fitted * math.exp(0.5 if shown > fitted else -0.5)])
 
 
@@ -92,13 +92,13 @@ def test_a_fold_starts_from_what_is_assumed_of_a_doubted_shape_not_from_what_all
     experiment = SimpleNamespace(records=lambda model: {"RateDependence": record})
     whole = SimpleNamespace(task=SimpleNamespace(experiment=experiment), model=None)
     assert as_fitted(RATE.bare, whole).effect == RateDependence(c_r=0.3)
-    assert as_fitted(replace(RATE.bare, doubted=()), whole).effect == record
+    assert as_fitted(replace(RATE.bare, diffuse_shapes=()), whole).effect == record
     assert isinstance(as_fitted(RATE.bare, whole), Candidate)
 
 
 def test_every_doubt_is_of_a_positive_number_within_its_bounds():
     about = quantities(RateDependence)["v_0"]
-    assert about.doubt == pytest.approx(math.log(10.0))
-    assert about.low == pytest.approx(0.01 * math.exp(-2 * about.doubt))
-    assert about.high == pytest.approx(0.01 * math.exp(2 * about.doubt))
-    assert [one.doubt for one in quantities(PostPeak).values()] == [0.0, 0.0]
+    assert about.log_sd == pytest.approx(math.log(10.0))
+    assert about.low == pytest.approx(0.01 * math.exp(-2 * about.log_sd))
+    assert about.high == pytest.approx(0.01 * math.exp(2 * about.log_sd))
+    assert [one.log_sd for one in quantities(PostPeak).values()] == [0.0, 0.0]

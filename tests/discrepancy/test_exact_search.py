@@ -13,14 +13,14 @@ from scipy.stats import norm
 from rover_pin.discrepancy import cross_validation
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import plain_candidate
-from rover_pin.discrepancy.cross_validation import FAR, losses_of, refitted_left_out
-from rover_pin.discrepancy.exact_refits import bearable, judged, paired, variants
+from rover_pin.discrepancy.cross_validation import FAR, held_out_residual, losses_of
+from rover_pin.discrepancy.exact_refits import bearable, paired, rank_refits, variants
 from rover_pin.discrepancy.judge import as_fitted, chosen_anew
-from rover_pin.discrepancy.judge import judged as verdict_of
-from rover_pin.discrepancy.left import what_is_left
-from rover_pin.discrepancy.refit import Refit, alike
-from rover_pin.discrepancy.screen import entry_fee
-from rover_pin.discrepancy.search import _after_plain_laws, again, calibrated, fee_after, search
+from rover_pin.discrepancy.judge import make_verdict as verdict_of
+from rover_pin.discrepancy.left import assess_residual
+from rover_pin.discrepancy.refit import Refit, indistinguishable_refits
+from rover_pin.discrepancy.screen import null_threshold
+from rover_pin.discrepancy.search import _after_plain_laws, again, calibrated, search, threshold_after
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.load_exponent import LoadExponent
@@ -105,7 +105,7 @@ def test_levels_left_out_are_predicted_by_least_squares_on_the_others(made):
     exact = closed(made)
     whole, _ = exact.solved()
     level = np.tile(base.task.experiment.data.level, 2)
-    left = base.task.experiment.rows(refitted_left_out(base)) / np.array(linear.SD)[:, None]
+    left = base.task.experiment.rows(held_out_residual(base)) / np.array(linear.SD)[:, None]
     for one in np.unique(level):
         keep = level != one
         anchored = np.diag([FAR**-2, 1.0])
@@ -195,7 +195,7 @@ def test_chi2_is_a_surprise_where_its_law_says_so(made):
 
 def refits(base, *effects):
     found = [((), one, fitted) for each in tried(base, *effects) for one, fitted in variants(base, each)]
-    return judged(base, found, fee_after((), len(effects), base.task.noise.inflation))
+    return rank_refits(base, found, threshold_after((), len(effects), base.task.noise.inflation))
 
 
 def test_a_single_gains_the_exact_fall_and_predicts_better(made):
@@ -204,7 +204,7 @@ def test_a_single_gains_the_exact_fall_and_predicts_better(made):
     _, chi2 = closed(made, "SlipSinkage.n_1").solved()
     assert best.name == "SlipSinkage"
     assert best.gain == pytest.approx(base.chi2 - chi2, rel=1e-4)
-    assert best.fee == pytest.approx(max(1.0, best.fit.misfit) * entry_fee(3))
+    assert best.threshold == pytest.approx(max(1.0, best.fit.misfit) * null_threshold(3))
     assert best.held_out == pytest.approx(losses_of(base).sum() - losses_of(best.fit).sum())
     assert best.accepted
     assert not any(one.accepted for one in others)
@@ -218,7 +218,7 @@ def test_gains_count_in_units_of_what_the_best_leaves():
     left = min(one.fit.misfit for one in found)
     assert left > 10
     assert [one.unit for one in found] == pytest.approx([left] * 2)
-    assert [one.fee for one in found] == pytest.approx([left * entry_fee(2)] * 2)
+    assert [one.threshold for one in found] == pytest.approx([left * null_threshold(2)] * 2)
 
 
 @pytest.mark.parametrize(("amplitude", "freed"), [(0.0, ()), (1.5, ("Bulldozing.gamma",))])
@@ -229,8 +229,8 @@ def test_a_shape_is_freed_only_where_it_gains_more_than_its_threshold(amplitude,
     laws["Bulldozing.gamma"] = linear.Law(shape.shape("Bulldozing.gamma"), random.normal(size=ROWS))
     rows = rows_of(laws, random, Bulldozing__share=2.0) + amplitude * laws["Bulldozing.gamma"].slope
     (best,) = refits(based(rows, laws), Bulldozing())
-    assert best.candidate.freed == freed
-    assert best.fee == pytest.approx(max(1.0, best.fit.misfit) * (entry_fee(1) + FURTHER * len(freed)))
+    assert best.candidate.free_shapes == freed
+    assert best.threshold == pytest.approx(max(1.0, best.fit.misfit) * (null_threshold(1) + FURTHER * len(freed)))
     told = {f"Bulldozing.{part.partition(' = ')[0]}" for part in own_text(best).split("; ")}
     assert told == {"Bulldozing.share", *freed}, "a shape that was freed is told with the size"
 
@@ -254,10 +254,10 @@ def test_two_effects_that_look_most_like_a_third_are_found_as_a_pair():
     laws |= linear.law_of_size(LoadExponent(), both + 1.0 * random.normal(size=ROWS))
     base = based(rows_of(laws, random, SlipSinkage__n_1=2.0, ExitAngle__e_1=2.0), laws)
     found = search(base, tried(base, SlipSinkage(), ExitAngle(), LoadExponent()), SILENT)
-    assert found.rounds[0].alike[0].name == "LoadExponent"
+    assert found.rounds[0].indistinguishable[0].name == "LoadExponent"
     assert {one.name for one in found.added} == {"SlipSinkage", "ExitAngle"}
     assert set(found.names.split(" + ")) == {"SlipSinkage", "ExitAngle"}
-    pairs = paired(base, found.rounds[0].refits, found.rounds[0].alike[0], SILENT)
+    pairs = paired(base, found.rounds[0].refits, found.rounds[0].indistinguishable[0], SILENT)
     assert len(pairs) == 3
     assert [instead == () for instead, _, _ in pairs].count(True) == 2
 
@@ -275,13 +275,15 @@ def test_a_bent_law_that_imitates_two_is_replaced_though_the_second_shows_nothin
     base = based(2 * a + 2 * b + 0.5 * clipped(random), laws)
     found = search(base, tried(base, SlipSinkage(), ExitAngle(), Bulldozing()), SILENT)
     first = found.rounds[0]
-    assert first.alike[0].candidate.freed == (("Bulldozing.gamma",) if shape else ())
+    assert first.indistinguishable[0].candidate.free_shapes == (("Bulldozing.gamma",) if shape else ())
     assert next(each.net for each in first.refits if each.name == "ExitAngle") < 0
-    steps = _after_plain_laws(found, tried(base, SlipSinkage(), ExitAngle(), Bulldozing()), fee_after((), 3), SILENT)
+    steps = _after_plain_laws(
+        found, tried(base, SlipSinkage(), ExitAngle(), Bulldozing()), threshold_after((), 3), SILENT
+    )
     assert bool(steps) is shape
     if shape:
         assert {each[0].name for each, _, _ in steps} == {"Bulldozing", "SlipSinkage"}
-        assert all(each.freed == () for (each,) in (before for before, _, _ in steps))
+        assert all(each.free_shapes == () for (each,) in (before for before, _, _ in steps))
         assert {each.name for each in found.added} == {"SlipSinkage", "ExitAngle"}
 
 
@@ -291,9 +293,9 @@ def test_what_only_a_pair_shows_pays_for_both():
     base = based(clipped(random), laws)
     singles = refits(base, SlipSinkage(), ExitAngle())
     ((_, one, fitted),) = paired(base, singles, None, SILENT)
-    fee = fee_after((), 2, 1.0)
-    (pair,) = judged(base, [((singles[0].candidate,), one, fitted)], fee, singles[0].fee / singles[0].unit)
-    assert pair.fee == pytest.approx(2 * entry_fee(2), rel=0.05)
+    fee = threshold_after((), 2, 1.0)
+    (pair,) = rank_refits(base, [((singles[0].candidate,), one, fitted)], fee, singles[0].threshold / singles[0].unit)
+    assert pair.threshold == pytest.approx(2 * null_threshold(2), rel=0.05)
 
 
 # --- what cannot be distinguished ------------------------------------------------------------------------------------
@@ -305,7 +307,7 @@ def made_refit(name, net, held_out=50.0, unit=1.0):
 
 
 def names(*found):
-    return "".join(one.name for one in alike(found))
+    return "".join(one.name for one in indistinguishable_refits(found))
 
 
 def test_the_set_of_rivals():
@@ -352,7 +354,7 @@ def test_two_that_do_the_same_are_a_set():
     laws |= linear.law_of_size(ExitAngle(), same + 1e-3 * random.normal(size=ROWS))
     found = answered(rows_of(laws, random, SlipSinkage__n_1=2.0), laws)
     assert found.answer is Answer.SET
-    assert set(found.alike) == {"SlipSinkage", "ExitAngle"}
+    assert set(found.indistinguishable) == {"SlipSinkage", "ExitAngle"}
     assert "these cannot be distinguished" in found.sentence
 
 
@@ -409,7 +411,7 @@ def test_a_fold_chooses_among_effects_as_large_as_they_were_fitted():
     random = np.random.default_rng(14)
     laws = laws_of(random, SlipSinkage())
     found = answered(rows_of(laws, random, SlipSinkage__n_1=2.0), laws)
-    (best,) = found.search.found
+    (best,) = found.search.best_refits
     assert as_fitted(best.candidate, best.fit).effect.n_1 == best.fit.value("SlipSinkage.n_1")
 
 
@@ -428,7 +430,7 @@ def test_a_choice_that_most_folds_do_not_make_does_not_stand_alone(made):
     assert {one.names for one in anew.values()} == {"SlipSinkage"}
     for times, answer in ((5, Answer.NAMED), (4, Answer.LIKE)):
         chosen = {name: "SlipSinkage" if at < times else "ExitAngle" for at, name in enumerate(anew)}
-        one = verdict_of(("wheel-rig", "linear"), found, chosen, what_is_left(found), 0)
+        one = verdict_of(("wheel-rig", "linear"), found, chosen, assess_residual(found), 0)
         assert one.answer is answer
     assert one.vetoes == ("SlipSinkage is chosen in 4 of 8 folds only",)
 

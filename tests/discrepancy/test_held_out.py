@@ -17,8 +17,8 @@ from rover_pin.discrepancy.held_out import (
     _by_run,
     beyond_floor,
     floor_of,
+    largest_residual,
     losses,
-    most_left,
 )
 from rover_pin.discrepancy.refit import Refit
 from rover_pin.discrepancy.sentence import sentence
@@ -146,9 +146,9 @@ def test_the_most_is_left_where_the_rms_in_sds_is_greatest_of_what_was_compared(
     rows = np.array([3.0, 0.1, 0.1, 2.0, 3.2])  # a: pull, twice sinkage; b: twice pull
     names = experiment(channels=("pull", "sinkage"))
     fitted = SimpleNamespace(rows=rows, task=SimpleNamespace(experiment=names, noise=noise(good)))
-    assert most_left(fitted) == Excess("pull", 3.0, "a")
+    assert largest_residual(fitted) == Excess("pull", 3.0, "a")
     fitted.rows = np.array([2.0, 0.1, 0.1, 2.0, 3.2])
-    assert most_left(fitted) == Excess("pull", pytest.approx(((4.0 + 3.2**2) / 2) ** 0.5), "b")
+    assert largest_residual(fitted) == Excess("pull", pytest.approx(((4.0 + 3.2**2) / 2) ** 0.5), "b")
 
 
 def left_by_a_null(chi2, declared=True):
@@ -220,11 +220,11 @@ def test_a_draft_tells_what_it_gained_or_that_it_promises_nothing(monkeypatch):
     assert empty.as_dict() == {
         "accepted": False, "said": "the draft promises nothing when it is tried", "held_out": [], "command": ""
     }  # fmt: skip
-    assert empty.lines() == [empty.said]
+    assert empty.lines() == [empty.sentence]
     told = made.as_dict()
     assert (told["accepted"], told["gain"], told["threshold"], told["held_out_gain"]) == (True, 11.0, 10.0, 2.0)
-    assert made.lines() == [made.said, "try it again: rover-pin close-loop x --effects y"]
-    assert Draft("text", refit(held_out=-1.0)).said.endswith("; it does not hold up")
+    assert made.lines() == [made.sentence, "try it again: rover-pin close-loop x --effects y"]
+    assert Draft("text", refit(held_out=-1.0)).sentence.endswith("; it does not hold up")
     assert scored(empty, None, 0) is empty
 
 
@@ -289,7 +289,7 @@ def test_stretches_of_a_run_are_summed_along_its_samples(samples):
     [("", False, "Weak", "Weak"), ("2", False, "Weak[2]", "Weak[2]"), ("1.5", True, "Weak@1.5", "Weak")],
 )
 def test_a_place_on_the_way_does_not_belong_to_the_effects_name(place, sought, name, owner):
-    one = Candidate("Weak", object(), (), place=place, sought=sought)
+    one = Candidate("Weak", object(), (), place=place, place_searched=sought)
     assert (one.name, one.owner) == (name, owner)
 
 

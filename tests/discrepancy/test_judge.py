@@ -122,7 +122,7 @@ def test_noise_needs_nothing(seed):
 def test_two_that_do_the_same_are_a_set():
     found = answer(bed(lambda x: 0.3 * x**2), (Bend, Twin, Wave))
     assert found.answer is Answer.SET
-    assert set(found.alike) == {"Bend", "Twin"}
+    assert set(found.indistinguishable) == {"Bend", "Twin"}
     assert "cannot be distinguished" in found.sentence
 
 

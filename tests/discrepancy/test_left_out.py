@@ -11,7 +11,7 @@ from rover_pin.discrepancy.cross_validation import (
     FAR,
     fall_of,
     held_out_losses,
-    refitted_left_out,
+    held_out_residual,
     seen_again,
     surprise,
     without_each,
@@ -76,7 +76,7 @@ def test_a_stray_row_left_out_counts_with_less_weight():
 @pytest.mark.parametrize("exact", [True, False])
 def test_held_out_losses_are_chi2_where_fits_are_exact_else_surprises(exact, monkeypatch):
     monkeypatch.setattr(cross_validation, "losses_of", lambda fitted: "chi2")
-    monkeypatch.setattr(cross_validation, "left_out_by_refits", lambda fitted: "surprise")
+    monkeypatch.setattr(cross_validation, "refitted_surprises", lambda fitted: "surprise")
     one = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(is_exact=exact)))
     assert held_out_losses(one) == ("chi2" if exact else "surprise")
 
@@ -104,7 +104,7 @@ def test_fits_to_the_others_start_where_the_whole_one_ended_and_a_lost_run_count
     monkeypatch.setattr(cross_validation, "fit", fit)
     monkeypatch.setattr(cross_validation, "Task", lambda experiment, noise: SimpleNamespace(noise=noise))
     monkeypatch.setattr(cross_validation.dataclasses, "replace", replaced)
-    left = refitted_left_out(fitted)
+    left = held_out_residual(fitted)
     np.testing.assert_equal(left[:, :, 0], [[1.0, 1.0], [np.nan, np.nan], [3.0, 3.0]])
     for run, (good, origins, start) in enumerate(seen):
         assert list(good.any(axis=(1, 2))) == [run != each for each in range(RUNS)], "also what is compared in part"
@@ -119,8 +119,8 @@ def replaced(record, **values):
 
 def test_where_no_fit_to_the_others_ends_the_whole_ones_model_stands_for_it(monkeypatch):
     whole, other = SimpleNamespace(model="whole"), SimpleNamespace(model="other")
-    monkeypatch.setattr(cross_validation, "_fits_left_out", lambda fitted: iter([other, None]))
-    assert cross_validation.models_left_out(whole) == ["other", "whole"]
+    monkeypatch.setattr(cross_validation, "_fold_fits", lambda fitted: iter([other, None]))
+    assert cross_validation.fold_models(whole) == ["other", "whole"]
 
 
 # --- what a fold chooses ---------------------------------------------------------------------------------------------
@@ -129,7 +129,7 @@ BASE = np.array([100.0, 100.0, 100.0, 100.0])
 
 
 def one(name, losses, net):
-    return SimpleNamespace(name=name, fit=SimpleNamespace(losses=np.array(losses)), fee=10.0, net=net)
+    return SimpleNamespace(name=name, fit=SimpleNamespace(losses=np.array(losses)), threshold=10.0, net=net)
 
 
 def test_each_fold_chooses_what_gains_most_on_the_others_as_long_as_it_chooses_as_all_do(monkeypatch):
@@ -139,10 +139,10 @@ def test_each_fold_chooses_what_gains_most_on_the_others_as_long_as_it_chooses_a
     late, lost, far = one("D", [95, 95, 30, 95], -4.0), one("C", [0, 0, 0, 0], -5.0), one("E", [0, 0, 0, 0], -7.0)
     further = one("F", [49.5, 80, 0, 75], 3.0)
     rounds = (
-        SimpleNamespace(refits=(A, B, late, lost, far), alike=(B, A)),
-        SimpleNamespace(refits=(further,), alike=(further,)),
-        SimpleNamespace(refits=(), alike=()),
-        SimpleNamespace(refits=(one("G", [0, 0, 0, 0], 9.0),), alike=()),
+        SimpleNamespace(refits=(A, B, late, lost, far), indistinguishable=(B, A)),
+        SimpleNamespace(refits=(further,), indistinguishable=(further,)),
+        SimpleNamespace(refits=(), indistinguishable=()),
+        SimpleNamespace(refits=(one("G", [0, 0, 0, 0], 9.0),), indistinguishable=()),
     )
     experiment = SimpleNamespace(folds=("a", "b", "c", "d"))
     base = SimpleNamespace(losses=BASE, task=SimpleNamespace(experiment=experiment))
@@ -160,8 +160,8 @@ def test_a_second_effect_that_fewer_than_half_of_the_folds_choose_is_not_added(m
 
     monkeypatch.setattr(judge, "chosen_without", chosen)
     effects = [SimpleNamespace(name=name, instead=(), candidate=SimpleNamespace(name=name)) for name in "AB"]
-    every = (*(SimpleNamespace(alike=(one,)) for one in effects), SimpleNamespace(alike=()))
-    assert len(judge.borne_by_folds(Search(None, every, ())).found) == rounds
+    every = (*(SimpleNamespace(indistinguishable=(one,)) for one in effects), SimpleNamespace(indistinguishable=()))
+    assert len(judge.keep_supported_effects(Search(None, every, ())).best_refits) == rounds
     assert asked == [3], "a first effect stands without being asked for"
 
 

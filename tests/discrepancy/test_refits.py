@@ -11,8 +11,8 @@ import pytest
 
 from rover_pin.discrepancy import compare, exact_refits, search
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.refit import Refit, alike
-from rover_pin.discrepancy.screen import ABSORBED, STILL, Scored, Signature, _freed, started
+from rover_pin.discrepancy.refit import Refit, indistinguishable_refits
+from rover_pin.discrepancy.screen import ABSORBED, STILL, Scored, Signature, _unconstrained_signature, started
 from rover_pin.errors import OptimisationError
 from rover_pin.estimation.numbers import profiles
 from rover_pin.estimation.parameter import Parameter
@@ -37,7 +37,7 @@ def refit(name, *instead, net=1.0, held_out=1.0):
 
 def searched(*rounds, exact=True):
     base = SimpleNamespace(task=SimpleNamespace(experiment=SimpleNamespace(is_exact=exact)))
-    return search.Search(base, tuple(SimpleNamespace(alike=each) for each in rounds), ())
+    return search.Search(base, tuple(SimpleNamespace(indistinguishable=each) for each in rounds), ())
 
 
 # --- what a search says of itself ------------------------------------------------------------------------------------
@@ -48,7 +48,7 @@ def test_what_was_added_is_the_best_of_each_round_or_what_stands_in_its_place():
     assert searched((refit("A"),), (refit("B", "D"),)).names == "D + B"
     assert searched((refit("A"),), (refit("B", "D"),), (refit("C"),)).names == "D + B + C"
     assert searched(()).names == searched().names == ""
-    assert searched(()).alike == searched().alike == ()
+    assert searched(()).indistinguishable == searched().indistinguishable == ()
 
 
 def test_a_search_counts_what_its_first_round_scored():
@@ -58,14 +58,18 @@ def test_a_search_counts_what_its_first_round_scored():
 
 
 def test_rivals_of_the_last_round_stand_for_the_whole():
-    assert searched((refit("A"), refit("E"))).alike == ("A", "E")
-    assert searched((refit("A"),), (refit("B"), refit("C", "D"), refit("F")), ()).alike == ("A + B", "D + C", "A + F")
+    assert searched((refit("A"), refit("E"))).indistinguishable == ("A", "E")
+    assert searched((refit("A"),), (refit("B"), refit("C", "D"), refit("F")), ()).indistinguishable == (
+        "A + B",
+        "D + C",
+        "A + F",
+    )
 
 
 def test_rivals_of_earlier_rounds_are_rivals_where_no_pairs_were_tried():
     rounds = ((refit("A"), refit("E")), (refit("B"), refit("F")))
-    assert searched(*rounds).alike == ("A + B", "A + F")
-    assert searched(*rounds, exact=False).alike == ("A + B", "A + F", "E + B")
+    assert searched(*rounds).indistinguishable == ("A + B", "A + F")
+    assert searched(*rounds, exact=False).indistinguishable == ("A + B", "A + F", "E + B")
 
 
 def test_an_exact_experiment_is_calibrated_from_several_starts(monkeypatch):
@@ -123,7 +127,7 @@ def test_one_that_pays_and_does_harm_to_first_order_is_refitted_on_every_fold(mo
 
 
 def scored(name, gain, place="", fee=10.0, told=True):
-    one = Candidate(name, object(), (), place=place, sought=bool(place))
+    one = Candidate(name, object(), (), place=place, place_searched=bool(place))
     return Scored(one, NOTHING, gain, 1.0, 1.0 if told else 0.0, 0.0)
 
 
@@ -240,7 +244,7 @@ def test_a_leader_is_fitted_to_the_end_with_every_slope_anew(monkeypatch):
     one = Refit(named("A"), fitted, 5.0, 7.0, 1.0)
     found = compare._polished(SimpleNamespace(task=None, chi2=100.0), one, np.array([3.0, 1.0]))
     assert seen == [("model", "numbers", "u", "old", True)]
-    assert (found.gain, found.fee, found.held_out) == (10.0, 7.0, 4.0)
+    assert (found.gain, found.threshold, found.held_out) == (10.0, 7.0, 4.0)
 
 
 def test_a_few_candidates_are_refitted_at_least_once_then_those_that_promise_a_quarter(monkeypatch):
@@ -283,7 +287,7 @@ def test_a_refit_that_does_no_better_than_none_starts_again_near_nothing(monkeyp
     for reuse, given in ((True, "old"), (False, None)):
         made, starts[:], slopes[:] = iter(chi2), [], []
         found = compare._refit(base, base, row, lambda candidate: 7.0, np.array([3.0, 1.0]), reuse)
-        assert (found.gain, found.fee, found.held_out) == (100.0 - kept, 7.0, 4.0)
+        assert (found.gain, found.threshold, found.held_out) == (100.0 - kept, 7.0, 4.0)
         assert starts == pytest.approx(started_with)
         assert set(slopes) == {given}
     made, slopes[:] = iter(chi2), []
@@ -303,19 +307,33 @@ def test_a_refit_starts_where_the_best_signature_takes_the_gain_up_to_three_of_i
 
 def test_a_rival_of_a_weak_best_gains_something():
     """Nine units of the noise below the best, or nothing, whichever is more."""
-    names = lambda *made: [one.name for one in alike(made)]  # noqa: E731
+    names = lambda *made: [one.name for one in indistinguishable_refits(made)]  # noqa: E731
     assert names(refit("A", net=5.0), refit("B", net=0.05), refit("C", net=-0.05)) == ["A", "B"]
     assert names(refit("A", net=30.0), refit("B", net=16.3), refit("C", net=16.1)) == ["A", "B"]
 
 
 def test_a_kind_that_is_sought_is_one_rival_wherever_it_is_and_every_wheel_another():
     def at(kind, place, sought, net):
-        return Refit(Candidate(kind, object(), (), place=place, sought=sought), SimpleNamespace(), net + 9, 9.0, 1.0)
+        return Refit(
+            Candidate(kind, object(), (), place=place, place_searched=sought), SimpleNamespace(), net + 9, 9.0, 1.0
+        )
 
     ground = [at("P", "1.0", True, 9.0), at("P", "2.0", True, 8.0), at("Q", "1", True, 7.0), at("Q", "2", True, 6.0)]
     wheels = [at("Weak", "0", False, 5.0), at("Weak", "1", False, 4.0), at("P", "", False, 3.0)]
-    assert [one.name for one in alike([*ground, *wheels])] == ["P@1.0", "Q@1", "Weak[0]", "Weak[1]", "P"]
-    assert [one.name for one in alike([*wheels, *ground])] == ["Weak[0]", "Weak[1]", "P", "P@1.0", "Q@1"]
+    assert [one.name for one in indistinguishable_refits([*ground, *wheels])] == [
+        "P@1.0",
+        "Q@1",
+        "Weak[0]",
+        "Weak[1]",
+        "P",
+    ]
+    assert [one.name for one in indistinguishable_refits([*wheels, *ground])] == [
+        "Weak[0]",
+        "Weak[1]",
+        "P",
+        "P@1.0",
+        "Q@1",
+    ]
 
 
 # --- what can be told ------------------------------------------------------------------------------------------------
@@ -331,7 +349,7 @@ def test_a_kind_that_is_sought_is_one_rival_wherever_it_is_and_every_wheel_anoth
     ],
 )
 def test_a_candidate_is_told_that_shows_and_that_the_numbers_cannot_imitate(visible, left, told):
-    assert Scored(NOTHING.candidate, NOTHING, 1.0, 1.0, visible, 1 - left).told == told
+    assert Scored(NOTHING.candidate, NOTHING, 1.0, 1.0, visible, 1 - left).is_identifiable == told
     assert (STILL, ABSORBED) == (0.3, 0.02)
 
 
@@ -340,10 +358,10 @@ def test_a_freed_number_moves_by_one_sd_of_its_prior():
     base = SimpleNamespace(
         parameters=(Parameter("k", 1.0, 0.5, 0.0, 9.0), one), u=np.array([0.0, 1.5]), slopes={"g": np.ones(3)}
     )
-    made = _freed(base, Candidate("A", None, ("g",)))
+    made = _unconstrained_signature(base, Candidate("A", None, ("g",)))
     assert made.neutral == {"g": pytest.approx(0.13)}
-    assert made.sizes == {"g": pytest.approx(0.15)}
-    assert made.moved is base.slopes["g"]
+    assert made.amplitudes == {"g": pytest.approx(0.15)}
+    assert made.shift is base.slopes["g"]
 
 
 # --- coordinates of sizes and shapes ---------------------------------------------------------------------------------

@@ -12,9 +12,9 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.held_out import errors_anew, errors_of_others
 from rover_pin.discrepancy.judge import WORSE_BY, first_of, with_draft
-from rover_pin.discrepancy.left import SCATTER, Left, described, outdone, share_taken
-from rover_pin.discrepancy.refit import Refit, counted
-from rover_pin.discrepancy.screen import entry_fee
+from rover_pin.discrepancy.left import SCATTER, ResidualAssessment, described, is_outperformed, share_taken
+from rover_pin.discrepancy.refit import Refit, rescale_thresholds
+from rover_pin.discrepancy.screen import null_threshold
 from rover_pin.discrepancy.verdict import Verdict
 
 
@@ -49,7 +49,7 @@ def test_five_levels_bear_two_effects_twelve_three(folds, exact, most):
 )
 def test_a_freed_shape_takes_the_level_that_tells_it(folds, freed, most):
     shapes = tuple(f"A.q{at}" for at in range(freed))
-    bent, plain = Candidate("A", object(), (), freed=shapes), Candidate("B", object(), ())
+    bent, plain = Candidate("A", object(), (), free_shapes=shapes), Candidate("B", object(), ())
     assert search._most(experiment(folds, True), [plain, bent]) == most
     assert search._most(experiment(folds, False), [plain, bent]) == 4
 
@@ -70,19 +70,19 @@ def test_what_replaces_a_bent_law_may_have_a_second_where_that_has_levels_enough
     """Nine levels, and a first law with two shapes freed: alone it stands, and with another it is not tried."""
 
     def law(count):
-        return Candidate(f"L{count}", object(), (), freed=tuple(f"L.q{at}" for at in range(count)))
+        return Candidate(f"L{count}", object(), (), free_shapes=tuple(f"L.q{at}" for at in range(count)))
 
     task = SimpleNamespace(experiment=experiment(9))
     found = SimpleNamespace(added=(law(2),), base=SimpleNamespace(task=task))
-    assert search._borne(found, (tuple(map(law, instead)), law(freed), None)) is borne
-    assert search._borne(SimpleNamespace(added=(), base=found.base), ((), law(5), None))
+    assert search._has_enough_folds(found, (tuple(map(law, instead)), law(freed), None)) is borne
+    assert search._has_enough_folds(SimpleNamespace(added=(), base=found.base), ((), law(5), None))
 
 
 class Found:
     """A round that found something, or not."""
 
     def __init__(self, *alike):
-        self.alike, self.refits = alike, alike
+        self.indistinguishable, self.refits = alike, alike
 
 
 @pytest.fixture
@@ -152,7 +152,7 @@ def test_noise_that_nobody_declares_is_learnt_twice(looked):
 def test_a_pair_pays_for_both_of_its_effects_in_units_of_the_noise(monkeypatch):
     seen = []
     monkeypatch.setattr(search, "paired", lambda base, singles, best, progress: [])
-    monkeypatch.setattr(search, "judged", lambda base, tried, fee, paid: seen.append(paid) or ())
+    monkeypatch.setattr(search, "make_verdict", lambda base, tried, fee, paid: seen.append(paid) or ())
     single = Refit(Candidate("A", object(), ("A.x",)), SimpleNamespace(), 1.0, 14.0, 0.0, unit=2.0)
     for refits, paid in (((single,), 7.0), ((), 0.0)):
         found = SimpleNamespace(rounds=(SimpleNamespace(refits=refits),), base=fitted())
@@ -168,7 +168,7 @@ def test_pairs_join_the_second_round_where_the_first_left_more_than_the_noise(ro
     monkeypatch.setattr(search, "is_adequate", lambda fit: adequate)
     monkeypatch.setattr(search, "paired", lambda base, refits, best, progress: ["of leaders"])
     monkeypatch.setattr(search, "_after_plain_laws", lambda found, tried, fee, progress: ["after plain"])
-    found = SimpleNamespace(rounds=(SOMETHING,) * rounds, found=("A",) * rounds, base="base", last="last")
+    found = SimpleNamespace(rounds=(SOMETHING,) * rounds, best_refits=("A",) * rounds, base="base", last="last")
     assert search._second(found, [], None, lambda said: None) == pairs
 
 
@@ -177,10 +177,10 @@ def test_what_was_added_is_not_tried_again_and_scored_anew_where_fits_are_exact(
     monkeypatch.setattr(search, "signatures", lambda last, tried: (last, [one.kind for one in tried]))
     tried = [Candidate(kind, object(), ()) for kind in "AB"]
     known = [SimpleNamespace(candidate=one) for one in tried]
-    found = SimpleNamespace(added=tried[:1], base=fitted(exact=exact), last="last", known=known)
-    assert search._left(found, tried) == (("last", ["B"]) if exact else known[1:])
+    found = SimpleNamespace(added=tried[:1], base=fitted(exact=exact), last="last", signatures=known)
+    assert search._remaining_signatures(found, tried) == (("last", ["B"]) if exact else known[1:])
     found.added = []
-    assert search._left(found, tried) == known
+    assert search._remaining_signatures(found, tried) == known
 
 
 # --- units -----------------------------------------------------------------------------------------------------------
@@ -193,12 +193,12 @@ def test_thresholds_count_in_units_of_what_the_best_leaves_where_noise_is_declar
         return Refit(Candidate(name, object(), ()), SimpleNamespace(misfit=misfit, task=task), gain, 1.0, 0.0)
 
     fee = lambda candidate, inflation: {"A": 10.0, "B": 4.0}[candidate.kind] * inflation  # noqa: E731
-    found = counted((made("A", misfits[0], 30.0), made("B", misfits[1], 29.0)), fee)
-    assert [(one.name, one.fee, one.unit) for one in found] == [("B", 4 * unit, unit), ("A", 10 * unit, unit)]
+    found = rescale_thresholds((made("A", misfits[0], 30.0), made("B", misfits[1], 29.0)), fee)
+    assert [(one.name, one.threshold, one.unit) for one in found] == [("B", 4 * unit, unit), ("A", 10 * unit, unit)]
 
 
 def test_one_more_candidate_of_one_costs_twice_the_log_of_twenty():
-    assert entry_fee(1) == pytest.approx(2 * np.log(20))
+    assert null_threshold(1) == pytest.approx(2 * np.log(20))
 
 
 # --- what is judged --------------------------------------------------------------------------------------------------
@@ -231,8 +231,8 @@ def test_errors_of_others_are_of_the_last_round_that_found_something_without_its
     left = {"b": np.array([[[3.0, 4.0]], [[12.0, 99.0]]]), "c": np.array([[[1.0, 1.0]], [[1.0, 99.0]]])}
     monkeypatch.setattr(held_out, "refitted_left_out", lambda fitted: left[fitted.name])
     first, *others = (SimpleNamespace(fit=SimpleNamespace(task=task, name=name)) for name in "abc")
-    rounds = [SimpleNamespace(alike=one) for one in ((first,), (first, *others), ())]
-    found = SimpleNamespace(rounds=rounds, alike=("X + A", "X + B", "C + D"))
+    rounds = [SimpleNamespace(indistinguishable=one) for one in ((first,), (first, *others), ())]
+    found = SimpleNamespace(rounds=rounds, indistinguishable=("X + A", "X + B", "C + D"))
     errors = errors_of_others(found)
     assert errors == {"X + B": {"pull": pytest.approx(13.0 / 3**0.5)}, "C + D": {"pull": 1.0}}
 
@@ -271,38 +271,38 @@ def test_a_draft_is_scored_where_nothing_of_the_list_holds(answer, side, tried, 
     [(3.9, True, True), (3.9, False, False), (3.9, None, False), (4.1, False, True), (4.1, None, True)],
 )
 def test_what_a_law_leaves_without_a_pattern_is_scatter_up_to_four_times_the_noise(misfit, rest, unlisted, monkeypatch):
-    monkeypatch.setattr(left_of_a_law, "what_is_left", lambda found: Left(True))
-    monkeypatch.setattr(left_of_a_law, "outdone", lambda found, draft: False)
+    monkeypatch.setattr(left_of_a_law, "assess_residual", lambda found: ResidualAssessment(True))
+    monkeypatch.setattr(left_of_a_law, "is_outperformed", lambda found, draft: False)
     drafts = {"last": None if rest is None else SimpleNamespace(accepted=rest), "base": SimpleNamespace(accepted=True)}
-    found = SimpleNamespace(found=("A",), last=Named("last", misfit), base=Named("base", 9.0))
+    found = SimpleNamespace(best_refits=("A",), last=Named("last", misfit), base=Named("base", 9.0))
     left, draft = described(found, True, lambda here: drafts[here.name])
-    assert left == Left(unlisted, described=unlisted, patterned=rest is True)
+    assert left == ResidualAssessment(unlisted, described=unlisted, patterned=rest is True)
     assert (draft is drafts["base"]) is unlisted
     assert (SCATTER, WORSE_BY) == (4.0, 0.05)
-    assert described(found, False, lambda here: drafts[here.name]) == (Left(True), None)
+    assert described(found, False, lambda here: drafts[here.name]) == (ResidualAssessment(True), None)
 
 
 @pytest.mark.parametrize(
     ("found", "unlisted", "rest", "better", "expected", "asked"),
     [
-        ((), False, None, False, Left(False), []),
-        ((), True, None, False, Left(True, described=True), ["base"]),
-        (("A",), False, None, True, Left(False), ["last"]),
-        (("A",), False, False, False, Left(False), ["last", "base"]),
-        (("A",), False, True, False, Left(False, patterned=True), ["last", "base"]),
-        (("A",), False, False, True, Left(True, "", True, False, True), ["last", "base"]),
-        (("A",), True, True, True, Left(True, "", True, True, True), ["last", "base"]),
+        ((), False, None, False, ResidualAssessment(False), []),
+        ((), True, None, False, ResidualAssessment(True, described=True), ["base"]),
+        (("A",), False, None, True, ResidualAssessment(False), ["last"]),
+        (("A",), False, False, False, ResidualAssessment(False), ["last", "base"]),
+        (("A",), False, True, False, ResidualAssessment(False, patterned=True), ["last", "base"]),
+        (("A",), False, False, True, ResidualAssessment(True, "", True, False, True), ["last", "base"]),
+        (("A",), True, True, True, ResidualAssessment(True, "", True, True, True), ["last", "base"]),
     ],
 )
 def test_a_draft_takes_the_place_of_a_law_only_where_that_leaves_a_curve(
     found, unlisted, rest, better, expected, asked, monkeypatch
 ):
     """A law that leaves nothing that a draft could describe is not asked for one on the base, which costs a refit."""
-    monkeypatch.setattr(left_of_a_law, "what_is_left", lambda found: Left(unlisted))
-    monkeypatch.setattr(left_of_a_law, "outdone", lambda found, draft: better)
+    monkeypatch.setattr(left_of_a_law, "assess_residual", lambda found: ResidualAssessment(unlisted))
+    monkeypatch.setattr(left_of_a_law, "is_outperformed", lambda found, draft: better)
     tried, base = [], SimpleNamespace(accepted=True)
     drafts = {"last": None if rest is None else SimpleNamespace(accepted=rest), "base": base}
-    search = SimpleNamespace(found=found, last=Named("last", 1.0), base=Named("base", 9.0))
+    search = SimpleNamespace(best_refits=found, last=Named("last", 1.0), base=Named("base", 9.0))
     left, draft = described(search, True, lambda here: tried.append(here.name) or drafts[here.name])
     assert (left, tried) == (expected, asked)
     assert draft is (base if expected.unlisted else None)
@@ -327,16 +327,16 @@ def test_a_draft_outdoes_a_law_by_half_of_what_that_leaves_beyond_chance(
     monkeypatch.setattr(left_of_a_law, "held_out_losses", lambda one: np.array(losses[one.name]))
     base = SimpleNamespace(task=SimpleNamespace(noise=SimpleNamespace(good=np.ones((2, 1, 50), bool))))
     found = SimpleNamespace(base=base, last=SimpleNamespace(name="last"))
-    draft = SimpleNamespace(refit=SimpleNamespace(fit=SimpleNamespace(name="drawn"), fee=fee), accepted=accepted)
-    assert outdone(found, draft) is better
-    assert not outdone(found, SimpleNamespace(refit=None, accepted=accepted))
+    draft = SimpleNamespace(refit=SimpleNamespace(fit=SimpleNamespace(name="drawn"), threshold=fee), accepted=accepted)
+    assert is_outperformed(found, draft) is better
+    assert not is_outperformed(found, SimpleNamespace(refit=None, accepted=accepted))
 
 
 def test_where_nothing_was_found_the_base_is_judged_and_else_the_law(monkeypatch):
     monkeypatch.setattr(left_of_a_law, "is_adequate", lambda fit: False)
     monkeypatch.setattr(left_of_a_law, "holds", lambda found: True)
-    assert left_of_a_law.what_is_left(SimpleNamespace(found=(), base=None)) == Left(True)
-    assert left_of_a_law.what_is_left(SimpleNamespace(found=("A",), base=None)) == Left(False)
+    assert left_of_a_law.assess_residual(SimpleNamespace(best_refits=(), base=None)) == ResidualAssessment(True)
+    assert left_of_a_law.assess_residual(SimpleNamespace(best_refits=("A",), base=None)) == ResidualAssessment(False)
 
 
 @pytest.mark.parametrize(
@@ -362,7 +362,7 @@ def test_a_verdict_keeps_what_its_answer_says(answer, against, named, said, shar
 
     def of(names):
         added = tuple(Candidate(name, object(), ()) for name in names)
-        return SimpleNamespace(base=base, last=fit(names or "base"), added=added, alike=tuple(names))
+        return SimpleNamespace(base=base, last=fit(names or "base"), added=added, indistinguishable=tuple(names))
 
     base, patches = fit("base"), {
         "graded": lambda found, left, chosen: (answer, of("".join(named)) if answer is Answer.LIKE else found),
@@ -374,7 +374,7 @@ def test_a_verdict_keeps_what_its_answer_says(answer, against, named, said, shar
     }  # fmt: skip
     for name, instead in patches.items():
         monkeypatch.setattr(judge, name, instead)
-    found = judge.judged(("wheel-rig", "x"), of("AB"), {}, Left(False), 0)
+    found = judge.make_verdict(("wheel-rig", "x"), of("AB"), {}, ResidualAssessment(False), 0)
     assert (found.answer, found.named, found.share) == (said, named, share)
     assert found.model == ("".join(named) or "base")
     assert found.vetoes == (against if named else ())
@@ -405,7 +405,7 @@ def test_what_the_first_law_leaves_is_drafted_where_the_answer_is_like_it(answer
         "_leading": lambda found, candidates: [],
         "chosen_anew": lambda base, tried: {},
         "drafted": lambda question, here, progress: f"of {here}",
-        "described": lambda found, can_draft, drafts: (Left(unlisted), drafts("base")),
+        "described": lambda found, can_draft, drafts: (ResidualAssessment(unlisted), drafts("base")),
         "judged": lambda of, found, chosen, left, seed: Verdict(
             "wheel-rig", answer, "x", "said", None, search=SimpleNamespace(last="what is said")
         ),

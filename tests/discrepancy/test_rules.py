@@ -13,7 +13,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.held_out import ChannelScore
 from rover_pin.discrepancy.judge import _leading, answer_of, graded, hold_together, vetoes
-from rover_pin.discrepancy.left import Left, held_out_share, holds, share_taken
+from rover_pin.discrepancy.left import ResidualAssessment, held_out_share, holds, share_taken
 from rover_pin.estimation.numbers import Number, implausible, is_adequate
 from rover_pin.estimation.parameter import Parameter
 
@@ -36,10 +36,10 @@ def of_folds(count):
 def found(*names, base=None, last=None, alike=None):
     effects = tuple(SimpleNamespace(name=name, names=(f"{name}.x", f"{name}.y")) for name in names)
     return SimpleNamespace(
-        found=effects,
+        best_refits=effects,
         added=effects,
         names=" + ".join(names),
-        alike=alike or names,
+        indistinguishable=alike or names,
         base=base or fitted(),
         last=last or fitted(),
     )
@@ -51,17 +51,17 @@ PLAUSIBLE, BENT = fitted(u=(4.9, -4.9)), fitted(u=(0.0, -5.1))
 @pytest.mark.parametrize(
     ("search", "left", "takes_most", "answer"),
     [
-        (found(base=PLAUSIBLE), Left(False), False, Answer.NONE_NEEDED),
-        (found(base=BENT), Left(False), False, Answer.INADEQUATE),
-        (found(base=PLAUSIBLE), Left(True), True, Answer.INADEQUATE),
-        (found(base=PLAUSIBLE), Left(True, described=True), True, Answer.NONE_FITS),
-        (found("A"), Left(False), False, Answer.NAMED),
-        (found("A", base=BENT), Left(False), False, Answer.NAMED),
-        (found("A", alike=("A", "B")), Left(False), False, Answer.SET),
-        (found("A"), Left(True), True, Answer.LIKE),
-        (found("A"), Left(True), False, Answer.INADEQUATE),
-        (found("A"), Left(True, described=True), True, Answer.LIKE),
-        (found("A", alike=("A", "B")), Left(True, described=True), False, Answer.NONE_FITS),
+        (found(base=PLAUSIBLE), ResidualAssessment(False), False, Answer.NONE_NEEDED),
+        (found(base=BENT), ResidualAssessment(False), False, Answer.INADEQUATE),
+        (found(base=PLAUSIBLE), ResidualAssessment(True), True, Answer.INADEQUATE),
+        (found(base=PLAUSIBLE), ResidualAssessment(True, described=True), True, Answer.NONE_FITS),
+        (found("A"), ResidualAssessment(False), False, Answer.NAMED),
+        (found("A", base=BENT), ResidualAssessment(False), False, Answer.NAMED),
+        (found("A", alike=("A", "B")), ResidualAssessment(False), False, Answer.SET),
+        (found("A"), ResidualAssessment(True), True, Answer.LIKE),
+        (found("A"), ResidualAssessment(True), False, Answer.INADEQUATE),
+        (found("A"), ResidualAssessment(True, described=True), True, Answer.LIKE),
+        (found("A", alike=("A", "B")), ResidualAssessment(True, described=True), False, Answer.NONE_FITS),
     ],
 )
 def test_the_answer(search, left, takes_most, answer):
@@ -72,9 +72,9 @@ def test_the_answer(search, left, takes_most, answer):
 def test_what_the_first_takes_alone_counts_only_where_something_is_left(share, answer, monkeypatch):
     monkeypatch.setattr(judge, "first_of", lambda search: search)
     monkeypatch.setattr(judge, "held_out_share", lambda base, last: share)
-    assert graded(found("A", base=fitted(task=of_folds(9))), Left(True), {})[0] is answer
-    assert graded(found("A"), Left(False), {})[0] is Answer.NAMED
-    assert graded(found(base=PLAUSIBLE), Left(True), {})[0] is Answer.INADEQUATE
+    assert graded(found("A", base=fitted(task=of_folds(9))), ResidualAssessment(True), {})[0] is answer
+    assert graded(found("A"), ResidualAssessment(False), {})[0] is Answer.NAMED
+    assert graded(found(base=PLAUSIBLE), ResidualAssessment(True), {})[0] is Answer.INADEQUATE
 
 
 @pytest.mark.parametrize("names", [(), ("A",), ("A", "B")])
@@ -82,7 +82,10 @@ def test_what_a_curve_in_the_laws_place_predicts_much_better_is_on_no_list(names
     """Even where the law takes most of what is missed."""
     monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.99)
     whole = found(*names, base=fitted(task=of_folds(99)))
-    assert graded(whole, Left(True, described=True, outdone=True), AGREED) == (Answer.NONE_FITS, whole)
+    assert graded(whole, ResidualAssessment(True, described=True, outperformed=True), AGREED) == (
+        Answer.NONE_FITS,
+        whole,
+    )
 
 
 AGREED = {"one": "B + A", "two": "A + B", "three": "A"}
@@ -109,8 +112,8 @@ def test_several_effects_hold_together_where_they_take_nearly_all_and_most_folds
     monkeypatch.setattr(judge, "first_of", lambda search: SimpleNamespace(last=first))
     monkeypatch.setattr(judge, "held_out_share", lambda base, last: 0.1 if last is first else share)
     assert hold_together(whole, chosen) is together
-    assert graded(whole, Left(True), chosen) == (Answer.LIKE if together else Answer.INADEQUATE, whole)
-    assert graded(whole, Left(False), chosen) == (Answer.NAMED if len(names) == 1 else Answer.SET, whole)
+    assert graded(whole, ResidualAssessment(True), chosen) == (Answer.LIKE if together else Answer.INADEQUATE, whole)
+    assert graded(whole, ResidualAssessment(False), chosen) == (Answer.NAMED if len(names) == 1 else Answer.SET, whole)
 
 
 @pytest.mark.parametrize(("together", "said_of"), [(False, "first"), (True, "whole")])
@@ -121,7 +124,7 @@ def test_what_is_missing_is_like_all_that_hold_together_else_like_the_first(toge
     monkeypatch.setattr(judge, "first_of", lambda search: first)
     monkeypatch.setattr(judge, "hold_together", lambda search, chosen: together)
     monkeypatch.setattr(judge, "held_out_share", lambda base, last: shares.append(last) or 0.9)
-    assert graded(whole, Left(True), {}) == (Answer.LIKE, first if said_of == "first" else whole)
+    assert graded(whole, ResidualAssessment(True), {}) == (Answer.LIKE, first if said_of == "first" else whole)
     assert shares == ([] if together else [first.last])
 
 
@@ -266,7 +269,7 @@ def test_where_fits_are_exact_a_fold_chooses_among_the_leaders_as_freed():
     """Four of each round, but for those that would gain less than half of their threshold."""
 
     def refit(name, net, instead=()):
-        return SimpleNamespace(candidate=named(name), net=net, fee=10.0, instead=instead, fit=fitted)
+        return SimpleNamespace(candidate=named(name), net=net, threshold=10.0, instead=instead, fit=fitted)
 
     named = lambda name: Candidate(name, None, (name,))  # noqa: E731
     fitted, replaced = SimpleNamespace(), named("first of a pair")
@@ -295,5 +298,5 @@ def test_where_fits_are_exact_a_fold_chooses_among_the_leaders_as_freed():
     ],
 )
 def test_a_number_says_what_is_to_be_known_of_it(drift, more, end):
-    said = Number("k", "N", 1.0, 0.5, 1.5, drift, **more).said
+    said = Number("k", "N", 1.0, 0.5, 1.5, drift, **more).text
     assert said == f"k = {end.replace(' m', ' N')}"

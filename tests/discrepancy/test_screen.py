@@ -45,7 +45,7 @@ def test_a_size_at_neutral_bounds_nothing_and_a_freed_number_goes_either_way():
 class White:
     """Noise of SD 1 without memory, and no chance beside it."""
 
-    chance: None = None
+    random_effects: None = None
 
     def white(self, values):
         return np.reshape(values, (*np.shape(values)[:-3], -1))
@@ -96,7 +96,7 @@ def test_what_no_candidate_explains_is_what_least_squares_leave(far):
     base = based(random, far=far)
     found = [Signature(RATE, {}, 3.0 * random.normal(size=(3, 2, 7))) for _ in range(2)]
     left, absorbed = saturated(base, found)
-    moved = np.array([base.slopes["a"], base.slopes["b"], *(one.moved for one in found)])
+    moved = np.array([base.slopes["a"], base.slopes["b"], *(one.shift for one in found)])
     X = moved.reshape(4, -1).T
     scale, root = np.linalg.norm(X, axis=0), np.sqrt(weights_of(base.rows))
     stacked = np.vstack([root[:, None] * X, 1e-2 * np.diag(scale)])
@@ -119,14 +119,16 @@ def test_sizes_are_tried_one_by_one_but_together_where_the_place_is_sought():
     tilt = Candidate("GravityTilt", GravityTilt(rise_x=0.02, rise_y=0.03), TILT)
     one_by_one = [{TILT[0]: 0.02, TILT[1]: 0.0}, {TILT[0]: 0.0, TILT[1]: 0.03}]
     assert trials(tilt) == [pytest.approx(each) for each in one_by_one]
-    together = Candidate("GravityTilt", tilt.effect, TILT, place="1.0", sought=True)
+    together = Candidate("GravityTilt", tilt.effect, TILT, place="1.0", place_searched=True)
     assert trials(together) == [pytest.approx({TILT[0]: 0.02, TILT[1]: 0.03})]
 
 
 def test_a_threshold_is_tried_at_several_sizes_also_where_the_place_is_sought():
     """Neutral at 1,000 A is far off: the size is sought by ratios of its default."""
     for sought in (False, True):
-        limit = Candidate("TorqueSaturation", TorqueSaturation(i_max=2.0), ("TorqueSaturation.i_max",), sought=sought)
+        limit = Candidate(
+            "TorqueSaturation", TorqueSaturation(i_max=2.0), ("TorqueSaturation.i_max",), place_searched=sought
+        )
         tried = [each["TorqueSaturation.i_max"] for each in trials(limit)]
         assert tried == pytest.approx([1.6, 2.4, 3.6, 5.4])
 
@@ -142,7 +144,9 @@ def test_a_size_is_sought_by_ratios_where_neutral_is_fifty_times_as_large(neutra
 
 
 def test_what_is_freed_has_no_prior_and_what_has_a_place_is_known_to_fifteen_centimetres():
-    patch = Candidate("HardPatch", HardPatch(), ("HardPatch.g",), ("HardPatch.x_from",), freed=("HardPatch.length",))
+    patch = Candidate(
+        "HardPatch", HardPatch(), ("HardPatch.g",), ("HardPatch.x_from",), free_shapes=("HardPatch.length",)
+    )
     size, place, freed = patch.parameters
     assert (size.prior, place.prior, freed.prior) == (False, True, False)
     assert (place.scale, place.log) == (0.15, False)
@@ -229,7 +233,7 @@ def test_sds_are_learnt_from_weighted_rows_beside_numbers_and_candidates(monkeyp
     monkeypatch.setattr(screen, "chance_of", lambda *given: None)
     monkeypatch.setattr(screen.dataclasses, "replace", lambda record, **values: record)
     base.task.noise.__dict__["good"] = None
-    screen.with_chance(base, [Signature(RATE, {}, moved)], field)
+    screen.with_random_effects(base, [Signature(RATE, {}, moved)], field)
     rows, free, columns, given = seen
     W = np.diag(weights_of(base.rows)) ** 0.5
     X = np.array([base.slopes["a"], base.slopes["b"], moved]).reshape(3, -1).T
@@ -243,5 +247,5 @@ def test_sds_are_learnt_from_weighted_rows_beside_numbers_and_candidates(monkeyp
 def test_chance_is_learnt_beside_the_noise_where_there_is_a_field(field, monkeypatch):
     monkeypatch.setattr(search, "saturated", lambda base, known, chance: ("left", "absorbed"))
     monkeypatch.setattr(search, "with_noise", lambda base, left, least, absorbed: "noisy")
-    monkeypatch.setattr(search, "with_chance", lambda noisy, known, chance: (noisy, chance))
-    assert search._with_what_is_left("base", [], field, "least") == ("noisy" if field is None else ("noisy", field))
+    monkeypatch.setattr(search, "with_random_effects", lambda noisy, known, chance: (noisy, chance))
+    assert search._with_residual_noise("base", [], field, "least") == ("noisy" if field is None else ("noisy", field))

@@ -48,8 +48,8 @@ def search_of(base=None, last=None, added=(), alike=None):
         base=base or fit_of(),
         last=last or fit_of(),
         added=added,
-        found=added,
-        alike=alike or [one.name for one in added],
+        best_refits=added,
+        indistinguishable=alike or [one.name for one in added],
     )
 
 

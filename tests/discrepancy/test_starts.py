@@ -7,9 +7,9 @@ import pytest
 
 from rover_pin.discrepancy import exact_refits
 from rover_pin.discrepancy.candidate import Candidate
-from rover_pin.discrepancy.exact_refits import bearable, is_whole, judged, told_shapes, variants
-from rover_pin.discrepancy.refit import Refit, alike
-from rover_pin.discrepancy.screen import entry_fee
+from rover_pin.discrepancy.exact_refits import bearable, is_whole, rank_refits, variants, with_visible_shapes
+from rover_pin.discrepancy.refit import Refit, indistinguishable_refits
+from rover_pin.discrepancy.screen import null_threshold
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.estimation.parameter import Parameter
@@ -79,7 +79,7 @@ def noted(monkeypatch):
         return SimpleNamespace(parameters=numbers, u=np.zeros(len(numbers)))
 
     monkeypatch.setattr(exact_refits, "best_of", best_of)
-    monkeypatch.setattr(exact_refits, "told_shapes", lambda fitted, one: one)
+    monkeypatch.setattr(exact_refits, "with_visible_shapes", lambda fitted, one: one)
     return asked
 
 
@@ -90,7 +90,7 @@ LAW = Candidate("PostPeak", PostPeak(), ("PostPeak.fraction",), ("PostPeak.S_w",
 def test_a_law_is_refitted_as_published_then_with_its_shapes_freed_from_there_too(good, first, second, noted):
     """Where a fold is left out it starts from what it is on all data alone."""
     found = variants(based(good), LAW)
-    assert [one.freed for one, _ in found] == [(), ("PostPeak.S_w",)]
+    assert [one.free_shapes for one, _ in found] == [(), ("PostPeak.S_w",)]
     own = ("soil.k", "PostPeak.fraction")
     assert noted == [(own, first), ((*own, "PostPeak.S_w"), second)]
 
@@ -127,13 +127,13 @@ def test_a_shape_is_told_where_one_sd_of_its_prior_moves_the_data(S_w, moves, to
     law = Candidate("PostPeak", PostPeak(S_w=S_w), ("PostPeak.fraction",), ("PostPeak.S_w",))
     step = S_w * (np.exp(0.5) - 1.0) if S_w * np.exp(0.5) <= 10.0 else S_w * (1.0 - np.exp(-0.5))
     fitted = fitted_line({"PostPeak.S_w": S_w}, {"PostPeak.S_w": moves * 0.5 / step}, bound=10.0)
-    assert told_shapes(fitted, law).shapes == (("PostPeak.S_w",) if told else ())
-    assert told_shapes(fitted, law).sizes == law.sizes
+    assert with_visible_shapes(fitted, law).shapes == (("PostPeak.S_w",) if told else ())
+    assert with_visible_shapes(fitted, law).amplitudes == law.amplitudes
 
 
 def test_a_law_whose_shapes_move_nothing_is_refitted_once(noted, monkeypatch):
-    monkeypatch.setattr(exact_refits, "told_shapes", lambda fitted, one: one.bare)
-    assert [one.freed for one, _ in variants(based(), LAW)] == [()]
+    monkeypatch.setattr(exact_refits, "with_visible_shapes", lambda fitted, one: one.bare)
+    assert [one.free_shapes for one, _ in variants(based(), LAW)] == [()]
     assert len(noted) == 1
 
 
@@ -163,15 +163,15 @@ def test_what_stands_in_place_of_the_best_pays_for_the_shapes_that_it_freed(misf
     """In units of what the best leaves, the noise's own at least; nothing is predicted where nothing pays."""
     monkeypatch.setattr(exact_refits, "losses_of", lambda fit: pytest.fail("nothing pays"))
     base = SimpleNamespace(chi2=100.0, task=SimpleNamespace(noise=SimpleNamespace(inflation=1.5)))
-    freed = Candidate("B", object(), (), freed=("B.p", "B.q"))
+    freed = Candidate("B", object(), (), free_shapes=("B.p", "B.q"))
     tried = [
         ((), Candidate("A", object(), ()), fitted(99.0, misfits[0])),
         ((freed,), Candidate("C", object(), ()), fitted(98.0, misfits[1])),
     ]
     fee = lambda candidate, inflation: 10.0 * inflation  # noqa: E731
-    found = {one.name: one for one in judged(base, tried, fee, paid=7.0)}
-    assert found["A"].fee == pytest.approx(unit * 17.0)
-    assert found["B + C"].fee == pytest.approx(unit * (17.0 + 2.0 * entry_fee(1)))
+    found = {one.name: one for one in rank_refits(base, tried, fee, paid=7.0)}
+    assert found["A"].threshold == pytest.approx(unit * 17.0)
+    assert found["B + C"].threshold == pytest.approx(unit * (17.0 + 2.0 * null_threshold(1)))
     assert [one.gain for one in found.values()] == [1.0, 2.0] or [one.gain for one in found.values()] == [2.0, 1.0]
     assert {one.unit for one in found.values()} == {unit}
     assert {one.held_out for one in found.values()} == {0.0}
@@ -180,14 +180,14 @@ def test_what_stands_in_place_of_the_best_pays_for_the_shapes_that_it_freed(misf
 def test_what_gains_its_threshold_exactly_does_not_pay(monkeypatch):
     monkeypatch.setattr(exact_refits, "losses_of", lambda fit: pytest.fail("nothing pays"))
     base = SimpleNamespace(chi2=100.0, task=SimpleNamespace(noise=SimpleNamespace(inflation=1.0)))
-    [found] = judged(base, [((), LAW, fitted(90.0, 1.0))], lambda candidate, inflation: 10.0)
+    [found] = rank_refits(base, [((), LAW, fitted(90.0, 1.0))], lambda candidate, inflation: 10.0)
     assert (found.net, found.held_out) == (0.0, 0.0)
 
 
 def test_what_gains_a_little_more_than_its_threshold_is_asked_on_the_folds_left_out(monkeypatch):
     monkeypatch.setattr(exact_refits, "losses_of", lambda fit: np.array([fit.chi2, 1.0]))
     base = SimpleNamespace(chi2=100.0, task=SimpleNamespace(noise=SimpleNamespace(inflation=1.0, good=WHOLE)))
-    [found] = judged(base, [((), LAW, fitted(89.5, 1.0))], lambda candidate, inflation: 10.0)
+    [found] = rank_refits(base, [((), LAW, fitted(89.5, 1.0))], lambda candidate, inflation: 10.0)
     assert (found.net, found.held_out) == (0.5, 10.5)
 
 
@@ -202,4 +202,4 @@ def test_a_pair_whose_fit_does_not_end_is_none(monkeypatch):
 def test_what_gains_nothing_is_not_accepted(net, held_out, accepted):
     one = Refit(Candidate("A", object(), ()), SimpleNamespace(), 10.0 + net, 10.0, held_out)
     assert one.accepted is accepted
-    assert bool(alike([one])) is accepted
+    assert bool(indistinguishable_refits([one])) is accepted

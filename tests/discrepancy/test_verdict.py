@@ -47,7 +47,7 @@ def lines_of(made):
     ],
 )
 def test_the_model_in_words(more, words):
-    assert verdict(**more).model_said == words
+    assert verdict(**more).model_description == words
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_a_verdict_as_plain_values():
     fit.value = {"A.c": 0.25, "soil.k": 7.0}.get
     refit = Refit(Candidate("A", object(), ("A.c",)), fit, 30.0, 10.0, 3.0)
     row = SimpleNamespace(candidate=refit.candidate, gain=25.0, visible=0.5, absorbed=0.4)
-    search = SimpleNamespace(rounds=(SimpleNamespace(scored=[row], refits=[refit], alike=[refit]),))
+    search = SimpleNamespace(rounds=(SimpleNamespace(scored=[row], refits=[refit], indistinguishable=[refit]),))
     values = verdict(search=search, after=side(number("A.c", 1.5))).as_dict()
     assert (values["schema"], values["kind"], values["answer"]) == (2, "test-bed", "an effect is missing")
     assert SCHEMA == 2, "docs/verdict.md describes this one"

@@ -14,7 +14,7 @@ from rover_pin.effects.effect import Body, BodyEffect, Drive, Effect, MotorEffec
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.motion.body_law import Joints, body_law
-from rover_pin.motion.hoist import hoisted
+from rover_pin.motion.hoist import split_law
 from rover_pin.motion.laws import GEOMETRY, contact_law, numbers
 from rover_pin.quantity import quantities
 
@@ -127,7 +127,7 @@ def chain_of(own):
 def test_the_law_in_two_parts_is_the_whole_law(kind):
     rng = np.random.default_rng(6)
     law = contact_law(chain_of(kind()))
-    split = hoisted(law, len(GEOMETRY))
+    split = split_law(law, len(GEOMETRY))
     for contact in contacts(rng, 20):
         parameters = numbers(chain_of(drawn(kind, rng)))
         geometry = [getattr(contact, name) for name in GEOMETRY]

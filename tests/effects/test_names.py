@@ -3,7 +3,7 @@
 import pytest
 
 from rover_pin.effects.hard_patch import HardPatch
-from rover_pin.effects.names import meaning_of, spoken, title_of
+from rover_pin.effects.names import display_name, meaning_of, title_of
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.motion.effect_files import package_effects, user_effects
 
@@ -50,7 +50,7 @@ def test_an_effect_without_them_is_called_by_its_class_and_docstring():
     ],
 )
 def test_candidates_are_spoken_of_by_name_and_place(name, said):
-    assert spoken(name, (HardPatch, WeakMotor)) == said
+    assert display_name(name, (HardPatch, WeakMotor)) == said
 
 
 @pytest.mark.parametrize("acts", ["contact", "motor", "body"])

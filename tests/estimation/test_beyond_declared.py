@@ -68,7 +68,7 @@ def test_the_sd_of_beds_is_that_of_the_greatest_restricted_likelihood(scatter, s
     residual += np.tensordot(spread_by * random.normal(size=FOLDS), field.moved, 1)
     residual[2, 1, 3] += 9.0 * SD[2, 1, 3]
     found = beyond_declared(fit_of(residual, slopes, field=field), lambda: list(known))
-    (learnt,) = found.chance.learnt
+    (learnt,) = found.random_effects.learnt
     sizes, gain = oracle(residual, np.concatenate([slopes, known]), field.moved)
     assert learnt.sd == pytest.approx(sizes * SIZE, rel=1e-3)
     assert learnt.gain == pytest.approx(gain, rel=1e-4)
@@ -84,7 +84,7 @@ def test_the_least_gain_that_is_told_is_passed_by_one_set_of_alike_beds_in_twent
         share = (low + high) / 2
         found = beyond_declared(fit_of(white + share * differing, [], field=field), lambda: [np.ones(SHAPE)])
         low, high, least = (share, high, least) if found is None else (low, share, found)
-    assert least.chance.learnt[0].gain == pytest.approx(chi2.isf(0.1, 1), abs=0.01)
+    assert least.random_effects.learnt[0].gain == pytest.approx(chi2.isf(0.1, 1), abs=0.01)
 
 
 @pytest.mark.parametrize("scatter", [1.0, 1.6])
@@ -107,7 +107,7 @@ def test_beds_that_leave_more_than_one_and_a_half_of_the_scatter_within_folds_la
     rows, B = ((beds + low * known) / SD).ravel(), (field.moved / SD).reshape(-1, COUNT * CHANNELS).T
     free = null_space(np.column_stack([B, (known / SD).ravel()]).T)
     within2 = max(1.0, float(np.mean((free.T @ rows) ** 2)))
-    V = np.eye(len(rows)) + (learnt(low).chance.learnt[0].sd / SIZE) ** 2 * B @ B.T
+    V = np.eye(len(rows)) + (learnt(low).random_effects.learnt[0].sd / SIZE) ** 2 * B @ B.T
     assert rows @ np.linalg.solve(V, rows) / len(rows) / within2 == pytest.approx(1.5, abs=0.01)
 
 
@@ -131,7 +131,7 @@ def two_kinds(first, second, most):
 
 
 def test_one_way_of_two_in_which_folds_differ_is_enough():
-    one, other = two_kinds(1.5, 0.0, 1.0).chance.learnt
+    one, other = two_kinds(1.5, 0.0, 1.0).random_effects.learnt
     assert (one.gain > 10.0, other.gain < 2.71) == (True, True)
 
 
@@ -159,7 +159,7 @@ def test_drift_is_learnt_of_residuals_in_their_sds_held_at_three_spreads_beside_
     found = beyond_declared(fit_of(scaled * SD, slopes, TURN, field), lambda: list(known))
     free = np.concatenate([slopes, known, *([field.moved] if beds else [])]) / SD
     wanted = learnt_drift(np.clip(scaled, -most, most), free, np.ones(SHAPE, dtype=bool), TURN)
-    assert found.chance is None
+    assert found.random_effects is None
     assert found.drift.gain == pytest.approx(wanted.gain, rel=1e-12)
     np.testing.assert_array_equal(found.drift.rho, wanted.rho)
 

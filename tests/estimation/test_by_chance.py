@@ -12,7 +12,7 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.screen import signatures
 from rover_pin.discrepancy.search import calibrated, search
 from rover_pin.estimation.by_chance.beyond_declared import beyond_declared
-from rover_pin.experiments.wheel_rig.beds import STIFFNESS, by_chance
+from rover_pin.experiments.wheel_rig.beds import STIFFNESS, learnt_random_effects
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
@@ -54,7 +54,7 @@ def asked(folder):
 def base_of(folder):
     question = asked(folder)
     base = calibrated(question.experiment, question.model, question.numbers)
-    return base, lambda: [each.moved for each in signatures(base, question.candidates(base))]
+    return base, lambda: [each.shift for each in signatures(base, question.candidates(base))]
 
 
 def test_a_bed_moves_its_own_level_as_a_stiffer_soil_would(tmp_path):
@@ -74,7 +74,7 @@ def test_beds_that_differ_are_told_by_how_much_and_alike_ones_are_not(tmp_path, 
     stiffer = np.exp(0.06 * np.random.default_rng(seed).normal(size=len(SLIPS)))
     noise = beyond_declared(*base_of(written(tmp_path / "differ", seed, "white", stiffer)))
     assert noise.drift is None
-    assert 0.03 < noise.chance.learnt[0].sd < 0.1
+    assert 0.03 < noise.random_effects.learnt[0].sd < 0.1
     assert beyond_declared(*base_of(written(tmp_path / "white", seed, "white"))) is None
 
 
@@ -86,7 +86,7 @@ def test_levels_that_differ_by_more_than_beds_do_lack_a_law(tmp_path):
 def test_noise_that_drifts_is_told_by_the_order_of_the_rows(tmp_path):
     base, known = base_of(written(tmp_path, 1, "drifting"))
     noise = beyond_declared(base, known)
-    assert noise.chance is None
+    assert noise.random_effects is None
     assert noise.drift.rho == pytest.approx(np.full(3, 0.8), abs=0.25)
     turns = base.task.experiment.turns()
     rows = base.task.experiment.rows(np.repeat(turns[:, None], 3, axis=1))[0]
@@ -156,7 +156,7 @@ def test_a_verdict_tells_that_the_noise_drifts(tmp_path):
     verdict = close_the_loop(written(tmp_path, 1, "drifting"))
     (said,) = (one for one in verdict.cautions if "drifts" in one)
     assert said.startswith("the noise drifts: a run hangs together with the one measured before it (r: drawbar pull 0.")
-    shared = by_chance(verdict.before.fit)
+    shared = learnt_random_effects(verdict.before.fit)
     assert verdict.as_dict()["extra"]["by_chance"] == {"beds": 0.0, "drift": dict(shared.drift), "gain": shared.gain}
     assert set(shared.drift) == {"drawbar pull", "torque", "sinkage"}
 
@@ -164,7 +164,7 @@ def test_a_verdict_tells_that_the_noise_drifts(tmp_path):
 def test_noise_that_drifts_is_not_told_as_beds_that_differ():
     drift = SimpleNamespace(rho=np.array([0.5, 0.2]), gain=9.0)
     task = SimpleNamespace(noise=SimpleNamespace(drift=drift), experiment=SimpleNamespace(channels=("pull", "torque")))
-    told = by_chance(SimpleNamespace(task=task))
+    told = learnt_random_effects(SimpleNamespace(task=task))
     assert told.as_dict() == {"beds": 0.0, "drift": {"pull": 0.5, "torque": 0.2}, "gain": 9.0}
     (caution,) = told.cautions
     assert "the noise drifts" in caution

@@ -18,14 +18,14 @@ from rover_pin.estimation.descent import _damped, descend
 from rover_pin.estimation.exact import ExactProblem, scattered
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.fit import STRETCH, best_of, fit
-from rover_pin.estimation.gauss_newton import _moved, _searched, _steps
+from rover_pin.estimation.gauss_newton import _perturbed_value, _searched, _steps
 from rover_pin.estimation.noise import Absorbed, Noise, declared_noise, huber, noise_of
 from rover_pin.estimation.numbers import implausible, intervals, is_adequate, profiles, settled
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import Best, LowerMinimum, interval, rise
 from rover_pin.estimation.task import Task, objective
-from rover_pin.estimation.wording import Against, Change, Outcome, against, shown, spread
+from rover_pin.estimation.wording import Against, Change, Outcome, against, format_value, spread
 from rover_pin.estimation.wording import interval as said_interval
 from rover_pin.quantity import Record, quantities, quantity
 
@@ -268,7 +268,7 @@ def test_what_is_assumed_of_a_number_is_said_in_its_unit_or_in_per_cent():
      (math.pi, "rad", "180 deg"), (3.0, "N", "3 N"), (0.5, "", "0.5")],
 )  # fmt: skip
 def test_a_reader_gets_a_readers_unit(value, unit, words):
-    assert shown(value, unit) == words
+    assert format_value(value, unit) == words
 
 
 @pytest.mark.parametrize(("low", "bound"), [(0.0, 1e-6), (0.5, 0.25), (-3.0, 1e-6)])
@@ -280,8 +280,8 @@ def test_a_logarithm_stops_at_a_millionth_of_its_origin_or_its_own_bound(low, bo
 def test_a_difference_stays_inside_the_bounds_and_tells_its_step():
     one = number("a", 2.0, -1.0, 1.0, fd=0.2)
     assert one.bounds == (-0.5, 0.5)
-    assert _moved(one, 0.29) == (pytest.approx(0.98), 0.2)
-    assert _moved(one, 0.31) == (pytest.approx(0.22), -0.2)
+    assert _perturbed_value(one, 0.29) == (pytest.approx(0.98), 0.2)
+    assert _perturbed_value(one, 0.31) == (pytest.approx(0.22), -0.2)
 
 
 def test_of_several_starts_the_lowest_fit_is_taken():
@@ -506,7 +506,7 @@ def test_an_interval_about_a_fit_is_1_96_sd_and_ends_at_bounds_that_it_does_not_
         cut, _ = about_numbers(0.5, bounds)
         assert not cut.closed
         assert cut.note == "not closed by the data"
-        assert cut.said.endswith("], not closed by the data")
+        assert cut.text.endswith("], not closed by the data")
         assert cut.low == pytest.approx(max(bounds[0], -1.959964 * sd))
         assert cut.high == pytest.approx(min(bounds[1], 1.959964 * sd))
     for bounds in ((-10.0, 10.0), (-0.1 * sd, 10.0), (-10.0, 0.1 * sd)):
@@ -518,7 +518,7 @@ def test_an_interval_about_a_fit_is_1_96_sd_and_ends_at_bounds_that_it_does_not_
     assert not wide._replace(at_bound=False).note
     assert wide._replace(at_bound=True).note == "at its bound"
     assert type(wide)(*wide[:6]).covered == 0.0
-    assert wide.said.endswith("mm]")
+    assert wide.text.endswith("mm]")
     assert type(wide)(*wide[:6]).note == ""
 
 
@@ -533,11 +533,11 @@ def test_a_number_stands_at_its_bound_within_a_millionth(off, stuck):
 
 def test_a_drift_is_said_beyond_three_of_its_sds():
     (one,) = intervals(fit(made(a=3.1, noise=0.0, sd=1e-3, b=0.0), Plane(), (number("a"),)))[1]
-    assert one.said.endswith(", +3.1 SD from what was declared")
+    assert one.text.endswith(", +3.1 SD from what was declared")
     (other,) = intervals(fit(made(a=-2.9, noise=0.0, sd=1e-3, b=0.0), Plane(), (number("a"),)))[1]
-    assert "SD" not in other.said
+    assert "SD" not in other.text
     (assumed,) = intervals(fit(made(a=3.1, noise=0.0, sd=1e-3, b=0.0), Plane(), (number("a", declared=False),)))[1]
-    assert assumed.said.endswith(", +3.1 SD from what was assumed")
+    assert assumed.text.endswith(", +3.1 SD from what was assumed")
 
 
 @pytest.mark.parametrize(("a", "names"), [(4.9, ()), (5.1, ("plane.a +5.1 SD",)), (-5.1, ("plane.a -5.1 SD",))])

@@ -7,7 +7,14 @@ import pytest
 from scipy.linalg import null_space, sqrtm
 from scipy.stats import multivariate_normal
 
-from rover_pin.estimation.by_chance.random_field import Kind, LearntSd, RandomField, chance_of, expected, learnt_sds
+from rover_pin.estimation.by_chance.random_field import (
+    Kind,
+    LearntSd,
+    RandomField,
+    expected,
+    learnt_sds,
+    random_effects_filter,
+)
 from rover_pin.estimation.noise import Noise
 
 FOLDS, CHANNELS, SAMPLES = 3, 2, 12
@@ -47,9 +54,9 @@ def dense(columns, field, sds):
 
 def test_what_chance_may_have_done_is_taken_out_as_the_inverse_root_of_the_whole_covariance_does(field, noise):
     sds, columns = (0.1, 0.03), noise.white(field.moved).T
-    chance = chance_of(field, columns, noise.good, learnt_as(*sds))
+    chance = random_effects_filter(field, columns, noise.good, learnt_as(*sds))
     residual = np.random.default_rng(5).normal(size=(7, FOLDS, CHANNELS, SAMPLES))
-    found = dataclasses.replace(noise, chance=chance).white(residual)
+    found = dataclasses.replace(noise, random_effects=chance).white(residual)
     root = np.linalg.inv(np.real(sqrtm(dense(columns, field, sds))))
     np.testing.assert_allclose(found, noise.white(residual) @ root, atol=1e-9)
 
@@ -57,15 +64,17 @@ def test_what_chance_may_have_done_is_taken_out_as_the_inverse_root_of_the_whole
 def test_a_fold_that_fewer_columns_move_has_fewer_taken_out(field, noise):
     moved = field.moved * (np.arange(len(field.kind)) > 1)[:, None, None, None]
     columns, sds = noise.white(moved).T, (0.1, 0.03)
-    found = dataclasses.replace(noise, chance=chance_of(field, columns, noise.good, learnt_as(*sds)))
+    found = dataclasses.replace(
+        noise, random_effects=random_effects_filter(field, columns, noise.good, learnt_as(*sds))
+    )
     residual = np.random.default_rng(15).normal(size=(FOLDS, CHANNELS, SAMPLES))
     root = np.linalg.inv(np.real(sqrtm(dense(columns, field, sds))))
     np.testing.assert_allclose(found.white(residual), noise.white(residual) @ root, atol=1e-9)
 
 
 def test_rows_without_one_fold_are_those_of_the_other_folds(field, noise):
-    chance = chance_of(field, noise.white(field.moved).T, noise.good, learnt_as(0.1, 0.03))
-    whole = dataclasses.replace(noise, chance=chance)
+    chance = random_effects_filter(field, noise.white(field.moved).T, noise.good, learnt_as(0.1, 0.03))
+    whole = dataclasses.replace(noise, random_effects=chance)
     good = noise.good.copy()
     good[1] = False
     residual = np.random.default_rng(6).normal(size=(FOLDS, CHANNELS, SAMPLES))
@@ -75,9 +84,11 @@ def test_rows_without_one_fold_are_those_of_the_other_folds(field, noise):
 
 
 def test_where_nothing_differs_nothing_is_taken_out(field, noise):
-    chance = chance_of(field, noise.white(field.moved).T, noise.good, learnt_as(0.0, 0.0))
+    chance = random_effects_filter(field, noise.white(field.moved).T, noise.good, learnt_as(0.0, 0.0))
     residual = np.random.default_rng(7).normal(size=(FOLDS, CHANNELS, SAMPLES))
-    np.testing.assert_array_equal(dataclasses.replace(noise, chance=chance).white(residual), noise.white(residual))
+    np.testing.assert_array_equal(
+        dataclasses.replace(noise, random_effects=chance).white(residual), noise.white(residual)
+    )
 
 
 def restricted(rows, free, covariance):
@@ -217,7 +228,7 @@ def test_what_free_columns_take_does_not_depend_on_their_units(field, noise):
 @pytest.mark.parametrize(("scale", "told"), [(0.95e-3, False), (1.05e-3, True)])
 def test_of_chance_that_moves_rows_by_less_than_a_thousandth_nothing_is_taken_out(scale, told):
     columns, good = np.array([[0.0], [1.0], [0.0]]), np.ones((1, 1, 3), dtype=bool)
-    found = chance_of(alone(KINDS[0]), columns, good, (LearntSd(KINDS[0], scale * 0.05, 0.0),))
+    found = random_effects_filter(alone(KINDS[0]), columns, good, (LearntSd(KINDS[0], scale * 0.05, 0.0),))
     rows = np.array([1.0, 1e6, 2.0])
     taken = 1e6 * (1 - 1 / np.sqrt(1 + scale**2)) if told else 0.0
     assert rows - found.taken_out(rows, good) == pytest.approx([0.0, taken, 0.0], rel=1e-4)

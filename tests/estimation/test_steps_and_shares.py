@@ -46,7 +46,7 @@ def test_free_numbers_take_their_places_among_the_known_within_their_bounds():
     assert space.fields(np.array([math.log(2.0), 1.5])) == pytest.approx([3.0, 0.1, 2.0])
     assert space.values(np.array([5.0, -1.0])) == pytest.approx([9.0, 0.5])
     assert space.slopes(np.array([math.log(2.0), 1.5])) == pytest.approx([2.0, 2.0])
-    far = Space(space.axes, np.array([70.0, 0.1, 0.01]), space.known)
+    far = Space(space.axes, np.array([70.0, 0.1, 0.01]), space.all_names)
     assert far.start() == pytest.approx([math.log(0.5), 4.5])
 
 

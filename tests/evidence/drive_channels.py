@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from rover_pin.motion.channels import WHEELS
-from rover_pin.motion.drive_log import About, DriveLog
+from rover_pin.motion.drive_log import DriveLog, LogMetadata
 from rover_pin.motion.trace import Trace
 
 R = 0.045
@@ -68,7 +68,7 @@ def log_of(*runs, **about):
     about = {"motor": MOTOR, "soil": SOIL, **about}
     wheels = list(about.get("wheels", WHEELS))
     traces = tuple(Trace(run, {}, {"file": f"run-{i}.csv", "wheels": wheels}) for i, run in enumerate(runs, 1))
-    return DriveLog(Path("field"), About("field", **about), traces)
+    return DriveLog(Path("field"), LogMetadata("field", **about), traces)
 
 
 GOOD = [drive(0), drive(1, yaw=math.pi), drive(0)]

@@ -11,7 +11,7 @@ from rover_pin.body.terrain import Lanes
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.motion.defaults import usual_angles, usual_slip
-from rover_pin.motion.drive_log import About, write_drive_log
+from rover_pin.motion.drive_log import LogMetadata, write_drive_log
 from rover_pin.motion.log_terrain import write_terrain
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
@@ -58,5 +58,5 @@ def write(folder, hidden=(), runs=4, duration=10.0, seed=0, rover="nexus6", **tr
     terrain = write_terrain(folder, model.terrain)
     known = {name: declared(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
     wheels = tuple(wheel.name for wheel in model.rover.wheels)
-    about = About("small", rover=rover, wheels=wheels, terrain=terrain, soil=known, motor=declared(model.motor))
+    about = LogMetadata("small", rover=rover, wheels=wheels, terrain=terrain, soil=known, motor=declared(model.motor))
     return write_drive_log(folder, traces, about)

@@ -40,7 +40,7 @@ class LinearExperiment(Experiment):
     channels: tuple[str, ...] = CHANNELS
     folds: tuple[str, ...] = tuple(f"run-{run}" for run in range(RUNS))
     length: int = BLOCKS
-    held: bool = False
+    rate_driven: bool = False
     asked: list = field(default_factory=list)
 
     def predict(self, models):

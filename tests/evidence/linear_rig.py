@@ -75,7 +75,7 @@ def law_of(name, slope):
 def law_of_size(effect, slope):
     """Return the law of an effect's only size, zero at its neutral value; u = 1 is the default size."""
     candidate = plain_candidate(effect)
-    (name,) = candidate.sizes
+    (name,) = candidate.amplitudes
     return {name: Law(candidate.size(name), slope)}
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy.anchor import BENT, anchor, as_declared, is_bent
+from rover_pin.discrepancy.anchor import BENT, as_declared, declared_start, is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.screen import score, signatures
@@ -78,7 +78,7 @@ def test_an_effect_that_the_base_absorbed_is_found_from_the_declared_numbers():
     alone = refit(base, scored_at(base), fee, quiet)
     assert not any(one.accepted for one in alone), "from the base's optimum there is no way down"
     lines = []
-    (found,) = refit(base, scored_at(base), fee, lines.append, anchor(base, [EXIT]))
+    (found,) = refit(base, scored_at(base), fee, lines.append, declared_start(base, [EXIT]))
     assert found.accepted
     assert found.fit.value("ExitAngle.e_1") == pytest.approx(TRUE, rel=0.02)
     assert found.fit.chi2 < 1.05 * chi2_of_truth(base)

@@ -37,7 +37,7 @@ def test_a_rover_that_slips_alike_in_every_run_is_met_and_one_that_does_not_is_m
     one, other = (drive_channels.drive(seed, noise=0.0, hill=0.0) for seed in (0, 1))
     alike = errors(one, other)
     seen = logged(one)
-    driven = np.sqrt(np.nanmean(seen.seen[seen.channels.index("path")] ** 2))
+    driven = np.sqrt(np.nanmean(seen.observed[seen.channels.index("path")] ** 2))
     assert alike["path"].error < 0.01 * driven  # half a row's way: the rover's own steps are longer than the rows
     assert alike["drift"].error < 1e-12
     slower = errors(one, farther(other, 0.8))

@@ -21,7 +21,7 @@ from rover_pin.experiments.drive_log.features import LEAK, blocks, leaky, logged
 from rover_pin.experiments.drive_log.model import with_spread
 from rover_pin.experiments.drive_log.parameters import owner_name, parameter
 from rover_pin.motion.place import Start
-from rover_pin.motion.replay import Nudge, commands, replay
+from rover_pin.motion.replay import Perturbation, commands, replay
 from rover_pin.motion.sensors import Sensors, measured
 from rover_pin.motion.simulate import Timing, simulate
 from rover_pin.motion.trace import Trace
@@ -103,7 +103,8 @@ def test_a_nudge_moves_the_rover_forward(model, driven, nudge):
     rows = len(run.t)
     given = {"torque": np.full((rows, 6), 0.01), "force": np.ones(rows), "grip": np.full(rows, 0.05)}[nudge]
     assert (
-        replay(model, run, Nudge(**{nudge: given})).channels["body_x"][-1] > replay(model, run).channels["body_x"][-1]
+        replay(model, run, Perturbation(**{nudge: given})).channels["body_x"][-1]
+        > replay(model, run).channels["body_x"][-1]
     )
 
 
@@ -113,10 +114,10 @@ def test_gaps_are_not_compared(driven):
     rate = np.array(holed["wheel_rate_fl"])
     rate[60:65] = np.nan
     run = logged_run(Trace(holed | {"wheel_rate_fl": rate}, attrs=dict(log.attrs)), load_rover("nexus6"))
-    seen = run.seen[run.channels.index("wheel_rate_fl")]
+    seen = run.observed[run.channels.index("wheel_rate_fl")]
     assert np.isnan(seen[6])
     assert np.isfinite(seen[5])
-    assert np.isfinite(run.seen[run.channels.index("wheel_rate_fr"), 6])
+    assert np.isfinite(run.observed[run.channels.index("wheel_rate_fr"), 6])
 
 
 def test_a_heading_that_was_lost_is_not_the_last_that_was_known(driven):
@@ -131,16 +132,16 @@ def test_a_heading_that_was_lost_is_not_the_last_that_was_known(driven):
     assert np.isfinite(run.commands.place[~((run.commands.t > 1.45) & (run.commands.t < 3.05))]).all()
     row = run.channels.index("heading")
     blind = (run.times > 1.5) & (run.times < 3.0)
-    assert np.isnan(run.seen[row, blind]).all()
-    assert np.isfinite(whole.seen[row, blind]).all()
+    assert np.isnan(run.observed[row, blind]).all()
+    assert np.isfinite(whole.observed[row, blind]).all()
 
 
 def test_features_of_the_log_equal_those_of_its_own_channels(driven):
     run = logged_run(as_logged(driven), load_rover("nexus6"))
     again = run.features({name: np.asarray(row) for name, row in run.measured.items()})
-    good = np.isfinite(run.seen)
+    good = np.isfinite(run.observed)
     assert good.any()
-    assert again[good] == pytest.approx(run.seen[good], abs=1e-9)
+    assert again[good] == pytest.approx(run.observed[good], abs=1e-9)
 
 
 def test_a_missing_channel_is_named(driven):
@@ -250,5 +251,5 @@ def test_a_log_without_noise_reads_as_the_sensors_do(driven):
     clean = logged_run(as_logged(driven), load_rover("nexus6"))
     noisy = logged_run(as_logged(log), load_rover("nexus6"))
     row = clean.channels.index("wheel_rate_rl")
-    off = noisy.seen[row] - clean.seen[row]
+    off = noisy.observed[row] - clean.observed[row]
     assert np.nanstd(off) == pytest.approx(sensors.rate_sd / math.sqrt(10), rel=0.7)

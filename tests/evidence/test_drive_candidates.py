@@ -21,7 +21,9 @@ from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
 
 BENCH = SimpleNamespace(
-    channels=(), held=False, runs=[SimpleNamespace(commands=SimpleNamespace(place=np.zeros((2, 3)), terrain=None))]
+    channels=(),
+    rate_driven=False,
+    runs=[SimpleNamespace(commands=SimpleNamespace(place=np.zeros((2, 3)), terrain=None))],
 )
 OWN = """
 from dataclasses import dataclass

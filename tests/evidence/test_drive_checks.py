@@ -28,7 +28,7 @@ held, log_of, starting = channels.held, channels.log_of, channels.starting
 
 def test_a_good_log_has_no_fault_and_lacks_nothing():
     found = check(log_of(*GOOD))
-    assert [str(each) for each in found.found] == []
+    assert [str(each) for each in found.findings] == []
     assert found.too_poor == ""
 
 
@@ -263,7 +263,7 @@ def test_a_simulated_log_passes(name):
 
 def test_a_log_on_disk_is_checked(tmp_path):
     traces = {f"run-{i}": Trace(run) for i, run in enumerate(GOOD)}
-    about = dataclasses.replace(log_of().about, wheel={"r": {"value": 45.0, "unit": "mm"}})
+    about = dataclasses.replace(log_of().metadata, wheel={"r": {"value": 45.0, "unit": "mm"}})
     folder = write_drive_log(tmp_path / "log", traces, about)
     assert check(read_drive_log(folder)) == ((), "")
 

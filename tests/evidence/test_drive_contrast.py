@@ -10,9 +10,15 @@ import pytest
 from rover_pin.errors import SimulationError
 from rover_pin.estimation.noise import Noise
 from rover_pin.experiments.drive_log import contrast as contrasts
-from rover_pin.experiments.drive_log.contrast import Contrast, Instruments, _root, contrast, with_currents
+from rover_pin.experiments.drive_log.contrast import (
+    Instruments,
+    PredictedDifference,
+    _root,
+    predict_difference,
+    with_currents,
+)
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
-from rover_pin.experiments.drive_log.menu import MenuRun
+from rover_pin.experiments.drive_log.menu import CandidateRun
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.motion.replay import PERIOD, Replay
 
@@ -47,7 +53,7 @@ def apart():
     experiment = linear.LinearExperiment(np.zeros(SHAPE), columns)
     fits = tuple(fit_of(MODEL, each, random) for each in numbers)
     difference = 4.0 * random.normal(size=SHAPE)
-    return Contrast(None, fits, (MODEL, MODEL), experiment, difference, (np.ones(16, dtype=bool), LATE))
+    return PredictedDifference(None, fits, (MODEL, MODEL), experiment, difference, (np.ones(16, dtype=bool), LATE))
 
 
 def columns_of(one, numbers):
@@ -57,16 +63,18 @@ def columns_of(one, numbers):
 def test_a_fit_s_doubt_shifts_the_features_by_its_covariance(apart):
     """One SD along each axis: their squares add to J^T C J. What both have is worked out once."""
     for at, fit in enumerate(apart.fits):
-        shifts = apart.doubts[2 * at : 2 * at + 2].reshape(2, -1)
+        shifts = apart.uncertainties[2 * at : 2 * at + 2].reshape(2, -1)
         J = columns_of(apart, fit.parameters).reshape(2, -1)
         np.testing.assert_allclose(shifts.T @ shifts, J.T @ fit.covariance @ J, atol=1e-9 * np.abs(J).max() ** 2)
     assert apart.experiment.asked == [3, 2]
-    assert apart.doubts.shape == (4, *SHAPE)
+    assert apart.uncertainties.shape == (4, *SHAPE)
 
 
 def test_a_second_model_with_the_same_numbers_is_not_asked(apart):
-    same = Contrast(None, (apart.fits[0],) * 2, apart.models, apart.experiment, apart.apart, apart.moving)
-    np.testing.assert_array_equal(same.doubts[:2], same.doubts[2:])
+    same = PredictedDifference(
+        None, (apart.fits[0],) * 2, apart.models, apart.experiment, apart.difference, apart.moving
+    )
+    np.testing.assert_array_equal(same.uncertainties[:2], same.uncertainties[2:])
     assert apart.experiment.asked == [3]
 
 
@@ -83,7 +91,7 @@ def judged_by(one, usable):
     steps = lambda row: np.where(np.r_[False, usable[:-1]], row - RHO[:, None] * np.roll(row, 1, -1),  # noqa: E731
                                  np.sqrt(1 - RHO[:, None] ** 2) * row)  # fmt: skip
     white = lambda part: (MIXING @ (steps(part) / (SD * np.sqrt(1 - RHO**2))[:, None]))[:, usable].ravel()  # noqa: E731
-    return white(one.apart[0]), np.array([white(each[0]) for each in one.doubts]).T
+    return white(one.difference[0]), np.array([white(each[0]) for each in one.uncertainties]).T
 
 
 def test_what_separates_two_models_is_the_mean_of_what_is_told_if_either_is_true(apart):
@@ -93,7 +101,7 @@ def test_what_separates_two_models_is_the_mean_of_what_is_told_if_either_is_true
         weighed = np.linalg.solve(np.eye(len(d)) + A @ A.T, d)
         plain, found = plain + 0.5 * d @ d, found + 0.5 * d @ weighed
         parts += 0.5 * (d * weighed).reshape(2, -1).sum(axis=1)
-    chi2, channel = apart.judged(INSTRUMENTS)
+    chi2, channel = apart.expected_chi2(INSTRUMENTS)
     assert chi2 == pytest.approx(found)
     assert channel == linear.CHANNELS[int(parts.argmax())]
     assert apart.plain(INSTRUMENTS) == pytest.approx(plain)
@@ -106,12 +114,12 @@ def test_instruments_may_be_some_of_the_channels_and_the_one_that_tells_is_named
     at = linear.CHANNELS.index(channel)
     blank = np.zeros(SHAPE)
     blank[0, at, [2, 9]] = 3.0 * SD[at]
-    one = Contrast(None, apart.fits, apart.models, apart.experiment, blank, apart.moving)
+    one = PredictedDifference(None, apart.fits, apart.models, apart.experiment, blank, apart.moving)
     alone = Instruments((channel,), SD[[at]], np.zeros(1), np.eye(1))
     assert one.plain(alone) == pytest.approx(9.0 + 0.5 * 9.0)
-    assert one.judged(alone)[1] == channel
+    assert one.expected_chi2(alone)[1] == channel
     uncorrelated = Instruments(linear.CHANNELS, SD, np.zeros(2), np.eye(2))
-    assert one.judged(uncorrelated)[1] == channel
+    assert one.expected_chi2(uncorrelated)[1] == channel
 
 
 def test_an_instrument_s_noise_is_that_of_the_blocks_that_move():
@@ -162,8 +170,8 @@ def drawn(monkeypatch):
     def made(first, second, rest=None):
         asked, drives = [], iter((first, second))
 
-        def replay(model, commands, rest=None):
-            asked.append((commands, rest))
+        def replay(model, commands, rest_state=None):
+            asked.append((commands, rest_state))
             found = next(drives)
             if isinstance(found, Exception):
                 raise found
@@ -173,8 +181,8 @@ def drawn(monkeypatch):
         monkeypatch.setattr(contrasts, "settled", lambda model, start: "at rest")
         random = np.random.default_rng(3)
         fits = tuple(fit_of(MODEL, linear.nuisances(), random) for _ in range(2))
-        run = MenuRun("on the flat", np.full((len(T), len(WHEELS)), 0.5))
-        return contrast(run, fits, ("path", "wheel_rate_fl")), asked
+        run = CandidateRun("on the flat", np.full((len(T), len(WHEELS)), 0.5))
+        return predict_difference(run, fits, ("path", "wheel_rate_fl")), asked
 
     return made
 
@@ -185,7 +193,7 @@ def test_the_second_model_is_held_to_the_way_of_the_first(drawn):
     assert rest == again == "at rest"
     assert np.isnan(free.place).all()
     np.testing.assert_allclose(held.place, np.column_stack([0.06 * T, 0.0 * T, 0.0 * T]))
-    way, rate = one.apart[0]
+    way, rate = one.difference[0]
     assert rate == pytest.approx(np.full(20, 0.01 / 0.045))
     share = np.exp(-PERIOD / 2.0)
     assert way[-1] == pytest.approx(0.01 * PERIOD / (1 - share), rel=0.03), "a leaky sum at its end"
@@ -199,7 +207,7 @@ def test_blocks_are_compared_where_the_one_that_is_true_moves(drawn):
     one, _ = drawn(drive(0.06), drive(0.05, stands=6.0))
     assert np.flatnonzero(~one.moving[0]).tolist() == [0, 1]
     assert np.flatnonzero(~one.moving[1]).tolist() == [0, 1, *range(12, 20)]
-    assert one.apart[0, 0, -1] > 0.06 * 1.5, "the first drives on"
+    assert one.difference[0, 0, -1] > 0.06 * 1.5, "the first drives on"
 
 
 @pytest.mark.parametrize(

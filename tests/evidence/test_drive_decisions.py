@@ -17,26 +17,26 @@ from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.cross_validation import (
-    left_out,
-    left_out_by_refits,
+    first_order_surprises,
     losses_of,
+    refitted_surprises,
     seen_again,
     without_each,
 )
 from rover_pin.discrepancy.held_out import held_out, together
 from rover_pin.discrepancy.judge import answer_of, chosen_without
-from rover_pin.discrepancy.left import Left, share_taken
-from rover_pin.discrepancy.refit import Refit, alike, joined
+from rover_pin.discrepancy.left import ResidualAssessment, share_taken
+from rover_pin.discrepancy.refit import Refit, indistinguishable_refits, joined
 from rover_pin.discrepancy.screen import (
     Signature,
-    fee_of,
+    candidate_threshold,
     saturated,
     score,
     signatures,
     started,
     trials,
 )
-from rover_pin.discrepancy.search import Round, Search, fee_after, search
+from rover_pin.discrepancy.search import Round, Search, search, threshold_after
 from rover_pin.effects.dead_band import DeadBand
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.gear_friction import GearFriction
@@ -45,7 +45,7 @@ from rover_pin.effects.supply_sag import SupplySag
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.effects.viscous_friction import ViscousFriction
-from rover_pin.estimation.by_chance.random_field import Kind, LearntSd, RandomField, chance_of
+from rover_pin.estimation.by_chance.random_field import Kind, LearntSd, RandomField, random_effects_filter
 from rover_pin.estimation.fit import fit
 from rover_pin.estimation.gauss_newton import at
 from rover_pin.estimation.noise import huber
@@ -77,7 +77,7 @@ COLOURED, SOUGHT, ROUGH, STILL, MULTIPLES = 1.5, 3.0, 0.01, 0.3, (0.8, 1.2, 1.8,
 def candidate(effect, place=""):
     own = type(effect).__name__
     sizes = tuple(f"{own}.{name}" for name in effect.neutral)
-    return Candidate(own, effect, sizes, place=place, sought=bool(place))
+    return Candidate(own, effect, sizes, place=place, place_searched=bool(place))
 
 
 EXIT, VISCOUS, BAND = (candidate(effect) for effect in (ExitAngle(), ViscousFriction(), DeadBand()))
@@ -87,7 +87,7 @@ FREED = Candidate("WeakMotor", None, ("WeakMotor[0].g",), place="0")
 def law(random, one, size=1.0, shape=linear.SHAPE):
     """The slopes of an effect's sizes: random, `size` SDs at the default size."""
     made = {}
-    for name in one.sizes:
+    for name in one.amplitudes:
         field = name.rpartition(".")[2]
         neutral = one.effect.neutral[field]
         reach = float(getattr(one.effect, field)) - neutral or 1.0
@@ -117,7 +117,7 @@ def closed(fitted, freed=(), added=(), anchors=None):
     model = fitted.model
     for one in added:
         model = one.on(model)
-    sizes = [one.size(name) for one in added for name in one.sizes]
+    sizes = [one.size(name) for one in added for name in one.amplitudes]
     whole = dataclasses.replace(fitted, parameters=(*fitted.parameters, *sizes))
     return linear.gaussian(whole, freed, anchors)
 
@@ -256,7 +256,7 @@ def test_intervals_by_runs_hold_a_number_that_each_run_has_a_little_otherwise():
 def test_the_score_of_a_candidate_is_the_exact_fall_of_chi2(made):
     fitted, _ = made
     rows = {row.candidate.name: row for row in score(fitted, signatures(fitted, [EXIT, FREED]))}
-    for name, freed, added in (("ExitAngle", (), (EXIT,)), ("WeakMotor[0]", FREED.sizes, ())):
+    for name, freed, added in (("ExitAngle", (), (EXIT,)), ("WeakMotor[0]", FREED.amplitudes, ())):
         u, chi2 = closed(fitted, freed, added).solved()
         assert rows[name].gain == pytest.approx(fitted.chi2 - chi2, rel=1e-6, abs=1e-8)
     u, _ = closed(fitted, (), (EXIT,)).solved()
@@ -291,8 +291,8 @@ def test_what_the_numbers_imitate_is_not_told():
     own = slope @ slope * free[0].scale ** 2
     assert 1 - rows["ExitAngle"].absorbed == pytest.approx(1 / (1 + own), rel=0.05)
     assert rows["ViscousFriction"].visible < STILL < rows["DeadBand"].visible
-    assert not rows["ViscousFriction"].told
-    assert rows["DeadBand"].told
+    assert not rows["ViscousFriction"].is_identifiable
+    assert rows["DeadBand"].is_identifiable
     assert rows["DeadBand"].smallest(9.0) == pytest.approx(3.0 / rows["DeadBand"].visible)
     assert dataclasses.replace(rows["DeadBand"], visible=0.0).smallest(9.0) == math.inf
     far = linear.fitted(6.0 * faint / np.linalg.norm(faint), columns)
@@ -324,7 +324,9 @@ def test_a_candidate_is_tried_at_each_of_its_sizes_alone_a_threshold_at_several(
     assert trials(threshold) == [{"TorqueSaturation.i_max": pytest.approx(0.03 * m)} for m in MULTIPLES]
     patch = candidate(HardPatch(), "0.500")
     (whole,) = trials(patch)
-    assert whole == {name: pytest.approx(float(getattr(HardPatch(), name.rpartition(".")[2]))) for name in patch.sizes}
+    assert whole == {
+        name: pytest.approx(float(getattr(HardPatch(), name.rpartition(".")[2]))) for name in patch.amplitudes
+    }
 
 
 def test_of_several_trials_the_best_is_kept(made):
@@ -334,7 +336,7 @@ def test_of_several_trials_the_best_is_kept(made):
     moved = [0.2 * random.normal(size=linear.SHAPE), right, -right]
     rows = score(fitted, [Signature(EXIT, {"ExitAngle.e_1": 0.3}, each, {"ExitAngle.e_1": 0.0}) for each in moved])
     assert len(rows) == 1
-    assert rows[0].signature.moved is right
+    assert rows[0].signature.shift is right
 
 
 def test_the_most_promising_stands_first(made):
@@ -349,7 +351,7 @@ def test_noise_is_told_from_what_no_candidate_explains(made):
     fitted, _ = made
     known = signatures(fitted, [EXIT, VISCOUS])
     left, absorbed = saturated(fitted, known)
-    moved = [fitted.slopes[one.name] for one in fitted.parameters] + [each.moved for each in known]
+    moved = [fitted.slopes[one.name] for one in fitted.parameters] + [each.shift for each in known]
     X = np.array(moved).reshape(len(moved), -1).T
     rest = fitted.residual.ravel() - X @ np.linalg.lstsq(X, fitted.residual.ravel(), rcond=None)[0]
     np.testing.assert_allclose(left.ravel(), rest, atol=2e-3)
@@ -376,10 +378,10 @@ def test_of_what_is_left_chance_explains_what_its_sds_allow(made):
     for d in ((1.0, 1.0), (2.0, 0.0)):
         learnt = tuple(LearntSd(kind, one * kind.size, 0.0) for kind, one in zip(kinds, d, strict=True))
         noise = fitted.task.noise
-        chance = None if d == (1.0, 1.0) else chance_of(field, noise.white(moved).T, noise.good, learnt)
-        task = dataclasses.replace(fitted.task, noise=dataclasses.replace(noise, chance=chance))
+        chance = None if d == (1.0, 1.0) else random_effects_filter(field, noise.white(moved).T, noise.good, learnt)
+        task = dataclasses.replace(fitted.task, noise=dataclasses.replace(noise, random_effects=chance))
         left, _ = saturated(dataclasses.replace(fitted, task=task), known, field)
-        free = np.array([fitted.slopes[one.name] for one in fitted.parameters] + [each.moved for each in known])
+        free = np.array([fitted.slopes[one.name] for one in fitted.parameters] + [each.shift for each in known])
         X, B = (noise.white(each).T for each in (free, moved))
         rows = noise.white(fitted.residual)
         covariance = np.eye(len(rows)) + (B * np.array(d)[field.kind] ** 2) @ B.T
@@ -411,11 +413,11 @@ def chance(count):
 
 
 def test_the_fee_is_what_chance_gains_the_best_of_so_many():
-    assert fee_of(EXIT, 100) == pytest.approx(COLOURED * chance(100))
+    assert candidate_threshold(EXIT, 100) == pytest.approx(COLOURED * chance(100))
     tether, patch = candidate(TetherDrag()), candidate(HardPatch(), "0.500")
-    assert fee_of(tether, 100) == pytest.approx(COLOURED * (chance(100) + chance(1)))
-    assert fee_of(patch, 100) == pytest.approx(COLOURED * (SOUGHT * chance(100) + 2 * chance(1)))
-    assert fee_of(EXIT, 100, taken=400.0) == pytest.approx(COLOURED * chance(100) + ROUGH * 400.0)
+    assert candidate_threshold(tether, 100) == pytest.approx(COLOURED * (chance(100) + chance(1)))
+    assert candidate_threshold(patch, 100) == pytest.approx(COLOURED * (SOUGHT * chance(100) + 2 * chance(1)))
+    assert candidate_threshold(EXIT, 100, taken=400.0) == pytest.approx(COLOURED * chance(100) + ROUGH * 400.0)
 
 
 def test_white_noise_seldom_pays_the_fee():
@@ -447,17 +449,19 @@ def surprised(fitted, anchored=True):
 
 
 def test_a_run_left_out_is_predicted_by_the_exact_density_that_the_others_give_it(made, with_exit):
-    np.testing.assert_allclose(left_out(made[0]), surprised(made[0], False), rtol=1e-9)
-    np.testing.assert_allclose(left_out(with_exit), surprised(with_exit), rtol=1e-9)
+    np.testing.assert_allclose(first_order_surprises(made[0]), surprised(made[0], False), rtol=1e-9)
+    np.testing.assert_allclose(first_order_surprises(with_exit), surprised(with_exit), rtol=1e-9)
     whole = [huber(with_exit.rows[run == OWNER]) for run in range(linear.RUNS)]
-    assert (left_out(with_exit) > whole).all(), "a run that is left out is met less well than one that is fitted"
+    assert (first_order_surprises(with_exit) > whole).all(), (
+        "a run that is left out is met less well than one that is fitted"
+    )
 
 
 def test_refits_without_a_run_say_the_same(made, with_exit):
     for fitted, own in ((made[0], {}), (with_exit, anchors(with_exit))):
         exact = linear.gaussian(fitted, anchors=own).left_out(OWNER)
         assert losses_of(fitted).sum() == pytest.approx(exact.sum(), rel=1e-6)
-        np.testing.assert_allclose(left_out_by_refits(fitted), surprised(fitted), rtol=1e-6)
+        np.testing.assert_allclose(refitted_surprises(fitted), surprised(fitted), rtol=1e-6)
 
 
 def gained(base, got):
@@ -560,7 +564,7 @@ def test_freeing_a_number_that_is_far_off_gains_what_its_prior_cost():
     columns = linear.slopes(random, free)
     base = linear.fitted(shown(columns, {"WeakMotor[0].g": 8 * 0.02}) + random.normal(size=linear.SHAPE), columns)
     (got,) = refit(base, score(base, signatures(base, [FREED])), lambda one: 0.0, SILENT)
-    u, chi2 = closed(base, FREED.sizes).solved()
+    u, chi2 = closed(base, FREED.amplitudes).solved()
     assert got.gain == pytest.approx(base.chi2 - chi2, rel=1e-6)
     assert got.gain == pytest.approx(base.u[1] ** 2, rel=0.1)
     np.testing.assert_allclose(got.fit.u, u, rtol=1e-6)
@@ -602,7 +606,7 @@ def three_hidden():
     columns = linear.slopes(random, linear.nuisances())
     sizes = {}
     for one, amplitude in ((EXIT, 1.25), (BAND, 1.135), (VISCOUS, 0.88)):
-        (name,) = one.sizes
+        (name,) = one.amplitudes
         reach = float(getattr(one.effect, name.rpartition(".")[2]))
         columns[name] = (0.0, random.choice([-1.0, 1.0], linear.SHAPE) / reach)
         sizes[name] = amplitude * reach
@@ -660,7 +664,7 @@ def test_a_candidate_gains_more_than_chance_and_predicts_better(net, held, accep
 
 
 def names(found):
-    return [one.name for one in alike(found)]
+    return [one.name for one in indistinguishable_refits(found)]
 
 
 def test_the_set_of_rivals():
@@ -701,7 +705,7 @@ def three(random):
 
 
 def term(strength, is_raking=False):
-    best = SimpleNamespace(strength=strength, said="acts as a force", is_raking=is_raking)
+    best = SimpleNamespace(strength=strength, description="acts as a force", is_raking=is_raking)
     return SimpleNamespace(best=best, terms=(), wheels=())
 
 
@@ -709,12 +713,12 @@ QUIET = term(5.0)
 
 
 def answered(found, left, takes_most=False):
-    return answer_of(found, Left(is_unknown(found, left), "", described=True), takes_most)
+    return answer_of(found, ResidualAssessment(is_unknown(found, left), "", described=True), takes_most)
 
 
 def test_a_hidden_effect_is_found_and_named():
     found = searched({"ExitAngle.e_1": 0.5}, three)
-    assert [one.name for one in found.found] == ["ExitAngle"]
+    assert [one.name for one in found.best_refits] == ["ExitAngle"]
     assert found.last.value("ExitAngle.e_1") == pytest.approx(0.5, abs=0.06)
     assert len(found.rounds) == 2
     assert found.count > 40
@@ -724,7 +728,7 @@ def test_a_hidden_effect_is_found_and_named():
 
 def test_noise_needs_no_effect():
     found = searched({}, three)
-    assert found.found == ()
+    assert found.best_refits == ()
     assert found.last is found.base
     assert answered(found, QUIET) is Answer.NONE_NEEDED
 
@@ -735,21 +739,26 @@ def test_two_that_do_the_same_are_a_set():
         return {"ExitAngle.e_1": (0.0, one), "ViscousFriction.b_v": (0.0, 0.3 / 0.01 * one)}
 
     found = searched({"ExitAngle.e_1": 0.5}, twins)
-    assert {one.name for one in found.rounds[0].alike} == {"ExitAngle", "ViscousFriction"}
+    assert {one.name for one in found.rounds[0].indistinguishable} == {"ExitAngle", "ViscousFriction"}
     assert answered(found, QUIET) is Answer.SET
 
 
 def test_two_effects_are_found_one_after_the_other():
     found = searched({"ExitAngle.e_1": 0.4, "DeadBand.delta_0": 0.15}, three)
-    assert {one.name for one in found.found} == {"ExitAngle", "DeadBand"}
+    assert {one.name for one in found.best_refits} == {"ExitAngle", "DeadBand"}
     assert len(found.rounds) == 3
     assert answered(found, QUIET) is Answer.NAMED
-    first, second, third = (fee_after(found.rounds[:done], found.count)(VISCOUS) for done in range(3))
-    gains = [one.gain for one in found.found]
+    first, second, third = (threshold_after(found.rounds[:done], found.count)(VISCOUS) for done in range(3))
+    gains = [one.gain for one in found.best_refits]
     assert second - first == pytest.approx(ROUGH * gains[0])
     assert third - first == pytest.approx(ROUGH * sum(gains))
-    fees = [one.fee for one in found.found]
-    assert fees == pytest.approx([fee_of(found.found[0].candidate, found.count), fee_of(BAND, found.count, gains[0])])
+    fees = [one.threshold for one in found.best_refits]
+    assert fees == pytest.approx(
+        [
+            candidate_threshold(found.best_refits[0].candidate, found.count),
+            candidate_threshold(BAND, found.count, gains[0]),
+        ]
+    )
 
 
 def test_no_more_than_so_many_are_added():
@@ -798,7 +807,7 @@ def test_the_answer(found, strength, answer):
     assert answered(found, term(strength)) is answer
     assert is_unknown(found, term(strength)) == (answer is Answer.NONE_FITS)
     assert answered(found, term(strength, is_raking=True)) is not Answer.NONE_FITS
-    if answer is Answer.NONE_FITS and found.found:
+    if answer is Answer.NONE_FITS and found.best_refits:
         assert answered(found, term(strength), takes_most=True) is Answer.LIKE
         assert answered(found, term(strength), takes_most=False) is Answer.NONE_FITS
 
@@ -827,7 +836,7 @@ def test_what_was_found_is_in_the_verdicts_model(log):
     found = searched({"ExitAngle.e_1": 0.5}, three)
     verdict = verdict_on(log, found, QUIET, 0, SILENT)
     assert verdict.answer is Answer.NAMED
-    assert verdict.named == verdict.alike == ("ExitAngle",)
+    assert verdict.named == verdict.indistinguishable == ("ExitAngle",)
     assert [type(effect) for effect in verdict.effects] == [ExitAngle]
     assert verdict.model.effect(ExitAngle).e_1 == pytest.approx(0.5, abs=0.06)
     assert [one.name for one in verdict.after.numbers] == ["soil.phi", "WeakMotor[0].g", "ExitAngle.e_1"]
@@ -856,7 +865,7 @@ def test_an_effect_of_one_run_is_not_chosen_without_it(log):
     task = dataclasses.replace(found.base.task, noise=dataclasses.replace(found.base.task.noise, good=good))
     fits = [fit(task, one.model, one.parameters, one.u, one.slopes) for one in (found.base, found.last)]
     assert without_each(found.base)[0] == pytest.approx(fits[0].chi2, rel=1e-3)
-    assert fits[0].chi2 - fits[1].chi2 < found.found[0].fee
+    assert fits[0].chi2 - fits[1].chi2 < found.best_refits[0].threshold
 
 
 def test_what_takes_most_is_like_what_is_missing_though_more_is_left(log):
@@ -872,7 +881,7 @@ def test_what_is_doubtful_is_not_in_the_verdicts_model(log, monkeypatch):
     verdict = verdict_on(log, found, term(1e6), 0, SILENT)
     assert verdict.answer is Answer.NONE_FITS
     assert verdict.named == ()
-    assert verdict.alike == ("ExitAngle",)
+    assert verdict.indistinguishable == ("ExitAngle",)
     assert verdict.effects == ()
     assert verdict.model is found.base.model
     assert verdict.draft is None  # no term that an effect can imitate: said without one, where the loop stopped
@@ -887,7 +896,7 @@ def test_what_is_doubtful_is_not_in_the_verdicts_model(log, monkeypatch):
 def test_nothing_needed_is_said_and_added(log):
     verdict = verdict_on(log, searched({}, three), QUIET, 0, SILENT)
     assert verdict.answer is Answer.NONE_NEEDED
-    assert (verdict.named, verdict.alike, verdict.share) == ((), (), 0.0)
+    assert (verdict.named, verdict.indistinguishable, verdict.share) == ((), (), 0.0)
     assert set(verdict.chosen.values()) == {""}
     assert "no candidate gains more than chance" in verdict.sentence
 
@@ -909,19 +918,23 @@ def test_within_the_noise_is_said_of_the_samples_scatter_not_of_the_misfit(log, 
 @pytest.mark.parametrize("told", [True, False])
 def test_runs_are_proposed_that_tell_the_best_from_its_first_two_rivals(log, monkeypatch, told):
     def asked(best, rival, progress):
-        return SimpleNamespace(said=f"{best[0]} or {rival[0]}", second=rival[0]) if told else None
+        return SimpleNamespace(sentence=f"{best[0]} or {rival[0]}", second=rival[0]) if told else None
 
     def alike_laws(random):
         one = law(random, EXIT)["ExitAngle.e_1"][1]
         others = (VISCOUS, BAND, candidate(GearFriction()))
-        reach = {each.sizes[0]: float(next(iter(each.effect.values().values()))) for each in others}
+        reach = {each.amplitudes[0]: float(next(iter(each.effect.values().values()))) for each in others}
         return {"ExitAngle.e_1": (0.0, one)} | {name: (0.0, 0.3 / size * one) for name, size in reach.items()}
 
     monkeypatch.setattr("rover_pin.loop.drive.separating_drive", asked)
     found = searched({"ExitAngle.e_1": 0.5}, alike_laws)
     verdict = verdict_on(log, found, QUIET, 0, SILENT)
     assert verdict.answer is Answer.SET
-    best, *rivals = verdict.alike
+    best, *rivals = verdict.indistinguishable
     assert len(rivals) == 3
-    assert [one.said for one in verdict.experiments] == ([f"{best} or {rival}" for rival in rivals[:2]] if told else [])
-    assert verdict.sentence.startswith(f"these cannot be distinguished: {' or '.join(verdict.alike)}; the first takes")
+    assert [one.sentence for one in verdict.experiments] == (
+        [f"{best} or {rival}" for rival in rivals[:2]] if told else []
+    )
+    assert verdict.sentence.startswith(
+        f"these cannot be distinguished: {' or '.join(verdict.indistinguishable)}; the first takes"
+    )

@@ -11,7 +11,7 @@ import pytest
 from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.checks.log import check, faults, findings, refuse_unfit
 from rover_pin.experiments.drive_log.model import base_model, nuisances
-from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
+from rover_pin.motion.drive_log import LogMetadata, read_drive_log, write_drive_log
 
 _spec = importlib.util.spec_from_file_location("drive_channels", Path(__file__).parent / "drive_channels.py")
 channels = importlib.util.module_from_spec(_spec)
@@ -57,7 +57,7 @@ def test_what_contradicts_itself_is_refused(log, says):
 
 def test_true_velocities_and_a_true_start_are_no_fault():
     assert faults(changed(body_vx=VX, body_vy=VY)) == ()
-    assert check(starting_at(X[0], Y[0])).found == ()
+    assert check(starting_at(X[0], Y[0])).findings == ()
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_ground_that_a_log_cannot_declare_is_refused(tmp_path):
 def test_a_drive_toml_that_contradicts_itself_is_refused(old, new, says, tmp_path):
     run = log_of(*GOOD).runs[0]
     traces = {name: dataclasses.replace(run, attrs={"start": {"x": 0.0, "y": 0.0, "yaw": 0.0}}) for name in "ab"}
-    write_drive_log(tmp_path, traces, About("field"))
+    write_drive_log(tmp_path, traces, LogMetadata("field"))
     file = tmp_path / "drive.toml"
     file.write_text(file.read_text().replace(old, new, 1))
     with pytest.raises(DataError, match=r"drive.toml|a.csv") as refused:
@@ -150,7 +150,7 @@ def test_a_drive_toml_that_contradicts_itself_is_refused(old, new, says, tmp_pat
     ],
 )
 def test_a_file_of_another_program_is_refused(content, says, tmp_path):
-    write_drive_log(tmp_path, {"a": log_of(*GOOD).runs[0]}, About("field"))
+    write_drive_log(tmp_path, {"a": log_of(*GOOD).runs[0]}, LogMetadata("field"))
     (tmp_path / "a.csv").write_bytes(content)
     with pytest.raises(DataError) as refused:
         read_drive_log(tmp_path)

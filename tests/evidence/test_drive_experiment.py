@@ -20,10 +20,10 @@ from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import first_noise, noise_of
 from rover_pin.experiments.drive_log.candidates import candidate_of
-from rover_pin.experiments.drive_log.contrast import contrast, logged_instruments, with_currents
+from rover_pin.experiments.drive_log.contrast import logged_instruments, predict_difference, with_currents
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.menu import menu
+from rover_pin.experiments.drive_log.menu import candidate_runs
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, _choice, separating_drive
 from rover_pin.motion.model import Model, base_effects
@@ -90,13 +90,13 @@ def tilted(model):
 
 
 def run_called(fits, words):
-    return next(run for run in _choice(("a", fits[0]), ("b", fits[1])) if words in run.said)
+    return next(run for run in _choice(("a", fits[0]), ("b", fits[1])) if words in run.label)
 
 
 @pytest.fixture(scope="module")
 def back(tilted):
     instruments = logged_instruments(tilted[0])
-    return contrast(run_called(tilted, "flat towards -x"), tilted, instruments.names), instruments
+    return predict_difference(run_called(tilted, "flat towards -x"), tilted, instruments.names), instruments
 
 
 def dense(rows, doubt):
@@ -108,15 +108,15 @@ def test_expected_information_is_that_of_whole_matrices(back):
     rows = [one.experiment.channels.index(name) for name in instruments.names]
     noise = instruments.noise(one.moving[0])
     assert np.array_equal(*one.moving)
-    expected = dense(noise.white(one.apart[:, rows]), noise.white(one.doubts[:, :, rows]).T)
-    assert one.judged(instruments)[0] == pytest.approx(expected, rel=1e-6)
+    expected = dense(noise.white(one.difference[:, rows]), noise.white(one.uncertainties[:, :, rows]).T)
+    assert one.expected_chi2(instruments)[0] == pytest.approx(expected, rel=1e-6)
     assert 0.0 < expected < one.plain(instruments)
 
 
 def test_a_tilt_is_told_from_a_tether_by_the_other_heading(tilted, back):
     one, instruments = back
-    same = contrast(run_called(tilted, "flat towards +x"), tilted, instruments.names)
-    assert one.judged(instruments)[0] > max(9.0, 10.0 * same.judged(instruments)[0])
+    same = predict_difference(run_called(tilted, "flat towards +x"), tilted, instruments.names)
+    assert one.expected_chi2(instruments)[0] > max(9.0, 10.0 * same.expected_chi2(instruments)[0])
 
 
 def gain(one, instruments, truth, seed):
@@ -125,7 +125,7 @@ def gain(one, instruments, truth, seed):
     experiment = experiment_of([run], one.models[0])
     assert experiment.channels == instruments.names
     noise, count = instruments.noise(run.usable), len(one.fits[0].u)
-    doubts = [noise.white(part).T for part in (one.doubts[:count], one.doubts[count:])]
+    doubts = [noise.white(part).T for part in (one.uncertainties[:count], one.uncertainties[count:])]
     left = [noise.white(experiment.observed - features) for features in experiment.predict(one.models)]
     chi2 = [dense(rows, doubt) for rows, doubt in zip(left, doubts, strict=True)]
     return chi2[1 - truth] - chi2[truth]
@@ -134,7 +134,7 @@ def gain(one, instruments, truth, seed):
 def test_the_expected_chi2_is_what_the_drive_then_gives_whichever_is_true(back):
     one, instruments = back
     found = [np.mean([gain(one, instruments, truth, seed) for seed in (20, 21)]) for truth in (0, 1)]
-    assert 0.5 < min(found) / one.judged(instruments)[0] < 2.0
+    assert 0.5 < min(found) / one.expected_chi2(instruments)[0] < 2.0
 
 
 def test_currents_that_are_not_logged_are_read_no_better_than_a_sensor(tilted):
@@ -154,24 +154,24 @@ def test_what_holds_at_every_duty_needs_currents(model):
     assert fits[0].chi2 == pytest.approx(fits[1].chi2, abs=4.0)
     logged_ones = logged_instruments(fits[0])
     richer = with_currents(logged_ones, [wheel.name for wheel in model.rover.wheels])
-    one = contrast(run_called(fits, "flat, the duty stepping"), fits, richer.names)
-    told, channel = one.judged(richer)
-    assert told > 9.0 > one.judged(logged_ones)[0]
+    one = predict_difference(run_called(fits, "flat, the duty stepping"), fits, richer.names)
+    told, channel = one.expected_chi2(richer)
+    assert told > 9.0 > one.expected_chi2(logged_ones)[0]
     assert channel.startswith("current_")
 
 
 def test_every_run_of_the_menu_is_said_once_and_within_the_duty(model):
-    runs = menu(model.rover, 0.6, Start(), (2,))
-    assert len({run.said for run in runs}) == len(runs) >= 12
+    runs = candidate_runs(model.rover, 0.6, Start(), (2,))
+    assert len({run.label for run in runs}) == len(runs) >= 12
     assert all(np.abs(run.duty).max() <= 1.0 for run in runs)
-    alone = next(run for run in runs if "wheel ml" in run.said)
+    alone = next(run for run in runs if "wheel ml" in run.label)
     others = np.delete(alone.duty, 2, axis=1)
     assert np.ptp(others) == 0.0
     assert np.all(alone.duty[:, 2] != others[:, 0])
 
 
 def test_ballast_is_the_same_for_both_and_rests_at_the_centre_of_mass(model):
-    run = next(run for run in menu(model.rover, 0.6, Start()) if run.ballast)
+    run = next(run for run in candidate_runs(model.rover, 0.6, Start()) if run.ballast)
     mass = sum(inertia.mass for inertia in model.rover.model.inertias)
     assert run.ballast == pytest.approx(0.2 * mass, abs=0.06)
     bare, heavy = (settled(each, Start()) for each in (model, run.on(model)))
@@ -187,7 +187,7 @@ def test_an_effect_at_a_place_is_sought_on_the_logged_ground(tilted):
 
 def test_the_sentences():
     found = SeparatingDrive("A", "B", "on the flat at a constant duty of 0.50", "wheel_rate_fl", 26.6)
-    assert found.said == (
+    assert found.sentence == (
         "to tell A from B: 20 s on the flat at a constant duty of 0.50; "
         "wheel_rate_fl shows it most (expected chi2 26.6)"
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.discrepancy.cross_validation import left_out, losses_of, refitted_left_out
+from rover_pin.discrepancy.cross_validation import first_order_surprises, held_out_residual, losses_of
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.noise import first_noise, huber
 from rover_pin.estimation.numbers import profiles
@@ -34,12 +34,12 @@ def fitted(tmp_path_factory):
 
 def test_a_run_that_is_left_out_does_not_shape_its_own_prediction(fitted):
     """Whatever its log says, the fit to the others predicts the same of it."""
-    experiment, honest = fitted.task.experiment, refitted_left_out(fitted)
+    experiment, honest = fitted.task.experiment, held_out_residual(fitted)
     assert experiment.runs[1].channels == experiment.channels
-    wrong = experiment.runs[1].seen + 3.0 * fitted.task.noise.sd[:, None]
-    runs = (experiment.runs[0], dataclasses.replace(experiment.runs[1], seen=wrong), experiment.runs[2])
+    wrong = experiment.runs[1].observed + 3.0 * fitted.task.noise.sd[:, None]
+    runs = (experiment.runs[0], dataclasses.replace(experiment.runs[1], observed=wrong), experiment.runs[2])
     other = dataclasses.replace(fitted, task=Task(dataclasses.replace(experiment, runs=runs), fitted.task.noise))
-    spoiled = refitted_left_out(other)
+    spoiled = held_out_residual(other)
     moved = spoiled[1] - honest[1]
     known = np.isfinite(moved)
     shift = np.broadcast_to(3.0 * fitted.task.noise.sd[:, None], moved.shape)
@@ -47,7 +47,7 @@ def test_a_run_that_is_left_out_does_not_shape_its_own_prediction(fitted):
 
 
 def test_a_whole_refit_and_a_single_step_agree_on_runs_left_out(fitted):
-    assert losses_of(fitted).sum() == pytest.approx(left_out(fitted).sum(), rel=0.03)
+    assert losses_of(fitted).sum() == pytest.approx(first_order_surprises(fitted).sum(), rel=0.03)
     assert losses_of(fitted).sum() > huber(fitted.rows)
 
 

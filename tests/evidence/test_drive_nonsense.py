@@ -52,7 +52,7 @@ def test_odometry_under_noise_is_named(how):
     """It could be a rover that hardly slips: nothing tells them apart, so it is no fault."""
     log = log_of(odometry(drive(0, hill=0.0), **how))
     assert faults(log) == ()
-    assert any("body_x and body_y follow the wheels at an even slip of" in str(each) for each in check(log).found)
+    assert any("body_x and body_y follow the wheels at an even slip of" in str(each) for each in check(log).findings)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -70,7 +70,7 @@ def test_odometry_with_another_radius_is_named():
     run = odometry(drive(0, hill=0.0), scale=1.03)
     log = log_of(run)
     assert faults(log) == ()
-    told = [str(each) for each in check(log).found if "follow the wheels at an even slip of -3 %" in str(each)]
+    told = [str(each) for each in check(log).findings if "follow the wheels at an even slip of -3 %" in str(each)]
     assert len(told) == 1
     assert "if they are odometry, give a measured pose" in told[0]
 
@@ -163,7 +163,7 @@ def test_currents_in_another_scale_are_refused(scale, word):
 def test_currents_that_are_hardly_the_motors_are_named():
     log = log_of(with_currents(0.2))
     assert faults(log) == ()
-    (told,) = [str(each) for each in check(log).found if "what [motor] draws" in str(each)]
+    (told,) = [str(each) for each in check(log).findings if "what [motor] draws" in str(each)]
     assert "the currents are 0.2 times" in told
     assert "check their scale, and supply, resistance, k_t and gear of [motor]" in told
     unknown = log_of(with_currents(0.01), motor={"supply": 7.2, "resistance": 24.0})

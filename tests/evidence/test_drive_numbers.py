@@ -17,7 +17,14 @@ from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.calibrate import raw_current_numbers, with_raw_currents
-from rover_pin.experiments.drive_log.candidates import _places, candidate_of, candidates, freed, sized, variants
+from rover_pin.experiments.drive_log.candidates import (
+    _places,
+    candidate_of,
+    candidate_without_prior,
+    candidates,
+    sized,
+    variants,
+)
 from rover_pin.experiments.drive_log.parameters import owner_name, owners, parameter, with_record
 from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
@@ -33,11 +40,11 @@ class Run(dict):
 
     def __init__(self, held=False, **channels):
         super().__init__({name: np.array(values, dtype=float) for name, values in channels.items()})
-        self.held = held
+        self.rate_driven = held
 
 
 def log_of(*runs, motor=()):
-    return SimpleNamespace(about=SimpleNamespace(motor=dict.fromkeys(motor, 1.0), wheels=WHEELS), runs=runs)
+    return SimpleNamespace(metadata=SimpleNamespace(motor=dict.fromkeys(motor, 1.0), wheels=WHEELS), runs=runs)
 
 
 def currents(log, model=MODEL):
@@ -137,7 +144,7 @@ def experiment(*ways, channels=(), held=False):
     ways = ways or (np.array([0.0, 0.0]),)
     places = [np.column_stack([way, np.zeros((len(way), 2))]) for way in ways]
     runs = [SimpleNamespace(commands=SimpleNamespace(place=each, terrain=None)) for each in places]
-    return SimpleNamespace(channels=channels, held=held, runs=runs)
+    return SimpleNamespace(channels=channels, rate_driven=held, runs=runs)
 
 
 def test_numbers_with_priors_are_candidates_but_those_of_soil_motor_and_unknown_scales():
@@ -146,7 +153,7 @@ def test_numbers_with_priors_are_candidates_but_those_of_soil_motor_and_unknown_
     free = [parameter(model, name, 0.01) for name in ("soil.phi", "motor.gear", "TachoScale[fl].e", "WeakMotor[1].g")]
     free += [parameter(model, "TachoScale[fl].e", 0.01, prior=False), *raw_current_numbers(log, model)]
     found = candidates(model, experiment(), free, None)
-    assert [each.sizes for each in found if each.effect is None] == [("TachoScale[fl].e",), ("WeakMotor[1].g",)]
+    assert [each.amplitudes for each in found if each.effect is None] == [("TachoScale[fl].e",), ("WeakMotor[1].g",)]
     names = [each.name for each in found if each.effect is not None]
     assert "TachoScale[fl]" not in names
     assert "TachoScale[fr]" in names
@@ -155,11 +162,11 @@ def test_numbers_with_priors_are_candidates_but_those_of_soil_motor_and_unknown_
 
 
 def test_a_freed_number_and_an_effect_are_called_by_whose_they_are():
-    one = freed(Parameter("TachoScale[fl].e", 0.0, 0.01, -1.0, 1.0))
-    assert (one.kind, one.place, one.sizes, one.effect) == ("TachoScale", "fl", ("TachoScale[fl].e",), None)
+    one = candidate_without_prior(Parameter("TachoScale[fl].e", 0.0, 0.01, -1.0, 1.0))
+    assert (one.kind, one.place, one.amplitudes, one.effect) == ("TachoScale", "fl", ("TachoScale[fl].e",), None)
     patch = candidate_of(HardPatch(x_from=1.25))
-    assert (patch.name, patch.sought) == ("HardPatch@1.250", True)
-    assert patch.sizes == tuple(f"HardPatch.{name}" for name in HardPatch.neutral)
+    assert (patch.name, patch.place_searched) == ("HardPatch@1.250", True)
+    assert patch.amplitudes == tuple(f"HardPatch.{name}" for name in HardPatch.neutral)
     assert patch.shapes == ("HardPatch.x_from", "HardPatch.length")
     drag = candidate_of(TetherDrag())
     assert (drag.kind, drag.place, drag.shapes) == ("TetherDrag", "", ()), "where it began and what rounds it off stay"

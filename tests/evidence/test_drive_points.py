@@ -18,7 +18,7 @@ from rover_pin.contact import Soil, Wheel
 from rover_pin.description.layout import rover_folder
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.errors import DataError
-from rover_pin.identification.arc_doubt import with_arc_doubt
+from rover_pin.identification.arc_doubt import free_unmeasured_modulus
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.result import Verdict
@@ -95,7 +95,7 @@ def test_another_rover_has_the_angles_and_the_lag_of_its_own_wheel(tmp_path, mon
     assert points.angles == SinkageAngles()
     assert set(lags) == {cart.model.slip}
     assert cart.model.slip != RelaxedSlip()
-    fixed = dataclasses.replace(read, about=dataclasses.replace(read.about, angles="fixed"))
+    fixed = dataclasses.replace(read, metadata=dataclasses.replace(read.metadata, angles="fixed"))
     assert drive_points(fixed, cart.model.motor).angles == FixedAngles()
     soil, rows = cart.model.soils[0], zip(points.slip, points.load, strict=True)
     carrying = [(S, soil.replace(theta_1=entry_angle(W, S, points.wheel, soil))) for S, W in rows]
@@ -138,7 +138,7 @@ def test_a_modulus_that_nobody_measured_is_uncertain_with_the_rest(tmp_path):
     held = identify(points, wrong, search=TWO)
     assert held["phi"].high < truth.phi
     assert held["phi"].verdict is Verdict.FOUND
-    found = identify(points, wrong, *with_arc_doubt(points, wrong, ("k", "phi"), {}), search=TWO)
+    found = identify(points, wrong, *free_unmeasured_modulus(points, wrong, ("k", "phi"), {}), search=TWO)
     for name in ("k", "phi"):
         assert found[name].low < float(getattr(truth, name)) < found[name].high
         assert found[name].verdict is not Verdict.FOUND
@@ -167,26 +167,26 @@ def test_a_log_says_what_it_knows_of_its_soil(tmp_path):
     known, doubts = declared_soil(log, log.load_rover())
     assert (known["k"], doubts) == (0.05, {})
     stated = {"k_1": {"value": 50.0, "unit": "kPa", "sd": 5.0}}
-    about = dataclasses.replace(log.about, soil=stated)
-    assert declared_soil(dataclasses.replace(log, about=about), log.load_rover()) == ({"k_1": 5e4}, {"k_1": 5e3})
-    about = dataclasses.replace(log.about, soil={})
-    known, doubts = declared_soil(dataclasses.replace(log, about=about), log.load_rover())
+    about = dataclasses.replace(log.metadata, soil=stated)
+    assert declared_soil(dataclasses.replace(log, metadata=about), log.load_rover()) == ({"k_1": 5e4}, {"k_1": 5e3})
+    about = dataclasses.replace(log.metadata, soil={})
+    known, doubts = declared_soil(dataclasses.replace(log, metadata=about), log.load_rover())
     assert known == {"k_1": pytest.approx(46750.5, rel=1e-5)}
     assert doubts == {"k_1": pytest.approx(0.7 * known["k_1"])}
-    assert declared_soil(dataclasses.replace(log, about=about), scenario("flat").model.rover) == ({}, {})
+    assert declared_soil(dataclasses.replace(log, metadata=about), scenario("flat").model.rover) == ({}, {})
 
 
 def test_angles_and_rovers_of_ones_own_are_written_into_a_log(tmp_path):
     """Without the angles k and phi of such a log were both found wrong; without the way no command could read it."""
     drive = scenario("flat", angles="sinkage", duration=1.0)
     drive.write_log(drive.drive(), tmp_path / "log")
-    assert read_drive_log(tmp_path / "log").about.angles == "sinkage"
+    assert read_drive_log(tmp_path / "log").metadata.angles == "sinkage"
     for end in ("toml", "urdf"):
         (tmp_path / f"cart.{end}").write_text((rover_folder() / f"cart.{end}").read_text())
     own = scenario("flat", rover=str(tmp_path / "cart.toml"), duration=1.0)
     own.write_log(own.drive(), tmp_path / "own")
     read = read_drive_log(tmp_path / "own")
-    assert (read.about.rover, read.about.angles) == ("../cart.toml", "")
+    assert (read.metadata.rover, read.metadata.angles) == ("../cart.toml", "")
     assert read.load_rover().name == "cart"
 
 
@@ -264,16 +264,16 @@ def test_a_missing_channel_is_named(log, tmp_path):
     drive = read_drive_log(log)
     trace = drive.runs[0]
     kept = {name: values for name, values in trace.channels.items() if name != "bogie_l"}
-    write_drive_log(tmp_path, {"run": dataclasses.replace(trace, channels=kept)}, drive.about)
+    write_drive_log(tmp_path, {"run": dataclasses.replace(trace, channels=kept)}, drive.metadata)
     with pytest.raises(DataError, match="bogie_l"):
         read_drive_points(tmp_path)
 
 
 def test_a_declared_doubt_of_the_motor_widens_what_is_shared(log):
     read = read_drive_log(log)
-    motor = record_from(Motor, read.about.motor, "motor")
-    gear = {**read.about.motor, "gear": {"value": 268.0, "unit": "", "sd": 26.8}}
-    unsure = dataclasses.replace(read, about=dataclasses.replace(read.about, motor=gear))
+    motor = record_from(Motor, read.metadata.motor, "motor")
+    gear = {**read.metadata.motor, "gear": {"value": 268.0, "unit": "", "sd": 26.8}}
+    unsure = dataclasses.replace(read, metadata=dataclasses.replace(read.metadata, motor=gear))
     sure, wide = drive_points(read, motor), drive_points(unsure, motor)
     assert wide.shared == pytest.approx(np.hypot(sure.shared, 0.1 * sure.factor), rel=1e-6)
 

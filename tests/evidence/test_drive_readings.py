@@ -12,10 +12,10 @@ from rover_pin.body.rover import load_rover
 from rover_pin.estimation.by_chance.random_field import LearntSd
 from rover_pin.experiments.drive_log.checks.log import findings
 from rover_pin.experiments.drive_log.features import LEAK, LoggedRun, logged_run
-from rover_pin.experiments.drive_log.ground.raked import Raked
-from rover_pin.experiments.drive_log.readings.strays import LEAST, strays, without_strays
+from rover_pin.experiments.drive_log.ground.raked import GroundVariability
+from rover_pin.experiments.drive_log.readings.strays import LEAST, pose_outliers, without_pose_outliers
 from rover_pin.experiments.drive_log.readings.tracker import COURSE, HEIGHT, PLACE, TILT, TRACKER, tracker_columns
-from rover_pin.experiments.drive_log.readings.unsure import SETTLES, told, unsure_steps
+from rover_pin.experiments.drive_log.readings.unsure import RESPONSE_TIME, ambiguous_steps, unaffected_rows
 from rover_pin.motion.trace import Trace
 
 _spec = importlib.util.spec_from_file_location("drive_channels", Path(__file__).parent / "drive_channels.py")
@@ -38,16 +38,16 @@ def test_noise_alone_never_strays():
     """Nine runs of a minute, six numbers each, of white noise about a way with turns and stops."""
     for seed in range(9):
         (log,) = log_of(channels.drive(seed)).runs
-        assert not strays(log).any()
+        assert not pose_outliers(log).any()
 
 
 def test_a_coarse_tracker_s_noise_never_strays_and_a_pose_far_beyond_it_does():
     """Two million poses with noise of five times the least distance that strays."""
     x = 0.025 * np.random.default_rng(5).standard_normal(2_000_000)
     t = 0.01 * np.arange(len(x))
-    assert not strays(Trace({"t_s": t, "body_x": x})).any()
+    assert not pose_outliers(Trace({"t_s": t, "body_x": x})).any()
     x[1000] = 0.025 * 9.0
-    assert np.flatnonzero(strays(Trace({"t_s": t, "body_x": x}))).tolist() == [1000]
+    assert np.flatnonzero(pose_outliers(Trace({"t_s": t, "body_x": x}))).tolist() == [1000]
 
 
 @pytest.mark.parametrize("name", LEAST)
@@ -55,8 +55,8 @@ def test_a_single_pose_that_is_off_in_any_of_its_numbers_strays_as_a_whole(name)
     values = GOOD[0][name].copy()
     values[300] -= 0.1
     log = changed(**{name: values}).runs[0]
-    assert np.flatnonzero(strays(log)).tolist() == [300]
-    left = without_strays(log)
+    assert np.flatnonzero(pose_outliers(log)).tolist() == [300]
+    left = without_pose_outliers(log)
     assert all(np.flatnonzero(np.isnan(left[each])).tolist() == [300] for each in LEAST)
     assert np.array_equal(left["wheel_rate_fl"], log["wheel_rate_fl"])
 
@@ -64,22 +64,22 @@ def test_a_single_pose_that_is_off_in_any_of_its_numbers_strays_as_a_whole(name)
 def test_a_pose_that_stray_ones_hide_is_found_in_a_second_look():
     x = X.copy()
     x[300], x[301] = x[300] + 0.1, x[301] + 0.05
-    assert np.flatnonzero(strays(changed(body_x=x).runs[0])).tolist() == [300, 301]
+    assert np.flatnonzero(pose_outliers(changed(body_x=x).runs[0])).tolist() == [300, 301]
 
 
 def test_jumps_turns_over_pi_and_rows_far_apart_do_not_stray():
     x = X + 0.1 * (T > 20.0)
     yaw = math.pi + 0.01 * np.sign(np.sin(3.0 * T))
     wrapped = (yaw + math.pi) % (2 * math.pi) - math.pi
-    assert not strays(changed(body_x=x, body_yaw=wrapped).runs[0]).any()
+    assert not pose_outliers(changed(body_x=x, body_yaw=wrapped).runs[0]).any()
     slow = Trace({"t_s": np.arange(20.0), "body_x": np.where(np.arange(20) == 10, 1.0, 0.0)})
-    assert not strays(slow).any()
-    assert not strays(Trace({"t_s": np.arange(3.0), "body_x": np.zeros(3)})).any()
+    assert not pose_outliers(slow).any()
+    assert not pose_outliers(Trace({"t_s": np.arange(3.0), "body_x": np.zeros(3)})).any()
 
 
 def test_a_run_without_strays_is_the_same_run():
     (log,) = log_of(GOOD[0]).runs
-    assert without_strays(log) is log
+    assert without_pose_outliers(log) is log
 
 
 def test_what_strays_is_told_with_its_times_and_not_as_a_jump():
@@ -99,10 +99,10 @@ def test_a_pose_that_strays_is_not_compared_and_moves_nothing_else():
     rover = load_rover("nexus6")
     clean, off = (logged_run(log.runs[0], rover) for log in (log_of(*GOOD), with_poses_off(300)))
     path = clean.channels.index("path")
-    lost = np.isfinite(clean.seen[path]) & ~np.isfinite(off.seen[path])
+    lost = np.isfinite(clean.observed[path]) & ~np.isfinite(off.observed[path])
     assert lost.sum() <= 1
-    both = np.isfinite(off.seen) & np.isfinite(clean.seen)
-    assert np.abs(off.seen - clean.seen)[both].max() < 5e-3, "a step of 50 mm would show"
+    both = np.isfinite(off.observed) & np.isfinite(clean.observed)
+    assert np.abs(off.observed - clean.observed)[both].max() < 5e-3, "a step of 50 mm would show"
 
 
 # --- steps of the duty ------------------------------------------------------------------------------------------------
@@ -120,40 +120,40 @@ def uneven(seed=0):
 
 
 def test_in_even_rows_a_step_is_where_it_is_told():
-    assert unsure_steps(duties(EVEN, STEPPED)) == []
+    assert ambiguous_steps(duties(EVEN, STEPPED)) == []
 
 
 def test_between_uneven_rows_it_is_somewhere():
     t = uneven()
-    (one,) = unsure_steps(duties(t, STEPPED))
+    (one,) = ambiguous_steps(duties(t, STEPPED))
     assert (one.begin, one.end, one.missed) == (t[99], t[100], False)
 
 
 def test_where_rows_are_missing_it_is_anywhere_among_them():
     keep = (EVEN < 4.8) | (EVEN > 5.2)
-    (one,) = unsure_steps(duties(EVEN[keep], STEPPED[keep]))
+    (one,) = ambiguous_steps(duties(EVEN[keep], STEPPED[keep]))
     assert (one.begin, one.end, one.missed) == (pytest.approx(4.75), pytest.approx(5.25), True)
     elsewhere = (EVEN < 6.8) | (EVEN > 7.2)
-    assert unsure_steps(duties(EVEN[elsewhere], STEPPED[elsewhere])) == []
+    assert ambiguous_steps(duties(EVEN[elsewhere], STEPPED[elsewhere])) == []
 
 
 def test_a_duty_that_changes_all_the_time_steps_nowhere():
     busy = 0.5 + 0.03 * np.random.default_rng(1).standard_normal(len(EVEN))
-    assert unsure_steps(duties(uneven(), busy)) == []
+    assert ambiguous_steps(duties(uneven(), busy)) == []
 
 
 def test_held_rates_have_no_steps():
-    assert unsure_steps(Trace({"t_s": uneven(), "wheel_rate_fl": STEPPED})) == []
-    assert unsure_steps(Trace(duties(uneven(), STEPPED).channels, attrs={"input": "rates"})) == []
+    assert ambiguous_steps(Trace({"t_s": uneven(), "wheel_rate_fl": STEPPED})) == []
+    assert ambiguous_steps(Trace(duties(uneven(), STEPPED).channels, attrs={"input": "rates"})) == []
 
 
 def test_rows_that_such_a_step_may_reach_are_not_told():
-    steps = unsure_steps(duties(uneven(), STEPPED))
+    steps = ambiguous_steps(duties(uneven(), STEPPED))
     run = SimpleNamespace(t=EVEN, period=0.05)
-    away = EVEN[~told(steps, run)]
+    away = EVEN[~unaffected_rows(steps, run)]
     assert away[0] == pytest.approx(4.95, abs=0.051)
-    assert away[-1] == pytest.approx(steps[0].end + SETTLES + 0.05, abs=0.051)
-    assert told([], run).all()
+    assert away[-1] == pytest.approx(steps[0].end + RESPONSE_TIME + 0.05, abs=0.051)
+    assert unaffected_rows([], run).all()
 
 
 def late(run, at=None):
@@ -165,12 +165,12 @@ def late(run, at=None):
 
 def test_blocks_at_such_steps_are_not_compared_and_the_log_says_so():
     log = log_of(late(GOOD[0]), *GOOD[1:])
-    count = len(unsure_steps(log.runs[0]))
+    count = len(ambiguous_steps(log.runs[0]))
     assert count > 5
     even, rows = (logged_run(each.runs[0], load_rover("nexus6")) for each in (log_of(*GOOD), log))
     assert 0 < (even.usable & ~rows.usable[: len(even.usable)]).sum() <= 2 * count
-    shared = min(len(rows.counted), len(even.counted))
-    assert np.mean(rows.counted[:shared] != even.counted[:shared]) < 0.01, "what is driven there counts"
+    shared = min(len(rows.summed_rows), len(even.summed_rows))
+    assert np.mean(rows.summed_rows[:shared] != even.summed_rows[:shared]) < 0.01, "what is driven there counts"
     said = [str(each) for each in findings(log)]
     assert any(f"so when {count} steps of the duty were given is not told, to 0.0" in each for each in said), said
 
@@ -178,8 +178,8 @@ def test_blocks_at_such_steps_are_not_compared_and_the_log_says_so():
 def test_what_is_driven_where_rows_with_a_step_are_missing_does_not_count():
     run = logged_run(log_of(late(GOOD[0], at=6.0)).runs[0], load_rover("nexus6"))
     inside = (run.commands.t > 5.7) & (run.commands.t < 6.3)
-    assert not run.counted[inside].any()
-    assert run.counted[(run.commands.t > 4.8) & (run.commands.t < 5.4)].all()
+    assert not run.summed_rows[inside].any()
+    assert run.summed_rows[(run.commands.t > 4.8) & (run.commands.t < 5.4)].all()
 
 
 # --- a tracker that wanders -------------------------------------------------------------------------------------------
@@ -231,4 +231,6 @@ def test_long_runs_have_times_further_apart():
 
 def test_the_trackers_sds_are_told_beside_the_grounds():
     learnt = (LearntSd(TILT, 0.002, 30.0), LearntSd(HEIGHT, 0.0, 0.0))
-    assert Raked(learnt, 0.0, None).lines == ["tracker, learnt (SD): wander of the tracked roll and pitch 0.1146 deg"]
+    assert GroundVariability(learnt, 0.0, None).lines == [
+        "tracker, learnt (SD): wander of the tracked roll and pitch 0.1146 deg"
+    ]

@@ -25,9 +25,9 @@ from rover_pin.experiments.unlisted import trial
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act, wheels_ahead
 from rover_pin.experiments.unlisted.draft import draft
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
-from rover_pin.experiments.unlisted.remainder import Remainder, describe, draft_effect
+from rover_pin.experiments.unlisted.remainder import DriveResidual, describe, draft_effect
 from rover_pin.experiments.unlisted.term import Curve, Term, stretches
-from rover_pin.motion.drive_log import About, DriveLog
+from rover_pin.motion.drive_log import DriveLog, LogMetadata
 from rover_pin.motion.effect_files import user_effects
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
@@ -70,7 +70,7 @@ def term(kind, where, argument, size, unit="N m"):
 
 def made(one, tmp_path):
     """Return the drafted effect, written and read back."""
-    file = tmp_path / f"draft_{abs(hash(one.said))}.py"
+    file = tmp_path / f"draft_{abs(hash(one.description))}.py"
     file.write_text(draft(one, "my draft", WHEELS))
     (kind,) = user_effects(file)
     assert kind.__name__ == "MyDraft"
@@ -78,8 +78,8 @@ def made(one, tmp_path):
     return kind()
 
 
-def argument(name, basis, unit="", own=False):
-    return Argument(name, unit, lambda *_: np.zeros(1), basis, own)
+def argument(name, basis, unit="", per_run=False):
+    return Argument(name, unit, lambda *_: np.zeros(1), basis, per_run)
 
 
 def drive(delta=0.5, omega=1.0, wheel=3):
@@ -122,9 +122,9 @@ def test_a_draft_of_the_wheel_angle_integrates_the_rate(tmp_path):
     assert [state.name for state in effect.states] == ["angle"]
     assert effect.rate(drive(omega=1.3), 0.0, (0.0,)) == (1.3,)
     assert np.allclose([float(effect.torque(drive(), 0.0, (at,))) for at in curve.at], curve.value, atol=1e-5)
-    assert "wheel mr" in one.said
-    assert "the angle of the wheel" in one.said
-    assert "phase 18 deg" in one.said
+    assert "wheel mr" in one.description
+    assert "the angle of the wheel" in one.description
+    assert "phase 18 deg" in one.description
 
 
 def test_a_draft_of_the_duty_adds_to_the_duty(tmp_path):
@@ -141,14 +141,14 @@ def test_a_force_draft_pushes_against_the_motion_where_the_curve_says(tmp_path):
     assert float(effect.push(body(0.1, -0.05)).f_x) == pytest.approx(0.8, rel=0.01)
     assert float(effect.push(body(0.15)).f_x) == pytest.approx(-0.4, rel=0.01)
     assert float(effect.push(body(0.5)).f_x) == pytest.approx(0.0)
-    assert "+0.8" in one.said
-    assert "x = 0.05..0.15 m" in one.said
+    assert "+0.8" in one.description
+    assert "x = 0.05..0.15 m" in one.description
     lean = made(dataclasses.replace(one, act=one.act._replace(kind=LEAN)), tmp_path)
     assert float(lean.push(body(0.1, -0.05)).f_x) == pytest.approx(0.8)
 
 
 def test_a_force_of_time_and_a_torque_of_slip_act_at_the_contacts(tmp_path):
-    moment = term(FORCE, "", argument("moment", Hats((0.0, 1.0, 2.0)), "s", own=True), [0, 6.0, 0, 0, 6.0, 0], "N")
+    moment = term(FORCE, "", argument("moment", Hats((0.0, 1.0, 2.0)), "s", per_run=True), [0, 6.0, 0, 0, 6.0, 0], "N")
     effect = made(moment, tmp_path)
     assert float(effect.load(contact(), None, (1.0,)).f_t) == pytest.approx(-1.0, rel=0.01)
     slip = made(term(TORQUE, "", argument("slip", Polynomial(0.2, 0.2, 1)), [0.05, 0.05]), tmp_path)
@@ -159,8 +159,8 @@ def test_a_grip_draft_changes_the_soil_by_its_share(tmp_path):
     one = term(GRIP, "", argument("periodic place", Wave(0.4), "m"), [0.12, 0.0], "")
     changed = made(one, tmp_path).amend(contact(x=0.1), ()).soil
     assert math.tan(float(changed.phi)) == pytest.approx(1.12 * math.tan(Soil().phi))
-    assert "wavelength 0.40 m" in one.said
-    assert "12 +- 0.1 %" in one.said
+    assert "wavelength 0.40 m" in one.description
+    assert "12 +- 0.1 %" in one.description
 
 
 def test_a_reading_draft_is_a_sensor(tmp_path):
@@ -179,11 +179,11 @@ def test_what_no_effect_sees_is_refused():
 def test_a_remainder_drafts_the_best_term_that_an_effect_can_imitate():
     blind = term(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
     able = term(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [0.4], "N")
-    remainder = Remainder((blind, able), (), ("one", "two"), WHEELS)
-    assert "a torque on wheel fl that depends on the pitch" in remainder.said
-    assert "+0.4 +- 0.001 N all the time" in remainder.said
+    remainder = DriveResidual((blind, able), (), ("one", "two"), WHEELS)
+    assert "a torque on wheel fl that depends on the pitch" in remainder.description
+    assert "+0.4 +- 0.001 N all the time" in remainder.description
     assert "class Own(BodyEffect)" in draft_effect(remainder, "own")
-    assert Remainder((dataclasses.replace(able, held_out=3.0),) * 2, (), (), WHEELS).is_noise
+    assert DriveResidual((dataclasses.replace(able, held_out=3.0),) * 2, (), (), WHEELS).is_noise
 
 
 def drives(hidden, count=3, duration=15.0):
@@ -212,7 +212,7 @@ def test_an_unlisted_eccentric_wheel_is_described_and_its_draft_fits(tmp_path):
     (kind,) = user_effects(file)
     model, logs = drives([kind()])
     model = with_spread(model)
-    free = nuisances(DriveLog(Path("test"), About("test"), ()), model)
+    free = nuisances(DriveLog(Path("test"), LogMetadata("test"), ()), model)
     free = tuple(one for one in free if one.name.split(".")[0] in ("soil", "motor", "MotionResistance"))
     experiment = experiment_of([logged_run(log, model.rover) for log in logs], model)
     least = np.full(len(experiment.channels), 1e-6)
@@ -220,7 +220,7 @@ def test_an_unlisted_eccentric_wheel_is_described_and_its_draft_fits(tmp_path):
     base = with_noise(base, base.residual, least)
     remainder = describe(base)
     assert not remainder.is_noise
-    assert "a torque on wheel mr that depends on the angle of the wheel" in remainder.said
+    assert "a torque on wheel mr that depends on the angle of the wheel" in remainder.description
     amplitude = np.max(np.abs(remainder.best.curve.value))
     assert amplitude == pytest.approx(0.03, rel=0.25)
 

@@ -22,7 +22,7 @@ T = np.arange(0.0, 12.0, 0.1)
 def compared(rates, duty=0.5, held=False, t=T):
     """The times at which two wheels with these rates, and duties of one sign, are compared."""
     rows = [np.broadcast_to(each, t.shape).astype(float) for each in rates]
-    run = SimpleNamespace(t=t, duty=np.broadcast_to(np.c_[duty, duty], (len(t), 2)), held=held)
+    run = SimpleNamespace(t=t, duty=np.broadcast_to(np.c_[duty, duty], (len(t), 2)), rate_driven=held)
     return t[comparable_rows(run, rows)]
 
 
@@ -142,7 +142,7 @@ def test_a_patch_may_begin_all_along_the_way_by_fifteen_centimetres():
 @pytest.mark.parametrize("ground", [None, "its own"])
 def test_held_wheels_hide_motors_and_runs_with_their_own_ground_hide_a_tilt(held, ground):
     runs = [SimpleNamespace(commands=SimpleNamespace(terrain=each)) for each in (None, ground)]
-    experiment = SimpleNamespace(held=held, runs=runs)
+    experiment = SimpleNamespace(rate_driven=held, runs=runs)
     assert shows(SupplySag(), experiment) == (not held)
     assert shows(GravityTilt(), experiment) == (ground is None)
     assert shows(WheelScale(), experiment)

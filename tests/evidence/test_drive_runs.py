@@ -17,7 +17,7 @@ from rover_pin.experiments.drive_log.features import blocks, comparable_rows, dr
 from rover_pin.experiments.drive_log.free_runs import free_runs
 from rover_pin.motion.model import Model
 from rover_pin.motion.motor import Motor
-from rover_pin.motion.replay import Nudge, Replay
+from rover_pin.motion.replay import Perturbation, Replay
 from rover_pin.motion.trace import Trace
 
 CART, WHEELS = load_rover("cart"), ("fl", "fr", "bl", "br")
@@ -41,7 +41,7 @@ def gap(values, first, last):
 
 def seen(log, name):
     run = logged_run(log, CART)
-    return run.seen[run.channels.index(name)]
+    return run.observed[run.channels.index(name)]
 
 
 # --- one run ---------------------------------------------------------------------------------------------------------
@@ -56,7 +56,7 @@ def test_what_is_made_of_a_channel_is_not_compared_where_that_has_a_gap(channel,
     speeds = {"body_vx": 0.05 + 0.0 * T, "body_vy": 0.0 * T}
     whole = trace(**speeds)
     run = logged_run(trace(**{**speeds, channel: gap(whole[channel], 5, 6)}), CART)
-    for name, row in zip(run.channels, run.seen, strict=True):
+    for name, row in zip(run.channels, run.observed, strict=True):
         missing = [0, 1, 5, 6] if name in blind else [0, 1]
         assert np.flatnonzero(np.isnan(row)).tolist() == missing, name
 
@@ -96,8 +96,8 @@ def test_channels_that_told_the_ground_are_not_compared_again(estimated):
     (run,) = logged_runs(log, CART)
     assert {"body_pitch", "body_z"}.isdisjoint(run.channels) == estimated
     assert {"path", "rocker_l", "wheel_rate_fl"} <= set(run.channels)
-    assert len(run.seen) == len(run.channels)
-    assert run.seen[run.channels.index("wheel_rate_fl")][2:] == pytest.approx(np.ones(COUNT - 2))
+    assert len(run.observed) == len(run.channels)
+    assert run.observed[run.channels.index("wheel_rate_fl")][2:] == pytest.approx(np.ones(COUNT - 2))
     assert run.commands.terrain == id(log.runs[0])
 
 
@@ -108,7 +108,7 @@ def test_a_place_of_which_only_one_axis_is_known_makes_no_way():
 
 def times_compared(rates, duty=0.5, held=False):
     rows = [np.broadcast_to(each, T.shape).astype(float) for each in rates]
-    run = SimpleNamespace(t=T, duty=np.broadcast_to(np.c_[duty, duty], (len(T), 2)), held=held)
+    run = SimpleNamespace(t=T, duty=np.broadcast_to(np.c_[duty, duty], (len(T), 2)), rate_driven=held)
     return T[comparable_rows(run, rows)]
 
 
@@ -174,8 +174,8 @@ def test_what_all_runs_have_is_compared_over_the_longest():
 
 
 def test_wheels_are_held_where_they_are_in_any_run():
-    assert experiment(trace(held=True), trace()).held
-    assert not experiment(trace(), trace()).held
+    assert experiment(trace(rate_driven=True), trace()).rate_driven
+    assert not experiment(trace(), trace()).rate_driven
 
 
 def test_units_of_what_is_made_of_channels_are_theirs():
@@ -205,7 +205,7 @@ def replayed(monkeypatch):
 
 def test_replays_are_nudged_one_by_one_or_not_at_all(replayed):
     two = experiment(trace(), trace())
-    one, other = Nudge(force=np.ones(3)), Nudge(grip=np.ones(3))
+    one, other = Perturbation(force=np.ones(3)), Perturbation(grip=np.ones(3))
     assert len(two.replays(MODEL, [one, other])) == 2
     assert [nudge for _, _, nudge in replayed] == [one, other]
     replayed.clear()

@@ -112,7 +112,7 @@ def test_noiseless_rig_returns_the_soil():
     result = identify(rig(), Soil(n=0.9, c=100.0, k=0.01), ALL)
     for name in ALL:
         assert result[name].value == pytest.approx(getattr(SAND, name), rel=1e-4), name
-    assert result.found == ALL
+    assert result.identified == ALL
     assert result.chi2 < 1e-6
     assert result.starts.agreed == result.starts.tried == 5
     assert result.soil.n == result["n"].value
@@ -228,7 +228,7 @@ def test_table_1_shows_only_tan_phi_over_k():
     assert abs(result.correlation[0, 1]) > 0.998
     assert math.degrees(result["phi"].sd) == pytest.approx(39, rel=0.05)
     assert result["k"].sd / 0.05 == pytest.approx(1.9, rel=0.05)
-    assert result.found == ()
+    assert result.identified == ()
     assert math.isnan(result["k"].value)
     assert result["phi"].high == pytest.approx(quantities(Soil)["phi"].high)
     assert "correlation of k and phi: 0.99" in result.report()
@@ -267,7 +267,7 @@ def test_c_and_phi_are_refused_from_one_load_and_found_from_three():
         identify(one, SAND, ALL)
     result = identify(one, SAND, ALL, {"c": Prior(400.0, 100.0)})
     assert result["c"].verdict is Verdict.HELD_AT_PRIOR
-    assert {"c", "phi"} <= set(identify(rig(), SAND, ALL).found)
+    assert {"c", "phi"} <= set(identify(rig(), SAND, ALL).identified)
 
 
 def test_one_load_cannot_tell_c_by_its_own_numbers_either():
@@ -401,7 +401,7 @@ def test_smooth_wheel_of_the_shipped_data():
     pull, sunk = result.channels
     assert pull.rmse / 24.8 == pytest.approx(0.0141, abs=0.001)
     assert sunk.rmse == pytest.approx(0.0045, abs=0.0001)
-    assert result.found == ("phi", "k_1")
+    assert result.identified == ("phi", "k_1")
     assert 12 < math.degrees(result["phi"].low) < math.degrees(result["phi"].high) < 20
     assert result["k"].verdict is Verdict.NOT_IDENTIFIABLE
     assert result.misfit > 5

@@ -55,7 +55,7 @@ def test_descent_ends_on_the_bound_where_the_minimum_lies_beyond():
 
 
 def test_descent_keeps_what_is_held():
-    u, chi2 = descend(rosenbrock(), np.array([0.0, 3.0]), held=0)
+    u, chi2 = descend(rosenbrock(), np.array([0.0, 3.0]), fixed_index=0)
     np.testing.assert_allclose(u, [0, 0], atol=1e-6)
     assert chi2 == pytest.approx(1)
 

@@ -72,9 +72,9 @@ def test_section_4_tells_the_soil_from_it():
 
 
 def test_it_declares_another_soil_than_the_true_one(log):
-    assert log.about.soil["k"]["value"] == pytest.approx(3.5)
+    assert log.metadata.soil["k"]["value"] == pytest.approx(3.5)
     assert fig8.TRUE["k"] == 0.0015
-    assert math.degrees(fig8.TRUE["phi"]) == pytest.approx(log.about.soil["phi"]["value"])
+    assert math.degrees(fig8.TRUE["phi"]) == pytest.approx(log.metadata.soil["phi"]["value"])
 
 
 def kept():

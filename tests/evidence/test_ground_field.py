@@ -13,7 +13,7 @@ from rover_pin.body.shapes import flat
 from rover_pin.body.terrain import Lanes
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.screen import signatures, with_chance
+from rover_pin.discrepancy.screen import signatures, with_random_effects
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.gravity_tilt import GravityTilt
@@ -113,7 +113,9 @@ def test_a_long_way_has_no_more_places_than_the_most(two, model):
 def test_runs_in_which_nothing_moves_tell_nothing(two, model, monkeypatch):
     """A rover that cannot be set down has replays without a place; they are no reason to stop."""
     monkeypatch.setattr(
-        type(two), "nudged", lambda self, model, asked: [Replay({"t_s": two.runs[0].commands.t})] * len(asked)
+        type(two),
+        "perturbed_replays",
+        lambda self, model, asked: [Replay({"t_s": two.runs[0].commands.t})] * len(asked),
     )
     monkeypatch.setattr(type(two), "predict", lambda self, models: np.zeros((1, *two.observed.shape)))
     assert not ground.ground_columns(two, model)["moved"].any()
@@ -169,7 +171,7 @@ def taught(experiment, model):
                   np.eye(len(experiment.channels)), good)  # fmt: skip
     base = fit(Task(experiment, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
     chance = experiment.random_field(base.model)
-    return with_chance(base, signatures(base, ()), chance), chance
+    return with_random_effects(base, signatures(base, ()), chance), chance
 
 
 def test_runs_on_slopes_of_their_own_are_told_and_where(model):
@@ -177,7 +179,7 @@ def test_runs_on_slopes_of_their_own_are_told_and_where(model):
     experiment = experiment_of(logged(truths), model)
     # a tilt of gravity shows in the drive, not in the attitude, which is of the table's frame: pitch is left out
     found, chance = taught(_without(experiment, "body_pitch", "body_z"), model)
-    told = raked.raked(found, chance)
+    told = raked.ground_variability(found, chance)
     of_run = next(one for one in told.learnt if one.kind == ground.SLOPE_OF_RUN)
     assert of_run.sd == pytest.approx(0.02, rel=0.4)
     assert told.rms == pytest.approx(0.02 * math.sqrt(2 / 3), rel=0.15)
@@ -188,7 +190,7 @@ def test_runs_on_slopes_of_their_own_are_told_and_where(model):
     assert re.fullmatch(
         rf"The ground is not as declared: its slope differs by 0\.9\d? deg rms, most in {told.worst.run}, "
         rf"1\.\d deg {way} from \(x, y\) = \([-\d.]+, -?0\.00\) to \([\d.]+, -?0\.00\) m\.",
-        told.said,
+        told.sentence,
     )
     assert "slope of a run" in told.lines[0]
     assert told.as_dict()["worst"]["run"] == told.worst.run
@@ -202,13 +204,13 @@ def test_a_bend_that_the_runs_share_is_told_as_an_effect(model):
     truths = [(model.having(BEND), duty, yaw) for duty, yaw in ((0.6, 0.0), (0.7, math.pi), (0.75, 0.0))]
     experiment = experiment_of(logged(truths), model)
     found, chance = taught(experiment, model)
-    told = raked.raked(found, chance)
+    told = raked.ground_variability(found, chance)
     x = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
     grid = np.linspace(np.nanquantile(x, 0.1), np.nanquantile(x, 0.9), 20)
     heights = [one.height(grid, 0.0) for one in (model.having(told.bend).ground, model.having(BEND).ground)]
     off, true = (row - np.polyval(np.polyfit(grid, row, 0), grid) for row in (heights[0] - heights[1], heights[1]))
     assert np.std(off) < 0.4 * np.std(true)
-    assert told.said.endswith("model.toml holds it as BentGround, and drives over it.")
+    assert told.sentence.endswith("model.toml holds it as BentGround, and drives over it.")
     assert told.as_dict()["bend"]["length"] == pytest.approx(float(told.bend.length))
     verdict = Verdict("drive-log", Answer.NONE_NEEDED, "log", "", model, extra=DriveExtra(ground=told))
     assert on_its_ground(verdict).ground == model.having(told.bend).ground
@@ -236,7 +238,7 @@ def test_the_ends_of_a_stretch_are_in_the_direction_that_the_rover_faces(model):
     tilted = model.having(GravityTilt(rise_x=0.02, rise_y=0.0))
     truths = [(tilted, 0.6, math.pi), (model, 0.6, math.pi), (model, 0.7, math.pi)]
     found, chance = taught(_without(experiment_of(logged(truths), model), "body_pitch", "body_z"), model)
-    worst = raked.raked(found, chance).worst
+    worst = raked.ground_variability(found, chance).worst
     assert worst.run == "run-0"
     assert worst.slope < -0.01
     assert worst.begin[0] - worst.end[0] > 0.1
@@ -244,7 +246,7 @@ def test_the_ends_of_a_stretch_are_in_the_direction_that_the_rover_faces(model):
     back = dataclasses.replace(logged_runs(found)[0], heading=logged_runs(found)[0].heading + math.pi)
     turned = dataclasses.replace(found.task.experiment, runs=(back, *logged_runs(found)[1:]))
     task = dataclasses.replace(found.task, experiment=turned)
-    again = raked.raked(dataclasses.replace(found, task=task), chance).worst
+    again = raked.ground_variability(dataclasses.replace(found, task=task), chance).worst
     assert (again.begin, again.end) == (worst.end, worst.begin)
 
 
@@ -255,9 +257,9 @@ def logged_runs(found):
 def test_ground_as_declared_is_not_doubted(model):
     experiment = experiment_of(logged([(model, 0.6, 0.0), (model, 0.7, 0.0)]), model)
     found, chance = taught(experiment, model)
-    told = raked.raked(found, chance)
+    told = raked.ground_variability(found, chance)
     assert told.worst is None
-    assert told.said == ""
+    assert told.sentence == ""
     assert told.rms < 1e-3
 
 
@@ -266,8 +268,8 @@ def test_nothing_is_told_where_no_field_was_learnt(two, model, field):
     count = len(two.channels)
     noise = Noise(np.full(count, SD), np.zeros(count), np.eye(count), good)
     plain = fit(Task(two, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
-    assert raked.raked(plain, field) is None
-    assert raked.raked(plain, None) is None
+    assert raked.ground_variability(plain, field) is None
+    assert raked.ground_variability(plain, None) is None
 
 
 @pytest.mark.parametrize(
@@ -277,17 +279,17 @@ def test_slopes_are_doubted_beyond_chance_and_what_a_survey_tells(two, model, mo
     found, chance = taught(two, model)
     learnt = tuple(LearntSd(kind, 0.01, raked.SURE + gain if kind == ground.SLOPE else 0.0) for kind in ground.KINDS)
     noise = found.task.noise
-    told = dataclasses.replace(noise, chance=dataclasses.replace(noise.chance, learnt=learnt))
+    told = dataclasses.replace(noise, random_effects=dataclasses.replace(noise.random_effects, learnt=learnt))
     one = dataclasses.replace(found, task=dataclasses.replace(found.task, noise=told))
     of_whole = chance.kind == ground.KINDS.index(ground.SLOPE_OF_RUN)
     monkeypatch.setattr(raked, "expected", lambda *asked: np.where(of_whole, rms * math.radians(0.1), 0.0))
-    assert (raked.raked(one, chance).worst is not None) is doubted
+    assert (raked.ground_variability(one, chance).worst is not None) is doubted
 
 
 def _without(experiment, *names):
     keep = np.array([name not in names for name in experiment.runs[0].channels])
     runs = tuple(
-        dataclasses.replace(run, channels=tuple(np.array(run.channels)[keep].tolist()), seen=run.seen[keep])
+        dataclasses.replace(run, channels=tuple(np.array(run.channels)[keep].tolist()), observed=run.observed[keep])
         for run in experiment.runs
     )
     return dataclasses.replace(experiment, runs=runs)

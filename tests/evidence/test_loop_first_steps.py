@@ -16,8 +16,8 @@ from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.separating_run import separating_run
 from rover_pin.loop.close import close_the_loop, read_data
-from rover_pin.loop.drive import spoken
-from rover_pin.motion.drive_log import About, DriveLog
+from rover_pin.loop.drive import with_wheel_names
+from rover_pin.motion.drive_log import DriveLog, LogMetadata
 from rover_pin.motion.model import Model
 from rover_pin.motion.motors import nexus6_motor
 
@@ -91,24 +91,24 @@ def test_a_score_speaks_of_folds_on_a_rig_and_of_runs_on_a_drive_log():
     """On a rig whole folds, its levels, are held out and resampled, on a drive log runs are."""
     drive = ChannelScore("body_x", "m", 1e-3, 5e-3, 4e-3, -0.2, -0.4, 0.1)
     rig = drive._replace(levels=(LevelError("S = 0.1", 5e-3, 4e-3),), of="folds")
-    assert drive.said == "better, not beyond what the runs scatter: nothing to claim"
-    assert rig.said == "better, not beyond what the folds scatter: nothing to claim"
+    assert drive.claim == "better, not beyond what the runs scatter: nothing to claim"
+    assert rig.claim == "better, not beyond what the folds scatter: nothing to claim"
     assert score_line(drive).endswith("better, not beyond what the runs scatter: nothing to claim")
     lost = drive._replace(before=1e-3, after=2e-3, change=1.0)
-    assert lost.said == "worse, not beyond what the runs scatter: nothing to claim"
+    assert lost.claim == "worse, not beyond what the runs scatter: nothing to claim"
 
 
 def test_a_model_of_another_rover_is_refused():
     """Before anything is fitted, with both rovers' wheels named."""
     cart = Model(load_rover("cart"), flat(), (DRIVEN_SAND,), nexus6_motor())
     with pytest.raises(DataError, match=r"the model's rover has the wheels .*, the log's fl, fr, ml, mr, rl, rr; give"):
-        close_the_loop(DriveLog(Path("nowhere"), About("small"), ()), model=cart)
+        close_the_loop(DriveLog(Path("nowhere"), LogMetadata("small"), ()), model=cart)
 
 
 def test_a_wheel_that_has_a_number_only_is_said_by_its_name():
-    assert spoken("WeakMotor[2]", ["fl", "fr", "ml"]) == "WeakMotor[2] (wheel ml)"
-    assert spoken("TachoScale[ml]", ["fl", "fr", "ml"]) == "TachoScale[ml]"
-    assert spoken("SupplySag", ["fl", "fr", "ml"]) == "SupplySag"
+    assert with_wheel_names("WeakMotor[2]", ["fl", "fr", "ml"]) == "WeakMotor[2] (wheel ml)"
+    assert with_wheel_names("TachoScale[ml]", ["fl", "fr", "ml"]) == "TachoScale[ml]"
+    assert with_wheel_names("SupplySag", ["fl", "fr", "ml"]) == "SupplySag"
 
 
 def test_a_column_that_lacks_is_told_which_one_to_rename(tmp_path):

@@ -12,7 +12,7 @@ import pytest
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.discrepancy.screen import entry_fee
+from rover_pin.discrepancy.screen import null_threshold
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.errors import DataError, ParameterError
@@ -160,7 +160,7 @@ def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
     assert verdict.effects[0].n_1 == found.value
     for score in verdict.scores:
         assert score.after < 1.3 * score.floor
-    assert next(score for score in verdict.scores if score.name == "sinkage").said == "better"
+    assert next(score for score in verdict.scores if score.name == "sinkage").claim == "better"
     kept = json.loads((tmp_path / "out" / "verdict.json").read_text())
     assert kept["effects"] == ["SlipSinkage"]
     assert kept["command"].startswith("rover-pin close-loop")
@@ -189,7 +189,7 @@ def test_a_null_set_needs_no_effect(tmp_path):
     verdict = close_the_loop(folder(tmp_path, "none", seed=3, nominal=WRONG))
     assert verdict.answer is Answer.NONE_NEEDED
     assert verdict.effects == ()
-    assert all(one.is_noise for one in verdict.extra.after.remainders)
+    assert all(one.is_noise for one in verdict.extra.after.residuals)
 
 
 def test_what_is_on_no_list_is_described_and_its_draft_is_an_effect(tmp_path):
@@ -198,7 +198,7 @@ def test_what_is_on_no_list_is_described_and_its_draft_is_an_effect(tmp_path):
     assert verdict.answer is Answer.NONE_FITS
     assert verdict.effects == ()
     assert "no candidate explains it" in verdict.sentence
-    assert any(not one.is_noise and "smooth fit" in one.said for one in verdict.extra.after.remainders)
+    assert any(not one.is_noise and "smooth fit" in one.sentence for one in verdict.extra.after.residuals)
     draft = verdict.draft
     assert draft.accepted
     assert all(one.after < 1.3 * one.floor for one in draft.scores)
@@ -207,7 +207,7 @@ def test_what_is_on_no_list_is_described_and_its_draft_is_an_effect(tmp_path):
     assert f"--effects {tmp_path / 'out' / 'draft_effect' / 'measured_remainder.py'}" in verdict.summary()
     assert json.loads((tmp_path / "out" / "verdict.json").read_text())["draft"]["accepted"] is True
     again = close_the_loop(path, effects=tmp_path / "out" / "draft_effect")
-    assert again.alike[0] == "MeasuredRemainder"
+    assert again.indistinguishable[0] == "MeasuredRemainder"
     assert again.share > 0.95
 
 
@@ -351,7 +351,7 @@ def test_findings_name_stray_repeats_and_loads_alike(tmp_path):
 
 
 def test_the_fee_is_what_chance_gains():
-    assert entry_fee(15) == pytest.approx(2 * math.log(15 / 0.05))
+    assert null_threshold(15) == pytest.approx(2 * math.log(15 / 0.05))
 
 
 # --- measured data ---------------------------------------------------------------------------------------------------
@@ -360,12 +360,12 @@ def test_the_fee_is_what_chance_gains():
 def test_smooth_wheel_sinks_with_slip():
     """Held-out sinkage error 5.5 -> 1.0 mm, by either form; K_eff moves from half to that of pressing the wheel in."""
     verdict = close_the_loop(DATA / "cmu-smooth-wheel")
-    assert verdict.alike == ("SlipSoftening", "SlipSinkage")
+    assert verdict.indistinguishable == ("SlipSoftening", "SlipSinkage")
     pull, sunk = verdict.scores
     assert sunk.before == pytest.approx(5.5e-3, abs=0.4e-3)
     assert sunk.after == pytest.approx(1.04e-3, abs=0.15e-3)
-    assert sunk.said == "better"
-    assert "nothing to claim" in pull.said
+    assert sunk.claim == "better"
+    assert "nothing to claim" in pull.claim
     (before,), (after,) = verdict.extra.before.flags, verdict.extra.after.flags
     assert not before.agrees
     assert before.ratio < 0.6

@@ -41,8 +41,8 @@ def test_hidden_effects_are_named_or_within_the_stated_set(tmp_path):
             verdict = verdict_of(tmp_path / f"{effect}{seed}", effect, seed, severity=(1.0, 0.5)[seed // 2])
             told = verdict.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
             detectable = any(one.name == name and one.net > 0 for one in verdict.search.rounds[0].refits)
-            case = (effect, seed, verdict.answer.name, verdict.alike, round(verdict.before.misfit, 2))
-            if told and name not in " ".join(verdict.alike):
+            case = (effect, seed, verdict.answer.name, verdict.indistinguishable, round(verdict.before.misfit, 2))
+            if told and name not in " ".join(verdict.indistinguishable):
                 wrong.append(case)
             elif not told:
                 (missed if detectable else hidden_well).append(case)
@@ -58,7 +58,7 @@ def test_null_sets_raise_no_alarm(tmp_path):
     for seed in range(20):
         verdict = verdict_of(tmp_path / f"none{seed}", "none", seed)
         if verdict.answer is not Answer.NONE_NEEDED:
-            alarms.append((seed, verdict.answer.name, verdict.alike))
+            alarms.append((seed, verdict.answer.name, verdict.indistinguishable))
     print(f"{len(alarms)} of 20 false alarms: {alarms}")
     assert len(alarms) <= 1, alarms
 
@@ -70,6 +70,6 @@ def test_what_is_on_no_list_is_not_named(tmp_path):
         for seed in range(4):
             verdict = verdict_of(tmp_path / f"{effect}{seed}", effect, seed)
             if verdict.answer is not Answer.NONE_FITS:
-                named.append((effect, seed, verdict.answer.name, verdict.alike, round(verdict.share, 2)))
+                named.append((effect, seed, verdict.answer.name, verdict.indistinguishable, round(verdict.share, 2)))
     print(f"{len(named)} of 8 off-list sets named: {named}")
     assert len(named) <= 2, named

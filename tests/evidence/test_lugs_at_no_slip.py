@@ -19,7 +19,7 @@ from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.effects.slip_softening import SlipSoftening
 from rover_pin.experiments.joint_rig.sets import joined
-from rover_pin.experiments.wheel_rig.candidates import own_sizes
+from rover_pin.experiments.wheel_rig.candidates import present_amplitudes
 from rover_pin.experiments.wheel_rig.checks import findings
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model import PAPER
@@ -44,7 +44,7 @@ def fitted(lugged, lambda_s):
     effects = (*PAPER, *LAWS, Grousers(h_s=0.005, lambda_s=lambda_s))
     model = dataclasses.replace(joint.base_model(), effects=effects)
     known = joint.uncertain(model)
-    free = tuple(each for each in (*known, *own_sizes(model, known)) if not each.name.endswith("h_s"))
+    free = tuple(each for each in (*known, *present_amplitudes(model, known)) if not each.name.endswith("h_s"))
     fit = calibrated(joint, model, free)
     left, pull = (joint.observed - joint.predict([fit.model])[0]), list(joint.channels).index("drawbar pull")
     return float(fit.chi2), [float(np.mean(left[joint.of_set(name)][0, pull])) for name in joint.sets]

@@ -11,7 +11,7 @@ import pytest
 from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.measurements.traction_points import read_traction_points
-from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
+from rover_pin.motion.drive_log import LogMetadata, read_drive_log, write_drive_log
 from rover_pin.motion.trace import Trace
 from rover_pin.motion.trace_files import write_parquet
 
@@ -78,7 +78,7 @@ def test_a_drive_log_in_parquet_is_the_same(tmp_path):
     random = np.random.default_rng(1)
     channels = {"t_s": np.arange(50) / 7.0, "duty_fl": random.uniform(-1, 1, 50), "body_x": random.normal(size=50)}
     channels["body_x"][10:20] = np.nan
-    folder = write_drive_log(tmp_path / "csv", {"run": Trace(channels)}, About("field"))
+    folder = write_drive_log(tmp_path / "csv", {"run": Trace(channels)}, LogMetadata("field"))
     (one,), (other,) = read_drive_log(folder).runs, read_drive_log(log(tmp_path / "p", "run.parquet", **channels)).runs
     assert one.units == other.units
     for name in channels:

@@ -8,8 +8,8 @@ from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
 from rover_pin.experiments.unlisted.term import Term
 
 RUNS = ("one", "two", "three")
-EVEN = Argument("run", "", None, Polynomial(0.0, 1.0, 0), own=True)
-ALONG = Argument("moment", "s", None, Hats((0.0, 1.0, 2.0)), own=True)
+EVEN = Argument("run", "", None, Polynomial(0.0, 1.0, 0), per_run=True)
+ALONG = Argument("moment", "s", None, Hats((0.0, 1.0, 2.0)), per_run=True)
 
 
 def term(size, kind=GRIP, argument=EVEN):
@@ -23,7 +23,7 @@ def term(size, kind=GRIP, argument=EVEN):
         (term([0.01, -0.02, 0.015]), True),
         (term([0.01, -0.08, 0.015]), False),
         (term([0.01, -0.02, 0.015], FORCE), False),
-        (term([0.02], argument=EVEN._replace(own=False)), False),
+        (term([0.02], argument=EVEN._replace(per_run=False)), False),
         (term([0.04, -0.02, 0.01] * 3, argument=ALONG), True),
         (term([0.09, -0.05, 0.01] * 3, argument=ALONG), False),
     ],

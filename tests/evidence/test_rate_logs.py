@@ -23,12 +23,12 @@ from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.checks.log import check, faults
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import comparable_rows, logged_runs
-from rover_pin.experiments.drive_log.ground.stance import runs_on_told_ground
-from rover_pin.experiments.drive_log.menu import menu
-from rover_pin.experiments.drive_log.model import base_model, held, nuisances, with_spread
+from rover_pin.experiments.drive_log.ground.stance import runs_on_estimated_ground
+from rover_pin.experiments.drive_log.menu import candidate_runs
+from rover_pin.experiments.drive_log.model import base_model, is_rate_driven, nuisances, with_spread
 from rover_pin.loop.close import close_the_loop
 from rover_pin.motion.defaults import own_motor, own_soil, usual_angles, usual_slip
-from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
+from rover_pin.motion.drive_log import LogMetadata, read_drive_log, write_drive_log
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
 from rover_pin.motion.place import Start
@@ -61,9 +61,9 @@ def log(tmp_path_factory):
 
 
 def test_a_log_without_duties_can_be_used_and_says_what_cannot_show(log):
-    assert held(log)
+    assert is_rate_driven(log)
     assert faults(log) == ()
-    said = " ".join(map(str, check(log).found))
+    said = " ".join(map(str, check(log).findings))
     assert "no duty is recorded, so the wheels are held to their measured rates" in said
     assert "motors" in said
     assert "battery_V" not in said
@@ -102,7 +102,7 @@ def test_duties_are_held_back_where_the_log_says_that_rates_are_the_input(tmp_pa
     toml = folder / "drive.toml"
     toml.write_text('input = "rates"\n' + toml.read_text())
     log = read_drive_log(folder)
-    assert held(log)
+    assert is_rate_driven(log)
     (run,) = logged_runs(log, log.load_rover())
     (trace,) = log.runs
     measured = [np.interp(run.commands.t, trace.t, trace[f"wheel_rate_{wheel}"]) for wheel in trace.wheels]
@@ -129,9 +129,9 @@ def test_a_wheel_that_is_logged_backwards_is_named(tmp_path):
 
 def test_the_runs_of_the_menu_can_be_held_to_rates(log):
     model = base_model(log)
-    run = menu(model.rover, 0.5, Start())[0].held_to(2.0)
-    assert "wheel rate" in run.said
-    assert "duty" not in run.said
+    run = candidate_runs(model.rover, 0.5, Start())[0].held_to(2.0)
+    assert "wheel rate" in run.label
+    assert "duty" not in run.label
     commands = run.commands(model.rover)
     assert np.all(commands.rate == 1.0)
     driven = replay(run.on(model), commands).channels
@@ -155,7 +155,7 @@ def over(folder, profile, start, seconds=8.0):
     wheels = tuple(wheel.name for wheel in cart.wheels)
     keep = [name for name in driven if name == "t_s" or name.startswith(("body_", "wheel_rate_"))]
     seen = Trace({name: driven[name] for name in keep if not name.startswith("body_v")}, {}, {})
-    write_drive_log(folder, {"run": seen}, About("plane", rover="cart", wheels=wheels))
+    write_drive_log(folder, {"run": seen}, LogMetadata("plane", rover="cart", wheels=wheels))
     return read_drive_log(folder)
 
 
@@ -164,7 +164,7 @@ def test_what_a_rover_sinks_deeper_behind_is_no_slope_of_the_ground(tmp_path, sl
     """The level of a cart is nose up by .1 to .5 deg on any ground; a wheel's scale was named for that."""
     log = on_a_plane(tmp_path, math.radians(slope), yaw)
     model = with_spread(base_model(log), motors=False)
-    (as_level,), (told,) = logged_runs(log, model.rover), runs_on_told_ground(log, model)
+    (as_level,), (told,) = logged_runs(log, model.rover), runs_on_estimated_ground(log, model)
     rises = []
     for run in (as_level, told):
         ground, x = run.commands.terrain, run.commands.place[20:-10, 0]
@@ -183,7 +183,7 @@ def test_a_wave_under_a_cart_is_not_flattened(tmp_path):
     wave = Profile(x, 0.05 * np.sin(2 * math.pi * x / 3.1) + 0.3 * np.sin(2 * math.pi * x / 17.0))
     log = over(tmp_path, wave, Start(-2.0, 0.0, 0.0), 30.0)
     model = with_spread(base_model(log), motors=False)
-    experiment = experiment_of(runs_on_told_ground(log, model), model)
+    experiment = experiment_of(runs_on_estimated_ground(log, model), model)
     left = experiment.observed - experiment.predict([model])[0]
     path = left[0, experiment.channels.index("path")]
     assert math.sqrt(float(np.nanmean(path**2))) < 1e-3
@@ -191,7 +191,7 @@ def test_a_wave_under_a_cart_is_not_flattened(tmp_path):
 
 def test_a_ground_that_is_declared_is_nobody_s_level(log):
     model = base_model(log)
-    assert [one.commands.terrain for one in runs_on_told_ground(log, model)] == [None, None]
+    assert [one.commands.terrain for one in runs_on_estimated_ground(log, model)] == [None, None]
 
 
 def test_wheels_that_turn_round_from_one_row_to_the_next_are_not_compared():

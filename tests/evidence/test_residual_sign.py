@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rover_pin.contact import Contact, Soil, Wheel
-from rover_pin.discrepancy.cross_validation import refitted_left_out
+from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.estimation.experiment import residual
-from rover_pin.experiments.unlisted.remainder import Remainder, channel_remainders
+from rover_pin.experiments.unlisted.remainder import DriveResidual, channel_residuals
 from rover_pin.experiments.wheel_rig.draft import draft_effect
 from rover_pin.loop.rig import on_rig
 from rover_pin.motion.effect_files import user_effects
@@ -51,7 +51,7 @@ def deeper():
 def test_the_fit_and_the_levels_left_out_have_the_sign(deeper):
     made, verdict = deeper
     data, fit = made.data, verdict.before.fit
-    for table in (fit.residual, refitted_left_out(fit)):
+    for table in (fit.residual, held_out_residual(fit)):
         rows = made.rows(table) / np.array(rig.SD)[:, None]
         assert rows[1, data.level == 0].mean() == pytest.approx(-4, abs=0.3)
         assert rows[1, data.level == rig.LEVELS - 1].mean() == pytest.approx(4, abs=0.3)
@@ -66,7 +66,7 @@ def test_the_table_of_what_residuals_go_with_has_the_sign(deeper):
 
 def test_the_words_of_what_is_left_have_the_sign(deeper):
     _, verdict = deeper
-    left = verdict.extra.before.remainders[1]
+    left = verdict.extra.before.residuals[1]
     assert left.with_slip > 0.9
     assert left.levels[0].mean == pytest.approx(-4e-3, abs=3e-4)
     assert left.levels[-1].mean == pytest.approx(4e-3, abs=3e-4)
@@ -85,7 +85,7 @@ def test_the_figure_of_what_is_left_has_the_sign(deeper):
 def test_the_draft_of_what_is_left_takes_it_away(deeper, tmp_path):
     """Its depth is that of the contact less what is missing: h + (measured - model) is what the rig shows."""
     made, verdict = deeper
-    (tmp_path / "draft.py").write_text(draft_effect(made.data, verdict.extra.before.remainders))
+    (tmp_path / "draft.py").write_text(draft_effect(made.data, verdict.extra.before.residuals))
     (kind,) = user_effects(tmp_path / "draft.py")
     contact = Contact(0.7, 0.0, 0.01, 0.05, 0.0, 0.0, 0.06, 0.0, 0.0, Wheel(), Soil())
     assert float(kind().amend(contact, ()).h) == pytest.approx(0.01 - 4e-3, abs=3e-4)
@@ -116,10 +116,10 @@ def test_the_table_of_a_drive_has_the_sign(faster):
         replayed=lambda run, name: np.zeros(drive.BLOCKS * drive.ROWS_A_BLOCK),
         logged=lambda run, name: np.zeros(drive.BLOCKS * drive.ROWS_A_BLOCK),
     )
-    left = channel_remainders(scene)
+    left = channel_residuals(scene)
     assert left[1].correlations["duty"] > 0.99
-    assert "duty (correlation +1.00)" in left[1].said
-    rows = channel_table(Remainder((), left, (), ())).rows
+    assert "duty (correlation +1.00)" in left[1].sentence
+    rows = channel_table(DriveResidual((), left, (), ())).rows
     assert rows[0].cells[0] == "current fl"
     assert float(rows[0].cells[3]) > 0.99
 

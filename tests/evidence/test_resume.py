@@ -48,9 +48,9 @@ def same(one, other):
 
 def test_arrays_come_back_to_the_bit(tmp_path):
     memory = Memory(tmp_path, "key")
-    assert same(memory.kept(("step", 1.5), arrays), arrays())
-    assert same(memory.kept(("step", 1.5), refused), arrays())
-    assert memory.told == f"1 finished steps are kept in {tmp_path}/{FOLDER}"
+    assert same(memory.cached_arrays(("step", 1.5), arrays), arrays())
+    assert same(memory.cached_arrays(("step", 1.5), refused), arrays())
+    assert memory.status == f"1 finished steps are kept in {tmp_path}/{FOLDER}"
     memory.done()
     assert not list(tmp_path.iterdir())
 
@@ -61,30 +61,30 @@ def test_who_stops_the_work_is_told_what_is_kept(tmp_path):
         with pytest.raises(KeyboardInterrupt) as stop, memory.noting():
             raise KeyboardInterrupt
         assert getattr(stop.value, "__notes__", []) == notes
-        memory.kept((1,), arrays)
+        memory.cached_arrays((1,), arrays)
 
 
 def test_without_a_folder_nothing_is_kept():
-    assert same(Memory().kept((1,), arrays), arrays())
-    assert Memory().told == ""
+    assert same(Memory().cached_arrays((1,), arrays), arrays())
+    assert Memory().status == ""
     Memory().done()
 
 
 def test_another_key_or_question_is_another_answer(tmp_path):
-    Memory(tmp_path, "key").kept((1.0,), arrays)
+    Memory(tmp_path, "key").cached_arrays((1.0,), arrays)
     for memory, asked in ((Memory(tmp_path, "other"), (1.0,)), (Memory(tmp_path, "key"), (np.nextafter(1.0, 2.0),))):
-        assert memory.kept(asked, lambda: {"new": np.ones(1)}).keys() == {"new"}
+        assert memory.cached_arrays(asked, lambda: {"new": np.ones(1)}).keys() == {"new"}
 
 
 @pytest.mark.parametrize("damage", [lambda c: c[:40], lambda c: b"", lambda c: c[:90] + b"\xff" + c[91:]])
 def test_a_damaged_step_is_made_again(tmp_path, damage):
     memory = Memory(tmp_path, "key")
-    memory.kept((1,), arrays)
+    memory.cached_arrays((1,), arrays)
     (file,) = (tmp_path / FOLDER).iterdir()
     file.write_bytes(damage(file.read_bytes()))
     with pytest.raises(AssertionError, match="made again"):
-        memory.kept((1,), refused)
-    assert same(memory.kept((1,), arrays), arrays())
+        memory.cached_arrays((1,), refused)
+    assert same(memory.cached_arrays((1,), arrays), arrays())
 
 
 class Harm:
@@ -106,7 +106,7 @@ def test_nothing_in_the_folder_is_unpickled(tmp_path):
     (tmp_path / FOLDER).mkdir()
     (tmp_path / FOLDER / f"{digest('key', (1,))}.npz").write_bytes(content.getvalue())
     (tmp_path / FOLDER / "base-key.pickle").write_bytes(pickle.dumps(Harm(tmp_path / "harmed")))
-    assert same(memory.kept((1,), arrays), arrays())
+    assert same(memory.cached_arrays((1,), arrays), arrays())
     memory.done()
     assert not (tmp_path / "harmed").exists()
 
@@ -160,5 +160,5 @@ def test_a_calibration_and_its_signatures_are_taken_up_without_a_replay(tmp_path
     assert len(driven) == 2  # the start, on both runs: of it comes the first noise
     for one in (whole, first):
         assert same({"u": one.u, "p": one.predicted, **one.slopes}, {"u": base.u, "p": base.predicted, **base.slopes})
-    assert [one.sizes for one in moved] == [one.sizes for one in again]
-    assert all(one.moved.tobytes() == other.moved.tobytes() for one, other in zip(moved, again, strict=True))
+    assert [one.amplitudes for one in moved] == [one.amplitudes for one in again]
+    assert all(one.shift.tobytes() == other.shift.tobytes() for one, other in zip(moved, again, strict=True))

@@ -23,7 +23,7 @@ from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.known_elsewhere import flags
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.presets import known_trench, preset_candidate, told
+from rover_pin.experiments.wheel_rig.presets import describe_declared, known_trench, preset_candidate
 from rover_pin.identification.identify import identify
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.identified import identified
@@ -70,7 +70,7 @@ def with_holes(table):
 def blind(rig, holes):
     """The set whose missing cells have a value that a vast noise makes worthless."""
     full = [np.nan_to_num(channel.measured, nan=float(np.nanmean(channel.measured))) for channel in rig.channels]
-    sds = [np.where(channel.seen, channel.sd, 1e7 * channel.sd) for channel in holes.channels]
+    sds = [np.where(channel.has_value, channel.sd, 1e7 * channel.sd) for channel in holes.channels]
     pairs = zip(holes.channels, full, sds, strict=True)
     return WheelRig(
         rig.wheel, rig.slip, rig.load, tuple(type(one)(values, sd) for one, values, sd in pairs),
@@ -85,9 +85,9 @@ def test_a_missing_cell_is_a_cell_of_no_weight_and_the_row_keeps_its_other_chann
     own, other = (identify(each, start, ("k", "phi", "k_1")) for each in (holes, worthless))
     assert own.soil.values() == pytest.approx(other.soil.values(), rel=1e-5)
     assert own.chi2 == pytest.approx(other.chi2, rel=1e-6)
-    cells = 3 * holes.slip.size - sum(int((~channel.seen).sum()) for channel in holes.channels)
+    cells = 3 * holes.slip.size - sum(int((~channel.has_value).sum()) for channel in holes.channels)
     assert own.freedom == cells - 3
-    assert [one.points for one in own.channels] == [int(channel.seen.sum()) for channel in holes.channels]
+    assert [one.points for one in own.channels] == [int(channel.has_value.sum()) for channel in holes.channels]
     own, other = fitted(as_rig_set(holes)), fitted(as_rig_set(worthless))
     assert own.u == pytest.approx(other.u, abs=1e-4)
 
@@ -108,7 +108,7 @@ def test_the_loop_goes_through_a_set_with_missing_cells(plain, tmp_path):
     assert verdict.answer.value == "no effect needed"
     first = next(one for one in verdict.scores if one.name == "sinkage").levels[0]
     assert math.isnan(first.before), "a level without sinkage has no error of it"
-    assert all(0.7 < one.rms < 1.4 for one in verdict.extra.after.remainders)
+    assert all(0.7 < one.rms < 1.4 for one in verdict.extra.after.residuals)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "runs have no sinkage" in page
     assert ">nan" not in page
@@ -226,18 +226,21 @@ def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
     assert "Bulldozing.gamma" not in heap.shapes, "a measured density is held"
     assert tried["FlankPressure"].effect.phi_f == pytest.approx(math.radians(29.0))
     assert "FlankPressure.phi_f" in tried["FlankPressure"].shapes, "an angle of repose is where a fit starts"
-    said = told(data.rig, [one.effect for one in tried.values()])
+    said = describe_declared(data.rig, [one.effect for one in tried.values()])
     assert any(line.startswith("bulk_density holds Bulldozing.gamma") for line in said)
     assert any(line.startswith("lug_height is where a fit starts with") for line in said)
     assert said[-1] != "bulk_density is declared, and not used: no effect that was tried has it"
-    assert told(data.rig, [ExitAngle()])[0] == "lug_height is declared, and not used: no effect that was tried has it"
+    assert (
+        describe_declared(data.rig, [ExitAngle()])[0]
+        == "lug_height is declared, and not used: no effect that was tried has it"
+    )
 
 
 def test_nothing_declared_leaves_effects_as_published(plain):
     rig = read_wheel_rig(plain)
     assert preset_candidate(Bulldozing(), rig).effect == Bulldozing()
     assert "Bulldozing.gamma" in preset_candidate(Bulldozing(), rig).shapes
-    assert told(rig, [Bulldozing()]) == ()
+    assert describe_declared(rig, [Bulldozing()]) == ()
 
 
 def test_a_wheel_that_is_said_to_be_smooth_has_no_lugs(plain, tmp_path):
@@ -255,7 +258,7 @@ def test_fitted_lugs_are_held_against_their_height(plain, tmp_path):
     data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS)))
     number = Number("LugExcavation.h_l", "m", 0.0127, 0.010, 0.016, 0.0)
     (flag,) = flags(data, data.soil(), 0.06, (number,))
-    assert flag.said == "LugExcavation.h_l = 12.7 mm [10 mm, 16 mm] sits away from 5 mm (lug_height of [wheel])"
+    assert flag.sentence == "LugExcavation.h_l = 12.7 mm [10 mm, 16 mm] sits away from 5 mm (lug_height of [wheel])"
 
 
 @pytest.mark.parametrize(("high", "says"), [(28.9, "sits away from"), (29.1, "agrees with")])

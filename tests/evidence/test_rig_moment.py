@@ -216,7 +216,7 @@ def test_a_table_of_ones_own_may_call_it_mz(tmp_path):
     made = read_foreign(path)
     assert "moment_z_Nm" not in made.table
     assert any("moment_z_Nm is not used: a moment about the vertical is looked at in runs with slip_angle" in one
-               for one in made.said)  # fmt: skip
+               for one in made.notes)  # fmt: skip
 
 
 # --- as checked ------------------------------------------------------------------------------------------------------

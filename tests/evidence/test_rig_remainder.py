@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rover_pin.experiments.wheel_rig.data import read_rig_set
-from rover_pin.experiments.wheel_rig.remainder import remainders
+from rover_pin.experiments.wheel_rig.remainder import channel_residuals
 
 SD = {"drawbar pull": 0.3, "sinkage": 0.6e-3}
 RIG = """
@@ -30,7 +30,7 @@ def of(folder, residual, loads=(20.0, 25.0, 30.0), repeats=1):
     (folder / "points.csv").write_text("\n".join(["slip,load_N,drawbar_pull_N,sinkage_m", *rows]) + "\n")
     slip, load, at = np.array(runs).T
     left = residual(slip, load / load.mean() - 1.0, at)
-    return remainders(read_rig_set(folder), np.array([left, left]))
+    return channel_residuals(read_rig_set(folder), np.array([left, left]))
 
 
 def test_a_curve_that_was_put_there_is_found_with_its_coefficients(tmp_path):
@@ -41,8 +41,8 @@ def test_a_curve_that_was_put_there_is_found_with_its_coefficients(tmp_path):
         assert left.explained == pytest.approx(1.0)
         assert left.is_curved
         assert not left.is_noise
-    assert "smooth fit +3 -9 S +12 S^2 +6 (W / mean W - 1) N, which takes 100% of it" in pull.said
-    assert "smooth fit +6 -18 S +24 S^2 +12 (W / mean W - 1) mm, which takes 100% of it" in sinkage.said
+    assert "smooth fit +3 -9 S +12 S^2 +6 (W / mean W - 1) N, which takes 100% of it" in pull.sentence
+    assert "smooth fit +6 -18 S +24 S^2 +12 (W / mean W - 1) mm, which takes 100% of it" in sinkage.sentence
 
 
 def test_what_is_half_a_constant_is_half_explained(tmp_path):

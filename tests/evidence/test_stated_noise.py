@@ -12,7 +12,7 @@ from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.drive_log.checks.log import findings
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import logged_run
-from rover_pin.experiments.drive_log.readings.stated import stated
+from rover_pin.experiments.drive_log.readings.stated import declared_block_sd
 from rover_pin.motion.drive_log import read_drive_log
 from rover_pin.motion.log_noise import kind_of
 
@@ -63,15 +63,17 @@ def test_a_log_with_an_unknown_kind_of_noise_is_not_read(tmp_path):
 def test_a_mean_of_ten_samples_has_the_noise_of_one_over_the_root_of_ten():
     names = ("path", "heading", "speed", "wheel_rate_fl", "current_fl_A")
     sds = {"wheel_rate": 0.1, "body_position": 2.0, "body_attitude": 3.0, "body_velocity": 4.0, "sample_period": 0.05}
-    assert stated(sds, names) == pytest.approx(np.array([2.0, 3.0, 4.0, 0.1, np.nan]) / math.sqrt(10), nan_ok=True)
-    assert stated({**sds, "sample_period": 1.0}, names)[:2] == pytest.approx([2.0, 3.0])
+    assert declared_block_sd(sds, names) == pytest.approx(
+        np.array([2.0, 3.0, 4.0, 0.1, np.nan]) / math.sqrt(10), nan_ok=True
+    )
+    assert declared_block_sd({**sds, "sample_period": 1.0}, names)[:2] == pytest.approx([2.0, 3.0])
 
 
 def test_the_floor_is_what_is_declared_where_that_is_more_than_the_scatter():
     rover = load_rover("nexus6")
     runs = [logged_run(run, rover) for run in log_of(*GOOD).runs]
     plain, wide, small = (
-        DriveExperiment(tuple(runs), (None,) * 3, stated=said).floor()
+        DriveExperiment(tuple(runs), (None,) * 3, noise_sd=said).floor()
         for said in ({}, {"wheel_rate": 1.0, "sample_period": 0.04}, {"wheel_rate": 1e-6})
     )
     rate = [name.startswith("wheel_rate") for name in runs[0].channels]

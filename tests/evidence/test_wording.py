@@ -24,7 +24,7 @@ from rover_pin.report.figures import heldout_panels
 from rover_pin.report.rig.cautions import of_parameters
 from rover_pin.report.rig.report import write_report
 from rover_pin.report.sections.held_out import HeldOut, channel_table
-from rover_pin.report.words import Manner
+from rover_pin.report.words import Labels
 
 
 def module(name, file):
@@ -47,7 +47,7 @@ rig = module("linear_rig", Path(__file__).parent / "linear_rig.py")
 
 
 AT_FLOOR = 1.25
-MANNER = Manner("on runs it never saw", "runs")
+MANNER = Labels("on runs it never saw", "runs")
 
 
 # --- changes ---------------------------------------------------------------------------------------------------------
@@ -87,12 +87,12 @@ def test_the_floor_ends_where_it_says():
 
 
 def test_what_is_said_of_a_change():
-    assert change(3.0, 1.5, -0.6, 0.1).said == "better, not beyond what the levels scatter: nothing to claim"
-    assert change(3.0, 3.3, -0.6, 0.1, of="runs").said == "worse, not beyond what the runs scatter: nothing to claim"
-    assert change(3.0, 1.5, -0.5, -0.5).said == "better, but too few levels to resample: nothing to claim"
-    assert change(1.2, 1.2, 0.0, 0.0).said == "at its noise floor before (1.20 x): no gain to claim"
-    assert change(3.0, 1.5, -0.6, -0.4).said == "better"
-    assert change(3.0, 3.0, 0.0, 0.0).said == "unchanged"
+    assert change(3.0, 1.5, -0.6, 0.1).claim == "better, not beyond what the levels scatter: nothing to claim"
+    assert change(3.0, 3.3, -0.6, 0.1, of="runs").claim == "worse, not beyond what the runs scatter: nothing to claim"
+    assert change(3.0, 1.5, -0.5, -0.5).claim == "better, but too few levels to resample: nothing to claim"
+    assert change(1.2, 1.2, 0.0, 0.0).claim == "at its noise floor before (1.20 x): no gain to claim"
+    assert change(3.0, 1.5, -0.6, -0.4).claim == "better"
+    assert change(3.0, 3.0, 0.0, 0.0).claim == "unchanged"
 
 
 def test_what_got_worse_beyond_its_scatter_stands_apart_from_what_may_be_chance():
@@ -144,7 +144,7 @@ def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
     assert against(ends, (38.0, 38.0), covered) is says
     flag = Flag("phi", "rad", tuple(np.radians((20.0, *ends))), KNOWN, says)
     assert flag.agrees == (says is Against.AGREES)
-    assert f"deg] {says.value} 38 deg (stated)" in flag.said
+    assert f"deg] {says.value} 38 deg (stated)" in flag.sentence
     cautioned = {Against.AWAY: "sits away from", Against.NOTHING: "is not told"}
     (said, *rest) = of_parameters((), [flag]) or [""]
     assert rest == []
@@ -186,7 +186,7 @@ def test_where_nothing_was_added_nothing_changed(nothing):
     assert len(held) == 3
     assert "chosen in 8 folds: no effect in 8" in held[2]
     assert not any("->" in line or "%" in line or "worse" in line or "better" in line for line in held)
-    assert nothing.model_said == "the fitted base model, to which nothing was added"
+    assert nothing.model_description == "the fitted base model, to which nothing was added"
 
 
 def test_folds_that_chose_something_are_not_said_to_have_chosen_nothing(nothing):
@@ -275,7 +275,7 @@ def test_the_studys_picture_draws_an_arrow_only_where_a_change_is_claimed(close_
     study = close_study
     table = pd.DataFrame(
         {"set": "made", "channel": one.name, "noise": one.floor, "held_out_before": one.before,
-         "held_out_after": one.after, "said": one.said}
+         "held_out_after": one.after, "said": one.claim}
         for one in scores()
     )  # fmt: skip
     (axis,) = study.draw(table).axes

@@ -10,7 +10,7 @@ import pytest
 from rover_pin.contact import Soil, Wheel
 from rover_pin.estimation.coordinates import Linear, Log
 from rover_pin.identification import dependence
-from rover_pin.identification.dependence import _distance, _judged, _refit, with_held
+from rover_pin.identification.dependence import _distance, _evaluate_dependence, _refit, with_held
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.judge import data_share
@@ -150,11 +150,11 @@ def held(name):
 def test_what_one_number_does_alone_is_not_said_of_several(end, together):
     """n moves phi to 5.1 of [2, 5] by itself; to 4.9 only with what c does beside it."""
     rows = [Assumed(held("n"), {"phi": (3.0, end)}), Assumed(held("c"), {"phi": (3.0, 4.4)})]
-    told = _judged(FIT, found("phi", 2.0, 5.0), 1.5, rows)
+    told = _evaluate_dependence(FIT, found("phi", 2.0, 5.0), 1.5, rows)
     assert told.verdict is Verdict.DEPENDS
     assert told.depends_on == (("n", "c") if together else ("n",))
     assert (" together: " in told.reason) == together
-    assert told.said == f"depends on the assumed {'n and c' if together else 'n'}"
+    assert told.verdict_text == f"depends on the assumed {'n and c' if together else 'n'}"
 
 
 # --- what enters -----------------------------------------------------------------------------------------------------
@@ -175,7 +175,7 @@ def test_data_that_have_more_rows_when_worked_out_again_are_fitted_again():
     data, more = rig(), rig(9)
     first = identify(data, SAND, ("phi",), search=Search(starts=1))
     moved = Held("settle", "s", 1.0, "made", 0.5, 2.0, "made", (lambda: more, lambda: data))
-    rows = with_held(first, data, [moved]).held[0].moved["phi"]
+    rows = with_held(first, data, [moved]).fixed[0].refitted["phi"]
     fresh = identify(more, SAND, ("phi",), search=Search(starts=1))["phi"].value
     assert rows == pytest.approx((fresh, first["phi"].value), rel=1e-4)
 

@@ -20,9 +20,9 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.identification import dependence
 from rover_pin.identification.dependence import _blamed, with_held
-from rover_pin.identification.held import DOUBTS, held_numbers
+from rover_pin.identification.held import ASSUMED_SDS, held_numbers
 from rover_pin.identification.identify import Search, identify
-from rover_pin.identification.result import Assumed, Held, Verdict, hanging_on
+from rover_pin.identification.result import Assumed, Held, Verdict, describe_dependence
 from rover_pin.loop.identified import identified
 from rover_pin.measurements.channel import FIELDS, DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.known import declared_ranges
@@ -130,11 +130,11 @@ def test_a_range_stays_inside_what_is_allowed_and_a_modulus_is_a_factor_off():
 
 def test_what_nobody_states_is_as_unsure_as_in_the_loops():
     for name, sd in SOIL_SD.items():
-        assert (DOUBTS[name].stated, DOUBTS[name].otherwise) == pytest.approx((sd, UNDECLARED * sd))
+        assert (ASSUMED_SDS[name].declared, ASSUMED_SDS[name].otherwise) == pytest.approx((sd, UNDECLARED * sd))
     free = RigExperiment(as_rig_set(rig())).uncertain(RigModel(WHEEL, TRUTH))
     scales = {one.name.removeprefix("soil."): one.scale for one in free if one.prior}
     assert {"n", "c", "exit_ratio"} <= set(scales)
-    assert all(DOUBTS[name].otherwise == pytest.approx(sd) for name, sd in scales.items())
+    assert all(ASSUMED_SDS[name].otherwise == pytest.approx(sd) for name, sd in scales.items())
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_what_nobody_states_is_as_unsure_as_in_the_loops():
 def test_sizes_of_the_wheel_have_the_range_that_the_set_states(ranges, sds, ends, doubt):
     found = declared_ranges(WHEEL.values(), ranges, sds)["r"]
     assert (found.low, found.high) == pytest.approx(ends)
-    assert found.doubt == doubt
+    assert found.range_source == doubt
 
 
 def set_with(folder, soil):
@@ -201,15 +201,15 @@ def refitted(data, soil, free, change):
 )
 def test_moves_are_those_of_refits_from_scratch(data, soil, free):
     moving = 0
-    for one in judged(data, soil, free).held:
-        if not one.moved:
+    for one in judged(data, soil, free).fixed:
+        if not one.refitted:
             continue
-        for side, change in enumerate(one.held.ends):
+        for side, change in enumerate(one.fixed.ends):
             fresh, _ = refitted(data, soil, free, change)
             for name in free:
                 width = fresh[name].high - fresh[name].low
-                assert one.moved[name][side] == pytest.approx(fresh[name].value, abs=0.02 * width, nan_ok=True), (
-                    one.held.name,
+                assert one.refitted[name][side] == pytest.approx(fresh[name].value, abs=0.02 * width, nan_ok=True), (
+                    one.fixed.name,
                     name,
                 )
                 moving += 1
@@ -217,13 +217,13 @@ def test_moves_are_those_of_refits_from_scratch(data, soil, free):
 
 
 def test_what_does_not_enter_the_data_moves_nothing():
-    found = {one.held.name: one for one in judged(rig(), TRUTH, ("k", "phi")).held}
-    assert not found["theta_1"].moved
-    assert not found["theta_2"].moved
+    found = {one.fixed.name: one for one in judged(rig(), TRUTH, ("k", "phi")).fixed}
+    assert not found["theta_1"].refitted
+    assert not found["theta_2"].refitted
     assert "does not enter these data" in found["theta_1"].line({})
-    fixed = {one.held.name: one for one in judged(points(), Soil(), ("k", "phi")).held}
-    assert not fixed["exit_ratio"].moved
-    assert fixed["theta_1"].moved
+    fixed = {one.fixed.name: one for one in judged(points(), Soil(), ("k", "phi")).fixed}
+    assert not fixed["exit_ratio"].refitted
+    assert fixed["theta_1"].refitted
 
 
 def test_a_modulus_held_at_twice_the_truth_is_blamed():
@@ -239,13 +239,13 @@ def test_a_modulus_held_at_twice_the_truth_is_blamed():
         one = found[name]
         assert one.verdict is Verdict.DEPENDS
         assert one.depends_on[0] == "k_1"
-        assert one.said.startswith("depends on the assumed k_1")
+        assert one.verdict_text.startswith("depends on the assumed k_1")
         assert one.reason.startswith("depends on the assumed k_1 (it becomes ")
         assert "sinkage under a known load tells k_1 + k_2 b" in one.reason
         assert (one.value, one.low, one.high) == (bare[name].value, bare[name].low, bare[name].high)
-        moved = next(each for each in found.held if each.held.name == "k_1").moved[name]
+        moved = next(each for each in found.fixed if each.fixed.name == "k_1").refitted[name]
         assert min(moved) < float(getattr(TRUTH, name)) < max(moved)
-        assert name not in found.found
+        assert name not in found.identified
 
 
 def test_what_was_measured_is_not_called_assumed():
@@ -257,16 +257,16 @@ def test_what_was_measured_is_not_called_assumed():
     one = found["phi"]
     assert one.verdict is Verdict.DEPENDS
     assert one.measured == one.depends_on[:1] == ("k_1",)
-    assert one.said == "depends on the measured k_1"
+    assert one.verdict_text == "depends on the measured k_1"
     assert one.reason.startswith("depends on the measured k_1 (it becomes ")
     assert "): it was measured, but not closely enough; sinkage under a known load tells" in one.reason
 
 
 def test_what_a_number_depends_on_is_told_by_kind():
     words = {"exit_ratio": "exit_ratio (a)", "n": "n (b)", "c": "c (c)"}
-    assert hanging_on(words, ("n",)) == "the assumed exit_ratio (a) and c (c) and the measured n (b)"
-    assert hanging_on(words, ()) == "the assumed exit_ratio (a) and n (b) and c (c)"
-    assert hanging_on({"n": "n"}, ("n",)) == "the measured n"
+    assert describe_dependence(words, ("n",)) == "the assumed exit_ratio (a) and c (c) and the measured n (b)"
+    assert describe_dependence(words, ()) == "the assumed exit_ratio (a) and n (b) and c (c)"
+    assert describe_dependence({"n": "n"}, ("n",)) == "the measured n"
 
 
 def sure(value):
@@ -295,9 +295,9 @@ def test_a_prior_and_a_misfit_are_in_the_refits_too():
     tight = {"phi": Prior(float(TRUTH.phi), 1e-7)}
     found = judged(data, TRUTH, ("k", "phi"), tight)
     assert found["phi"].verdict is Verdict.HELD_AT_PRIOR
-    for one in found.held:
-        if one.moved:
-            assert one.moved["phi"] == pytest.approx((TRUTH.phi, TRUTH.phi), abs=1e-5)
+    for one in found.fixed:
+        if one.refitted:
+            assert one.refitted["phi"] == pytest.approx((TRUTH.phi, TRUTH.phi), abs=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -340,15 +340,15 @@ def test_an_end_at_which_nothing_fits_is_said_and_blamed(monkeypatch):
     data, whole = rig(), dependence.descend
 
     def lost(problem, u):
-        if problem.space.base[problem.space.known.index("k_1")] < 1e4:
+        if problem.space.base[problem.space.all_names.index("k_1")] < 1e4:
             raise OptimisationError("the model has no finite value where the descent starts; start elsewhere.")
         return whole(problem, u)
 
     monkeypatch.setattr(dependence, "descend", lost)
     soft = Held("k_1", "Pa", 6e4, "made", 5e3, 6e4, "made", ({"k_1": 5e3}, {"k_1": 6e4}))
     found = with_held(identify(data, TRUTH, ("phi",), search=ONE), data, [soft])
-    assert math.isnan(found.held[0].moved["phi"][0])
-    assert found.held[0].moved["phi"][1] == pytest.approx(TRUTH.phi, rel=1e-4)
+    assert math.isnan(found.fixed[0].refitted["phi"][0])
+    assert found.fixed[0].refitted["phi"][1] == pytest.approx(TRUTH.phi, rel=1e-4)
     assert found["phi"].verdict is Verdict.DEPENDS
     assert "it becomes no fit to 32 deg" in found["phi"].reason
     assert json.loads(json_text(found.as_dict()))["held"][0]["moves"]["phi"][0] is None
@@ -369,9 +369,9 @@ def test_a_line_has_value_source_range_and_moves():
 def test_text_and_json_say_the_same():
     found = judged(rig(), TRUTH.replace(k_1=1.2e5), ("k", "phi"))
     told, text = found.as_dict(), found.report()
-    assert [row["name"] for row in told["held"]] == [one.held.name for one in found.held]
+    assert [row["name"] for row in told["held"]] == [one.fixed.name for one in found.fixed]
     assert all(f"  {row['name']} = " in text and row["source"] in text for row in told["held"])
-    assert told["parameters"]["phi"]["verdict"] == found["phi"].said
+    assert told["parameters"]["phi"]["verdict"] == found["phi"].verdict_text
     assert told["parameters"]["phi"]["depends_on"] == list(found["phi"].depends_on)
     assert found["phi"].reason in text
     moved = next(row for row in told["held"] if row["name"] == "k_1")["moves"]["phi"]
@@ -428,32 +428,34 @@ def test_the_smooth_wheel_says_what_its_sand_was_pressed_to():
     assert not found.found.found, "exit ratio, c and n are nobody's measurement"
     flag = next(one for one in found.elsewhere if one.name == "K_eff")
     assert not flag.agrees, "rolling, the sand carries half of what it carried when the wheel was pressed in"
-    assert flag.said in found.report()
+    assert flag.sentence in found.report()
     assert found.as_dict()["elsewhere"][0]["source"] == flag.independent.source
 
 
 def test_what_a_rig_may_add_to_its_readings_is_listed_by_channel():
-    rows = {one.held.name: one for one in identified(rig((DrawbarPull, Sinkage)), TRUTH, ("k", "k_1")).found.held}
+    rows = {
+        one.fixed.name: one for one in identified(rig((DrawbarPull, Sinkage)), TRUTH, ("k", "k_1")).identification.fixed
+    }
     assert [name for name in rows if name.startswith("rig.")] == [
         "rig.load_scale", "rig.pull_tare", "rig.crosstalk", "rig.force_scale", "rig.sinkage_zero",
     ]  # fmt: skip
     assert rows["rig.load_scale"].line({}) == (
         "rig.load_scale = 1 (load over that stated: 1): exact: with an sd in [rig], close-loop fits it"
     )
-    assert "rig.torque_tare" in [one.held.name for one in identified(rig(), TRUTH, ("phi",)).found.held]
+    assert "rig.torque_tare" in [one.fixed.name for one in identified(rig(), TRUTH, ("phi",)).identification.fixed]
 
 
 def test_a_drives_k_hangs_on_its_angle_and_its_phi_does_not():
     """j of Eq (2) grows with theta_1 at large slips, with its cube at none; a fit holds j / k."""
     data = read_evidence(DATA / "steepening-slope")
     found = identified(data, data.declared_soil(Soil()), ("k", "phi"))
-    assert found.found["k"].depends_on == ("theta_1",)
-    assert found.found["phi"].verdict is Verdict.FOUND
+    assert found.identification["k"].depends_on == ("theta_1",)
+    assert found.identification["phi"].verdict is Verdict.FOUND
     assert found.elsewhere == ()
-    angle = next(one for one in found.found.held if one.held.name == "theta_1")
-    low, high = angle.moved["k"]
+    angle = next(one for one in found.identification.fixed if one.fixed.name == "theta_1")
+    low, high = angle.refitted["k"]
     assert low < 0.0015 < high
-    wider = angle.held.high / angle.held.low
+    wider = angle.fixed.high / angle.fixed.low
     assert wider < high / low < wider**3
 
 

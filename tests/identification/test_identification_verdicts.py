@@ -15,11 +15,11 @@ from rover_pin.estimation.covariance import covariance
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.estimation.profile import Best, Interval
 from rover_pin.identification import posterior as sampling
-from rover_pin.identification.arc_doubt import with_arc_doubt
+from rover_pin.identification.arc_doubt import free_unmeasured_modulus
 from rover_pin.identification.identifiability import refuse_untold
 from rover_pin.identification.identify import (
-    Ended,
     Search,
+    StartResult,
     _agreement,
     _channel_fits,
     _lowest,
@@ -46,7 +46,7 @@ class Measured:
 
     def __init__(self, X, measured, sd=1.0, loads=(5.0, 15.0), parts=1):
         self.X, self.wheel, self.loads = np.array(X, float), Wheel(), np.array(loads)
-        self.tells, self.told_by = frozenset(quantities(Soil)), "made data"
+        self.tells, self.data_kind = frozenset(quantities(Soil)), "made data"
         rows = zip(np.split(np.array(measured, float), parts), np.split(np.full(len(X), sd), parts), strict=True)
         self.channels = [
             SimpleNamespace(name=f"channel {at}", unit="N", measured=m, sd=s) for at, (m, s) in enumerate(rows)
@@ -327,7 +327,7 @@ def test_starts_are_the_soil_and_points_within_the_spread_and_the_bounds():
 
 def test_starts_that_end_within_a_hundredth_of_chi2_agree():
     ends = [(1.0, 3.0), (1.0095, 3.1), (1.0105, 7.0), (1.02, 7.1), (4.0, 9.0), (np.inf, None)]
-    made = [Ended(None if u is None else np.array([0.0, u / 10, 0.0]), chi2, "") for chi2, u in ends]
+    made = [StartResult(None if u is None else np.array([0.0, u / 10, 0.0]), chi2, "") for chi2, u in ends]
     found = _agreement(PLAIN, made)
     assert (found.tried, found.converged, found.agreed) == (6, 5, 2)
     assert [chi2 for chi2, _ in found.others] == [1.0105, 4.0]
@@ -335,7 +335,7 @@ def test_starts_that_end_within_a_hundredth_of_chi2_agree():
 
 
 def test_the_fit_is_where_the_lowest_start_ended():
-    ends = [Ended(BASE + 1.0, 7.0, ""), Ended(BASE, 3.0, ""), Ended(None, np.inf, "did not settle")]
+    ends = [StartResult(BASE + 1.0, 7.0, ""), StartResult(BASE, 3.0, ""), StartResult(None, np.inf, "did not settle")]
     found = _lowest(PLAIN, ends)
     assert (found.chi2, found.u) == (3.0, pytest.approx(BASE))
     assert found.covariance == pytest.approx(np.eye(3))
@@ -479,9 +479,9 @@ def test_a_modulus_is_uncertain_where_the_arc_hangs_on_it_and_nothing_measures_i
     ones = np.ones(4)
     rig = WheelRig(Wheel(0.06, 0.05), 0.2 * ones, 10.0, tuple(channel(ones * 0.01, 0.01) for channel in channels))
     soil = Soil(k_1=50e3, k_2=0.0)
-    free, priors = with_arc_doubt(rig, soil, ("k", "phi"), {}, frozenset(exact))
+    free, priors = free_unmeasured_modulus(rig, soil, ("k", "phi"), {}, frozenset(exact))
     assert free == (("k", "phi", "k_1") if prior else ("k", "phi"))
     assert priors == ({"k_1": Prior(*prior)} if prior else {})
-    assert with_arc_doubt(rig, soil, ("k", "n"), {})[0] == ("k", "n")
-    known = with_arc_doubt(dataclasses.replace(rig, declared={"k_1": 50e3}), soil, ("k",), {})[1]
+    assert free_unmeasured_modulus(rig, soil, ("k", "n"), {})[0] == ("k", "n")
+    known = free_unmeasured_modulus(dataclasses.replace(rig, declared={"k_1": 50e3}), soil, ("k",), {})[1]
     assert known == ({"k_1": Prior(50e3, 17.5e3)} if Sinkage not in channels else {})

@@ -80,7 +80,7 @@ def test_bags_of_other_writers_become_the_log_of_the_same_drive(kind, seen, tmp_
 def test_an_imported_log_passes_the_checks_of_the_loop(habit, seen, tmp_path):
     _, log = imported(recordings.HABITS[habit](seen, tmp_path), tmp_path)
     assert faults(log) == ()
-    assert "held to their measured rates" in " ".join(map(str, check(log).found))
+    assert "held to their measured rates" in " ".join(map(str, check(log).findings))
 
 
 @pytest.mark.parametrize("habit", recordings.HABITS)
@@ -135,7 +135,7 @@ def test_a_user_may_say_what_a_column_is(seen, tmp_path):
     table = pd.read_csv(recordings.plain(seen, tmp_path)).rename(columns={"yaw [rad]": "blau"})
     table["blau"] += 0.001
     table.to_csv(tmp_path / "own.csv", index=False)
-    made, log = imported(tmp_path / "own.csv", tmp_path, told={"body_yaw": "blau - 0.001"})
+    made, log = imported(tmp_path / "own.csv", tmp_path, columns={"body_yaw": "blau - 0.001"})
     assert "body_yaw = blau - 0.001" in made.columns
     assert log.runs[0]["body_yaw"][:5] == pytest.approx(seen["body_yaw"][:5], abs=0.2)
 
@@ -251,7 +251,7 @@ def test_the_rover_of_a_log_is_found_from_its_folder(seen, tmp_path):
         shutil.copy(rover_folder() / name, tmp_path / name)
     import_log([recordings.plain(seen, tmp_path)], tmp_path / "cart.toml", tmp_path / "log")
     log = read_drive_log(tmp_path / "log")
-    assert log.about.rover == "../cart.toml"
+    assert log.metadata.rover == "../cart.toml"
     assert log.load_rover().mass == load_rover("cart").mass
 
 

@@ -35,6 +35,6 @@ def write(folder, name="field", runs=4, seconds=16.0, seed=0, sensors=Sensors(),
             )
         traces[f"run-{at}"] = trace
     scene.write_log(trace, folder)
-    about = dataclasses.replace(read_drive_log(folder).about, **{key: {} for key in left_out})
+    about = dataclasses.replace(read_drive_log(folder).metadata, **{key: {} for key in left_out})
     (folder / "run.csv").unlink()
     return write_drive_log(folder, traces, about)

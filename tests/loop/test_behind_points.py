@@ -16,7 +16,7 @@ from rover_pin.errors import DataError
 from rover_pin.identification.dependence import with_held
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.result import Held, Verdict
-from rover_pin.loop.behind_points import behind_points
+from rover_pin.loop.behind_points import derivation_inputs
 from rover_pin.loop.data_check import checked_evidence
 from rover_pin.loop.identified import identified
 from rover_pin.measurements.drive_points import drive_points, read_drive_points
@@ -30,14 +30,14 @@ LOG = DATA / "steepening-slope"
 
 
 def told(folder):
-    return {one.name.removeprefix("motor."): one for one in behind_points(read_drive_log(folder))}
+    return {one.name.removeprefix("motor."): one for one in derivation_inputs(read_drive_log(folder))}
 
 
 def test_a_rig_and_a_table_have_nothing_behind_their_points(tmp_path):
     table = tmp_path / "points.csv"
     table.write_text("slip,traction_factor,sd\n0.1,0.05,0.01\n0.4,0.1,0.01\n0.8,0.12,0.01\n")
     for data in (DATA / "cmu-smooth-wheel", table):
-        assert behind_points(checked_evidence(data).drive) == ()
+        assert derivation_inputs(checked_evidence(data).drive) == ()
 
 
 def test_a_log_is_read_once_for_its_check_its_points_and_what_is_behind_them(run):
@@ -89,12 +89,14 @@ def test_a_constant_of_which_nobody_says_how_sure_it_is_moves_the_points(tmp_pat
     folder = changed(tmp_path / "log", "gear", "sd")
     points, gear, log = read_drive_points(folder), told(folder)["gear"], read_drive_log(folder)
     assert gear.high / gear.value == pytest.approx(1 + 1.959964 * 0.04)
-    found = identified(points, points.declared_soil(Soil()), ("k", "phi"), behind=behind_points(log)).found
+    found = identified(
+        points, points.declared_soil(Soil()), ("k", "phi"), point_inputs=derivation_inputs(log)
+    ).identification
     assert found["phi"].verdict is Verdict.DEPENDS
     assert found["phi"].depends_on == ("motor.gear",)
     assert "measure it, and declare it with its sd" in found["phi"].reason
-    motor = record_from(Motor, log.about.motor, "here")
-    moved = next(one.moved for one in found.held if one.held.name == "motor.gear")
+    motor = record_from(Motor, log.metadata.motor, "here")
+    moved = next(one.refitted for one in found.fixed if one.fixed.name == "motor.gear")
     for side, end in enumerate((gear.low, gear.high)):
         again = drive_points(log, motor.replace(gear=end))
         fresh = identify(again, points.declared_soil(Soil()), ("k", "phi"), search=Search(starts=2))
@@ -110,12 +112,12 @@ def test_a_constant_that_the_log_leaves_out_is_the_papers(tmp_path):
 def test_where_the_current_was_measured_the_windings_do_not_enter():
     points = read_drive_points(LOG)
     found = identified(
-        points, points.declared_soil(Soil()), ("k", "phi"), behind=behind_points(read_drive_log(LOG))
-    ).found
-    rows = {one.held.name: one for one in found.held}
-    assert not rows["motor.resistance"].moved
-    assert rows["RelaxedSlip.length"].moved
-    low, high = rows["RelaxedSlip.length"].moved["k"]
+        points, points.declared_soil(Soil()), ("k", "phi"), point_inputs=derivation_inputs(read_drive_log(LOG))
+    ).identification
+    rows = {one.fixed.name: one for one in found.fixed}
+    assert not rows["motor.resistance"].refitted
+    assert rows["RelaxedSlip.length"].refitted
+    low, high = rows["RelaxedSlip.length"].refitted["k"]
     assert low > found["k"].value > high, "slip that lags more was less than Eq (1) says, at the same force"
 
 
@@ -127,6 +129,6 @@ def test_points_that_cannot_be_worked_out_again_are_no_fit():
     held = Held("motor.gear", "", 265.0, "made", 200.0, 265.0, "made", (refused, lambda: points))
     first = identify(points, points.declared_soil(Soil()), ("k", "phi"), search=Search(starts=1))
     found = with_held(first, points, [held])
-    assert math.isnan(found.held[0].moved["phi"][0])
-    assert found.held[0].moved["phi"][1] == pytest.approx(first["phi"].value, rel=1e-4)
+    assert math.isnan(found.fixed[0].refitted["phi"][0])
+    assert found.fixed[0].refitted["phi"][1] == pytest.approx(first["phi"].value, rel=1e-4)
     assert found["phi"].depends_on == ("motor.gear",)

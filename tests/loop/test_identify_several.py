@@ -13,7 +13,7 @@ from rover_pin.cli import app
 from rover_pin.contact import Soil, Wheel
 from rover_pin.errors import DataError
 from rover_pin.experiments.joint_rig.sets import read_joint
-from rover_pin.identification.arc_doubt import with_arc_doubt
+from rover_pin.identification.arc_doubt import free_unmeasured_modulus
 from rover_pin.identification.held import held_numbers
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.one_sand import sand_of
@@ -89,24 +89,24 @@ def test_a_set_cut_in_two_answers_as_the_whole():
     low = whole.slip < 0.2
     parts = [dataclasses.replace(whole.rows(keep), name=name) for name, keep in (("a", low), ("b", ~low))]
     alone, cut = (identified(each, START.replace(n=1.1), ("k", "phi", "k_1")) for each in (whole, parts))
-    for one, other in zip(alone.found.estimates, cut.found.estimates, strict=True):
-        assert (one.name, one.said) == (other.name, other.said)
+    for one, other in zip(alone.identification.estimates, cut.identification.estimates, strict=True):
+        assert (one.name, one.verdict_text) == (other.name, other.verdict_text)
         assert (one.value, one.low, one.high) == pytest.approx((other.value, other.low, other.high), rel=1e-5)
-    assert alone.found.chi2 == pytest.approx(cut.found.chi2)
-    rows = {one.held.name: one for one in alone.found.held}
-    assert [one.held.name for one in cut.found.held] == list(rows)
-    for one in cut.found.held:
-        same = rows[one.held.name]
-        assert (one.held.low, one.held.high) == (same.held.low, same.held.high)
-        for name, ends in one.moved.items():
-            assert ends == pytest.approx(same.moved[name], rel=1e-4)
+    assert alone.identification.chi2 == pytest.approx(cut.identification.chi2)
+    rows = {one.fixed.name: one for one in alone.identification.fixed}
+    assert [one.fixed.name for one in cut.identification.fixed] == list(rows)
+    for one in cut.identification.fixed:
+        same = rows[one.fixed.name]
+        assert (one.fixed.low, one.fixed.high) == (same.fixed.low, same.fixed.high)
+        for name, ends in one.refitted.items():
+            assert ends == pytest.approx(same.refitted[name], rel=1e-4)
     assert cut.unused == alone.unused == ("bulk_density",)
 
 
 def test_residuals_are_told_by_set():
     sets = pair()
     found = identified(sets, START, FREE)
-    rows = [(one.set, one.name, one.points) for one in found.found.channels]
+    rows = [(one.set, one.name, one.points) for one in found.identification.channels]
     names = ("drawbar pull", "torque", "sinkage")
     assert rows == [*(("narrow", name, 10) for name in names), *(("wide", name, 5) for name in names)]
     assert [row["set"] for row in found.as_dict()["channels"]] == ["narrow"] * 3 + ["wide"] * 3
@@ -138,14 +138,14 @@ def test_sizes_of_different_wheels_are_each_sets_own_and_alike_ones_one():
 def test_a_size_moves_its_own_wheels_and_no_others():
     sets = pair()
     free = ("k", "phi", "n", "k_1", "k_2")
-    found = identified(sets, START, free).found
+    found = identified(sets, START, free).identification
     for at, name in enumerate(WHEELS):
-        row = next(one for one in found.held if one.held.name == f"r of {name}")
+        row = next(one for one in found.fixed if one.fixed.name == f"r of {name}")
         changed = list(sets)
-        changed[at] = dataclasses.replace(sets[at], wheel=sets[at].wheel.replace(r=row.held.high))
+        changed[at] = dataclasses.replace(sets[at], wheel=sets[at].wheel.replace(r=row.fixed.high))
         fresh = identify(changed, START, free, search=Search(starts=2))
         for each in free:
-            assert row.moved[each][1] == pytest.approx(
+            assert row.refitted[each][1] == pytest.approx(
                 fresh[each].value, abs=0.02 * (fresh[each].high - fresh[each].low)
             )
 
@@ -161,17 +161,17 @@ def test_a_modulus_that_does_not_grow_with_the_width_is_an_assumption_of_several
     assert other.ends == ({}, {"k_1": other.high, "k_2": 0.0})
     both = {one.name for one in held_numbers(pair(), START.replace(k_2=1e5), ("k",))}
     assert {"k_1", "k_2"} <= both
-    found = identified(pair(), START.replace(n=TRUTH["n"]), ("k", "phi", "k_1")).found
+    found = identified(pair(), START.replace(n=TRUTH["n"]), ("k", "phi", "k_1")).identification
     assert found.misfit > 2.0
-    low, high = next(one.moved["k_1"] for one in found.held if one.held.name == "k_2")
+    low, high = next(one.refitted["k_1"] for one in found.fixed if one.fixed.name == "k_2")
     assert high < TRUTH["k_1"] < low
 
 
 def test_the_arc_is_told_where_any_set_measured_the_sinkage():
     first, second = (each.only(DrawbarPull, Torque) for each in pair())
-    free, priors = with_arc_doubt((first, second), START, ("k", "phi"), {})
+    free, priors = free_unmeasured_modulus((first, second), START, ("k", "phi"), {})
     assert (free, priors["k_1"].mean) == (("k", "phi", "k_1"), 5e4)
-    assert with_arc_doubt((first, rig("wide")), START, ("k", "phi"), {}) == (("k", "phi"), {})
+    assert free_unmeasured_modulus((first, rig("wide")), START, ("k", "phi"), {}) == (("k", "phi"), {})
 
 
 # --- one sand --------------------------------------------------------------------------------------------------------

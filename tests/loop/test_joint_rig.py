@@ -23,7 +23,7 @@ from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.joint import on_sets
-from rover_pin.loop.provenance import Asked
+from rover_pin.loop.provenance import LoopRequest
 
 _file = Path(__file__).parents[1] / "oracle" / "rig_generator.py"
 _spec = importlib.util.spec_from_file_location("rig_generator_joint", _file)
@@ -185,9 +185,9 @@ def test_too_few_levels_in_all_sets_cannot_tell(sets):
 
 
 def test_the_command_that_repeats_it_has_all_folders():
-    asked = Asked((Path("a"), Path("b c")), out="out")
+    asked = LoopRequest((Path("a"), Path("b c")), out="out")
     assert asked.command == "rover-pin close-loop a 'b c' --out out"
-    assert Asked(("a", "b"), seed=2).command == "close_the_loop(['a', 'b'], ..., seed=2)"
+    assert LoopRequest(("a", "b"), seed=2).command == "close_the_loop(['a', 'b'], ..., seed=2)"
 
 
 @pytest.fixture(scope="module")

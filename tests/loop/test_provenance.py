@@ -13,10 +13,10 @@ from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.loop import close
 from rover_pin.loop.close import close_the_loop
-from rover_pin.loop.provenance import Asked, provenance
+from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import draft_written
 
-ASKED = Asked("a folder/of --out data", "its model.toml", Path("mine.py"), "my out", "bed.py", trust=True)
+ASKED = LoopRequest("a folder/of --out data", "its model.toml", Path("mine.py"), "my out", "bed.py", trust=True)
 PARTS = {"model": None, "effects": None, "experiment": None, "trust": False}
 
 
@@ -64,9 +64,9 @@ def test_effects_of_ones_own_leave_no_room_for_the_draft(tmp_path):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        (Asked(object()), "close_the_loop(...) on data in memory"),
-        (Asked("folder", model=object()), "close_the_loop(...) on a model in memory"),
-        (Asked("folder", seed=3), "close_the_loop('folder', ..., seed=3)"),
+        (LoopRequest(object()), "close_the_loop(...) on data in memory"),
+        (LoopRequest("folder", model=object()), "close_the_loop(...) on a model in memory"),
+        (LoopRequest("folder", seed=3), "close_the_loop('folder', ..., seed=3)"),
     ],
 )
 def test_no_command_is_given_where_none_would_repeat_the_loop(asked, said, tmp_path):

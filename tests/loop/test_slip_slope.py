@@ -62,7 +62,7 @@ def test_digging_that_the_foreign_generator_hides_is_found_in_a_table_that_is_fi
     made = folder(tmp_path, sd=0.003, slopes=(*generator.SLOPES, 16.0, 18.0), digs=0.8)
     found = close_the_loop(made)
     assert found.answer in (Answer.NAMED, Answer.SET), found.summary()
-    assert "SlipSinkage" in found.alike
+    assert "SlipSinkage" in found.indistinguishable
     if found.named == ("SlipSinkage",):
         told = {one.name: one for one in found.after.numbers}
         assert told["SlipSinkage.n_1"].low < 0.8 < told["SlipSinkage.n_1"].high

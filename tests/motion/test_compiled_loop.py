@@ -72,7 +72,7 @@ def test_both_loops_drive_alike(name, monkeypatch):
     (ours, times, state), (theirs, plain_times, plain_state) = both(*(CASES[name] if name in CASES else swept()))
     assert name in CASES or {2, 4, 8, 16, 32, 64} == set(again)
     assert (ours.stop, times) == (theirs.stop, plain_times)
-    assert ours.counted.missed == pytest.approx(theirs.counted.missed, rel=1e-9)
+    assert ours.checkpoint.missed == pytest.approx(theirs.checkpoint.missed, rel=1e-9)
     assert len(ours.rows) == len(theirs.rows) > 0
     for column in ours.rows.dtype.names:
         assert ours.rows[column] == pytest.approx(theirs.rows[column], rel=1e-10, abs=1e-12), column
@@ -82,7 +82,7 @@ def test_both_loops_drive_alike(name, monkeypatch):
 
 def test_the_cases_meet_what_they_are_for():
     (stiff, *_), _ = both(*CASES["steps in parts"])
-    assert stiff.counted.missed > 0.0
+    assert stiff.checkpoint.missed > 0.0
     (buried, *_), _ = both(*CASES["buried"])
     assert buried.stop.startswith("buried: wheel ")
 
@@ -93,11 +93,11 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
     model = model.begun(run.start.x, run.start.y)
     kernel = step(model, state, replays.DT, symmetric=False)
     rates = np.zeros(len(model.rover.wheels))
-    if run.held:
+    if run.rate_driven:
         kernel.hold(rates)
     pace, suspension, moved = Pace(kernel, replays.DT), suspension_of(model), np.zeros(3)
     rows = np.zeros(len(run.t), dtype=row_type(model))
-    if not run.held:
+    if not run.rate_driven:
         down, soils = kernel.gravity.copy(), kernel.soils.copy()
     phi = list(model.soils[0].values()).index("phi")
     for row in range(len(run.t)):
@@ -111,10 +111,10 @@ def plain_replay(model, run, nudge, rest, step=Kernel):
         if nudge.grip is not None:
             changed = soils.copy()
             changed[:, phi] = np.arctan((1.0 + nudge.grip[row]) * np.tan(soils[:, phi]))
-            kernel.resoil(changed)
+            kernel.set_soils(changed)
         count = round(run.period / replays.DT)
         for part in range(count):
-            if run.held:
+            if run.rate_driven:
                 before = run.rate[max(row - 1, 0)]
                 rates[:] = before + (part + 1) / count * (run.rate[row] - before)
             assert pace.advance(part == 0) == 0
@@ -148,14 +148,14 @@ def logged(name, duration=3.0):
 @pytest.mark.parametrize("kind", ["plain", "with gaps", "nudged"])
 def test_a_replay_is_the_plain_one(kind):
     case, run = logged("ditch")
-    n, nudge = len(run.t), replays.Nudge()
+    n, nudge = len(run.t), replays.Perturbation()
     run.place[:, 0] += 0.01
     if kind == "with gaps":
         run.place[10:20, :2] = np.nan
         run.place[15:30, 2] = np.nan
     if kind == "nudged":
         wave = np.sin(np.arange(n))
-        nudge = replays.Nudge(0.02 * np.outer(wave, np.ones(6)), 2.0 * wave, 0.1 * wave)
+        nudge = replays.Perturbation(0.02 * np.outer(wave, np.ones(6)), 2.0 * wave, 0.1 * wave)
     rest = settled(case.model, run.start)
     ours = replays.replay(case.model, run, nudge, rest)
     theirs = replays._channels(case.model, run, plain_replay(case.model, run, nudge, rest))
@@ -178,8 +178,8 @@ def test_a_replay_held_to_wheel_rates_is_the_plain_one(step):
     run.rate[:, 0] *= 1.03
     run.place[:, 0] += 0.01
     rest = settled(case.model, run.start)
-    ours = replays.replay(case.model, run, rest=rest)
-    theirs = replays._channels(case.model, run, plain_replay(case.model, run, replays.Nudge(), rest, step))
+    ours = replays.replay(case.model, run, rest_state=rest)
+    theirs = replays._channels(case.model, run, plain_replay(case.model, run, replays.Perturbation(), rest, step))
     assert ours.stop == ""
     for channel, values in theirs.items():
         assert ours.channels[channel] == pytest.approx(values, rel=2e-6, abs=1e-7), channel
@@ -238,9 +238,9 @@ def test_what_holds_the_wheels_enters_the_balance_of_energy():
 def test_after_an_early_end_the_last_good_row_stands_for_the_rest():
     case, run = logged("ditch", 9.0)
     buried = scenario("ditch", buried=0.21).model
-    ended = replays.replay(buried, run, rest=settled(case.model, run.start))
+    ended = replays.replay(buried, run, rest_state=settled(case.model, run.start))
     assert ended.stop.startswith("buried: ")
-    whole = replays.replay(case.model, run, rest=settled(case.model, run.start))
+    whole = replays.replay(case.model, run, rest_state=settled(case.model, run.start))
     x = ended.channels["body_x"]
     last = int(np.flatnonzero(np.diff(x))[-1]) + 1
     assert 0 < last < len(x) - 1
@@ -255,7 +255,7 @@ def test_the_first_row_of_a_replay_that_fails_at_once_is_where_it_is():
     case, run = logged("ditch")
     rest = settled(case.model, run.start)
     rest.q[3:7] = 1.0, 0.0, 0.0, 0.0
-    ended = replays.replay(case.model, run, rest=rest)
+    ended = replays.replay(case.model, run, rest_state=rest)
     assert ended.stop.startswith("capsized") or ended.stop == "diverged"
     assert np.all(ended.channels["body_roll"] == ended.channels["body_roll"][0])
 

@@ -9,7 +9,7 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.digging_memory import DiggingMemory
 from rover_pin.effects.winding_heating import WindingHeating
 from rover_pin.errors import SimulationError
-from rover_pin.motion.going_on import Ended
+from rover_pin.motion.going_on import DriveEnd
 from rover_pin.motion.simulate import plain_simulate, simulate
 from rover_pin.motion.timing import Timing
 from rover_pin.scenarios import scenario
@@ -67,7 +67,7 @@ def test_one_end_can_be_gone_on_from_twice():
 def test_what_cannot_go_on_is_told():
     case, model = case_of("flat")
     end = simulate(model, case.controller, 0.12, case.start, Timing(control=0.05, sample=0.02)).end
-    assert isinstance(end, Ended)
+    assert isinstance(end, DriveEnd)
     for words, changes in (
         ("between two control times 0.05 s apart", {"timing": Timing(control=0.05, sample=0.02)}),
         ("as it began: give the same", {"timing": Timing()}),

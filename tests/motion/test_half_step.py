@@ -7,7 +7,7 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.tuning_drives import drive_full
 from rover_pin.control.tuning_study import DriveCase
 from rover_pin.motion import audit
-from rover_pin.motion.half_step import MOVED, MOVED_SHARE, Halved, halved, repeating, spoken
+from rover_pin.motion.half_step import MOVED, MOVED_SHARE, Halved, halved, repeating, step_warnings
 from rover_pin.motion.rows import row_type
 from rover_pin.motion.simulate import Timing, simulate
 from rover_pin.scenarios import scenario
@@ -25,30 +25,30 @@ def rows_at(x, model=None):
 def test_the_greatest_distance_counts_over_the_rows_that_both_have():
     half = halved(rows_at([0.0, 0.3, 0.1]), "duration", rows_at([0.0, 0.295]), "duration")
     assert half == Halved(pytest.approx(0.005), pytest.approx(0.5), "")
-    assert halved(rows_at([0.0]), "duration", rows_at([]), "diverged at 0.00 s: ...").moved == 0.0
+    assert halved(rows_at([0.0]), "duration", rows_at([]), "diverged at 0.00 s: ...").distance == 0.0
 
 
 @pytest.mark.parametrize("way", [0.0, 2.0])
 def test_what_is_within_a_millimetre_and_half_a_per_cent_of_the_way_needs_no_words(way):
     least = MOVED + MOVED_SHARE * way
     assert least == pytest.approx(0.001 + 0.005 * way)
-    assert spoken([DOUBT], Halved(0.999 * least, way, "")) == []
-    first, second = spoken([DOUBT], Halved(1.001 * least, way, ""))
+    assert step_warnings([DOUBT], Halved(0.999 * least, way, "")) == []
+    first, second = step_warnings([DOUBT], Halved(1.001 * least, way, ""))
     assert first == f"{DOUBT}."
     assert second.startswith(f"half the step moves the rover by up to {1e3 * least:.2g} mm: where it got to depends")
-    assert spoken([], Halved(1.001 * least, way, "")) == [second]
+    assert step_warnings([], Halved(1.001 * least, way, "")) == [second]
 
 
 def test_another_reason_to_stop_is_told_another_time_of_the_same_is_not():
     near = rows_at([0.0, 0.1])
     same = halved(near, "buried: wheel fl at 0.65 s", near, "buried: wheel fr at 0.60 s")
-    assert same.told == ""
+    assert same.warning == ""
     other = halved(near, "duration", near, "buried: wheel fl at 0.65 s")
-    assert "and ends it: buried: wheel fl at 0.65 s: where it got to depends on the step" in other.told
+    assert "and ends it: buried: wheel fl at 0.65 s: where it got to depends on the step" in other.warning
 
 
 def test_a_doubt_that_cannot_be_measured_stays_a_doubt():
-    (told,) = spoken([DOUBT], None)
+    (told,) = step_warnings([DOUBT], None)
     assert told.startswith(DOUBT)
     assert "compare with half of it" in told
 

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from rover_pin.motion.happened import happened
+from rover_pin.motion.happened import drive_outcome
 from rover_pin.motion.trace import Trace
 from rover_pin.scenarios import scenario
 
@@ -63,7 +63,7 @@ def traces():
 @pytest.mark.parametrize("name", CASES)
 def test_a_drive_says_what_it_came_to(traces, name):
     kind, words = CASES[name][2:]
-    assert happened(traces[name]).kind == kind
+    assert drive_outcome(traces[name]).kind == kind
     assert words in traces[name].attrs["happened"]
     assert traces[name].summary()["happened"] == traces[name].attrs["happened"]
 
@@ -79,14 +79,14 @@ def scaled(trace, length, time):
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize(("length", "time"), [(0.02, 0.1), (20.0, 100.0), (1.0, 1e3)])
 def test_it_is_the_same_for_a_rover_of_another_size_and_pace(traces, name, length, time):
-    here, there = happened(traces[name]), happened(scaled(traces[name], length, time))
+    here, there = drive_outcome(traces[name]), drive_outcome(scaled(traces[name], length, time))
     assert there.kind == here.kind
     assert there.since == pytest.approx(time * here.since, nan_ok=True)
 
 
 def test_stuck_since_is_when_the_body_stopped(traces):
     trace = traces["ditch"]
-    since = happened(trace).since
+    since = drive_outcome(trace).since
     before, after = np.interp([since - 1.0, since], trace.t, trace["body_x"])
     assert after - before > 0.01
     assert abs(trace["body_x"][-1] - after) < 0.01
@@ -94,7 +94,7 @@ def test_stuck_since_is_when_the_body_stopped(traces):
 
 def test_wheels_that_creep_are_told_by_their_way_and_their_share_of_the_speed_asked_for(traces):
     trace = traces["skid-steer on the spot"]
-    late, r = trace.t >= happened(trace).since, float(np.mean(trace.attrs["wheel_radii_m"]))
+    late, r = trace.t >= drive_outcome(trace).since, float(np.mean(trace.attrs["wheel_radii_m"]))
     rate = np.mean(np.abs(trace.stack("wheel_rate")[late]))
     said = trace.attrs["happened"]
     assert 1e3 * r * rate == pytest.approx(1.5, abs=0.06)
@@ -119,14 +119,14 @@ def test_parked_wheels_swing_at_the_rate_that_is_told_and_only_where_the_soil_dr
 def test_a_pause_at_the_end_is_no_stall():
     drive = scenario("flat", duration=8.0)
     stopped = dataclasses.replace(drive, controller=lambda reading: 0.55 if reading.t < 4.0 else 0.0).drive()
-    assert happened(stopped).kind == "stopped"
-    assert happened(stopped).since == pytest.approx(4.0, abs=0.1)
+    assert drive_outcome(stopped).kind == "stopped"
+    assert drive_outcome(stopped).since == pytest.approx(4.0, abs=0.1)
     assert "not driven since 4" in stopped.attrs["happened"]
 
 
 def test_a_measured_trace_without_the_truth_says_nothing(traces):
     bare = {name: traces["flat"][name] for name in ("t_s", "body_x", "body_y", "wheel_rate_fl", "duty_fl")}
-    assert happened(Trace(bare)) is None
+    assert drive_outcome(Trace(bare)) is None
     assert "happened" not in Trace(bare).summary()
 
 

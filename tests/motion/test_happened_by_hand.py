@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.motion.happened import happened
+from rover_pin.motion.happened import drive_outcome
 from rover_pin.motion.trace import Trace
 
 R, COUNT = 0.1, 201
@@ -28,7 +28,7 @@ def trace(rate=1.0, travel=0.05, duty=0.5, gave=1.0, count=COUNT, attrs=None, **
 
 
 def told(**given):
-    found = happened(trace(**given))
+    found = drive_outcome(trace(**given))
     return found.kind, found.sentence
 
 
@@ -57,15 +57,15 @@ def test_a_rover_that_has_not_turned_by_a_radius_drives():
 
 def test_stuck_is_since_the_last_radius_of_which_it_travelled_a_tenth():
     """At 5 mm/s of 100 mm/s since 10 s, at 50 mm/s before: 0.11 s before that a last radius begins with a tenth."""
-    found = happened(trace(travel=np.where(LATE, 0.005, 0.05), slip_a=0.989, slip_b=0.962))
+    found = drive_outcome(trace(travel=np.where(LATE, 0.005, 0.05), slip_a=0.989, slip_b=0.962))
     assert found.kind == "stuck"
     assert found.since == pytest.approx(9.9), "one row at 50 mm/s and nine at 5 are 9.5 % of what the rims turn"
     assert found.sentence == f"stuck at x = 0.55 m since {found.since:.1f} s: all wheels above S = 0.96"
-    assert happened(trace(travel=0.0)).since == 0.0, "from its first row on"
-    halting = happened(trace(travel=np.where(T < 5.05, 0.0, np.where(LATE, 0.005, 0.05))))
+    assert drive_outcome(trace(travel=0.0)).since == 0.0, "from its first row on"
+    halting = drive_outcome(trace(travel=np.where(T < 5.05, 0.0, np.where(LATE, 0.005, 0.05))))
     assert halting.since == found.since, "it was free in between"
-    assert happened(trace(travel=0.0, slip_a=0.057, slip_b=0.9)).sentence.endswith(": all wheels above S = 0.05")
-    assert "above" not in happened(trace(travel=0.0, slip_a=-0.2, slip_b=0.9)).sentence
+    assert drive_outcome(trace(travel=0.0, slip_a=0.057, slip_b=0.9)).sentence.endswith(": all wheels above S = 0.05")
+    assert "above" not in drive_outcome(trace(travel=0.0, slip_a=-0.2, slip_b=0.9)).sentence
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_motors_stall_since_they_turned_last():
     """Two seconds, a tenth of the drive, are looked at at once: they turn until 10 s."""
     later = T - 10.0
     motor = np.where(LATE, 10.0 + 0.01 * later, T)
-    found = happened(trace(rate=np.where(LATE, 0.0, 1.0), travel=np.where(LATE, 0.0, 0.05), energy_motor=motor))
+    found = drive_outcome(trace(rate=np.where(LATE, 0.0, 1.0), travel=np.where(LATE, 0.0, 0.05), energy_motor=motor))
     assert found.kind == "stalled"
     assert found.since == pytest.approx(10.0)
     assert found.sentence.startswith("stalled since 10.0 s: no wheel turns")
@@ -104,7 +104,7 @@ def test_motors_stall_since_they_turned_last():
 
 @pytest.mark.parametrize(("back", "words"), [(0.099, ""), (0.101, "101 mm"), (0.49, "490 mm"), (0.52, "0.52 m")])
 def test_a_radius_back_is_told(back, words):
-    found = happened(trace(travel=np.where(LATE, -back / 10.0, 0.05)))
+    found = drive_outcome(trace(travel=np.where(LATE, -back / 10.0, 0.05)))
     assert (found.kind == "slid back") is bool(words)
     if words:
         assert found.since == pytest.approx(10.0)
@@ -162,7 +162,7 @@ def test_the_later_half_begins_with_its_middle_row():
 
 
 def test_a_rover_that_is_no_longer_driven_has_stopped_since():
-    found = happened(trace(duty=np.where(LATE, 0.0, 0.5), travel=np.where(LATE, 0.002, 0.05)))
+    found = drive_outcome(trace(duty=np.where(LATE, 0.0, 0.5), travel=np.where(LATE, 0.002, 0.05)))
     assert found.kind == "stopped"
     assert found.since == pytest.approx(10.1)
     assert found.sentence == "not driven since 10.1 s, it moved on by 20 mm, at x = 0.52 m"
@@ -218,15 +218,15 @@ def test_a_place_beside_the_line_is_told_from_half_a_centimetre_on():
 
 
 def test_a_drive_that_ended_says_where_and_a_row_alone_says_nothing():
-    found = happened(trace(attrs={"stop": "capsized: roll 61 deg"}))
+    found = drive_outcome(trace(attrs={"stop": "capsized: roll 61 deg"}))
     assert (found.kind, found.since) == ("ended", 20.0)
     assert found.sentence == "capsized: roll 61 deg, at x = 1.00 m"
-    assert happened(trace(count=1)) is None
-    assert happened(trace(count=2)).kind == "driving"
-    assert happened(trace(attrs={"wheels": ["a", "c"]})) is None
+    assert drive_outcome(trace(count=1)) is None
+    assert drive_outcome(trace(count=2)).kind == "driving"
+    assert drive_outcome(trace(attrs={"wheels": ["a", "c"]})) is None
     bare = trace()
     del bare.attrs["wheel_radii_m"]
-    assert happened(bare) is None
+    assert drive_outcome(bare) is None
 
 
 @pytest.mark.parametrize("count", [3, 12, 30])
@@ -238,7 +238,7 @@ def test_a_short_drive_is_judged_by_two_rows_at_least(count):
 def test_a_drive_whose_heading_nobody_saw_is_told_without_it():
     whole = trace(travel=0.06)
     bare = Trace({name: whole[name] for name in whole if name != "body_yaw"}, attrs=whole.attrs)
-    assert happened(bare).sentence == "drives on at 0.06 m/s, at x = 1.20 m"
+    assert drive_outcome(bare).sentence == "drives on at 0.06 m/s, at x = 1.20 m"
 
 
 def test_rates_are_over_the_time_that_they_took():

@@ -15,7 +15,7 @@ from rover_pin.motion import kernel_rover
 from rover_pin.motion import laws as laws_of
 from rover_pin.motion.body_law import body_law
 from rover_pin.motion.compiled_laws import compiled_laws, structure_of
-from rover_pin.motion.hoist import hoisted
+from rover_pin.motion.hoist import split_law
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.native.library import aligned
 from rover_pin.motion.place import Start, settled
@@ -40,7 +40,7 @@ def test_the_laws_say_what_the_functions_among_them_work_with():
     """Of the constants and of what pushes the body; the laws over lanes have room of their own."""
     model = FLAT.having(TetherDrag())
     structure = structure_of(model)
-    before = hoisted(laws_of.contact_law(structure.contact), len(laws_of.GEOMETRY)).before
+    before = split_law(laws_of.contact_law(structure.contact), len(laws_of.GEOMETRY)).before
     pushed = body_law(structure.body_effects, structure.joints)
     assert pushed.sz_w() != before.sz_w()
     made = compiled_laws(structure)
@@ -83,7 +83,7 @@ def test_a_kernel_that_accounts_for_nothing_moves_alike_and_its_account_stays():
     for accounts in (True, False):
         kernel = kernel_of(FLAT)
         if not accounts:
-            kernel.unaccounted()
+            kernel.disable_energy_balance()
         kernel.duty[:] = 0.5
         assert [kernel.step() for _ in range(20)] == [0] * 20
         told.append(bool(kernel.energy.any()))

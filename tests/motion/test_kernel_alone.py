@@ -64,7 +64,7 @@ def test_changed_soils_act_as_if_they_had_been_there_from_the_start():
     other = state.copy()
     kernel = Kernel(made, state, 0.005, symmetric=False)
     fresh = Kernel(dataclasses.replace(made, soils=firmer), other, 0.005, symmetric=False)
-    kernel.resoil(np.array([list(soil.values().values()) for soil in firmer]))
+    kernel.set_soils(np.array([list(soil.values().values()) for soil in firmer]))
     for _ in range(100):
         kernel.duty[:] = fresh.duty[:] = 0.7
         assert (kernel.step(), fresh.step()) == (0, 0)

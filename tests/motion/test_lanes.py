@@ -8,7 +8,7 @@ import pytest
 
 from rover_pin.errors import ParameterError
 from rover_pin.motion import processor, toolchain
-from rover_pin.motion.hoist import hoisted
+from rover_pin.motion.hoist import split_law
 from rover_pin.motion.laws import GEOMETRY, contact_law, numbers
 from rover_pin.motion.native import lanes
 from rover_pin.scenarios import scenario
@@ -38,7 +38,7 @@ def aligned(values):
 
 def together(function, *given, shared=()):
     """Call the compiled function for as many cases at once as it has lanes; each row of `given` is a case."""
-    source = lanes.header() + lanes.written(function, shared) + "int law_lanes(void) { return LANES; }\n"
+    source = lanes.header() + lanes.c_source(function, shared) + "int law_lanes(void) { return LANES; }\n"
     handle = toolchain.shared_library(source, "test_lanes")
     width, rows = handle.law_lanes(), []
     for first in range(0, len(given[0]), width):
@@ -71,7 +71,7 @@ def test_every_operation_is_casadis():
 def test_a_law_is_casadis():
     """The scenario's contact law with its derivatives, over ways, speeds and states that a wheel meets."""
     model = scenario("ditch").model
-    function = hoisted(contact_law(model.contact_effects), len(GEOMETRY))
+    function = split_law(contact_law(model.contact_effects), len(GEOMETRY))
     rng = np.random.default_rng(1)
     n = 40
     h, speed = rng.uniform(1e-9, 0.04, n), rng.normal(0.0, 0.05, (4, n))
@@ -88,7 +88,7 @@ def test_a_law_is_casadis():
 def test_equal_values_are_worked_out_once_and_exp_with_expm1():
     x = ca.SX.sym("x", 2)
     both = ca.expm1(x[0]) + ca.exp(x[0]) * (x[0] * x[1]) - (x[1] * x[0])
-    source = lanes.written(ca.Function("both", [x], [both]))
+    source = lanes.c_source(ca.Function("both", [x], [both]))
     assert source.count("v_expm1(") == 1
     assert "v_exp(" not in source
     assert source.count("* a") == 2
@@ -97,7 +97,7 @@ def test_equal_values_are_worked_out_once_and_exp_with_expm1():
 def test_an_operation_that_lanes_do_not_know():
     x = ca.SX.sym("x")
     with pytest.raises(ParameterError, match=r"does not know CasADi's operation OP_FLOOR.*write the effect with"):
-        lanes.written(ca.Function("floored", [x], [ca.floor(x)]))
+        lanes.c_source(ca.Function("floored", [x], [ca.floor(x)]))
 
 
 def cpuinfo(tmp_path, monkeypatch, text, machine="x86_64"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.motion.going_on import Counted
+from rover_pin.motion.going_on import Checkpoint
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.native.control import Commands, commands_of
 from rover_pin.motion.native.loop import Loop, Outcome, _moving
@@ -25,9 +25,9 @@ def loop_of(steps=6, per_sample=2, **more):
 def test_a_drive_that_goes_on_asks_where_it_ended(steps):
     loop = loop_of(per_sample=1, per_control=1)
     loop.ask()
-    loop.go_on(Counted(1.0, steps, FINEST, 0.0))
+    loop.go_on(Checkpoint(1.0, steps, FINEST, 0.0))
     assert loop.run(6) is Outcome.ASKS
-    assert (loop.counted.steps, loop.state.t) == (steps, pytest.approx(1.0 + 0.005 * steps))
+    assert (loop.checkpoint.steps, loop.state.t) == (steps, pytest.approx(1.0 + 0.005 * steps))
 
 
 def test_now_is_the_state_as_a_row():

@@ -87,7 +87,7 @@ class Half(NoLimit):
     def duty(self, reading):
         return 0.1
 
-    def held(self, duty, reading):
+    def clip_duty(self, duty, reading):
         return min(duty, 0.1)
 
 
@@ -139,7 +139,7 @@ def test_the_duties_and_angles_of_a_turn_in_the_loop_are_those_of_its_class():
         for wrap in (lambda control: control, asked):
             control = TackingControl(case.model.rover, Tacking(radius=0.9))
             trace = simulate(case.model, wrap(control), 0.05, Start(0.0, 0.0, yaw))
-            ends.append(np.concatenate([trace.end.held.duty, trace.end.held.servo]))
+            ends.append(np.concatenate([trace.end.stepper_state.duty, trace.end.stepper_state.servo]))
         assert ends[0] == pytest.approx(ends[1], rel=0.0, abs=1e-12)
 
 

@@ -10,7 +10,7 @@ from rover_pin.body.acceleration import constraint_rows
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.motion.command import Command
 from rover_pin.motion.driving import OFTEN, Drive, obey
-from rover_pin.motion.going_on import Counted
+from rover_pin.motion.going_on import Checkpoint
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.native.shared import ENERGY, RECORD
 from rover_pin.motion.pace import FINEST
@@ -80,7 +80,7 @@ def test_it_asks_at_its_period_and_notes_every_sample():
     assert [t for t, _ in asked] == pytest.approx(3.0 + 0.02 * np.arange(10))
     assert [current for _, current in asked] == list(range(0, 40, 4)), "as the step before left it"
     assert ran.stop == "duration"
-    assert ran.counted == Counted(3.0, 40, FINEST, 0.0)
+    assert ran.checkpoint == Checkpoint(3.0, 40, FINEST, 0.0)
     rows, steps = ran.rows, np.array([10.0, 20.0, 30.0, 40.0])
     assert rows["t"] == pytest.approx(3.0 + 0.005 * steps)
     assert rows["q"][:, 0] == pytest.approx(1e-3 * steps)
@@ -115,11 +115,11 @@ def test_it_goes_on_in_the_beat_of_the_drive_that_ended():
     asked, begun = [], state()
     begun.t = 3.09
     stepper = Counting(begun)
-    on = Counted(3.0, 18, FINEST // 4, 0.25)
+    on = Checkpoint(3.0, 18, FINEST // 4, 0.25)
     ran = run_plain(drive(stepper, lambda reading: asked.append(reading.t) or 0.5, on), 0.1, None)
     assert asked == pytest.approx([3.1, 3.12, 3.14, 3.16, 3.18])
     assert ran.rows["t"] == pytest.approx([3.1, 3.15])
-    assert ran.counted == Counted(3.0, 38, FINEST, 0.25)
+    assert ran.checkpoint == Checkpoint(3.0, 38, FINEST, 0.25)
     assert stepper.lengths[0] == pytest.approx(0.005 / 4)
 
 
@@ -128,14 +128,14 @@ def test_a_drive_that_cannot_go_on_keeps_the_row_that_says_so():
     assert ran.stop.startswith("capsized: roll ")
     assert ran.stop.endswith(" at 0.15 s")
     assert ran.rows["t"] == pytest.approx([0.05, 0.1, 0.15])
-    assert ran.counted.steps == 30
+    assert ran.checkpoint.steps == 30
 
 
 def test_a_step_without_numbers_ends_it_before_its_row():
     ran = run_plain(drive(Counting(state(), bad=17)), 1.0, None)
     assert ran.stop == "diverged at 0.09 s: a velocity is not finite"
     assert ran.rows["t"] == pytest.approx([0.05])
-    assert (ran.counted.steps, ran.counted.size) == (17, 1)
+    assert (ran.checkpoint.steps, ran.checkpoint.size) == (17, 1)
 
 
 @pytest.mark.parametrize("k", range(1, 13))
@@ -155,7 +155,7 @@ def test_a_step_is_taken_again_unless_a_command_or_a_row_came_before(k):
     ran = run_plain(drive(stepper), 0.1, None)
     commanded = k % 4 == 0 or k % 10 == 0
     assert hasattr(stepper, "restored") != commanded
-    assert ran.counted.missed == pytest.approx(0.005 if commanded else 0.0)
+    assert ran.checkpoint.missed == pytest.approx(0.005 if commanded else 0.0)
 
 
 def test_commands_reach_the_motors():
@@ -187,7 +187,7 @@ def test_wheels_are_held_by_the_same_inertia_in_both_steps():
 
 
 def test_a_drive_begins_with_nothing_misjudged():
-    assert Counted(0.0, 0, FINEST).missed == 0.0
+    assert Checkpoint(0.0, 0, FINEST).missed == 0.0
 
 
 def test_a_plain_step_whose_numbers_are_lost_says_so():

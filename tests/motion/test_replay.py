@@ -11,7 +11,7 @@ from rover_pin.body.shapes import flat
 from rover_pin.errors import DataError
 from rover_pin.motion.native.shared import RECORD
 from rover_pin.motion.place import Start, settled
-from rover_pin.motion.replay import Nudge, averaged, commands, filled, replay, shared, shares
+from rover_pin.motion.replay import Perturbation, averaged, commands, filled, replay, shared, shares
 from rover_pin.motion.replay import _channels as channels_of
 from rover_pin.motion.replay import _fields as fields
 from rover_pin.motion.replay import _with_last as with_last
@@ -36,7 +36,7 @@ def test_rows_are_the_logs_own_at_its_period():
     assert run.place == pytest.approx(np.column_stack([0.005 * np.arange(40), np.full(40, 0.5), np.full(40, 0.3)]))
     assert run.period == pytest.approx(0.05)
     assert run.steer.shape == (40, 0)
-    assert not run.held
+    assert not run.rate_driven
     assert (run.start.x, run.start.y, run.start.yaw) == pytest.approx((0.01, 0.5, 0.3)), "the mean of five rows"
 
 
@@ -81,7 +81,7 @@ def test_a_log_without_duties_is_held_to_its_rates():
     made = log(wheel_rate_a=rate, wheel_rate_b=0.5 * rate)
     bare = Trace({name: values for name, values in made.channels.items() if name != "duty_a"})
     run = commands(bare, ("a", "b"), ())
-    assert run.held
+    assert run.rate_driven
     assert run.rate[:, 0] == pytest.approx(np.linspace(-1.0, 3.0, 40)), "a gap is bridged by a straight line"
     assert run.duty == pytest.approx(run.rate / 3.0), "as a share of the fastest"
 
@@ -134,12 +134,12 @@ def test_wheels_that_are_tied_have_the_mean_of_their_rates_each_by_its_gear():
 def test_a_nudge_is_added_to_the_duty_and_places_are_drawn_to_within_a_second():
     run = commands(log(), ("a",), ())
     model = SimpleNamespace(motor=SimpleNamespace(stall_torque=2.0))
-    found = fields(model, run, Nudge(torque=np.full((40, 1), 0.5), force=np.full(40, 3.0)))
+    found = fields(model, run, Perturbation(torque=np.full((40, 1), 0.5), force=np.full(40, 3.0)))
     assert found["duty_rows"] == pytest.approx(run.duty + 0.25)
     assert found["force_rows"].tolist() == [3.0] * 40
     assert "grip_rows" not in found
     assert found["share"] == pytest.approx(0.05), "a row of 50 ms, with a time constant of 1 s"
-    assert fields(model, run, Nudge())["duty_rows"] == pytest.approx(run.duty)
+    assert fields(model, run, Perturbation())["duty_rows"] == pytest.approx(run.duty)
 
 
 @pytest.mark.parametrize("held", [False, True])
@@ -149,7 +149,7 @@ def test_channels_are_what_the_model_did_without_what_it_was_drawn(held):
     for name in ("q", "v", "record", "attitude", "moved", "velocity"):
         rows[name] = rng.normal(size=rows[name].shape)
     rows["attitude"][:, 2] = [3.0, 3.1, -3.1, -3.0, -2.9]
-    found = channels_of(model, SimpleNamespace(t=np.arange(n), held=held), rows)
+    found = channels_of(model, SimpleNamespace(t=np.arange(n), rate_driven=held), rows)
     for at, axis in enumerate("xy"):
         assert found[f"body_{axis}"] + rows["moved"][:, at] == pytest.approx(rows["q"][:, at])
     assert np.array_equal(found["body_z"], rows["q"][:, 2])
@@ -177,7 +177,7 @@ def test_a_replay_whose_numbers_are_lost_has_diverged():
     steered = tuple(wheel.name for wheel in drive.model.rover.wheels if wheel.steer_dof is not None)
     run, rest = commands(drive.drive(), wheels, steered), settled(drive.model, Start())
     rest.v[0] = NAN
-    assert replay(drive.model, run, rest=rest).stop == "diverged"
+    assert replay(drive.model, run, rest_state=rest).stop == "diverged"
 
 
 def test_commands_of_other_wheels_than_the_rovers_are_refused():
@@ -209,7 +209,7 @@ def test_a_replay_that_ends_early_keeps_the_row_before_its_end():
     model, run = flat_run()
     rest = settled(model, Start())
     rest.q[2] += 0.3
-    found = replay(dataclasses.replace(model, buried=0.05), run, rest=rest)
+    found = replay(dataclasses.replace(model, buried=0.05), run, rest_state=rest)
     assert "buried" in found.stop
     z = found.channels["body_z"]
     last = int(np.flatnonzero(np.diff(z))[-1]) + 1

@@ -14,7 +14,7 @@ from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.errors import SimulationError
 from rover_pin.motion import half_step
 from rover_pin.motion.audit import airborne, balance_warning, braked, doubts_of, load_warning, mean_load
-from rover_pin.motion.going_on import Counted
+from rover_pin.motion.going_on import Checkpoint
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.kernel_rover import armed
 from rover_pin.motion.native.shared import RECORD
@@ -315,7 +315,7 @@ def test_what_the_finest_step_before_misjudged_counts_by_its_own_length():
 
     stub = Told((0.0, 0.0), 0.0)
     pace = Pace(stub, 64.0)
-    pace.go_on(Counted(0.0, 0, 1, 0.5))
+    pace.go_on(Checkpoint(0.0, 0, 1, 0.5))
     assert pace.advance(True) == 0
     assert stub.tried[:5] == [1.0, 1.0, 2.0, 1.0, 1.0]
     assert pace.missed == pytest.approx(0.5 + 0.06)

@@ -17,7 +17,7 @@ from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.kernel_rover import armed
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motor import Motor
-from rover_pin.motion.native.compiled_body import Known, compiled_body
+from rover_pin.motion.native.compiled_body import KeyedModel, compiled_body
 from rover_pin.motion.native.rigid_body import inertia_places, rigid_body, tree_of
 from rover_pin.motion.place import Start, hovering
 
@@ -137,7 +137,7 @@ def test_the_compiled_body_is_what_pinocchio_says(name):
     kinetic, potential = kernel.energies()
     same(kinetic, pin.computeKineticEnergy(model, data, q, v))
     same(potential, pin.computePotentialEnergy(model, data, q))
-    made = compiled_body(Known.of(rover.model))
+    made = compiled_body(KeyedModel.of(rover.model))
     rotors = np.diag(model.armature)
     inertia = kernel.keep["rigid"][: len(made.rows)]
     same(inertia, (np.triu(pin.crba(model, data, q)) - rotors)[made.rows, made.columns])

@@ -14,7 +14,7 @@ from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import LEVEL_SD, base_model, nuisances, with_spread
 from rover_pin.motion import run_terrain as run_terrain_file
-from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
+from rover_pin.motion.drive_log import LogMetadata, read_drive_log, write_drive_log
 from rover_pin.motion.run_terrain import estimated, level_on, run_terrain
 from rover_pin.motion.trace import Trace
 
@@ -169,7 +169,7 @@ def log(folder, terrain, traces=None, **rows):
     for name, drive in (traces or {"up": run(pitch=-5 * DEG), "down": run(math.pi, pitch=5 * DEG)}).items():
         rates = {f"wheel_rate_{wheel}": np.full(len(drive.t), 1.0) for wheel in wheels}
         made[name] = Trace({**drive.channels, **rates}, {}, rows.get(name, {}))
-    write_drive_log(folder, made, About("slopes", rover="cart", wheels=wheels, terrain=terrain))
+    write_drive_log(folder, made, LogMetadata("slopes", rover="cart", wheels=wheels, terrain=terrain))
     return read_drive_log(folder)
 
 
@@ -193,7 +193,7 @@ def test_an_estimated_ground_is_not_compared_with_what_it_was_estimated_from(tmp
     runs = logged_runs(read, CART)
     assert {"path", "heading"} <= set(runs[0].channels)
     assert not {"body_pitch", "body_roll", "body_z"} & set(runs[0].channels)
-    assert runs[0].seen.shape[0] == len(runs[0].channels)
+    assert runs[0].observed.shape[0] == len(runs[0].channels)
 
 
 def test_the_zero_of_the_level_widens_the_resistance(tmp_path):

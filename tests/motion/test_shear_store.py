@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from rover_pin.motion import soil_energy
 from rover_pin.motion.shear_store import ShearStore, shear_store
-from rover_pin.motion.soil_energy import gift
+from rover_pin.motion.soil_energy import spurious_energy
 from rover_pin.scenarios import scenario
 from rover_pin.soil.traction import wheel_forces
 
@@ -42,14 +42,14 @@ def test_what_was_stored_comes_back_at_a_steady_load(flat, top):
     work = float(model.slip.length) * 20.0 * quad(lambda S: M(model, S), 0.0, top)[0]
     assert np.sum(store.taken[:40]) == pytest.approx(work, rel=2e-3)
     assert np.sum(store.taken) == pytest.approx(0.0, abs=1e-12)
-    assert store.held[39] - store.held[0] == pytest.approx(work, rel=2e-3)
+    assert store.stored[39] - store.stored[0] == pytest.approx(work, rel=2e-3)
     assert store.overdrawn == 0.0
 
 
 def test_the_store_is_empty_where_no_shear_acts(flat):
     model, trace = flat
     free = brentq(lambda S: M(model, S), -0.3, 0.0)
-    held = shear_store(model, sheared(trace, np.linspace(-1.0, 1.0, 401), 20.0)).held
+    held = shear_store(model, sheared(trace, np.linspace(-1.0, 1.0, 401), 20.0)).stored
     assert held.min() == pytest.approx(0.0, abs=1e-3 * held.max())
     assert np.linspace(-1.0, 1.0, 401)[np.argmin(held)] == pytest.approx(free, abs=0.02)
 
@@ -59,7 +59,7 @@ def test_a_load_that_grows_on_sheared_soil_overdraws_the_store(flat):
     model, trace = flat
     up, down = np.linspace(-0.1, 0.5, 40), np.linspace(0.5, -0.1, 40)
     store = shear_store(model, sheared(trace, [*up, *down], [10.0] * 40 + [30.0] * 40))
-    assert store.overdrawn == pytest.approx(2.0 * store.held[39], rel=1e-3)
+    assert store.overdrawn == pytest.approx(2.0 * store.stored[39], rel=1e-3)
 
 
 def test_the_state_lags_behind_the_slip_by_its_damping(flat):
@@ -69,8 +69,8 @@ def test_the_state_lags_behind_the_slip_by_its_damping(flat):
     rows = 2000
     made = sheared(trace, [0.1, *[0.3] * (rows - 1)], 20.0)
     half = int(np.searchsorted(made.t, 0.05 + 0.1 * np.log(2.0)))
-    held = shear_store(damped, made).held
-    there = shear_store(model, sheared(trace, [0.2] * 2, 20.0)).held[0]
+    held = shear_store(damped, made).stored
+    there = shear_store(model, sheared(trace, [0.2] * 2, 20.0)).stored[0]
     assert held[half] == pytest.approx(there, rel=2e-3)
 
 
@@ -78,13 +78,13 @@ def test_slip_that_follows_at_once_stores_nothing(flat):
     _, trace = flat
     store = shear_store(scenario("flat", slip="algebraic").model, trace)
     assert not store.taken.any()
-    assert not store.held.any()
+    assert not store.stored.any()
     assert store.overdrawn == 0.0
 
 
 def test_a_wheel_in_the_air_stores_nothing(flat):
     model, trace = flat
-    assert not shear_store(model, sheared(trace, np.linspace(0.0, 0.9, 20), 0.0)).held.any()
+    assert not shear_store(model, sheared(trace, np.linspace(0.0, 0.9, 20), 0.0)).stored.any()
 
 
 @pytest.mark.parametrize(("name", "settings"), [("ditch", {"soil.k": 0.01}), ("bump", {}), ("washboard", {})])
@@ -94,11 +94,11 @@ def test_a_ready_made_drive_gets_back_what_it_had_stored_and_no_more(name, setti
     trace = made.drive()
     assert not any("nowhere" in each for each in trace.attrs["warnings"])
     real = shear_store(made.model, trace)
-    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: ShearStore(0.0 * real.taken, 0.0 * real.held))
-    bare = gift(made.model, trace).traction
+    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: ShearStore(0.0 * real.taken, 0.0 * real.stored))
+    bare = spurious_energy(made.model, trace).traction
     assert bare > 0.004
-    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: ShearStore(real.taken, 1e9 + real.held))
-    assert gift(made.model, trace).traction < 0.05 * bare
+    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: ShearStore(real.taken, 1e9 + real.stored))
+    assert spurious_energy(made.model, trace).traction < 0.05 * bare
 
 
 def test_a_rover_that_turns_on_rocks_is_not_accused():

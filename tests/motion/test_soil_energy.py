@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.motion import soil_energy
 from rover_pin.motion.shear_store import ShearStore
-from rover_pin.motion.soil_energy import Gift, _of_traction, carriers, energy_warning, gift
+from rover_pin.motion.soil_energy import SpuriousEnergy, _of_traction, carriers, energy_warning, spurious_energy
 from rover_pin.scenarios import scenario
 
 WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
@@ -36,7 +36,7 @@ def test_forms_without_compaction_give_nothing_at_negative_slip(name, settings):
     """They gave 4 to 37 % of the motors' work before the torque had to pay for the pull; the account is in order."""
     model, trace = driven(name, **settings)
     assert trace.stack("slip").min() < -0.07
-    found = gift(model, trace)
+    found = spurious_energy(model, trace)
     assert found.traction < 0.015 * trace["energy_motor"].max(), "what is left is a slip that lags"
     assert trace.energy_error() < 0.01
 
@@ -56,7 +56,7 @@ def test_a_torque_that_is_too_small_for_its_pull_is_told_by_hand():
 def test_an_account_that_falls_is_told():
     model, trace = driven("flat")
     trace.channels["energy_soil"] = -trace["energy_soil"]
-    assert gift(model, trace).soil > 0.03
+    assert spurious_energy(model, trace).soil > 0.03
     assert "the soil's account fell by" in energy_warning(model, trace)
 
 
@@ -82,8 +82,8 @@ def test_what_pressed_a_wheel_in_comes_back_as_it_lifts(fall):
     channels = {name: np.resize(values, 2002) * 0.0 for name, values in trace.channels.items()}
     channels |= {"t_s": np.linspace(0.05, 5.0, 2002), "sinkage_fl": h, "normal_fl": load, "energy_soil": held + lost}
     made = dataclasses.replace(trace, channels=channels, attrs={})
-    assert gift(model, made).soil == pytest.approx(fall, abs=2e-5)
-    assert gift(model, made).traction == 0.0
+    assert spurious_energy(model, made).soil == pytest.approx(fall, abs=2e-5)
+    assert spurious_energy(model, made).traction == 0.0
 
 
 @pytest.mark.parametrize(("fall", "told"), [(4.9, False), (5.1, True)])
@@ -130,7 +130,7 @@ def test_a_drive_that_pays_for_its_way_gets_no_warning(name, settings):
 
 def test_the_net_form_gives_nothing_at_any_slip():
     model, trace = driven("ditch", form="net", **{"soil.k": 0.005})
-    assert gift(model, trace).traction == 0.0
+    assert spurious_energy(model, trace).traction == 0.0
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_before_the_first_row_a_rover_that_was_set_down_has_had_nothing(set_down
     channels = {name: np.zeros(3) for name in trace.channels} | {"t_s": np.array([0.05, 0.1, 0.15])}
     channels |= {"sinkage_fl": h, "normal_fl": np.full(3, load), "energy_soil": held - held.max() - 0.1}
     made = dataclasses.replace(trace, channels=channels, attrs={"set_down": "at rest"} if set_down else {})
-    assert gift(model, made).soil == pytest.approx(fall)
+    assert spurious_energy(model, made).soil == pytest.approx(fall)
 
 
 @pytest.mark.parametrize(
@@ -189,10 +189,10 @@ def test_before_the_first_row_a_rover_that_was_set_down_has_had_nothing(set_down
 )
 def test_a_gift_is_told_as_a_share_of_the_motors_work_that_exceeds_it(meanwhile, share):
     trace = SimpleNamespace(attrs={"traction_form": "net"})
-    said = _of_traction(trace, Gift(1.0, 0.0, meanwhile), 0.5)
+    said = _of_traction(trace, SpuriousEnergy(1.0, 0.0, meanwhile), 0.5)
     assert said.startswith(f"the net form's traction gave 1 J from nowhere{share}")
     assert ("meanwhile" in said) == bool(share)
-    assert _of_traction(trace, Gift(1.0, 0.0, meanwhile), 1.1) == ""
+    assert _of_traction(trace, SpuriousEnergy(1.0, 0.0, meanwhile), 1.1) == ""
 
 
 @pytest.mark.parametrize(
@@ -221,4 +221,6 @@ def test_the_resistance_that_a_pull_pays_fades_with_the_travel_over_the_rim(v):
     channels |= {f"{name}_fl": np.full(2, value) for name, value in wheel.items()}
     fades = v / np.hypot(v, float(resists.fading(0.045)))
     gave = (1.0 + float(resists.R) * 20.0 * fades) * v * 2.0
-    assert gift(model, dataclasses.replace(trace, channels=channels, attrs={})).traction == pytest.approx(gave)
+    assert spurious_energy(model, dataclasses.replace(trace, channels=channels, attrs={})).traction == pytest.approx(
+        gave
+    )

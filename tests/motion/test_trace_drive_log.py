@@ -7,7 +7,7 @@ import pytest
 
 from rover_pin.body import shapes
 from rover_pin.errors import DataError, ParameterError
-from rover_pin.motion.drive_log import About, read_drive_log, write_drive_log
+from rover_pin.motion.drive_log import LogMetadata, read_drive_log, write_drive_log
 from rover_pin.motion.log_terrain import terrain_from, write_terrain
 from rover_pin.motion.saved import load_trace, save_trace
 from rover_pin.motion.trace import Trace
@@ -56,8 +56,8 @@ def test_a_measured_log(log):
     log(MEASURED, name="again.csv")
     log(MEASURED, "x_m,z_m\n0,0\n1,0.1\n", "ground.csv")
     found = read_drive_log(folder)
-    assert (found.about.name, found.about.gravity, found.about.licence) == ("field", 1.62, "CC0")
-    assert found.about.soil["phi"]["sd"] == 2.0
+    assert (found.metadata.name, found.metadata.gravity, found.metadata.licence) == ("field", 1.62, "CC0")
+    assert found.metadata.soil["phi"]["sd"] == 2.0
     first, second = found.runs
     assert first.attrs["start"] == {"x": 1.0, "y": 0.0, "yaw": 0.5}
     assert (first.attrs["purpose"], first.attrs["gravity_mps2"], second.attrs["file"]) == ("climb", 1.62, "again.csv")
@@ -83,9 +83,11 @@ def test_a_simulated_log_there_and_back(tmp_path, terrain):
         "one": Trace({"t_s": t, "slip_fl": np.sin(t), "odd": t}, {"odd": "K"}, {"stop": "duration", "purpose": "p"}),
         "two": Trace({"t_s": t, "duty_rr": np.cos(t)}),
     }
-    about = About("pair", "made here", gravity=1.62, wheels=("fl", "rr"), terrain=write_terrain(tmp_path, terrain))
+    about = LogMetadata(
+        "pair", "made here", gravity=1.62, wheels=("fl", "rr"), terrain=write_terrain(tmp_path, terrain)
+    )
     found = read_drive_log(write_drive_log(tmp_path, traces, about))
-    assert found.about == about
+    assert found.metadata == about
     assert found.terrain() == terrain
     for trace, again in zip(traces.values(), found.runs, strict=True):
         assert again.units == trace.units
@@ -201,9 +203,9 @@ def test_other_refusals(tmp_path, log):
     with pytest.raises(ParameterError, match=r"there is no run 'clim': did you mean 'climb'\?"):
         read_drive_log(log()).run("clim")
     with pytest.raises(DataError, match="needs one run at least"):
-        write_drive_log(tmp_path / "new", {}, About("new"))
+        write_drive_log(tmp_path / "new", {}, LogMetadata("new"))
     with pytest.raises(DataError, match="'a/b' is not a file name"):
-        write_drive_log(tmp_path / "new", {"a/b": Trace({"t_s": [0.0]})}, About("new"))
+        write_drive_log(tmp_path / "new", {"a/b": Trace({"t_s": [0.0]})}, LogMetadata("new"))
     with pytest.raises(DataError, match="cannot be read: No such file"):
         read_toml(tmp_path / "no.toml")
     assert not (tmp_path / "new").exists()

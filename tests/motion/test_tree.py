@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from rover_pin.body.rover import load_rover
-from rover_pin.motion.native.compiled_body import Known, compiled_body
+from rover_pin.motion.native.compiled_body import KeyedModel, compiled_body
 from rover_pin.motion.native.rigid_body import SAME, _revolves, inertia_places, rigid_body, tree_of
 
 ROTATION, PLACE = slice(0, 9), slice(9, 12)
@@ -140,7 +140,7 @@ def test_bodies_of_the_same_content_are_compiled_once_and_another_tree_is_anothe
         (pin.JointModelRX(), shifted(0.0, 0.2, 0.0), UNEVEN),
     )
     model = tree(joint, end)
-    assert compiled_body(Known.of(model)) is compiled_body(Known.of(model.copy()))
+    assert compiled_body(KeyedModel.of(model)) is compiled_body(KeyedModel.of(model.copy()))
     free = tree(joint, (pin.JointModelRUBX(), *end[1:]))
-    assert Known.of(free) != Known.of(model)
-    assert compiled_body(Known.of(free)) is not compiled_body(Known.of(model))
+    assert KeyedModel.of(free) != KeyedModel.of(model)
+    assert compiled_body(KeyedModel.of(free)) is not compiled_body(KeyedModel.of(model))

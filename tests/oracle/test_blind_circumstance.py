@@ -80,8 +80,8 @@ def test_a_log_declares_its_gravity_and_its_encoders(tmp_path):
     sets = [{"index": at, "kind": "none", "hidden": [], "under": name} for at, name in ((1, "moon"), (3, "coarse"))]
     sealed.generate(tmp_path / "sets", sets, 4, tmp_path / "answers.json", duration=0.5)
     moon, coarse = (read_drive_log(tmp_path / "sets" / f"set_{at:04d}") for at in (1, 3))
-    assert moon.about.gravity == pytest.approx(1.62)
-    assert coarse.about.gravity == pytest.approx(9.81)
+    assert moon.metadata.gravity == pytest.approx(1.62)
+    assert coarse.metadata.gravity == pytest.approx(9.81)
     declared = tomllib.loads((coarse.folder / "drive.toml").read_text())["noise"]
     assert declared["wheel_rate"]["value"] == circumstance.noise("coarse")["wheel_rate"]
     told = sealed.opened(tmp_path / "sets", tmp_path / "answers.json")["sets"]

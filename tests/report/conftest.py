@@ -14,7 +14,7 @@ from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out import held_out
 from rover_pin.discrepancy.refit import Refit
-from rover_pin.discrepancy.screen import Scored, Signature, fee_of
+from rover_pin.discrepancy.screen import Scored, Signature, candidate_threshold
 from rover_pin.discrepancy.search import Round, Search
 from rover_pin.discrepancy.verdict import Side, Verdict
 from rover_pin.effects.gear_friction import GearFriction
@@ -36,10 +36,10 @@ from rover_pin.experiments.drive_log.model import DRIVEN_SAND
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.unlisted.actions import FORCE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
-from rover_pin.experiments.unlisted.remainder import ChannelRemainder, Remainder
+from rover_pin.experiments.unlisted.remainder import DriveChannelResidual, DriveResidual
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.drive_log import About, DriveLog
+from rover_pin.motion.drive_log import DriveLog, LogMetadata
 from rover_pin.motion.model import Model, base_effects
 from rover_pin.motion.motors import nexus6_motor
 from rover_pin.motion.place import Start
@@ -89,7 +89,7 @@ def made():
     free = [phi, parameter(model, "WeakMotor[0].g", 0.02)]
     before = fitted(task, model, free)
     after = fitted(task, truth, [*free, SAG.size("SupplySag.R_b")])
-    return DriveLog(Path("nowhere"), About("small", source="made here"), traces), before, after
+    return DriveLog(Path("nowhere"), LogMetadata("small", source="made here"), traces), before, after
 
 
 SAG = Candidate("SupplySag", SupplySag(), ("SupplySag.R_b",), ("SupplySag.tau",))
@@ -108,7 +108,7 @@ def looked(before, after):
     saturation = Candidate("TorqueSaturation", TorqueSaturation(), ("TorqueSaturation.i_max",))
     motor = Candidate("WeakMotor", None, ("WeakMotor[0].g",), place="0")
     rows = (
-        scored(SAG, before, {"SupplySag.R_b": 2.0}, 400.0, 2 * math.sqrt(fee_of(SAG, 5)), 0.3),
+        scored(SAG, before, {"SupplySag.R_b": 2.0}, 400.0, 2 * math.sqrt(candidate_threshold(SAG, 5)), 0.3),
         scored(saturation, before, {"TorqueSaturation.i_max": 0.03}, 9.0, 50.0, 0.2),
         scored(friction, before, {"GearFriction.tau_c": 0.02}, 5.0, 20.0, 0.99),
         scored(motor, before, {"WeakMotor[0].g": 0.02}, 3.0, 1.0, 0.5),
@@ -123,18 +123,18 @@ def term(argument, size, gain=200.0):
     size = np.array(size)
     return Term(
         Act(FORCE, "", "N", ()), argument, ("run_1", "run_2"), size, 0.01 * np.eye(len(size)), gain, 3, 12.0,
-        None if argument.own else 150.0,
+        None if argument.per_run else 150.0,
     )  # fmt: skip
 
 
 def left(gain=200.0):
     """A remainder that a force along the way describes."""
     place = Argument("place", "m", lambda scene, run, part: 0, Polynomial(0.0, 1.0, 2))
-    moment = Argument("moment", "s", lambda scene, run, part: 0, Hats((0.0, 2.5, 5.0)), own=True)
-    run = Argument("run", "", lambda scene, run, part: 0, Polynomial(0.0, 1.0, 0), own=True)
-    channel = ChannelRemainder("path", 2.0, 0.1, 1.0, {"duty": 0.4, "slip": -0.1}, "run_1", 2.0, 0.3)
+    moment = Argument("moment", "s", lambda scene, run, part: 0, Hats((0.0, 2.5, 5.0)), per_run=True)
+    run = Argument("run", "", lambda scene, run, part: 0, Polynomial(0.0, 1.0, 0), per_run=True)
+    channel = DriveChannelResidual("path", 2.0, 0.1, 1.0, {"duty": 0.4, "slip": -0.1}, "run_1", 2.0, 0.3)
     terms = (term(place, [1.0, 0.2, 0.1], gain), term(moment, range(6), gain), term(run, [1.0, 2.0], gain))
-    return Remainder(terms, (channel, channel._replace(name="drift", rms=1.0)), ("run_1", "run_2"), ("fl", "fr"))
+    return DriveResidual(terms, (channel, channel._replace(name="drift", rms=1.0)), ("run_1", "run_2"), ("fl", "fr"))
 
 
 @pytest.fixture(scope="session")
@@ -149,7 +149,7 @@ def verdict(made):
         sentence="the log is consistent with SupplySag, which takes 99% of it.",
         model=after.model,
         effects=(next(one for one in after.model.all_effects if isinstance(one, SupplySag)),),
-        alike=("SupplySag",),
+        indistinguishable=("SupplySag",),
         named=("SupplySag",),
         share=0.99,
         before=Side(before.model, numbers(before), before.misfit, before),

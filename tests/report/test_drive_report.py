@@ -19,15 +19,15 @@ from rover_pin.report.drive.cautions import cautions
 from rover_pin.report.drive.full_duty import at_full_duty
 from rover_pin.report.drive.ghost import Ghosts
 from rover_pin.report.drive.left import LeftOver
-from rover_pin.report.drive.report import FreeRuns, manner_of, sides_of, write_report
+from rover_pin.report.drive.report import FreeRuns, labels_of, sides_of, write_report
 from rover_pin.report.drive.runs import Sides, strayed, telling_channels, worst_runs
 from rover_pin.report.figures import LATER
-from rover_pin.report.practical import sizes
+from rover_pin.report.practical import channel_changes
 from rover_pin.report.sections.held_out import HeldOut
 from rover_pin.report.sections.numbers import Numbers, number_table
 from rover_pin.report.sections.physics import Physics
 from rover_pin.report.sections.sensitivity import Untold, sensitivities
-from rover_pin.report.sections.which_effect import WhichEffect, judged, own_text
+from rover_pin.report.sections.which_effect import WhichEffect, describe_outcome, own_text
 
 SECTIONS = [
     "Driven freely", "Seen in 3D", "Error on data that were not fitted", "Where the error lives",
@@ -77,11 +77,11 @@ def test_names_are_text_whatever_they_hold(made, verdict, tmp_path):
     odd = "a_$x^$ <i>b</i>"
     extra = extra_of(verdict)
     free = tuple(each._replace(run=odd) for each in extra.free)
-    one = dataclasses.replace(verdict, name="<b>small</b>", extra=DriveExtra(free, extra.remainder))
-    log = dataclasses.replace(made[0], about=dataclasses.replace(made[0].about, name="<b>small</b>"))
+    one = dataclasses.replace(verdict, name="<b>small</b>", extra=DriveExtra(free, extra.residual))
+    log = dataclasses.replace(made[0], metadata=dataclasses.replace(made[0].metadata, name="<b>small</b>"))
     content = FreeRuns(one).content()
     assert content["table"].rows[0].cells[0] == odd
-    no_scene = dataclasses.replace(one, extra=DriveExtra((), extra.remainder))
+    no_scene = dataclasses.replace(one, extra=DriveExtra((), extra.residual))
     page = page_of((log,), no_scene, tmp_path)
     assert "&lt;b&gt;small&lt;/b&gt;" in page
     assert "<b>small" not in page
@@ -106,10 +106,10 @@ def test_without_viser_the_page_says_what_the_scene_takes(made, verdict, monkeyp
 
 def test_a_later_candidate_must_gain_a_share_of_what_was_taken_before(verdict):
     """The mark of what is not refitted is the fee that decides: in the second round 1 % of the first gain further."""
-    (figure,) = WhichEffect(verdict, manner_of(verdict)).pictures()["candidates"].panels
+    (figure,) = WhichEffect(verdict, labels_of(verdict)).pictures()["candidates"].panels
     # of both rounds the second row is the torque limit's, which was scored only
     marks = [[line.get_xdata()[0] for line in look.lines if line.get_linestyle() == "-"][1] for look in figure.axes]
-    (taken,) = (one.gain for one in verdict.search.found)
+    (taken,) = (one.gain for one in verdict.search.best_refits)
     assert marks[1] == pytest.approx(marks[0] + 0.01 * taken)
 
 
@@ -121,7 +121,7 @@ def test_pairs_that_follow_a_look_that_found_nothing_are_drawn_and_listed(verdic
     worse = [dataclasses.replace(pair, instead=2 * (chance.candidate,), gain=n, held_out=-1.0) for n in range(9)]
     rounds = (Round(verdict.search.rounds[0].scored, (alone, chance)), Round((), (pair, *worse)))
     again = dataclasses.replace(verdict, search=dataclasses.replace(verdict.search, rounds=rounds))
-    section = WhichEffect(again, manner_of(verdict))
+    section = WhichEffect(again, labels_of(verdict))
     (figure,) = section.pictures()["candidates"].panels
     first, second = figure.axes
     assert [axes.get_title(loc="left") for axes in (first, second)] == [
@@ -143,9 +143,9 @@ def test_profiles_are_drawn_where_there_are_any(verdict):
 
 def test_a_remainder_that_is_noise_has_no_curves(verdict):
     extra = extra_of(verdict)
-    terms = tuple(dataclasses.replace(each, gain=13.0) for each in extra.remainder.terms)
-    quiet = dataclasses.replace(extra.remainder, terms=terms)
-    one = dataclasses.replace(verdict, extra=extra._replace(remainder=quiet))
+    terms = tuple(dataclasses.replace(each, gain=13.0) for each in extra.residual.terms)
+    quiet = dataclasses.replace(extra.residual, terms=terms)
+    one = dataclasses.replace(verdict, extra=extra._replace(residual=quiet))
     assert not LeftOver(one).pictures()
     assert "Nothing is left that any term describes" in LeftOver(one).content()["left"]
     assert LeftOver(dataclasses.replace(verdict, extra=DriveExtra(extra.free))).content() is None
@@ -162,7 +162,7 @@ def test_every_run_left_out_has_its_line(made, verdict):
     assert now < was
     for one in verdict.runs:
         assert one.low <= one.after / one.before - 1 <= one.high
-    parts = HeldOut(verdict, manner_of(verdict)).content()["parts"]
+    parts = HeldOut(verdict, labels_of(verdict)).content()["parts"]
     assert [row.cells[0] for row in parts.rows] == [one.run for one in verdict.runs]
 
 
@@ -207,18 +207,18 @@ def test_free_runs_that_stray_further_are_a_caution(verdict):
     ],
 )
 def test_what_a_refit_is_worth(verdict, made, gain, held_out, said):
-    one = Refit(verdict.search.found[0].candidate, made[2], gain, 14.0, held_out)
-    assert judged(one) == said
+    one = Refit(verdict.search.best_refits[0].candidate, made[2], gain, 14.0, held_out)
+    assert describe_outcome(one) == said
     assert own_text(one).startswith("R_b = 2 ohm [")
 
 
 def test_sizes_that_would_show(verdict):
     found = {one.name: one for one in sensitivities(verdict.search)}
-    assert found["SupplySag"].told
+    assert found["SupplySag"].detectable
     assert found["SupplySag"].size == "R_b = 1 ohm"
-    assert found["SupplySag"].usual == "0.5"
+    assert found["SupplySag"].share_text == "0.5"
     assert found["TorqueSaturation"].size == "i_max near 0.03 A"
-    assert found["TorqueSaturation"].usual == ""
+    assert found["TorqueSaturation"].share_text == ""
     assert found["GearFriction"].why == "the uncertain numbers imitate 99.0% of what it does"
     assert found["WeakMotor"].why.startswith("would show from 3.7 times")
     assert found["WeakMotor"].size.startswith("g off")
@@ -242,7 +242,7 @@ def test_what_was_accepted_does_not_stand_under_what_could_not_be_told(verdict):
 def test_how_much_an_effect_does_is_what_the_model_predicts_without_it(made, verdict):
     """The bus voltage falls by R_b times the current of all motors: Ohm's law, not the package's sum."""
     experiment, after = made[1].task.experiment, made[2]
-    first = sizes(after, "SupplySag")[0]
+    first = channel_changes(after, "SupplySag")[0]
     assert first.channel == "battery_V"
     assert first.without == pytest.approx(7.2)
     run = experiment.folds.index(first.fold)
@@ -250,7 +250,7 @@ def test_how_much_an_effect_does_is_what_the_model_predicts_without_it(made, ver
     duty = [trace for trace in made[0].runs][run]
     drawn = np.nansum(after.predicted[run][currents], axis=0).max() * max(float(duty["duty_fl"].max()), 0.0)
     assert first.without - first.with_it == pytest.approx(2.0 * drawn, rel=0.1)
-    said = Physics(verdict, manner_of(verdict)).content()["effects"][0]["does"][0]
+    said = Physics(verdict, labels_of(verdict)).content()["effects"][0]["does"][0]
     assert said.startswith("With it bus voltage is ")
 
 

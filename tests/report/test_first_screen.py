@@ -8,14 +8,14 @@ import pytest
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
 from rover_pin.motion.effect_files import package_effects
-from rover_pin.report.drive.report import manner_of
+from rover_pin.report.drive.report import labels_of
 from rover_pin.report.first_screen import FirstScreen, first_lines
 from rover_pin.report.headline import headline
-from rover_pin.report.reasons import believe, doubt, next_run
+from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
 from rover_pin.report.sections.which_effect import WhichEffect
-from rover_pin.report.words import Manner, brief, capital, cause, human, listing, pair, two_digits
+from rover_pin.report.words import Labels, brief, capital, cause, human, listing, pair, two_digits
 
-RIG = Manner("on slips it never saw", "levels of slip")
+RIG = Labels("on slips it never saw", "levels of slip")
 
 
 def score(name, unit, before, after, low, high, floor=1e-4):
@@ -65,24 +65,24 @@ def test_something_like_an_effect_is_said_as_if_it_were_the_cause(rig):
 @pytest.mark.parametrize("answer", Answer)
 def test_every_answer_has_its_sentence_reasons_and_next_step(answered, answer):
     one = answered(answer)
-    manner = manner_of(one)
+    manner = labels_of(one)
     said = headline(one, manner)
     assert said[0].isupper()
     assert said.endswith(".")
     assert re.search(r"\d", said)
-    lines = [said, *believe(one, manner), *doubt(one, manner), *next_run(one)]
+    lines = [said, *supporting_reasons(one, manner), *opposing_reasons(one, manner), *next_run(one)]
     names = {kind.__name__ for kind in package_effects()} - {"Grousers", "Bulldozing", "Ploughing"}
     for line in lines:
         assert not names & set(re.findall(r"\w+", line)), line
         assert line.endswith(".")
         assert ".." not in line
-    assert doubt(one, manner)
+    assert opposing_reasons(one, manner)
     assert next_run(one)
 
 
 def test_answers_that_add_nothing_say_so_and_do_not_claim_a_cause(answered):
     for answer in (Answer.NONE_NEEDED, Answer.NONE_FITS, Answer.INADEQUATE, Answer.CANNOT_TELL):
-        assert "because" not in headline(answered(answer), manner_of(answered(answer)))
+        assert "because" not in headline(answered(answer), labels_of(answered(answer)))
     assert "do not use the fitted numbers as constants" in headline(answered(Answer.NONE_FITS), RIG)
     assert "nothing needs to be added" in headline(answered(Answer.NONE_NEEDED), RIG).lower()
 
@@ -93,7 +93,7 @@ def test_a_channel_far_above_its_noise_is_a_doubt_where_nothing_is_added(answere
     one = answered(Answer.NONE_NEEDED)
     score = one.scores[0]
     loud = score._replace(after=times * score.floor)
-    lines = doubt(dataclasses.replace(one, scores=(loud,)), manner_of(one))
+    lines = opposing_reasons(dataclasses.replace(one, scores=(loud,)), labels_of(one))
     assert any(line.endswith("is missed by 5.6 times its noise.") for line in lines) is doubted
 
 
@@ -102,29 +102,33 @@ def test_what_cannot_be_told_apart_is_said_as_either_or(answered):
     said = headline(one, RIG)
     assert "because either the bus voltage drops" in said
     assert "stress peak ahead of the axle), which these data cannot tell" in said
-    assert any("stress peak ahead of the axle cannot be told from it" in line.lower() for line in doubt(one, RIG))
+    assert any(
+        "stress peak ahead of the axle cannot be told from it" in line.lower() for line in opposing_reasons(one, RIG)
+    )
 
 
 def test_vetoes_are_the_first_reason_to_doubt(answered):
-    assert doubt(answered(Answer.LIKE), RIG)[0] == "R_b lies at its bound."
+    assert opposing_reasons(answered(Answer.LIKE), RIG)[0] == "R_b lies at its bound."
 
 
 def test_folds_that_choose_otherwise_are_a_doubt_those_that_agree_a_reason(verdict):
     chosen = {"a": "SupplySag", "b": "SupplySag", "c": ""}
     agrees = dataclasses.replace(verdict, chosen=chosen)
     line = "It is chosen anew in 2 of 3 cases when one of the levels of slip is left out."
-    assert line in believe(agrees, RIG)
-    assert not any("chosen anew" in line for line in doubt(agrees, RIG))
+    assert line in supporting_reasons(agrees, RIG)
+    assert not any("chosen anew" in line for line in opposing_reasons(agrees, RIG))
     other = dataclasses.replace(verdict, chosen=dict.fromkeys("abc", ""))
-    assert any("chosen anew in 0 of 3" in line for line in doubt(other, RIG))
-    assert not any("chosen anew" in line for line in believe(other, RIG))
+    assert any("chosen anew in 0 of 3" in line for line in opposing_reasons(other, RIG))
+    assert not any("chosen anew" in line for line in supporting_reasons(other, RIG))
 
 
 @pytest.mark.parametrize(("after", "doubted"), [(6.15, True), (2.5, False), (1.0, False)])
 def test_a_run_that_the_others_predict_worse_is_a_doubt(verdict, after, doubted):
     runs = (RunScore("climb-1", 90, 1.2, 0.9, -0.3, -0.1), RunScore("climb-steps", 80, 2.1, after, -0.5, 6.0))
     line = "Climb-steps is predicted worse with it by the others (chi2 for each number 2.1 -> 6.2): what it tells they"
-    assert any(one.startswith(line) for one in doubt(dataclasses.replace(verdict, runs=runs), RIG)) is doubted
+    assert (
+        any(one.startswith(line) for one in opposing_reasons(dataclasses.replace(verdict, runs=runs), RIG)) is doubted
+    )
 
 
 def test_what_is_to_be_known_first_follows_the_headline(verdict):
@@ -146,14 +150,14 @@ def test_folds_that_all_choose_the_same_are_said_once(verdict):
 
 def test_a_level_that_is_predicted_worse_is_said_by_what_it_means(verdict):
     one = dataclasses.replace(verdict, runs=(RunScore("15.0", 80, 2.1, 6.2, -0.5, 6.0),))
-    said = doubt(one, RIG._replace(fold={"15.0": "S = 0.65, 45 N"}.get))
+    said = opposing_reasons(one, RIG._replace(fold={"15.0": "S = 0.65, 45 N"}.get))
     assert any(line.startswith("S = 0.65, 45 N is predicted worse with it") for line in said)
     assert not any("15.0" in line for line in said)
 
 
 def test_a_veto_is_not_said_again_as_a_caution(answered):
     cautions = ("R_b lies at its bound: the form of the model is strained", "c lies at its bound: another")
-    said = doubt(dataclasses.replace(answered(Answer.LIKE), cautions=cautions), RIG)
+    said = opposing_reasons(dataclasses.replace(answered(Answer.LIKE), cautions=cautions), RIG)
     assert [line for line in said if "at its bound" in line] == [
         "R_b lies at its bound.",
         "C lies at its bound: another.",
@@ -161,10 +165,10 @@ def test_a_veto_is_not_said_again_as_a_caution(answered):
 
 
 def test_free_runs_speak_for_a_drive(verdict):
-    manner = manner_of(verdict)
+    manner = labels_of(verdict)
     assert any(
         "left to drive by the logged commands alone it stays closer" in line.lower()
-        for line in believe(verdict, manner)
+        for line in supporting_reasons(verdict, manner)
     )
 
 
@@ -173,11 +177,11 @@ def test_free_runs_that_stay_no_closer_are_no_reason_to_believe(verdict):
     for after in (1.002, 0.995, 2.0, float("nan")):
         free = tuple(each._replace(after=after * each.before) for each in extra.free)
         one = dataclasses.replace(verdict, extra=extra._replace(free=free))
-        assert not manner_of(one).evidence
+        assert not labels_of(one).evidence
 
 
 def test_a_terminal_gets_the_same_first_screen(verdict):
-    manner = manner_of(verdict)
+    manner = labels_of(verdict)
     text = first_lines(verdict, manner)
     assert text.splitlines()[0] == headline(verdict, manner)
     content = FirstScreen(verdict, manner).content()

@@ -7,7 +7,7 @@ from rover_pin.contact import Contact, Load, Wheel
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.draft import draft_effect
 from rover_pin.experiments.wheel_rig.model import RigModel
-from rover_pin.experiments.wheel_rig.remainder import remainders
+from rover_pin.experiments.wheel_rig.remainder import channel_residuals
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
 from rover_pin.motion.effect_files import effects_of_text
 from rover_pin.parameters import SOILS
@@ -89,7 +89,7 @@ def test_the_sign_of_the_table_is_that_of_the_picture(tmp_path):
     data = written(tmp_path, (20, 20, 20, 20))
     left = np.array([4.0 * (data.rig.slip - data.rig.slip.mean()), -2.0 * data.rig.slip])
     tests = {(one.channel, one.against): one.correlation for one in residual_tests(data, left, 0)}
-    said = remainders(data, left)
+    said = channel_residuals(data, left)
     assert tests["drawbar pull", "slip"] > 0.99
     assert tests["sinkage", "slip"] < -0.99
     for row, one in enumerate(said):
@@ -105,12 +105,12 @@ def test_an_offset_that_goes_with_the_square_of_the_load_is_described_and_drafte
     data = written(tmp_path, loads, slips=slips)
     w = loads / 30.0 - 1
     missing = np.array([(2 * w + 12 * w**2) / 0.3, np.zeros(12)])
-    left = remainders(data, missing)
+    left = channel_residuals(data, missing)
     assert left[0].powers == pytest.approx([0.0], abs=1e-9)
     assert left[0].of_load == pytest.approx([2.0, 12.0])
     assert left[0].is_curved
     assert not left[1].is_curved
-    assert "+2 (W / mean W - 1) +12 (W / mean W - 1)^2 N, which takes 100% of it" in left[0].said
+    assert "+2 (W / mean W - 1) +12 (W / mean W - 1)^2 N, which takes 100% of it" in left[0].sentence
     (kind,) = effects_of_text(draft_effect(data, left))
     contact = Contact(0.2, 0.0, 0.01, 0.05, 0.0, 0.0, 0.06, 0.0, 0.0, Wheel(), SOILS["dry-sand"])
     for load, share in zip((20.0, 30.0, 40.0), w[:3], strict=True):
@@ -122,4 +122,4 @@ def test_an_offset_that_goes_with_the_square_of_the_load_is_described_and_drafte
 def test_of_loads_that_hardly_differ_no_curve_is_drawn(tmp_path):
     data = written(tmp_path, (20.0, 20.1, 20.2, 20.0))
     rows = np.array([np.array(data.rig.load) - 20.0, np.zeros(4)])
-    assert remainders(data, rows)[0].of_load == ()
+    assert channel_residuals(data, rows)[0].of_load == ()

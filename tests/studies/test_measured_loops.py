@@ -74,7 +74,7 @@ def test_with_that_speed_held_the_lugged_pull_is_as_told_and_softening_is_no_bet
     softened, named = pairs[frozenset({"SlipSoftening", "RateDependence"})], free.search.last.misfit
     assert [softened, named] == pytest.approx([float(one) for one in left], abs=0.051)
     about = Candidate._about
-    monkeypatch.setattr(Candidate, "_about", lambda self, name: about(self, name)._replace(doubt=0.0))
+    monkeypatch.setattr(Candidate, "_about", lambda self, name: about(self, name)._replace(log_sd=0.0))
     held = close_the_loop(DATA / "cmu-grousered-wheel")
     assert held.named == free.named
     assert held_out(held)[0] == pytest.approx(float(pull), abs=0.0051)

@@ -38,7 +38,7 @@ def test_what_turns_less_than_a_whole_turn_is_no_wheel(roles, high, count):
         farm.wheel(name, "body", f"0 {y} 0", kind="revolute", limit=stops(-high, high))
     found = roles(farm.urdf)
     assert len(found.axles) == count
-    assert set(found.held) == (set() if count == 3 else {"drum_l", "drum_r"})
+    assert set(found.held_joints) == (set() if count == 3 else {"drum_l", "drum_r"})
 
 
 @pytest.mark.parametrize("back", [0.2, -0.2])
@@ -93,7 +93,7 @@ def test_a_bogie_on_one_side_alone_is_held_within_its_stops(roles, side, low, hi
             at_x, at_y = (x - back, 0.0) if hangs != "body" else (x, y)
             farm.wheel(f"{name}{own}", hangs, f"{at_x} {at_y} 0")
     found = roles(farm.urdf)
-    assert found.held == {"bogie": at}
+    assert found.held_joints == {"bogie": at}
     assert found.reasons["bogie"] == "it carries wheels but has no partner on the other side"
 
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from rover_pin.estimation.by_chance.drift import learnt_drift
-from rover_pin.estimation.by_chance.random_field import RandomField, chance_of, learnt_sds, spanning
+from rover_pin.estimation.by_chance.random_field import RandomField, learnt_sds, random_effects_filter, spanning
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import Noise, huber_weights, spread
 
-STRAYING = 3.0
+CLIP_SPREADS = 3.0
 """Times the spread of its channel at which a residual is held when drift is learnt."""
 MOST_SPREAD = 2.0
 """Times the declared SD that a channel spreads, the law as far as it goes, above which a law is missing: what lacks
@@ -26,7 +26,7 @@ EXPLAINED = 1.5
 missing: up to 1.2 on 18 generated sets whose levels differ, 1.9 on a measured wheel whose laws fall short."""
 
 
-def beyond_declared(last: Fit, known: Callable[[], Sequence[np.ndarray]]) -> Noise | None:
+def beyond_declared(last: Fit, candidate_shifts: Callable[[], Sequence[np.ndarray]]) -> Noise | None:
     """Return the declared noise with what measurements share by chance beside it; None where nothing shows.
 
     Drift in the order of measurement, with what folds differ in left free, else that. Every number is left free too,
@@ -37,9 +37,9 @@ def beyond_declared(last: Fit, known: Callable[[], Sequence[np.ndarray]]) -> Noi
     turn, field = experiment.turns(), experiment.random_field(last.model)
     if (turn is None and field is None) or not last.task.noise.good.any(axis=(1, 2)).all():
         return None
-    noise = replace(last.task.noise, chance=None, drift=None)
-    moved = np.array([last.slopes[one.name] for one in last.parameters] + list(known()))
-    levels = moved if field is None else np.concatenate([moved, field.moved])
+    noise = replace(last.task.noise, random_effects=None, drift=None)
+    responses = np.array([last.slopes[parameter.name] for parameter in last.parameters] + list(candidate_shifts()))
+    levels = responses if field is None else np.concatenate([responses, field.moved])
     scaled = last.residual / noise.sd
     spreads = [spread(scaled[:, row][noise.good[:, row]]) for row in range(scaled.shape[1])]
     drift = None
@@ -47,16 +47,16 @@ def beyond_declared(last: Fit, known: Callable[[], Sequence[np.ndarray]]) -> Noi
         drift = learnt_drift(_held(scaled, spreads), levels / noise.sd, noise.good, turn)
     if drift is not None:
         return replace(noise, drift=drift)
-    return None if field is None else _differing(last, moved, noise, field)
+    return None if field is None else _differing(last, responses, noise, field)
 
 
 def _held(scaled: np.ndarray, spreads: Sequence[float]) -> np.ndarray:
     """Return residuals in SDs, held at STRAYING times the spread of their channel: two that stray would drift."""
-    most = STRAYING * np.maximum(1.0, spreads)[:, None]
+    most = CLIP_SPREADS * np.maximum(1.0, spreads)[:, None]
     return np.clip(scaled, -most, most)
 
 
-def _differing(last: Fit, moved: np.ndarray, noise: Noise, field: RandomField) -> Noise | None:
+def _differing(last: Fit, responses: np.ndarray, noise: Noise, field: RandomField) -> Noise | None:
     """Return the noise with the SDs by which folds differ; None where that does not show, or is more than chance.
 
     They count in units of what the samples of a fold scatter: noise that was declared too small is none of them. SDs
@@ -64,25 +64,27 @@ def _differing(last: Fit, moved: np.ndarray, noise: Noise, field: RandomField) -
     """
     root = np.sqrt(huber_weights(noise.white(last.residual)))[:, None]
     columns = noise.white(field.moved).T
-    free, drawn, rows = root * noise.white(moved).T, root * columns, root[:, 0] * noise.white(last.residual)
+    free, drawn, rows = root * noise.white(responses).T, root * columns, root[:, 0] * noise.white(last.residual)
     within = _scatter(rows, np.hstack([free, drawn]))
     learnt = learnt_sds(rows / within, free, drawn / within, field)
-    if max(one.gain for one in learnt) <= SURE or any(one.sd > one.kind.most for one in learnt):
+    if max(learnt_sd.gain for learnt_sd in learnt) <= SURE or any(
+        learnt_sd.sd > learnt_sd.kind.most for learnt_sd in learnt
+    ):
         return None
-    made = replace(noise, chance=chance_of(field, columns, noise.good, learnt))
-    left = _left(last.residual, moved[: len(last.parameters)], made)
-    return made if left**2 <= EXPLAINED * within**2 else None
+    learnt_noise = replace(noise, random_effects=random_effects_filter(field, columns, noise.good, learnt))
+    residual_sd = _residual_sd(last.residual, responses[: len(last.parameters)], learnt_noise)
+    return learnt_noise if residual_sd**2 <= EXPLAINED * within**2 else None
 
 
-def _left(residual: np.ndarray, moved: np.ndarray, noise: Noise) -> float:
+def _residual_sd(residual: np.ndarray, responses: np.ndarray, noise: Noise) -> float:
     """Return the SD of what free numbers leave of a residual, in a noise; at least 1."""
     rows = noise.white(residual)
     root = np.sqrt(huber_weights(rows))
-    return _scatter(root * rows, root[:, None] * noise.white(moved).T)
+    return _scatter(root * rows, root[:, None] * noise.white(responses).T)
 
 
 def _scatter(rows: np.ndarray, columns: np.ndarray) -> float:
     """Return the SD of what no column takes of the rows, at least the declared 1."""
     Q = spanning(columns)
-    left = rows - Q @ (Q.T @ rows)
-    return max(1.0, float(np.sqrt(left @ left / max(len(rows) - Q.shape[1], 1))))
+    unexplained = rows - Q @ (Q.T @ rows)
+    return max(1.0, float(np.sqrt(unexplained @ unexplained / max(len(rows) - Q.shape[1], 1))))

@@ -36,12 +36,12 @@ class Drift:
 
     def innovations(self, scaled: np.ndarray, good: np.ndarray) -> np.ndarray:
         """Return residuals (..., folds, channels, samples) in their SDs without what they share with those before."""
-        found = np.where(good, scaled, 0.0)
+        whitened = np.where(good, scaled, 0.0)
         for channel, (fold, sample, memory) in enumerate(self._follows(good)):
             row = scaled[..., fold, channel, sample]
             steps = (row[..., 1:] - memory * row[..., :-1]) / np.sqrt(1 - memory**2)
-            found[..., fold[1:], channel, sample[1:]] = steps
-        return found
+            whitened[..., fold[1:], channel, sample[1:]] = steps
+        return whitened
 
     def log_determinant(self, good: np.ndarray) -> float:
         """Return ln det of the correlations of what is compared."""
@@ -62,22 +62,22 @@ def learnt_drift(scaled: np.ndarray, free: np.ndarray, good: np.ndarray, turn: n
     `scaled` are residuals (folds, channels, samples) in their SDs, whose common scale is free, `free` what numbers and
     candidates move (columns, folds, channels, samples).
     """
-    known = spanning(free[:, good].T)  # once for all correlations: another rank would be no likelihood
-    basis = np.zeros((known.shape[1], *good.shape))
-    basis[:, good] = known.T
+    free_basis = spanning(free[:, good].T)  # once for all correlations: another rank would be no likelihood
+    basis = np.zeros((free_basis.shape[1], *good.shape))
+    basis[:, good] = free_basis.T
 
     def loss(rho: np.ndarray) -> float:
-        one = Drift(rho, turn)
-        rows, columns = (one.innovations(each, good)[..., good] for each in (scaled, basis))
+        drift = Drift(rho, turn)
+        rows, columns = (drift.innovations(values, good)[..., good] for values in (scaled, basis))
         Q, s, _ = np.linalg.svd(columns.T, full_matrices=False)
-        left = rows - Q @ (Q.T @ rows)
+        unexplained = rows - Q @ (Q.T @ rows)
         freedom = max(len(rows) - len(s), 1)
-        return float(freedom * np.log(left @ left) + 2 * np.sum(np.log(s)) + one.log_determinant(good))
+        return float(freedom * np.log(unexplained @ unexplained) + 2 * np.sum(np.log(s)) + drift.log_determinant(good))
 
     rho = np.zeros(good.shape[1])
     alone = least = loss(rho)
     for channel in [*range(len(rho))] * ROUNDS:
         tried = [np.where(np.arange(len(rho)) == channel, step, rho) for step in STEPS]
-        losses = [loss(one) for one in tried]
+        losses = [loss(trial_rho) for trial_rho in tried]
         rho, least = tried[int(np.argmin(losses))], min(losses)
     return Drift(rho, turn, alone - least) if alone - least > chi2.isf(RARE, len(rho)) else None

@@ -21,7 +21,7 @@ from scipy.optimize import minimize
 
 MOST_SCALE = 10.0
 """Greatest SD of a kind that is looked for, in the sizes of its columns."""
-TOLD = 1e-3
+MIN_SINGULAR_SHARE = 1e-3
 """Singular values of free columns below this share of the greatest are round-off; scales below it are none."""
 
 
@@ -58,7 +58,7 @@ class LearntSd(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Chance:
+class RandomEffectsFilter:
     """The learnt SDs, and what they take out of the whitened rows of each fold: r -> r - W W^T r.
 
     W = U sqrt(1 - 1 / sqrt(1 + s^2)) with B d = U s V^T, so that I - W W^T is the inverse root of I + B d^2 B^T.
@@ -72,10 +72,11 @@ class Chance:
         """Return rows (..., n) of the compared samples, fold after fold, without what chance may have done."""
         ends = np.cumsum(good.sum(axis=(1, 2)))[:-1]
         parts = np.split(rows, ends, axis=-1)
-        kept = [
-            part - (part @ table[own]) @ table[own].T for part, table, own in zip(parts, self.basis, good, strict=True)
+        filtered = [
+            part - (part @ table[fold_mask]) @ table[fold_mask].T
+            for part, table, fold_mask in zip(parts, self.basis, good, strict=True)
         ]
-        return np.concatenate(kept, axis=-1)
+        return np.concatenate(filtered, axis=-1)
 
 
 def expected(field: RandomField, learnt: Sequence[LearntSd], columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -84,31 +85,33 @@ def expected(field: RandomField, learnt: Sequence[LearntSd], columns: np.ndarray
     E[gamma | r] = d (I + d G d)^-1 d b in the columns' sizes.
     """
     size = np.array([kind.size for kind in field.kinds])[field.kind]
-    d = np.array([one.sd for one in learnt])[field.kind] / size
+    d = np.array([learnt_sd.sd for learnt_sd in learnt])[field.kind] / size
     scaled = columns * d
     return np.asarray(size * d * np.linalg.solve(np.eye(len(d)) + scaled.T @ scaled, scaled.T @ rows))
 
 
-def chance_of(field: RandomField, columns: np.ndarray, good: np.ndarray, learnt: Sequence[LearntSd]) -> Chance:
+def random_effects_filter(
+    field: RandomField, columns: np.ndarray, good: np.ndarray, learnt: Sequence[LearntSd]
+) -> RandomEffectsFilter:
     """Return what these SDs take out of rows, given the whitened columns (n, columns)."""
-    scale = np.array([one.sd / one.kind.size for one in learnt])[field.kind]
+    scale = np.array([learnt_sd.sd / learnt_sd.kind.size for learnt_sd in learnt])[field.kind]
     parts = np.split(columns * scale, np.cumsum(good.sum(axis=(1, 2)))[:-1])
     roots = [_root(part[:, np.any(part != 0.0, axis=0)]) for part in parts]
     basis = np.zeros((*good.shape, max(root.shape[1] for root in roots)))
-    for table, own, root in zip(basis, good, roots, strict=True):
-        table[own, : root.shape[1]] = root
-    return Chance(tuple(learnt), basis)
+    for table, fold_mask, root in zip(basis, good, roots, strict=True):
+        table[fold_mask, : root.shape[1]] = root
+    return RandomEffectsFilter(tuple(learnt), basis)
 
 
 def _root(part: np.ndarray) -> np.ndarray:
     u, s, _ = np.linalg.svd(part, full_matrices=False)
-    return np.asarray(u[:, s > TOLD] * np.sqrt(1 - 1 / np.sqrt(1 + s[s > TOLD] ** 2)))
+    return np.asarray(u[:, s > MIN_SINGULAR_SHARE] * np.sqrt(1 - 1 / np.sqrt(1 + s[s > MIN_SINGULAR_SHARE] ** 2)))
 
 
 def spanning(columns: np.ndarray) -> np.ndarray:
     """Return orthonormal columns that span what these (n, ...) do, whatever their units, but for round-off."""
     Q, s, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-9), full_matrices=False)
-    return np.asarray(Q[:, s > TOLD * s[0]] if s.size else Q)
+    return np.asarray(Q[:, s > MIN_SINGULAR_SHARE * s[0]] if s.size else Q)
 
 
 def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: RandomField) -> tuple[LearntSd, ...]:
@@ -118,9 +121,9 @@ def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: R
     the free columns take.
     """
     Q = spanning(free)
-    rest = rows - Q @ (Q.T @ rows)
+    unexplained = rows - Q @ (Q.T @ rows)
     B = columns - Q @ (Q.T @ columns)
-    G, b = B.T @ B, B.T @ rest
+    G, b = B.T @ B, B.T @ unexplained
 
     def loss(variances: np.ndarray) -> float:
         d = np.sqrt(variances)[field.kind]
@@ -129,11 +132,11 @@ def learnt_sds(rows: np.ndarray, free: np.ndarray, columns: np.ndarray, field: R
 
     count = len(field.kinds)
     start = np.full(count, 0.1)
-    found = minimize(loss, start, method="L-BFGS-B", bounds=[(0.0, MOST_SCALE**2)] * count).x
-    best = np.where(found > TOLD**2, found, 0.0)
+    solution = minimize(loss, start, method="L-BFGS-B", bounds=[(0.0, MOST_SCALE**2)] * count).x
+    best = np.where(solution > MIN_SINGULAR_SHARE**2, solution, 0.0)
     without = [np.where(np.arange(count) == at, 0.0, 1.0) for at in range(count)]
-    for each in without:  # where nothing is told of a kind, the search stays where it began
-        best = best * each if loss(best * each) <= loss(best) + TOLD else best
-    gains = [loss(best * each) - loss(best) for each in without]
+    for mask in without:  # where nothing is told of a kind, the search stays where it began
+        best = best * mask if loss(best * mask) <= loss(best) + MIN_SINGULAR_SHARE else best
+    gains = [loss(best * mask) - loss(best) for mask in without]
     rows_of = zip(field.kinds, np.sqrt(best), gains, strict=True)
     return tuple(LearntSd(kind, kind.size * float(d), max(gain, 0.0)) for kind, d, gain in rows_of)

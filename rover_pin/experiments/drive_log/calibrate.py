@@ -16,7 +16,7 @@ from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import experiment_of
-from rover_pin.experiments.drive_log.ground.stance import runs_on_told_ground
+from rover_pin.experiments.drive_log.ground.stance import runs_on_estimated_ground
 from rover_pin.experiments.drive_log.model import nuisances
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.drive_log.resume import Memory
@@ -34,7 +34,7 @@ def calibrated_on(
     """Return the model fitted to a log, every run replayed from where the rover stood at its start."""
     model = with_raw_currents(log, model)
     progress("setting the rover down at every start")
-    experiment = experiment_of(runs_on_told_ground(log, model, jobs), model, jobs, memory, log.noise_sd)
+    experiment = experiment_of(runs_on_estimated_ground(log, model, jobs), model, jobs, memory, log.noise_sd)
     progress("calibrating the base model")
     return calibrated(experiment, model, (*nuisances(log, model), *raw_current_numbers(log, model)))
 
@@ -45,8 +45,10 @@ def with_raw_currents(log: DriveLog, model: Model) -> Model:
     Amperes count so too where the wheels are held to their rates and no torque constant is declared: the torque that
     they stand for is then unknown by as much.
     """
-    for wheel, channel, values in _counted(log):
-        have = [one for one in model.sensor_effects if isinstance(one, RawCurrent) and one.channel == channel]
+    for wheel, channel, values in _unscaled_currents(log):
+        have = [
+            effect for effect in model.sensor_effects if isinstance(effect, RawCurrent) and effect.channel == channel
+        ]
         zero = float(np.nanmedian(values))
         model = model if have else model.having(RawCurrent(scale=0.0, offset=zero, motor=wheel, channel=channel))
     return model
@@ -56,19 +58,21 @@ def raw_current_numbers(log: DriveLog, model: Model) -> Iterator[Parameter]:
     """Yield scale and zero of each of the model's raw currents, with priors that say nothing but their order."""
     load = model.rover.mass * abs(model.gravity) / len(model.rover.wheels)
     current = PULL * load * float(np.mean(model.rover.radii)) / float(model.motor.constant)
-    for _, channel, values in _counted(log):
+    for _, channel, values in _unscaled_currents(log):
         spread = max(float(np.nanstd(values)), 1e-9)
-        said = "only the order that the channel's spread tells"
-        yield parameter(model, f"RawCurrent[{channel}].scale", spread / current, source=said)
-        yield parameter(model, f"RawCurrent[{channel}].offset", 3.0 * spread, source=said)
+        source = "only the order that the channel's spread tells"
+        yield parameter(model, f"RawCurrent[{channel}].scale", spread / current, source=source)
+        yield parameter(model, f"RawCurrent[{channel}].offset", 3.0 * spread, source=source)
 
 
-def _counted(log: DriveLog) -> Iterator[tuple[str, str, np.ndarray]]:
+def _unscaled_currents(log: DriveLog) -> Iterator[tuple[str, str, np.ndarray]]:
     """Yield wheel, channel and all values of the currents whose scale is unknown."""
-    told = {"k_t", "gear"} <= log.about.motor.keys()
-    for wheel in log.about.wheels:
+    has_torque_constant = {"k_t", "gear"} <= log.metadata.motor.keys()
+    for wheel in log.metadata.wheels:
         names = (f"raw_current_{wheel}", f"current_{wheel}_A")
-        for name, unknown in zip(names, (True, not told and any(run.held for run in log.runs)), strict=True):
+        for name, unknown in zip(
+            names, (True, not has_torque_constant and any(run.rate_driven for run in log.runs)), strict=True
+        ):
             values = np.concatenate([run[name] for run in log.runs if name in run] or [np.zeros(0)])
             if unknown and np.isfinite(values).any():
                 yield wheel, name, values

@@ -35,7 +35,7 @@ SMOOTHING = (".x_0", ".y_0", ".v_0", ".w_s", ".theta_c", ".relaxation")
 
 
 def candidates(
-    model: Model, experiment: DriveExperiment, free: Sequence[Parameter], own: str | Path | None
+    model: Model, experiment: DriveExperiment, free: Sequence[Parameter], effects_path: str | Path | None
 ) -> tuple[Candidate, ...]:
     """Return everything that the model may lack and its rover can have, for the channels and places of these runs.
 
@@ -48,17 +48,19 @@ def candidates(
         A user's effect file or folder.
     """
     unknown = {owner_name(effect) for effect in model.sensor_effects if not effect.neutral}
-    whole = {"soil", "motor"} | unknown
-    own_numbers = [each for each in free if each.prior and each.name.rpartition(".")[0] not in whole]
-    loosened = [freed(each) for each in own_numbers if each.declared or _is_neutral(each, model)]
+    excluded_owners = {"soil", "motor"} | unknown
+    own_numbers = [number for number in free if number.prior and number.name.rpartition(".")[0] not in excluded_owners]
+    loosened = [
+        candidate_without_prior(number) for number in own_numbers if number.declared or _is_neutral(number, model)
+    ]
     present = {owner_name(effect) for effect in model.all_effects}
     kinds = {kind.__name__: kind for kind in package_effects() if kind.neutral}
-    kinds |= {kind.__name__: kind for kind in (user_effects(own) if own else ()) if kind.neutral}
-    held = {type(effect).__name__ for effect in model.contact_effects}
+    kinds |= {kind.__name__: kind for kind in (user_effects(effects_path) if effects_path else ()) if kind.neutral}
+    present_kinds = {type(effect).__name__ for effect in model.contact_effects}
     added = [
         candidate_of(effect)
         for name, kind in kinds.items()
-        if name not in held
+        if name not in present_kinds
         for effect in variants(kind, model, experiment)
         if owner_name(effect) not in present and not model.refusal(effect) and shows(effect, experiment)
     ]
@@ -79,23 +81,27 @@ def shows(effect: AnyEffect, experiment: DriveExperiment) -> bool:
     it says as such (`ground.raked`), so that the same misfit would be counted twice.
     """
     own_ground = any(run.commands.terrain is not None for run in experiment.runs)
-    hidden = (experiment.held and isinstance(effect, MotorEffect)) or (own_ground and type(effect) is GravityTilt)
+    hidden = (experiment.rate_driven and isinstance(effect, MotorEffect)) or (
+        own_ground and type(effect) is GravityTilt
+    )
     return not hidden and not isinstance(effect, BentGround)
 
 
 def candidate_of(effect: AnyEffect) -> Candidate:
     """Return an effect as a candidate: its class, and its wheel, joint or channel, or where on the way it begins."""
-    own = owner_name(effect)
-    shapes = tuple(f"{own}.{name}" for name in quantities(effect) if name not in effect.neutral)
+    owner = owner_name(effect)
+    shapes = tuple(f"{owner}.{name}" for name in quantities(effect) if name not in effect.neutral)
     shapes = tuple(name for name in shapes if not name.endswith(SMOOTHING))
-    sizes = tuple(f"{own}.{name}" for name in effect.neutral)
+    amplitudes = tuple(f"{owner}.{name}" for name in effect.neutral)
     if "x_from" in effect.places:
-        return Candidate(own, effect, sizes, shapes, f"{float(effect.values()['x_from']):.3f}", sought=True)
-    kind, _, place = own.partition("[")
-    return Candidate(kind, effect, sizes, shapes, place.rstrip("]"))
+        return Candidate(
+            owner, effect, amplitudes, shapes, f"{float(effect.values()['x_from']):.3f}", place_searched=True
+        )
+    kind, _, place = owner.partition("[")
+    return Candidate(kind, effect, amplitudes, shapes, place.rstrip("]"))
 
 
-def freed(parameter: Parameter) -> Candidate:
+def candidate_without_prior(parameter: Parameter) -> Candidate:
     """Return a number of an effect that the model has as a candidate, freed from its prior."""
     kind, _, place = parameter.name.rpartition(".")[0].partition("[")
     return Candidate(kind, None, (parameter.name,), (), place.rstrip("]"))
@@ -113,15 +119,15 @@ def sized(effect: Any, rover: Rover, gravity: float) -> Any:
     weight = mass * abs(gravity) / EARTH
     ratios = {"kg": mass, "N": weight, "N/m": weight / length, "rad/(N m)": 1.0 / (weight * length)}
     ratios |= dict.fromkeys(("N m", "N m s", "N m/rad", "N m s/rad"), weight * length)
-    about, values = quantities(effect), effect.values()
-    larger = {name: ratios[about[name].unit] * values[name] for name in effect.neutral if about[name].unit in ratios}
-    return effect.replace(**{name: min(max(v, about[name].low), about[name].high) for name, v in larger.items()})
+    specs, values = quantities(effect), effect.values()
+    larger = {name: ratios[specs[name].unit] * values[name] for name in effect.neutral if specs[name].unit in ratios}
+    return effect.replace(**{name: min(max(v, specs[name].low), specs[name].high) for name, v in larger.items()})
 
 
 def variants(kind: type[AnyEffect], model: Model, experiment: DriveExperiment) -> Iterable[AnyEffect]:
     """Return the effect at its default size, once for every wheel, channel or place where it may be."""
     effect: Any = sized(reading_traction(kind(), model.effects), model.rover, model.gravity)
-    fields = {each.name: each for each in dataclasses.fields(effect)}
+    fields = {field.name: field for field in dataclasses.fields(effect)}
     if isinstance(effect, SensorBias):
         names = [name for name in experiment.channels if name.startswith(BIASED)]
         return [effect.replace(channel=name) for name in names]

@@ -15,7 +15,7 @@ from rover_pin.estimation.gauss_newton import slopes_at
 from rover_pin.estimation.noise import Noise
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import WHOLE, LoggedRun, blocks, comparable_rows
-from rover_pin.experiments.drive_log.menu import MenuRun
+from rover_pin.experiments.drive_log.menu import CandidateRun
 from rover_pin.motion.model import Model
 from rover_pin.motion.place import settled
 from rover_pin.motion.replay import Commands, Replay, replay
@@ -63,40 +63,44 @@ def with_currents(logged: Instruments, wheels: Sequence[str]) -> Instruments:
 
 
 @dataclass(frozen=True, eq=False)
-class Contrast:
+class PredictedDifference:
     """A run of the menu as both models drive it, with every channel that an instrument may read."""
 
-    run: MenuRun
+    run: CandidateRun
     fits: tuple[Fit, Fit] = field(repr=False)
     models: tuple[Model, Model] = field(repr=False)
     experiment: DriveExperiment = field(repr=False)
-    apart: np.ndarray = field(repr=False)
+    difference: np.ndarray = field(repr=False)
     "first - second (1, channels, blocks)"
     moving: tuple[np.ndarray, np.ndarray] = field(repr=False)
     "which blocks (blocks,) would be compared if the first were true, and if the second were"
 
     @cached_property
-    def doubts(self) -> np.ndarray:
+    def uncertainties(self) -> np.ndarray:
         """Shifts of the features (columns, 1, channels, blocks) by one SD along each axis of doubt of each fit.
 
         A number that both models have is taken to act in the second as it does in the first.
         """
-        known: dict[str, np.ndarray] = {}
+        slopes_by_name: dict[str, np.ndarray] = {}
         shifts = []
         for fit, model in zip(self.fits, self.models, strict=True):
-            missing = [at for at, one in enumerate(fit.parameters) if one.name not in known]
+            missing = [at for at, parameter in enumerate(fit.parameters) if parameter.name not in slopes_by_name]
             task = Task(self.experiment, fit.task.noise)
-            known |= slopes_at(task, model, [fit.parameters[at] for at in missing], fit.u[missing]) if missing else {}
-            slopes = np.array([known[one.name] for one in fit.parameters])
+            slopes_by_name |= (
+                slopes_at(task, model, [fit.parameters[at] for at in missing], fit.u[missing]) if missing else {}
+            )
+            slopes = np.array([slopes_by_name[parameter.name] for parameter in fit.parameters])
             shifts.append(np.einsum("ij,i...->j...", _root(fit.covariance), slopes))
         return np.concatenate(shifts)
 
     def plain(self, instruments: Instruments) -> float:
         """Return the chi2 that the difference would have if both models were known exactly."""
         rows = self._rows(instruments)
-        return float(np.mean([np.sum(noise.white(self.apart[:, rows]) ** 2) for noise in self._noises(instruments)]))
+        return float(
+            np.mean([np.sum(noise.white(self.difference[:, rows]) ** 2) for noise in self._noises(instruments)])
+        )
 
-    def judged(self, instruments: Instruments) -> tuple[float, str]:
+    def expected_chi2(self, instruments: Instruments) -> tuple[float, str]:
         """Return the chi2 expected of the wrong model, and the channel that adds most to it.
 
         d^T (I + A A^T)^-1 d with d the whitened difference and A the doubts, as d^T (d - A (I + A^T A)^-1 A^T d). With
@@ -105,9 +109,12 @@ class Contrast:
         """
         rows, sums = self._rows(instruments), np.zeros(len(instruments.names))
         for noise in self._noises(instruments):
-            apart, doubt = noise.white(self.apart[:, rows]), noise.white(self.doubts[:, :, rows]).T
-            inner = np.eye(doubt.shape[1]) + doubt.T @ doubt
-            share = apart * (apart - doubt @ np.linalg.solve(inner, doubt.T @ apart))
+            difference, uncertainty = (
+                noise.white(self.difference[:, rows]),
+                noise.white(self.uncertainties[:, :, rows]).T,
+            )
+            inner = np.eye(uncertainty.shape[1]) + uncertainty.T @ uncertainty
+            share = difference * (difference - uncertainty @ np.linalg.solve(inner, uncertainty.T @ difference))
             sums += 0.5 * np.bincount(np.nonzero(noise.good)[1], share, minlength=len(sums))
         return float(sums.sum()), instruments.names[int(sums.argmax())]
 
@@ -124,27 +131,33 @@ def _root(covariance: np.ndarray) -> np.ndarray:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def contrast(run: MenuRun, fits: tuple[Fit, Fit], channels: tuple[str, ...]) -> Contrast | None:
+def predict_difference(
+    run: CandidateRun, fits: tuple[Fit, Fit], channels: tuple[str, ...]
+) -> PredictedDifference | None:
     """Return what both models do on a run, held to the way of the first; None where one of them cannot drive it."""
-    one, other = (run.on(fit.model) for fit in fits)
+    first_model, second_model = (run.on(fit.model) for fit in fits)
     try:
-        rest = settled(one, run.start)
-        free = replay(one, run.commands(one.rover), rest=rest)
+        rest_state = settled(first_model, run.start)
+        free = replay(first_model, run.commands(first_model.rover), rest_state=rest_state)
         place = np.column_stack([free.channels[name] for name in ("body_x", "body_y", "body_yaw")])
-        commands = run.commands(one.rover, place)
-        held = replay(other, commands, rest=rest)
+        commands = run.commands(first_model.rover, place)
+        guided = replay(second_model, commands, rest_state=rest_state)
     except SimulationError:
         return None
-    if free.stop or held.stop:
+    if free.stop or guided.stop:
         return None
-    moving = [_moving(commands, drive, one) for drive in (free, held)]
+    moving = [_moving(commands, drive, first_model) for drive in (free, guided)]
     compared = [blocks(rows, commands.period) > WHOLE for rows in moving]
     blank = np.zeros((len(channels), len(compared[0])))
     either = moving[0] | moving[1]
-    ahead = LoggedRun(run.said, commands, channels, blank, place[:, 2], {}, either, either)
-    experiment = DriveExperiment((ahead,), (rest,), logged(fits[0]).jobs)
-    first, second = (experiment.read([drive], model.sensor_effects) for drive, model in ((free, one), (held, other)))
-    return Contrast(run, fits, (one, other), experiment, first - second, (compared[0], compared[1]))
+    ahead = LoggedRun(run.label, commands, channels, blank, place[:, 2], {}, either, either)
+    experiment = DriveExperiment((ahead,), (rest_state,), logged(fits[0]).jobs)
+    first, second = (
+        experiment.read([drive], model.sensor_effects) for drive, model in ((free, first_model), (guided, second_model))
+    )
+    return PredictedDifference(
+        run, fits, (first_model, second_model), experiment, first - second, (compared[0], compared[1])
+    )
 
 
 def _moving(commands: Commands, drive: Replay, model: Model) -> np.ndarray:

@@ -23,14 +23,14 @@ from rover_pin.experiments.drive_log.ground.field import KINDS, ground_columns
 from rover_pin.experiments.drive_log.parameters import owners, with_record
 from rover_pin.experiments.drive_log.places import neighbours
 from rover_pin.experiments.drive_log.readings.scatter import scatter
-from rover_pin.experiments.drive_log.readings.stated import stated
+from rover_pin.experiments.drive_log.readings.stated import declared_block_sd
 from rover_pin.experiments.drive_log.readings.tracker import TRACKER, tracker_columns
 from rover_pin.experiments.drive_log.recent import Recent
 from rover_pin.experiments.drive_log.resume import Memory, digest
 from rover_pin.motion.channels import unit_of
 from rover_pin.motion.model import Model
 from rover_pin.motion.place import settled
-from rover_pin.motion.replay import Commands, Nudge, Replay, replay
+from rover_pin.motion.replay import Commands, Perturbation, Replay, replay
 from rover_pin.motion.state import DriveState
 from rover_pin.time_left import telling
 
@@ -49,7 +49,7 @@ class DriveExperiment(Experiment):
     jobs: Workers = 1
     memory: Memory = field(default=Memory(), repr=False)
     recent: Recent = field(default_factory=Recent, repr=False)
-    stated: Mapping[str, float] = field(default_factory=dict, repr=False)
+    noise_sd: Mapping[str, float] = field(default_factory=dict, repr=False)
     "what the log declares of its sensors, in SI by kind"
     is_timed = True
     stand_in = LOST
@@ -68,16 +68,16 @@ class DriveExperiment(Experiment):
     @cached_property
     def length(self) -> int:
         """Blocks of the longest run."""
-        return max(run.seen.shape[1] for run in self.runs)
+        return max(run.observed.shape[1] for run in self.runs)
 
     @cached_property
     def observed(self) -> np.ndarray:
         """Measured features (runs, channels, blocks); not a number where nothing is compared."""
-        return self._padded([run.seen for run in self.runs])
+        return self._padded([run.observed for run in self.runs])
 
     def floor(self) -> np.ndarray:
         """Return the SD of each feature (channels,) that its samples' scatter shows, or the log states: the greater."""
-        return np.asarray(np.fmax(scatter(self.runs, self.channels), stated(self.stated, self.channels)))
+        return np.asarray(np.fmax(scatter(self.runs, self.channels), declared_block_sd(self.noise_sd, self.channels)))
 
     def least_noise(self, model: Model) -> np.ndarray:
         """Return the RMS error of a replay in each feature (channels,), no less than LEAST.
@@ -86,14 +86,17 @@ class DriveExperiment(Experiment):
         """
 
         def halved() -> dict[str, np.ndarray]:
-            asked = [(model, run.commands, Nudge(), rest, 2) for run, rest in zip(self.runs, self.rests, strict=True)]
-            finer = self.read(self._spread(_replayed, asked), model.sensor_effects)
-            apart = finer - self.predict([model])[0]
-            use = np.isfinite(self.observed) & (np.abs(apart) < LOST / 2)
-            squares = np.sum(np.where(use, apart, 0.0) ** 2, axis=(0, 2)) / np.maximum(use.sum(axis=(0, 2)), 1)
+            tasks = [
+                (model, run.commands, Perturbation(), rest_state, 2)
+                for run, rest_state in zip(self.runs, self.rests, strict=True)
+            ]
+            finer = self.read(self._spread(_replayed, tasks), model.sensor_effects)
+            change = finer - self.predict([model])[0]
+            use = np.isfinite(self.observed) & (np.abs(change) < LOST / 2)
+            squares = np.sum(np.where(use, change, 0.0) ** 2, axis=(0, 2)) / np.maximum(use.sum(axis=(0, 2)), 1)
             return {"error": 2.0 * np.sqrt(squares)}
 
-        return np.fmax(super().least_noise(model), self.kept(("half the steps", model), halved)["error"])
+        return np.fmax(super().least_noise(model), self.cached_arrays(("half the steps", model), halved)["error"])
 
     @property
     def folds(self) -> tuple[str, ...]:
@@ -101,9 +104,9 @@ class DriveExperiment(Experiment):
         return tuple(run.name for run in self.runs)
 
     @property
-    def held(self) -> bool:
+    def rate_driven(self) -> bool:
         """Whether the wheels are held to their measured rates in some run: then the motors are out of sight."""
-        return any(run.commands.held for run in self.runs)
+        return any(run.commands.rate_driven for run in self.runs)
 
     @property
     def free(self) -> DriveExperiment:
@@ -127,16 +130,16 @@ class DriveExperiment(Experiment):
         """Return the features of each model (runs, channels, blocks)."""
         groups: dict[tuple[int, ...], list[int]] = {}
         for at, model in enumerate(models):
-            groups.setdefault(_drives(model, self.held), []).append(at)
+            groups.setdefault(_drives(model, self.rate_driven), []).append(at)
         pairs = list(zip(self.runs, self.rests, strict=True))
-        asked = [([models[at] for at in group], *pair) for group in groups.values() for pair in pairs]
-        tables = iter(self._spread(_features, asked))
-        found: dict[int, list[np.ndarray]] = {at: [] for at in range(len(models))}
+        tasks = [([models[at] for at in group], *pair) for group in groups.values() for pair in pairs]
+        tables = iter(self._spread(_features, tasks))
+        features: dict[int, list[np.ndarray]] = {at: [] for at in range(len(models))}
         for group in groups.values():
             for _ in pairs:
                 for at, table in zip(group, next(tables), strict=True):
-                    found[at].append(table)
-        return [self._padded(found[at]) for at in range(len(models))]
+                    features[at].append(table)
+        return [self._padded(features[at]) for at in range(len(models))]
 
     def records(self, model: Model) -> dict[str, Any]:
         """Return the soil, the motor and the effects of a model, by name."""
@@ -156,24 +159,27 @@ class DriveExperiment(Experiment):
 
     def random_field(self, model: Model) -> RandomField:
         """Return how the ground of each run may differ from the declared, and how its tracker may wander."""
-        ground = self.kept(("random field", model), lambda: ground_columns(self, model))
+        ground = self.cached_arrays(("random field", model), lambda: ground_columns(self, model))
         tracker = tracker_columns(self.runs, self.channels, self.length)
         tracker["kind"] = tracker["kind"] + len(KINDS)
         both = {name: np.concatenate([ground[name], tracker[name]]) for name in ground}
         return RandomField((*KINDS, *TRACKER), **both)
 
-    def kept(self, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
+    def cached_arrays(self, request: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
         """Return what was made of these runs before, or make and keep it."""
-        return self.memory.kept((self.identity, *asked), make)
+        return self.memory.cached_arrays((self.identity, *request), make)
 
-    def replays(self, model: Model, nudges: Sequence[Nudge] | None = None) -> tuple[Replay, ...]:
+    def replays(self, model: Model, perturbations: Sequence[Perturbation] | None = None) -> tuple[Replay, ...]:
         """Return the replays of one model, perhaps nudged, one nudge a run."""
-        return self.nudged(model, list(enumerate(nudges or [Nudge()] * len(self.runs))))
+        return self.perturbed_replays(model, list(enumerate(perturbations or [Perturbation()] * len(self.runs))))
 
-    def nudged(self, model: Model, asked: Sequence[tuple[int, Nudge]]) -> tuple[Replay, ...]:
+    def perturbed_replays(self, model: Model, perturbations: Sequence[tuple[int, Perturbation]]) -> tuple[Replay, ...]:
         """Return the replays of one model on these runs, by index, under these nudges."""
         return tuple(
-            self._spread(_replayed, [(model, self.runs[at].commands, one, self.rests[at]) for at, one in asked])
+            self._spread(
+                _replayed,
+                [(model, self.runs[at].commands, perturbation, self.rests[at]) for at, perturbation in perturbations],
+            )
         )
 
     def read(self, replays: Sequence[Replay], sensors: Sequence[SensorEffect]) -> np.ndarray:
@@ -184,17 +190,17 @@ class DriveExperiment(Experiment):
         """Return the features (channels, blocks) of one run's replay as these sensors report them."""
         return self._common(self.runs[at], self.runs[at].features(replay.channels, sensors))
 
-    def _spread(self, function: Callable[..., Any], asked: list[tuple[Any, ...]]) -> list:
-        return list(telling(results(function, asked, self.jobs, short=True), len(asked), "replays"))
+    def _spread(self, function: Callable[..., Any], tasks: list[tuple[Any, ...]]) -> list:
+        return list(telling(results(function, tasks, self.jobs, short=True), len(tasks), "replays"))
 
     def _padded(self, tables: Sequence[np.ndarray]) -> np.ndarray:
         """Return tables (channels, blocks) of the runs as one array, the common channels, gaps at the ends."""
         return np.array([self._common(run, table) for run, table in zip(self.runs, tables, strict=True)])
 
     def _common(self, run: LoggedRun, table: np.ndarray) -> np.ndarray:
-        whole = np.full((len(self.channels), self.length), np.nan)
-        whole[:, : table.shape[1]] = table[[run.channels.index(name) for name in self.channels]]
-        return whole
+        padded_table = np.full((len(self.channels), self.length), np.nan)
+        padded_table[:, : table.shape[1]] = table[[run.channels.index(name) for name in self.channels]]
+        return padded_table
 
 
 def experiment_of(
@@ -202,11 +208,11 @@ def experiment_of(
     model: Model,
     jobs: Workers = 1,
     memory: Memory = Memory(),
-    stated: Mapping[str, float] = {},
+    noise_sd: Mapping[str, float] = {},
 ) -> DriveExperiment:
     """Return the experiment on which every model starts where this one comes to rest."""
     rests = results(_rest, [(model, run.commands) for run in runs], jobs)
-    return DriveExperiment(tuple(runs), tuple(rests), jobs, memory, stated=stated)
+    return DriveExperiment(tuple(runs), tuple(rests), jobs, memory, noise_sd=noise_sd)
 
 
 def logged(fit: Fit) -> DriveExperiment:
@@ -226,23 +232,29 @@ def _rest(model: Model, run: Commands) -> DriveState | None:
         return None
 
 
-def _replayed(model: Model, run: Commands, nudge: Nudge, rest: DriveState | None, finer: int = 1) -> Replay:
+def _replayed(
+    model: Model, run: Commands, perturbation: Perturbation, rest_state: DriveState | None, finer: int = 1
+) -> Replay:
     """Return the replay; where the rover does not even settle or can have no such body, one in which nothing moves."""
     try:
-        return replay(model, run, nudge, rest, finer)
+        return replay(model, run, perturbation, rest_state, finer)
     except (ParameterError, SimulationError) as error:
         return Replay({"t_s": run.t}, str(error))
 
 
-def _drives(model: Model, held: bool) -> tuple[int, ...]:
+def _drives(model: Model, rate_driven: bool) -> tuple[int, ...]:
     """Return what a replay depends on: all parts of a model but its sensors, by identity; held, those of the rates."""
-    parts = [getattr(model, each.name) for each in dataclasses.fields(model) if each.name != "sensor_effects"]
-    rates = [sensor for sensor in model.sensor_effects if isinstance(sensor, TachoScale)] if held else []
+    parts = [
+        getattr(model, model_field.name)
+        for model_field in dataclasses.fields(model)
+        if model_field.name != "sensor_effects"
+    ]
+    rates = [sensor for sensor in model.sensor_effects if isinstance(sensor, TachoScale)] if rate_driven else []
     return tuple(map(id, (*parts, *rates)))
 
 
-def _features(models: Sequence[Model], run: LoggedRun, rest: DriveState | None) -> list[np.ndarray]:
+def _features(models: Sequence[Model], run: LoggedRun, rest_state: DriveState | None) -> list[np.ndarray]:
     """Return the features of models that drive alike: one replay, read by the sensors of each."""
-    channels = _replayed(models[0], run.commands, Nudge(), rest).channels
+    channels = _replayed(models[0], run.commands, Perturbation(), rest_state).channels
     tables = [run.features(channels, model.sensor_effects) for model in models]
     return [np.nan_to_num(table, nan=LOST, posinf=LOST, neginf=-LOST) for table in tables]

@@ -8,28 +8,28 @@ import numpy as np
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.free_runs import FreeRun
-from rover_pin.experiments.drive_log.ground.raked import Raked
-from rover_pin.experiments.unlisted.remainder import Remainder
+from rover_pin.experiments.drive_log.ground.raked import GroundVariability
+from rover_pin.experiments.unlisted.remainder import DriveResidual
 
 
 class DriveExtra(NamedTuple):
     """Runs driven freely, what the last model leaves, and what the drives say of their ground."""
 
     free: tuple[FreeRun, ...] = ()
-    remainder: Remainder | None = None
-    ground: Raked | None = None
+    residual: DriveResidual | None = None
+    ground: GroundVariability | None = None
 
     def lines(self, added: bool) -> list[str]:
         """Return lines for a reader."""
-        said = [f"free run: {line}" for line in free_lines(self.free)]
-        said += self.ground.lines if self.ground else []
-        return [*said, f"left: {self.remainder.said}"] if self.remainder else said
+        lines = [f"free run: {line}" for line in free_lines(self.free)]
+        lines += self.ground.lines if self.ground else []
+        return [*lines, f"left: {self.residual.description}"] if self.residual else lines
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
         return {
-            "free_runs": [one._asdict() for one in self.free],
-            "remainder": self.remainder.said if self.remainder else "",
+            "free_runs": [run._asdict() for run in self.free],
+            "remainder": self.residual.description if self.residual else "",
             "ground": self.ground.as_dict() if self.ground else None,
         }
 
@@ -44,7 +44,7 @@ def free_lines(free: tuple[FreeRun, ...]) -> list[str]:
     if not free:
         return []
     was, now = (
-        float(np.sqrt(np.nanmean([row**2 for row in rows]))) for rows in zip(*[one[2:] for one in free], strict=True)
+        float(np.sqrt(np.nanmean([row**2 for row in rows]))) for rows in zip(*[run[2:] for run in free], strict=True)
     )
     after = "" if was == now else f" -> {1e3 * now:.1f} mm"
     return [f"RMS distance from the logged place {1e3 * was:.1f} mm{after} over {len(free)} runs"]

@@ -13,8 +13,8 @@ from scipy.signal import lfilter
 
 from rover_pin.body.rover import Rover
 from rover_pin.effects.effect import SensorEffect
-from rover_pin.experiments.drive_log.readings.strays import without_strays
-from rover_pin.experiments.drive_log.readings.unsure import told, unsure_steps
+from rover_pin.experiments.drive_log.readings.strays import without_pose_outliers
+from rover_pin.experiments.drive_log.readings.unsure import ambiguous_steps, unaffected_rows
 from rover_pin.motion.channels import is_current
 from rover_pin.motion.drive_log import DriveLog
 from rover_pin.motion.replay import Commands, averaged, commands, filled
@@ -50,11 +50,11 @@ class LoggedRun:
     name: str
     commands: Commands
     channels: tuple[str, ...]
-    seen: np.ndarray = field(repr=False)
+    observed: np.ndarray = field(repr=False)
     heading: np.ndarray = field(repr=False)
     measured: dict[str, np.ndarray] = field(repr=False)
     "the logged channels on the rows of the replay"
-    counted: np.ndarray = field(repr=False)
+    summed_rows: np.ndarray = field(repr=False)
     "in which rows what was driven counts (T,)"
     compared: np.ndarray = field(repr=False)
     "which of them are compared (T,)"
@@ -78,9 +78,9 @@ class LoggedRun:
         return dict(self._rows({name: filled(row) for name, row in self.measured.items()}))
 
     def _rows(self, channels: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
-        made = driven(channels, self.heading, self.commands.period, self.counted)
+        derived_features = driven(channels, self.heading, self.commands.period, self.summed_rows)
         still = np.zeros(len(self.commands.t))
-        return [(name, made.get(name, channels.get(name, still))) for name in self.channels]
+        return [(name, derived_features.get(name, channels.get(name, still))) for name in self.channels]
 
     @property
     def times(self) -> np.ndarray:
@@ -90,7 +90,7 @@ class LoggedRun:
 
 def logged_run(log: Trace, rover: Rover) -> LoggedRun:
     """Return a run of a log ready for comparison, without poses that stray and steps of a duty at a time not told."""
-    log = without_strays(log)
+    log = without_pose_outliers(log)
     wheels = tuple(wheel.name for wheel in rover.wheels)
     steered = tuple(wheel.name for wheel in rover.wheels if wheel.steer_dof is not None)
     run = commands(log, wheels, steered)
@@ -99,23 +99,25 @@ def logged_run(log: Trace, rover: Rover) -> LoggedRun:
     rows = {name: averaged(log.t, log[name], run.t, run.period) for name in names}
     rows["body_yaw"] = run.place[:, 2]
     heading = uniform_filter1d(filled(rows["body_yaw"]), max(1, round(BLOCK / run.period)))
-    whole = {name: filled(row) for name, row in rows.items()}
-    steps = unsure_steps(log)
-    counted = comparable_rows(run, [rows[name] for name in turned]) & told([one for one in steps if one.missed], run)
-    compared = counted & told(steps, run)
-    made = driven(whole, heading, run.period, counted)
+    gapless_rows = {name: filled(row) for name, row in rows.items()}
+    steps = ambiguous_steps(log)
+    summed_rows = comparable_rows(run, [rows[name] for name in turned]) & unaffected_rows(
+        [step for step in steps if step.missed], run
+    )
+    compared = summed_rows & unaffected_rows(steps, run)
+    derived_features = driven(gapless_rows, heading, run.period, summed_rows)
     gaps = {PATH: ("body_x", "body_y"), DRIFT: ("body_x", "body_y"), HEADING: ("body_yaw",), SPEED: ("body_vx",)}
-    inputs = (*RAW, *turned, "battery_V") if run.held else RAW
-    features = [name for name in (*made, *rows) if name not in inputs]
+    inputs = (*RAW, *turned, "battery_V") if run.rate_driven else RAW
+    features = [name for name in (*derived_features, *rows) if name not in inputs]
     use = blocks(compared, run.period) > WHOLE
-    seen = []
+    observed = []
     for name in features:
         good = np.all([np.isfinite(rows[channel]) for channel in gaps.get(name, (name,))], axis=0)
-        row = np.where(good, made[name] if name in made else whole[name], np.nan)
+        row = np.where(good, derived_features[name] if name in derived_features else gapless_rows[name], np.nan)
         block = blocks(row, run.period)
-        seen.append(levelled(name, np.where(use, block, np.nan), use))
+        observed.append(levelled(name, np.where(use, block, np.nan), use))
     name = Path(str(log.attrs.get("file", "run"))).stem
-    return LoggedRun(name, run, tuple(features), np.array(seen), heading, rows, counted, compared)
+    return LoggedRun(name, run, tuple(features), np.array(observed), heading, rows, summed_rows, compared)
 
 
 WHOLE = 0.999
@@ -130,23 +132,25 @@ def comparable(name: str) -> bool:
 
 
 def driven(
-    channels: Mapping[str, np.ndarray], heading: np.ndarray, period: float, counted: np.ndarray
+    channels: Mapping[str, np.ndarray], heading: np.ndarray, period: float, summed_rows: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Return the features made of several channels: way along and across the heading, turn, speed along it.
 
     What was driven in rows that are not `counted` is left out of the leaky sums, or it would be compared later.
     """
-    made = {}
+    derived_features = {}
     forward = np.array([np.cos(heading), np.sin(heading)])
     if "body_x" in channels and "body_y" in channels:
         steps = np.array([np.diff(channels[f"body_{axis}"], prepend=channels[f"body_{axis}"][0]) for axis in "xy"])
-        made[PATH] = leaky(counted * np.sum(forward * steps, axis=0), period)
-        made[DRIFT] = leaky(counted * (forward[0] * steps[1] - forward[1] * steps[0]), period)
+        derived_features[PATH] = leaky(summed_rows * np.sum(forward * steps, axis=0), period)
+        derived_features[DRIFT] = leaky(summed_rows * (forward[0] * steps[1] - forward[1] * steps[0]), period)
     if "body_yaw" in channels:
-        made[HEADING] = leaky(counted * np.diff(channels["body_yaw"], prepend=channels["body_yaw"][0]), period)
+        derived_features[HEADING] = leaky(
+            summed_rows * np.diff(channels["body_yaw"], prepend=channels["body_yaw"][0]), period
+        )
     if "body_vx" in channels and "body_vy" in channels:
-        made[SPEED] = forward[0] * channels["body_vx"] + forward[1] * channels["body_vy"]
-    return made
+        derived_features[SPEED] = forward[0] * channels["body_vx"] + forward[1] * channels["body_vy"]
+    return derived_features
 
 
 def leaky(steps: np.ndarray, period: float) -> np.ndarray:
@@ -172,7 +176,7 @@ def comparable_rows(run: Commands, rates: Sequence[np.ndarray]) -> np.ndarray:
     """Return which rows are compared: after the start, and not while or soon after the rover stands or turns round."""
     t, rows = run.t, np.nan_to_num([filled(row) for row in rates])
     duty, rate = run.duty.mean(axis=1), rows.mean(axis=0)
-    if run.held:
+    if run.rate_driven:
         size = np.abs(rows).mean(axis=0)
         turned = np.sum(rows * np.roll(rows, 1, axis=1), axis=0) < 0.0
         standing = (size < min(SLOW, SLOW_SHARE * float(np.max(size)))) | (turned & (t > t[0]))
@@ -193,7 +197,7 @@ TELL_GROUND = ("body_pitch", "body_roll", "body_z")
 
 def _on_its_ground(log: DriveLog, trace: Trace, run: LoggedRun) -> LoggedRun:
     """Return the run on the ground of its own, if it has one, without the channels that this was estimated from."""
-    kept = [name not in TELL_GROUND or not log.is_estimated(trace) for name in run.channels]
-    names = tuple(name for name, keep in zip(run.channels, kept, strict=True) if keep)
+    is_selected = [name not in TELL_GROUND or not log.is_estimated(trace) for name in run.channels]
+    names = tuple(name for name, keep in zip(run.channels, is_selected, strict=True) if keep)
     commands = replace(run.commands, terrain=log.terrain_of(trace))
-    return replace(run, commands=commands, channels=names, seen=run.seen[np.array(kept, dtype=bool)])
+    return replace(run, commands=commands, channels=names, observed=run.observed[np.array(is_selected, dtype=bool)])

@@ -25,15 +25,15 @@ def kinematic(experiment: DriveExperiment, rover: Rover) -> tuple[Baseline, ...]
     if any(rate not in run.measured for run in experiment.runs for rate in rates):
         return ()
     names = [name for name in (PATH, DRIFT, HEADING, SPEED) if name in experiment.channels]
-    driven, found = [_odometry(run, rover) for run in experiment.runs], []
+    driven, baselines = [_odometry(run, rover) for run in experiment.runs], []
     for name in names:
         at = experiment.channels.index(name)
-        rows = [each[run.channels.index(name)] for run, each in zip(experiment.runs, driven, strict=True)]
-        seen = [experiment.observed[number, at, : row.size] for number, row in enumerate(rows)]
-        errors = [_missed(rows, seen, fold) for fold in range(len(rows))]
+        rows = [features[run.channels.index(name)] for run, features in zip(experiment.runs, driven, strict=True)]
+        observed = [experiment.observed[number, at, : row.size] for number, row in enumerate(rows)]
+        errors = [_missed(rows, observed, fold) for fold in range(len(rows))]
         error = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
-        found.append(Baseline(name, experiment.unit(name), CURVE, error, GIVEN))
-    return tuple(found)
+        baselines.append(Baseline(name, experiment.unit(name), CURVE, error, GIVEN))
+    return tuple(baselines)
 
 
 def _odometry(run: LoggedRun, rover: Rover) -> np.ndarray:
@@ -44,15 +44,15 @@ def _odometry(run: LoggedRun, rover: Rover) -> np.ndarray:
     speed, turn = rims.mean(axis=0), rims[~left].mean(axis=0) - rims[left].mean(axis=0)
     forward = np.array([np.cos(run.heading), np.sin(run.heading)])
     x, y = np.cumsum(forward * speed, axis=1) * run.commands.period
-    moved = {"body_x": x, "body_y": y, "body_yaw": np.cumsum(turn) * run.commands.period}
-    return run.features({**moved, "body_vx": forward[0] * speed, "body_vy": forward[1] * speed})
+    pose = {"body_x": x, "body_y": y, "body_yaw": np.cumsum(turn) * run.commands.period}
+    return run.features({**pose, "body_vx": forward[0] * speed, "body_vy": forward[1] * speed})
 
 
-def _missed(rows: list[np.ndarray], seen: list[np.ndarray], fold: int) -> np.ndarray:
+def _missed(rows: list[np.ndarray], observed: list[np.ndarray], fold: int) -> np.ndarray:
     """Return what one run misses by the factor that is fitted to the others."""
     others = [number for number in range(len(rows)) if number != fold]
-    odometry, measured = (np.concatenate([each[number] for number in others]) for each in (rows, seen))
+    odometry, measured = (np.concatenate([table[number] for number in others]) for table in (rows, observed))
     good = np.isfinite(measured)
     factor = float(odometry[good] @ measured[good]) / max(float(odometry[good] @ odometry[good]), 1e-300)
-    missed = seen[fold] - factor * rows[fold]
+    missed = observed[fold] - factor * rows[fold]
     return missed[np.isfinite(missed)]

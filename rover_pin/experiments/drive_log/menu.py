@@ -33,13 +33,13 @@ BALLAST = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class MenuRun:
+class CandidateRun:
     """One run of the menu: `duty` (T, wheels), steering straight; `terrain` is the log's own where it is None.
 
     `ballast` [kg] is set down at the rover's centre of mass, and both models know it.
     """
 
-    said: str
+    label: str
     duty: np.ndarray = field(repr=False)
     start: Start = Start()
     terrain: Terrain | None = field(default=None, repr=False)
@@ -47,10 +47,12 @@ class MenuRun:
     fastest: float = 0.0
     "rate of a wheel [rad/s] at 1, where `duty` is the share of a rate that the wheels are held to; 0: it is a duty"
 
-    def held_to(self, fastest: float) -> MenuRun:
+    def held_to(self, fastest: float) -> CandidateRun:
         """Return the run at shares of a wheel rate [rad/s] instead of duties."""
-        said = f"{self.said.replace('duty', 'wheel rate').replace('duties', 'wheel rates')} (1 is {fastest:.2g} rad/s)"
-        return replace(self, said=said, fastest=fastest)
+        label = (
+            f"{self.label.replace('duty', 'wheel rate').replace('duties', 'wheel rates')} (1 is {fastest:.2g} rad/s)"
+        )
+        return replace(self, label=label, fastest=fastest)
 
     def on(self, model: Model) -> Model:
         """Return a model of the log as it meets this run: on its ground, under its load."""
@@ -66,7 +68,9 @@ class MenuRun:
         return Commands(t, self.duty, np.zeros((len(t), steered)), free if place is None else place, self.start, rate)
 
 
-def menu(rover: Rover, cruise: float, own: Start, alone: Sequence[int] = (0,)) -> tuple[MenuRun, ...]:
+def candidate_runs(
+    rover: Rover, cruise: float, log_start: Start, alone: Sequence[int] = (0,)
+) -> tuple[CandidateRun, ...]:
     """Return the menu for a rover.
 
     Parameters
@@ -84,74 +88,84 @@ def menu(rover: Rover, cruise: float, own: Start, alone: Sequence[int] = (0,)) -
         *_on_the_flat(rover, cruise, alone),
         *_on_slopes(steady, wheels),
         *_loaded(rover, steady),
-        *on_own_ground(rover, cruise, own),
+        *on_own_ground(rover, cruise, log_start),
     )
 
 
-def on_own_ground(rover: Rover, cruise: float, own: Start) -> tuple[MenuRun, ...]:
+def on_own_ground(rover: Rover, cruise: float, log_start: Start) -> tuple[CandidateRun, ...]:
     """Return the runs that cross the ground of the log again, for effects that are tied to a place on it."""
     wheels, name = len(rover.wheels), "over the logged ground"
     fast, slow = min(FASTER * cruise, 1.0), SLOWER * cruise
-    begin = f"from x = {own.x:.2g} m, heading {math.degrees(own.yaw):.0f} deg"
+    begin = f"from x = {log_start.x:.2g} m, heading {math.degrees(log_start.yaw):.0f} deg"
     return (
-        MenuRun(f"{name} {begin} at a constant duty of {fast:.2f}", _held([fast], wheels), own),
-        MenuRun(f"{name} {begin} at a constant duty of {slow:.2f}", _held([slow], wheels), own),
-        MenuRun(f"{name} {begin}, the duty stepping from 0.8 down to 0.06 and back", _held(STAIRS, wheels), own),
+        CandidateRun(f"{name} {begin} at a constant duty of {fast:.2f}", _held([fast], wheels), log_start),
+        CandidateRun(f"{name} {begin} at a constant duty of {slow:.2f}", _held([slow], wheels), log_start),
+        CandidateRun(
+            f"{name} {begin}, the duty stepping from 0.8 down to 0.06 and back", _held(STAIRS, wheels), log_start
+        ),
     )
 
 
-def _on_the_flat(rover: Rover, cruise: float, alone: Sequence[int]) -> tuple[MenuRun, ...]:
+def _on_the_flat(rover: Rover, cruise: float, alone: Sequence[int]) -> tuple[CandidateRun, ...]:
     wheels, flat, back = len(rover.wheels), _ramp(0.0), Start(yaw=math.pi)
     steady, at = _held([cruise], wheels), f"at a constant duty of {cruise:.2f}"
     pause, turn = _held([cruise, cruise, 0.0, cruise, cruise], wheels), _held([cruise, -cruise], wheels)
     return (
-        MenuRun(f"on the flat towards +x {at}", steady, Start(), flat),
-        MenuRun(f"on the flat towards -x {at}", steady, back, flat),
-        MenuRun("on the flat, the duty stepping from 0.8 down to 0.06 and back", _held(STAIRS, wheels), Start(), flat),
-        MenuRun(f"on the flat, driving, a pause of 4 s, driving again, duty {cruise:.2f}", pause, Start(), flat),
-        MenuRun(f"on the flat, ahead and then back by the same way, duty {cruise:.2f}", turn, Start(), flat),
-        MenuRun("on the flat, duties held for 2.5 s at random, 0.45 to 0.85", _random(wheels), Start(), flat),
+        CandidateRun(f"on the flat towards +x {at}", steady, Start(), flat),
+        CandidateRun(f"on the flat towards -x {at}", steady, back, flat),
+        CandidateRun(
+            "on the flat, the duty stepping from 0.8 down to 0.06 and back", _held(STAIRS, wheels), Start(), flat
+        ),
+        CandidateRun(f"on the flat, driving, a pause of 4 s, driving again, duty {cruise:.2f}", pause, Start(), flat),
+        CandidateRun(f"on the flat, ahead and then back by the same way, duty {cruise:.2f}", turn, Start(), flat),
+        CandidateRun("on the flat, duties held for 2.5 s at random, 0.45 to 0.85", _random(wheels), Start(), flat),
         *(_one_alone(rover, cruise, wheel, flat) for wheel in alone),
     )
 
 
-def _one_alone(rover: Rover, cruise: float, wheel: int, terrain: Terrain) -> MenuRun:
+def _one_alone(rover: Rover, cruise: float, wheel: int, terrain: Terrain) -> CandidateRun:
     """Return a run in which one wheel works less than the others, then more."""
     duty = _held([cruise, cruise], len(rover.wheels))
     half = len(duty) // 2
     duty[:half, wheel] -= ALONE
     duty[half:, wheel] = min(cruise + ALONE, 1.0)
     name = rover.wheels[wheel].name
-    said = f"on the flat at a duty of {cruise:.2f}, wheel {name} at {duty[0, wheel]:.2f}, then at {duty[-1, wheel]:.2f}"
-    return MenuRun(said, duty, Start(), terrain)
+    label = (
+        f"on the flat at a duty of {cruise:.2f}, wheel {name} at {duty[0, wheel]:.2f}, then at {duty[-1, wheel]:.2f}"
+    )
+    return CandidateRun(label, duty, Start(), terrain)
 
 
-def _on_slopes(steady: np.ndarray, wheels: int) -> tuple[MenuRun, ...]:
+def _on_slopes(steady: np.ndarray, wheels: int) -> tuple[CandidateRun, ...]:
     up, back, degrees = _ramp(SLOPE), Start(yaw=math.pi), f"{math.degrees(SLOPE):.0f} deg"
     steep = f"{math.degrees(STEEP):.0f} deg"
     hard, coast = _held([0.8], wheels), _held([0.4, 0.0], wheels)
     side, at = cross_slope(SLOPE), f"at a constant duty of {steady[0, 0]:.2f}"
     return (
-        MenuRun(f"up a slope of {degrees} towards +x at a constant duty of 0.80", hard, Start(), up),
-        MenuRun(f"up a slope of {degrees} towards -x at a constant duty of 0.80", hard, back, _ramp(-SLOPE)),
-        MenuRun(f"up a slope of {degrees}, duties held for 2.5 s at random", _random(wheels), Start(), up),
-        MenuRun(f"down a slope of {degrees} towards -x {at}", steady, back, up),
-        MenuRun(
+        CandidateRun(f"up a slope of {degrees} towards +x at a constant duty of 0.80", hard, Start(), up),
+        CandidateRun(f"up a slope of {degrees} towards -x at a constant duty of 0.80", hard, back, _ramp(-SLOPE)),
+        CandidateRun(f"up a slope of {degrees}, duties held for 2.5 s at random", _random(wheels), Start(), up),
+        CandidateRun(f"down a slope of {degrees} towards -x {at}", steady, back, up),
+        CandidateRun(
             f"down a slope of {degrees}, the duty stepping from 0.8 to 0.06 and back", _held(STAIRS, wheels), back, up
         ),
-        MenuRun(f"down a slope of {steep}, 10 s at a duty of 0.40, then rolling at duty 0", coast, back, _ramp(STEEP)),
-        MenuRun(f"across a slope of {degrees} that rises to the left {at}", steady, Start(), side),
+        CandidateRun(
+            f"down a slope of {steep}, 10 s at a duty of 0.40, then rolling at duty 0", coast, back, _ramp(STEEP)
+        ),
+        CandidateRun(f"across a slope of {degrees} that rises to the left {at}", steady, Start(), side),
     )
 
 
-def _loaded(rover: Rover, steady: np.ndarray) -> tuple[MenuRun, ...]:
+def _loaded(rover: Rover, steady: np.ndarray) -> tuple[CandidateRun, ...]:
     mass = sum(inertia.mass for inertia in rover.model.inertias)
     kilos, up, degrees = round(BALLAST * mass, 1), _ramp(SLOPE), f"{math.degrees(SLOPE):.0f} deg"
     load, wheels = f"with ballast of {kilos:g} kg at the centre of mass", len(rover.wheels)
     return (
-        MenuRun(f"on the flat {load}, duty {steady[0, 0]:.2f}", steady, Start(), _ramp(0.0), kilos),
-        MenuRun(f"up a slope of {degrees} {load}, duty 0.80", _held([0.8], wheels), Start(), up, kilos),
-        MenuRun(f"on the flat {load}, duties held for 2.5 s at random", _random(wheels), Start(), _ramp(0.0), kilos),
+        CandidateRun(f"on the flat {load}, duty {steady[0, 0]:.2f}", steady, Start(), _ramp(0.0), kilos),
+        CandidateRun(f"up a slope of {degrees} {load}, duty 0.80", _held([0.8], wheels), Start(), up, kilos),
+        CandidateRun(
+            f"on the flat {load}, duties held for 2.5 s at random", _random(wheels), Start(), _ramp(0.0), kilos
+        ),
     )
 
 
@@ -171,5 +185,5 @@ def _held(levels: Sequence[float], wheels: int) -> np.ndarray:
 def _random(wheels: int) -> np.ndarray:
     """Return duties (T, wheels) as in a good campaign; the same at every call."""
     random, count = np.random.default_rng(0), math.ceil(DURATION / HOLD)
-    held = random.uniform(*LEVELS, (count, 1)) + random.uniform(-APART, APART, (count, wheels))
-    return np.asarray(np.repeat(np.clip(held, -1.0, 1.0), round(HOLD / PERIOD), axis=0)[: round(DURATION / PERIOD)])
+    duties = random.uniform(*LEVELS, (count, 1)) + random.uniform(-APART, APART, (count, wheels))
+    return np.asarray(np.repeat(np.clip(duties, -1.0, 1.0), round(HOLD / PERIOD), axis=0)[: round(DURATION / PERIOD)])

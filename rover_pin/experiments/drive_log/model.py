@@ -61,19 +61,21 @@ def base_model(log: DriveLog) -> Model:
         A terrain, soil or motor that cannot be read.
     """
     rover = log.load_rover()
-    soil = record_from(Soil, {**usual_soil(rover).values(), **log.about.soil}, f"{log.folder}: [soil]")
-    motor = record_from(Motor, {**usual_motor(rover).values(), **log.about.motor}, f"{log.folder}: [motor]")
-    traction = SoilTraction(TorqueTraction(), usual_angles(rover, log.about.angles))
-    effects, terrain = base_effects(soil, rover, traction, log.about.gravity), log.terrain()
-    if log.about.resistance:
-        told = record_from(MotionResistance, log.about.resistance, f"{log.folder}: [resistance]")
-        stated = {name: getattr(told, name) for name in log.about.resistance}
-        effects = tuple(each.replace(**stated) if isinstance(each, MotionResistance) else each for each in effects)
+    soil = record_from(Soil, {**usual_soil(rover).values(), **log.metadata.soil}, f"{log.folder}: [soil]")
+    motor = record_from(Motor, {**usual_motor(rover).values(), **log.metadata.motor}, f"{log.folder}: [motor]")
+    traction = SoilTraction(TorqueTraction(), usual_angles(rover, log.metadata.angles))
+    effects, terrain = base_effects(soil, rover, traction, log.metadata.gravity), log.terrain()
+    if log.metadata.resistance:
+        resistance = record_from(MotionResistance, log.metadata.resistance, f"{log.folder}: [resistance]")
+        declared_values = {name: getattr(resistance, name) for name in log.metadata.resistance}
+        effects = tuple(
+            effect.replace(**declared_values) if isinstance(effect, MotionResistance) else effect for effect in effects
+        )
     most = max(terrain.ground_indices)
     if most > 1:
         raise DataError(f"{log.folder}: [terrain] has ground {most}: a log knows 0, the [soil], and 1, hard ground.")
     grounds, springs = (soil, HARD_GROUND), rover.springs
-    slip, gravity = usual_slip(rover), log.about.gravity
+    slip, gravity = usual_slip(rover), log.metadata.gravity
     return Model(rover, terrain, grounds, motor, slip, effects, gravity=gravity, body_effects=springs)
 
 
@@ -87,9 +89,9 @@ def usual_motor(rover: Rover) -> Motor:
     return own_motor(rover).value
 
 
-def held(log: DriveLog) -> bool:
+def is_rate_driven(log: DriveLog) -> bool:
     """Return whether replays of the log hold the wheels to their measured rates."""
-    return any(run.held for run in log.runs)
+    return any(run.rate_driven for run in log.runs)
 
 
 def with_spread(model: Model, motors: bool = True) -> Model:
@@ -97,9 +99,9 @@ def with_spread(model: Model, motors: bool = True) -> Model:
     for number, wheel in enumerate(model.rover.wheels):
         gains: list[WeakMotor | TachoScale] = [WeakMotor(g=0.0, wheel=number)] if motors else []
         for gain in (*gains, TachoScale(e=0.0, wheel=wheel.name)):
-            present = [one for one in model.all_effects if isinstance(one, (WeakMotor, TachoScale))]
-            alike = any(type(one) is type(gain) and one.wheel == gain.wheel for one in present)
-            model = model if alike else model.having(gain)
+            present = [effect for effect in model.all_effects if isinstance(effect, (WeakMotor, TachoScale))]
+            is_present = any(type(effect) is type(gain) and effect.wheel == gain.wheel for effect in present)
+            model = model if is_present else model.having(gain)
     return model
 
 
@@ -111,17 +113,21 @@ def nuisances(log: DriveLog, model: Model) -> tuple[Parameter, ...]:
     where wheels are held to their rates and none steers, the side force. What the log declares has its SD, or one that
     is assumed of declared values; what it does not declare is assumed, as widely as such numbers lie.
     """
-    known = partial(_known, log, model)
-    fixed = any(isinstance(one, SoilTraction) and isinstance(one.angles, FixedAngles) for one in model.effects)
-    found = []
+    parameter_of = partial(_known, log, model)
+    fixed = any(isinstance(effect, SoilTraction) and isinstance(effect.angles, FixedAngles) for effect in model.effects)
+    numbers = []
     for name in ("phi", *(("theta_1",) if fixed else ()), "k", "k_1"):
         value, log_scale = abs(float(getattr(model.soils[0], name))), name in ("k", "k_1")
         sd = SOIL_SD[name] * (value if log_scale else 1.0)
-        found.append(known("soil", name, sd, UNDECLARED * sd, log_scale))
-    found += _of_motors(log, model) if not held(log) else _of_scrub(model)
-    gains = (f"TachoScale[{one.name}].e" for one in model.rover.wheels)
-    alike = "tachogenerators of a kind differ so"
-    return (*found, *_of_resistance(log, model), *(parameter(model, e, TACHO_TO_TACHO, source=alike) for e in gains))
+        numbers.append(parameter_of("soil", name, sd, UNDECLARED * sd, log_scale))
+    numbers += _of_motors(log, model) if not is_rate_driven(log) else _of_scrub(model)
+    gains = (f"TachoScale[{wheel.name}].e" for wheel in model.rover.wheels)
+    tacho_source = "tachogenerators of a kind differ so"
+    return (
+        *numbers,
+        *_of_resistance(log, model),
+        *(parameter(model, e, TACHO_TO_TACHO, source=tacho_source) for e in gains),
+    )
 
 
 def _of_resistance(log: DriveLog, model: Model) -> list[Parameter]:
@@ -129,31 +135,33 @@ def _of_resistance(log: DriveLog, model: Model) -> list[Parameter]:
 
     On ground that the log's own level tells a wrong zero acts as another R.
     """
-    present = [one for one in model.effects if isinstance(one, MotionResistance)]
+    present = [effect for effect in model.effects if isinstance(effect, MotionResistance)]
     if not present:
         return []
     R = _known(log, model, "MotionResistance", "R", RESISTANCE_SD * float(present[0].R), RESISTANCES)
     if any(log.is_estimated(run) for run in log.runs):
         R = replace(R, scale=math.hypot(R.scale, LEVEL_SD))
-    return [one for one in (R, _known(log, model, "MotionResistance", "q", 0.0, FADES)) if one.scale > 0.0]
+    return [number for number in (R, _known(log, model, "MotionResistance", "q", 0.0, FADES)) if number.scale > 0.0]
 
 
 def _of_scrub(model: Model) -> list[Parameter]:
     """Return the scale of the side force of a rover that does not steer."""
     scrubs = all(wheel.steer_dof is None for wheel in model.rover.wheels)
-    has = any(isinstance(one, SideShear) and one.scale for one in model.effects)
+    has = any(isinstance(effect, SideShear) and effect.scale for effect in model.effects)
     return [parameter(model, "SideShear.scale", SIDE_SD, log=True)] if scrubs and has else []
 
 
 def _of_motors(log: DriveLog, model: Model) -> list[Parameter]:
     """Return gear and resistance, known to 1 % at best, the supply where it is assumed, and each motor's gain."""
-    found, of_a_kind = [], "motors of a kind differ so"
+    constants, of_a_kind = [], "motors of a kind differ so"
     for name in ("gear", "resistance", "supply"):
         value = float(getattr(model.motor, name))
-        one = _known(log, model, "motor", name, MOTOR_SD.get(name, 0.0) * value, ORDER * value, log_scale=True)
-        found += [replace(one, scale=max(one.scale, 0.01))] if name in MOTOR_SD or not one.declared else []
+        constant = _known(log, model, "motor", name, MOTOR_SD.get(name, 0.0) * value, ORDER * value, log_scale=True)
+        constants += (
+            [replace(constant, scale=max(constant.scale, 0.01))] if name in MOTOR_SD or not constant.declared else []
+        )
     gains = (f"WeakMotor[{number}].g" for number in range(len(model.rover.wheels)))
-    return [*found, *(parameter(model, g, MOTOR_TO_MOTOR, source=of_a_kind) for g in gains)]
+    return [*constants, *(parameter(model, g, MOTOR_TO_MOTOR, source=of_a_kind) for g in gains)]
 
 
 TABLES = {"soil": "soil", "motor": "motor", "MotionResistance": "resistance"}
@@ -168,20 +176,22 @@ def _known(
     SDs are those of the number in SI. However little is known, a difference steps as far as for a declared value.
     """
     title, record = TABLES[owner], owners(model)[owner]
-    table: Mapping[str, Any] = getattr(log.about, title)
-    stated = declared_sds(table, type(record), f"{log.folder}: [{title}]")
-    said = declared_in(title, name, table, stated) or _by_the_rover(log, owner)
-    size = stated.get(name, sd if said else undeclared)
+    table: Mapping[str, Any] = getattr(log.metadata, title)
+    sd_by_name = declared_sds(table, type(record), f"{log.folder}: [{title}]")
+    declaration = declared_in(title, name, table, sd_by_name) or _by_the_rover(log, owner)
+    size = sd_by_name.get(name, sd if declaration else undeclared)
     step = min(FD * (sd or undeclared) / size, FD) if size > 0.0 else FD
     relative = abs(float(getattr(record, name))) if log_scale else 1.0
-    one = parameter(model, f"{owner}.{name}", size / relative, log_scale, declared=said, source=_assumed(log, owner))
-    return replace(one, fd=step)
+    number = parameter(
+        model, f"{owner}.{name}", size / relative, log_scale, declared=declaration, source=_assumed(log, owner)
+    )
+    return replace(number, fd=step)
 
 
 def _by_the_rover(log: DriveLog, owner: str) -> str:
     """Return where the rover's own description declares what the log does not; empty where it does not either."""
-    stated = owner == "motor" and isinstance(log.load_rover().motor, MotorSheet)
-    return "declared in the rover's TOML, its SD assumed" if stated else ""
+    motor_declared = owner == "motor" and isinstance(log.load_rover().motor, MotorSheet)
+    return "declared in the rover's TOML, its SD assumed" if motor_declared else ""
 
 
 def _assumed(log: DriveLog, owner: str) -> str:

@@ -41,7 +41,7 @@ def parameter(
 
     `declared` says where the log declares it; without it is assumed, by `source` or that of the quantity.
     """
-    record, quantity, about = find(owners(model), name)
-    value, low, high = float(getattr(record, quantity)), float(about.low), float(about.high)
-    source = declared or f"assumed: {(source or about.source).removeprefix('assumed: ')}"
+    record, quantity, spec = find(owners(model), name)
+    value, low, high = float(getattr(record, quantity)), float(spec.low), float(spec.high)
+    source = declared or f"assumed: {(source or spec.source).removeprefix('assumed: ')}"
     return Parameter(name, value, sd, low, high, log, prior, declared=bool(declared), source=source)

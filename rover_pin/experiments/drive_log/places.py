@@ -17,6 +17,9 @@ def neighbours(candidate: Candidate, step: float) -> list[Candidate]:
     if effect is None or "x_from" not in effect.places:
         return []
     begin, end = float(effect.x_from), float(effect.x_from + effect.length)
-    moved = [(begin - step, end), (begin + step, end), (begin, end - step), (begin, end + step)]
-    there = [effect.replace(x_from=one, length=other - one) for one, other in moved if other - one > NARROWEST]
-    return [dataclasses.replace(candidate, effect=one, place=f"{float(one.x_from):.3f}") for one in there]
+    edges = [(begin - step, end), (begin + step, end), (begin, end - step), (begin, end + step)]
+    there = [effect.replace(x_from=start, length=stop - start) for start, stop in edges if stop - start > NARROWEST]
+    return [
+        dataclasses.replace(candidate, effect=shifted_effect, place=f"{float(shifted_effect.x_from):.3f}")
+        for shifted_effect in there
+    ]

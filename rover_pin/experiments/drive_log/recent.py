@@ -22,18 +22,18 @@ class Recent:
     def of(self, keys: Sequence[str], make: Callable[[list[int]], Sequence[np.ndarray]]) -> list[np.ndarray]:
         """Return what belongs to each key; `make` is asked for those that are not known, by their places."""
         missing = [at for at, key in enumerate(keys) if key not in self._known and key not in keys[:at]]
-        made = dict(zip([keys[at] for at in missing], make(missing) if missing else (), strict=True))
-        found = [made[key] if key in made else self._known[key] for key in keys]
-        for key, one in zip(keys, found, strict=True):
-            self._keep(key, one)
-        return found
+        new_predictions = dict(zip([keys[at] for at in missing], make(missing) if missing else (), strict=True))
+        predictions = [new_predictions[key] if key in new_predictions else self._known[key] for key in keys]
+        for key, prediction in zip(keys, predictions, strict=True):
+            self._keep(key, prediction)
+        return predictions
 
-    def _keep(self, key: str, one: np.ndarray) -> None:
+    def _keep(self, key: str, prediction: np.ndarray) -> None:
         if key in self._known:
             self._known.move_to_end(key)
             return
-        one.flags.writeable = False
-        self._known[key] = one
-        self._size += one.nbytes
+        prediction.flags.writeable = False
+        self._known[key] = prediction
+        self._size += prediction.nbytes
         while self._size > self.room:
             self._size -= self._known.popitem(last=False)[1].nbytes

@@ -33,20 +33,20 @@ class Memory:
     folder: Path | None = None
     key: str = ""
 
-    def kept(self, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
+    def cached_arrays(self, request: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
         """Return the arrays that answer `asked`, as they were kept, or make and keep them."""
         if self.folder is None:
             return make()
-        file = self.folder / FOLDER / f"{digest(self.key, asked)}.npz"
-        found = _read(file)
-        if found is None:
-            found, content = make(), io.BytesIO()
-            np.savez(content, **found)  # type: ignore[arg-type]
+        file = self.folder / FOLDER / f"{digest(self.key, request)}.npz"
+        stored_arrays = _read(file)
+        if stored_arrays is None:
+            stored_arrays, content = make(), io.BytesIO()
+            np.savez(content, **stored_arrays)  # type: ignore[arg-type]
             replace_file(file, content.getvalue())
-        return found
+        return stored_arrays
 
     @property
-    def told(self) -> str:
+    def status(self) -> str:
         """How much is kept, and where; empty where nothing is."""
         count = len(self._files())
         return f"{count} finished steps are kept in {self.folder}/{FOLDER}" if count else ""
@@ -57,8 +57,8 @@ class Memory:
         try:
             yield
         except (KeyboardInterrupt, SystemExit) as stop:
-            if self.told:
-                stop.add_note(f"{self.told}: the same command goes on there")
+            if self.status:
+                stop.add_note(f"{self.status}: the same command goes on there")
             raise
 
     def done(self) -> None:
@@ -82,34 +82,34 @@ def _read(file: Path) -> Arrays | None:
 
 def digest(*values: Any) -> str:
     """Return a digest of values by their content: records, arrays, numbers, text, and what is made of them."""
-    found = hashlib.sha256()
-    _feed(found, values)
-    return found.hexdigest()[:32]
+    hasher = hashlib.sha256()
+    _feed(hasher, values)
+    return hasher.hexdigest()[:32]
 
 
-def _feed(found: Any, value: Any) -> None:
+def _feed(hasher: Any, value: Any) -> None:
     if isinstance(value, np.ndarray):
-        found.update(f"{value.dtype.str}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
+        hasher.update(f"{value.dtype.str}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
     elif isinstance(value, Rover):
-        found.update(_of_rover(value))
+        hasher.update(_of_rover(value))
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        found.update(f"{type(value).__module__}.{type(value).__qualname__}".encode())
-        _feed(found, tuple(getattr(value, each.name) for each in dataclasses.fields(value)))
+        hasher.update(f"{type(value).__module__}.{type(value).__qualname__}".encode())
+        _feed(hasher, tuple(getattr(value, field.name) for field in dataclasses.fields(value)))
     elif isinstance(value, Mapping):
-        _feed(found, tuple(value.items()))
+        _feed(hasher, tuple(value.items()))
     elif isinstance(value, (tuple, list)):
-        found.update(b"%d(" % len(value))
-        for each in value:
-            _feed(found, each)
+        hasher.update(b"%d(" % len(value))
+        for element in value:
+            _feed(hasher, element)
     elif isinstance(value, bytes):
-        found.update(b"%d:" % len(value) + value)
+        hasher.update(b"%d:" % len(value) + value)
     else:
-        found.update(f"{type(value).__qualname__}{value!r};".encode())
+        hasher.update(f"{type(value).__qualname__}{value!r};".encode())
 
 
 @lru_cache(maxsize=8)
 def _of_rover(rover: Rover) -> bytes:
     """Return a digest of a rover, which is compared by identity and stays the same through a loop."""
-    parts = {each.name: getattr(rover, each.name) for each in dataclasses.fields(rover)}
+    parts = {field.name: getattr(rover, field.name) for field in dataclasses.fields(rover)}
     model: pin.Model = parts.pop("model")
     return digest(model.saveToString(), parts).encode()

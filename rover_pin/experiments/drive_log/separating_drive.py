@@ -9,9 +9,15 @@ import numpy as np
 
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.estimation.fit import Fit
-from rover_pin.experiments.drive_log.contrast import Contrast, Instruments, contrast, logged_instruments, with_currents
+from rover_pin.experiments.drive_log.contrast import (
+    Instruments,
+    PredictedDifference,
+    logged_instruments,
+    predict_difference,
+    with_currents,
+)
 from rover_pin.experiments.drive_log.experiment import logged
-from rover_pin.experiments.drive_log.menu import DURATION, MenuRun, menu, on_own_ground
+from rover_pin.experiments.drive_log.menu import DURATION, CandidateRun, candidate_runs, on_own_ground
 from rover_pin.motion.cruise import CRUISE_DUTY
 
 TELLS, ENOUGH = 9.0, 25.0
@@ -40,7 +46,7 @@ class SeparatingDrive(NamedTuple):
     runner_up_expected: float = 0.0
 
     @property
-    def said(self) -> str:
+    def sentence(self) -> str:
         """One sentence for a reader."""
         return (
             f"to tell {self.first} from {self.second}: {DURATION:g} s {self.run}; "
@@ -48,15 +54,15 @@ class SeparatingDrive(NamedTuple):
         )
 
 
-class _Judged(NamedTuple):
+class _RunScore(NamedTuple):
     """One run of the menu, judged."""
 
     expected: float
-    said: str
+    label: str
     channel: str
 
 
-def separating_drive(first: Named, second: Named, progress: Progress = lambda said: None) -> SeparatingDrive | None:
+def separating_drive(first: Named, second: Named, progress: Progress = lambda message: None) -> SeparatingDrive | None:
     """Return the run of the menu with the greatest expected information, or None where none tells the two apart.
 
     d^T (I + J_1 C_1 J_1^T + J_2 C_2 J_2^T)^-1 d, with d the difference of the two predictions in units of the noise
@@ -64,51 +70,61 @@ def separating_drive(first: Named, second: Named, progress: Progress = lambda sa
     not logged and the log's channels do not suffice.
     """
     fits = (first[1], second[1])
-    own = logged_instruments(fits[0])
-    richer = own if logged(fits[0]).held else with_currents(own, [wheel.name for wheel in fits[0].model.rover.wheels])
-    contrasts = []
+    instruments = logged_instruments(fits[0])
+    richer = (
+        instruments
+        if logged(fits[0]).rate_driven
+        else with_currents(instruments, [wheel.name for wheel in fits[0].model.rover.wheels])
+    )
+    differences = []
     for run in _choice(first, second):
-        progress(f"predicting a run {run.said}")
-        contrasts.append(contrast(run, fits, richer.names))
-    driven = [each for each in contrasts if each is not None]
-    found = _judged(driven, own, "", progress)
-    if len(richer.names) > len(own.names) and (not found or found[0].expected < ENOUGH):
-        found = sorted(found + _judged(driven, richer, ", with the motor currents logged", progress), reverse=True)
-    if not found or found[0].expected < TELLS:
+        progress(f"predicting a run {run.label}")
+        differences.append(predict_difference(run, fits, richer.names))
+    driven = [difference for difference in differences if difference is not None]
+    scores = _score_runs(driven, instruments, "", progress)
+    if len(richer.names) > len(instruments.names) and (not scores or scores[0].expected < ENOUGH):
+        scores = sorted(
+            scores + _score_runs(driven, richer, ", with the motor currents logged", progress), reverse=True
+        )
+    if not scores or scores[0].expected < TELLS:
         return None
-    best, other = found[0], found[1] if len(found) > 1 else _Judged(0.0, "", "")
-    return SeparatingDrive(first[0], second[0], best.said, best.channel, best.expected, other.said, other.expected)
+    best, runner_up = scores[0], scores[1] if len(scores) > 1 else _RunScore(0.0, "", "")
+    return SeparatingDrive(
+        first[0], second[0], best.label, best.channel, best.expected, runner_up.label, runner_up.expected
+    )
 
 
-def _judged(driven: Sequence[Contrast], instruments: Instruments, more: str, progress: Progress) -> list[_Judged]:
+def _score_runs(
+    driven: Sequence[PredictedDifference], instruments: Instruments, more: str, progress: Progress
+) -> list[_RunScore]:
     """Return the runs that differ most, judged with the doubt of both fits, the best first."""
-    found = []
-    for each in sorted(driven, key=lambda one: -one.plain(instruments))[:CLOSER]:
-        progress(f"weighing the doubt on a run {each.run.said}{more}")
-        expected, channel = each.judged(instruments)
-        found.append(_Judged(expected, each.run.said + more, channel))
-    return sorted(found, reverse=True)
+    scores = []
+    for difference in sorted(driven, key=lambda candidate: -candidate.plain(instruments))[:CLOSER]:
+        progress(f"weighing the doubt on a run {difference.run.label}{more}")
+        expected, channel = difference.expected_chi2(instruments)
+        scores.append(_RunScore(expected, difference.run.label + more, channel))
+    return sorted(scores, reverse=True)
 
 
-def _choice(first: Named, second: Named) -> tuple[MenuRun, ...]:
+def _choice(first: Named, second: Named) -> tuple[CandidateRun, ...]:
     """Return the runs to choose from, at shares of the fastest logged rate where the wheels are held to rates."""
-    runs, experiment = _of_menu(first, second), logged(first[1])
-    if not experiment.held:
+    runs, experiment = _applicable_runs(first, second), logged(first[1])
+    if not experiment.rate_driven:
         return runs
     rates = [np.abs(run.commands.rate) for run in experiment.runs if run.commands.rate is not None]
     fastest = max(float(np.max(rate)) for rate in rates)
-    return tuple(run.held_to(fastest) for run in runs if ROLLS not in run.said)
+    return tuple(run.held_to(fastest) for run in runs if ROLLS not in run.label)
 
 
-def _of_menu(first: Named, second: Named) -> tuple[MenuRun, ...]:
+def _applicable_runs(first: Named, second: Named) -> tuple[CandidateRun, ...]:
     """Return the menu; where an effect is tied to a place of the log, only what crosses the log's own ground."""
     experiment, rover = logged(first[1]), first[1].model.rover
     duty = np.concatenate([np.abs(run.commands.duty).mean(axis=1) for run in experiment.runs])
     moving = duty[duty > MOVING]
     cruise = round(float(np.median(moving)), 2) if moving.size else CRUISE_DUTY
-    own = experiment.runs[0].commands.start
+    log_start = experiment.runs[0].commands.start
     if any("x_from" in effect.places for _, fit in (first, second) for effect in fit.model.all_effects):
-        return on_own_ground(rover, cruise, own)
+        return on_own_ground(rover, cruise, log_start)
     marks = [name.partition("[")[2].rstrip("]") for name, _ in (first, second)]
     alone = [at for at, wheel in enumerate(rover.wheels) if wheel.name in marks or str(at) in marks]
-    return menu(rover, cruise, own, alone or [0])
+    return candidate_runs(rover, cruise, log_start, alone or [0])

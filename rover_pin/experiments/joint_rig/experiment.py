@@ -17,7 +17,7 @@ from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.joint_rig.model import OWN, JointModel, Part
-from rover_pin.experiments.wheel_rig.beds import beds_of
+from rover_pin.experiments.wheel_rig.beds import bed_stiffness_field
 from rover_pin.experiments.wheel_rig.candidates import added, needs_speeds
 from rover_pin.experiments.wheel_rig.checks import FEWEST_LEVELS
 from rover_pin.experiments.wheel_rig.data import RigSet, as_rig_set
@@ -80,7 +80,7 @@ class JointRig(Experiment):
 
     def of_set(self, name: str) -> np.ndarray:
         """Return which folds are of a set (folds,)."""
-        return np.array([one == name for one, data in self.sets.items() for _ in data.level_names])
+        return np.array([set_name == name for set_name, data in self.sets.items() for _ in data.level_names])
 
     def _whole(self, tables: Mapping[str, np.ndarray], empty: float) -> np.ndarray:
         """Return tables (..., levels, own channels, own samples) of every set as one, `empty` where a set has none."""
@@ -88,19 +88,19 @@ class JointRig(Experiment):
         wide = []
         for name, table in tables.items():
             rows = [self.channels.index(channel) for channel in self._each[name].channels]
-            own = np.full((*table.shape[:-2], len(self.channels), samples), empty)
-            own[..., rows, : table.shape[-1]] = table
-            wide.append(own)
+            padded_table = np.full((*table.shape[:-2], len(self.channels), samples), empty)
+            padded_table[..., rows, : table.shape[-1]] = table
+            wide.append(padded_table)
         return np.concatenate(wide, axis=-3)
 
     @cached_property
     def observed(self) -> np.ndarray:
         """What was measured (folds, channels, samples); NaN where nothing was."""
-        return self._whole({name: one.observed for name, one in self._each.items()}, np.nan)
+        return self._whole({name: experiment.observed for name, experiment in self._each.items()}, np.nan)
 
     def noise(self) -> Noise:
         """Return white noise of the SDs that each set states."""
-        sd = self._whole({name: one.noise().sd for name, one in self._each.items()}, 1.0)
+        sd = self._whole({name: experiment.noise().sd for name, experiment in self._each.items()}, 1.0)
         return declared_noise(sd, self.observed)
 
     def base_model(self) -> JointModel:
@@ -115,14 +115,16 @@ class JointRig(Experiment):
             name: Part(data.rig.wheel, data.rig.errors, data.rig.beside.get("lug_height"))
             for name, data in self.sets.items()
         }
-        told = all("lug_height" in data.rig.beside for data in sets)
-        trench = known_trench(self.declared) if told else ()
+        lugs_declared = all("lug_height" in data.rig.beside for data in sets)
+        trench = known_trench(self.declared) if lugs_declared else ()
         return JointModel(sand.soil(), (*(ASKEW if askew else PAPER), *trench), parts)
 
     def records(self, model: Any) -> dict[str, Any]:
         """Return the soil, the effects, and `set.wheel` and `set.rig` of each."""
-        own = {f"{name}.{kind}": getattr(part, field) for name, part in model.parts.items() for kind, field in OWN}
-        return {"soil": model.soil, **{type(one).__name__: one for one in model.effects}, **own}
+        set_records = {
+            f"{name}.{kind}": getattr(part, field) for name, part in model.parts.items() for kind, field in OWN
+        }
+        return {"soil": model.soil, **{type(effect).__name__: effect for effect in model.effects}, **set_records}
 
     def replaced(self, model: Any, owner: str, record: Any) -> Any:
         """Return the model with another record of this name."""
@@ -132,25 +134,25 @@ class JointRig(Experiment):
         if name in model.parts:
             part = dataclasses.replace(model.parts[name], **{dict(OWN)[kind]: record})
             return dataclasses.replace(model, parts={**model.parts, name: part})
-        effects = tuple(record if type(one).__name__ == owner else one for one in model.effects)
+        effects = tuple(record if type(effect).__name__ == owner else effect for effect in model.effects)
         return dataclasses.replace(model, effects=effects)
 
     def uncertain(self, model: JointModel) -> tuple[Parameter, ...]:
         """Return what is uncertain of any set: the soil once, wheels and errors of the rig by the name of their set."""
-        found: dict[str, Parameter] = {}
-        for name, one in self._each.items():
-            for each in one.uncertain(model.of(name)):
-                if each.name == TRENCH:
+        parameters: dict[str, Parameter] = {}
+        for name, experiment in self._each.items():
+            for parameter in experiment.uncertain(model.of(name)):
+                if parameter.name == TRENCH:
                     continue
-                full = each.name if each.name.startswith("soil.") else f"{name}.{each.name}"
-                if full not in found or (each.prior and not found[full].prior):
-                    found[full] = dataclasses.replace(each, name=full)
-        for each in self._told_together(model):
-            found.setdefault(each.name, each)
-        found |= {each.name: each for each in known_heights(self.declared, self, model)}
-        return tuple(found.values())
+                full = parameter.name if parameter.name.startswith("soil.") else f"{name}.{parameter.name}"
+                if full not in parameters or (parameter.prior and not parameters[full].prior):
+                    parameters[full] = dataclasses.replace(parameter, name=full)
+        for parameter in self._jointly_identified(model):
+            parameters.setdefault(parameter.name, parameter)
+        parameters |= {parameter.name: parameter for parameter in known_heights(self.declared, self, model)}
+        return tuple(parameters.values())
 
-    def _told_together(self, model: JointModel) -> Iterator[Parameter]:
+    def _jointly_identified(self, model: JointModel) -> Iterator[Parameter]:
         """Yield what the sets tell together, and none alone: n and c by their loads, k_2 by their widths."""
         loads = np.concatenate([data.rig.load for data in self.sets.values()])
         widths = [float(data.rig.wheel.b) for data in self.sets.values()]
@@ -167,8 +169,12 @@ class JointRig(Experiment):
         able = [kind for kind in mine if not kind.before_slip and kind not in present]
         effects = [added(kind, model.of(next(iter(self.sets)))) for kind in able]
         sand = self.declared
-        shown = [one for one in effects if not is_of_other_wheel(one, sand) and self._shows(one, model)]
-        return tuple(preset_candidate(effect, sand) for effect in shown)
+        visible_effects = [
+            tried_effect
+            for tried_effect in effects
+            if not is_of_other_wheel(tried_effect, sand) and self._shows(tried_effect, model)
+        ]
+        return tuple(preset_candidate(effect, sand) for effect in visible_effects)
 
     def _shows(self, effect: Effect, model: JointModel) -> bool:
         silent = [(name, data) for name, data in self.sets.items() if data.speeds is None]
@@ -178,39 +184,44 @@ class JointRig(Experiment):
     def declared(self) -> WheelRig:
         """The wheel with the highest lugs, with all that any set declares of the sand."""
         rigs = sorted((data.rig for data in self.sets.values()), key=lambda rig: rig.beside.get("lug_height", 0.0))
-        told_of_all = all("lug_height" in rig.beside for rig in rigs)
+        all_declare_lugs = all("lug_height" in rig.beside for rig in rigs)
         beside = {name: value for rig in rigs for name, value in rig.beside.items()}
-        if not told_of_all and beside.get("lug_height") == 0.0:
+        if not all_declare_lugs and beside.get("lug_height") == 0.0:
             del beside["lug_height"]
         return dataclasses.replace(rigs[-1], beside=beside)
 
     def sensitivities(self, model: JointModel, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
         """Return the channels of every set and their exact slopes."""
         predicted, slopes = {}, {}
-        for name, one in self._each.items():
-            own = model.of(name)
-            local = [(at, _local(each.name, name)) for at, each in enumerate(parameters)]
-            acting = [(at, word) for at, word in local if word and _stands(own, word)]
-            asked = [dataclasses.replace(parameters[at], name=word) for at, word in acting]
-            asked = [_scaled(one, model.lug_share(name)) if _is_height(one.name) else one for one in asked]
-            found = one.sensitivities(own, asked, np.asarray(u)[[at for at, _ in acting]])
-            table = np.zeros((len(parameters), *found.predicted.shape))
-            table[[at for at, _ in acting]] = found.slopes
-            predicted[name], slopes[name] = found.predicted, table
+        for name, experiment in self._each.items():
+            set_model = model.of(name)
+            local = [(at, _local(parameter.name, name)) for at, parameter in enumerate(parameters)]
+            acting = [(at, word) for at, word in local if word and _stands(set_model, word)]
+            local_parameters = [dataclasses.replace(parameters[at], name=word) for at, word in acting]
+            local_parameters = [
+                _scaled(parameter, model.lug_share(name)) if _is_height(parameter.name) else parameter
+                for parameter in local_parameters
+            ]
+            set_sensitivities = experiment.sensitivities(
+                set_model, local_parameters, np.asarray(u)[[at for at, _ in acting]]
+            )
+            table = np.zeros((len(parameters), *set_sensitivities.predicted.shape))
+            table[[at for at, _ in acting]] = set_sensitivities.slopes
+            predicted[name], slopes[name] = set_sensitivities.predicted, table
         return Sensitivities(self._whole(predicted, 0.0), self._whole(slopes, 0.0))
 
     def random_field(self, model: JointModel) -> RandomField | None:
         """Return how the beds of all levels of all sets may differ; None where no sinkage tells k_1."""
-        return beds_of(self, model)
+        return bed_stiffness_field(self, model)
 
     def predict(self, models: Sequence[JointModel]) -> np.ndarray:
         """Return the channels of each model (models, folds, channels, samples)."""
-        return np.array([self.sensitivities(one, (), np.zeros(0)).predicted for one in models])
+        return np.array([self.sensitivities(model, (), np.zeros(0)).predicted for model in models])
 
     def unpredicted(self, model: JointModel) -> str:
         """Return which run no sinkage carries, of the first set that has one; empty where all are carried."""
-        said = ((name, one.unpredicted(model.of(name))) for name, one in self._each.items())
-        return next((f"{name}: {why}" for name, why in said if why), "")
+        reasons = ((name, experiment.unpredicted(model.of(name))) for name, experiment in self._each.items())
+        return next((f"{name}: {why}" for name, why in reasons if why), "")
 
     def insufficient(self) -> str:
         """Return why the sets tell nothing together, and what would."""
@@ -219,12 +230,12 @@ class JointRig(Experiment):
         return f"{len(self.folds)} levels in all sets: measure at {FEWEST_LEVELS} or more, or give more sets."
 
 
-def _local(name: str, own: str) -> str:
+def _local(name: str, set_name: str) -> str:
     """Return a parameter's name as a set's own model has it; empty where it is another set's."""
     for kind, _ in OWN:
-        owner, found, rest = name.rpartition(f".{kind}.")
-        if found:
-            return f"{kind}.{rest}" if owner == own else ""
+        owner, separator, quantity = name.rpartition(f".{kind}.")
+        if separator:
+            return f"{kind}.{quantity}" if owner == set_name else ""
     return name
 
 
@@ -236,7 +247,9 @@ def _is_height(name: str) -> bool:
     return name.rpartition(".")[2] in LUGS
 
 
-def _scaled(one: Parameter, share: float) -> Parameter:
+def _scaled(parameter: Parameter, share: float) -> Parameter:
     """Return a parameter whose value at u is this share of the given one's."""
-    scale = one.scale if one.log else one.scale * share
-    return dataclasses.replace(one, origin=one.origin * share, scale=scale, low=one.low * share, high=one.high * share)
+    scale = parameter.scale if parameter.log else parameter.scale * share
+    return dataclasses.replace(
+        parameter, origin=parameter.origin * share, scale=scale, low=parameter.low * share, high=parameter.high * share
+    )

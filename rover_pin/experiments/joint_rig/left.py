@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from rover_pin.estimation.wording import shown
-from rover_pin.experiments.wheel_rig.beds import ByChance
+from rover_pin.estimation.wording import format_value
+from rover_pin.experiments.wheel_rig.beds import RandomEffects
 
 
 class SetError(NamedTuple):
@@ -22,11 +22,11 @@ class SetError(NamedTuple):
     curve_error: float
 
     @property
-    def said(self) -> str:
+    def sentence(self) -> str:
         """One sentence for a reader."""
-        errors = f"{shown(self.before, self.unit)} -> {shown(self.after, self.unit)}"
-        curve = f"a {self.curve} of that set alone {shown(self.curve_error, self.unit)}"
-        return f"{self.set}: held-out {self.channel} {errors} (noise {shown(self.noise, self.unit)}; {curve})"
+        errors = f"{format_value(self.before, self.unit)} -> {format_value(self.after, self.unit)}"
+        curve = f"a {self.curve} of that set alone {format_value(self.curve_error, self.unit)}"
+        return f"{self.set}: held-out {self.channel} {errors} (noise {format_value(self.noise, self.unit)}; {curve})"
 
 
 class JointExtra(NamedTuple):
@@ -34,13 +34,13 @@ class JointExtra(NamedTuple):
 
     sets: tuple[SetError, ...]
     declared: tuple[str, ...]
-    chance: ByChance = ByChance()
+    random_effects: RandomEffects = RandomEffects()
 
     def lines(self, added: bool) -> list[str]:
         """Return lines for a reader."""
-        return [*(one.said for one in self.sets), *(f"declared: {line}" for line in self.declared)]
+        return [*(set_error.sentence for set_error in self.sets), *(f"declared: {line}" for line in self.declared)]
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
-        sets = [one._asdict() for one in self.sets]
-        return {"sets": sets, "declared": list(self.declared), "by_chance": self.chance.as_dict()}
+        sets = [set_error._asdict() for set_error in self.sets]
+        return {"sets": sets, "declared": list(self.declared), "by_chance": self.random_effects.as_dict()}

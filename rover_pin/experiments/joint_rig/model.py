@@ -47,13 +47,18 @@ class JointModel:
         """Return the model of one set."""
         part, share = self.parts[name], self.lug_share(name)
         acting = (effect for effect in self.effects if _acts(effect, part.lugs))
-        effects = (one.replace(**{each: getattr(one, each) * share for each in _heights(one)}) for one in acting)
+        effects = (
+            acting_effect.replace(
+                **{height: getattr(acting_effect, height) * share for height in _heights(acting_effect)}
+            )
+            for acting_effect in acting
+        )
         return RigModel(part.wheel, self.soil, tuple(effects), part.errors)
 
     def lug_share(self, name: str) -> float:
         """Return the height of a set's lugs over that of the highest; 1 where it is not told."""
         lugs = self.parts[name].lugs
-        return lugs / max(each.lugs or 0.0 for each in self.parts.values()) if lugs else float(lugs is None)
+        return lugs / max(part.lugs or 0.0 for part in self.parts.values()) if lugs else float(lugs is None)
 
 
 def _acts(effect: Effect, lugs: float | None) -> bool:

@@ -68,22 +68,27 @@ def read_joint(folders: Sequence[str | Path], trust: Trust = Trust()) -> JointRi
 
 def _seen_before(data: RigSet, others: Iterable[RigSet]) -> np.ndarray:
     """Return which runs stand in another set already: slip, angle, load and channels are the same."""
-    seen = np.zeros(data.rig.slip.size, dtype=bool)
-    for other in others:
-        mine, theirs = _fingerprint(data, other), _fingerprint(other, data)
-        near = np.abs(mine[:, None] - theirs[None]) < SAME_RUN
-        seen |= (near | (np.isnan(mine[:, None]) & np.isnan(theirs[None]))).all(axis=2).any(axis=1)
-    return seen
+    duplicate = np.zeros(data.rig.slip.size, dtype=bool)
+    for other_set in others:
+        mine, theirs = _fingerprint(data, other_set), _fingerprint(other_set, data)
+        is_close = np.abs(mine[:, None] - theirs[None]) < SAME_RUN
+        duplicate |= (is_close | (np.isnan(mine[:, None]) & np.isnan(theirs[None]))).all(axis=2).any(axis=1)
+    return duplicate
 
 
-def _fingerprint(data: RigSet, other: RigSet) -> np.ndarray:
+def _fingerprint(data: RigSet, other_set: RigSet) -> np.ndarray:
     """Return slip, angle, ln load and the channels of both sets over their SDs (runs, numbers)."""
-    rig, both = data.rig, {type(one) for one in data.rig.channels} & {type(one) for one in other.rig.channels}
-    sd = {kind: _mean_sd(data, kind) + _mean_sd(other, kind) for kind in both}
-    given = np.array([rig.slip, rig.slip_angle, np.log(rig.load)]) / GIVEN
-    ordered = sorted((one for one in rig.channels if type(one) in both), key=lambda one: ROWS.index(type(one)))
-    return np.vstack([given, *(one.measured / sd[type(one)] for one in ordered)]).T
+    rig, both = (
+        data.rig,
+        {type(channel) for channel in data.rig.channels} & {type(channel) for channel in other_set.rig.channels},
+    )
+    sd = {kind: _mean_sd(data, kind) + _mean_sd(other_set, kind) for kind in both}
+    inputs = np.array([rig.slip, rig.slip_angle, np.log(rig.load)]) / GIVEN
+    ordered = sorted(
+        (channel for channel in rig.channels if type(channel) in both), key=lambda channel: ROWS.index(type(channel))
+    )
+    return np.vstack([inputs, *(channel.measured / sd[type(channel)] for channel in ordered)]).T
 
 
 def _mean_sd(data: RigSet, kind: type) -> float:
-    return float(next(one.sd.mean() for one in data.rig.channels if type(one) is kind))
+    return float(next(channel.sd.mean() for channel in data.rig.channels if type(channel) is kind))

@@ -20,7 +20,7 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEVELS, PATH, SPEED, leaky
 from rover_pin.motion.channels import unit_of
-from rover_pin.motion.replay import Nudge, Replay, filled
+from rover_pin.motion.replay import Perturbation, Replay, filled
 from rover_pin.quantity import quantity
 
 TORQUE_SHARE, FORCE_SHARE, GRIP_SHARE = 0.03, 0.01, 0.05
@@ -54,7 +54,7 @@ class Part(NamedTuple):
     "whose rates, slips and places the modulation reads: one wheel, an axle's, or all"
     axle: int | None
     "in the order of passing; None where the part is no axle"
-    moved: tuple[np.ndarray, ...]
+    responses: tuple[np.ndarray, ...]
     "by run: change of the features' rows (channels, T) for one unit"
 
 
@@ -67,7 +67,7 @@ class Act(NamedTuple):
     parts: tuple[Part, ...]
 
     @property
-    def said(self) -> str:
+    def description(self) -> str:
         """What it acts as, in words."""
         wheel = f"wheel {self.where}" if self.where else "every wheel"
         return {
@@ -104,10 +104,10 @@ class Scene:
     @cached_property
     def tacho(self) -> dict[str, float]:
         """Fitted gain of the tachogenerator of each wheel."""
-        gains = [one for one in self.fit.model.sensor_effects if isinstance(one, TachoScale)]
-        shared = math.prod(1.0 + float(one.e) for one in gains if not one.wheel)
-        own = {one.wheel: 1.0 + float(one.e) for one in gains if one.wheel}
-        return {wheel: shared * own.get(wheel, 1.0) for wheel in self.wheels}
+        gains = [sensor for sensor in self.fit.model.sensor_effects if isinstance(sensor, TachoScale)]
+        shared = math.prod(1.0 + float(sensor.e) for sensor in gains if not sensor.wheel)
+        wheel_gains = {sensor.wheel: 1.0 + float(sensor.e) for sensor in gains if sensor.wheel}
+        return {wheel: shared * wheel_gains.get(wheel, 1.0) for wheel in self.wheels}
 
     @cached_property
     def gains(self) -> tuple[dict[str, float], ...]:
@@ -145,7 +145,7 @@ class Scene:
             return x
         ahead = np.full(len(x), float(np.mean([self.ahead[wheel] for wheel in part.wheels])))
         if part.axle is not None:
-            axles = sorted({round(each, 3) for each in self.ahead.values()}, reverse=True)
+            axles = sorted({round(distance, 3) for distance in self.ahead.values()}, reverse=True)
             ahead = np.where(self.sense(run) > 0, axles[part.axle], axles[len(axles) - 1 - part.axle])
         return np.asarray(x + ahead * np.cos(heading))
 
@@ -169,33 +169,35 @@ def _gains(sensors: Sequence[SensorEffect], channels: Mapping[str, np.ndarray]) 
 
 def acts(scene: Scene) -> tuple[Act, ...]:
     """Return everything that an unknown effect may act on, from one nudged replay of the runs each."""
-    found: list[Act] = []
-    if not scene.experiment.held:
+    possible_acts: list[Act] = []
+    if not scene.experiment.rate_driven:
         torques, duties = zip(*(_pushed(scene, at) for at, _ in enumerate(scene.wheels)), strict=True)
-        found += _of_wheels(scene, TORQUE, "N m", torques)
-    if found and any(name.startswith("current_") for name in scene.experiment.channels):
-        found += _of_wheels(scene, VOLTAGE, "", duties)
-    found += _forces(scene)
-    found.append(Act(GRIP, "", "", tuple(_gripped(scene, axle) for axle in range(len(_axles(scene))))))
-    return (*found, *(_reading(scene, name) for name in scene.experiment.channels if _told(name)))
+        possible_acts += _of_wheels(scene, TORQUE, "N m", torques)
+    if possible_acts and any(name.startswith("current_") for name in scene.experiment.channels):
+        possible_acts += _of_wheels(scene, VOLTAGE, "", duties)
+    possible_acts += _forces(scene)
+    possible_acts.append(Act(GRIP, "", "", tuple(_gripped(scene, axle) for axle in range(len(_axles(scene))))))
+    return (*possible_acts, *(_reading(scene, name) for name in scene.experiment.channels if _may_misread(name)))
 
 
 def _of_wheels(scene: Scene, kind: str, unit: str, parts: tuple[Part, ...]) -> list[Act]:
     """Return the act on each wheel, and on all alike."""
-    each = [Act(kind, name, unit, (part,)) for name, part in zip(scene.wheels, parts, strict=True)]
-    return [*each, Act(kind, "", unit, parts)]
+    single_acts = [Act(kind, name, unit, (part,)) for name, part in zip(scene.wheels, parts, strict=True)]
+    return [*single_acts, Act(kind, "", unit, parts)]
 
 
 def _axles(scene: Scene) -> list[tuple[str, ...]]:
     """Return the names of the wheels of each axle, front first."""
     mounts = scene.fit.model.rover.wheels
-    return [tuple(one.name for one in mounts if one.axle == axle) for axle in sorted({one.axle for one in mounts})]
+    return [
+        tuple(mount.name for mount in mounts if mount.axle == axle) for axle in sorted({mount.axle for mount in mounts})
+    ]
 
 
 def _difference(scene: Scene, replays: Sequence[Replay], size: float) -> list[dict[str, np.ndarray]]:
     """Return the change of each run's channels (T,) for one unit."""
     pairs = zip(replays, scene.replays, strict=True)
-    return [{k: (one.channels.get(k, v) - v) / size for k, v in base.channels.items()} for one, base in pairs]
+    return [{k: (replay.channels.get(k, v) - v) / size for k, v in base.channels.items()} for replay, base in pairs]
 
 
 def _rows(scene: Scene, changes: Sequence[Mapping[str, np.ndarray]]) -> tuple[np.ndarray, ...]:
@@ -208,11 +210,18 @@ def _row(scene: Scene, run: int, change: Mapping[str, np.ndarray]) -> np.ndarray
     still = np.zeros(len(heading))
     ahead, gains = np.array([np.cos(heading), np.sin(heading)]), scene.gains[run]
     x, y, yaw = (
-        np.diff(row, prepend=row[0]) for row in (change.get(f"body_{each}", still) for each in ("x", "y", "yaw"))
+        np.diff(row, prepend=row[0]) for row in (change.get(f"body_{axis}", still) for axis in ("x", "y", "yaw"))
     )
     speed = ahead[0] * change.get("body_vx", still) + ahead[1] * change.get("body_vy", still)
-    made = {PATH: ahead[0] * x + ahead[1] * y, DRIFT: ahead[0] * y - ahead[1] * x, HEADING: yaw, SPEED: speed}
-    return np.array([made.get(k, gains.get(k, 1.0) * change.get(k, still)) for k in scene.experiment.channels])
+    derived_features = {
+        PATH: ahead[0] * x + ahead[1] * y,
+        DRIFT: ahead[0] * y - ahead[1] * x,
+        HEADING: yaw,
+        SPEED: speed,
+    }
+    return np.array(
+        [derived_features.get(k, gains.get(k, 1.0) * change.get(k, still)) for k in scene.experiment.channels]
+    )
 
 
 def _pushed(scene: Scene, wheel: int) -> tuple[Part, Part]:
@@ -220,7 +229,7 @@ def _pushed(scene: Scene, wheel: int) -> tuple[Part, Part]:
     model, name = scene.fit.model, scene.wheels[wheel]
     stall, channel = float(model.motor.stall_torque), f"current_{name}_A"
     added = np.eye(len(scene.wheels))[wheel] * TORQUE_SHARE * stall
-    nudges = [Nudge(torque=np.tile(added, (len(run.commands.t), 1))) for run in scene.experiment.runs]
+    nudges = [Perturbation(torque=np.tile(added, (len(run.commands.t), 1))) for run in scene.experiment.runs]
     changes = _difference(scene, scene.experiment.replays(model, nudges), TORQUE_SHARE)
     duty = Part((name,), None, _rows(scene, changes))
     for run in changes:
@@ -232,7 +241,7 @@ def _forces(scene: Scene) -> list[Act]:
     """Return a force against the motion and one along x of the world, from one along the heading."""
     model = scene.fit.model
     size = FORCE_SHARE * model.built.mass * abs(model.gravity)
-    nudges = [Nudge(force=np.full(len(run.commands.t), size)) for run in scene.experiment.runs]
+    nudges = [Perturbation(force=np.full(len(run.commands.t), size)) for run in scene.experiment.runs]
     along = _rows(scene, _difference(scene, scene.experiment.replays(model, nudges), size))
     against = tuple(-scene.sense(run) * rows for run, rows in enumerate(along))
     leaning = tuple(np.cos(scene.experiment.runs[run].heading) * rows for run, rows in enumerate(along))
@@ -241,38 +250,40 @@ def _forces(scene: Scene) -> list[Act]:
 
 def _gripped(scene: Scene, axle: int) -> Part:
     model = scene.fit.model.having(AxleGrip(axle=float(axle)))
-    moved = _rows(scene, _difference(scene, scene.experiment.replays(model), GRIP_SHARE))
-    return Part(_axles(scene)[axle], axle, moved)
+    responses = _rows(scene, _difference(scene, scene.experiment.replays(model), GRIP_SHARE))
+    return Part(_axles(scene)[axle], axle, responses)
 
 
-def _told(name: str) -> bool:
+def _may_misread(name: str) -> bool:
     """Return whether an error of this channel's own sensor is looked for."""
     return name.startswith(("wheel_rate_", "current_", "rocker_", "bogie_", "body_roll", "body_pitch", "battery_"))
 
 
 def _reading(scene: Scene, name: str) -> Act:
-    wheel = next((each for each in scene.wheels if name in (f"wheel_rate_{each}", f"current_{each}_A")), None)
-    only = np.array([each == name for each in scene.experiment.channels], dtype=float)[:, None]
-    moved = tuple(only * np.ones(len(run.commands.t)) for run in scene.experiment.runs)
-    return Act(READING, name, unit_of(name), (Part((wheel,) if wheel else scene.wheels, None, moved),))
+    wheel = next(
+        (candidate for candidate in scene.wheels if name in (f"wheel_rate_{candidate}", f"current_{candidate}_A")), None
+    )
+    only = np.array([channel == name for channel in scene.experiment.channels], dtype=float)[:, None]
+    responses = tuple(only * np.ones(len(run.commands.t)) for run in scene.experiment.runs)
+    return Act(READING, name, unit_of(name), (Part((wheel,) if wheel else scene.wheels, None, responses),))
 
 
 def moved_features(scene: Scene, act: Act, run: int, shares: np.ndarray) -> np.ndarray:
     """Return how the features (k, channels, blocks) of a run move where the parts act by shares (k, parts, T)."""
-    one, moved = scene.experiment.runs[run], np.array([part.moved[run] for part in act.parts])
-    touched = np.flatnonzero(np.any(moved != 0.0, axis=(0, 2)))  # NaN counts: it is not 0
+    logged_run, responses = scene.experiment.runs[run], np.array([part.responses[run] for part in act.parts])
+    touched = np.flatnonzero(np.any(responses != 0.0, axis=(0, 2)))  # NaN counts: it is not 0
     names = [scene.experiment.channels[at] for at in touched]
-    rows = np.einsum("kpt,pct->kct", shares, moved[:, touched])
-    period = one.commands.period
+    rows = np.einsum("kpt,pct->kct", shares, responses[:, touched])
+    period = logged_run.commands.period
     for at, name in enumerate(names):
         if name in (PATH, DRIFT, HEADING):
-            rows[:, at] = leaky(one.counted * rows[:, at], period)
+            rows[:, at] = leaky(logged_run.summed_rows * rows[:, at], period)
     length = max(1, round(BLOCK / period))
     count = rows.shape[-1] // length
     block = rows[..., : count * length].reshape(*rows.shape[:2], count, length).mean(axis=-1)
     for at, name in enumerate(names):
-        if name in LEVELS and one.usable.any():
-            block[:, at] -= block[:, at, one.usable].mean(axis=-1, keepdims=True)
-    found = np.zeros((len(shares), moved.shape[1], count))
-    found[:, touched] = block
-    return found
+        if name in LEVELS and logged_run.usable.any():
+            block[:, at] -= block[:, at, logged_run.usable].mean(axis=-1, keepdims=True)
+    features = np.zeros((len(shares), responses.shape[1], count))
+    features[:, touched] = block
+    return features

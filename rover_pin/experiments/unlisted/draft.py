@@ -127,7 +127,7 @@ class _Kind(NamedTuple):
     argument: str
 
 
-def draft(one: Term, name: str, wheels: Sequence[str]) -> str:
+def draft(term: Term, name: str, wheels: Sequence[str]) -> str:
     """Return the text of an effect file with the effect `name` that a term describes; `wheels` are their names.
 
     Its `size` is 1 as estimated and 0 without. Where every run has its own numbers, those of the first run (the phase)
@@ -138,16 +138,16 @@ def draft(one: Term, name: str, wheels: Sequence[str]) -> str:
     ParameterError
         The term is a function of something that no such effect sees; it has to be written by hand.
     """
-    kind, name = _kind(one, wheels), class_name(name)
+    kind, name = _kind(term, wheels), class_name(name)
     if kind is None:
         raise ParameterError(
-            f"{one.acts} that depends on '{one.argument.name}' cannot be drafted: "
+            f"{term.acts} that depends on '{term.argument.name}' cannot be drafted: "
             "no kind of effect that acts so sees it; write one by hand from the term's curve."
         )
-    argument = one.argument.name
+    argument = term.argument.name
     state = TURNED if argument in ANGLES else CLOCK if argument in SINCE else None
-    value = _value(one, kind.argument)
-    sentence = textwrap.fill(f"It {one.said}.", 110)
+    value = _value(term, kind.argument)
+    sentence = textwrap.fill(f"It {term.description}.", 110)
     text = HEAD.format(said=sentence, name=name, base=kind.base, arrays=ARRAYS[kind.base], imports=IMPORTS[kind.base])
     if state and kind.sees:
         text += STATES.format(*state)
@@ -157,9 +157,9 @@ def draft(one: Term, name: str, wheels: Sequence[str]) -> str:
     return text + kind.body.replace("{value}", value) + rate
 
 
-def can_draft(one: Term, wheels: Sequence[str]) -> bool:
+def can_draft(term: Term, wheels: Sequence[str]) -> bool:
     """Return whether some kind of effect acts as the term does and sees what it depends on."""
-    return _kind(one, wheels) is not None
+    return _kind(term, wheels) is not None
 
 
 def class_name(name: str) -> str:
@@ -168,17 +168,17 @@ def class_name(name: str) -> str:
     return words if words[:1].isalpha() else f"Remainder{words}"
 
 
-def _kind(one: Term, wheels: Sequence[str]) -> _Kind | None:
+def _kind(term: Term, wheels: Sequence[str]) -> _Kind | None:
     """Return which effect can act and see as the term does, and the method that does it; None if there is none."""
-    acts, argument, where = one.act.kind, one.argument.name, one.act.where
+    acts, argument, where = term.act.kind, term.argument.name, term.act.where
     if acts in (TORQUE, VOLTAGE) and argument in SEEN["motor"]:
         number = tuple(wheels).index(where) if where else 0
-        here = (
+        expression = (
             f"ca.if_else(ca.fabs(drive.wheel - {number}) < 0.5, self.size * value, 0.0)"
             if where
             else "self.size * value"
         )
-        body = (TORQUES if acts == TORQUE else DUTIES).replace("{here}", here)
+        body = (TORQUES if acts == TORQUE else DUTIES).replace("{here}", expression)
         return _Kind("drive, torque", "MotorEffect", body, SEEN["motor"][argument])
     if acts == TORQUE and not where and argument in SEEN["contact"]:
         return _Kind(
@@ -205,22 +205,22 @@ def _kind(one: Term, wheels: Sequence[str]) -> _Kind | None:
     if acts == GRIP and argument in SEEN["contact"]:
         return _Kind("contact, load", "Effect", GRIPS, SEEN["contact"][argument])
     if acts == READING and argument.replace("its own value", "own") in SEEN["sensor"]:
-        own = f'channels["{where}"]'
+        reading = f'channels["{where}"]'
         return _Kind(
             "",
             "SensorEffect",
             READS.format(value="{value}", channel=where),
-            SEEN["sensor"][argument.replace("its own value", "own")].format(own=own),
+            SEEN["sensor"][argument.replace("its own value", "own")].format(own=reading),
         )
     return None
 
 
-def _value(one: Term, z: str) -> str:
+def _value(term: Term, z: str) -> str:
     """Return the estimated function of the expression z, as Python text."""
-    arrays = "np" if one.act.kind == READING else "ca"
-    basis, size = one.argument.basis, one.size
+    arrays = "np" if term.act.kind == READING else "ca"
+    basis, size = term.argument.basis, term.size
     if isinstance(basis, Wave):
-        amplitude, phase = sine(one)
+        amplitude, phase = sine(term)
         return (
             f"{float(np.mean(amplitude)):.6g} * {arrays}.sin({2 * math.pi / basis.length:.6g} * ({z}) + {phase[0]:.5g})"
         )

@@ -79,7 +79,7 @@ class Argument(NamedTuple):
     unit: str
     signal: Signal
     basis: Basis
-    own: bool = False
+    per_run: bool = False
     "whether every run has numbers of its own"
 
     def shares(self, scene: Scene, act: Act, run: int) -> np.ndarray:
@@ -119,7 +119,7 @@ def _common(scene: Scene, act: Act) -> list[Argument]:
     """Return the arguments that torques, forces and grip share."""
     constant = Argument("nothing", "", _time, Polynomial(0.0, 1.0, 0))
     heading = Argument("heading", "", _heading, Polynomial(0.0, 1.0, 1))
-    runs = constant._replace(name="run", own=True)
+    runs = constant._replace(name="run", per_run=True)
     smooth = ["rate", "duty", "slip", "current", "pitch", "roll", "time", "place"]
     return [constant, runs, heading, *_smooth(scene, act, smooth), _places(scene, act), _instants(scene)]
 
@@ -191,13 +191,13 @@ def _range(scene: Scene, act: Act, signal: Signal) -> tuple[float, float]:
 
 
 def _smooth(scene: Scene, act: Act, names: Sequence[str]) -> list[Argument]:
-    found = []
+    smooth_arguments = []
     for name in names:
         unit, signal = SMOOTH[name]
         centre, half = _range(scene, act, signal)
         if half > 1e-6:
-            found.append(Argument(name, unit, signal, Polynomial(centre, half, DEGREE)))
-    return found
+            smooth_arguments.append(Argument(name, unit, signal, Polynomial(centre, half, DEGREE)))
+    return smooth_arguments
 
 
 def _angle(scene: Scene, run: int, part: Part) -> np.ndarray:
@@ -209,13 +209,13 @@ def _angle(scene: Scene, run: int, part: Part) -> np.ndarray:
 def _angles(single: bool) -> list[Argument]:
     if not single:
         return []
-    turn = Argument("wheel angle", "rad", _angle, Wave(2 * math.pi), own=True)
-    same = turn._replace(name="wheel angle since the start", own=False)
-    return [turn, same, turn._replace(name="twice the wheel angle", basis=Wave(math.pi))]
+    turn = Argument("wheel angle", "rad", _angle, Wave(2 * math.pi), per_run=True)
+    common_turn = turn._replace(name="wheel angle since the start", per_run=False)
+    return [turn, common_turn, turn._replace(name="twice the wheel angle", basis=Wave(math.pi))]
 
 
-def _waves(shown: bool) -> list[Argument]:
-    return [Argument("periodic place", "m", _place, Wave(length)) for length in WAVELENGTHS] if shown else []
+def _waves(enabled: bool) -> list[Argument]:
+    return [Argument("periodic place", "m", _place, Wave(length)) for length in WAVELENGTHS] if enabled else []
 
 
 def _places(scene: Scene, act: Act) -> Argument:
@@ -228,4 +228,4 @@ def _instants(scene: Scene) -> Argument:
     """Return a free function of time in every run."""
     last = max(float(run.commands.t[-1] - run.commands.t[0]) for run in scene.experiment.runs)
     nodes = tuple(np.linspace(0.0, last, max(3, math.ceil(last / INSTANT) + 1)))
-    return Argument("moment", "s", _time, Hats(nodes), own=True)
+    return Argument("moment", "s", _time, Hats(nodes), per_run=True)

@@ -25,7 +25,7 @@ LAGS = 10
 """Lags of the test for whiteness."""
 
 
-class ChannelRemainder(NamedTuple):
+class DriveChannelResidual(NamedTuple):
     """What one channel leaves, in whitened units, where 1 is the noise."""
 
     name: str
@@ -48,7 +48,7 @@ class ChannelRemainder(NamedTuple):
         return self.rms < NOISE_LIKE
 
     @property
-    def said(self) -> str:
+    def sentence(self) -> str:
         """One sentence for a reader."""
         if self.is_noise:
             return f"{self.name}: {self.rms:.2f} times the noise"
@@ -60,11 +60,11 @@ class ChannelRemainder(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Remainder:
+class DriveResidual:
     """What a fitted model leaves; `terms` are sorted, the one that describes it best first."""
 
     terms: tuple[Term, ...] = field(repr=False)
-    channels: tuple[ChannelRemainder, ...]
+    channels: tuple[DriveChannelResidual, ...]
     runs: tuple[str, ...]
     wheels: tuple[str, ...]
 
@@ -84,18 +84,18 @@ class Remainder:
         return self.best.strength < UNLISTED
 
     @property
-    def said(self) -> str:
+    def description(self) -> str:
         """What is left, in a few sentences."""
         if self.is_noise:
             return f"Nothing is left that any term describes (net gain {self.best.strength:.0f})."
-        raked = ", no more than sand that is prepared anew" if self.best.is_raking else ""
+        sand_note = ", no more than sand that is prepared anew" if self.best.is_raking else ""
         return (
-            f"What is left {self.best.said}{raked} (net gain {self.best.strength:.0f}). The next best: "
-            f"it {self.second.said} (net gain {self.second.strength:.0f})."
+            f"What is left {self.best.description}{sand_note} (net gain {self.best.strength:.0f}). The next best: "
+            f"it {self.second.description} (net gain {self.second.strength:.0f})."
         )
 
 
-def describe(fit: Fit, progress: Callable[[str], None] = lambda line: None) -> Remainder:
+def describe(fit: Fit, progress: Callable[[str], None] = lambda line: None) -> DriveResidual:
     """Return what a fitted model leaves, by channel and as terms.
 
     A few nudged replays show how a unit of torque, force and grip moves the features; each times a function of measured
@@ -105,10 +105,10 @@ def describe(fit: Fit, progress: Callable[[str], None] = lambda line: None) -> R
     progress("Nudging the replays")
     ranked = terms(scene)
     runs = tuple(run.name for run in scene.experiment.runs)
-    return Remainder(ranked, channel_remainders(scene), runs, scene.wheels)
+    return DriveResidual(ranked, channel_residuals(scene), runs, scene.wheels)
 
 
-def draft_effect(remainder: Remainder, name: str) -> str:
+def draft_effect(residual: DriveResidual, name: str) -> str:
     """Return the text of an effect file with the effect `name`: the best term that an effect can imitate.
 
     Raises
@@ -116,11 +116,11 @@ def draft_effect(remainder: Remainder, name: str) -> str:
     ParameterError
         No term can be drafted.
     """
-    able = (one for one in remainder.terms if can_draft(one, remainder.wheels))
-    return draft(next(able, remainder.best), name, remainder.wheels)
+    able = (term for term in residual.terms if can_draft(term, residual.wheels))
+    return draft(next(able, residual.best), name, residual.wheels)
 
 
-def channel_remainders(scene: Scene) -> tuple[ChannelRemainder, ...]:
+def channel_residuals(scene: Scene) -> tuple[DriveChannelResidual, ...]:
     """Return what each channel leaves."""
     rows = table_of(scene.fit)
     signals = _signals(scene)
@@ -129,32 +129,32 @@ def channel_remainders(scene: Scene) -> tuple[ChannelRemainder, ...]:
 
 def _signals(scene: Scene) -> dict[str, np.ndarray]:
     """Return the block means (runs, blocks) of what a residual may go with."""
-    made: dict[str, Callable[[int], np.ndarray]] = {
+    signal_by_name: dict[str, Callable[[int], np.ndarray]] = {
         "duty": lambda run: scene.experiment.runs[run].commands.duty.mean(axis=1),
         "slip": lambda run: np.mean([scene.replayed(run, f"slip_{wheel}") for wheel in scene.wheels], axis=0),
         "pitch": lambda run: scene.logged(run, "body_pitch"),
         "place": lambda run: filled(scene.experiment.runs[run].commands.place[:, 0]),
         "time": lambda run: scene.experiment.runs[run].commands.t,
     }
-    found = {name: np.full((len(scene.experiment.runs), scene.experiment.length), np.nan) for name in made}
-    for name, of in made.items():
-        for run, one in enumerate(scene.experiment.runs):
-            block = blocks(of(run), one.commands.period)
-            found[name][run, : len(block)] = block
-    return found
+    signals = {name: np.full((len(scene.experiment.runs), scene.experiment.length), np.nan) for name in signal_by_name}
+    for name, of in signal_by_name.items():
+        for run, logged_run in enumerate(scene.experiment.runs):
+            block = blocks(of(run), logged_run.commands.period)
+            signals[name][run, : len(block)] = block
+    return signals
 
 
-def _channel(scene: Scene, name: str, rows: np.ndarray, signals: dict[str, np.ndarray]) -> ChannelRemainder:
-    known = np.isfinite(rows)
-    values = rows[known]
+def _channel(scene: Scene, name: str, rows: np.ndarray, signals: dict[str, np.ndarray]) -> DriveChannelResidual:
+    finite = np.isfinite(rows)
+    values = rows[finite]
     worst = _worst(rows)
     run, block = worst
-    return ChannelRemainder(
+    return DriveChannelResidual(
         name,
         float(np.sqrt(np.mean(values**2))) if values.size else 0.0,
         _lagged(rows, 1),
         _whiteness(rows),
-        {signal: _correlation(values, table[known]) for signal, table in signals.items()},
+        {signal: _correlation(values, table[finite]) for signal, table in signals.items()},
         scene.experiment.runs[run].name,
         float(signals["time"][run, block]),
         float(signals["place"][run, block]),
@@ -173,9 +173,9 @@ def _lagged(rows: np.ndarray, lag: int) -> float:
     return _correlation(rows[:, lag:].ravel(), rows[:, :-lag].ravel())
 
 
-def _correlation(one: np.ndarray, other: np.ndarray) -> float:
-    both = np.isfinite(one) & np.isfinite(other)
-    a, b = one[both], other[both]
+def _correlation(first: np.ndarray, second: np.ndarray) -> float:
+    both = np.isfinite(first) & np.isfinite(second)
+    a, b = first[both], second[both]
     if len(a) < 3 or np.std(a) < 1e-12 or np.std(b) < 1e-12:
         return 0.0
     return float(np.corrcoef(a, b)[0, 1])

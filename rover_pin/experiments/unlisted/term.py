@@ -16,7 +16,7 @@ CLEAR = 3.0
 """SDs from which a value of a piecewise linear function is pointed at."""
 UNTOLD = 0.01
 """SD over the greatest below which a value of such a function was not told at all: no row hangs on it."""
-RAKED = 0.03
+GRIP_VARIABILITY = 0.03
 """RMS by which the grip of sand that is prepared anew differs from run to run and along the way (assumed)."""
 
 
@@ -41,7 +41,7 @@ class Term:
     "fall of the robust chi2"
     columns: int
     "how many directions the data tell"
-    fee: float
+    detection_threshold: float
     "what chance gives the best of all terms with so many columns"
     held_out: float | None
     "fall of chi2 of runs on which its numbers were not fitted; None where every run has its own"
@@ -49,12 +49,12 @@ class Term:
     @property
     def acts(self) -> str:
         """What it acts as."""
-        return self.act.said
+        return self.act.description
 
     @property
     def net(self) -> float:
         """Gain beyond what chance gives."""
-        return self.gain - self.fee
+        return self.gain - self.detection_threshold
 
     @property
     def curve(self) -> Curve:
@@ -68,7 +68,7 @@ class Term:
         sds = np.array(
             [np.sqrt(np.maximum(np.einsum("ig,ij,jg->g", basis, self.covariance[s, s], basis), 0)) for s in spans]
         )
-        return Curve(grid, values if self.argument.own else values[0], sds if self.argument.own else sds[0])
+        return Curve(grid, values if self.argument.per_run else values[0], sds if self.argument.per_run else sds[0])
 
     @property
     def strength(self) -> float:
@@ -78,18 +78,18 @@ class Term:
     @property
     def is_raking(self) -> bool:
         """Whether it is no more than prepared sand differs by: a small change of grip that each run has of its own."""
-        if self.act.kind != GRIP or not self.argument.own:
+        if self.act.kind != GRIP or not self.argument.per_run:
             return False
         curve = self.curve
-        return float(np.sqrt(np.mean(curve.value[curve.sd > 0] ** 2))) < RAKED
+        return float(np.sqrt(np.mean(curve.value[curve.sd > 0] ** 2))) < GRIP_VARIABILITY
 
     @property
-    def said(self) -> str:
+    def description(self) -> str:
         """What it acts as, what it depends on, its size and where, in one sentence."""
-        return said(self, self.runs)
+        return describe_term(self, self.runs)
 
 
-def said(term: Term, runs: tuple[str, ...]) -> str:
+def describe_term(term: Term, runs: tuple[str, ...]) -> str:
     """Return what a term acts as, what it depends on, its size and where; `runs` are the runs' names."""
     name, basis = term.argument.name, term.argument.basis
     curve = term.curve
@@ -128,8 +128,8 @@ def _size(term: Term, value: float, sd: float | None = None) -> str:
             ("%" if term.act.kind != VOLTAGE else "of full duty"),
             (100.0 if term.act.kind != VOLTAGE else 1.0),
         )
-    about = "" if sd is None else spread(scale * sd)
-    return f"{scale * value:+.3g}{about} {unit}"
+    spread_text = "" if sd is None else spread(scale * sd)
+    return f"{scale * value:+.3g}{spread_text} {unit}"
 
 
 def _by_run(term: Term, curve: Curve, runs: tuple[str, ...]) -> str:
@@ -149,7 +149,7 @@ def _wave(term: Term, basis: Wave, curve: Curve) -> str:
         return f"that varies with the place, wavelength {basis.length:.2f} m: amplitude {size}"
     twice = "twice " if basis.length < 2 * math.pi - 1e-9 else ""
     first = f"that depends on {twice}the angle of the wheel"
-    if term.argument.own:
+    if term.argument.per_run:
         return f"{first}: amplitude {size}, its phase differs from run to run"
     return f"{first} since the start of the run: amplitude {size}, phase {math.degrees(phase[0]):.0f} deg"
 
@@ -169,29 +169,29 @@ def stretches(curve: Curve, row: int | None) -> list[Stretch]:
     Its level is left out: a resistance or a motor's gain takes that.
     """
     value, sd = (curve.value, curve.sd) if row is None else (curve.value[row], curve.sd[row])
-    known = sd > UNTOLD * float(np.max(sd))
-    value = value - (np.median(value[known]) if known.any() else 0.0)
-    clear = known & (np.abs(value) > CLEAR * sd)
-    found, half = [], (curve.at[1] - curve.at[0]) / 2
+    identified = sd > UNTOLD * float(np.max(sd))
+    value = value - (np.median(value[identified]) if identified.any() else 0.0)
+    clear = identified & (np.abs(value) > CLEAR * sd)
+    clear_stretches, half = [], (curve.at[1] - curve.at[0]) / 2
     for sign in (1, -1):
         at = np.flatnonzero(clear & (np.sign(value) == sign))
         for group in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if at.size else []:
             top = group[np.argmax(np.abs(value[group]) / sd[group])]
             low, high = max(curve.at[group[0]] - half, curve.at[0]), min(curve.at[group[-1]] + half, curve.at[-1])
-            found.append(Stretch(low, high, float(value[top]), float(sd[top])))
-    return sorted(found, key=lambda one: -abs(one.top / one.sd))
+            clear_stretches.append(Stretch(low, high, float(value[top]), float(sd[top])))
+    return sorted(clear_stretches, key=lambda stretch: -abs(stretch.top / stretch.sd))
 
 
 def _places(term: Term, curve: Curve, runs: tuple[str, ...]) -> str:
     letter, unit = ("x", "m") if term.argument.unit == "m" else ("t", "s")
-    rows: list[int | None] = list(range(len(curve.value))) if term.argument.own else [None]
-    found = [(row, one) for row in rows for one in stretches(curve, row)]
-    found.sort(key=lambda pair: -abs(pair[1].top / pair[1].sd))
+    rows: list[int | None] = list(range(len(curve.value))) if term.argument.per_run else [None]
+    located = [(row, stretch) for row in rows for stretch in stretches(curve, row)]
+    located.sort(key=lambda pair: -abs(pair[1].top / pair[1].sd))
     kind = "the place along x" if letter == "x" else "the moment"
     listed = [
         f"{_size(term, top, sd)} at {letter} = {low:.2f}..{high:.2f} {unit}"
         + ("" if row is None else f" in {runs[row]}")
-        for row, (low, high, top, sd) in found[:3]
+        for row, (low, high, top, sd) in located[:3]
     ]
     return f"that depends on {kind}: {'; '.join(listed) or 'nowhere clear of 0'}"
 

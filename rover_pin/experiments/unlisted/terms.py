@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from rover_pin.discrepancy.screen import entry_fee
+from rover_pin.discrepancy.screen import null_threshold
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.experiments.unlisted.actions import Act, Scene, acts, moved_features
 from rover_pin.experiments.unlisted.regressors import Argument, arguments
 from rover_pin.experiments.unlisted.term import Term
 
-TOLD = 1e-3
+IDENTIFIABLE_SHARE = 1e-3
 """Share of a direction's sum of squares that must be left after the uncertain numbers for it to be told."""
 REWEIGHED, TURNS = 12, 4
 """How many of the best are weighed again by what they leave, and how often."""
@@ -37,7 +37,9 @@ class Rows:
 
 def rows_of(fit: Fit) -> Rows:
     """Return the rows of a fit."""
-    free = [at for at, one in enumerate(fit.parameters) if min(abs(fit.u[at] - np.array(one.bounds))) > 1e-6]
+    free = [
+        at for at, parameter in enumerate(fit.parameters) if min(abs(fit.u[at] - np.array(parameter.bounds))) > 1e-6
+    ]
     prior = np.array([1.0 if fit.parameters[at].prior else 1e-9 for at in free])
     run_of = np.nonzero(fit.task.noise.good)[0]
     return Rows(fit, fit.rows, fit.columns[:, free], prior, np.asarray(fit.u)[free], run_of)
@@ -60,8 +62,10 @@ class Columns(NamedTuple):
 
     def times(self, size: np.ndarray) -> np.ndarray:
         """Return C size, one number a row."""
-        sizes = np.split(size, len(self.runs))
-        return np.concatenate([part @ own for (_, part), own in zip(self._parts, sizes, strict=True)])
+        amplitudes_by_run = np.split(size, len(self.runs))
+        return np.concatenate(
+            [part @ run_amplitudes for (_, part), run_amplitudes in zip(self._parts, amplitudes_by_run, strict=True)]
+        )
 
     @property
     def _parts(self) -> list[tuple[slice, np.ndarray]]:
@@ -71,13 +75,15 @@ class Columns(NamedTuple):
 def columns_of(scene: Scene, rows: Rows, act: Act, argument: Argument) -> Columns:
     """Return the whitened columns of a term."""
     experiment, noise = scene.experiment, rows.fit.task.noise
-    moved = [moved_features(scene, act, run, argument.shares(scene, act, run)) for run in range(len(experiment.runs))]
-    whole = np.zeros((len(moved[0]), len(experiment.runs), len(experiment.channels), experiment.length))
-    for run, one in enumerate(moved):
-        whole[:, run, :, : one.shape[2]] = np.nan_to_num(one)
+    responses = [
+        moved_features(scene, act, run, argument.shares(scene, act, run)) for run in range(len(experiment.runs))
+    ]
+    padded_table = np.zeros((len(responses[0]), len(experiment.runs), len(experiment.channels), experiment.length))
+    for run, response in enumerate(responses):
+        padded_table[:, run, :, : response.shape[2]] = np.nan_to_num(response)
     ends = np.cumsum(noise.good.sum(axis=(1, 2)))
-    runs = map(slice, np.append(0, ends[:-1]), ends) if argument.own else [slice(None)]
-    return Columns(noise.white(whole).T, tuple(runs))
+    runs = map(slice, np.append(0, ends[:-1]), ends) if argument.per_run else [slice(None)]
+    return Columns(noise.white(padded_table).T, tuple(runs))
 
 
 class _Solved(NamedTuple):
@@ -101,21 +107,21 @@ def _solved(rows: Rows, columns: Columns, weights: np.ndarray, use: np.ndarray) 
     inner = inner / np.outer(scale, scale) - cross.T @ back[:, :-1]
     score = columns.across(w * rows.rows) / scale + cross.T @ back[:, -1]
     values, vectors = np.linalg.eigh((inner + inner.T) / 2)
-    told = values > TOLD
-    q, values = vectors[:, told], values[told]
+    identified = values > IDENTIFIABLE_SHARE
+    q, values = vectors[:, identified], values[identified]
     along = q.T @ score
     size = q @ (along / values)
     numbers = back[:, -1] + back[:, :-1] @ size
     spread = (q / values) @ q.T / np.outer(scale, scale)
-    return _Solved(size / scale, spread, numbers, int(told.sum()), float(np.sum(along**2 / values)))
+    return _Solved(size / scale, spread, numbers, int(identified.sum()), float(np.sum(along**2 / values)))
 
 
-def _objective(rows: Rows, left: np.ndarray, numbers: np.ndarray) -> float:
-    held = rows.prior == 1.0
-    return huber(left) + float(np.sum((rows.u + numbers)[held] ** 2))
+def _objective(rows: Rows, residual: np.ndarray, numbers: np.ndarray) -> float:
+    has_prior = rows.prior == 1.0
+    return huber(residual) + float(np.sum((rows.u + numbers)[has_prior] ** 2))
 
 
-def _left(rows: Rows, columns: Columns, solved: _Solved) -> np.ndarray:
+def _residual_rows(rows: Rows, columns: Columns, solved: _Solved) -> np.ndarray:
     return np.asarray(rows.rows - columns.times(solved.size) + rows.numbers @ solved.numbers)
 
 
@@ -127,57 +133,62 @@ def _alone(rows: Rows) -> Columns:
 def _reweighed(rows: Rows, columns: Columns) -> tuple[_Solved, float]:
     """Return the term weighed by what it leaves, and the fall of the robust chi2."""
     everything = np.ones(len(rows.rows), dtype=bool)
-    left, solved = rows.rows, None
+    residual, solved = rows.rows, None
     for _ in range(TURNS):
-        solved = _solved(rows, columns, huber_weights(left), everything)
-        left = _left(rows, columns, solved)
+        solved = _solved(rows, columns, huber_weights(residual), everything)
+        residual = _residual_rows(rows, columns, solved)
     assert solved is not None
     base = _objective(rows, rows.rows, np.zeros(len(rows.u)))
-    return solved, base - _objective(rows, left, solved.numbers)
+    return solved, base - _objective(rows, residual, solved.numbers)
 
 
 def held_out(rows: Rows, columns: Columns) -> float:
     """Return the fall of the robust chi2 of each run under numbers that the other runs give, added up."""
     weights, total = huber_weights(rows.rows), 0.0
     for run in np.unique(rows.run_of):
-        other = rows.run_of != run
-        without = _solved(rows, _alone(rows), weights, other)
-        with_it = _solved(rows, columns, weights, other)
+        other_runs = rows.run_of != run
+        without = _solved(rows, _alone(rows), weights, other_runs)
+        with_it = _solved(rows, columns, weights, other_runs)
         before = rows.rows + rows.numbers @ without.numbers
-        after = _left(rows, columns, with_it)
-        total += huber(before[~other]) - huber(after[~other])
+        after = _residual_rows(rows, columns, with_it)
+        total += huber(before[~other_runs]) - huber(after[~other_runs])
     return total
 
 
-def terms(scene: Scene, made: Sequence[Act] | None = None) -> tuple[Term, ...]:
+def terms(scene: Scene, chosen_acts: Sequence[Act] | None = None) -> tuple[Term, ...]:
     """Return every term, those with the greatest net gain first."""
     rows = rows_of(scene.fit)
-    pairs = [(act, argument) for act in made or acts(scene) for argument in arguments(scene, act)]
+    pairs = [(act, argument) for act in chosen_acts or acts(scene) for argument in arguments(scene, act)]
     everything, weights = np.ones(len(rows.rows), dtype=bool), huber_weights(rows.rows)
-    found = []
+    fitted_terms = []
     for act, argument in pairs:
         solved = _solved(rows, columns_of(scene, rows, act, argument), weights, everything)
-        found.append(_term(scene, (act, argument), solved, solved.gain, len(pairs)))
-    found.sort(key=lambda one: -one.net)
-    again = [_again(scene, rows, one, len(pairs)) for one in found[:REWEIGHED]]
-    return tuple(map(_light, (*sorted(again, key=lambda one: -one.strength), *found[REWEIGHED:])))
+        fitted_terms.append(_term(scene, (act, argument), solved, solved.gain, len(pairs)))
+    fitted_terms.sort(key=lambda term: -term.net)
+    again = [_again(scene, rows, term, len(pairs)) for term in fitted_terms[:REWEIGHED]]
+    return tuple(map(_light, (*sorted(again, key=lambda term: -term.strength), *fitted_terms[REWEIGHED:])))
 
 
-def _light(one: Term) -> Term:
+def _light(term: Term) -> Term:
     """Return the term without the nudges, which are large."""
-    return replace(one, act=one.act._replace(parts=()))
+    return replace(term, act=term.act._replace(parts=()))
 
 
 def _term(
-    scene: Scene, what: tuple[Act, Argument], solved: _Solved, gain: float, count: int, held: float | None = None
+    scene: Scene,
+    what: tuple[Act, Argument],
+    solved: _Solved,
+    gain: float,
+    count: int,
+    held_out_gain: float | None = None,
 ) -> Term:
-    fee = 2.0 * solved.columns + entry_fee(count)
+    detection_threshold = 2.0 * solved.columns + null_threshold(count)
     runs = tuple(run.name for run in scene.experiment.runs)
-    return Term(*what, runs, solved.size, solved.covariance, gain, solved.columns, fee, held)
+    return Term(*what, runs, solved.size, solved.covariance, gain, solved.columns, detection_threshold, held_out_gain)
 
 
-def _again(scene: Scene, rows: Rows, one: Term, count: int) -> Term:
-    columns = columns_of(scene, rows, one.act, one.argument)
+def _again(scene: Scene, rows: Rows, term: Term, count: int) -> Term:
+    columns = columns_of(scene, rows, term.act, term.argument)
     solved, gain = _reweighed(rows, columns)
-    held = None if one.argument.own else held_out(rows, columns)
-    return _term(scene, (one.act, one.argument), solved, gain, count, held)
+    held_out_gain = None if term.argument.per_run else held_out(rows, columns)
+    return _term(scene, (term.act, term.argument), solved, gain, count, held_out_gain)

@@ -8,15 +8,15 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.candidates import candidate_of, variants
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.unlisted.draft import can_draft
-from rover_pin.experiments.unlisted.remainder import Remainder, draft_effect
+from rover_pin.experiments.unlisted.remainder import DriveResidual, draft_effect
 from rover_pin.motion.effect_files import effects_of_text
 
 
-def drafted(fit: Fit, left: Remainder, name: str, progress: Progress) -> Draft | None:
+def drafted(fit: Fit, residual: DriveResidual, name: str, progress: Progress) -> Draft | None:
     """Return the draft of what a fit leaves, tried on it; None where no effect can imitate any term."""
-    if not any(can_draft(one, left.wheels) for one in left.terms):
+    if not any(can_draft(term, residual.wheels) for term in residual.terms):
         return None
-    text = draft_effect(left, name)
+    text = draft_effect(residual, name)
     (kind,) = effects_of_text(text)
     effects = variants(kind, fit.model, logged(fit))
     return tried(Drafted(text, tuple(map(candidate_of, effects))), fit, progress)

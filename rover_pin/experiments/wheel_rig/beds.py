@@ -18,7 +18,7 @@ MOST = 0.1
 """SD of ln k_1 from which it is not preparation that levels differ by: three times that of CMU's pressings, 3.4 %."""
 STIFFNESS = Kind("stiffness of a level's bed", 0.05, "", MOST)
 """Share of k_1 by which beds may differ."""
-FEWEST_BEDS = 4
+MIN_BED_LEVELS = 4
 """Levels from which their scatter is told from a law of slip."""
 
 
@@ -39,28 +39,28 @@ class OnBeds(Protocol):
         """Return prediction and slopes."""
 
 
-def beds_of(experiment: OnBeds, model: Any) -> RandomField | None:
+def bed_stiffness_field(experiment: OnBeds, model: Any) -> RandomField | None:
     """Return what every channel of a level would do if its bed were stiffer by STIFFNESS.size; None where k_1 is held.
 
     ln k_1 of level l is that of all + gamma_l, gamma_l ~ N(0, s^2): pull, torque and sinkage of all runs of the level
     move together, as the model says. Few levels, or a load that is not carried by k_1, tell no s.
     """
-    free = {one.name: one for one in experiment.uncertain(model)}
-    if "soil.k_1" not in free or not free["soil.k_1"].log or len(experiment.folds) < FEWEST_BEDS:
+    free = {parameter.name: parameter for parameter in experiment.uncertain(model)}
+    if "soil.k_1" not in free or not free["soil.k_1"].log or len(experiment.folds) < MIN_BED_LEVELS:
         return None
     stiffer = dataclasses.replace(free["soil.k_1"], scale=STIFFNESS.size)
     u = np.array([stiffer.u(experiment.value(model, stiffer.name))])
     (slope,) = experiment.sensitivities(model, (stiffer,), u).slopes
-    each = np.arange(len(slope))
-    moved = np.zeros((len(slope), *slope.shape))
-    moved[each, each] = np.nan_to_num(slope)
-    return RandomField((STIFFNESS,), np.zeros(len(slope), dtype=int), each, moved)
+    levels = np.arange(len(slope))
+    responses = np.zeros((len(slope), *slope.shape))
+    responses[levels, levels] = np.nan_to_num(slope)
+    return RandomField((STIFFNESS,), np.zeros(len(slope), dtype=int), levels, responses)
 
 
-class ByChance(NamedTuple):
+class RandomEffects(NamedTuple):
     """What the runs of a set share by chance beyond their declared noise, learnt of what a model leaves."""
 
-    beds: float = 0.0
+    stiffness_sd: float = 0.0
     "SD of ln k_1 from level to level; 0 where nothing speaks for one"
     drift: Mapping[str, float] = MappingProxyType({})
     "correlation of successive measurements by channel; empty where the noise does not drift"
@@ -70,23 +70,29 @@ class ByChance(NamedTuple):
     @property
     def cautions(self) -> tuple[str, ...]:
         """What a reader should know of it."""
-        said = []
-        if self.beds:
-            said += [f"levels differ by {self.beds:.1%} in stiffness by no law of the list, as beds prepared anew do"]
+        findings = []
+        if self.stiffness_sd:
+            findings += [
+                f"levels differ by {self.stiffness_sd:.1%} in stiffness by no law of the list, as beds prepared anew do"
+            ]
         if self.drift:
-            told = ", ".join(f"{name} {rho:.1f}" for name, rho in self.drift.items())
-            said += [f"the noise drifts: a run hangs together with the one measured before it (r: {told})"]
-        return tuple(f"{one}; that is counted as chance, in thresholds and intervals" for one in said)
+            drift_text = ", ".join(f"{name} {rho:.1f}" for name, rho in self.drift.items())
+            findings += [f"the noise drifts: a run hangs together with the one measured before it (r: {drift_text})"]
+        return tuple(f"{finding}; that is counted as chance, in thresholds and intervals" for finding in findings)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
-        return {"beds": self.beds, "drift": dict(self.drift), "gain": self.gain}
+        return {"beds": self.stiffness_sd, "drift": dict(self.drift), "gain": self.gain}
 
 
-def by_chance(fitted: Fit) -> ByChance:
+def learnt_random_effects(fitted: Fit) -> RandomEffects:
     """Return what runs share by the noise of a fit."""
     noise = fitted.task.noise
     if noise.drift is not None:
         rho = map(float, noise.drift.rho)
-        return ByChance(0.0, dict(zip(fitted.task.experiment.channels, rho, strict=True)), noise.drift.gain)
-    return ByChance() if noise.chance is None else ByChance(noise.chance.learnt[0].sd, {}, noise.chance.learnt[0].gain)
+        return RandomEffects(0.0, dict(zip(fitted.task.experiment.channels, rho, strict=True)), noise.drift.gain)
+    return (
+        RandomEffects()
+        if noise.random_effects is None
+        else RandomEffects(noise.random_effects.learnt[0].sd, {}, noise.random_effects.learnt[0].gain)
+    )

@@ -37,9 +37,9 @@ def effect_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
         The path is missing, holds no effect, or a file cannot be run.
     """
     kinds = _that_vanish(package_effects())
-    own = _of_folder(Path(folder)) if folder is not None else []
-    replaced = {kind.__name__ for kind in own}
-    return [kind for kind in kinds if kind.__name__ not in replaced] + own
+    user_kinds = _of_folder(Path(folder)) if folder is not None else []
+    replaced = {kind.__name__ for kind in user_kinds}
+    return [kind for kind in kinds if kind.__name__ not in replaced] + user_kinds
 
 
 def rig_kinds(folder: str | Path | None = None) -> list[type[Effect]]:
@@ -69,8 +69,10 @@ def candidates(data: RigSet, model: RigModel, kinds: Sequence[type[Effect]]) -> 
     """
     present = {type(effect).__name__ for effect in model.effects}
     effects = [added(kind, model) for kind in kinds if kind.__name__ not in present]
-    shown = [effect for effect in effects if data.speeds is not None or not needs_speeds(data, model, effect)]
-    return tuple(preset_candidate(effect, data.rig) for effect in shown if not is_of_other_wheel(effect, data.rig))
+    visible_effects = [effect for effect in effects if data.speeds is not None or not needs_speeds(data, model, effect)]
+    return tuple(
+        preset_candidate(effect, data.rig) for effect in visible_effects if not is_of_other_wheel(effect, data.rig)
+    )
 
 
 def added(kind: type[Effect], model: RigModel) -> Effect:
@@ -91,18 +93,25 @@ def _moved(data: RigSet, model: RigModel, effect: Effect, speeds: np.ndarray | N
     runs = conditions(data.rig.load, data.rig.slip, speeds, data.rig.slip_angle)
     rows = [ROWS.index(type(channel)) for channel in data.rig.channels]
     sd = np.array([channel.sd for channel in data.rig.channels])
-    with_it, without = (predictor(one, (), runs)(one.vector()).values[rows] for one in (model.having(effect), model))
+    with_it, without = (
+        predictor(variant, (), runs)(variant.vector()).values[rows] for variant in (model.having(effect), model)
+    )
     return np.nan_to_num((with_it - without) / sd)
 
 
-def own_sizes(model: RigModel, known: Sequence[Parameter] = ()) -> tuple[Parameter, ...]:
+def present_amplitudes(model: RigModel, known_parameters: Sequence[Parameter] = ()) -> tuple[Parameter, ...]:
     """Return the sizes of the effects that a model already has, but for what it starts from, and for the known ones."""
-    own = [plain_candidate(effect) for effect in model.effects if effect not in ASKEW]
-    told = {one.name for one in known}
-    return tuple(one.size(name) for one in own for name in one.sizes if name not in told)
+    present_candidates = [plain_candidate(effect) for effect in model.effects if effect not in ASKEW]
+    known_names = {parameter.name for parameter in known_parameters}
+    return tuple(
+        candidate.size(name)
+        for candidate in present_candidates
+        for name in candidate.amplitudes
+        if name not in known_names
+    )
 
 
 def numbers_of(experiment: RigExperiment, model: RigModel) -> tuple[Parameter, ...]:
     """Return the free numbers of a model: what is uncertain of the set, and the sizes of the effects it has."""
-    known = experiment.uncertain(model)
-    return (*known, *own_sizes(model, known))
+    uncertain_numbers = experiment.uncertain(model)
+    return (*uncertain_numbers, *present_amplitudes(model, uncertain_numbers))

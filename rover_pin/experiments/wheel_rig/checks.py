@@ -56,7 +56,7 @@ SAME = 1e-6
 
 
 def _refuse_frozen(channel: RigChannel, where: str) -> None:
-    values = channel.measured[channel.seen]
+    values = channel.measured[channel.has_value]
     if values.size > 2 and np.ptp(values) == 0.0:
         raise DataError(
             f"{where}: {channel.column} is {values[0]:g} in all {values.size} runs, as of a sensor "
@@ -66,7 +66,7 @@ def _refuse_frozen(channel: RigChannel, where: str) -> None:
 
 def too_poor(data: RigSet, nuisances: int) -> str:
     """Return why the set cannot tell an effect from its nuisance parameters and what would, or an empty string."""
-    values = sum(int(channel.seen.sum()) for channel in data.rig.channels)
+    values = sum(int(channel.has_value.sum()) for channel in data.rig.channels)
     if len(data.level_names) < FEWEST_LEVELS:
         return (
             f"{len(data.level_names)} levels of slip: with one held out nothing that depends on slip is left to fit; "
@@ -85,32 +85,36 @@ def too_poor(data: RigSet, nuisances: int) -> str:
 def findings(data: RigSet) -> list[Finding]:
     """Return what a reader should know of the set before any result."""
     rig = data.rig
-    found = [*data.misspelt, *suspicions(rig)]
+    set_findings = [*data.misspelt, *suspicions(rig)]
     if lost := RigExperiment(data).unpredicted(as_declared(data)):
         todo = "if that load is right, declare a firmer soil.k_1: a fit starts at the next one that carries all runs"
-        found.append(Finding(f"{lost} with the soil as declared", "load_N", todo))
+        set_findings.append(Finding(f"{lost} with the soil as declared", "load_N", todo))
     present = [type(channel) for channel in rig.channels]
     missing = [kind for kind in ROWS if kind not in present and not kind.is_sideways]
     for kind in missing:
-        found.append(Finding(f"{kind.name} was not measured", kind.column, "effects that it alone shows stay hidden"))
+        set_findings.append(
+            Finding(f"{kind.name} was not measured", kind.column, "effects that it alone shows stay hidden")
+        )
     if np.max(rig.load) < SAME_LOAD * np.min(rig.load):
         what = f"all loads are alike ({np.min(rig.load):.3g} to {np.max(rig.load):.3g} N)"
-        found.append(Finding(what, "load_N", "n, c and effects of the load cannot be told; vary the load 1.5 times"))
+        set_findings.append(
+            Finding(what, "load_N", "n, c and effects of the load cannot be told; vary the load 1.5 times")
+        )
     if np.bincount(repeats(data)).max() < 2:
-        found.append(
+        set_findings.append(
             Finding("no level is repeated", "level", "the noise is as stated, not measured; repeat each level")
         )
     if data.speeds is None:
         todo = "effects of speed are left out; give rim or travel speed, as a column or in [speed]"
-        found.append(Finding("no speeds", "rim_speed_mps", todo))
+        set_findings.append(Finding("no speeds", "rim_speed_mps", todo))
     for channel in rig.channels:
-        found += [*_missing_cells(channel), *_of_repeats(data, channel)]
-    return found
+        set_findings += [*_missing_cells(channel), *_of_repeats(data, channel)]
+    return set_findings
 
 
 def _missing_cells(channel: RigChannel) -> list[Finding]:
-    empty = int((~channel.seen).sum())
-    what = f"{empty} of {channel.seen.size} runs have no {channel.name}"
+    empty = int((~channel.has_value).sum())
+    what = f"{empty} of {channel.has_value.size} runs have no {channel.name}"
     return [Finding(what, channel.column, "their other channels are used")] if empty else []
 
 
@@ -119,23 +123,23 @@ def repeats(data: RigSet) -> np.ndarray:
     askew = _apart(np.asarray(data.rig.slip_angle))
     order = np.lexsort((data.rig.load, askew, data.level))
     load, level, angle = data.rig.load[order], data.level[order], askew[order]
-    other = (np.diff(level) != 0) | (np.diff(angle) != 0) | (load[1:] > SAME_WEIGHT * load[:-1])
+    is_new_group = (np.diff(level) != 0) | (np.diff(angle) != 0) | (load[1:] > SAME_WEIGHT * load[:-1])
     group = np.empty(order.size, dtype=int)
-    group[order] = np.concatenate([[0], np.cumsum(other)])
+    group[order] = np.concatenate([[0], np.cumsum(is_new_group)])
     return group
 
 
 def _apart(angle: np.ndarray) -> np.ndarray:
     """Return which class of slip angles each run is of: neighbours by less than STRAIGHT apart are of one."""
     order = np.argsort(angle)
-    found = np.empty(angle.size, dtype=int)
-    found[order] = np.concatenate([[0], np.cumsum(np.diff(angle[order]) > STRAIGHT)])
-    return found
+    angle_class = np.empty(angle.size, dtype=int)
+    angle_class[order] = np.concatenate([[0], np.cumsum(np.diff(angle[order]) > STRAIGHT)])
+    return angle_class
 
 
 def repeat_sd(data: RigSet, channel: RigChannel) -> float:
     """Return the pooled SD of repeats in stated SDs, NaN where no run is repeated."""
-    scaled, group = (channel.measured / channel.sd)[channel.seen], repeats(data)[channel.seen]
+    scaled, group = (channel.measured / channel.sd)[channel.has_value], repeats(data)[channel.has_value]
     count = np.bincount(group)
     mean = np.bincount(group, scaled) / np.maximum(count, 1)
     freedom = scaled.size - np.count_nonzero(count)
@@ -143,17 +147,17 @@ def repeat_sd(data: RigSet, channel: RigChannel) -> float:
 
 
 def _of_repeats(data: RigSet, channel: RigChannel) -> list[Finding]:
-    found: list[Finding] = []
+    repeat_findings: list[Finding] = []
     scatter, group = repeat_sd(data, channel), repeats(data)
     if scatter > 1.6:
         what = f"repeats scatter {scatter:.1f} times as much as the stated noise"
-        found.append(Finding(what, channel.column, "state the larger noise"))
+        repeat_findings.append(Finding(what, channel.column, "state the larger noise"))
     for i in range(group.max() + 1):
-        at = np.flatnonzero((group == i) & channel.seen)
+        at = np.flatnonzero((group == i) & channel.has_value)
         if at.size < 3:
             continue
         off = np.abs(channel.measured[at] - np.median(channel.measured[at])) / channel.sd[at]
         if off.max() > OUTLYING:
             what = f"{data.runs[at[off.argmax()]]} lies {off.max():.0f} SD from its repeats"
-            found.append(Finding(what, channel.column, "look at that run; it counts less in the fits"))
-    return found
+            repeat_findings.append(Finding(what, channel.column, "look at that run; it counts less in the fits"))
+    return repeat_findings

@@ -17,7 +17,7 @@ from rover_pin.errors import DataError
 from rover_pin.measurements.channel import RIG_CHANNELS, SideForce
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.finding import Finding
-from rover_pin.measurements.pressed import UNSURE, Trial, press
+from rover_pin.measurements.pressed import ASSUMED_UNCERTAINTY, Trial, press
 from rover_pin.measurements.rig_file import (
     ANGLE,
     BEKKER_UNITS,
@@ -50,7 +50,7 @@ FRICTION = ("phi", "FlankPressure.phi_f", "Ploughing.phi_f")
 OTHERS = ("slip", "load_N", "run", "level", ANGLE, SLOPE, "slope_sd_rad", *SPEEDS)
 """Columns of the points that are read besides the channels and their SDs."""
 
-ALIKE = 0.7
+MIN_SIMILARITY = 0.7
 """Share of letters in common from which a column may be meant to be another, misspelt."""
 
 
@@ -62,7 +62,7 @@ class Independent(NamedTuple):
     low: float
     high: float
     source: str
-    unsure: float = UNSURE
+    tolerance: float = ASSUMED_UNCERTAINTY
     "share of both ends that is granted"
 
 
@@ -114,27 +114,27 @@ class RigSet:
 
         One width tells K_eff = (k_1 + k_2 b) / b^n; constants that are stated do at the n that goes with them.
         """
-        known = [
+        constants = [
             Independent(name, quantities(Soil)[name].unit, value, value, "stated with the data")
             for name, value in self.rig.declared.items()
             if name in quantities(Soil) and name not in ("n", "k_1", "k_2")
         ]
         if {"k_1", *BEKKER_UNITS} & self.rig.declared.keys() and not self.trials and n == float(self.soil().n):
             K = float(self.soil().k_1) / float(self.rig.wheel.b) ** n
-            known.append(Independent("K_eff", "Pa/m^n", K, K, "stated with the data"))
+            constants.append(Independent("K_eff", "Pa/m^n", K, K, "stated with the data"))
         lugs = self.rig.beside.get("lug_height", 0.0)
         if lugs > 0.0:
             names = ("LugExcavation.h_l", "Grousers.h_s")
-            known += [Independent(name, "m", lugs, lugs, "lug_height of [wheel]") for name in names]
+            constants += [Independent(name, "m", lugs, lugs, "lug_height of [wheel]") for name in names]
         if self.trials:
             moduli = press(self.trials, self.rig.wheel, n).moduli
-            said = f"the same wheel pressed in without turning, {len(moduli)} trials"
-            known.append(Independent("K_eff", "Pa/m^n", float(moduli.min()), float(moduli.max()), said))
+            source = f"the same wheel pressed in without turning, {len(moduli)} trials"
+            constants.append(Independent("K_eff", "Pa/m^n", float(moduli.min()), float(moduli.max()), source))
         if "angle_of_repose" in self.rig.beside:
             least, most = self.rig.beside["angle_of_repose"], quantities(Soil)["phi"].high
-            said = "angle_of_repose: dry sand stands no steeper than its own friction; a smooth rim may slide on it"
-            known += [Independent(name, "rad", least, most, said, 0.0) for name in FRICTION]
-        return tuple(known)
+            source = "angle_of_repose: dry sand stands no steeper than its own friction; a smooth rim may slide on it"
+            constants += [Independent(name, "rad", least, most, source, 0.0) for name in FRICTION]
+        return tuple(constants)
 
 
 def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
@@ -146,31 +146,36 @@ def read_rig_set(folder: str | Path, trust: Trust = Trust()) -> RigSet:
         What `read_wheel_rig` refuses; speeds that contradict the slip; a pressing file that cannot be read.
     """
     folder = Path(folder)
-    rig, about = read_wheel_rig(folder, trust), read_toml(folder / RIG_FILE)
+    rig, rig_table = read_wheel_rig(folder, trust), read_toml(folder / RIG_FILE)
     where = f"{folder.name}/{RIG_FILE}"
-    table = read_points(folder, about, rim_of(about, where)[1], trust)
-    here = f"{folder.name}/{table_in(about, 'files', where).get('points', 'points.csv')}"
-    stated = _stated_speeds(table, table_in(about, "speed", where), where)
-    speeds = _speeds(stated, rig.slip, np.asarray(rig.slip_angle), here)
+    table = read_points(folder, rig_table, rim_of(rig_table, where)[1], trust)
+    points_file = f"{folder.name}/{table_in(rig_table, 'files', where).get('points', 'points.csv')}"
+    speed_table = _stated_speeds(table, table_in(rig_table, "speed", where), where)
+    speeds = _speeds(speed_table, rig.slip, np.asarray(rig.slip_angle), points_file)
     names = tuple(map(str, table["run"])) if "run" in table else tuple(f"run {i + 1}" for i in range(len(table)))
-    data = as_rig_set(rig, names, speeds, str(about.get("source", "")))
-    said = OVER_LUGS in table_in(about, "wheel", where)
+    data = as_rig_set(rig, names, speeds, str(rig_table.get("source", "")))
+    declares_radius = OVER_LUGS in table_in(rig_table, "wheel", where)
     return replace(
         data,
-        misspelt=(*_misspelt(table, here), *_askew(rig, here), *_unsaid(rig, said, where), *_of_speeds(table, here)),
+        misspelt=(
+            *_misspelt(table, points_file),
+            *_askew(rig, points_file),
+            *_unsaid(rig, declares_radius, where),
+            *_of_speeds(table, points_file),
+        ),
     )
 
 
 def _of_speeds(table: pd.DataFrame, where: str) -> Iterator[Finding]:
     """Yield how many runs have the slip of their speeds, as a locked wheel may have none in its table."""
     if table.attrs.get(OF_SPEEDS):
-        said = f"{table.attrs[OF_SPEEDS]} of {len(table)} runs have no finite slip"
-        yield Finding(said, where, "it follows from their speeds by Eq (1): -1 where the wheel is locked")
+        message = f"{table.attrs[OF_SPEEDS]} of {len(table)} runs have no finite slip"
+        yield Finding(message, where, "it follows from their speeds by Eq (1): -1 where the wheel is locked")
 
 
-def _unsaid(rig: WheelRig, said: bool, where: str) -> Iterator[Finding]:
+def _unsaid(rig: WheelRig, is_declared: bool, where: str) -> Iterator[Finding]:
     """Yield that a wheel with lugs does not say over what its radius is told: at S = 0 its lugs slip or do not."""
-    if rig.beside.get("lug_height") and not said:
+    if rig.beside.get("lug_height") and not is_declared:
         todo = (
             f"r, slip and rim speed are taken as the rim's, whose lugs slip at S = 0; write {OVER_LUGS} = true or false"
         )
@@ -183,11 +188,11 @@ def _misspelt(table: pd.DataFrame, where: str) -> Iterator[Finding]:
     channels = [kind.column for kind in RIG_CHANNELS]
     missing = [name for name in (*OTHERS, *channels) if name not in present]
     noises = ["_sd_".join(name.rsplit("_", 1)) for name in channels]
-    for name in (each for each in present if each not in (*OTHERS, *channels, *noises)):
-        alike = {known: SequenceMatcher(None, name.lower(), known.lower()).ratio() for known in missing}
-        near = max(alike, key=lambda known: alike[known], default="")
-        if near and alike[near] >= ALIKE:
-            todo = f"did you mean '{near}', in SI? rename it, else what it holds is not used"
+    for name in (column_name for column_name in present if column_name not in (*OTHERS, *channels, *noises)):
+        similarity = {expected: SequenceMatcher(None, name.lower(), expected.lower()).ratio() for expected in missing}
+        closest_match = max(similarity, key=lambda expected: similarity[expected], default="")
+        if closest_match and similarity[closest_match] >= MIN_SIMILARITY:
+            todo = f"did you mean '{closest_match}', in SI? rename it, else what it holds is not used"
             yield Finding(f"column '{name}' is not read", where, todo)
 
 
@@ -225,12 +230,12 @@ def _askew(rig: WheelRig, where: str) -> Iterator[Finding]:
 
 def _stated_speeds(table: pd.DataFrame, declared: Mapping[str, Any], where: str) -> pd.DataFrame:
     """Return the table with the speeds of [speed] where it has no column of its own: of the carriage, of the rim."""
-    made = {
+    declared_speeds = {
         name: number_si(declared[key], "m/s", f"{where}: [speed] {key}")
         for name, key in zip(SPEEDS, ("carriage", "rim"), strict=True)
         if key in declared and name not in table
     }
-    return table.assign(**made)
+    return table.assign(**declared_speeds)
 
 
 def _speeds(table: pd.DataFrame, slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray | None:
@@ -238,26 +243,26 @@ def _speeds(table: pd.DataFrame, slip: np.ndarray, angle: np.ndarray, where: str
 
     Of one alone the other follows from Eq (1). Refuses speeds that contradict the slip.
     """
-    known = {name: column(table[name], name, where) for name in SPEEDS if name in table}
-    if not known:
+    measured_speeds = {name: column(table[name], name, where) for name in SPEEDS if name in table}
+    if not measured_speeds:
         return None
-    if len(known) == 1:
-        return _by_slip(known, slip, angle, where)
-    travel, rim = known[SPEEDS[0]] * np.cos(angle), known[SPEEDS[1]]
-    own = slip_of_speeds(travel, rim)
-    off = np.abs(own - slip)
+    if len(measured_speeds) == 1:
+        return _by_slip(measured_speeds, slip, angle, where)
+    travel, rim = measured_speeds[SPEEDS[0]] * np.cos(angle), measured_speeds[SPEEDS[1]]
+    S = slip_of_speeds(travel, rim)
+    off = np.abs(S - slip)
     if off.max() > 0.05:
         row = int(off.argmax())
         raise DataError(
-            f"{where}: row {row + 1} has slip {slip[row]:.3g}, but its speeds give {own[row]:.3g} by Eq (1); check the "
+            f"{where}: row {row + 1} has slip {slip[row]:.3g}, but its speeds give {S[row]:.3g} by Eq (1); check the "
             "units and signs of slip, rim_speed_mps and travel_speed_mps."
         )
     return np.column_stack([travel, rim])
 
 
-def _by_slip(known: Mapping[str, np.ndarray], slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray:
+def _by_slip(measured_speeds: Mapping[str, np.ndarray], slip: np.ndarray, angle: np.ndarray, where: str) -> np.ndarray:
     """Return both speeds [runs, 2], of which one is known, by Eq (1)."""
-    ((name, speed),) = known.items()
+    ((name, speed),) = measured_speeds.items()
     rim, travel = 1.0 + np.minimum(slip, 0.0), 1.0 - np.maximum(slip, 0.0)
     speed, share = (speed * np.cos(angle), travel) if name == SPEEDS[0] else (speed, rim)
     if np.min(share) < STANDS:

@@ -11,7 +11,7 @@ from rover_pin.discrepancy.draft import Drafted
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
-from rover_pin.experiments.wheel_rig.remainder import Remainder, remainders
+from rover_pin.experiments.wheel_rig.remainder import RigChannelResidual, channel_residuals
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.motion.effect_files import effects_of_text
 
@@ -63,37 +63,37 @@ BOUND = 5.0
 def drafted(experiment: RigExperiment, fit: Fit) -> Drafted | None:
     """Return what a fit leaves as a drafted effect; None where no smooth curve takes more of it than chance."""
     data = experiment.data
-    left = remainders(data, experiment.in_sds(fit.residual))
-    if not any(map(can_draft, left)):
+    residuals = channel_residuals(data, experiment.in_sds(fit.residual))
+    if not any(map(can_draft, residuals)):
         return None
-    text = draft_effect(data, left)
+    text = draft_effect(data, residuals)
     (kind,) = effects_of_text(text)
     return Drafted(text, (plain_candidate(kind()),))
 
 
-def can_draft(one: Remainder) -> bool:
+def can_draft(residual: RigChannelResidual) -> bool:
     """Return whether a channel leaves a smooth curve beyond chance that an effect can add."""
-    return one.is_curved and one.name in FACTORS
+    return residual.is_curved and residual.name in FACTORS
 
 
-def draft_effect(data: RigSet, left: Sequence[Remainder]) -> str:
+def draft_effect(data: RigSet, residuals: Sequence[RigChannelResidual]) -> str:
     """Return an effect file that adds the described remainders, per load and per radius, for `effects=`."""
     load, r = float(np.mean(data.rig.load)), float(data.rig.wheel.r)
     unit = {"pull": load, "torque": load * r, "depth": r}
-    sizes: dict[str, float] = {}
+    amplitudes: dict[str, float] = {}
     sums = dict.fromkeys(unit, "0.0")
-    for one in filter(can_draft, left):
-        stem = FACTORS[one.name]
-        names = {f"{stem}_{power}": f"self.{stem}_{power}" + " * S" * power for power in range(len(one.powers))}
-        sizes |= dict(zip(names, np.array(one.powers) / unit[stem], strict=True))
+    for residual in filter(can_draft, residuals):
+        stem = FACTORS[residual.name]
+        names = {f"{stem}_{power}": f"self.{stem}_{power}" + " * S" * power for power in range(len(residual.powers))}
+        amplitudes |= dict(zip(names, np.array(residual.powers) / unit[stem], strict=True))
         if stem != "depth":  # a contact is amended before it knows its load
             share = f" * (load.f_n / {load:.6g} - 1.0)"
-            of_load = {f"{stem}_W{power}": c / unit[stem] for power, c in enumerate(one.of_load, start=1)}
+            of_load = {f"{stem}_W{power}": c / unit[stem] for power, c in enumerate(residual.of_load, start=1)}
             names |= {name: f"self.{name}" + power * share for power, name in enumerate(of_load, start=1)}
-            sizes |= of_load
+            amplitudes |= of_load
         sums[stem] = " + ".join(names.values())
-    fields = "\n".join(_field(name, size) for name, size in sizes.items())
-    neutral = ", ".join(f'"{name}": 0.0' for name in sizes)
+    fields = "\n".join(_field(name, size) for name, size in amplitudes.items())
+    neutral = ", ".join(f'"{name}": 0.0' for name in amplitudes)
     return DRAFT.format(name=data.rig.name, fields=fields, neutral=neutral, **sums)
 
 

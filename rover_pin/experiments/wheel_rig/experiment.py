@@ -16,12 +16,12 @@ from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Experiment, Sensitivities
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, declared_in
-from rover_pin.experiments.wheel_rig.beds import beds_of
+from rover_pin.experiments.wheel_rig.beds import bed_stiffness_field
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import ASKEW, PAPER, RigModel, RigPredictor, conditions, predictor, uncarried
 from rover_pin.experiments.wheel_rig.presets import known_heights, known_trench
 from rover_pin.identification.identifiability import SAME_LOAD
-from rover_pin.identification.soil_space import MOST_EXIT
+from rover_pin.identification.soil_space import MAX_EXIT_RATIO
 from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, Sinkage, Torque
 from rover_pin.public import brief
 
@@ -64,18 +64,18 @@ class RigExperiment(Experiment):
     @cached_property
     def _place(self) -> np.ndarray:
         """Which run of its level each run is."""
-        seen = np.zeros(len(self.folds), dtype=int)
+        run_counts = np.zeros(len(self.folds), dtype=int)
         place = np.zeros(self.data.level.size, dtype=int)
         for at, level in enumerate(self.data.level):
-            place[at], seen[level] = seen[level], seen[level] + 1
+            place[at], run_counts[level] = run_counts[level], run_counts[level] + 1
         return place
 
     def table(self, rows: np.ndarray) -> np.ndarray:
         """Return rows (..., channels, runs) as (..., levels, channels, runs of a level), NaN behind a level's end."""
         rows = np.asarray(rows)
-        whole = np.full((*rows.shape[:-2], len(self.folds), rows.shape[-2], int(self._place.max()) + 1), np.nan)
-        whole[..., self.data.level, :, self._place] = np.moveaxis(rows, -1, 0)
-        return whole
+        padded_table = np.full((*rows.shape[:-2], len(self.folds), rows.shape[-2], int(self._place.max()) + 1), np.nan)
+        padded_table[..., self.data.level, :, self._place] = np.moveaxis(rows, -1, 0)
+        return padded_table
 
     def rows(self, table: np.ndarray) -> np.ndarray:
         """Return a table (levels, channels, runs of a level) as rows (channels, runs) in the order of the set."""
@@ -101,7 +101,7 @@ class RigExperiment(Experiment):
         return np.array([float(np.sqrt(np.mean(channel.sd**2))) for channel in self.data.rig.channels])
 
     @property
-    def given(self) -> np.ndarray:
+    def inputs(self) -> np.ndarray:
         """What was set (levels, runs of a level, inputs): slip, and slip angle and load where they differ."""
         rig = self.data.rig
         rows = [rig.slip, *([rig.slip_angle] if rig.askew.any() else [])]
@@ -109,7 +109,7 @@ class RigExperiment(Experiment):
         return np.moveaxis(self.table(np.array(rows)), 1, 2)
 
     @cached_property
-    def _given(self) -> np.ndarray:
+    def _conditions(self) -> np.ndarray:
         rig = self.data.rig
         return conditions(rig.load, rig.slip, self.data.speeds, rig.slip_angle)
 
@@ -119,21 +119,21 @@ class RigExperiment(Experiment):
 
     def sensitivities(self, model: RigModel, parameters: Sequence[Parameter], u: np.ndarray) -> Sensitivities:
         """Return the channels and their exact slopes; NaN where no sinkage carries the load."""
-        free, vector = tuple(map(own_name, (one.name for one in parameters))), model.vector()
+        free, vector = tuple(map(own_name, (parameter.name for parameter in parameters))), model.vector()
         where = [model.names.index(name) for name in free]
-        vector[where] = [one.value(x) for one, x in zip(parameters, u, strict=True)]
+        vector[where] = [parameter.value(x) for parameter, x in zip(parameters, u, strict=True)]
         key = (model.structure, free)
         if key not in self._predictors:
-            self._predictors[key] = predictor(model, free, self._given)
+            self._predictors[key] = predictor(model, free, self._conditions)
         values, jacobian, _ = self._predictors[key](vector)
         measured = [ROWS.index(type(channel)) for channel in self.data.rig.channels]
-        slopes = np.array([one.slope(x) for one, x in zip(parameters, u, strict=True)])
-        moved = np.moveaxis(jacobian[measured] * slopes, -1, 0)
-        return Sensitivities(self.table(values[measured]), self.table(moved))
+        slopes = np.array([parameter.slope(x) for parameter, x in zip(parameters, u, strict=True)])
+        derivatives = np.moveaxis(jacobian[measured] * slopes, -1, 0)
+        return Sensitivities(self.table(values[measured]), self.table(derivatives))
 
     def unpredicted(self, model: RigModel) -> str:
         """Return which run no sinkage carries with this model; empty where all are carried."""
-        values = predictor(model, (), self._given)(model.vector()).values
+        values = predictor(model, (), self._conditions)(model.vector()).values
         return uncarried(values, self.data.rig.loads, np.asarray(self.data.rig.slip))
 
     def turns(self) -> np.ndarray | None:
@@ -145,11 +145,11 @@ class RigExperiment(Experiment):
 
     def random_field(self, model: RigModel) -> RandomField | None:
         """Return how beds prepared anew for each level may differ; None where the sinkage does not tell k_1."""
-        return beds_of(self, model)
+        return bed_stiffness_field(self, model)
 
     def predict(self, models: Sequence[RigModel]) -> np.ndarray:
         """Return the channels of each model (models, levels, channels, runs of a level)."""
-        return np.array([self.sensitivities(one, (), np.zeros(0)).predicted for one in models])
+        return np.array([self.sensitivities(model, (), np.zeros(0)).predicted for model in models])
 
     def records(self, model: RigModel) -> Mapping[str, Any]:
         """Return wheel, soil and effects of a model, by name."""
@@ -161,7 +161,7 @@ class RigExperiment(Experiment):
 
     def unit(self, channel: str) -> str:
         """Return the unit of a channel."""
-        return next(one.unit for one in self.data.rig.channels if one.name == channel)
+        return next(rig_channel.unit for rig_channel in self.data.rig.channels if rig_channel.name == channel)
 
     def uncertain(self, model: RigModel) -> tuple[Parameter, ...]:
         """Return which soil constants are uncertain, and what is assumed of those that these channels tell in part.
@@ -171,10 +171,10 @@ class RigExperiment(Experiment):
         prior around the stated value, and is uncertain whatever was measured. Lugs of declared height, where the model
         has them dig, fill their pockets to 1 +- 0.3.
         """
-        stated = {one.name: one for one in self._stated(model)}
-        own = [stated.pop(one.name, one) for one in self._of_the_soil(model)]
+        declared_parameters = {parameter.name: parameter for parameter in self._stated(model)}
+        soil_parameters = [declared_parameters.pop(parameter.name, parameter) for parameter in self._of_the_soil(model)]
         lugs = known_heights(self.data.rig, self, model)
-        return (*own, *stated.values(), *lugs, *self._of_the_rig(model))
+        return (*soil_parameters, *declared_parameters.values(), *lugs, *self._of_the_rig(model))
 
     def _stated(self, model: RigModel) -> Iterator[Parameter]:
         """Yield the soil constants that [soil] states with an SD, around what it states."""
@@ -182,31 +182,35 @@ class RigExperiment(Experiment):
         for name, sd in self.data.rig.doubts.items():
             value, log = float(getattr(declared, name)), name in ("k", "k_1")
             relative = log and value > 0
-            one = self.parameter(model, f"soil.{name}", sd / value if relative else sd, relative, self._declared(name))
-            yield dataclasses.replace(one, origin=value, high=MOST_EXIT if name == "exit_ratio" else one.high)
+            parameter = self.parameter(
+                model, f"soil.{name}", sd / value if relative else sd, relative, self._declared(name)
+            )
+            yield dataclasses.replace(
+                parameter, origin=value, high=MAX_EXIT_RATIO if name == "exit_ratio" else parameter.high
+            )
 
     def _of_the_soil(self, model: RigModel) -> tuple[Parameter, ...]:
         """Return the uncertain soil constants, as if nothing were stated of them."""
         kinds, load = {type(channel) for channel in self.data.rig.channels}, self.data.rig.load
-        found: list[Parameter] = []
+        parameters: list[Parameter] = []
         if kinds & {DrawbarPull, Torque}:
-            about = self.quantity(model, "soil.phi")
-            found += [
+            spec = self.quantity(model, "soil.phi")
+            parameters += [
                 self._loose(model, "soil.k", DECADES, log=True),
-                self._loose(model, "soil.phi", WIDE * (about.high - about.low)),
+                self._loose(model, "soil.phi", WIDE * (spec.high - spec.low)),
             ]
         if Sinkage in kinds:
             k_1 = self.value(model, "soil.k_1")
-            found += [self._loose(model, "soil.k_1", DECADES if k_1 > 0 else abs(k_1) or 1e5, log=k_1 > 0)]
+            parameters += [self._loose(model, "soil.k_1", DECADES if k_1 > 0 else abs(k_1) or 1e5, log=k_1 > 0)]
         exit_ratio = self.parameter(model, "soil.exit_ratio", 0.1, declared=self._declared("exit_ratio"))
-        found += [dataclasses.replace(exit_ratio, low=0.0, high=MOST_EXIT)]
+        parameters += [dataclasses.replace(exit_ratio, low=0.0, high=MAX_EXIT_RATIO)]
         if np.max(load) >= SAME_LOAD * np.min(load):
             sd = max(300.0, self.value(model, "soil.c"))
-            found += [
+            parameters += [
                 self.parameter(model, f"soil.{name}", size, declared=self._declared(name))
                 for name, size in (("n", 0.3), ("c", sd))
             ]
-        return tuple(found)
+        return tuple(parameters)
 
     def _declared(self, name: str) -> str:
         """Return where a soil constant is declared, and with what SD; empty where it is not."""
@@ -215,14 +219,16 @@ class RigExperiment(Experiment):
     def _of_the_rig(self, model: RigModel) -> Iterator[Parameter]:
         """Yield what rig.toml states with an SD: errors of the rig, and sizes of the wheel within their range."""
         for name, sd in self.data.rig.error_sd.items():
-            one = self.parameter(model, name, sd, declared="declared in rig.toml")
-            low, high = self.data.rig.wheel_range.get(own_name(name), (one.low, one.high))
-            yield dataclasses.replace(one, low=low, high=high)
+            parameter = self.parameter(model, name, sd, declared="declared in rig.toml")
+            low, high = self.data.rig.wheel_range.get(own_name(name), (parameter.low, parameter.high))
+            yield dataclasses.replace(parameter, low=low, high=high)
 
     def _loose(self, model: RigModel, name: str, scale: float, log: bool = False) -> Parameter:
         """Return a number without a prior; `scale` is how far apart its starts are."""
-        one = self.parameter(model, name, scale, log)
-        return dataclasses.replace(one, prior=False, low=max(one.low, LEAST * one.origin) if log else one.low)
+        parameter = self.parameter(model, name, scale, log)
+        return dataclasses.replace(
+            parameter, prior=False, low=max(parameter.low, LEAST * parameter.origin) if log else parameter.low
+        )
 
 
 def as_declared(data: RigSet, soil: Soil | None = None) -> RigModel:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rover_pin.contact import Soil
 from rover_pin.estimation.numbers import Number
-from rover_pin.estimation.wording import Against, against, interval, shown
+from rover_pin.estimation.wording import Against, against, format_value, interval
 from rover_pin.experiments.wheel_rig.data import Independent, RigSet
 
 
@@ -26,18 +26,18 @@ class Flag(NamedTuple):
         return self.says is Against.AGREES
 
     @property
-    def said(self) -> str:
+    def sentence(self) -> str:
         """One sentence for a reader."""
-        known = shown(self.independent.low, self.unit)
+        range_text = format_value(self.independent.low, self.unit)
         if self.independent.high > self.independent.low:
-            known += f" to {shown(self.independent.high, self.unit)}"
+            range_text += f" to {format_value(self.independent.high, self.unit)}"
         fitted = interval(*self.fitted, self.unit)
-        return f"{self.name} = {fitted} {self.says.value} {known} ({self.independent.source})"
+        return f"{self.name} = {fitted} {self.says.value} {range_text} ({self.independent.source})"
 
     def as_dict(self) -> dict:
         """Return plain values."""
-        known = {"independent": [self.independent.low, self.independent.high], "source": self.independent.source}
-        return self._asdict() | known | {"agrees": self.agrees, "says": self.says.value}
+        reference = {"independent": [self.independent.low, self.independent.high], "source": self.independent.source}
+        return self._asdict() | reference | {"agrees": self.agrees, "says": self.says.value}
 
 
 def flags(data: RigSet, soil: Soil, b: float, fitted: tuple[Number, ...]) -> tuple[Flag, ...]:
@@ -46,16 +46,16 @@ def flags(data: RigSet, soil: Soil, b: float, fitted: tuple[Number, ...]) -> tup
     They agree where the 95 % interval meets the independent range, which is granted 10 % on both sides if it is a
     measurement of the constant and no bound; an interval that covers nearly all that is allowed says nothing.
     """
-    own = {one.name.removeprefix("soil."): one for one in fitted}
-    rows = {name: (one.value, one.low, one.high) for name, one in own.items()}
-    covered = {name: one.covered for name, one in own.items()}
+    numbers_by_name = {number.name.removeprefix("soil."): number for number in fitted}
+    rows = {name: (number.value, number.low, number.high) for name, number in numbers_by_name.items()}
+    covered = {name: number.covered for name, number in numbers_by_name.items()}
     if "k_1" in rows:
         rows["K_eff"] = tuple((value + soil.k_2 * b) / b**soil.n for value in rows["k_1"])
         covered["K_eff"] = covered["k_1"]
-    found = []
-    for known in data.independent(float(soil.n)):
-        if known.name in rows:
-            granted = known.low * (1 - known.unsure), known.high * (1 + known.unsure)
-            says = against(rows[known.name][1:], granted, covered[known.name])
-            found.append(Flag(known.name, known.unit, rows[known.name], known, says))
-    return tuple(found)
+    raised_flags = []
+    for reference in data.independent(float(soil.n)):
+        if reference.name in rows:
+            granted = reference.low * (1 - reference.tolerance), reference.high * (1 + reference.tolerance)
+            says = against(rows[reference.name][1:], granted, covered[reference.name])
+            raised_flags.append(Flag(reference.name, reference.unit, rows[reference.name], reference, says))
+    return tuple(raised_flags)

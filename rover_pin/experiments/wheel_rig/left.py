@@ -4,29 +4,30 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from rover_pin.experiments.wheel_rig.beds import ByChance
+from rover_pin.experiments.wheel_rig.beds import RandomEffects
 from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
-from rover_pin.experiments.wheel_rig.remainder import Remainder
+from rover_pin.experiments.wheel_rig.remainder import RigChannelResidual
 from rover_pin.experiments.wheel_rig.residual_tests import ResidualTest
 from rover_pin.public import brief
 
 
 @brief
-class Left(NamedTuple):
+class FitDiagnostics(NamedTuple):
     """What one model leaves."""
 
     flags: tuple[Flag, ...]
-    remainders: tuple[Remainder, ...]
+    residuals: tuple[RigChannelResidual, ...]
     tests: tuple[ResidualTest, ...]
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
         return {
-            "flags": [one.as_dict() for one in self.flags],
-            "residual_tests": [one._asdict() for one in self.tests],
+            "flags": [flag.as_dict() for flag in self.flags],
+            "residual_tests": [test._asdict() for test in self.tests],
             "remainder": [
-                one._asdict() | {"levels": [level._asdict() for level in one.levels], "said": one.said}
-                for one in self.remainders
+                residual._asdict()
+                | {"levels": [level._asdict() for level in residual.levels], "said": residual.sentence}
+                for residual in self.residuals
             ],
         }
 
@@ -35,20 +36,20 @@ class Left(NamedTuple):
 class RigExtra(NamedTuple):
     """What only a rig set has to say of the models before and after."""
 
-    before: Left
-    after: Left
+    before: FitDiagnostics
+    after: FitDiagnostics
     declared: tuple[str, ...] = ()
     "how what is declared of lugs and sand was used"
-    chance: ByChance = ByChance()
+    random_effects: RandomEffects = RandomEffects()
 
     def lines(self, added: bool) -> list[str]:
         """Return lines for a reader."""
-        said = [f"declared: {line}" for line in self.declared]
-        said += [f"before: {flag.said}" for flag in self.before.flags]
-        said += [f"after: {flag.said}" for flag in self.after.flags] if added else []
-        return [*said, *(f"left: {one.said}" for one in self.after.remainders)]
+        lines = [f"declared: {line}" for line in self.declared]
+        lines += [f"before: {flag.sentence}" for flag in self.before.flags]
+        lines += [f"after: {flag.sentence}" for flag in self.after.flags] if added else []
+        return [*lines, *(f"left: {residual.sentence}" for residual in self.after.residuals)]
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
         sides = {"before": self.before.as_dict(), "after": self.after.as_dict()}
-        return {**sides, "declared": list(self.declared), "by_chance": self.chance.as_dict()}
+        return {**sides, "declared": list(self.declared), "by_chance": self.random_effects.as_dict()}

@@ -82,14 +82,14 @@ class RigModel:
     @property
     def records(self) -> dict[str, Any]:
         """Wheel, soil, the rig's errors and effects by name."""
-        own = {type(one).__name__: one for one in self.effects}
-        return {"wheel": self.wheel, "soil": self.soil, "rig": self.errors, **own}
+        effects_by_name = {type(effect).__name__: effect for effect in self.effects}
+        return {"wheel": self.wheel, "soil": self.soil, "rig": self.errors, **effects_by_name}
 
     def with_record(self, owner: str, record: Any) -> RigModel:
         """Return the model with another wheel, soil or effect in the place of the one of this name."""
         if owner in ("wheel", "soil", "rig"):
             return dataclasses.replace(self, **{owner.replace("rig", "errors"): record})
-        effects = tuple(record if type(one).__name__ == owner else one for one in self.effects)
+        effects = tuple(record if type(effect).__name__ == owner else effect for effect in self.effects)
         return dataclasses.replace(self, effects=effects)
 
     @property
@@ -112,8 +112,8 @@ class RigModel:
         values = iter(np.asarray(vector, dtype=float).tolist())
         wheel = self.wheel.replace(**{name: next(values) for name in quantities(Wheel)})
         soil = self.soil.replace(**{name: next(values) for name in quantities(Soil)})
-        own = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in self.effects]
-        return RigModel(wheel, soil, tuple(own), RigErrors(*values))
+        effects = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in self.effects]
+        return RigModel(wheel, soil, tuple(effects), RigErrors(*values))
 
     def predict(self, load: Any, slip: Any, speeds: Any = None, slip_angle: Any = 0.0) -> Steady:
         """Return the channels as the rig reads them: loads [N], slips [-], speeds of travel and rim [runs, 2] [m/s].
@@ -195,13 +195,13 @@ class RigPredictor:
         z, r = self._law.first(self._runs, p).full(), float(p[FIELDS.index("r")])
         low, high = np.full((2, z.shape[1]), np.log([[2 * SHALLOW * r], [r]]))
         for step in range(STEPS):
-            before, (after, off) = z, (one.full() for one in self._law.newton(z, self._runs, p))
+            before, (after, off) = z, (matrix.full() for matrix in self._law.newton(z, self._runs, p))
             deep = off[0] > 0.0
             low, high = np.where(deep, low, z[0]), np.where(deep, z[0], high)
-            near = np.abs(after[0] - z[0]) <= SETTLED
+            converged = np.abs(after[0] - z[0]) <= SETTLED
             newton = step < STEPS // 2 or step % 2 == 0  # from half-way every other step halves what is left
-            told = np.isfinite(after).all(axis=0) & (near | newton & (after[0] > low) & (after[0] < high))
-            z = np.where(told, after, np.vstack([(low + high) / 2, z[1:]]))
+            is_accepted = np.isfinite(after).all(axis=0) & (converged | newton & (after[0] > low) & (after[0] < high))
+            z = np.where(is_accepted, after, np.vstack([(low + high) / 2, z[1:]]))
             if not np.abs(z - before).max() > SETTLED:
                 break
         return np.asarray(z)

@@ -13,7 +13,7 @@ from rover_pin.effects.effect import Effect
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.wording import shown
+from rover_pin.estimation.wording import format_value
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.parameters.gravity import EARTH
 from rover_pin.quantity import quantities
@@ -42,31 +42,35 @@ def presets(rig: WheelRig) -> dict[str, Preset]:
     gamma = rho g, g that of the Earth; phi_f, the sand's own friction, starts from the angle of repose; h_l and h_s are
     the lugs' height; E = 1 - N w / (2 pi (r + h_l / 2)), the share of the rim's way that is pocket, not lug.
     """
-    own = rig.beside
-    found = {}
-    if "bulk_density" in own:
-        found["gamma"] = Preset("gamma", own["bulk_density"] * EARTH, "bulk_density")
-    if "angle_of_repose" in own:
-        found["phi_f"] = Preset("phi_f", own["angle_of_repose"], "angle_of_repose")
-    if own.get("lug_height", 0.0) > 0.0:
-        found |= {name: Preset(name, own["lug_height"], "lug_height") for name in LUGS}
-        if own.keys() >= {"lug_width", "lug_count"}:
-            found["filled"] = Preset("filled", pockets(own, rig.wheel), "lug_width and lug_count")
-    return found
+    declared_values = rig.beside
+    declared_presets = {}
+    if "bulk_density" in declared_values:
+        declared_presets["gamma"] = Preset("gamma", declared_values["bulk_density"] * EARTH, "bulk_density")
+    if "angle_of_repose" in declared_values:
+        declared_presets["phi_f"] = Preset("phi_f", declared_values["angle_of_repose"], "angle_of_repose")
+    if declared_values.get("lug_height", 0.0) > 0.0:
+        declared_presets |= {name: Preset(name, declared_values["lug_height"], "lug_height") for name in LUGS}
+        if declared_values.keys() >= {"lug_width", "lug_count"}:
+            declared_presets["filled"] = Preset(
+                "filled", pockets(declared_values, rig.wheel), "lug_width and lug_count"
+            )
+    return declared_presets
 
 
-def pockets(own: Mapping[str, float], wheel: Wheel) -> float:
+def pockets(declared_values: Mapping[str, float], wheel: Wheel) -> float:
     """Return the share of the rim's way between lugs, at half their height, 0 where lugs leave no gap."""
-    way = 2.0 * math.pi * (float(wheel.r) + own["lug_height"] / 2.0)
-    return max(1.0 - own["lug_count"] * own["lug_width"] / way, 0.0)
+    way = 2.0 * math.pi * (float(wheel.r) + declared_values["lug_height"] / 2.0)
+    return max(1.0 - declared_values["lug_count"] * declared_values["lug_width"] / way, 0.0)
 
 
 def known_trench(rig: WheelRig) -> tuple[LugExcavation, ...]:
     """Return what lugs of declared height dig, which their geometry tells by conservation of volume; else nothing."""
-    known = presets(rig)
-    if "h_l" not in known:
+    declared_presets = presets(rig)
+    if "h_l" not in declared_presets:
         return ()
-    return (LugExcavation(**{name: known[name].value for name in ("h_l", "filled") if name in known}),)
+    return (
+        LugExcavation(**{name: declared_presets[name].value for name in ("h_l", "filled") if name in declared_presets}),
+    )
 
 
 def known_heights(rig: WheelRig, experiment: Experiment, model: Any) -> Iterator[Parameter]:
@@ -82,12 +86,15 @@ def known_heights(rig: WheelRig, experiment: Experiment, model: Any) -> Iterator
 
 def preset_candidate(effect: Effect, rig: WheelRig) -> Candidate:
     """Return an effect as a candidate, its numbers as declared: what is `HELD` is not free."""
-    known = _of(effect, presets(rig))
-    about = quantities(effect)
-    within = {one.name: min(max(one.value, about[one.name].low), about[one.name].high) for one in known}
+    declared_presets = _of(effect, presets(rig))
+    specs = quantities(effect)
+    within = {
+        preset.name: min(max(preset.value, specs[preset.name].low), specs[preset.name].high)
+        for preset in declared_presets
+    }
     plain = plain_candidate(effect.replace(**within))
-    held = {f"{plain.kind}.{one.name}" for one in known if one.name in HELD}
-    return dataclasses.replace(plain, shapes=tuple(name for name in plain.shapes if name not in held))
+    fixed_names = {f"{plain.kind}.{preset.name}" for preset in declared_presets if preset.name in HELD}
+    return dataclasses.replace(plain, shapes=tuple(name for name in plain.shapes if name not in fixed_names))
 
 
 def is_of_other_wheel(effect: Effect, rig: WheelRig) -> bool:
@@ -95,16 +102,19 @@ def is_of_other_wheel(effect: Effect, rig: WheelRig) -> bool:
     return rig.beside.get("lug_height") == 0.0 and any(name in LUGS for name in effect.neutral)
 
 
-def told(rig: WheelRig, effects: Sequence[Effect], present: Sequence[Effect] = ()) -> tuple[str, ...]:
+def describe_declared(rig: WheelRig, effects: Sequence[Effect], present: Sequence[Effect] = ()) -> tuple[str, ...]:
     """Return what is declared and how effects take it, one sentence each; what none takes is not used.
 
     `effects` are those that were tried, `present` those that the model had from the start.
     """
-    known = {one.source: one for one in presets(rig).values()}
-    trench = _owners(rig, [one for one in present if isinstance(one, LugExcavation)])
+    presets_by_source = {preset.source: preset for preset in presets(rig).values()}
+    trench = _owners(rig, [effect for effect in present if isinstance(effect, LugExcavation)])
     tried = _owners(rig, effects)
-    lines = [f"{_said(known[source], names)}, which the model starts with" for source, names in trench.items()]
-    lines += [_said(known[source], names) for source, names in tried.items()]
+    lines = [
+        f"{_preset_text(presets_by_source[source], names)}, which the model starts with"
+        for source, names in trench.items()
+    ]
+    lines += [_preset_text(presets_by_source[source], names) for source, names in tried.items()]
     used = " ".join((*trench, *tried))
     unused = [name for name, value in rig.beside.items() if value and name not in used]
     return (*lines, *(f"{name} is declared, and not used: no effect that was tried has it" for name in unused))
@@ -114,17 +124,17 @@ def _owners(rig: WheelRig, effects: Sequence[Effect]) -> dict[str, list[str]]:
     """Return which numbers of effects each declared one presets, by the name of what declares it."""
     owners: dict[str, list[str]] = {}
     for effect in effects:
-        for one in _of(effect, presets(rig)):
-            owners.setdefault(one.source, []).append(f"{type(effect).__name__}.{one.name}")
+        for preset in _of(effect, presets(rig)):
+            owners.setdefault(preset.source, []).append(f"{type(effect).__name__}.{preset.name}")
     return owners
 
 
-def _said(one: Preset, names: Sequence[str]) -> str:
-    takes = "holds" if one.name in HELD else "is where a fit starts with"
-    return f"{one.source} {takes} {', '.join(names)} = {shown(one.value, UNITS[one.name])}"
+def _preset_text(preset: Preset, names: Sequence[str]) -> str:
+    takes = "holds" if preset.name in HELD else "is where a fit starts with"
+    return f"{preset.source} {takes} {', '.join(names)} = {format_value(preset.value, UNITS[preset.name])}"
 
 
-def _of(effect: Effect, known: Mapping[str, Preset]) -> list[Preset]:
+def _of(effect: Effect, declared_presets: Mapping[str, Preset]) -> list[Preset]:
     """Return what of the presets an effect has, by name and unit."""
-    about = quantities(effect)
-    return [one for name, one in known.items() if name in about and about[name].unit == UNITS[name]]
+    specs = quantities(effect)
+    return [preset for name, preset in declared_presets.items() if name in specs and specs[name].unit == UNITS[name]]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.discrepancy.screen import entry_fee
+from rover_pin.discrepancy.screen import null_threshold
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
@@ -36,7 +36,7 @@ class Level(NamedTuple):
 
 
 @brief
-class Remainder(NamedTuple):
+class RigChannelResidual(NamedTuple):
     """What one channel leaves: its size in SDs, where it lives, and measured - model as a polynomial."""
 
     name: str
@@ -63,7 +63,7 @@ class Remainder(NamedTuple):
         return self.rms < NOISE_LIKE
 
     @property
-    def said(self) -> str:
+    def sentence(self) -> str:
         """One sentence for a reader."""
         scale, unit = (1e3, "mm") if self.unit == "m" else (1.0, self.unit)
         if not self.is_curved:
@@ -87,40 +87,45 @@ class Remainder(NamedTuple):
         )
 
 
-def remainders(data: RigSet, residual: np.ndarray) -> tuple[Remainder, ...]:
+def channel_residuals(data: RigSet, residual: np.ndarray) -> tuple[RigChannelResidual, ...]:
     """Return what every channel leaves, given residuals (channels, runs) in stated SDs."""
     pairs = zip(data.rig.channels, residual, strict=True)
     return tuple(_describe(data, channel, residual) for channel, residual in pairs)
 
 
-def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> Remainder:
-    seen, whole = channel.seen, np.asarray(data.rig.load)
-    slip, load, sd, residual = np.asarray(data.rig.slip)[seen], whole[seen], channel.sd[seen], residual[seen]
+def _describe(data: RigSet, channel: RigChannel, residual: np.ndarray) -> RigChannelResidual:
+    is_measured, all_loads = channel.has_value, np.asarray(data.rig.load)
+    slip, load, sd, residual = (
+        np.asarray(data.rig.slip)[is_measured],
+        all_loads[is_measured],
+        channel.sd[is_measured],
+        residual[is_measured],
+    )
     missing = residual * sd
-    varies = whole.max() >= SAME_LOAD * whole.min()
-    share = load / whole.mean() - 1
+    varies = all_loads.max() >= SAME_LOAD * all_loads.min()
+    share = load / all_loads.mean() - 1
     powers, of_load = _smooth(slip, share, residual, sd, varies)
     smooth = np.polynomial.polynomial.polyval(slip, powers) + np.polynomial.polynomial.polyval(share, (0.0, *of_load))
     total = float(residual @ residual)
-    rest = (missing - smooth) / sd
-    return Remainder(
+    unexplained = (missing - smooth) / sd
+    return RigChannelResidual(
         channel.name,
         channel.unit,
         float(np.sqrt(np.mean(residual**2))),
         _correlation(slip, missing),
         _correlation(load, missing) if varies else float("nan"),
-        tuple(_level(data, channel, missing, number) for number in np.unique(data.level[seen]).tolist()),
+        tuple(_level(data, channel, missing, number) for number in np.unique(data.level[is_measured]).tolist()),
         powers,
         of_load,
-        1 - float(rest @ rest) / max(total, 1e-300),
-        _beyond_chance(total, float(rest @ rest), residual.size, len(powers) + len(of_load)),
+        1 - float(unexplained @ unexplained) / max(total, 1e-300),
+        _exceeds_noise(total, float(unexplained @ unexplained), residual.size, len(powers) + len(of_load)),
     )
 
 
-def _beyond_chance(before: float, after: float, count: int, columns: int) -> bool:
+def _exceeds_noise(before: float, after: float, count: int, columns: int) -> bool:
     """Return whether so many columns, of the best of FORMS forms, take more of chi2 than chance does."""
     unit = max(1.0, after / max(count - columns, 1))
-    return before - after > unit * (entry_fee(FORMS) + entry_fee(1) * (columns - 1))
+    return before - after > unit * (null_threshold(FORMS) + null_threshold(1) * (columns - 1))
 
 
 def _smooth(
@@ -133,12 +138,16 @@ def _smooth(
     for degree, terms in itertools.product(range(most + 1), range(of_load + 1)):
         columns = [slip**power for power in range(degree + 1)] + [load**power for power in range(1, terms + 1)]
         design = np.column_stack(columns) / sd[:, None]
-        found, *_ = np.linalg.lstsq(design, scaled, rcond=None)
-        rest = scaled - design @ found
-        size = max(1.0, float(rest @ rest) / max(scaled.size - found.size, 1))
-        score = float(rest @ rest) / size + scaled.size * np.log(size) + found.size * np.log(scaled.size)
+        coefficients, *_ = np.linalg.lstsq(design, scaled, rcond=None)
+        unexplained = scaled - design @ coefficients
+        size = max(1.0, float(unexplained @ unexplained) / max(scaled.size - coefficients.size, 1))
+        score = (
+            float(unexplained @ unexplained) / size
+            + scaled.size * np.log(size)
+            + coefficients.size * np.log(scaled.size)
+        )
         if score < best[0]:
-            best = (score, tuple(found[: degree + 1].tolist()), tuple(found[degree + 1 :].tolist()))
+            best = (score, tuple(coefficients[: degree + 1].tolist()), tuple(coefficients[degree + 1 :].tolist()))
     return best[1], best[2]
 
 
@@ -148,14 +157,14 @@ def _different(values: np.ndarray, decimals: int) -> int:
 
 
 def _level(data: RigSet, channel: RigChannel, missing: np.ndarray, number: int) -> Level:
-    at = (data.level == number) & channel.seen
+    at = (data.level == number) & channel.has_value
     noise = float(np.sqrt(np.mean(channel.sd[at] ** 2) / at.sum()))
     slip, load = np.asarray(data.rig.slip)[at], np.asarray(data.rig.load)[at]
-    mean = float(missing[at[channel.seen]].mean())
+    mean = float(missing[at[channel.has_value]].mean())
     return Level(data.level_names[number], float(slip.mean()), float(load.mean()), mean, noise)
 
 
-def _correlation(one: np.ndarray, other: np.ndarray) -> float:
-    if np.ptp(one) == 0 or np.ptp(other) == 0:
+def _correlation(first: np.ndarray, second: np.ndarray) -> float:
+    if np.ptp(first) == 0 or np.ptp(second) == 0:
         return 0.0
-    return float(np.corrcoef(one, other)[0, 1])
+    return float(np.corrcoef(first, second)[0, 1])

@@ -14,7 +14,7 @@ from rover_pin.identification.identifiability import SAME_LOAD
 DRAWS = 1999
 """Permutations of a test: the least p-value is 1 / 2000."""
 
-BEYOND_CHANCE = 0.01
+SIGNIFICANCE_LEVEL = 0.01
 """p-value from which a correlation is pointed at; with a dozen tests one in eight tables shows one by chance."""
 
 SLIP_SQUARED, ORDER, NEIGHBOURS, NEXT_RUN = "slip^2", "run order", "neighbour in slip", "next run"
@@ -29,9 +29,9 @@ class ResidualTest(NamedTuple):
     p: float
 
     @property
-    def beyond_chance(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether chance hardly gives this."""
-        return self.p < BEYOND_CHANCE
+        return self.p < SIGNIFICANCE_LEVEL
 
 
 def residual_tests(data: RigSet, residual: np.ndarray, seed: int) -> tuple[ResidualTest, ...]:
@@ -44,34 +44,34 @@ def residual_tests(data: RigSet, residual: np.ndarray, seed: int) -> tuple[Resid
     load = np.asarray(data.rig.load)
     varies = bool(load.max() >= SAME_LOAD * load.min())
     return tuple(
-        ResidualTest(channel.name, name, *_tested(row[channel.seen], statistic, seed))
+        ResidualTest(channel.name, name, *_tested(row[channel.has_value], statistic, seed))
         for channel, row in zip(data.rig.channels, residual, strict=True)
-        for name, statistic in _statistics(data, channel.seen, varies).items()
+        for name, statistic in _statistics(data, channel.has_value, varies).items()
     )
 
 
 Statistic = Callable[..., np.ndarray]
 
 
-def _statistics(data: RigSet, seen: np.ndarray, varies: bool) -> dict[str, Statistic]:
+def _statistics(data: RigSet, is_measured: np.ndarray, varies: bool) -> dict[str, Statistic]:
     """Return what the residuals of these runs are tested with."""
-    slip, load = np.asarray(data.rig.slip)[seen], np.asarray(data.rig.load)[seen]
+    slip, load = np.asarray(data.rig.slip)[is_measured], np.asarray(data.rig.load)[is_measured]
     against = {"slip": slip, SLIP_SQUARED: _curvature(slip), ORDER: np.arange(slip.size, dtype=float)}
     if varies:
         against["load"] = load
     statistics = {name: _with(values) for name, values in against.items()}
     order = {NEIGHBOURS: np.argsort(slip, kind="stable"), NEXT_RUN: np.arange(slip.size)}
-    return statistics | {name: _with_next(each) for name, each in order.items()}
+    return statistics | {name: _with_next(run_order) for name, run_order in order.items()}
 
 
 def _tested(row: np.ndarray, statistic: Statistic, seed: int) -> tuple[float, float]:
     centred = row - row.mean()
     if not np.ptp(row) > 0:
         return 0.0, 1.0
-    found = permutation_test(
+    test_result = permutation_test(
         (centred,), statistic, permutation_type="pairings", n_resamples=DRAWS, vectorized=True, random_state=seed
     )
-    return float(found.statistic), float(found.pvalue)
+    return float(test_result.statistic), float(test_result.pvalue)
 
 
 def _with(values: np.ndarray) -> Statistic:

@@ -32,7 +32,7 @@ class SeparatingRun(NamedTuple):
     expected: float
 
     @property
-    def said(self) -> str:
+    def sentence(self) -> str:
         """One sentence for a reader."""
         return (
             f"to tell {self.first} from {self.second}: one run at S = {self.slip:g} under {self.load:.3g} N; "
@@ -50,35 +50,35 @@ def separating_run(data: RigSet, first: Named, second: Named) -> SeparatingRun |
     C the covariance of each fit.
     """
     mean = float(np.mean(data.rig.load))
-    menu = np.array([(share * mean, slip) for share, slip in itertools.product(LOADS, SLIPS)])
+    candidate_runs = np.array([(share * mean, slip) for share, slip in itertools.product(LOADS, SLIPS)])
     noise = RigExperiment(data).sd
-    sides = [_predicted(data, fit, menu, noise) for _, fit in (first, second)]
+    sides = [_predicted(data, fit, candidate_runs, noise) for _, fit in (first, second)]
     best: SeparatingRun | None = None
-    for at, (load, slip) in enumerate(menu):
+    for at, (load, slip) in enumerate(candidate_runs):
         difference = (sides[0][0][:, at] - sides[1][0][:, at]) / noise
         if not np.isfinite(difference).all():
             continue
-        doubt = sum((cov[at] for _, cov in sides), np.eye(len(noise)))
-        expected = float(difference @ np.linalg.solve(doubt, difference))
+        covariance = sum((cov[at] for _, cov in sides), np.eye(len(noise)))
+        expected = float(difference @ np.linalg.solve(covariance, difference))
         if best is None or expected > best.expected:
-            shows = np.abs(difference) / np.sqrt(np.diag(doubt))
+            shows = np.abs(difference) / np.sqrt(np.diag(covariance))
             channel = data.rig.channels[int(shows.argmax())].name
             best = SeparatingRun(first[0], second[0], float(load), float(slip), channel, expected)
     return best if best is not None and best.expected >= TELLS else None
 
 
-def _predicted(data: RigSet, fit: Fit, menu: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _predicted(data: RigSet, fit: Fit, candidate_runs: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return predictions [channels, runs] and their covariance [runs, channels, channels] in units of the noise."""
-    runs = conditions(menu[:, 0], menu[:, 1], _speeds(data, menu[:, 1]))
-    free = [own_name(one.name) for one in fit.parameters]
+    runs = conditions(candidate_runs[:, 0], candidate_runs[:, 1], _speeds(data, candidate_runs[:, 1]))
+    free = [own_name(parameter.name) for parameter in fit.parameters]
     values, jacobian, _ = predictor(fit.model, free, runs)(fit.model.vector())
     rows = [ROWS.index(type(channel)) for channel in data.rig.channels]
-    along = np.array([one.slope(u) for one, u in zip(fit.parameters, fit.u, strict=True)])
+    along = np.array([parameter.slope(u) for parameter, u in zip(fit.parameters, fit.u, strict=True)])
     slopes = jacobian[rows].transpose(1, 0, 2) * along / noise[:, None]
-    return values[rows], slopes @ _doubt(fit) @ slopes.transpose(0, 2, 1)
+    return values[rows], slopes @ _covariance(fit) @ slopes.transpose(0, 2, 1)
 
 
-def _doubt(fit: Fit) -> np.ndarray:
+def _covariance(fit: Fit) -> np.ndarray:
     """Return the covariance of u, no wider than the starts of a fit where the data tell nothing."""
     jacobian = fit.columns
     return np.asarray(np.linalg.inv(jacobian.T @ jacobian / max(1.0, fit.misfit) + np.eye(len(fit.u)) / SPREAD**2))

@@ -34,8 +34,8 @@ VALUES = 5
 
 def parameter_names(effects: tuple[Effect, ...]) -> tuple[str, ...]:
     """Return the names of all parameters: those of wheel and soil, `Effect.parameter`, `rig.error`."""
-    own = [f"{type(effect).__name__}.{name}" for effect in effects for name in quantities(effect)]
-    return (*FIELDS, *own, *(f"rig.{name}" for name in quantities(RigErrors)))
+    effect_names = [f"{type(effect).__name__}.{name}" for effect in effects for name in quantities(effect)]
+    return (*FIELDS, *effect_names, *(f"rig.{name}" for name in quantities(RigErrors)))
 
 
 class Balance(NamedTuple):
@@ -62,9 +62,9 @@ class Law(NamedTuple):
 @lru_cache(maxsize=LAWS)
 def steady_law(effects: tuple[Effect, ...], free: tuple[str, ...], runs: int) -> Law:
     """Return the law of a structure for so many runs at once, all with the same parameters."""
-    own = _balance(effects)
-    every = zip(("first", "newton", "point"), (own.first, own.newton, _point(effects, free)), strict=True)
-    return Law(*(one.map(name, "serial", runs, [one.n_in() - 1], []) for name, one in every))
+    equations = _balance(effects)
+    every = zip(("first", "newton", "point"), (equations.first, equations.newton, _point(effects, free)), strict=True)
+    return Law(*(function.map(name, "serial", runs, [function.n_in() - 1], []) for name, function in every))
 
 
 @lru_cache(maxsize=LAWS)
@@ -73,15 +73,15 @@ def _point(effects: tuple[Effect, ...], free: tuple[str, ...]) -> ca.Function:
 
     At the balance F = 0 the derivative dz/dp = -(dF/dz)^-1 dF/dp is exact. The error is infinite beyond the axle.
     """
-    own, names = _balance(effects), parameter_names(effects)
-    wanted = ca.vertcat(*(own.p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
+    equations, names = _balance(effects), parameter_names(effects)
+    wanted = ca.vertcat(*(equations.p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
     # one sweep for all: four of them held each other's operations once more
-    every = ca.jacobian(ca.vertcat(own.values, own.balance), ca.vertcat(own.z, wanted))
-    by_z, by_p = every[:, : own.z.numel()], every[:, own.z.numel() :]
+    every = ca.jacobian(ca.vertcat(equations.values, equations.balance), ca.vertcat(equations.z, wanted))
+    by_z, by_p = every[:, : equations.z.numel()], every[:, equations.z.numel() :]
     total = by_p[:VALUES, :] - ca.mtimes(by_z[:VALUES, :], _solve(by_z[VALUES:, :], by_p[VALUES:, :]))
-    error = ca.if_else(own.h > own.p[names.index("r")], ca.inf, own.balance[0])
-    column = ca.densify(ca.vertcat(own.values, error, ca.vec(ca.densify(total))))
-    return ca.Function("point", [own.z, own.condition, own.p], [column])
+    error = ca.if_else(equations.h > equations.p[names.index("r")], ca.inf, equations.balance[0])
+    column = ca.densify(ca.vertcat(equations.values, error, ca.vec(ca.densify(total))))
+    return ca.Function("point", [equations.z, equations.condition, equations.p], [column])
 
 
 @lru_cache(maxsize=LAWS)
@@ -90,7 +90,9 @@ def _balance(effects: tuple[Effect, ...]) -> Balance:
     names = parameter_names(effects)
     condition, p = ca.SX.sym("condition", CONDITIONS), ca.SX.sym("p", len(names))
     z = ca.SX.sym("z", 1 + sum(len(effect.states) for effect in effects))
-    errors = RigErrors().replace(**{one: p[names.index(f"rig.{one}")] for one in quantities(RigErrors)})
+    errors = RigErrors().replace(
+        **{error_name: p[names.index(f"rig.{error_name}")] for error_name in quantities(RigErrors)}
+    )
     true = ca.vertcat(condition[0] * errors.load_scale, condition[1:])
     load, h, balance, start = _chained(effects, true, p, z)
     read = ca.vertcat(*errors.read(load, h, true[0]))
@@ -110,18 +112,22 @@ def _chained(effects: tuple[Effect, ...], condition: ca.SX, p: ca.SX, z: ca.SX) 
     values = iter(ca.vertsplit(p))
     wheel = Wheel().replace(**{name: next(values) for name in quantities(Wheel)})
     soil = Soil().replace(**{name: next(values) for name in quantities(Soil)})
-    own = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in effects]
+    valued_effects = [effect.replace(**{name: next(values) for name in quantities(effect)}) for effect in effects]
     states = iter(ca.vertsplit(z)[1:])
     x = [tuple(next(states) for _ in effect.states) for effect in effects]
     load, S, v_x, rim, v_y = ca.vertsplit(condition)
     contact = Contact(S, 0.0, wheel.r, v_x, v_y, 0.0, rim, 0.0, 0.0, wheel, soil)
     contact = contact._replace(S_y=v_y / ca.fmax(sliding_speed(contact), SLOWEST))
-    h = _floor(own, contact, x) + ca.exp(z[0])
-    contact = _amended(own, contact._replace(h=h), x)
+    h = _floor(valued_effects, contact, x) + ca.exp(z[0])
+    contact = _amended(valued_effects, contact._replace(h=h), x)
     push = Load()
-    for effect, own_states in zip(own, x, strict=True):
+    for effect, own_states in zip(valued_effects, x, strict=True):
         push = push.plus(effect.load(contact, push, own_states))
-    rates = [rate for effect, own_states in zip(own, x, strict=True) for rate in effect.rate(contact, push, own_states)]
+    rates = [
+        rate
+        for effect, own_states in zip(valued_effects, x, strict=True)
+        for rate in effect.rate(contact, push, own_states)
+    ]
     shallow = 2 * wheel.r * ca.sin(ca.exp(power_law_guess(ca.log(load), wheel, soil)) / 2) ** 2
     return push, h, ca.vertcat(ca.log(push.f_n / load), *rates), ca.log(shallow)
 

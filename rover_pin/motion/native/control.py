@@ -67,12 +67,12 @@ class Commands:
         """Return the fields of the struct Loop that say so."""
         wheels, servos = len(kernel.duty), len(kernel.servo_wheels)
         steer = np.asarray(self.steer if servos else 0.0, dtype=float)
-        found: dict[str, Any] = {
+        fixed: dict[str, Any] = {
             "duty_fixed": np.broadcast_to(np.asarray(self.duty, dtype=float), wheels).copy(),
             "steer_fixed": np.broadcast_to(steer, max(1, servos)).copy(),
         }
         return {
-            **found,
+            **fixed,
             **_slip_fields(self.slip, kernel),
             **_limit_fields(self.limit),
             **_tack_fields(self.tack, kernel),
@@ -92,14 +92,14 @@ def commands_of(controller: Any, wheels: int, servos: int | None = None) -> Comm
     One of another rover, with other wheels or servos (where their number is given), is asked: that refuses it.
     """
     kind = type(controller)
-    home = next((each for each in kind.__mro__ if "native" in vars(each)), None)
-    if home is None or home is not next(each for each in kind.__mro__ if "__call__" in vars(each)):
+    home = next((base for base in kind.__mro__ if "native" in vars(base)), None)
+    if home is None or home is not next(base for base in kind.__mro__ if "__call__" in vars(base)):
         return None
-    found = controller.native(wheels)
-    assert isinstance(found, (Commands, type(None)))
-    sizes = () if found is None else ((found.duty, wheels), (found.steer, servos or None))
-    fits = all(count is None or np.shape(each) in ((), (count,)) for each, count in sizes)
-    return found if fits else None
+    commands = controller.native(wheels)
+    assert isinstance(commands, (Commands, type(None)))
+    widths = () if commands is None else ((commands.duty, wheels), (commands.steer, servos or None))
+    fits = all(count is None or np.shape(values) in ((), (count,)) for values, count in widths)
+    return commands if fits else None
 
 
 def _slip_fields(slip: SlipLaw | None, kernel: Kernel) -> dict[str, Any]:
@@ -108,16 +108,16 @@ def _slip_fields(slip: SlipLaw | None, kernel: Kernel) -> dict[str, Any]:
     assert slip.law.sz_w() <= kernel.keep["work_w"].size
     handle, address = _compiled(slip.law)
     kernel.keep["slip_law"] = handle
-    found = {
+    fields = {
         "slip_law": address,
         "gains": np.array(slip.gains, dtype=float),
         "integral": slip.integral,
         "control_period": slip.period,
     }
     if slip.table is not None:
-        duty, speed = (np.array(each, dtype=float) for each in slip.table[:2])
-        found |= {"table_duty": duty, "table_speed": speed, "n_table": len(duty), "table_radius": slip.table.r}
-    return found
+        duty, speed = (np.array(column, dtype=float) for column in slip.table[:2])
+        fields |= {"table_duty": duty, "table_speed": speed, "n_table": len(duty), "table_radius": slip.table.r}
+    return fields
 
 
 def _limit_fields(limit: TorqueTable | None) -> dict[str, Any]:
@@ -136,8 +136,8 @@ def _tack_fields(tack: TackLaw | None, kernel: Kernel) -> dict[str, Any]:
     if tack is None:
         return {}
     wheels = np.array(kernel.servo_wheels, dtype=np.int64)
-    found = {"tack_places": tack.places, "tack_memory": tack.memory, "servo_wheel": wheels}
-    return {**found, **{f"tack_{name}": value for name, value in tack.numbers.items()}}
+    fields = {"tack_places": tack.places, "tack_memory": tack.memory, "servo_wheel": wheels}
+    return {**fields, **{f"tack_{name}": value for name, value in tack.numbers.items()}}
 
 
 @lru_cache(maxsize=4)

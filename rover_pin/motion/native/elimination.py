@@ -21,22 +21,22 @@ def elimination(
         _all_meet(meets, _bears(model, joint))
     _all_meet(meets, together)
     for follower, leader in coupled:
-        for each in list(meets[follower]):
-            _all_meet(meets, {leader, each})
+        for neighbour in list(meets[follower]):
+            _all_meet(meets, {leader, neighbour})
     bound = {follower for follower, _ in coupled}
     order = [i for i in range(model.nv - 1, -1, -1) if i not in bound]
     above = []
     for i in order:
-        left = {j for j in meets[i] if j < i and j not in bound}
-        _all_meet(meets, left)
-        above.append(sorted(left))
+        remaining = {j for j in meets[i] if j < i and j not in bound}
+        _all_meet(meets, remaining)
+        above.append(sorted(remaining))
     return order, above
 
 
 def _bears(model: pin.Model, joint: int) -> list[int]:
     """Return the velocities that move a joint."""
-    bearers = (model.joints[each] for each in list(model.supports[joint])[1:])
-    return [index for each in bearers for index in range(each.idx_v, each.idx_v + each.nv)]
+    bearers = (model.joints[support] for support in list(model.supports[joint])[1:])
+    return [index for bearer in bearers for index in range(bearer.idx_v, bearer.idx_v + bearer.nv)]
 
 
 def _all_meet(meets: list[set[int]], group: Iterable[int]) -> None:

@@ -56,7 +56,7 @@ def header() -> str:
     return files("rover_pin.motion.native").joinpath("lanes.h").read_text(encoding="utf-8")
 
 
-def written(function: ca.Function, shared: Sequence[int] = ()) -> str:
+def c_source(function: ca.Function, shared: Sequence[int] = ()) -> str:
     """Return C source of `void name(const double *in0, ..., double *out)`, over lanes.
 
     Entry i of an input or of the output is LANES numbers from LANES i on; inputs that are `shared` are plain numbers,
@@ -67,9 +67,9 @@ def written(function: ca.Function, shared: Sequence[int] = ()) -> str:
     lines = [f"  const V a{i} = {values[i].code};" for i in _needed(values, set(outputs.values()))]
     lines += [f"  out[{place}] = a{i};" for place, i in sorted(outputs.items())]
     lines += [f"  out[{place}] = ALL(0.0);" for place in range(function.numel_out(0)) if place not in outputs]
-    given = range(function.n_in())
-    names = ", ".join(f"const double *restrict {'in' if k in shared else 'given'}{k}" for k in given)
-    casts = [f"  const V *restrict in{k} = (const V *)given{k};" for k in given if k not in shared]
+    inputs = range(function.n_in())
+    names = ", ".join(f"const double *restrict {'in' if k in shared else 'given'}{k}" for k in inputs)
+    casts = [f"  const V *restrict in{k} = (const V *)given{k};" for k in inputs if k not in shared]
     body = "\n".join([*casts, "  V *restrict out = (V *)result;", *lines])
     return f"void {function.name()}({names}, double *restrict result) {{\n{body}\n}}\n"
 

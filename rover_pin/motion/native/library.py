@@ -16,23 +16,23 @@ from rover_pin.motion.toolchain import shared_library
 @lru_cache(maxsize=1)
 def library() -> ctypes.CDLL:
     """Return the compiled kernel."""
-    made = shared_library(source(), "kernel")
-    made.rover_pin_step.argtypes = [ctypes.c_void_p]
-    made.rover_pin_energies.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
-    made.rover_pin_energies.restype = None
-    made.rover_pin_hold.argtypes = [ctypes.c_void_p]
-    made.rover_pin_hold.restype = None
-    made.rover_pin_run.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
-    made.rover_pin_row.argtypes = [ctypes.c_void_p] * 3
-    made.rover_pin_row.restype = None
-    made.rover_pin_set_down.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
-    made.rover_pin_sizes.argtypes = [ctypes.c_void_p]
-    made.rover_pin_sizes.restype = None
-    assert sizes(made).drive == ctypes.sizeof(DriveStruct), "this compiler lays the struct Drive out otherwise"
-    return made
+    handle = shared_library(source(), "kernel")
+    handle.rover_pin_step.argtypes = [ctypes.c_void_p]
+    handle.rover_pin_energies.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+    handle.rover_pin_energies.restype = None
+    handle.rover_pin_hold.argtypes = [ctypes.c_void_p]
+    handle.rover_pin_hold.restype = None
+    handle.rover_pin_run.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64]
+    handle.rover_pin_row.argtypes = [ctypes.c_void_p] * 3
+    handle.rover_pin_row.restype = None
+    handle.rover_pin_set_down.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+    handle.rover_pin_sizes.argtypes = [ctypes.c_void_p]
+    handle.rover_pin_sizes.restype = None
+    assert step_layout(handle).drive == ctypes.sizeof(DriveStruct), "this compiler lays the struct Drive out otherwise"
+    return handle
 
 
-class Sizes(NamedTuple):
+class StepLayout(NamedTuple):
     """What the compiled step says of itself: bytes of its structs, most questions to the laws at once, lanes."""
 
     drive: int
@@ -41,11 +41,11 @@ class Sizes(NamedTuple):
     lanes: int
 
 
-def sizes(handle: ctypes.CDLL) -> Sizes:
+def step_layout(handle: ctypes.CDLL) -> StepLayout:
     """Return the sizes of a compiled step."""
-    found = np.zeros(4, dtype=np.int64)
-    handle.rover_pin_sizes(found.ctypes.data)
-    return Sizes(*found.tolist())
+    counts = np.zeros(4, dtype=np.int64)
+    handle.rover_pin_sizes(counts.ctypes.data)
+    return StepLayout(*counts.tolist())
 
 
 def aligned(count: int) -> np.ndarray:

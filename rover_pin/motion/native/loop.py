@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rover_pin.motion.failure import FASTEST, FOLDED, UPRIGHT, suspension_of
-from rover_pin.motion.going_on import Counted
+from rover_pin.motion.going_on import Checkpoint
 from rover_pin.motion.instant import Instant, Places
 from rover_pin.motion.kernel import Kernel
 from rover_pin.motion.native.library import library
@@ -36,7 +36,7 @@ QUESTIONS = 256
 class Loop:
     """Steps of a kernel with its rows; `rows` is filled as far as `row`."""
 
-    def __init__(self, kernel: Kernel, dt: float, steps: int, per_sample: int, **further: Any):
+    def __init__(self, kernel: Kernel, dt: float, steps: int, per_sample: int, **fields: Any):
         model, state = kernel.model, kernel.state
         self.kernel, self.state = kernel, state
         self.rows = np.zeros(steps // per_sample, dtype=row_type(model))
@@ -70,7 +70,7 @@ class Loop:
             log=self.rows,
             moved=self.moved,
         )
-        self.set(**further)
+        self.set(**fields)
 
     def set(self, **values: Any) -> None:
         """Let fields of the struct Loop have these values; an array stays where it is."""
@@ -89,17 +89,17 @@ class Loop:
         if self.struct.asks and self.struct.asked == QUESTIONS:
             self.set(asked=0, questions=np.zeros(QUESTIONS, dtype=self.rows.dtype))
 
-    def go_on(self, counted: Counted) -> None:
+    def go_on(self, checkpoint: Checkpoint) -> None:
         """Count on from where a drive ended; the kernel's arrays are already as they were there."""
-        self.set(begin=counted.begin, k=counted.steps, steps=counted.steps + self.struct.steps)
-        self.set(size=counted.size, missed=counted.missed)
-        self.kernel.set_step(counted.size * (self.struct.dt / FINEST))
+        self.set(begin=checkpoint.begin, k=checkpoint.steps, steps=checkpoint.steps + self.struct.steps)
+        self.set(size=checkpoint.size, missed=checkpoint.missed)
+        self.kernel.set_step(checkpoint.size * (self.struct.dt / FINEST))
 
     @property
-    def counted(self) -> Counted:
+    def checkpoint(self) -> Checkpoint:
         """How far the drive is."""
-        own = self.struct
-        return Counted(own.begin, own.k, own.size, own.missed)
+        struct = self.struct
+        return Checkpoint(struct.begin, struct.k, struct.size, struct.missed)
 
     def run(self, until: int) -> Outcome:
         """Go on to the row `until`, or the end, a failure, or a question; the state's time follows."""
@@ -127,11 +127,11 @@ class Loop:
 
 def _moving(arrays: Sequence[np.ndarray]) -> dict[str, Any]:
     """Return the fields that say what a step changes, with room to save it twice."""
-    assert all(each.flags.c_contiguous and each.dtype == float for each in arrays)
-    sizes = np.array([each.size for each in arrays], dtype=np.int64)
-    total = int(sizes.sum())
-    addresses = np.array([each.ctypes.data for each in arrays], dtype=np.int64)
+    assert all(array.flags.c_contiguous and array.dtype == float for array in arrays)
+    lengths = np.array([array.size for array in arrays], dtype=np.int64)
+    total = int(lengths.sum())
+    addresses = np.array([array.ctypes.data for array in arrays], dtype=np.int64)
     return {
-        "moving": addresses, "moving_sizes": sizes, "n_moving": len(sizes), "moving_size": total,
+        "moving": addresses, "moving_sizes": lengths, "n_moving": len(lengths), "moving_size": total,
         "saved": np.zeros(2 * total),
     }  # fmt: skip

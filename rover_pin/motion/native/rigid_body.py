@@ -67,13 +67,13 @@ def tree_of(model: pin.Model) -> Tree:
     turns = [np.eye(3)] * 2 + [_turn_to(_axis(model, data, i)) for i in range(2, model.njoints)]
     joints, parameters = [], []
     for i in range(BASE, model.njoints):
-        about, parent = model.joints[i], model.parents[i]
+        joint, parent = model.joints[i], model.parents[i]
         numbers = _numbers(model, i, turns[parent], turns[i])
         special = [int(number) if number in (0.0, 1.0, -1.0) else None for number in numbers]
         if i == BASE:  # a load changes its inertia, not its code
             special[12:] = [None] * 10
         revolves = i > BASE and i not in list(model.parents) and _revolves(numbers)
-        joints.append(Joint(parent, about.idx_q, about.idx_v, about.nq == 2, revolves, tuple(special)))
+        joints.append(Joint(parent, joint.idx_q, joint.idx_v, joint.nq == 2, revolves, tuple(special)))
         parameters += [number for number, kind in zip(numbers, special, strict=True) if kind is None]
     return Tree(tuple(joints), np.array(parameters))
 
@@ -87,18 +87,18 @@ def _axis(model: pin.Model, data: pin.Data, i: int) -> np.ndarray:
 def _turn_to(axis: np.ndarray) -> np.ndarray:
     """Return a rotation that takes x to the axis; of 0, 1 and -1 alone where the axis is."""
     axis = _clean(axis)
-    other = np.roll(np.eye(3)[int(np.argmax(np.abs(axis)))], 1)
-    y = other - (other @ axis) * axis
+    auxiliary = np.roll(np.eye(3)[int(np.argmax(np.abs(axis)))], 1)
+    y = auxiliary - (auxiliary @ axis) * axis
     y /= np.linalg.norm(y)
     return np.column_stack([axis, y, np.cross(axis, y)])
 
 
-def _numbers(model: pin.Model, i: int, parent: np.ndarray, own: np.ndarray) -> np.ndarray:
+def _numbers(model: pin.Model, i: int, parent: np.ndarray, R: np.ndarray) -> np.ndarray:
     placement, inertia = model.jointPlacements[i], model.inertias[i]
-    mass, lever = inertia.mass, own.T @ np.array(inertia.lever)
-    about_joint = own.T @ np.array(inertia.inertia) @ own + mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
+    mass, lever = inertia.mass, R.T @ np.array(inertia.lever)
+    about_joint = R.T @ np.array(inertia.inertia) @ R + mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
     parts = [
-        parent.T @ placement.rotation @ own,
+        parent.T @ placement.rotation @ R,
         parent.T @ placement.translation,
         np.array([mass]),
         mass * lever,
@@ -111,8 +111,8 @@ def _clean(numbers: np.ndarray) -> np.ndarray:
     """Return the numbers without what round-off left of 0, 1 and -1."""
     scale = float(np.max(np.abs(numbers), initial=0.0))
     cleaned = np.where(np.abs(numbers) <= ROUND_OFF * scale, 0.0, numbers)
-    whole = np.rint(cleaned)
-    return np.where(np.abs(cleaned - whole) <= ROUND_OFF, whole, cleaned)
+    rounded = np.rint(cleaned)
+    return np.where(np.abs(cleaned - rounded) <= ROUND_OFF, rounded, cleaned)
 
 
 def _revolves(numbers: np.ndarray) -> bool:
@@ -147,11 +147,11 @@ def inertia_places(joints: tuple[Joint, ...]) -> list[tuple[int, int]]:
 
 
 def _above(joints: tuple[Joint, ...], joint: Joint) -> list[int]:
-    found = []
+    ancestors = []
     while joint.parent != BASE:
-        found.append(joint.parent)
+        ancestors.append(joint.parent)
         joint = joints[joint.parent - 1]
-    return found[::-1]
+    return ancestors[::-1]
 
 
 class _Pass:
@@ -159,9 +159,9 @@ class _Pass:
 
     def __init__(self, joints: tuple[Joint, ...], q: ca.SX, v: ca.SX, gravity: ca.SX, parameters: ca.SX):
         self.joints, self.q, self.v, self.gravity = dict(enumerate(joints, BASE)), q, v, gravity
-        given = iter(ca.vertsplit(parameters))
-        numbers = [[next(given) if kind is None else ca.SX(kind) for kind in joint.numbers] for joint in joints]
-        self.fixed = {i: _Numbers.of(each) for i, each in enumerate(numbers, BASE)}
+        symbols = iter(ca.vertsplit(parameters))
+        numbers = [[next(symbols) if kind is None else ca.SX(kind) for kind in joint.numbers] for joint in joints]
+        self.fixed = {i: _Numbers.of(joint_numbers) for i, joint_numbers in enumerate(numbers, BASE)}
         self.R: dict[int, ca.SX] = {}
         self.p: dict[int, ca.SX] = {}
         self.world: dict[int, ca.SX] = {}
@@ -213,11 +213,11 @@ class _Pass:
             self.gain[i] = (R.T @ -self.gravity, ca.SX(3, 1))
             return
         (v, w), (a, b) = self.speed[joint.parent], self.gain[joint.parent]
-        own = ca.SX(3, 1)
-        own[0] = self.v[joint.v]
-        linear, angular = R.T @ (v + ca.cross(w, p)), R.T @ w + own
+        w_j = ca.SX(3, 1)
+        w_j[0] = self.v[joint.v]
+        linear, angular = R.T @ (v + ca.cross(w, p)), R.T @ w + w_j
         self.speed[i] = (linear, angular)
-        self.gain[i] = (R.T @ (a + ca.cross(b, p)) + ca.cross(linear, own), R.T @ b + ca.cross(angular, own))
+        self.gain[i] = (R.T @ (a + ca.cross(b, p)) + ca.cross(linear, w_j), R.T @ b + ca.cross(angular, w_j))
 
     def _force(self, i: int) -> tuple[ca.SX, ca.SX]:
         (v, w), (a, b), (mass, first, second) = self.speed[i], self.gain[i], self.fixed[i][2:]
@@ -267,8 +267,8 @@ class _Numbers(NamedTuple):
         )
 
 
-def _add(one: tuple[ca.SX, ...], other: tuple[ca.SX, ...]) -> tuple[ca.SX, ...]:
-    return tuple(a + b for a, b in zip(one, other, strict=True))
+def _add(first: tuple[ca.SX, ...], second: tuple[ca.SX, ...]) -> tuple[ca.SX, ...]:
+    return tuple(a + b for a, b in zip(first, second, strict=True))
 
 
 def _cross(a: ca.SX) -> ca.SX:

@@ -197,14 +197,14 @@ def _names(record: type[Record]) -> Sequence[str]:
 
 
 def _places(table: str, names: Sequence[str]) -> str:
-    each = ", ".join(f"{table}_{name.upper()}" for name in names)
-    return f"enum {{ {each}, N_{table} }};"
+    entries = ", ".join(f"{table}_{name.upper()}" for name in names)
+    return f"enum {{ {entries}, N_{table} }};"
 
 
 def _members(fields: list[tuple[Any, dict[str, str], str]]) -> list[str]:
     return [
-        f"  {form.format(name)};" + (f" /* {about} */" if about else "")
+        f"  {form.format(name)};" + (f" /* {comment} */" if comment else "")
         for _, lines, form in fields
-        for names, about in lines.items()
+        for names, comment in lines.items()
         for name in names.split()
     ]

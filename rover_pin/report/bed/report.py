@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from rover_pin.discrepancy.bed import Bed
 from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.effects.names import display_name
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import in_words
@@ -24,30 +25,30 @@ from rover_pin.report.sections.physics import Physics
 from rover_pin.report.sections.sensitivity import Untold
 from rover_pin.report.sections.which_effect import WhichEffect
 from rover_pin.report.svg import AFTER, BEFORE
-from rover_pin.report.words import Manner, as_text, key, kinds_of, listing, spoken
+from rover_pin.report.words import Labels, as_text, key, kinds_of, listing
 
-MANNER = Manner("where it was not fitted", "folds")
+LABELS = Labels("where it was not fitted", "folds")
 
 
 def write_report(verdict: Verdict, bed: Bed, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
     count = int(np.isfinite(bed.observed).any(axis=1).sum())
     kicker = f"{count} points in {len(bed.folds)} folds; {listing(bed.channels)}"
-    sections = sections_of(verdict, MANNER, _picture(verdict, bed))
-    return write_page(Head(bed.name, kicker, headline(verdict, MANNER)), sections, out)
+    sections = sections_of(verdict, LABELS, _picture(verdict, bed))
+    return write_page(Head(bed.name, kicker, headline(verdict, LABELS)), sections, out)
 
 
-def sections_of(verdict: Verdict, manner: Manner, picture: Picture | None, *own: Section) -> list[Section]:
+def sections_of(verdict: Verdict, labels: Labels, picture: Picture | None, *extra_sections: Section) -> list[Section]:
     """Return the sections of a verdict on channels sample by sample, with its own after the first screen."""
     return [
-        FirstScreen(verdict, manner, picture, "points"),
-        *own,
-        HeldOut(verdict, manner),
-        Physics(verdict, manner),
-        WhichEffect(verdict, manner),
+        FirstScreen(verdict, labels, picture, "points"),
+        *extra_sections,
+        HeldOut(verdict, labels),
+        Physics(verdict, labels),
+        WhichEffect(verdict, labels),
         Numbers(verdict),
         Untold(verdict),
-        Warnings(verdict, manner),
+        Warnings(verdict, labels),
         DataCheck(verdict),
         Repeat(verdict, model_file=False),
     ]
@@ -57,8 +58,8 @@ def _picture(verdict: Verdict, bed: Bed) -> Picture | None:
     if verdict.before is None or verdict.after is None:
         return None
     panels = panels_of(verdict, bed, bed.along())
-    said = [f"{one.name} {one.before:.2g} to {one.after:.2g} {one.unit}" for one in verdict.scores]
-    alt = f"Measured and modelled {listing(bed.channels)}, point by point; error where not fitted: {listing(said)}."
+    errors = [f"{score.name} {score.before:.2g} to {score.after:.2g} {score.unit}" for score in verdict.scores]
+    alt = f"Measured and modelled {listing(bed.channels)}, point by point; error where not fitted: {listing(errors)}."
     order = "" if bed.along() else ", fold after fold; a fold begins at each line"
     return Picture(panels, alt, f"Each point once{order}.")
 
@@ -71,7 +72,7 @@ def panels_of(verdict: Verdict, bed: Experiment, along: Along | None = None) -> 
     """Return one picture a channel: what was measured, the base model, and the model with what was named, if any."""
     assert verdict.before is not None
     assert verdict.after is not None
-    added = listing(spoken(name, kinds_of(verdict)) for name in verdict.named)
+    added = listing(display_name(name, kinds_of(verdict)) for name in verdict.named)
     sides: list[Side] = [(verdict.before.fit, BEFORE, "_", "base model, fitted")]
     sides += [(verdict.after.fit, AFTER, "x", key(added))] if added else []
     return tuple(panel(bed, row, sides, along) for row in range(len(bed.channels)))
@@ -81,14 +82,20 @@ def panel(bed: Experiment, row: int, sides: list[Side], along: Along | None = No
     """Return a channel's picture: measured and modelled, over `along`, else sample by sample."""
     figure = Figure(figsize=(4.6, 3.6), layout="constrained")
     axis, factor, unit = figure.subplots(), *in_words(bed.unit(bed.channels[row]))
-    seen = np.isfinite(bed.observed[:, row])
-    words, values = along or ("point", np.cumsum(seen).reshape(seen.shape) - 1)
-    axis.plot(values[seen], factor * bed.observed[:, row][seen], "ko", ms=4, label="measured")
+    recorded = np.isfinite(bed.observed[:, row])
+    words, values = along or ("point", np.cumsum(recorded).reshape(recorded.shape) - 1)
+    axis.plot(values[recorded], factor * bed.observed[:, row][recorded], "ko", ms=4, label="measured")
     for fitted, colour, marker, label in sides:
         axis.plot(
-            values[seen], factor * fitted.predicted[:, row][seen], marker, color=colour, ms=8, mew=1.6, label=label
+            values[recorded],
+            factor * fitted.predicted[:, row][recorded],
+            marker,
+            color=colour,
+            ms=8,
+            mew=1.6,
+            label=label,
         )
-    for begin in () if along else _begins(seen):
+    for begin in () if along else _begins(recorded):
         axis.axvline(begin - 0.5, color="#b0b0b0", lw=0.7)
     axis.set(xlabel=words, ylabel=f"{as_text(bed.channels[row])} [{unit or '-'}]")
     axis.grid(alpha=0.25, axis="y")
@@ -96,5 +103,5 @@ def panel(bed: Experiment, row: int, sides: list[Side], along: Along | None = No
     return figure
 
 
-def _begins(seen: np.ndarray) -> Iterator[int]:
-    yield from np.cumsum(seen.sum(axis=1))[:-1]
+def _begins(recorded: np.ndarray) -> Iterator[int]:
+    yield from np.cumsum(recorded.sum(axis=1))[:-1]

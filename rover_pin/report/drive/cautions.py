@@ -23,11 +23,11 @@ def cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> tuple[str, ...]:
 
 
 def _cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
-    for one in verdict.drifted:
-        yield f"{one.name} sits {one.away}: it may have absorbed an effect"
-    for one in verdict.after.numbers if verdict.after else ():
-        if one.at_bound:
-            yield f"{one.name} lies at its bound: the form of the model is strained"
+    for number in verdict.drifted:
+        yield f"{number.name} sits {number.away}: it may have absorbed an effect"
+    for number in verdict.after.numbers if verdict.after else ():
+        if number.at_bound:
+            yield f"{number.name} lies at its bound: the form of the model is strained"
     if verdict.after:
         yield from implausible(verdict.after.fit.model)
     misfit = together(verdict.runs)[1]
@@ -41,9 +41,9 @@ def _cautions(verdict: Verdict, free: tuple[FreeRun, ...]) -> Iterator[str]:
 
 
 def _free(free: tuple[FreeRun, ...], added: bool) -> Iterator[str]:
-    lost = [one.run for one in free if not np.isfinite(one.after)]
+    lost = [free_run.run for free_run in free if not np.isfinite(free_run.after)]
     if lost:
         yield f"driven freely, the model does not come to the end of {', '.join(lost)}"
-    further = [one.run for one in free if added and one.after > one.before]
-    if further:
-        yield f"driven freely, the model strays further than the base model in {', '.join(further)}"
+    farther_runs = [free_run.run for free_run in free if added and free_run.after > free_run.before]
+    if farther_runs:
+        yield f"driven freely, the model strays further than the base model in {', '.join(farther_runs)}"

@@ -18,7 +18,7 @@ from rover_pin.report.words import listing, pair
 
 SECONDS, LAST = 8.0, 2.0
 """How long is driven, and over which end of it means are taken [s]."""
-TOLD = 0.005
+MIN_RELATIVE_CHANGE = 0.005
 """Relative change below which a mean is the same."""
 WHOLE = {"body_vx": ("speed", "m/s"), "battery_V": ("bus voltage", "V")}
 WHEELS = {"slip": ("slip", ""), "sinkage": ("sinkage", "m"), "current": ("current a motor", "A")}
@@ -33,27 +33,28 @@ def at_full_duty(model: Model, effect: Any) -> str:
     bare = level.having(effect.replace(**effect.neutral))
     try:
         traces = [
-            simulate(each, ConstantDuty(1.0), SECONDS, settle_doubts=False) for each in (bare, level.having(effect))
+            simulate(variant, ConstantDuty(1.0), SECONDS, settle_doubts=False)
+            for variant in (bare, level.having(effect))
         ]
     except RoverPinError:  # a drive that cannot be driven says nothing of the effect
         return ""
-    said = list(_changes(*(_means(trace) for trace in traces)))
-    return f"At full duty on level ground {listing(said)}." if said else ""
+    changes = list(_changes(*(_means(trace) for trace in traces)))
+    return f"At full duty on level ground {listing(changes)}." if changes else ""
 
 
 def _means(trace: Trace) -> dict[str, tuple[float, str]]:
     """Return means over the end of a drive, with their unit, by what they are called."""
     late = trace.t >= trace.t[-1] - LAST
-    found = {words: (float(np.mean(trace[name][late])), unit) for name, (words, unit) in WHOLE.items() if name in trace}
+    means = {words: (float(np.mean(trace[name][late])), unit) for name, (words, unit) in WHOLE.items() if name in trace}
     for name, (words, unit) in WHEELS.items():
-        found[words] = (float(np.mean(trace.stack(name)[late])), unit)
-    return found
+        means[words] = (float(np.mean(trace.stack(name)[late])), unit)
+    return means
 
 
 def _changes(before: dict[str, tuple[float, str]], after: dict[str, tuple[float, str]]) -> Iterator[str]:
     for words, (was, unit) in before.items():
         now = after[words][0]
-        if abs(now - was) > TOLD * max(abs(was), abs(now)):
+        if abs(now - was) > MIN_RELATIVE_CHANGE * max(abs(was), abs(now)):
             first, second = pair(was, now, unit)
             share = f" ({now / was - 1:+.0%})" if unit and was else ""
             yield f"{words} goes from {first} to {second}{share}"

@@ -39,19 +39,19 @@ class Ghosts(Section):
     @classmethod
     def of(cls, verdict: Verdict, log: DriveLog, sides: Sides | None) -> Self:
         """Return the section, its scene begun: where the loop has other processes, one of them makes it."""
-        free = [one for one in extra_of(verdict).free if np.isfinite(one.before)]
+        free = [free_run for free_run in extra_of(verdict).free if np.isfinite(free_run.before)]
         if sides is None or not free:
             return cls("", False, None)
-        run = max(free, key=lambda one: one.before).run
+        run = max(free, key=lambda free_run: free_run.before).run
         return cls(run, sides.added, _begun(log, sides, run) if find_spec("viser") else None)
 
     def content(self) -> Mapping[str, Any] | None:
         """Return the scene as a page, empty without viser; None where nothing was driven."""
         if not self.run:
             return None
-        shown = {"run": self.run, "added": self.added}
+        fields = {"run": self.run, "added": self.added}
         try:
-            return {**shown, "page": "" if self.pages is None else next(self.pages)}
+            return {**fields, "page": "" if self.pages is None else next(self.pages)}
         except RoverPinError:  # a run without the places that a scene needs
             return None
 

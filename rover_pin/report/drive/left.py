@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
-from rover_pin.experiments.unlisted.remainder import Remainder
+from rover_pin.experiments.unlisted.remainder import DriveResidual
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.report.drive.runs import words_of
 from rover_pin.report.drive.terms import term_panels
@@ -16,7 +16,7 @@ from rover_pin.report.section import AWAY, Picture, Row, Section, Table
 
 TERMS = 3
 """Terms whose curves are drawn."""
-LEFT = 12
+MAX_RESIDUAL_CHANNELS = 12
 """Channels whose remainder is listed."""
 
 
@@ -30,52 +30,54 @@ class LeftOver(Section):
 
     def content(self) -> Mapping[str, Any] | None:
         """Return sentences and tables; None where nothing was fitted."""
-        left = extra_of(self.verdict).remainder
-        if left is None:
+        residual = extra_of(self.verdict).residual
+        if residual is None:
             return None
-        terms = tuple(Row((f"it {one.said}", *_gains(one))) for one in left.terms[:TERMS])
+        terms = tuple(Row((f"it {term.description}", *_gains(term))) for term in residual.terms[:TERMS])
         heads = ("what is left", "gain in chi2", "chance", "on runs left out", "net gain")
         return {
-            "left": left.said,
-            "terms": Table(heads, terms) if not left.is_noise else None,
-            "channels": channel_table(left),
+            "left": residual.description,
+            "terms": Table(heads, terms) if not residual.is_noise else None,
+            "channels": channel_table(residual),
             "draft": self.verdict.draft,
         }
 
     def pictures(self) -> Mapping[str, Picture]:
         """Return the estimated functions, where more than noise is left."""
-        left = extra_of(self.verdict).remainder
-        if left is None or left.is_noise or not left.terms:
+        residual = extra_of(self.verdict).residual
+        if residual is None or residual.is_noise or not residual.terms:
             return {}
-        alt = f"Estimated functions of the terms that describe what is left best: it {left.best.said}."
+        alt = f"Estimated functions of the terms that describe what is left best: it {residual.best.description}."
         caption = (
             "What acts, times a function of what it depends on, as estimated from measured - model; shaded: one SD. "
             "Net gain: what it takes beyond chance, no more than on runs on which it was not fitted."
         )
-        return {"terms": Picture(term_panels(left.terms[:TERMS]), alt, caption)}
+        return {"terms": Picture(term_panels(residual.terms[:TERMS]), alt, caption)}
 
 
-def _gains(one: Term) -> tuple[str, ...]:
-    held = "" if one.held_out is None else f"{one.held_out:+.1f}"
-    return (f"{one.gain:.1f}", f"{one.fee:.1f}", held, f"{one.strength:+.1f}")
+def _gains(term: Term) -> tuple[str, ...]:
+    held_out_gain = "" if term.held_out is None else f"{term.held_out:+.1f}"
+    return (f"{term.gain:.1f}", f"{term.detection_threshold:.1f}", held_out_gain, f"{term.strength:+.1f}")
 
 
-def channel_table(left: Remainder) -> Table:
+def channel_table(residual: DriveResidual) -> Table:
     """Return what the channels leave, the most first, with what it goes with."""
-    ranked = sorted(left.channels, key=lambda one: -one.rms)[:LEFT]
-    signals = tuple(left.channels[0].correlations) if left.channels else ()
+    ranked = sorted(residual.channels, key=lambda channel: -channel.rms)[:MAX_RESIDUAL_CHANNELS]
+    signals = tuple(residual.channels[0].correlations) if residual.channels else ()
     rows = [
         Row(
             (
-                words_of(one.name),
-                f"{one.rms:.2f}",
-                f"{one.memory:+.2f}",
-                *(f"{value:+.2f}" for value in one.correlations.values()),
-                "noise" if one.is_noise else f"{one.worst_run}, {one.worst_time:.1f} s, x = {one.worst_place:.2f} m",
+                words_of(channel.name),
+                f"{channel.rms:.2f}",
+                f"{channel.memory:+.2f}",
+                *(f"{value:+.2f}" for value in channel.correlations.values()),
+                "noise"
+                if channel.is_noise
+                else f"{channel.worst_run}, {channel.worst_time:.1f} s, x = {channel.worst_place:.2f} m",
             ),
-            "" if one.is_noise else AWAY,
+            "" if channel.is_noise else AWAY,
         )
-        for one in ranked
+        for channel in ranked
     ]
     heads = ("channel", "times the noise", "one block with the next", *signals, "most of it")
     return Table(heads, tuple(rows), "What measured - model goes with")

@@ -35,44 +35,44 @@ from rover_pin.report.sections.numbers import Numbers
 from rover_pin.report.sections.physics import Physics
 from rover_pin.report.sections.sensitivity import Untold
 from rover_pin.report.sections.which_effect import WhichEffect
-from rover_pin.report.words import Manner, brief, listing, pair
+from rover_pin.report.words import Labels, brief, listing, pair
 
 SHOWN = 2
 """Channels in the picture of the first screen."""
 
 
-def manner_of(verdict: Verdict) -> Manner:
+def labels_of(verdict: Verdict) -> Labels:
     """Return what a drive log calls its parts, and what its free runs and its ground say."""
     extra = extra_of(verdict)
-    return Manner(
+    return Labels(
         "on runs it never saw",
         "runs",
         words_of,
-        evidence=tuple(_free_said(extra.free) if verdict.named else ()),
-        besides=extra.ground.said if extra.ground else "",
+        evidence=tuple(_describe_free_runs(extra.free) if verdict.named else ()),
+        besides=extra.ground.sentence if extra.ground else "",
     )
 
 
 def write_report(verdict: Verdict, log: DriveLog, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
-    manner, sides = manner_of(verdict), sides_of(verdict)
+    labels, sides = labels_of(verdict), sides_of(verdict)
     seconds = sum(float(trace.t[-1] - trace.t[0]) for trace in log.runs if len(trace.t))
     sections = [
-        FirstScreen(verdict, manner, _picture(sides), "worst_run"),
+        FirstScreen(verdict, labels, _picture(sides), "worst_run"),
         FreeRuns(verdict),
         Ghosts.of(verdict, log, sides),
-        HeldOut(verdict, manner),
+        HeldOut(verdict, labels),
         WhereItIsWrong(verdict),
-        Physics(verdict, manner, lambda effect: at_full_duty(verdict.model, effect)),
-        WhichEffect(verdict, manner),
+        Physics(verdict, labels, lambda effect: at_full_duty(verdict.model, effect)),
+        WhichEffect(verdict, labels),
         Numbers(verdict),
         LeftOver(verdict),
         Untold(verdict),
-        Warnings(verdict, manner),
-        DataCheck(verdict, log.about.source),
+        Warnings(verdict, labels),
+        DataCheck(verdict, log.metadata.source),
         Repeat(verdict),
     ]
-    head = Head(log.about.name, f"{len(log.runs)} runs, {seconds:.0f} s", headline(verdict, manner))
+    head = Head(log.metadata.name, f"{len(log.runs)} runs, {seconds:.0f} s", headline(verdict, labels))
     return write_page(head, sections, out)
 
 
@@ -97,12 +97,12 @@ def _picture(sides: Sides | None) -> Picture | None:
 
 def _together(free: tuple[FreeRun, ...]) -> tuple[float, float]:
     """Return the RMS distance of all free runs from the logged place, before and after [m]."""
-    rows = np.array([(one.before, one.after) for one in free])
+    rows = np.array([(free_run.before, free_run.after) for free_run in free])
     was, now = (float(np.sqrt(np.nanmean(side**2))) if np.isfinite(side).any() else float("nan") for side in rows.T)
     return was, now
 
 
-def _free_said(free: tuple[FreeRun, ...]) -> list[str]:
+def _describe_free_runs(free: tuple[FreeRun, ...]) -> list[str]:
     """Return that free runs stay closer, where they do; where they do not, a caution says so."""
     was, now = _together(free) if free else (0.0, 0.0)
     if not now < (1.0 - WORTH) * was:
@@ -125,7 +125,10 @@ class FreeRuns(Section):
         if not free:
             return None
         added = bool(self.verdict.named)
-        rows = [_free_row(one.run, f"{one.distance:.2f} m", one.before, one.after, added) for one in free]
+        rows = [
+            _free_row(free_run.run, f"{free_run.distance:.2f} m", free_run.before, free_run.after, added)
+            for free_run in free
+        ]
         if len(free) > 1:
             rows.append(_free_row("all runs together", "", *_together(free), added))
         heads = ("run", "driven", *before_and_after(added))
@@ -137,7 +140,7 @@ class FreeRuns(Section):
         if sides is None:
             return {}
         models = [sides.before.model, *([sides.after.model] if sides.added else [])]
-        before, after = (brief(each, "m") for each in _together(extra_of(self.verdict).free))
+        before, after = (brief(distance, "m") for distance in _together(extra_of(self.verdict).free))
         alt = f"Distance of free simulations from the logged place over time: {before} RMS" + (
             f" before and {after} after." if sides.added else "."
         )

@@ -77,11 +77,11 @@ def telling_channels(sides: Sides) -> list[int]:
     """Return the channels whose residual changed most, in SDs of its noise; the largest where nothing was added."""
     rms = [_rms(side) for side in sides]
     size = np.abs(rms[0] - rms[1]) if sides.added else rms[0]
-    found: list[int] = []
+    chosen_rows: list[int] = []
     for row in np.argsort(size)[::-1]:
-        kinds = [_kind(sides.experiment.channels[each]) for each in found]
-        found += [int(row)] if kinds.count(_kind(sides.experiment.channels[row])) < OF_A_KIND else []
-    return found[:CHANNELS]
+        kinds = [_kind(sides.experiment.channels[chosen_row]) for chosen_row in chosen_rows]
+        chosen_rows += [int(row)] if kinds.count(_kind(sides.experiment.channels[row])) < OF_A_KIND else []
+    return chosen_rows[:CHANNELS]
 
 
 def _kind(channel: str) -> str:
@@ -195,9 +195,11 @@ def _off(run: Commands, channels: dict[str, np.ndarray]) -> np.ndarray:
 def free_panels(experiment: DriveExperiment, models: Sequence[Model]) -> tuple[Figure, ...]:
     """Return how far free simulations stray from the log over time, a panel a run: the base model, and that after."""
     ways = [strayed(experiment, model) for model in models]
-    highest = max((1e3 * float(np.nanmax(way)) for each in ways for way in each if np.isfinite(way).any()), default=1.0)
+    highest = max(
+        (1e3 * float(np.nanmax(way)) for distances in ways for way in distances if np.isfinite(way).any()), default=1.0
+    )
     return tuple(
-        _strayed_panel(run.name, run.times, [each[at] for each in ways], 1.05 * highest)
+        _strayed_panel(run.name, run.times, [distances[at] for distances in ways], 1.05 * highest)
         for at, run in enumerate(experiment.runs)
     )
 

@@ -51,15 +51,15 @@ def _by_run(axis: Axes, term: Term) -> None:
 
 def _curves(axis: Axes, term: Term) -> None:
     """Draw the function, or every run's own, where the data tell it; angles in degrees."""
-    curve, own = term.curve, term.argument.own
+    curve, per_run = term.curve, term.argument.per_run
     factor, unit = in_words(term.argument.unit) if term.argument.unit == "rad" else (1.0, term.argument.unit)
     rows = np.atleast_2d(curve.value)
     for number, (value, sd) in enumerate(zip(rows, np.atleast_2d(curve.sd), strict=True)):
-        shade = RUN_COLOURS[number % len(RUN_COLOURS)] if own else AFTER
+        shade = RUN_COLOURS[number % len(RUN_COLOURS)] if per_run else AFTER
         value = np.where(sd > 0, value, np.nan)
-        axis.plot(factor * curve.at, value, color=shade, lw=1.4, label=as_text(term.runs[number]) if own else None)
+        axis.plot(factor * curve.at, value, color=shade, lw=1.4, label=as_text(term.runs[number]) if per_run else None)
         axis.fill_between(factor * curve.at, value - sd, value + sd, color=shade, alpha=0.2, lw=0)
-    if own and len(rows) <= len(RUN_COLOURS):
+    if per_run and len(rows) <= len(RUN_COLOURS):
         axis.legend(fontsize=7, frameon=False)
     name = "all the time" if term.argument.name == "nothing" else term.argument.name
     axis.set_xlabel(f"{name} [{unit or '-'}]" if name != "all the time" else name)

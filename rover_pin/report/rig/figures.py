@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS
-from rover_pin.experiments.wheel_rig.left import Left
+from rover_pin.experiments.wheel_rig.left import FitDiagnostics
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
@@ -33,26 +33,26 @@ class Look(NamedTuple):
 
 def looks(before: RigModel, after: RigModel | None, added: str) -> list[Look]:
     """Return the models that are drawn: the base model, and that with what was added."""
-    found = [Look(before, BEFORE, "--", "base model, fitted")]
-    return found if after is None else [*found, Look(after, AFTER, "-", key(added))]
+    drawn_models = [Look(before, BEFORE, "--", "base model, fitted")]
+    return drawn_models if after is None else [*drawn_models, Look(after, AFTER, "-", key(added))]
 
 
-def channel_panels(data: RigSet, shown: Sequence[Look]) -> tuple[Figure, ...]:
+def channel_panels(data: RigSet, drawn_models: Sequence[Look]) -> tuple[Figure, ...]:
     """Return one panel a channel: measured points with their noise, and the models under the load of each point."""
-    return tuple(_panel(data, channel, shown) for channel in data.rig.channels)
+    return tuple(_panel(data, channel, drawn_models) for channel in data.rig.channels)
 
 
-def _panel(data: RigSet, channel: RigChannel, shown: Sequence[Look]) -> Figure:
+def _panel(data: RigSet, channel: RigChannel, drawn_models: Sequence[Look]) -> Figure:
     figure = Figure(figsize=PANEL, layout="constrained")
     axis, (scale, unit) = figure.subplots(), scale_of(channel)
     measured, sd = scale * channel.measured, scale * channel.sd
     axis.errorbar(data.rig.slip, measured, sd, fmt="ko", ms=4, capsize=2, label="measured, ±1 SD")
-    for look in shown:
-        for number, (slip, values, said) in enumerate(_curves(look.model, data, channel)):
+    for look in drawn_models:
+        for number, (slip, values, curve_label) in enumerate(_curves(look.model, data, channel)):
             axis.plot(slip, scale * values, look.line, color=look.colour, label=None if number else look.label)
-            if said and look is shown[-1] and np.isfinite(values).any():
+            if curve_label and look is drawn_models[-1] and np.isfinite(values).any():
                 end = np.flatnonzero(np.isfinite(values))[-1]
-                axis.annotate(said, (slip[end], scale * values[end]), fontsize=7.5, xytext=(3, 0),
+                axis.annotate(curve_label, (slip[end], scale * values[end]), fontsize=7.5, xytext=(3, 0),
                               textcoords="offset points", va="center")  # fmt: skip
     axis.set(xlabel="slip ratio S [-]", ylabel=f"{channel.name} [{unit}]")
     axis.margins(x=0.09)
@@ -73,14 +73,14 @@ def _curves(model: RigModel, data: RigSet, channel: RigChannel) -> Iterator[Curv
     """Yield the model against slip, what its channel is, and what the curve is of: an angle, a load, or nothing."""
     angles = np.round(np.asarray(data.rig.slip_angle), 2)
     for angle in np.unique(angles):
-        own = data.rows(angles == angle)
+        subset = data.rows(angles == angle)
         of = f"{np.degrees(angle):.0f} deg" if np.ptp(angles) > 0 else ""
-        for load, said in _loads(own):
-            slip = np.linspace(min(0.0 if angle == 0.0 else 1.0, own.rig.slip.min()), own.rig.slip.max(), POINTS)
-            under = _along(own, slip, np.asarray(own.rig.load)) if load is None else np.full(slip.size, load)
-            runs = conditions(under, slip, _speeds(own, slip), np.mean(own.rig.slip_angle))
+        for load, load_label in _loads(subset):
+            slip = np.linspace(min(0.0 if angle == 0.0 else 1.0, subset.rig.slip.min()), subset.rig.slip.max(), POINTS)
+            under = _along(subset, slip, np.asarray(subset.rig.load)) if load is None else np.full(slip.size, load)
+            runs = conditions(under, slip, _speeds(subset, slip), np.mean(subset.rig.slip_angle))
             values = predictor(model, (), runs)(model.vector()).values
-            yield slip, values[ROWS.index(type(channel))], ", ".join(filter(None, (of, said)))
+            yield slip, values[ROWS.index(type(channel))], ", ".join(filter(None, (of, load_label)))
 
 
 def _loads(data: RigSet) -> list[tuple[float | None, str]]:
@@ -88,21 +88,24 @@ def _loads(data: RigSet) -> list[tuple[float | None, str]]:
     load = np.asarray(data.rig.load)
     if load.max() < SAME_LOAD * load.min() or not _set_apart(data):
         return [(None, "")]
-    return [(float(each), f"{each:.3g} N") for each in np.unique(np.quantile(load, [0.0, 0.5, 1.0], method="nearest"))]
+    return [
+        (float(drawn_load), f"{drawn_load:.3g} N")
+        for drawn_load in np.unique(np.quantile(load, [0.0, 0.5, 1.0], method="nearest"))
+    ]
 
 
 def _set_apart(data: RigSet) -> bool:
     """Return whether loads differ at one slip: then they were set, and no curve through them has a meaning."""
     slip, load = np.asarray(data.rig.slip), np.asarray(data.rig.load)
-    near = np.abs(slip[:, None] - slip) < 0.02
-    return bool(np.any(near & (load[:, None] >= SAME_LOAD * load)))
+    same_slip = np.abs(slip[:, None] - slip) < 0.02
+    return bool(np.any(same_slip & (load[:, None] >= SAME_LOAD * load)))
 
 
 def _along(data: RigSet, slip: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the mean of a quantity at the levels, between them in a straight line."""
     levels = [data.level == number for number in range(len(data.level_names))]
-    at = np.array([np.mean(np.asarray(data.rig.slip)[each]) for each in levels])
-    means = np.array([np.mean(values[each], axis=0) for each in levels])
+    at = np.array([np.mean(np.asarray(data.rig.slip)[at_level]) for at_level in levels])
+    means = np.array([np.mean(values[at_level], axis=0) for at_level in levels])
     order = np.argsort(at)
     return np.asarray(np.interp(slip, at[order], means[order]))
 
@@ -125,12 +128,12 @@ def load_caption(data: RigSet) -> str:
     return f"The models are drawn under the load that each level had: {load.min():.3g} to {load.max():.3g} N."
 
 
-def residual_panels(data: RigSet, before: Left, after: Left | None) -> tuple[Figure, ...]:
+def residual_panels(data: RigSet, before: FitDiagnostics, after: FitDiagnostics | None) -> tuple[Figure, ...]:
     """Return one panel a channel: the mean of measured - model at each level, with its noise, before and after."""
-    return tuple(_left(row, channel, before, after) for row, channel in enumerate(data.rig.channels))
+    return tuple(_residual_panel(row, channel, before, after) for row, channel in enumerate(data.rig.channels))
 
 
-def _left(row: int, channel: RigChannel, before: Left, after: Left | None) -> Figure:
+def _residual_panel(row: int, channel: RigChannel, before: FitDiagnostics, after: FitDiagnostics | None) -> Figure:
     figure = Figure(figsize=(PANEL[0], 3.1), layout="constrained")
     axis, (scale, unit) = figure.subplots(), scale_of(channel)
     noise = scale * float(np.sqrt(np.mean(channel.sd**2)))
@@ -145,8 +148,8 @@ def _left(row: int, channel: RigChannel, before: Left, after: Left | None) -> Fi
     return figure
 
 
-def _levels(axis: Axes, side: Left, row: int, scale: float, style: tuple[str, str, str]) -> None:
-    levels = sorted(side.remainders[row].levels, key=lambda level: level.slip)
+def _levels(axis: Axes, side: FitDiagnostics, row: int, scale: float, style: tuple[str, str, str]) -> None:
+    levels = sorted(side.residuals[row].levels, key=lambda level: level.slip)
     colour, marker, label = style
     axis.errorbar(
         [level.slip for level in levels],

@@ -19,15 +19,15 @@ def meanings(data: RigSet) -> dict[str, str]:
     rig = data.rig
     angled = bool(np.ptp(rig.slip_angle) > 1e-3)
     loaded = _several_loads(data)
-    said = {}
+    descriptions = {}
     for number, name in enumerate(data.level_names):
         at = data.level == number
         parts = [f"S = {_slip(float(np.mean(rig.slip[at])))}"]
         parts += [f"{math.degrees(float(np.mean(rig.slip_angle[at]))):.3g} deg"] if angled else []
         parts += [f"{float(np.mean(rig.load[at])):.3g} N"] if loaded else []
-        said[name] = ", ".join(parts)
-    twice = {words for words, times in Counter(said.values()).items() if times > 1}
-    return {name: f"{words} ({name})" if words in twice else words for name, words in said.items()}
+        descriptions[name] = ", ".join(parts)
+    twice = {words for words, times in Counter(descriptions.values()).items() if times > 1}
+    return {name: f"{words} ({name})" if words in twice else words for name, words in descriptions.items()}
 
 
 def _slip(slip: float) -> str:

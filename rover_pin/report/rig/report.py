@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.estimation.wording import Against, shown
+from rover_pin.effects.names import display_name
+from rover_pin.estimation.wording import Against, format_value
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.left import RigExtra
-from rover_pin.experiments.wheel_rig.residual_tests import BEYOND_CHANCE, ResidualTest
+from rover_pin.experiments.wheel_rig.residual_tests import SIGNIFICANCE_LEVEL, ResidualTest
 from rover_pin.report.first_screen import FirstScreen
 from rover_pin.report.headline import headline
 from rover_pin.report.page import Head, write_page
@@ -24,39 +25,39 @@ from rover_pin.report.sections.numbers import Numbers
 from rover_pin.report.sections.physics import Physics
 from rover_pin.report.sections.sensitivity import Untold
 from rover_pin.report.sections.which_effect import WhichEffect
-from rover_pin.report.words import Manner, kinds_of, listing, spoken
+from rover_pin.report.words import Labels, kinds_of, listing
 
-UNSEEN = Manner("on slips it never saw", "levels of slip")
+UNSEEN = Labels("on slips it never saw", "levels of slip")
 
 
-def manner_of(data: RigSet) -> Manner:
+def labels_of(data: RigSet) -> Labels:
     """Return what a rig set calls its parts."""
-    said = meanings(data)
-    return UNSEEN._replace(fold=lambda name: said.get(name, name))
+    descriptions = meanings(data)
+    return UNSEEN._replace(fold=lambda name: descriptions.get(name, name))
 
 
 def write_report(verdict: Verdict, data: RigSet, out: Path) -> list[Path]:
     """Write report.html and its figures, and return their paths."""
-    manner = manner_of(data)
+    labels = labels_of(data)
     kicker = f"{data.rig.slip.size} runs at {len(data.level_names)} levels of slip"
     sections = [
-        FirstScreen(verdict, manner, _picture(verdict, data), "channels"),
-        HeldOut(verdict, manner),
+        FirstScreen(verdict, labels, _picture(verdict, data), "channels"),
+        HeldOut(verdict, labels),
         WhereItLives(verdict, data),
-        Physics(verdict, manner),
-        WhichEffect(verdict, manner),
+        Physics(verdict, labels),
+        WhichEffect(verdict, labels),
         Numbers(verdict),
         Elsewhere(verdict),
         Untold(verdict),
-        Warnings(verdict, manner),
+        Warnings(verdict, labels),
         DataCheck(verdict, data.source),
         Repeat(verdict),
     ]
-    return write_page(Head(data.rig.name, kicker, headline(verdict, manner)), sections, out)
+    return write_page(Head(data.rig.name, kicker, headline(verdict, labels)), sections, out)
 
 
 def _added(verdict: Verdict) -> str:
-    return listing(spoken(name, kinds_of(verdict)) for name in verdict.named)
+    return listing(display_name(name, kinds_of(verdict)) for name in verdict.named)
 
 
 def _picture(verdict: Verdict, data: RigSet) -> Picture:
@@ -67,8 +68,8 @@ def _picture(verdict: Verdict, data: RigSet) -> Picture:
         ", with the base model" if curves else ""
     ) + (f" and the model with {_added(verdict)}" if after else "")  # fmt: skip
     errors = [
-        f"{one.name} is missed by {shown(one.before, one.unit)} before and {shown(one.after, one.unit)} after"
-        for one in verdict.scores
+        f"{score.name} is missed by {format_value(score.before, score.unit)} before and {format_value(score.after, score.unit)} after"
+        for score in verdict.scores
     ]
     caption = load_caption(data) if curves else ""
     return Picture(channel_panels(data, curves), f"{alt}. {listing(errors) if after else ''}".strip(), caption)
@@ -94,38 +95,38 @@ class WhereItLives(Section):
         if not isinstance(self.verdict.extra, RigExtra):
             return None
         added = bool(self.verdict.named)
-        lines = [f"Before, {one.said}." for one in self.sides.before.remainders]
-        lines += [f"After, {one.said}." for one in self.sides.after.remainders] if added else []
+        lines = [f"Before, {residual.sentence}." for residual in self.sides.before.residuals]
+        lines += [f"After, {residual.sentence}." for residual in self.sides.after.residuals] if added else []
         return {
             "lines": lines,
             "draft": self.verdict.draft,
             "tests": test_table(self.sides, added),
-            "limit": BEYOND_CHANCE,
+            "limit": SIGNIFICANCE_LEVEL,
         }
 
     def pictures(self) -> Mapping[str, Picture]:
         """Return the mean residual of each level."""
         added = bool(self.verdict.named)
         panels = residual_panels(self.data, self.sides.before, self.sides.after if added else None)
-        said = [
+        errors = [
             f"{was.name} {was.rms:.1f} times its noise" + (f" before and {now.rms:.1f} after" if added else "")
-            for was, now in zip(self.sides.before.remainders, self.sides.after.remainders, strict=True)
+            for was, now in zip(self.sides.before.residuals, self.sides.after.residuals, strict=True)
         ]
-        return {"residuals": Picture(panels, f"Measured minus model at each level of slip; left is {listing(said)}.")}
+        return {"residuals": Picture(panels, f"Measured minus model at each level of slip; left is {listing(errors)}.")}
 
 
 def test_table(sides: RigExtra, added: bool) -> Table:
     """Return what the residuals go with, before and after: the sign is that of measured - model, as in the picture."""
     heads = ("channel", "goes with", *before_and_after(added))
     rows = [
-        Row((was.channel, was.against, _test(was), *((_test(now),) if added else ())), AWAY * now.beyond_chance)
+        Row((was.channel, was.against, _test(was), *((_test(now),) if added else ())), AWAY * now.is_significant)
         for was, now in zip(sides.before.tests, sides.after.tests, strict=True)
     ]
     return Table(heads, tuple(rows), "What measured - model goes with")
 
 
 def _test(test: ResidualTest) -> str:
-    return f"{test.correlation:+.2f} (p = {test.p:.2g})" + (" *" if test.beyond_chance else "")
+    return f"{test.correlation:+.2f} (p = {test.p:.2g})" + (" *" if test.is_significant else "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +144,7 @@ class Elsewhere(Section):
             return None
         sides = [("before", extra.before), *([("after", extra.after)] if self.verdict.named else [])]
         rows = [
-            Row((when, flag.said), AWAY if flag.says is Against.AWAY else "")
+            Row((when, flag.sentence), AWAY if flag.says is Against.AWAY else "")
             for when, side in sides
             for flag in side.flags
         ]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.report.reasons import doubt
+from rover_pin.report.reasons import opposing_reasons
 from rover_pin.report.section import Section
-from rover_pin.report.words import Manner, full, kinds_of, listing
+from rover_pin.report.words import Labels, full, kinds_of, listing
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,13 +17,13 @@ class Warnings(Section):
     """All that a reader should be wary of."""
 
     verdict: Verdict
-    manner: Manner
+    labels: Labels
     title: ClassVar[str] = "Warnings"
     template: ClassVar[str] = "sections/listed.html"
 
     def content(self) -> Mapping[str, Any] | None:
         """Return every reason to doubt."""
-        lines = doubt(self.verdict, self.manner)
+        lines = opposing_reasons(self.verdict, self.labels)
         return {"lines": lines} if lines else None
 
 
@@ -63,5 +63,7 @@ class Repeat(Section):
             "seconds": noted["seconds"],
             "seed": noted["seed"],
             "versions": noted["versions"],
-            "model": (f"the model with {added}" if added else self.verdict.model_said) if self.model_file else "",
+            "model": (f"the model with {added}" if added else self.verdict.model_description)
+            if self.model_file
+            else "",
         }

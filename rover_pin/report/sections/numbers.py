@@ -11,7 +11,7 @@ from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation import wording
 from rover_pin.estimation.numbers import DRIFTED, Number
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.estimation.wording import shown
+from rover_pin.estimation.wording import format_value
 from rover_pin.report.profiles import profiles_figure
 from rover_pin.report.section import AWAY, CHOSEN, Picture, Row, Section, Table
 
@@ -35,9 +35,9 @@ class Numbers(Section):
         profiles = self.verdict.profiles
         if not profiles or self.verdict.after is None:
             return {}
-        ends = {one.name: (one.low, one.high) for one in self.verdict.after.numbers}
-        panels = profiles_figure(profiles, [ends[one.name] for one in profiles])
-        alt = f"Rise of chi2 along {', '.join(one.name for one in profiles)}, all others refitted."
+        ends = {number.name: (number.low, number.high) for number in self.verdict.after.numbers}
+        panels = profiles_figure(profiles, [ends[profile.name] for profile in profiles])
+        alt = f"Rise of chi2 along {', '.join(profile.name for profile in profiles)}, all others refitted."
         caption = (
             "Rise of chi2 along each number, all others refitted; dashed: the 95 % limit, shaded: the 95 % interval."
         )
@@ -48,40 +48,43 @@ def number_table(verdict: Verdict) -> Table:
     """Return the fitted numbers: those away from what was known beforehand first, then those of what was added."""
     assert verdict.before is not None
     assert verdict.after is not None
-    added, before = bool(verdict.named), {one.name: one for one in verdict.before.numbers}
-    known = {one.name: one for one in (*verdict.after.fit.parameters, *verdict.before.fit.parameters)}
+    added, before = bool(verdict.named), {number.name: number for number in verdict.before.numbers}
+    parameters = {
+        parameter.name: parameter for parameter in (*verdict.after.fit.parameters, *verdict.before.fit.parameters)
+    }
     heads = ("number", *(("before", "after") if added else ("fitted",)), "beforehand", "SD from it", "note")
     ranked = sorted(
-        verdict.after.numbers, key=lambda one: (not abs(one.drift) > DRIFTED, one.name in before, -_far(one))
+        verdict.after.numbers,
+        key=lambda number: (not abs(number.drift) > DRIFTED, number.name in before, -_far(number)),
     )
-    return Table(heads, tuple(_row(one, before, known[one.name], added) for one in ranked))
+    return Table(heads, tuple(_row(number, before, parameters[number.name], added) for number in ranked))
 
 
-def _row(one: Number, before: Mapping[str, Number], parameter: Parameter, added: bool) -> Row:
-    was = before.get(one.name)
-    sides = ((interval(was) if was else "not in the model",) if added else ()) + (interval(one),)
-    notes = [one.away] if abs(one.drift) > DRIFTED else []
-    notes += [one.note] if one.note else []
-    if was is not None and math.isfinite(was.drift) and not math.isfinite(one.drift):
+def _row(number: Number, before: Mapping[str, Number], parameter: Parameter, added: bool) -> Row:
+    was = before.get(number.name)
+    sides = ((interval(was) if was else "not in the model",) if added else ()) + (interval(number),)
+    notes = [number.away] if abs(number.drift) > DRIFTED else []
+    notes += [number.note] if number.note else []
+    if was is not None and math.isfinite(was.drift) and not math.isfinite(number.drift):
         notes.append(f"freed: before, {was.away}")
-    drift = f"{one.drift:+.2f}" if math.isfinite(one.drift) else ""
+    drift = f"{number.drift:+.2f}" if math.isfinite(number.drift) else ""
     look = AWAY if notes else CHOSEN if was is None else ""
-    return Row((one.name, *sides, beforehand(parameter, one), drift, "; ".join(notes)), look)
+    return Row((number.name, *sides, beforehand(parameter, number), drift, "; ".join(notes)), look)
 
 
-def _far(one: Number) -> float:
-    return abs(one.drift) if math.isfinite(one.drift) else math.inf
+def _far(number: Number) -> float:
+    return abs(number.drift) if math.isfinite(number.drift) else math.inf
 
 
-def interval(one: Number) -> str:
+def interval(number: Number) -> str:
     """Return a value with its 95 % interval."""
-    return wording.interval(one.value, one.low, one.high, one.unit)
+    return wording.interval(number.value, number.low, number.high, number.unit)
 
 
-def beforehand(parameter: Parameter, one: Number) -> str:
+def beforehand(parameter: Parameter, number: Number) -> str:
     """Return what was known of a number before it was fitted: its value and SD, and who says so."""
     if not parameter.prior:
         return "nothing: sought"
-    spread = f"{parameter.scale:.0%}" if parameter.log else shown(parameter.scale, one.unit)
+    spread = f"{parameter.scale:.0%}" if parameter.log else format_value(parameter.scale, number.unit)
     source = parameter.source or ("declared" if parameter.declared else "assumed")
-    return f"{shown(parameter.origin, one.unit)} \u00b1 {spread}, {source}"
+    return f"{format_value(parameter.origin, number.unit)} \u00b1 {spread}, {source}"

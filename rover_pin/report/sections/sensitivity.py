@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from rover_pin.discrepancy.candidate import FAR_FROM
-from rover_pin.discrepancy.screen import STILL, Scored, fee_of
+from rover_pin.discrepancy.screen import STILL, Scored, candidate_threshold
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.fit import Fit
-from rover_pin.estimation.wording import shown
+from rover_pin.estimation.wording import format_value
 from rover_pin.quantity import Quantity, quantities
 from rover_pin.report.section import Row, Section, Table
 from rover_pin.report.words import full, kinds_of
@@ -31,14 +31,14 @@ class Sensitivity(NamedTuple):
     "of its usual size that would show, by linear estimate"
     size: str
     "the same in numbers"
-    told: bool
+    detectable: bool
     why: str
     "why not"
     threshold: bool
     "whether it acts from a size on, so that a share of it means nothing"
 
     @property
-    def usual(self) -> str:
+    def share_text(self) -> str:
         """The share in words."""
         return "" if self.threshold else f"{self.share:.2g}"
 
@@ -53,27 +53,31 @@ class Untold(Section):
 
     def content(self) -> Mapping[str, Any] | None:
         """Return the two tables; None where nothing was scored."""
-        found = sensitivities(self.verdict.search) if self.verdict.search else ()
-        if not found:
+        results = sensitivities(self.verdict.search) if self.verdict.search else ()
+        if not results:
             return None
         kinds = kinds_of(self.verdict)
 
-        def name(one: Sensitivity) -> str:
-            return full(one.name, kinds) + (f", {one.places} places" if one.places > 1 else "")
+        def name(result: Sensitivity) -> str:
+            return full(result.name, kinds) + (f", {result.places} places" if result.places > 1 else "")
 
-        held = _accepted(self.verdict.search)
-        untold = [Row((name(one), one.why, one.size)) for one in found if not one.told and one.name not in held]
-        told = [Row((name(one), one.size, one.usual)) for one in found if one.told]
+        accepted_kinds = _accepted(self.verdict.search)
+        undetectable = [
+            Row((name(result), result.why, result.size))
+            for result in results
+            if not result.detectable and result.name not in accepted_kinds
+        ]
+        detectable = [Row((name(result), result.size, result.share_text)) for result in results if result.detectable]
         return {
-            "untold": Table(("candidate", "why not", "would show from about"), tuple(untold)),
-            "told": Table(("candidate", "would show from about", "of its usual size"), tuple(told)),
+            "untold": Table(("candidate", "why not", "would show from about"), tuple(undetectable)),
+            "told": Table(("candidate", "would show from about", "of its usual size"), tuple(detectable)),
         }
 
 
 def _accepted(search: Search | None) -> set[str]:
     """Return the kinds that a refit told after all: a linear estimate at the usual size may deny a greater one."""
     rounds = search.rounds if search else ()
-    return {one.candidate.kind for each in rounds for one in each.refits if one.accepted}
+    return {refit.candidate.kind for search_round in rounds for refit in search_round.refits if refit.accepted}
 
 
 def sensitivities(search: Search) -> tuple[Sensitivity, ...]:
@@ -81,22 +85,22 @@ def sensitivities(search: Search) -> tuple[Sensitivity, ...]:
     kinds: dict[str, list[Scored]] = {}
     for row in search.rounds[0].scored if search.rounds else ():
         kinds.setdefault(row.candidate.kind, []).append(row)
-    found = [_of_kind(kind, rows, search) for kind, rows in kinds.items()]
-    return tuple(sorted(found, key=lambda one: one.share))
+    results = [_of_kind(kind, rows, search) for kind, rows in kinds.items()]
+    return tuple(sorted(results, key=lambda result: result.share))
 
 
 def _of_kind(kind: str, rows: Sequence[Scored], search: Search) -> Sensitivity:
-    fee = {row.candidate.name: fee_of(row.candidate, search.count) for row in rows}
-    best = min(rows, key=lambda row: (row.absorbed > IMITATED, row.smallest(fee[row.candidate.name])))
-    share = best.smallest(fee[best.candidate.name])
+    gain_thresholds = {row.candidate.name: candidate_threshold(row.candidate, search.count) for row in rows}
+    best = min(rows, key=lambda row: (row.absorbed > IMITATED, row.smallest(gain_thresholds[row.candidate.name])))
+    share = best.smallest(gain_thresholds[best.candidate.name])
     why = _why(best, share)
-    far = any(_far(best, name) for name in best.signature.sizes)
-    return Sensitivity(kind, len(rows), share, _size(best, share, search.base), not why, why, far)
+    is_threshold = any(_far(best, name) for name in best.signature.amplitudes)
+    return Sensitivity(kind, len(rows), share, _size(best, share, search.base), not why, why, is_threshold)
 
 
 def _far(row: Scored, name: str) -> bool:
     """Return whether a size vanishes so far off that there is no straight way to it."""
-    return abs(row.signature.neutral[name]) > FAR_FROM * abs(row.signature.sizes[name])
+    return abs(row.signature.neutral[name]) > FAR_FROM * abs(row.signature.amplitudes[name])
 
 
 def _why(row: Scored, share: float) -> str:
@@ -117,24 +121,24 @@ def _size(row: Scored, share: float, base: Fit) -> str:
     """
     if not math.isfinite(share) or row.visible <= STILL:
         return "none"
-    sizes = []
-    for name, size in row.signature.sizes.items():
-        neutral, about = row.signature.neutral[name], _about(row, name, base)
-        own = name.rpartition(".")[2]
+    clauses = []
+    for name, size in row.signature.amplitudes.items():
+        neutral, quantity = row.signature.neutral[name], _about(row, name, base)
+        parameter_name = name.rpartition(".")[2]
         if size == neutral:
             continue
         if _far(row, name):
-            sizes.append(f"{own} near {shown(size, about.unit)}")
+            clauses.append(f"{parameter_name} near {format_value(size, quantity.unit)}")
         elif row.candidate.effect is None:
-            sizes.append(f"{own} off by {shown(share * abs(size - neutral), about.unit)}")
+            clauses.append(f"{parameter_name} off by {format_value(share * abs(size - neutral), quantity.unit)}")
         else:
-            sizes.append(_bounded(own, neutral + share * (size - neutral), about))
-    return " and ".join(sizes)
+            clauses.append(_bounded(parameter_name, neutral + share * (size - neutral), quantity))
+    return " and ".join(clauses)
 
 
-def _bounded(own: str, value: float, about: Quantity) -> str:
-    within = about.low <= value <= about.high
-    return f"{own} = {shown(value, about.unit)}" + ("" if within else ", beyond its bounds")
+def _bounded(parameter_name: str, value: float, quantity: Quantity) -> str:
+    within = quantity.low <= value <= quantity.high
+    return f"{parameter_name} = {format_value(value, quantity.unit)}" + ("" if within else ", beyond its bounds")
 
 
 def _about(row: Scored, name: str, base: Fit) -> Quantity:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rover_pin.errors import closest
-from rover_pin.experiments.drive_log.readings.unsure import unsure_steps
+from rover_pin.experiments.drive_log.readings.unsure import ambiguous_steps
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.channels import WHOLE, is_column
 from rover_pin.motion.drive_log import DriveLog
@@ -43,9 +43,9 @@ OPTIONAL = {
 """Channels that a comparison can do without: name -> (what is then not told, the columns)."""
 
 
-def needed(wheels: tuple[str, ...], held: bool = False) -> tuple[str, ...]:
+def needed(wheels: tuple[str, ...], rate_driven: bool = False) -> tuple[str, ...]:
     """Return the channels that a comparison with a simulated drive needs; without duties where rates are the input."""
-    kinds = ("wheel_rate",) if held else ("duty", "wheel_rate")
+    kinds = ("wheel_rate",) if rate_driven else ("duty", "wheel_rate")
     return (*(f"{kind}_{wheel}" for kind in kinds for wheel in wheels), *POSE)
 
 
@@ -53,7 +53,7 @@ def column_faults(log: DriveLog) -> Iterator[Finding]:
     """Yield needed channels that a run lacks, wholly or mostly."""
     for run in log.runs:
         where = str(run.attrs["file"])
-        for name in needed(log.about.wheels, run.held):
+        for name in needed(log.metadata.wheels, run.rate_driven):
             if name not in run:
                 yield Finding(f"there is no column '{name}'", where, _instead(name, run))
             elif not np.isfinite(run[name]).any():
@@ -77,9 +77,9 @@ def absurd_faults(log: DriveLog) -> Iterator[Finding]:
 
 
 def _instead(name: str, run: Trace) -> str:
-    near = closest(name, [other for other in run.channels if not is_column(other, ())])
-    said = near.partition("?")[0] + "? rename it, or" if near.startswith("did you mean") else ""
-    return f"{said} record it: duties, wheel rates and {', '.join(POSE)} are needed".strip()
+    suggestion = closest(name, [column for column in run.channels if not is_column(column, ())])
+    hint = suggestion.partition("?")[0] + "? rename it, or" if suggestion.startswith("did you mean") else ""
+    return f"{hint} record it: duties, wheel rates and {', '.join(POSE)} are needed".strip()
 
 
 def column_findings(log: DriveLog) -> Iterator[Finding]:
@@ -91,10 +91,14 @@ def column_findings(log: DriveLog) -> Iterator[Finding]:
                 yield Finding(f"{name} not recorded", str(run.attrs["file"]), lost)
     for run in log.runs:
         for name in run.channels:
-            if not is_column(name, log.about.wheels):
-                names = (*WHOLE, *needed(log.about.wheels), *(f"current_{wheel}_A" for wheel in log.about.wheels))
-                near = closest(name, names)
-                meant = f"did you mean {near.split(chr(39))[1]}" if near.startswith("did you mean") else "leave it out"
+            if not is_column(name, log.metadata.wheels):
+                names = (*WHOLE, *needed(log.metadata.wheels), *(f"current_{wheel}_A" for wheel in log.metadata.wheels))
+                suggestion = closest(name, names)
+                meant = (
+                    f"did you mean {suggestion.split(chr(39))[1]}"
+                    if suggestion.startswith("did you mean")
+                    else "leave it out"
+                )
                 yield Finding(f"column '{name}' is not read", str(run.attrs["file"]), f"{meant}, if it matters")
 
 
@@ -105,27 +109,27 @@ def _recorded(run: Trace, name: str) -> bool:
 def gap_findings(run: Trace) -> Iterator[Finding]:
     """Yield stretches that are missing from a channel, and samples that are missing from the log."""
     where, t = str(run.attrs["file"]), run.t
-    alike: dict[tuple[int, int, int], list[str]] = {}
+    channels_by_gap: dict[tuple[int, int, int], list[str]] = {}
     for name, values in run.channels.items():
         missing = ~np.isfinite(values)
         first, longest = longest_run(missing)
         share = float(np.mean(missing)) if missing.size else 0.0
         if not missing.all() and (longest >= NOTABLE_RUN or share >= NOTABLE_SHARE):
-            alike.setdefault((first, longest, int(np.sum(missing))), []).append(name)
-    for (first, longest, count), names in alike.items():
+            channels_by_gap.setdefault((first, longest, int(np.sum(missing))), []).append(name)
+    for (first, longest, count), names in channels_by_gap.items():
         lasting = float(t[min(first + longest, len(t) - 1)] - t[first])
         what = f"{_missing(names)} missing for {lasting:.3g} s from t = {t[first]:.4g} s on (row {first + 1})"
         duty = "; the last duty before is taken to hold" if any(name.startswith("duty_") for name in names) else ""
         yield Finding(what, where, f"the {100 * count / len(t):.0f} % of the run without are passed over{duty}")
     yield from _clock_gaps(run)
-    yield from _unsure(run)
+    yield from _ambiguous_step_findings(run)
 
 
-def _unsure(run: Trace) -> Iterator[Finding]:
+def _ambiguous_step_findings(run: Trace) -> Iterator[Finding]:
     """Yield how many steps of a duty fall between rows that are not evenly apart."""
-    steps = unsure_steps(run)
+    steps = ambiguous_steps(run)
     if steps:
-        longest = max(steps, key=lambda one: one.end - one.begin)
+        longest = max(steps, key=lambda step: step.end - step.begin)
         what = (
             f"rows are not evenly apart, so when {len(steps)} steps of the duty were given is not told, to "
             f"{longest.end - longest.begin:.2g} s after t = {longest.begin:.4g} s"
@@ -141,13 +145,13 @@ def _missing(names: list[str]) -> str:
 
 def _clock_gaps(run: Trace) -> Iterator[Finding]:
     steps = np.diff(run.t)
-    usual = float(np.median(steps)) if steps.size else 0.0
-    late = np.flatnonzero(steps > UNEVEN * usual)
+    median_step = float(np.median(steps)) if steps.size else 0.0
+    late = np.flatnonzero(steps > UNEVEN * median_step)
     if late.size:
         worst = int(late[np.argmax(steps[late])])
         what = (
             f"{late.size} of {steps.size} samples come late, the latest {steps[worst]:.3g} s after t = "
-            f"{run.t[worst]:.4g} s (row {worst + 1}), where {usual:.3g} s are usual"
+            f"{run.t[worst]:.4g} s (row {worst + 1}), where {median_step:.3g} s are usual"
         )
         yield Finding(what, str(run.attrs["file"]), "look for dropped frames; nothing is told of what is between")
 

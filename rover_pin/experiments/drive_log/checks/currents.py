@@ -21,24 +21,26 @@ def current_faults(run: Driven, motor: Motor) -> Iterator[Finding]:
     """Yield currents whose scale cannot be the motor's; raw counts or another unit."""
     times = _times(run, motor)
     if times is not None and not 1.0 / FAR_OFF <= times <= FAR_OFF:
-        yield Finding(_said(times), run.name, "give amperes, or leave the currents out")
+        yield Finding(_scale_message(times), run.name, "give amperes, or leave the currents out")
 
 
 def current_findings(run: Driven, motor: Motor) -> Iterator[Finding]:
     """Yield currents that are hardly the motor's."""
     times = _times(run, motor)
     if times is not None and not 1.0 / OFF <= times <= OFF:
-        yield Finding(_said(times), run.name, "check their scale, and supply, resistance, k_t and gear of [motor]")
+        yield Finding(
+            _scale_message(times), run.name, "check their scale, and supply, resistance, k_t and gear of [motor]"
+        )
 
 
-def _said(times: float) -> str:
+def _scale_message(times: float) -> str:
     return f"the currents are {times:.2g} times what [motor] draws at these duties and rates, (duty V - K rate) / R"
 
 
 def _times(run: Driven, motor: Motor) -> float | None:
     """Return the measured over the motor's current, the median of all wheels; None where that is not told."""
     ratios: list[np.ndarray] = []
-    if run.held:
+    if run.rate_driven:
         return None
     for i, wheel in enumerate(run.wheels):
         name = f"current_{wheel}_A"
@@ -50,5 +52,5 @@ def _times(run: Driven, motor: Motor) -> float | None:
         measured = np.abs(run.mean(run.trace[name]))
         use &= np.isfinite(measured)
         ratios.append(measured[use] / np.abs(drawn[use]))
-    known = np.concatenate(ratios) if ratios else np.zeros(0)
-    return float(np.median(known)) if known.size >= AT_LEAST else None
+    finite_ratios = np.concatenate(ratios) if ratios else np.zeros(0)
+    return float(np.median(finite_ratios)) if finite_ratios.size >= AT_LEAST else None

@@ -12,7 +12,7 @@ from rover_pin.body.terrain import Terrain
 from rover_pin.body.terrain_files import LARGEST
 from rover_pin.contact import Wheel
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
-from rover_pin.experiments.drive_log.model import held, usual_motor, usual_soil
+from rover_pin.experiments.drive_log.model import is_rate_driven, usual_motor, usual_soil
 from rover_pin.experiments.drive_log.readings.strays import scattered
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.drive_log import FILE, DriveLog
@@ -46,16 +46,16 @@ OTHER_WHEEL = 0.02
 def rover_faults(log: DriveLog) -> Iterator[Finding]:
     """Yield wheels that the log has and the rover has not, or the other way, and wheels of another size."""
     rover = log.load_rover()
-    own = tuple(wheel.name for wheel in rover.wheels)
-    if set(own) != set(log.about.wheels):
-        what = f"wheels are {', '.join(log.about.wheels)}, but those of the rover '{rover.name}' {', '.join(own)}"
+    rover_wheels = tuple(wheel.name for wheel in rover.wheels)
+    if set(rover_wheels) != set(log.metadata.wheels):
+        what = f"wheels are {', '.join(log.metadata.wheels)}, but those of the rover '{rover.name}' {', '.join(rover_wheels)}"
         yield Finding(what, FILE, "give the rover that was driven, and name wheels and columns as it does")
     for name in ("r", "b"):
-        if name in log.about.wheel:
-            said = float(getattr(record_from(Wheel, {name: log.about.wheel[name]}, f"{log.folder}: [wheel]"), name))
-            known = float(getattr(rover.wheel, name))
-            if abs(said - known) > OTHER_WHEEL * known:
-                what = f"[wheel] has {name} = {1e3 * said:.4g} mm, but the rover '{rover.name}' {1e3 * known:.4g} mm"
+        if name in log.metadata.wheel:
+            size = float(getattr(record_from(Wheel, {name: log.metadata.wheel[name]}, f"{log.folder}: [wheel]"), name))
+            actual = float(getattr(rover.wheel, name))
+            if abs(size - actual) > OTHER_WHEEL * actual:
+                what = f"[wheel] has {name} = {1e3 * size:.4g} mm, but the rover '{rover.name}' {1e3 * actual:.4g} mm"
                 yield Finding(what, FILE, "the rover's is driven: mend the one that is wrong")
 
 
@@ -63,34 +63,34 @@ def declared_findings(log: DriveLog) -> Iterator[Finding]:
     """Yield soil and motor constants that the log leaves to the package's assumptions."""
     rover = log.load_rover()
     kinds: list[tuple[str, Mapping[str, Any], tuple[str, ...], Record]] = [
-        ("soil", log.about.soil, SOIL, usual_soil(rover)),
-        ("motor", log.about.motor, MOTOR, usual_motor(rover)),
+        ("soil", log.metadata.soil, SOIL, usual_soil(rover)),
+        ("motor", log.metadata.motor, MOTOR, usual_motor(rover)),
     ]
-    for title, table, names, record in kinds[:1] if held(log) else kinds:
-        left = [name for name in names if name not in table]
-        if left:
-            what = f"[{title}] does not declare {', '.join(left)}, so {_values(record, left)} are assumed"
+    for title, table, names, record in kinds[:1] if is_rate_driven(log) else kinds:
+        undeclared = [name for name in names if name not in table]
+        if undeclared:
+            what = f"[{title}] does not declare {', '.join(undeclared)}, so {_values(record, undeclared)} are assumed"
             yield Finding(what, FILE, f"a wrong {title} may pass for a missing effect: declare what you know of it")
     yield from _noise_findings(log)
 
 
 def _noise_findings(log: DriveLog) -> Iterator[Finding]:
     """Yield kinds of channels whose samples scatter by much more than `[noise]` declares, the worst channel of each."""
-    said = log.noise_sd
+    noise_sd = log.noise_sd
     worst: dict[str, tuple[float, str, str]] = {}
     for run in log.runs:
-        for name in (each for each in run.channels if kind_of(each) in said):
-            kind, one = kind_of(name), (scattered(run[name]), name, str(run.attrs["file"]))
-            worst[kind] = max(worst.get(kind, one), one)
+        for name in (channel for channel in run.channels if kind_of(channel) in noise_sd):
+            kind, scatter = kind_of(name), (scattered(run[name]), name, str(run.attrs["file"]))
+            worst[kind] = max(worst.get(kind, scatter), scatter)
     for kind, (sd, name, where) in worst.items():
-        if sd > NOISIER * said[kind]:
-            what = f"[noise] declares {kind} = {said[kind]:.3g} {NOISE[kind]}, but {name} scatters by {sd:.3g}"
+        if sd > NOISIER * noise_sd[kind]:
+            what = f"[noise] declares {kind} = {noise_sd[kind]:.3g} {NOISE[kind]}, but {name} scatters by {sd:.3g}"
             yield Finding(what, where, "mend [noise]: the samples' scatter is taken where it is more")
 
 
 def _values(record: Record, names: list[str]) -> str:
-    about = quantities(record)
-    return ", ".join(f"{float(getattr(record, name)):.4g} {about[name].unit}".strip() for name in names)
+    specs = quantities(record)
+    return ", ".join(f"{float(getattr(record, name)):.4g} {specs[name].unit}".strip() for name in names)
 
 
 def start_faults(run: Driven) -> Iterator[Finding]:
@@ -98,17 +98,17 @@ def start_faults(run: Driven) -> Iterator[Finding]:
     off, turn = _off_start(run)
     if off > FAR or turn > FARTHER:
         todo = "give start in the axes and units of body_x, body_y and body_yaw, or leave it out"
-        yield Finding(_said(off, turn), run.name, todo)
+        yield Finding(_start_message(off, turn), run.name, todo)
 
 
 def start_findings(run: Driven) -> Iterator[Finding]:
     """Yield a declared start that is a little off from where the tracker first sees the rover."""
     off, turn = _off_start(run)
     if off > NEAR or turn > NEARLY:
-        yield Finding(_said(off, turn), run.name, "the first seconds suffer: mend start, or leave it out")
+        yield Finding(_start_message(off, turn), run.name, "the first seconds suffer: mend start, or leave it out")
 
 
-def _said(off: float, turn: float) -> str:
+def _start_message(off: float, turn: float) -> str:
     return f"the declared start is {1e3 * off:.3g} mm and {degrees(turn)} off from the first tracked pose"
 
 
@@ -141,9 +141,11 @@ def ground_findings(run: Driven, terrain: Terrain) -> Iterator[Finding]:
     """Yield how far the rover goes beyond what is declared of the ground."""
     for axis, low, high in zip("xy", *_box(terrain), strict=True):
         values = run.trace[f"body_{axis}"]
-        beyond = float(np.nanmax(np.maximum(low - values, values - high), initial=0.0))
-        if beyond > 0.0:
-            what = f"body_{axis} goes {beyond:.3g} m beyond the declared ground, which spans {low:.4g} to {high:.4g} m"
+        overshoot = float(np.nanmax(np.maximum(low - values, values - high), initial=0.0))
+        if overshoot > 0.0:
+            what = (
+                f"body_{axis} goes {overshoot:.3g} m beyond the declared ground, which spans {low:.4g} to {high:.4g} m"
+            )
             yield Finding(what, run.name, "what lies there is guessed: extend the terrain's file")
 
 

@@ -58,9 +58,9 @@ class Driven:
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of a channel in every block (B,)."""
-        known = np.isfinite(values)
-        count = np.bincount(self.block[known], minlength=self._count)
-        total = np.bincount(self.block[known], values[known], minlength=self._count)
+        finite = np.isfinite(values)
+        count = np.bincount(self.block[finite], minlength=self._count)
+        total = np.bincount(self.block[finite], values[finite], minlength=self._count)
         enough = count >= np.maximum(0.5 * np.bincount(self.block, minlength=self._count), 1)
         return np.where(enough, total / np.maximum(count, 1), np.nan)
 
@@ -68,9 +68,9 @@ class Driven:
         """Return the rate of change of a channel in every block by least squares (B,)."""
         values = np.where(np.isfinite(values), values, np.nan)
         t = np.where(np.isfinite(values), self.trace.t, np.nan)
-        own_t = t - self.mean(t)[self.block]
-        own = values - self.mean(values)[self.block]
-        spread, together = self.mean(own_t**2), self.mean(own_t * own)
+        centred_t = t - self.mean(t)[self.block]
+        centred_values = values - self.mean(values)[self.block]
+        spread, together = self.mean(centred_t**2), self.mean(centred_t * centred_values)
         return np.where(spread > 0.0, together / np.where(spread > 0.0, spread, 1.0), np.nan)
 
     @property
@@ -82,14 +82,14 @@ class Driven:
         return np.column_stack([self.mean(column) for column in self.trace.stack(channel).T])
 
     @property
-    def held(self) -> bool:
+    def rate_driven(self) -> bool:
         """Whether the wheel rates are the input, and no duty."""
-        return self.trace.held
+        return self.trace.rate_driven
 
     @cached_property
     def duty(self) -> np.ndarray:
         """Mean duties (B, wheels); rates as shares of the fastest where they are the input."""
-        return self.rate / self.fastest if self.held else self.per_wheel("duty")
+        return self.rate / self.fastest if self.rate_driven else self.per_wheel("duty")
 
     @cached_property
     def fastest(self) -> float:
@@ -99,7 +99,7 @@ class Driven:
     @property
     def still(self) -> float:
         """Wheel rate [rad/s] below which a wheel counts as standing."""
-        return min(STILL, STILL_SHARE * self.fastest) if self.held else STILL
+        return min(STILL, STILL_SHARE * self.fastest) if self.rate_driven else STILL
 
     @cached_property
     def rate(self) -> np.ndarray:
@@ -109,9 +109,9 @@ class Driven:
     @cached_property
     def rim(self) -> np.ndarray:
         """Mean rim speed of the wheels that are known [m/s] (B,); 0 where a rover turns on the spot."""
-        known = np.isfinite(self.rate)
-        total = np.sum(np.where(known, self.rate, 0.0), axis=1)
-        count = np.sum(known, axis=1)
+        finite = np.isfinite(self.rate)
+        total = np.sum(np.where(finite, self.rate, 0.0), axis=1)
+        count = np.sum(finite, axis=1)
         return np.where(count > 0, self.radius * total / np.maximum(count, 1), np.nan)
 
     @cached_property
@@ -156,8 +156,8 @@ class Driven:
 
     def mean_size(self, values: np.ndarray) -> np.ndarray:
         """Return the mean size of what is known over the wheels (B,); 0 where nothing is."""
-        known = np.isfinite(values)
-        return np.sum(np.abs(np.where(known, values, 0.0)), axis=1) / np.maximum(np.sum(known, axis=1), 1)
+        finite = np.isfinite(values)
+        return np.sum(np.abs(np.where(finite, values, 0.0)), axis=1) / np.maximum(np.sum(finite, axis=1), 1)
 
     @property
     def moving_time(self) -> float:
@@ -175,8 +175,8 @@ class Driven:
 
 def spread(values: np.ndarray) -> float:
     """Return the range from the 5th to the 95th percentile of what is known; 0 where nothing is."""
-    known = values[np.isfinite(values)]
-    return float(np.ptp(np.percentile(known, [5, 95]))) if known.size else 0.0
+    finite_values = values[np.isfinite(values)]
+    return float(np.ptp(np.percentile(finite_values, [5, 95]))) if finite_values.size else 0.0
 
 
 def degrees(angle: float) -> str:

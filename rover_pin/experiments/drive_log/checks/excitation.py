@@ -48,8 +48,8 @@ HELD_OUT = 3
 
 def excitation_findings(runs: Sequence[Driven], where: str) -> Iterator[Finding]:
     """Yield, for each missing excitation, the effects that cannot be told apart without it and the run to add."""
-    held = any(run.held for run in runs)
-    checks = (_rates, _slips, _slopes, _headings, _runs) if held else CHECKS
+    rate_driven = any(run.rate_driven for run in runs)
+    checks = (_rates, _slips, _slopes, _headings, _runs) if rate_driven else CHECKS
     for check in checks:
         for what, todo in check(runs):
             yield Finding(what, where, todo)
@@ -72,20 +72,20 @@ def too_poor(runs: Sequence[Driven]) -> str:
 
 def levels(runs: Sequence[Driven]) -> np.ndarray:
     """Return duties of the driven time that lie a level apart, those of one sample in a hundred left out."""
-    found = [duty[run.moving[run.block]] for run in runs for duty in _commands(run).T]
-    duties = np.concatenate(found) if found else np.zeros(0)
+    driven_duties = [duty[run.moving[run.block]] for run in runs for duty in _commands(run).T]
+    duties = np.concatenate(driven_duties) if driven_duties else np.zeros(0)
     duties = duties[np.isfinite(duties)]
     grid, count = np.unique(np.round(duties / SAME_DUTY), return_counts=True)
     grid = grid[count > 0.01 * max(duties.size, 1)]
-    apart: list[float] = []
+    distinct_levels: list[float] = []
     for level in grid:
-        apart += [level] if not apart or level - apart[-1] > 1.5 else []
-    return SAME_DUTY * np.array(apart)
+        distinct_levels += [level] if not distinct_levels or level - distinct_levels[-1] > 1.5 else []
+    return SAME_DUTY * np.array(distinct_levels)
 
 
 def _commands(run: Driven) -> np.ndarray:
     """Return the duties, or the rates that are the input as shares of the fastest (T, wheels)."""
-    return run.duty[run.block] if run.held else run.trace.stack("duty")
+    return run.duty[run.block] if run.rate_driven else run.trace.stack("duty")
 
 
 def slip_range(runs: Sequence[Driven]) -> float:
@@ -107,14 +107,14 @@ def _inclination(run: Driven) -> np.ndarray:
 
 
 def _duties(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    found = np.abs(levels(runs))
-    if found.size < FEWEST_DUTIES:
+    duties = np.abs(levels(runs))
+    if duties.size < FEWEST_DUTIES:
         yield (
-            f"the duty has {found.size} level{'s' * (found.size != 1)}, so friction of the gear, rolling resistance, "
+            f"the duty has {duties.size} level{'s' * (duties.size != 1)}, so friction of the gear, rolling resistance, "
             "supply and strength of the motors look alike",
             "add a run with duties of 0.4 to 0.85, each held for 2.5 to 5 s",
         )
-    driving = found[found > 0.5 * SAME_DUTY]
+    driving = duties[duties > 0.5 * SAME_DUTY]
     if not driving.size or driving.min() > LOW_DUTY:
         yield (
             "no low duty, so friction of the gear and a dead band of the driver look alike",
@@ -136,27 +136,27 @@ def _rates(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
 
 
 def _slips(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    found = slip_range(runs)
-    if found < LEAST_SLIP:
+    span = slip_range(runs)
+    if span < LEAST_SLIP:
         yield (
-            f"slips span {found:.2f} only, so nothing that depends on slip can be told from the soil's constants",
+            f"slips span {span:.2f} only, so nothing that depends on slip can be told from the soil's constants",
             "add a run up a slope that grows until the wheels slip by 0.3 or more",
         )
 
 
 def _slopes(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    found = pitch_range(runs)
-    if found < LEAST_SLOPE:
+    span = pitch_range(runs)
+    if span < LEAST_SLOPE:
         yield (
-            f"slopes span {degrees(found)} only, so multi-pass, a shifted centre of mass and effects of the load look "
+            f"slopes span {degrees(span)} only, so multi-pass, a shifted centre of mass and effects of the load look "
             "alike",
             "add runs up and down a slope of about 8 deg, or repeat one with 1 kg more",
         )
 
 
 def _headings(runs: Sequence[Driven]) -> Iterator[tuple[str, str]]:
-    found = [run.velocity[run.steady & (np.abs(run.velocity) > 0.1 * np.abs(run.rim))] for run in runs]
-    ways = np.concatenate(found) if found else np.zeros(0, dtype=complex)
+    velocities = [run.velocity[run.steady & (np.abs(run.velocity) > 0.1 * np.abs(run.rim))] for run in runs]
+    ways = np.concatenate(velocities) if velocities else np.zeros(0, dtype=complex)
     turned = np.abs(np.angle(ways * np.conj(ways.mean()))) if ways.size else np.zeros(0)
     if np.mean(turned > 0.5 * APART) < 0.5 * SHARE if turned.size else True:
         yield (
@@ -212,7 +212,7 @@ def _lacking(runs: Sequence[Driven], wanted: Callable[[Driven], list[str]], all_
     ]
     if not missing or len(missing) == sum(len(wanted(run)) for run in runs):
         return all_of_them if missing else ""
-    names, files = (", ".join(dict.fromkeys(each[at] for each in missing)) for at in (0, 1))
+    names, files = (", ".join(dict.fromkeys(pair[at] for pair in missing)) for at in (0, 1))
     return f"{names} of {files} {'is' if len(missing) == 1 else 'are'}"
 
 
@@ -235,6 +235,6 @@ def _replicates(a: Driven, b: Driven) -> bool:
     rows = min(len(a.duty), len(b.duty))
     if rows < 0.8 * max(len(a.duty), len(b.duty)) or a.wheels != b.wheels or not rows:
         return False
-    apart = np.abs(a.duty[:rows] - b.duty[:rows])
+    duty_gap = np.abs(a.duty[:rows] - b.duty[:rows])
     turned = abs(float(np.angle(a.heading[0] * np.conj(b.heading[0]))))
-    return bool(np.mean(apart[np.isfinite(apart)] < SAME_DUTY) > 1.0 - SHARE) and turned < 0.5
+    return bool(np.mean(duty_gap[np.isfinite(duty_gap)] < SAME_DUTY) > 1.0 - SHARE) and turned < 0.5

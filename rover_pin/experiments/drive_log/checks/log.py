@@ -41,7 +41,7 @@ from rover_pin.time_left import telling
 class DriveFindings(NamedTuple):
     """What the check of a drive log that can be used found."""
 
-    found: tuple[Finding, ...]
+    findings: tuple[Finding, ...]
     too_poor: str
     "why the log cannot answer and what would; empty where it can"
 
@@ -67,10 +67,10 @@ def refuse_unfit(log: DriveLog) -> None:
         A needed channel that is missing, mostly empty or stuck; an infinite number; a wrong unit; a wrong sign. The
         first of `faults`.
     """
-    found = faults(log)
-    if found:
-        more = f" ({len(found) - 1} more such faults.)" if len(found) > 1 else ""
-        raise DataError(f"{log.folder.name}/{found[0]}{more}")
+    log_faults = faults(log)
+    if log_faults:
+        more = f" ({len(log_faults) - 1} more such faults.)" if len(log_faults) > 1 else ""
+        raise DataError(f"{log.folder.name}/{log_faults[0]}{more}")
 
 
 def faults(log: DriveLog) -> tuple[Finding, ...]:
@@ -79,19 +79,24 @@ def faults(log: DriveLog) -> tuple[Finding, ...]:
     if missing:
         return missing
     motor, terrain, length = declared_motor(log), _terrain(log), _length(log)
-    whole, runs = _whole_motor(log), driven(log)
+    full_motor, runs = _whole_motor(log), driven(log)
     return gathered(
         fault
         for run in telling(runs, len(runs), "runs looked at for faults")
-        for fault in (*_of_run(run, motor, terrain, length), *(current_faults(run, whole) if whole else ()))
+        for fault in (*_of_run(run, motor, terrain, length), *(current_faults(run, full_motor) if full_motor else ()))
     )
 
 
 def _of_run(run: Driven, motor: Motor | None, terrain: Terrain | None, length: float) -> list[Finding]:
     """Return a run's faults: what the speeds tell only where the wheels are right, signs only where units are."""
-    found = [*frozen_faults(run), *wheel_sign_faults(run)]
-    found = found or [*far_faults(run), *unit_faults(run, motor), *speed_faults(run, motor), *start_faults(run)]
-    return found or [*sign_faults(run, terrain, length), *odometry_faults(run)]
+    run_faults = [*frozen_faults(run), *wheel_sign_faults(run)]
+    run_faults = run_faults or [
+        *far_faults(run),
+        *unit_faults(run, motor),
+        *speed_faults(run, motor),
+        *start_faults(run),
+    ]
+    return run_faults or [*sign_faults(run, terrain, length), *odometry_faults(run)]
 
 
 def _length(log: DriveLog) -> float:
@@ -114,13 +119,13 @@ def _findings(log: DriveLog) -> Iterator[Finding]:
     yield from declared_findings(log)
     yield from _of_runs(log)
     yield from compared_findings(log)
-    yield from drive_excitation.excitation_findings(driven(log), log.about.name)
+    yield from drive_excitation.excitation_findings(driven(log), log.metadata.name)
 
 
 def _of_runs(log: DriveLog) -> Iterator[Finding]:
     runs, motor = driven(log), declared_motor(log)
     joined = log.load_rover().differential is not None
-    terrain, whole = _terrain(log), _whole_motor(log)
+    terrain, full_motor = _terrain(log), _whole_motor(log)
     for run in telling(runs, len(runs), "runs checked"):
         yield from start_findings(run)
         if terrain is not None:
@@ -130,7 +135,7 @@ def _of_runs(log: DriveLog) -> Iterator[Finding]:
         yield from jump_findings(run)
         yield from range_findings(run, motor)
         yield from odometry_findings(run)
-        yield from current_findings(run, whole) if whole else ()
+        yield from current_findings(run, full_motor) if full_motor else ()
         if joined:
             yield from differential_findings(run)
 
@@ -142,22 +147,24 @@ def too_poor(log: DriveLog) -> str:
 
 def driven(log: DriveLog) -> list[Driven]:
     """Return the runs as the checks look at them, with the wheels' radius as declared, else the rover's."""
-    stated = {name: entry for name, entry in log.about.wheel.items() if name == "r"}
-    wheel = record_from(Wheel, stated, f"{log.folder.name}: [wheel]") if stated else log.load_rover().wheel
+    declared_wheel = {name: entry for name, entry in log.metadata.wheel.items() if name == "r"}
+    wheel = (
+        record_from(Wheel, declared_wheel, f"{log.folder.name}: [wheel]") if declared_wheel else log.load_rover().wheel
+    )
     return [Driven(run, float(wheel.r)) for run in log.runs]
 
 
 def declared_motor(log: DriveLog) -> Motor | None:
     """Return the motor that the log declares, or None; what it declares of it beyond a `Motor` is left out."""
-    table = {name: entry for name, entry in log.about.motor.items() if name in quantities(Motor)}
-    stated = {"supply", "resistance"} <= table.keys()
-    return record_from(Motor, table, f"{log.folder.name}: [motor]") if stated else None
+    table = {name: entry for name, entry in log.metadata.motor.items() if name in quantities(Motor)}
+    is_declared = {"supply", "resistance"} <= table.keys()
+    return record_from(Motor, table, f"{log.folder.name}: [motor]") if is_declared else None
 
 
 def _whole_motor(log: DriveLog) -> Motor | None:
     """Return the motor of a log that declares all that its current follows from, or None."""
-    return declared_motor(log) if {"supply", "resistance", "k_t", "gear"} <= log.about.motor.keys() else None
+    return declared_motor(log) if {"supply", "resistance", "k_t", "gear"} <= log.metadata.motor.keys() else None
 
 
 def _terrain(log: DriveLog) -> Terrain | None:
-    return log.terrain() if log.about.terrain and not is_of_run(log.about.terrain) else None
+    return log.terrain() if log.metadata.terrain and not is_of_run(log.metadata.terrain) else None

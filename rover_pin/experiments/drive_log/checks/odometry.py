@@ -22,7 +22,7 @@ ROUND_OFF = 1e-6
 """The same as a share of the way, where a pose has no noise at all."""
 RESOLVED = 0.001
 """Noise over way up to which a slip that varies by a percent would show."""
-SAME, ALIKE = 0.005, 0.05
+SAME, MAX_EVEN_SLIP = 0.005, 0.05
 """Mean slip up to which the pose is that of the wheels; up to which it may be, with another radius."""
 SHARED = 0.3
 """Correlation of noises from which they are one: wheels on a flat may slip as evenly, but their noise is their own."""
@@ -33,7 +33,7 @@ class Followed(NamedTuple):
 
     slip: float
     "mean slip of the pose against the rims"
-    apart: float
+    deviation: float
     "SD of the distance between pose and rims after that slip [m]"
     noise: float
     "white noise of the pose, by its increments [m]"
@@ -45,20 +45,22 @@ class Followed(NamedTuple):
     @property
     def equal(self) -> bool:
         """Whether the pose's increments are those of the rims within its noise, which would show slip."""
-        within = self.apart < max(WITHIN * self.noise, ROUND_OFF * self.way)
+        within = self.deviation < max(WITHIN * self.noise, ROUND_OFF * self.way)
         return self.way > LEAST_WAY and within and self.noise < RESOLVED * self.way
 
 
 def odometry_faults(run: Driven) -> Iterator[Finding]:
     """Yield a pose whose increments are those of the wheels: the loop would find a rover that never slips."""
-    if any(each.equal and abs(each.slip) < SAME and each.shared > SHARED for each in _followed(run)):
+    if any(
+        comparison.equal and abs(comparison.slip) < SAME and comparison.shared > SHARED for comparison in _followed(run)
+    ):
         what = "body_x and body_y move as the wheels turn, within their noise: they are the wheels' odometry"
         yield Finding(what, run.name, "give a pose that was measured otherwise, as by a camera, GNSS or total station")
 
 
 def odometry_findings(run: Driven) -> Iterator[Finding]:
     """Yield a pose that may be the wheels' with another radius, or that of wheels that slip evenly all along."""
-    close = [each for each in _followed(run) if each.equal and abs(each.slip) < ALIKE]
+    close = [comparison for comparison in _followed(run) if comparison.equal and abs(comparison.slip) < MAX_EVEN_SLIP]
     if close:
         what = f"body_x and body_y follow the wheels at an even slip of {100 * close[0].slip:.2g} %"
         yield Finding(what, run.name, "if they are odometry, give a measured pose; else add slopes, where slip varies")
@@ -89,7 +91,7 @@ def _compared(step: np.ndarray, rolled: np.ndarray) -> Followed:
     spread = rims - rims.mean()
     square = float(spread @ spread)
     share = float(spread @ (ahead - ahead.mean())) / square if square > 0.0 else 0.0
-    left = ahead - share * rims
-    noise = float(np.std(np.diff(left))) / np.sqrt(2.0)
+    residual = ahead - share * rims
+    noise = float(np.std(np.diff(residual))) / np.sqrt(2.0)
     shared = float(spearmanr(np.diff(step), np.diff(rolled)).statistic) if np.ptp(np.diff(rolled)) > 0.0 else 0.0
-    return Followed(1.0 - share, float(np.std(left)), float(noise), float(np.sum(np.abs(rolled))), shared)
+    return Followed(1.0 - share, float(np.std(residual)), float(noise), float(np.sum(np.abs(rolled))), shared)

@@ -9,7 +9,7 @@ import numpy as np
 from rover_pin.experiments.drive_log.checks.columns import longest_run
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
 from rover_pin.experiments.drive_log.checks.units import AT_LEAST
-from rover_pin.experiments.drive_log.readings.strays import strays, without_poses
+from rover_pin.experiments.drive_log.readings.strays import pose_outliers, without_poses
 from rover_pin.measurements.finding import Finding
 from rover_pin.motion.channels import unit_of
 from rover_pin.motion.motor import Motor
@@ -33,7 +33,7 @@ NOISY = 12.0
 QUICKEST_TURN = 2.0
 """Rate [rad/s] at which a body may turn or pitch."""
 
-MOST_TOLD = 5
+MAX_LISTED_POSES = 5
 """Poses that stray whose times are told."""
 
 SPIKE = 4.0
@@ -63,13 +63,13 @@ def frozen_faults(run: Driven) -> Iterator[Finding]:
 
 
 def _varies(values: np.ndarray) -> bool:
-    known = values[np.isfinite(values)]
-    return known.size < 2 or float(np.ptp(known)) > 0.0
+    finite_values = values[np.isfinite(values)]
+    return finite_values.size < 2 or float(np.ptp(finite_values)) > 0.0
 
 
 def _first(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known[0]) if known.size else float("nan")
+    finite_values = values[np.isfinite(values)]
+    return float(finite_values[0]) if finite_values.size else float("nan")
 
 
 def _travelled(run: Driven) -> float:
@@ -83,24 +83,28 @@ def stuck_findings(run: Driven) -> Iterator[Finding]:
     for name, values in run.trace.channels.items():
         if not name.startswith(("wheel_rate_", "current_", "body_", "rocker_", "bogie_")):
             continue
-        same = np.concatenate([[False], np.diff(values) == 0.0])
+        repeats = np.concatenate([[False], np.diff(values) == 0.0])
         others = [i for i, wheel in enumerate(run.wheels) if name != f"wheel_rate_{wheel}"]
         moves = np.concatenate([[False], np.any(np.diff(rates[:, others], axis=0) != 0.0, axis=1)])
         if name != "body_x" and name.startswith(("rocker_", "bogie_", "body_")):
-            if same[1:].all() and len(same) > 1 and moves.any():
+            if repeats[1:].all() and len(repeats) > 1 and moves.any():
                 todo = "see whether it is measured: else leave the column out"
                 yield Finding(f"{name} is {values[0]:g} {unit_of(name)} all along", run.name, todo)
             continue
-        yield from _stuck(run, name, same & (moves | ~moves.any()) & run.moving[run.block])
+        yield from _stuck(run, name, repeats & (moves | ~moves.any()) & run.moving[run.block])
 
 
-def _stuck(run: Driven, name: str, same: np.ndarray) -> Iterator[Finding]:
-    begin, count = longest_run(same)
+def _stuck(run: Driven, name: str, repeats: np.ndarray) -> Iterator[Finding]:
+    begin, count = longest_run(repeats)
     values, lasting = run.trace[name], count * run.period
-    value, known = values[begin], values[np.isfinite(values)]
-    if lasting < STUCK or count < USUALLY * _usual_run(same & (values != value)):
+    value, finite_values = values[begin], values[np.isfinite(values)]
+    if lasting < STUCK or count < USUALLY * _usual_run(repeats & (values != value)):
         return
-    at_end = value != 0.0 and value in (known.min(), known.max()) and known.min() < known.max()
+    at_end = (
+        value != 0.0
+        and value in (finite_values.min(), finite_values.max())
+        and finite_values.min() < finite_values.max()
+    )
     place = f"from t = {run.trace.t[begin]:.4g} s on (row {begin + 1})"
     if at_end:
         what = f"{name} stays at its extreme, {value:.4g}, for {lasting:.3g} s {place}"
@@ -110,17 +114,17 @@ def _stuck(run: Driven, name: str, same: np.ndarray) -> Iterator[Finding]:
         yield Finding(what, run.name, "it looks frozen: empty these cells, or leave the run out")
 
 
-def _usual_run(same: np.ndarray) -> float:
+def _usual_run(repeats: np.ndarray) -> float:
     """Return the median number of repeats in a row."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], repeats, [False]]).astype(int)))
     return float(np.median(edges[1::2] - edges[::2])) if len(edges) > 2 else 1.0
 
 
 def jump_findings(run: Driven) -> Iterator[Finding]:
     """Yield steps of the tracked pose that no rover makes, single poses that stray, and spikes of wheel rates."""
-    stray = strays(run.trace)
-    yield from _strays(run, stray)
-    trace = without_poses(run.trace, stray)
+    outliers = pose_outliers(run.trace)
+    yield from _outlier_findings(run, outliers)
+    trace = without_poses(run.trace, outliers)
     rates = np.abs(run.trace.stack("wheel_rate"))
     fastest = run.radius * float(np.nanpercentile(rates, 99)) if np.isfinite(rates).any() else 0.0
     for name in ("body_x", "body_y", "body_z"):
@@ -131,11 +135,11 @@ def jump_findings(run: Driven) -> Iterator[Finding]:
         yield from _spikes(run, f"wheel_rate_{wheel}")
 
 
-def _strays(run: Driven, stray: np.ndarray) -> Iterator[Finding]:
-    rows = np.flatnonzero(stray)
+def _outlier_findings(run: Driven, outliers: np.ndarray) -> Iterator[Finding]:
+    rows = np.flatnonzero(outliers)
     if rows.size:
-        times = ", ".join(f"{run.trace.t[row]:.4g}" for row in rows[:MOST_TOLD])
-        more = f" and {rows.size - MOST_TOLD} more" if rows.size > MOST_TOLD else ""
+        times = ", ".join(f"{run.trace.t[row]:.4g}" for row in rows[:MAX_LISTED_POSES])
+        more = f" and {rows.size - MAX_LISTED_POSES} more" if rows.size > MAX_LISTED_POSES else ""
         many = "single poses stray" if rows.size > 1 else "a single pose strays"
         what = f"{many} from those before and after, at t = {times} s (row {rows[0] + 1}){more}"
         yield Finding(what, run.name, f"the loop leaves these {rows.size} of {len(run.trace.t)} poses out")
@@ -144,29 +148,29 @@ def _strays(run: Driven, stray: np.ndarray) -> Iterator[Finding]:
 def _jumps(run: Driven, trace: Trace, name: str, least: float, fastest: float) -> Iterator[Finding]:
     if name not in trace:
         return
-    seen = np.flatnonzero(np.isfinite(trace[name]))
-    t, steps = trace.t[seen], np.diff(trace[name][seen])
+    rows = np.flatnonzero(np.isfinite(trace[name]))
+    t, steps = trace.t[rows], np.diff(trace[name][rows])
     if name in ("body_yaw", "body_roll"):
         steps = (steps + np.pi) % (2.0 * np.pi) - np.pi
     if not steps.size:
         return
-    beyond = np.abs(steps) - 3.0 * fastest * np.diff(t) - NOISY * float(np.median(np.abs(steps)))
-    far = np.flatnonzero(beyond > least)
-    if far.size:
-        worst = int(far[np.argmax(np.abs(steps[far]))])
+    excess = np.abs(steps) - 3.0 * fastest * np.diff(t) - NOISY * float(np.median(np.abs(steps)))
+    jumps = np.flatnonzero(excess > least)
+    if jumps.size:
+        worst = int(jumps[np.argmax(np.abs(steps[jumps]))])
         size = f"{1e3 * abs(steps[worst]):.3g} mm" if least == LEAP else degrees(abs(float(steps[worst])))
-        what = f"{name} jumps by {size} at t = {t[worst + 1]:.4g} s (row {seen[worst + 1] + 1}), {far.size} in all"
+        what = f"{name} jumps by {size} at t = {t[worst + 1]:.4g} s (row {rows[worst + 1] + 1}), {jumps.size} in all"
         yield Finding(what, run.name, "the tracker lost the rover: empty the cells that are off")
 
 
 def _spikes(run: Driven, name: str) -> Iterator[Finding]:
     rate = np.abs(run.trace[name])
-    known = rate[np.isfinite(rate)]
-    usual = float(np.percentile(known, 99)) if known.size else 0.0
-    high = np.flatnonzero(rate > SPIKE * usual) if usual > 0.0 else np.zeros(0, dtype=int)
+    finite_rates = rate[np.isfinite(rate)]
+    typical_rate = float(np.percentile(finite_rates, 99)) if finite_rates.size else 0.0
+    high = np.flatnonzero(rate > SPIKE * typical_rate) if typical_rate > 0.0 else np.zeros(0, dtype=int)
     if high.size:
         what = f"{name} spikes to {rate[high[0]]:.3g} rad/s at t = {run.trace.t[high[0]]:.4g} s (row {high[0] + 1})"
-        yield Finding(what, run.name, f"usual is up to {usual:.3g}: empty these {high.size} cells")
+        yield Finding(what, run.name, f"usual is up to {typical_rate:.3g}: empty these {high.size} cells")
 
 
 def range_findings(run: Driven, motor: Motor | None) -> Iterator[Finding]:

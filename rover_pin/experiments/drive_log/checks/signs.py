@@ -54,13 +54,13 @@ def wheel_sign_faults(run: Driven) -> Iterator[Finding]:
     drawn = _drawn(run)
     for i, wheel in enumerate(run.wheels):
         current = f"current_{wheel}_A"
-        if run.held and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
+        if run.rate_driven and _correlation(run.rate[:, i], run.speed) < OPPOSITE:
             what = f"wheel_rate_{wheel} runs against the travel"
             yield Finding(what, run.name, f"multiply wheel_rate_{wheel} by -1: positive is forward")
         if _correlation(run.duty[:, i], run.rate[:, i]) < OPPOSITE:
             against = _correlation(run.rate[:, i], run.speed) < OPPOSITE
-            turned, other = ("wheel_rate", "duty") if against else ("duty", "wheel_rate")
-            what = f"{turned}_{wheel} runs against {other}_{wheel}"
+            turned, reference_channel = ("wheel_rate", "duty") if against else ("duty", "wheel_rate")
+            what = f"{turned}_{wheel} runs against {reference_channel}_{wheel}"
             yield Finding(what, run.name, f"multiply {turned}_{wheel} by -1: positive is forward")
         elif current in run.trace and _correlation(drawn[:, i], run.mean(run.trace[current])) < OPPOSITE:
             yield Finding(
@@ -74,13 +74,15 @@ def _drawn(run: Driven) -> np.ndarray:
     Where these do not tell them, the duty: but a wheel that others push brakes them, and its motor gives current back.
     """
     names = [f"current_{wheel}_A" for wheel in run.wheels]
-    seen = [run.mean(run.trace[name]) if name in run.trace else np.full(len(run.duty), np.nan) for name in names]
-    table, current = np.column_stack([run.duty.ravel(), -run.rate.ravel()]), np.column_stack(seen).ravel()
+    current_means = [
+        run.mean(run.trace[name]) if name in run.trace else np.full(len(run.duty), np.nan) for name in names
+    ]
+    table, current = np.column_stack([run.duty.ravel(), -run.rate.ravel()]), np.column_stack(current_means).ravel()
     use = np.isfinite(table).all(axis=1) & np.isfinite(current) & np.repeat(run.steady, len(names))
-    gains, left, rank, _ = np.linalg.lstsq(table[use], np.where(use, current, 0.0)[use], rcond=None)
+    gains, residual_sum, rank, _ = np.linalg.lstsq(table[use], np.where(use, current, 0.0)[use], rcond=None)
     if rank < 2 or np.sum(use) < AT_LEAST:
         return run.duty
-    sd = np.sqrt(np.diag(np.linalg.inv(table[use].T @ table[use])) * float(left[0]) / (np.sum(use) - 2))
+    sd = np.sqrt(np.diag(np.linalg.inv(table[use].T @ table[use])) * float(residual_sum[0]) / (np.sum(use) - 2))
     sure = np.prod(np.sign(gains)) > 0 and np.all(np.abs(gains) > SURE * sd)
     return np.asarray((table @ np.abs(gains)).reshape(run.duty.shape)) if sure else run.duty
 
@@ -114,10 +116,10 @@ def _in_degrees(run: Driven, course: np.ndarray, use: np.ndarray) -> bool:
     must turn with them at pi / 180.
     """
     yaw = run.trace["body_yaw"]
-    off, off_degrees = (np.angle(course * np.conj(run.direction(each)[use])) for each in (yaw, np.radians(yaw)))
+    off, off_degrees = (np.angle(course * np.conj(run.direction(angles)[use])) for angles in (yaw, np.radians(yaw)))
     follows = _rms(off_degrees) < FOLLOWS and _rms(off) > _rms(off_degrees) + FOLLOWS
-    beyond = float(np.nanmax(np.abs(yaw))) > 2.0 * math.pi
-    return bool(follows and (beyond or _turns_in_degrees(course, run.mean(yaw)[use])))
+    exceeds_turn = float(np.nanmax(np.abs(yaw))) > 2.0 * math.pi
+    return bool(follows and (exceeds_turn or _turns_in_degrees(course, run.mean(yaw)[use])))
 
 
 def _turns_in_degrees(course: np.ndarray, yaw: np.ndarray) -> bool:
@@ -125,9 +127,9 @@ def _turns_in_degrees(course: np.ndarray, yaw: np.ndarray) -> bool:
     turned = np.unwrap(np.angle(course))
     if len(yaw) < AT_LEAST or min(np.std(yaw), np.std(turned)) == 0.0:
         return False
-    alike = float(np.corrcoef(turned, yaw)[0, 1])
-    slope = alike * float(np.std(turned) / np.std(yaw))
-    sure = alike * math.sqrt(len(yaw) - 2) > SURE * math.sqrt(max(1.0 - alike**2, 0.0))
+    correlation = float(np.corrcoef(turned, yaw)[0, 1])
+    slope = correlation * float(np.std(turned) / np.std(yaw))
+    sure = correlation * math.sqrt(len(yaw) - 2) > SURE * math.sqrt(max(1.0 - correlation**2, 0.0))
     return sure and abs(slope / math.radians(1.0) - 1.0) < SLOPE
 
 
@@ -168,8 +170,8 @@ def _gain(climb: np.ndarray, pitch: np.ndarray) -> float:
         return 0.0
     climb, pitch = climb[use], pitch[use]
     together, size = float(np.cov(climb, pitch)[0, 1]), float(np.std(climb, ddof=1) * np.std(pitch, ddof=1))
-    alike = abs(together) / size if size > 0.0 else 0.0
-    sure = alike * math.sqrt(len(climb) - 2) > SURE * math.sqrt(max(1.0 - alike**2, 0.0))
+    correlation = abs(together) / size if size > 0.0 else 0.0
+    sure = correlation * math.sqrt(len(climb) - 2) > SURE * math.sqrt(max(1.0 - correlation**2, 0.0))
     return -together / float(np.var(climb, ddof=1)) if sure else 0.0
 
 
@@ -180,11 +182,11 @@ def _climbs(run: Driven, terrain: Terrain | None, along: np.ndarray, length: flo
     if terrain is None:
         return
     x, y, yaw = (run.trace[f"body_{name}"] for name in ("x", "y", "yaw"))
-    known = np.isfinite(x + y + yaw)
-    ahead = 0.5 * length * np.exp(1j * yaw[known])
+    finite = np.isfinite(x + y + yaw)
+    ahead = 0.5 * length * np.exp(1j * yaw[finite])
     rise = np.full(len(x), np.nan)
-    rise[known] = terrain.height(x[known] + ahead.real, y[known] + ahead.imag)
-    rise[known] -= terrain.height(x[known] - ahead.real, y[known] - ahead.imag)
+    rise[finite] = terrain.height(x[finite] + ahead.real, y[finite] + ahead.imag)
+    rise[finite] -= terrain.height(x[finite] - ahead.real, y[finite] - ahead.imag)
     yield run.mean(np.arctan(rise / length))
 
 

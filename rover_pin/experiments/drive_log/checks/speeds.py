@@ -41,7 +41,7 @@ def speed_faults(run: Driven, motor: Motor | None) -> Iterator[Finding]:
     """Yield channels of a run whose speeds contradict each other."""
     yield from _velocity(run)
     yield from _height(run)
-    if motor is not None and not run.held:
+    if motor is not None and not run.rate_driven:
         yield from _racing(run, motor)
 
 
@@ -49,15 +49,15 @@ def _velocity(run: Driven) -> Iterator[Finding]:
     """Yield a velocity that is not that of the tracked place, as a complex gain of the one on the other."""
     if "body_vx" not in run.trace or "body_vy" not in run.trace:
         return
-    said = run.mean(run.trace["body_vx"]) + 1j * run.mean(run.trace["body_vy"])
-    use = run.steady & np.isfinite(said) & np.isfinite(run.velocity)
+    reported_velocity = run.mean(run.trace["body_vx"]) + 1j * run.mean(run.trace["body_vy"])
+    use = run.steady & np.isfinite(reported_velocity) & np.isfinite(run.velocity)
     power = float(np.sum(np.abs(run.velocity[use]) ** 2))
     if np.sum(use) < AT_LEAST or power == 0.0 or math.sqrt(power / np.sum(use)) < SLOWEST:
         return
-    gain = complex(np.sum(said[use] * np.conj(run.velocity[use])) / power)
+    gain = complex(np.sum(reported_velocity[use] * np.conj(run.velocity[use])) / power)
     if 1.0 / TIMES < abs(gain) < TIMES and abs(np.angle(gain)) < TURNED:
         return
-    ratio = min(VELOCITY_UNITS, key=lambda each: abs(math.log(max(abs(gain), 1e-9) / each)))
+    ratio = min(VELOCITY_UNITS, key=lambda factor: abs(math.log(max(abs(gain), 1e-9) / factor)))
     what = f"body_vx and body_vy are {abs(gain):.3g} times the speed of body_x and body_y"
     if 1.0 / TIMES < abs(gain) < TIMES:
         what = "body_vx and body_vy point elsewhere than body_x and body_y move"

@@ -29,7 +29,7 @@ FACTORS = {
 NEAR = 1.5
 """A ratio this many times a factor, either way, is taken for it: slip and radius may be off as well."""
 
-ALIKE = 2.0
+MAX_RATIO_SPREAD = 2.0
 """A wrong unit gives the same ratio throughout; slip does not. Greatest median over tenth percentile."""
 
 LARGEST = {"body_pitch": 0.5 * math.pi, "body_roll": math.pi, "rocker_": 2.0, "bogie_": 2.0, "steer_": 2.0 * math.pi}
@@ -57,11 +57,11 @@ def _rates_or_positions(run: Driven) -> Iterator[Finding]:
     use = turning & (speed > 0.004 * rim)
     if np.sum(use) < max(AT_LEAST, 0.5 * np.sum(turning)):
         return
-    best, usual = np.percentile(rim[use] / speed[use], [10, 50])
-    if 0.5 < best < 5.0 or usual > ALIKE * best:
+    best, typical_ratio = np.percentile(rim[use] / speed[use], [10, 50])
+    if 0.5 < best < 5.0 or typical_ratio > MAX_RATIO_SPREAD * best:
         return
-    factor = min(FACTORS, key=lambda each: abs(math.log(best / each)))
-    times = f"the rim runs {usual:.3g} times as fast as the rover all along"
+    factor = min(FACTORS, key=lambda candidate: abs(math.log(best / candidate)))
+    times = f"the rim runs {typical_ratio:.3g} times as fast as the rover all along"
     if abs(math.log(best / factor)) > math.log(NEAR):
         yield Finding(times, run.name, "check the units of wheel_rate_*, body_x and body_y, and the wheel's radius")
         return

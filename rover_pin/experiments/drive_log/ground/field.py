@@ -15,7 +15,7 @@ from rover_pin.estimation.by_chance.random_field import Kind
 from rover_pin.experiments.drive_log.features import BLOCK, LoggedRun
 from rover_pin.motion.defaults import scale
 from rover_pin.motion.model import Model
-from rover_pin.motion.replay import Nudge, Replay, filled
+from rover_pin.motion.replay import Perturbation, Replay, filled
 
 GRIP = Kind("grip along the way", 0.05, "")
 SLOPE = Kind("slope along the way", 0.01, "rad")
@@ -38,7 +38,7 @@ class Driven(Protocol):
     def predict(self, models: Sequence[Model]) -> np.ndarray:
         """Return the features of each model (models, runs, channels, blocks)."""
 
-    def nudged(self, model: Model, asked: Sequence[tuple[int, Nudge]]) -> Sequence[Replay]:
+    def perturbed_replays(self, model: Model, perturbations: Sequence[tuple[int, Perturbation]]) -> Sequence[Replay]:
         """Return the replays of one model on these runs, by index, under these nudges."""
 
     def read_run(self, at: int, replay: Replay, sensors: Sequence[SensorEffect]) -> np.ndarray:
@@ -55,20 +55,22 @@ def ground_columns(experiment: Driven, model: Model) -> dict[str, np.ndarray]:
     still, sensors = experiment.predict([model])[0], model.sensor_effects
     weight = model.built.mass * abs(model.gravity)
     places = [(at, share) for at, run in enumerate(experiment.runs) for share in shares_of(run, model.rover)]
-    grips = experiment.nudged(model, [(at, Nudge(grip=GRIP.size * share)) for at, share in places])
-    pushed = experiment.nudged(model, [(at, Nudge(force=-weight * SLOPE.size * share)) for at, share in places])
-    slopes = [_tilted(experiment.runs[at], one, share) for (at, share), one in zip(places, pushed, strict=True)]
+    grips = experiment.perturbed_replays(model, [(at, Perturbation(grip=GRIP.size * share)) for at, share in places])
+    pushed = experiment.perturbed_replays(
+        model, [(at, Perturbation(force=-weight * SLOPE.size * share)) for at, share in places]
+    )
+    slopes = [_tilted(experiment.runs[at], replay, share) for (at, share), replay in zip(places, pushed, strict=True)]
     columns = []
-    for along, whole, replays in ((GRIP, GRIP_OF_RUN, grips), (SLOPE, SLOPE_OF_RUN, slopes)):
-        moved: list[list[np.ndarray]] = [[] for _ in experiment.runs]
-        for (at, _), one in zip(places, replays, strict=True):
-            moved[at].append(_finite(experiment.read_run(at, one, sensors) - still[at]))
-        for at, own in enumerate(moved):
-            columns += [(along, at, each) for each in own if len(own) > 1]
-            columns.append((whole, at, np.sum(own, axis=0)))
+    for along, run_kind, replays in ((GRIP, GRIP_OF_RUN, grips), (SLOPE, SLOPE_OF_RUN, slopes)):
+        changes: list[list[np.ndarray]] = [[] for _ in experiment.runs]
+        for (at, _), replay in zip(places, replays, strict=True):
+            changes[at].append(_finite(experiment.read_run(at, replay, sensors) - still[at]))
+        for at, run_changes in enumerate(changes):
+            columns += [(along, at, change) for change in run_changes if len(run_changes) > 1]
+            columns.append((run_kind, at, np.sum(run_changes, axis=0)))
     table = np.zeros((len(columns), *still.shape))
-    for row, (_, at, each) in zip(table, columns, strict=True):
-        row[at] = each
+    for row, (_, at, change) in zip(table, columns, strict=True):
+        row[at] = change
     kind, fold = np.array([(KINDS.index(kind), at) for kind, at, _ in columns]).T
     return {"kind": kind, "fold": fold, "moved": table}
 

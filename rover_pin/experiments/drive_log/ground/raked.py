@@ -12,7 +12,7 @@ from rover_pin.effects.bent_ground import BentGround
 from rover_pin.estimation.by_chance.random_field import LearntSd, RandomField, expected
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.noise import COLOURED
-from rover_pin.estimation.wording import shown
+from rover_pin.estimation.wording import format_value
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.ground.field import KINDS, SLOPE, SLOPE_OF_RUN, shares_of
 from rover_pin.experiments.drive_log.ground.shared_bend import shared_bend
@@ -37,7 +37,7 @@ class Stretch(NamedTuple):
     "x and y of the base [m], in the direction that the rover faces"
 
 
-class Raked(NamedTuple):
+class GroundVariability(NamedTuple):
     """The learnt SDs of ground and tracker, and the ground's worst stretch where slopes are off beyond SURVEYED."""
 
     learnt: tuple[LearntSd, ...]
@@ -48,7 +48,7 @@ class Raked(NamedTuple):
     "what the runs have in common of that, where that is most of it"
 
     @property
-    def said(self) -> str:
+    def sentence(self) -> str:
         """The finding as a sentence; empty where the ground is as declared."""
         if self.worst is None:
             return ""
@@ -70,59 +70,74 @@ class Raked(NamedTuple):
     @property
     def lines(self) -> list[str]:
         """The learnt SDs, a line of the ground's and one of the tracker's."""
-        ground = [f"{one.kind.name} {_size(one)}" for one in self.learnt if one.sd > 0 and one.kind in KINDS]
-        tracker = [f"{one.kind.name} {_size(one)}" for one in self.learnt if one.sd > 0 and one.kind not in KINDS]
-        told = {"ground, learnt (SD)": ground, "tracker, learnt (SD)": tracker}
-        return [f"{of}: {', '.join(each)}" for of, each in told.items() if each]
+        ground = [
+            f"{learnt_sd.kind.name} {_size(learnt_sd)}"
+            for learnt_sd in self.learnt
+            if learnt_sd.sd > 0 and learnt_sd.kind in KINDS
+        ]
+        tracker = [
+            f"{learnt_sd.kind.name} {_size(learnt_sd)}"
+            for learnt_sd in self.learnt
+            if learnt_sd.sd > 0 and learnt_sd.kind not in KINDS
+        ]
+        groups = {"ground, learnt (SD)": ground, "tracker, learnt (SD)": tracker}
+        return [f"{of}: {', '.join(parts)}" for of, parts in groups.items() if parts]
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values."""
-        sds = {one.kind.name: {"sd": one.sd, "unit": one.kind.unit, "gain": one.gain} for one in self.learnt}
+        sds = {
+            learnt_sd.kind.name: {"sd": learnt_sd.sd, "unit": learnt_sd.kind.unit, "gain": learnt_sd.gain}
+            for learnt_sd in self.learnt
+        }
         bend = {name: float(value) for name, value in self.bend.values().items()} if self.bend else None
         worst = self.worst._asdict() if self.worst else None
         return {"sds": sds, "slope_rms": self.rms, "worst": worst, "bend": bend}
 
 
-def _size(one: LearntSd) -> str:
-    return shown(one.sd, one.kind.unit) if one.kind.unit else f"{one.sd:.1%}"
+def _size(learnt_sd: LearntSd) -> str:
+    return format_value(learnt_sd.sd, learnt_sd.kind.unit) if learnt_sd.kind.unit else f"{learnt_sd.sd:.1%}"
 
 
 def _degrees(slope: float) -> str:
     return f"{math.degrees(slope):.2g} deg"
 
 
-def raked(fitted: Fit, field: RandomField | None) -> Raked | None:
+def ground_variability(fitted: Fit, field: RandomField | None) -> GroundVariability | None:
     """Return what a fit says of the ground of its runs; None where none was learnt."""
     noise, experiment = fitted.task.noise, logged(fitted)
-    if field is None or noise.chance is None:
+    if field is None or noise.random_effects is None:
         return None
-    learnt = noise.chance.learnt
-    plain = dataclasses.replace(noise, chance=None)
-    found = expected(field, learnt, plain.white(field.moved).T, plain.white(fitted.residual))
-    slopes = [_slope(found, field, at, shares_of(run, fitted.model.rover)) for at, run in enumerate(experiment.runs)]
+    learnt = noise.random_effects.learnt
+    plain = dataclasses.replace(noise, random_effects=None)
+    coefficients = expected(field, learnt, plain.white(field.moved).T, plain.white(fitted.residual))
+    slopes = [
+        _slope(coefficients, field, at, shares_of(run, fitted.model.rover)) for at, run in enumerate(experiment.runs)
+    ]
     rms = math.sqrt(float(np.mean(np.concatenate(slopes) ** 2)))
-    sure = any(one.kind in (SLOPE, SLOPE_OF_RUN) and one.gain > SURE for one in learnt)
+    sure = any(learnt_sd.kind in (SLOPE, SLOPE_OF_RUN) and learnt_sd.gain > SURE for learnt_sd in learnt)
     if not (sure and rms > SURVEYED):
-        return Raked(learnt, rms, None)
-    return Raked(learnt, rms, _worst(fitted, slopes), shared_bend(experiment.runs, slopes))
+        return GroundVariability(learnt, rms, None)
+    return GroundVariability(learnt, rms, _worst(fitted, slopes), shared_bend(experiment.runs, slopes))
 
 
-def _slope(found: np.ndarray, field: RandomField, run: int, shares: np.ndarray) -> np.ndarray:
+def _slope(coefficients: np.ndarray, field: RandomField, run: int, shares: np.ndarray) -> np.ndarray:
     """Return the expected slope at each row of a run (T,)."""
-    along, whole = (found[(field.fold == run) & (field.kind == KINDS.index(kind))] for kind in (SLOPE, SLOPE_OF_RUN))
-    return np.asarray(float(whole.sum()) + (along @ shares if along.size else np.zeros(shares.shape[1])))
+    along, run_slopes = (
+        coefficients[(field.fold == run) & (field.kind == KINDS.index(kind))] for kind in (SLOPE, SLOPE_OF_RUN)
+    )
+    return np.asarray(float(run_slopes.sum()) + (along @ shares if along.size else np.zeros(shares.shape[1])))
 
 
 def _worst(fitted: Fit, slopes: list[np.ndarray]) -> Stretch:
     run = max(range(len(slopes)), key=lambda at: float(np.abs(slopes[at]).max()))
-    row, one = slopes[run], logged(fitted).runs[run]
+    row, logged_run = slopes[run], logged(fitted).runs[run]
     top = int(np.argmax(np.abs(row)))
     inside = row * np.sign(row[top]) > MOST_OF_IT * abs(row[top])
     outside = np.flatnonzero(~inside)
     begin = int(outside[outside < top].max(initial=-1)) + 1
     end = int(outside[outside > top].min(initial=len(row)))
-    path = np.column_stack([filled(one.commands.place[:, axis])[begin:end] for axis in (0, 1)])
-    facing = np.array([math.cos(one.heading[top]), math.sin(one.heading[top])])
+    path = np.column_stack([filled(logged_run.commands.place[:, axis])[begin:end] for axis in (0, 1)])
+    facing = np.array([math.cos(logged_run.heading[top]), math.sin(logged_run.heading[top])])
     ends = path[[0, -1]] if (path[-1] - path[0]) @ facing >= 0 else path[[-1, 0]]
     first, last = ((float(x), float(y)) for x, y in ends)
-    return Stretch(one.name, float(row[begin:end].mean()), first, last)
+    return Stretch(logged_run.name, float(row[begin:end].mean()), first, last)

@@ -33,12 +33,14 @@ def shared_bend(runs: Sequence[LoggedRun], slopes: Sequence[np.ndarray]) -> Bent
     spacing = float(knots[1] - knots[0])
     rows = np.maximum(0.0, 1.0 - np.abs(x[:, None] - knots) / spacing) * ahead[:, None]
     right = np.concatenate(list(slopes))
-    known = np.isfinite(right) & np.isfinite(rows).all(axis=1)
-    rows, right = rows[known], right[known]
-    each = WEIGHT * len(right) / len(runs)
-    found = np.linalg.solve(rows.T @ rows + each * np.eye(KNOTS), rows.T @ right)
-    left = float(np.sum((rows @ found - right) ** 2))
-    if not left < (1.0 - SHARED) * float(np.sum(right**2)):
+    finite = np.isfinite(right) & np.isfinite(rows).all(axis=1)
+    rows, right = rows[finite], right[finite]
+    penalty = WEIGHT * len(right) / len(runs)
+    knot_slopes = np.linalg.solve(rows.T @ rows + penalty * np.eye(KNOTS), rows.T @ right)
+    residual_sum = float(np.sum((rows @ knot_slopes - right) ** 2))
+    if not residual_sum < (1.0 - SHARED) * float(np.sum(right**2)):
         return None
-    own = {name: float(np.clip(slope, -STEEP, STEEP)) for name, slope in zip(BentGround.neutral, found, strict=True)}
-    return BentGround(**own, x_from=low - spacing, length=(KNOTS + 1) * spacing)
+    slope_by_knot = {
+        name: float(np.clip(slope, -STEEP, STEEP)) for name, slope in zip(BentGround.neutral, knot_slopes, strict=True)
+    }
+    return BentGround(**slope_by_knot, x_from=low - spacing, length=(KNOTS + 1) * spacing)

@@ -21,7 +21,7 @@ from rover_pin.motion.run_terrain import level_on
 from rover_pin.motion.trace import Trace
 
 
-def runs_on_told_ground(log: DriveLog, model: Model, jobs: Workers = 1) -> tuple[LoggedRun, ...]:
+def runs_on_estimated_ground(log: DriveLog, model: Model, jobs: Workers = 1) -> tuple[LoggedRun, ...]:
     """Return all runs of a log; where a run tells its ground, on that under the model's rover, not under a rigid plank.
 
     The model drives over the ground of the level as it was measured; by as much as its own level differs from that
@@ -29,12 +29,15 @@ def runs_on_told_ground(log: DriveLog, model: Model, jobs: Workers = 1) -> tuple
     order, and what another soil lets it sink otherwise. Where the model does not drive to the end, the first stands.
     """
     runs = logged_runs(log, model.rover)
-    own = [at for at, trace in enumerate(log.runs) if log.is_estimated(trace)]
-    if not own:
+    estimated_indices = [at for at, trace in enumerate(log.runs) if log.is_estimated(trace)]
+    if not estimated_indices:
         return runs
-    replays = experiment_of([runs[at] for at in own], model, jobs).replays(model)
-    found = {at: _standing(log, log.runs[at], runs[at], one) for at, one in zip(own, replays, strict=True)}
-    return tuple(found.get(at, run) for at, run in enumerate(runs))
+    replays = experiment_of([runs[at] for at in estimated_indices], model, jobs).replays(model)
+    corrected_runs = {
+        at: _standing(log, log.runs[at], runs[at], replay)
+        for at, replay in zip(estimated_indices, replays, strict=True)
+    }
+    return tuple(corrected_runs.get(at, run) for at, run in enumerate(runs))
 
 
 def _standing(log: DriveLog, trace: Trace, run: LoggedRun, driven: Replay) -> LoggedRun:
@@ -43,9 +46,9 @@ def _standing(log: DriveLog, trace: Trace, run: LoggedRun, driven: Replay) -> Lo
         return run
     under = level_on(run.commands.terrain, log.load_rover(), run.commands.place)
     stance = {name: driven.channels[name] - under[name] for name in TELL_GROUND if name in trace}
-    known = np.all(np.isfinite(list(stance.values())), axis=0) if stance else np.zeros(0, dtype=bool)
-    if not known.any():
+    finite = np.all(np.isfinite(list(stance.values())), axis=0) if stance else np.zeros(0, dtype=bool)
+    if not finite.any():
         return run
-    less = {name: trace[name] - np.interp(trace.t, run.commands.t[known], row[known]) for name, row in stance.items()}
+    less = {name: trace[name] - np.interp(trace.t, run.commands.t[finite], row[finite]) for name, row in stance.items()}
     ground = log.terrain_of(Trace({**trace.channels, **less}, dict(trace.units), dict(trace.attrs)))
     return dataclasses.replace(run, commands=dataclasses.replace(run.commands, terrain=ground))

@@ -21,11 +21,16 @@ def scatter(runs: Sequence[LoggedRun], channels: Sequence[str]) -> np.ndarray:
     What moves faster than half a second counts as scatter, what drifts more slowly does not: so it is a floor.
     """
     rows = [run.measured_rows() for run in runs]
-    return np.array([_floor([(run, each[name]) for run, each in zip(runs, rows, strict=True)]) for name in channels])
+    return np.array(
+        [
+            _floor([(run, measured_rows[name]) for run, measured_rows in zip(runs, rows, strict=True)])
+            for name in channels
+        ]
+    )
 
 
 def _floor(rows: Sequence[tuple[LoggedRun, np.ndarray]]) -> float:
-    found: list[tuple[float, float]] = []
+    mean_squares: list[tuple[float, float]] = []
     length = 0
     for run, row in rows:
         length = max(1, round(BLOCK / run.commands.period))
@@ -33,16 +38,16 @@ def _floor(rows: Sequence[tuple[LoggedRun, np.ndarray]]) -> float:
             return float("nan")
         count = len(row) // length
         parts = row[: count * length].reshape(count, length)[run.usable[:count]]
-        found += [_differences(part) for part in parts if np.isfinite(part).all()]
-    if not found:
+        mean_squares += [_differences(part) for part in parts if np.isfinite(part).all()]
+    if not mean_squares:
         return float("nan")
-    one, two = np.median(np.array(found), axis=0)
-    rho = min(max(two / one - 1, 0.0), MOST_MEMORY) if one > 0 else 0.0
-    return float(np.sqrt(one / (1 - rho) * (1 + rho) / (1 - rho) / length))
+    g_1, g_2 = np.median(np.array(mean_squares), axis=0)
+    rho = min(max(g_2 / g_1 - 1, 0.0), MOST_MEMORY) if g_1 > 0 else 0.0
+    return float(np.sqrt(g_1 / (1 - rho) * (1 + rho) / (1 - rho) / length))
 
 
 def _differences(part: np.ndarray) -> tuple[float, float]:
     """Return half the mean squares of differences at lags 1 and 2, about the line through a block."""
     at = np.arange(len(part)) - (len(part) - 1) / 2
-    rest = part - part.mean() - at * (at @ part) / (at @ at)
-    return float(np.mean(np.diff(rest) ** 2) / 2), float(np.mean((rest[2:] - rest[:-2]) ** 2) / 2)
+    residual = part - part.mean() - at * (at @ part) / (at @ at)
+    return float(np.mean(np.diff(residual) ** 2) / 2), float(np.mean((residual[2:] - residual[:-2]) ** 2) / 2)

@@ -13,7 +13,7 @@ from rover_pin.motion.replay import PERIOD
 OF_FEATURES = {PATH: "body_position", DRIFT: "body_position", HEADING: "body_attitude", SPEED: "body_velocity"}
 
 
-def stated(declared: Mapping[str, float], channels: Sequence[str]) -> np.ndarray:
+def declared_block_sd(declared: Mapping[str, float], channels: Sequence[str]) -> np.ndarray:
     """Return the SD of a feature's half-second mean (channels,) by declared SDs of samples, NaN where none is.
 
     Of n samples without memory the mean has sd / sqrt(n); what a way forgets of its beginning is left out.

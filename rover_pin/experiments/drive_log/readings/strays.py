@@ -25,47 +25,47 @@ ABOUT_THE_MIDDLE = 1.4826 / np.sqrt(1.5)
 """SD of white noise over the median distance of a value from the middle of its two neighbours."""
 
 
-def strays(log: Trace) -> np.ndarray:
+def pose_outliers(log: Trace) -> np.ndarray:
     """Return which rows (T,) of a log have a pose that strays from the two before and the two after.
 
     What one stray pose hides of another is found in a second look.
     """
-    stray = np.zeros(len(log.t), dtype=bool)
+    outliers = np.zeros(len(log.t), dtype=bool)
     for _ in range(2):
-        for name in (each for each in LEAST if each in log):
-            seen = np.flatnonzero(np.isfinite(log[name]) & ~stray)
-            stray[seen[_stray(log.t[seen], log[name][seen], name)]] = True
-    return stray
+        for name in (channel for channel in LEAST if channel in log):
+            rows = np.flatnonzero(np.isfinite(log[name]) & ~outliers)
+            outliers[rows[_outlier_places(log.t[rows], log[name][rows], name)]] = True
+    return outliers
 
 
-def without_strays(log: Trace) -> Trace:
+def without_pose_outliers(log: Trace) -> Trace:
     """Return the log with the poses that stray left empty, all numbers of them."""
-    return without_poses(log, strays(log))
+    return without_poses(log, pose_outliers(log))
 
 
-def without_poses(log: Trace, stray: np.ndarray) -> Trace:
+def without_poses(log: Trace, outliers: np.ndarray) -> Trace:
     """Return the log with the poses of these rows (T,) left empty, all numbers of them."""
-    if not stray.any():
+    if not outliers.any():
         return log
-    emptied = {name: np.where(stray, np.nan, log[name]) for name in LEAST if name in log}
+    emptied = {name: np.where(outliers, np.nan, log[name]) for name in LEAST if name in log}
     return Trace({**log.channels, **emptied}, log.units, log.attrs)
 
 
 def scattered(values: np.ndarray) -> float:
     """Return the SD of a channel's white noise as its samples scatter about the middle of their neighbours."""
-    apart = values[1:-1] - (values[:-2] + values[2:]) / 2
-    known = np.abs(apart[np.isfinite(apart)])
-    return ABOUT_THE_MIDDLE * float(np.median(known)) if known.size else 0.0
+    deviation = values[1:-1] - (values[:-2] + values[2:]) / 2
+    magnitudes = np.abs(deviation[np.isfinite(deviation)])
+    return ABOUT_THE_MIDDLE * float(np.median(magnitudes)) if magnitudes.size else 0.0
 
 
-def _stray(t: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
+def _outlier_places(t: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
     """Return the places of values that lie beyond all their neighbours, on one side of them."""
     if len(t) <= 2 * SIDE:
         return np.zeros(0, dtype=int)
     turned = np.unwrap(values) if LEAST[name] == LEAST["body_yaw"] else values
     middle = np.arange(SIDE, len(t) - SIDE)
-    apart = np.array([turned[middle] - turned[middle + by] for by in range(-SIDE, SIDE + 1) if by])
-    one_side = (apart > 0).all(axis=0) | (apart < 0).all(axis=0)
+    distance = np.array([turned[middle] - turned[middle + by] for by in range(-SIDE, SIDE + 1) if by])
+    one_side = (distance > 0).all(axis=0) | (distance < 0).all(axis=0)
     noise = scattered(turned)
-    near = t[middle + SIDE] - t[middle - SIDE] < NEAR
-    return np.asarray(middle[one_side & near & (np.abs(apart).min(axis=0) > max(LEAST[name], BEYOND * noise))])
+    is_dense = t[middle + SIDE] - t[middle - SIDE] < NEAR
+    return np.asarray(middle[one_side & is_dense & (np.abs(distance).min(axis=0) > max(LEAST[name], BEYOND * noise))])

@@ -31,26 +31,26 @@ def tracker_columns(runs: Sequence[LoggedRun], channels: Sequence[str], length: 
     `kind`, `fold` and `moved` are those of a `RandomField` of the kinds TRACKER.
     """
     columns = [
-        (TRACKER.index(OF[name]), at, row, moved)
+        (TRACKER.index(OF[name]), at, row, response)
         for at, run in enumerate(runs)
         for row, name in enumerate(channels)
         if name in OF
-        for moved in _moved(run, name)
+        for response in _tracker_responses(run, name)
     ]
     table = np.zeros((len(columns), len(runs), len(channels), length))
-    for own, (_, at, row, moved) in zip(table, columns, strict=True):
-        own[at, row, : len(moved)] = moved
-    kind, fold = (np.array([one[at] for one in columns], dtype=int) for at in (0, 1))
+    for features, (_, at, row, response) in zip(table, columns, strict=True):
+        features[at, row, : len(response)] = response
+    kind, fold = (np.array([column[at] for column in columns], dtype=int) for at in (0, 1))
     return {"kind": kind, "fold": fold, "moved": table}
 
 
-def _moved(run: LoggedRun, name: str) -> np.ndarray:
+def _tracker_responses(run: LoggedRun, name: str) -> np.ndarray:
     """Return the blocks of a feature (times, blocks) by which the tracker moves it."""
     t, period = run.commands.t, run.commands.period
     count = min(max(round((t[-1] - t[0]) / SPACING), 1), MOST - 1) + 1
     knots = np.linspace(t[0], t[-1], count)
     shares = OF[name].size * np.maximum(0.0, 1.0 - np.abs(t - knots[:, None]) / (knots[1] - knots[0]))
     if name in (PATH, DRIFT, HEADING):
-        steps = run.counted * np.diff(shares, axis=1, prepend=shares[:, :1])
-        return blocks(np.array([leaky(one, period) for one in steps]), period)
-    return np.array([levelled(name, one, run.usable) for one in blocks(shares, period)])
+        steps = run.summed_rows * np.diff(shares, axis=1, prepend=shares[:, :1])
+        return blocks(np.array([leaky(step, period) for step in steps]), period)
+    return np.array([levelled(name, block, run.usable) for block in blocks(shares, period)])

@@ -23,11 +23,11 @@ STEP = 0.02
 """Change of a duty from which the doubt about its time shows: by 4 mrad/s in half a second."""
 USUAL = 5.0
 """Times the usual change of a duty that a step is at least: what changes all the time evens out."""
-SETTLES = 0.1
+RESPONSE_TIME = 0.1
 """Time that a wheel takes to its new rate [s]."""
 
 
-class Unsure(NamedTuple):
+class AmbiguousStep(NamedTuple):
     """A time between two rows of a log in which a duty stepped, when is not told."""
 
     begin: float
@@ -36,24 +36,24 @@ class Unsure(NamedTuple):
     "whether rows are missing in between: what was driven there is not told either"
 
 
-def unsure_steps(log: Trace) -> list[Unsure]:
+def ambiguous_steps(log: Trace) -> list[AmbiguousStep]:
     """Return the times between two rows of a log in which a duty stepped, when is not told."""
     names = [name for name in log.channels if name.startswith("duty_")]
-    if log.held or not names or len(log.t) < 3:
+    if log.rate_driven or not names or len(log.t) < 3:
         return []
     change = np.abs(np.diff(np.column_stack([log[name] for name in names]), axis=0)).max(axis=1)
     change = np.nan_to_num(change)
     dt = np.diff(log.t)
-    usual = float(np.median(dt))
-    uneven = float(np.quantile(np.abs(dt / usual - 1.0), 0.9)) > UNEVEN
-    missed = dt > MISSED * usual
+    median_dt = float(np.median(dt))
+    uneven = float(np.quantile(np.abs(dt / median_dt - 1.0), 0.9)) > UNEVEN
+    missed = dt > MISSED * median_dt
     step = (change > max(STEP, USUAL * float(np.median(change)))) & (uneven | missed)
-    return [Unsure(float(log.t[at]), float(log.t[at + 1]), bool(missed[at])) for at in np.flatnonzero(step)]
+    return [AmbiguousStep(float(log.t[at]), float(log.t[at + 1]), bool(missed[at])) for at in np.flatnonzero(step)]
 
 
-def told(steps: Sequence[Unsure], run: Commands) -> np.ndarray:
+def unaffected_rows(steps: Sequence[AmbiguousStep], run: Commands) -> np.ndarray:
     """Return in which rows of a replay (T,) no such step acts, nor the wheels' way to their new rates after it."""
     rows = np.ones(len(run.t), dtype=bool)
     for begin, end, _ in steps:
-        rows &= (run.t < begin) | (run.t - run.period > end + SETTLES)
+        rows &= (run.t < begin) | (run.t - run.period > end + RESPONSE_TIME)
     return rows
