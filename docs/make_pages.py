@@ -12,10 +12,10 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
-from rover_pin import catalogue
-from rover_pin.cli import app
-from rover_pin.settings import Setting
-from rover_pin.terminal import allowed, fact, format_value
+from rover_pin.base.settings import Setting
+from rover_pin.cli.app import app
+from rover_pin.cli.terminal import allowed, fact, format_value
+from rover_pin.scenarios import catalogue
 
 ROOT = Path(__file__).parents[1]
 PROSE = ("meaning", "acts")

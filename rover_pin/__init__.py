@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 from rover_pin.version import __version__
 
 if TYPE_CHECKING:
-    from rover_pin.body.rover import load_rover
+    from rover_pin.base.errors import RoverPinError
     from rover_pin.contact import Soil, Wheel
     from rover_pin.control.bounds import torque_bounds
     from rover_pin.control.constant import ConstantDuty
     from rover_pin.control.slip_control import SlipControl
-    from rover_pin.errors import RoverPinError
     from rover_pin.loop.close import close_the_loop
-    from rover_pin.motion.model import Model
-    from rover_pin.motion.motor import Motor
-    from rover_pin.motion.simulate import convergence, plain_simulate, simulate
-    from rover_pin.motion.trace import Trace
     from rover_pin.parameters import SOILS
-    from rover_pin.scenarios import scenario
+    from rover_pin.rover.rover import load_rover
+    from rover_pin.scenarios.scenario import scenario
+    from rover_pin.simulation.model.model import Model
+    from rover_pin.simulation.model.motor import Motor
+    from rover_pin.simulation.simulate import convergence, plain_simulate, simulate
+    from rover_pin.simulation.trace.trace import Trace
     from rover_pin.soil.traction import load_traction_factor, wheel_forces
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
@@ -51,19 +51,19 @@ __all__ = [
 ]
 
 _HOMES = {
-    "body.rover": ("load_rover",),
+    "rover.rover": ("load_rover",),
     "contact": ("Soil", "Wheel"),
     "control.bounds": ("torque_bounds",),
     "control.constant": ("ConstantDuty",),
     "control.slip_control": ("SlipControl",),
-    "errors": ("RoverPinError",),
+    "base.errors": ("RoverPinError",),
     "loop.close": ("close_the_loop",),
-    "motion.model": ("Model",),
-    "motion.motor": ("Motor",),
-    "motion.simulate": ("convergence", "plain_simulate", "simulate"),
-    "motion.trace": ("Trace",),
+    "simulation.model.model": ("Model",),
+    "simulation.model.motor": ("Motor",),
+    "simulation.simulate": ("convergence", "plain_simulate", "simulate"),
+    "simulation.trace.trace": ("Trace",),
     "parameters": ("SOILS",),
-    "scenarios": ("scenario",),
+    "scenarios.scenario": ("scenario",),
     "soil.traction": ("load_traction_factor", "wheel_forces"),
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import atexit
 import gc
 
-from rover_pin.surroundings import leave_folder_out
+from rover_pin.base.jobs.safe_environment import leave_folder_out
 
 SELDOM = (50_000, 20, 100)
 """When garbage is collected: importing makes much and drops little, and the process's end frees all at once."""
@@ -16,7 +16,7 @@ def main() -> None:
     leave_folder_out()
     gc.set_threshold(*SELDOM)
     atexit.register(gc.freeze)
-    from rover_pin.cli import main as run
+    from rover_pin.cli.app import main as run
 
     run()
 

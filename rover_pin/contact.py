@@ -13,8 +13,8 @@ from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
 
-from rover_pin.public import Kind
-from rover_pin.quantity import Record, is_number, quantity
+from rover_pin.base.public import Kind
+from rover_pin.base.quantity import Record, is_number, quantity
 
 Scalar = Annotated[Any, Kind("a number or a CasADi expression", is_number)]
 """A float, or a scalar CasADi expression (SX or MX)."""

@@ -47,20 +47,20 @@ from scipy.optimize import differential_evolution
 
 from rover_pin import plot
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.control.drive_score import Cost, Score, score_trace
-from rover_pin.control.evaluations import Evaluations
 from rover_pin.control.onboard import Tacking, TackingControl
 from rover_pin.control.slip_control import Gains, SlipControl
-from rover_pin.control.tuning_drives import built, estimate_of, limit_of
-from rover_pin.control.tuning_ensemble import random_drives
-from rover_pin.control.tuning_study import DriveCase
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.motion.command import Command, Reading
-from rover_pin.motion.simulate import simulate
-from rover_pin.motion.trace import Trace
+from rover_pin.simulation.command import Command, Reading
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.traction import load_traction_factor
+from rover_pin.tuning.drive_score import Cost, Score, score_trace
+from rover_pin.tuning.drives import built, estimate_of, limit_of
+from rover_pin.tuning.ensemble import random_drives
+from rover_pin.tuning.evaluations import Evaluations
+from rover_pin.tuning.study import DriveCase
 
 TRAINING, HELD_OUT, BOUND = 50.0, 100.0, 60.0
 """Durations [s]: a rover that crawls at a wall gets its time."""

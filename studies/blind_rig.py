@@ -41,6 +41,7 @@ from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 from kept.case import kept
 
+from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.candidate import plain_candidate
 from rover_pin.discrepancy.exact_refits import paired, rank_refits, variants
 from rover_pin.discrepancy.refit import Refit
@@ -56,7 +57,6 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import question_of
-from rover_pin.own_code import key_of_code
 
 GENERATOR = Path(__file__).parents[1] / "tests" / "oracle" / "rig_generator.py"
 

@@ -44,6 +44,7 @@ from blind_score import Case, Kind, Size, publish
 from joblib import Parallel, delayed
 from kept.case import kept
 
+from rover_pin.base.code_digest import key_of_code
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.compare import refit
 from rover_pin.discrepancy.cross_validation import first_order_surprises
@@ -58,9 +59,8 @@ from rover_pin.experiments.drive_log.candidates import candidates
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.model import base_model, with_spread
 from rover_pin.experiments.unlisted.remainder import DriveResidual, describe
+from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.drive import residual_assessment
-from rover_pin.motion.drive_log import read_drive_log
-from rover_pin.own_code import key_of_code
 
 MAKE = Path(__file__).parents[1] / "tests" / "oracle" / "blind" / "make.py"
 CALIBRATION, REPORTED = 902, 6203

@@ -55,11 +55,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from rover_pin import plot
-from rover_pin.control.evaluations import Evaluations
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.onboard import TackingControl
-from rover_pin.errors import ParameterError
-from rover_pin.motion.trace import Trace
-from rover_pin.scenarios import Scenario, scenario
+from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.tuning.evaluations import Evaluations
 
 CUT, CONTACT_ENDS = 0.5, 0.9
 """Sinkage over wheel radius from which a wheel counts as buried here, and at which the drives themselves end."""

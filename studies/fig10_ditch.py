@@ -53,12 +53,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from rover_pin.body.shapes import ditch
 from rover_pin.control.slip_control import SlipControl
 from rover_pin.effects.post_peak import PostPeak
-from rover_pin.motion.trace import Trace
 from rover_pin.plot import COLOURS, configuration, draw_rover, ground_line, save, write_csv
-from rover_pin.scenarios import Scenario, scenario
+from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.shapes import ditch
 
 OUT_AT = 0.95
 """Body x [m] at which the rear wheels (0.155 m behind it) have left the far lip at 0.7 m."""

@@ -39,12 +39,12 @@ import pandas as pd
 from joblib import Parallel, delayed
 from matplotlib.figure import Figure
 
-from rover_pin.body.shapes import ditch
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.torque_limit import NoLimit
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.plot import save, write_csv
-from rover_pin.scenarios import Scenario, scenario
+from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.terrain.shapes import ditch
 
 OUT_AT, DURATION = 0.95, 45.0
 GENTLEST, STEEPEST, STEP = 27.0, 85.0, 0.5

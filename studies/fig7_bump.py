@@ -38,9 +38,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rover_pin.motion.trace import Trace
 from rover_pin.plot import configuration, draw_rover, ground_line, save, write_csv
-from rover_pin.scenarios import Scenario, scenario
+from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.simulation.trace.trace import Trace
 
 HEIGHT, LENGTH, AT = 0.03, 0.3, 0.5
 REACH = 0.21

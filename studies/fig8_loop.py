@@ -39,10 +39,10 @@ from matplotlib.figure import Figure
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
 from rover_pin.experiments.drive_log.features import logged_runs
 from rover_pin.experiments.drive_log.model import base_model, with_spread
-from rover_pin.motion.drive_log import DriveLog, read_drive_log
-from rover_pin.motion.model import Model
-from rover_pin.motion.model_toml import read_model
+from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.plot import COLOURS, save, write_csv
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.model.toml_file import read_model
 
 HERE = Path(__file__).parent
 LATE = 4.0

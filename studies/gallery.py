@@ -26,8 +26,8 @@ from pathlib import Path
 import pandas as pd
 
 from rover_pin.plot import save, snapshots, write_csv
-from rover_pin.scenarios import Scenario, scenario
-from rover_pin.scenes import SCENES
+from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.scenarios.scenes import SCENES
 
 WANT_A_FILE = ("polyline", "grid")
 PICTURES = {

@@ -54,12 +54,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.motion.cruise import CRUISE_DUTY, CRUISE_SLIP
-from rover_pin.motion.simulate import Timing
-from rover_pin.motion.trace import Trace
 from rover_pin.parameters.gravity import EARTH, GRAVITIES
 from rover_pin.plot import COLOURS, save, write_csv
-from rover_pin.scenarios import Scenario, scenario
+from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.simulation.model.cruise import CRUISE_DUTY, CRUISE_SLIP
+from rover_pin.simulation.simulate import Timing
+from rover_pin.simulation.trace.trace import Trace
 
 SCENES: dict[str, tuple[str, dict[str, Any], float, float]] = {
     "flat": ("flat", {}, 16.0, 0.5),

@@ -44,6 +44,7 @@ from matplotlib.figure import Figure
 from paper.statements import SLIPS, STATEMENTS
 from scipy.optimize import minimize
 
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.discrepancy.screen import null_threshold
 from rover_pin.effects.effect import Effect
@@ -51,7 +52,6 @@ from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.wheel_rig.candidates import added, rig_kinds
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.plot import COLOURS, save, write_csv
-from rover_pin.quantity import quantities
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import FORMS
 

@@ -44,11 +44,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rover_pin.control.crab import Crab
-from rover_pin.motion.simulate import simulate
-from rover_pin.motion.timing import Timing
-from rover_pin.motion.trace import Trace
 from rover_pin.plot import COLOURS, save, write_csv
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.trace.trace import Trace
 
 LAST = 5.0
 """Seconds at the end over which a drive is measured."""

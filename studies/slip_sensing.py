@@ -36,18 +36,18 @@ import numpy as np
 import pandas as pd
 
 from rover_pin import plot
-from rover_pin.control.evaluations import Evaluations
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
 from rover_pin.control.slip_control import Gains, SlipControl
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
 from rover_pin.control.torque_limit import TorqueLimit
-from rover_pin.errors import ParameterError
-from rover_pin.motion.command import Command, Reading
-from rover_pin.motion.model import Model
-from rover_pin.motion.sensors import Sensed, Sensors
-from rover_pin.motion.simulate import simulate
-from rover_pin.motion.trace import Trace
-from rover_pin.scenarios import Scenario, scenario
+from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.simulation.command import Command, Reading
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.tuning.evaluations import Evaluations
 
 S_D, SETTLED, MOVING = 0.2, 2.0, 0.005
 """Desired slip; time from which [s], and rim speed from which [m/s], slips are compared: at rest there is none."""

@@ -45,11 +45,11 @@ import numpy as np
 import pandas as pd
 
 from rover_pin import plot
-from rover_pin.control.evaluations import Evaluations
-from rover_pin.control.tuning import reduced_costs, tune_gains, values
-from rover_pin.control.tuning_drives import CHECKED, CONSTANT, Control, controller_of, drive_full
-from rover_pin.control.tuning_report import TuningResult
-from rover_pin.control.tuning_study import ESTIMATES, DriveCase, Effort, TuningStudy, read_tuning
+from rover_pin.tuning.drives import CHECKED, CONSTANT, Control, controller_of, drive_full
+from rover_pin.tuning.evaluations import Evaluations
+from rover_pin.tuning.report import TuningResult
+from rover_pin.tuning.study import ESTIMATES, DriveCase, Effort, TuningStudy, read_tuning
+from rover_pin.tuning.tune import reduced_costs, tune_gains, values
 
 ENSEMBLES = ("slopes", "ditch")
 K_P = K_I = (0.01, 10.0)

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from rover_pin.cli import main
+from rover_pin.cli.app import main
 
 
 @pytest.fixture(autouse=True)

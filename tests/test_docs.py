@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import typer.main
 
-from rover_pin.cli import app
-from rover_pin.scenarios import scenario, settings_of
-from rover_pin.scenes import SCENES
+from rover_pin.cli.app import app
+from rover_pin.scenarios.scenario import scenario, settings_of
+from rover_pin.scenarios.scenes import SCENES
 
 ROOT = Path(__file__).parents[1]
 FILES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md", ROOT / "README.md"]

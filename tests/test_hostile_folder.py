@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.cluster import results
-from rover_pin.errors import SimulationError
-from rover_pin.surroundings import SAFE_PATH, safe_path
+from rover_pin.base.errors import SimulationError
+from rover_pin.base.jobs.cluster import results
+from rover_pin.base.jobs.safe_environment import SAFE_PATH, safe_path
 
 ROOT = Path(__file__).parents[1]
 MODULES = (sys.stdlib_module_names | importlib.metadata.packages_distributions().keys() | {"sitecustomize"}) - {
@@ -113,8 +113,8 @@ def test_nothing_of_the_folder_runs(folder, words):
 
 def test_no_compiler_of_the_folder_runs(folder, tmp_path):
     source = (
-        "from rover_pin.surroundings import leave_folder_out\nleave_folder_out()\n"
-        "from rover_pin.motion.toolchain import shared_library\nshared_library('int one(void) { return 1; }', 'one')\n"
+        "from rover_pin.base.jobs.safe_environment import leave_folder_out\nleave_folder_out()\n"
+        "from rover_pin.simulation.compiled.toolchain import shared_library\nshared_library('int one(void) { return 1; }', 'one')\n"
     )
     (tmp_path / "start.py").write_text(source)
     own = {**os.environ, "PATH": f".:{os.environ['PATH']}", "ROVER_PIN_CACHE": str(tmp_path / "cache")}

@@ -26,7 +26,7 @@ from rover_pin import (
     wheel_forces,
 )
 from rover_pin.effects.slip_sinkage import SlipSinkage
-from rover_pin.motion.place import Start
+from rover_pin.simulation.start.place import Start
 
 SAND, WHEEL = Soil(), Wheel()
 

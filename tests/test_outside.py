@@ -14,21 +14,21 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rover_pin.body import terrain_files
-from rover_pin.body.rover import load_rover
-from rover_pin.body.urdf_check import check_urdf
-from rover_pin.bounded import MIB, arrays
-from rover_pin.cli import app
-from rover_pin.description.layout import rover_folder
-from rover_pin.errors import DataError, RoverPinError, UrdfError
+from rover_pin.base.errors import DataError, RoverPinError, UrdfError
+from rover_pin.base.files.bounded import MIB, arrays
+from rover_pin.base.trust import Trust
+from rover_pin.cli.app import app
+from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.close import close_the_loop, read_data
 from rover_pin.measurements.reading import read_evidence
-from rover_pin.motion.drive_log import read_drive_log
-from rover_pin.motion.model_toml import read_model, write_model
-from rover_pin.motion.trace import Trace
-from rover_pin.motion.trace_files import write_parquet
-from rover_pin.scenarios import scenario
-from rover_pin.trust import Trust
+from rover_pin.rover.description.layout import rover_folder
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.urdf_check import check_urdf
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.toml_file import read_model, write_model
+from rover_pin.simulation.trace.files import write_parquet
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain import files
 from rover_pin.view.shapes import shapes_of
 
 RIG = Path(__file__).parents[1] / "studies" / "data" / "cmu-smooth-wheel"
@@ -233,7 +233,7 @@ def test_large_tables_are_refused(tmp_path, monkeypatch):
     with pytest.raises(DataError, match="it holds more than 256 MiB"):
         read_evidence(tmp_path / "rig")
     np.savez_compressed(tmp_path / "set" / "grid.npz", x0=0, y0=0, dx=1, dy=1, z=np.zeros((2_000, 1_000)))
-    monkeypatch.setattr(terrain_files, "arrays", partial(arrays, most=8 * MIB))
+    monkeypatch.setattr(files, "arrays", partial(arrays, most=8 * MIB))
     log = read_drive_log(drive_log(tmp_path / "set", terrain='grid = "grid.npz"'))
     with pytest.raises(DataError, match=r"grid\.npz: the file cannot be read: it holds more than 8 MiB"):
         log.terrain()

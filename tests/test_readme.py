@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.body.rover import load_rover
-from rover_pin.cli import app
-from rover_pin.description.layout import KEYS
-from rover_pin.description.rover_toml import read_forms, read_motor, read_soil, read_springs
+from rover_pin.cli.app import app
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.parameters import SOILS, TABLE_1
-from rover_pin.scenarios import scenario
-from rover_pin.scenes import SCENES
+from rover_pin.rover.description.layout import KEYS
+from rover_pin.rover.description.rover_toml import read_forms, read_motor, read_soil, read_springs
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.scenarios.scenes import SCENES
 from rover_pin.soil.traction import FORMS, load_traction_factor
 
 ROOT = Path(__file__).parents[1]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import pytest
 import typer.main
 
-from rover_pin.cli import app
+from rover_pin.cli.app import app
 
 ROOT = Path(__file__).parents[1]
 FILES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -171,7 +171,7 @@ ELSEWHERE = {
     "ruff format --check .": "`.ci/run`",
     "mypy": "`.ci/run`",
     "mkdocs build": "`.ci/run`",
-    "pytest test_sticky_soil.py": "`tests/commands` runs the test of a new effect",
+    "pytest test_sticky_soil.py": "`tests/cli` runs the test of a new effect",
 }
 """Lines for a shell that are no command of the package, and who runs them."""
 
@@ -219,7 +219,7 @@ def printed(command, folder):
         if f"{name}/" in command and not (folder / name).exists():
             (folder / name).symlink_to(ROOT / name)
     program, *words = shlex.split(command)
-    start = ["-m", "rover_pin.cli"] if program == "rover-pin" else []
+    start = ["-m", "rover_pin.cli.app"] if program == "rover-pin" else []
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     env = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "BROWSER": "true"}  # opens nothing
     got = subprocess.run(

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from rover_pin import close_the_loop
-from rover_pin.catalogue import samples
-from rover_pin.errors import DataError
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.samples import data_path, sample_names
+from rover_pin.base.jobs.safe_environment import SAFE_PATH
 from rover_pin.loop.data_check import check_data
-from rover_pin.measurements.reading import data_path, sample_names
-from rover_pin.surroundings import SAFE_PATH
+from rover_pin.scenarios.catalogue import samples
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "studies" / "data"
@@ -67,7 +67,7 @@ def test_the_wheel_alone_has_samples_and_rovers(tmp_path):
     recordings = ["steepening-slope/climb-1.csv", "steepening-slope/flat-steps.csv", "--out", "imported"]
     lines = (["check-data", "steepening-slope"], ["check-urdf", "cart"], ["list", "samples"])
     for words in (*lines, ["import-log", *recordings], ["check-data", "imported"]):
-        command = [sys.executable, "-m", "rover_pin.cli", *words]
+        command = [sys.executable, "-m", "rover_pin.cli.app", *words]
         printed = subprocess.run(command, cwd=stranger, env=environment, text=True, capture_output=True)
         assert printed.returncode == 0, printed.stderr
         assert str(ROOT) not in printed.stdout

@@ -12,21 +12,21 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from rover_pin.cli import app
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.base.trust import Trust
+from rover_pin.cli.app import app
 from rover_pin.contact import Soil, Wheel
-from rover_pin.control.tuning_drives import built
-from rover_pin.control.tuning_study import DriveCase, TuningStudy, read_tuning
-from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
 from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
 from rover_pin.loop.close import read_data
 from rover_pin.loop.start import start_on
-from rover_pin.motion.effect_files import run_file, user_effects
-from rover_pin.motion.model_toml import read_model, write_model
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.effect_files import run_file, user_effects
+from rover_pin.simulation.model.toml_file import read_model, write_model
 from rover_pin.sweep import read_study, sweep
-from rover_pin.trust import Trust
+from rover_pin.tuning.drives import built
+from rover_pin.tuning.study import DriveCase, TuningStudy, read_tuning
 
 ROOT = Path(__file__).parents[1]
 RIG = ROOT / "studies" / "data" / "cmu-smooth-wheel"
@@ -35,7 +35,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 from rover_pin.effects.effect import MotorEffect
-from rover_pin.quantity import quantity
+from rover_pin.base.quantity import quantity
 
 (Path(__file__).parent / "ran").touch()
 
@@ -282,30 +282,30 @@ OPENERS = set(
 """What takes a file's name, of Python and of the libraries that read files."""
 LOADERS = {"np.load", "trimesh.load", "yourdfpy.URDF.load", "json.load", "tomllib.load"}
 OF_ITS_OWN = {
-    "bounded.py": "os.open open zipfile.ZipFile np.load",  # it is what bounds
-    "description/meshes.py": "trimesh.load",  # bytes of a file of its folder, bounded, of a known kind
-    "motion/ros_bag.py": "AnyReader",  # reads as it goes
-    "vehicle/new_rover.py": "XacroDoc.from_file",  # only with --trust
-    "motion/effect_files.py": "self.get_data",  # code that the user has named
+    "base/files/bounded.py": "os.open open zipfile.ZipFile np.load",  # it is what bounds
+    "rover/description/meshes.py": "trimesh.load",  # bytes of a file of its folder, bounded, of a known kind
+    "logs/ros_bag.py": "AnyReader",  # reads as it goes
+    "rover/proposal/new_rover.py": "XacroDoc.from_file",  # only with --trust
+    "simulation/model/effect_files.py": "self.get_data",  # code that the user has named
     # bytes or text in memory, read through the bounds
-    "description/readers.py": "yourdfpy.URDF.load",
+    "rover/description/readers.py": "yourdfpy.URDF.load",
     "view/shapes.py": "yourdfpy.URDF.load",
-    "importing/matlab.py": "loadmat",
-    "parquet.py": "pyarrow.parquet.ParquetFile",
+    "logs/importing/matlab.py": "loadmat",
+    "base/files/parquet.py": "pyarrow.parquet.ParquetFile",
     "sweep/store.py": "pq.ParquetFile temporary.open",
     # what the package has written or made itself, or what comes with it
-    "motion/library_cache.py": "ctypes.CDLL made.read_bytes file.read_bytes",
-    "own_code.py": "file.read_bytes",
-    "results_folder.py": "os.open file.read_bytes",
-    "control/evaluations.py": "self.file.open",
+    "simulation/compiled/library_cache.py": "ctypes.CDLL made.read_bytes file.read_bytes",
+    "base/code_digest.py": "file.read_bytes",
+    "base/files/results_folder.py": "os.open file.read_bytes",
+    "tuning/evaluations.py": "self.file.open",
     "view/animation.py": "Image.open made.read_bytes",
     "view/export.py": "made.read_bytes",
-    "commands/new_effect.py": ".read_text",
-    "commands/view.py": "webbrowser.open",
-    "motion/native/__init__.py": ".read_text",
-    "motion/native/lanes.py": ".read_text",
-    "motion/processor.py": "CPUINFO.read_text",
-    "surroundings.py": "os.open",
+    "cli/commands/new_effect.py": ".read_text",
+    "cli/commands/view.py": "webbrowser.open",
+    "simulation/native/__init__.py": ".read_text",
+    "simulation/native/lanes.py": ".read_text",
+    "simulation/compiled/processor.py": "CPUINFO.read_text",
+    "base/jobs/safe_environment.py": "os.open",
 }
 """What opens a file without the bounds, and nothing else in the same file may."""
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from enum import StrEnum
 from pathlib import Path
 
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.paths import is_file
+from rover_pin.base.trust import Trust
 from rover_pin.comparison import drives, models, verdicts
 from rover_pin.comparison.side import Comparison
-from rover_pin.errors import DataError
-from rover_pin.motion.drive_log import FILE as DRIVE_FILE
-from rover_pin.paths import is_file
-from rover_pin.trust import Trust
+from rover_pin.logs.drive_log import FILE as DRIVE_FILE
 
 
 class Kind(StrEnum):

@@ -8,15 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.paths import is_file
+from rover_pin.base.trust import Trust
 from rover_pin.comparison.side import Comparison, Row, Side, Value, differences, number_rows, word_rows
-from rover_pin.errors import DataError
 from rover_pin.estimation.wording import format_value
-from rover_pin.motion.channels import WHOLE
-from rover_pin.motion.drive_log import FILE, read_drive_log
-from rover_pin.motion.saved import load_trace
-from rover_pin.motion.trace import Trace
-from rover_pin.paths import is_file
-from rover_pin.trust import Trust
+from rover_pin.logs.drive_log import FILE, read_drive_log
+from rover_pin.logs.saved import load_trace
+from rover_pin.simulation.trace.channels import WHOLE
+from rover_pin.simulation.trace.trace import Trace
 
 UNITS = {"_s": "s", "_m": "m", "_deg": "deg", "_J": "J"}
 """Units by the end of a summary's names."""

@@ -6,17 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rover_pin.body.shapes import flat
+from rover_pin.base.quantity import quantities
+from rover_pin.base.trust import Trust
 from rover_pin.comparison.side import ABSENT, Comparison, Row, Side, Value, differences, number_rows, word_rows
 from rover_pin.effects.names import title_of
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.drive_log.parameters import owner_name
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
-from rover_pin.motion.model import Model
-from rover_pin.motion.model_toml import is_rig_model, read_model
-from rover_pin.quantity import quantities
-from rover_pin.trust import Trust
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.model.toml_file import is_rig_model, read_model
+from rover_pin.terrain.shapes import flat
 
 MAX_NAMED_NUMBERS = 3
 """Numbers that the sentence names."""

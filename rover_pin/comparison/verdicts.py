@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rover_pin import bounded
+from rover_pin.base.errors import DataError
+from rover_pin.base.files import bounded
 from rover_pin.comparison.side import Comparison, Side, Value, differences, number_rows, word_rows
 from rover_pin.effects.names import display_name
-from rover_pin.errors import DataError
-from rover_pin.motion.effect_files import package_effects
+from rover_pin.simulation.model.effect_files import package_effects
 
 FILE = "verdict.json"
 HELD_OUT = "held-out error, "

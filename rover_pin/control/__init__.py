@@ -1,1 +1,4 @@
-"""Fig 9: slip estimates (`slip_estimate`, `onboard_slip`), `slip_control`, `torque_limit`, `bounds`, `tuning`."""
+"""Fig 9 and beyond: slip estimates, slip control, torque bounds and checks, steering.
+
+Start at `slip_control`; `bounds` are the traction-limited torques, `onboard_slip` senses without a camera.
+"""

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.quantity import quantities
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.arc import Mobilised, full_shear, integrate, strength, stress_scale
 from rover_pin.soil.limits import contact_share

@@ -11,13 +11,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rover_pin.base.errors import MissingExtraError, ParameterError
+from rover_pin.base.public import public
+from rover_pin.base.quantity import is_symbolic
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.control.bound_law import INPUTS, OUTPUTS, bound_law
-from rover_pin.errors import MissingExtraError, ParameterError
-from rover_pin.motion.laws import generated_source
-from rover_pin.motion.toolchain import shared_library
-from rover_pin.public import public
-from rover_pin.quantity import is_symbolic
+from rover_pin.simulation.compiled.laws import generated_source
+from rover_pin.simulation.compiled.toolchain import shared_library
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.stress import modulus
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rover_pin.base.quantity import Record, quantity
 from rover_pin.contact import Scalar
-from rover_pin.motion.command import Command, Reading
-from rover_pin.motion.native.control import Commands
-from rover_pin.quantity import Record, quantity
+from rover_pin.simulation.command import Command, Reading
+from rover_pin.simulation.native.control import Commands
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Self
 
-from rover_pin.arguments import checked, spec
-from rover_pin.body.rover import Rover
+from rover_pin.base.arguments import checked, spec
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.steering import MOST_STEER, Steady
-from rover_pin.errors import ParameterError
+from rover_pin.rover.rover import Rover
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rover_pin.columns import replace_file
+from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.toml_file import read_toml, toml_text
+from rover_pin.base.quantity import record_from
 from rover_pin.control.slip_control import Gains
-from rover_pin.quantity import record_from
-from rover_pin.toml_file import read_toml, toml_text
 
 
 def save_gains(gains: Gains, path: str | Path, comment: str = "") -> Path:

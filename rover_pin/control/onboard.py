@@ -13,14 +13,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rover_pin.body.rover import Rover
+from rover_pin.base.errors import ParameterError
+from rover_pin.base.quantity import Record, quantity
 from rover_pin.contact import Scalar
 from rover_pin.control.steering import Turn, turning_places
-from rover_pin.errors import ParameterError
-from rover_pin.motion.command import Command, Reading
-from rover_pin.motion.native.control import Commands, TackLaw
-from rover_pin.motion.timing import CONTROL_PERIOD
-from rover_pin.quantity import Record, quantity
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.command import Command, Reading
+from rover_pin.simulation.native.control import Commands, TackLaw
+from rover_pin.simulation.timing import CONTROL_PERIOD
 
 STRAIGHT = 1e-3
 """Curvature [1/m] below which the wheels are not steered."""

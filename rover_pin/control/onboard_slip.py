@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.body.driven_loads import configuration, footing, loads_on, turning, wheel_mounts
-from rover_pin.body.rover import Rover
+from rover_pin.base.quantity import Record, quantity
 from rover_pin.contact import Scalar
 from rover_pin.control.torque_factor import torque_factors
-from rover_pin.motion.command import Reading
-from rover_pin.motion.failure import suspension_of
-from rover_pin.motion.model import Model
-from rover_pin.motion.timing import CONTROL_PERIOD
-from rover_pin.quantity import Record, quantity
+from rover_pin.rover.driven_loads import configuration, footing, loads_on, turning, wheel_mounts
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.command import Reading
+from rover_pin.simulation.failure import suspension_of
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.timing import CONTROL_PERIOD
 
 SPEEDS = np.linspace(-0.4, 1.1, 151)
 """Speeds that are weighed against each other, in units of the rim speed at full duty without load."""

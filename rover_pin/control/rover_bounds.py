@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from rover_pin.body.rover import Rover
-from rover_pin.body.statics import wheel_loads
+from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil
 from rover_pin.control.bound_pull import DEFAULT_LIMIT, BoundPulls, TractionLimit, pull_at_bounds
 from rover_pin.control.bounds import TorqueBounds
-from rover_pin.errors import ParameterError
-from rover_pin.motion.motor import Motor
 from rover_pin.parameters.gravity import EARTH
+from rover_pin.rover.rover import Rover
+from rover_pin.rover.statics import wheel_loads
+from rover_pin.simulation.model.motor import Motor
 
 STEEPEST = math.radians(40.0)
 """Slopes up and down between which `climbable_slope` searches."""

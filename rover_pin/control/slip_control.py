@@ -9,15 +9,15 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from rover_pin.base.public import brief, public
+from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.contact import Scalar
 from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip
 from rover_pin.control.smooth import greater, lesser
 from rover_pin.control.torque_limit import CUSTOM_LIMIT, NoLimit, TorqueLimit, native_limit
-from rover_pin.motion.command import Command, Reading
-from rover_pin.motion.native.control import Commands, SlipLaw
-from rover_pin.motion.timing import CONTROL_PERIOD
-from rover_pin.public import brief, public
-from rover_pin.quantity import Record, quantities, quantity
+from rover_pin.simulation.command import Command, Reading
+from rover_pin.simulation.native.control import Commands, SlipLaw
+from rover_pin.simulation.timing import CONTROL_PERIOD
 
 FADE = 0.005
 """Excess of the asked duty over the given one [-] on which the integral comes to rest; at once, it would chatter."""

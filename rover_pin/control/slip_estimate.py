@@ -10,13 +10,13 @@ from typing import Protocol
 
 import numpy as np
 
-from rover_pin.body.shapes import flat
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.constant import ConstantDuty
-from rover_pin.errors import ParameterError
-from rover_pin.motion.command import Reading
-from rover_pin.motion.model import Model
-from rover_pin.motion.native.control import SlipTable
-from rover_pin.motion.simulate import simulate
+from rover_pin.simulation.command import Reading
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.native.control import SlipTable
+from rover_pin.simulation.simulate import simulate
+from rover_pin.terrain.shapes import flat
 
 SLOWEST_RIM = 1e-3
 """Rim speed [m/s] below which Eq (9) is evaluated at this speed: it has no value at rest."""

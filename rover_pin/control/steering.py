@@ -8,12 +8,12 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from rover_pin.arguments import checked, spec
-from rover_pin.body.rover import Rover
-from rover_pin.body.wheel_base import wheel_places
-from rover_pin.errors import ParameterError
-from rover_pin.motion.command import Command, Reading
-from rover_pin.motion.native.control import Commands
+from rover_pin.base.arguments import checked, spec
+from rover_pin.base.errors import ParameterError
+from rover_pin.rover.rover import Rover
+from rover_pin.rover.wheel_base import wheel_places
+from rover_pin.simulation.command import Command, Reading
+from rover_pin.simulation.native.control import Commands
 
 MOST_STEER = math.radians(75.0)
 

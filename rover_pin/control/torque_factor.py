@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rover_pin.contact import Contact, Soil, Wheel
-from rover_pin.motion.cruise import CRUISE_SPEED
-from rover_pin.motion.laws import amended, loaded
-from rover_pin.motion.model import Model
+from rover_pin.simulation.compiled.laws import amended, loaded
+from rover_pin.simulation.model.cruise import CRUISE_SPEED
+from rover_pin.simulation.model.model import Model
 from rover_pin.soil.sinkage import entry_angle, sinkage
 
 NOWHERE = -1e3

@@ -8,14 +8,14 @@ from typing import Self
 
 import numpy as np
 
-from rover_pin.body.statics import wheel_loads
+from rover_pin.base.public import brief
 from rover_pin.control.bounds import SLIP_LIMIT, TorqueBounds, WheelBounds
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.motion.command import Command, Controller, Reading
-from rover_pin.motion.model import Model
-from rover_pin.motion.motor import Motor
-from rover_pin.motion.native.control import Commands, TorqueTable, commands_of
-from rover_pin.public import brief
+from rover_pin.rover.statics import wheel_loads
+from rover_pin.simulation.command import Command, Controller, Reading
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.native.control import Commands, TorqueTable, commands_of
 
 PITCHES = np.radians(np.arange(-40.0, 41.0, 5.0))
 """Pitches [rad] at which the limits are prepared; linear in between, the end values beyond."""

@@ -8,27 +8,35 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_pin.body.profile import Profile
-from rover_pin.body.rover import load_rover
-from rover_pin.body.terrain import Lanes
+from rover_pin.base.files.paths import named_from
+from rover_pin.base.quantity import declared
 from rover_pin.contact import Soil
 from rover_pin.demo.hidden import DRIVEN, Made, chosen, keep_truth
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.motion.command import Controller
-from rover_pin.motion.defaults import has_papers_wheel, own_motor, own_soil, pace, scale, usual_angles, usual_slip
-from rover_pin.motion.drive_log import LogMetadata, write_drive_log
-from rover_pin.motion.effect_words import effect_of
-from rover_pin.motion.log_terrain import write_terrain
-from rover_pin.motion.model import Model, base_effects
-from rover_pin.motion.place import Start
-from rover_pin.motion.sensors import Sensors, measured
-from rover_pin.motion.simulate import Progress, simulate
-from rover_pin.motion.trace import Trace
-from rover_pin.paths import named_from
-from rover_pin.quantity import declared
+from rover_pin.logs.drive_log import LogMetadata, write_drive_log
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.command import Controller
+from rover_pin.simulation.model.defaults import (
+    has_papers_wheel,
+    own_motor,
+    own_soil,
+    pace,
+    scale,
+    usual_angles,
+    usual_slip,
+)
+from rover_pin.simulation.model.effect_words import effect_of
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.simulate import Progress, simulate
+from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.traction import TorqueTraction
+from rover_pin.terrain.profile import Profile
+from rover_pin.terrain.terrain import Lanes
+from rover_pin.terrain.toml_table import write_terrain
 
 RUNS, SECONDS = 6, 16.0
 """Runs, of which the last two repeat the first two; seconds of each for Nexus 6, longer for a slower rover."""

@@ -9,21 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.body.rover import load_rover
-from rover_pin.body.shapes import flat
-from rover_pin.columns import replace_file
+from rover_pin.base.errors import ParameterError, closest
+from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.results_folder import say_what_is_replaced
+from rover_pin.base.files.toml_file import toml_text
+from rover_pin.base.quantity import declared
 from rover_pin.contact import Soil
 from rover_pin.demo import SETS
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import ParameterError, closest
-from rover_pin.motion.effect_files import AnyEffect
-from rover_pin.motion.effect_words import effect_of, word_of
-from rover_pin.motion.model import Model, base_effects
-from rover_pin.motion.motor import Motor
-from rover_pin.quantity import declared
-from rover_pin.results_folder import say_what_is_replaced
-from rover_pin.toml_file import toml_text
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.model.effect_files import AnyEffect
+from rover_pin.simulation.model.effect_words import effect_of, word_of
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.terrain.shapes import flat
 
 ANY, NONE = "any", "nothing"
 CONTACT = ("SlipSinkage.n_1=0.7", "ExitAngle.e_1=0.4", "PostPeak.fraction=0.4")

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_pin.columns import columns_text, replace_file
+from rover_pin.base.files.columns import columns_text, replace_file
+from rover_pin.base.files.toml_file import toml_text
+from rover_pin.base.quantity import declared
 from rover_pin.contact import Soil, Wheel
 from rover_pin.demo.hidden import CONTACT, Made, chosen, contact_effect, keep_truth
 from rover_pin.experiments.wheel_rig.model import NOMINAL, RigModel, conditions
 from rover_pin.measurements.foreign_rig import channel_unit
-from rover_pin.motion.effect_files import reading_traction
-from rover_pin.quantity import declared
-from rover_pin.toml_file import toml_text
+from rover_pin.simulation.model.effect_files import reading_traction
 
 WHEEL = Wheel(r=0.08, b=0.07)
 SOIL = Soil(c=150.0, phi=math.radians(32.0), k=0.010, k_1=70e3, k_2=0.0, n=1.0)

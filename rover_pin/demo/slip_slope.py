@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_pin.body.rover import load_rover
-from rover_pin.columns import replace_file
+from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.paths import named_from
+from rover_pin.base.files.toml_file import toml_text
 from rover_pin.demo.hidden import CONTACT, Made, chosen, contact_effect, keep_truth
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.experiments.slip_slope import FILE, KIND, SlipSlope
-from rover_pin.motion.defaults import own_soil
-from rover_pin.motion.effect_files import reading_traction
 from rover_pin.parameters.gravity import EARTH
-from rover_pin.paths import named_from
-from rover_pin.toml_file import toml_text
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.model.defaults import own_soil
+from rover_pin.simulation.model.effect_files import reading_traction
 
 STEEPEST, COUNT, MAX_SLIP = 30.0, 7, 0.85
 """Slopes looked at [deg], how many of them are driven, and the slip up to which anybody drives."""

@@ -6,8 +6,8 @@ import math
 from enum import Enum
 from typing import Any
 
+from rover_pin.base.errors import ParameterError, closest
 from rover_pin.discrepancy.held_out import ChannelScore
-from rover_pin.errors import ParameterError, closest
 from rover_pin.estimation.wording import format_value
 
 TAKES_MOST = 2 / 3

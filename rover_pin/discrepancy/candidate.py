@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from rover_pin.base.quantity import Quantity, quantities
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.quantity import Quantity, quantities
 
 SHAPE_SD, SHAPE_SHARE = 0.5, 0.3
 """Prior SD of an effect's shape: of its logarithm, or as a share of its size where it may be negative."""

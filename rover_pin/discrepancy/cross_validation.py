@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.errors import OptimisationError
+from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation.fit import Fit, Task, fit
 from rover_pin.estimation.noise import huber, huber_weights
 from rover_pin.estimation.parameter import Parameter

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rover_pin.base.public import brief
 from rover_pin.discrepancy.cross_validation import held_out_residual
 from rover_pin.discrepancy.search import Search
 from rover_pin.estimation.baselines import Baseline
@@ -14,7 +15,6 @@ from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import STRETCH, Fit, table_of
 from rover_pin.estimation.noise import Noise, huber_losses
 from rover_pin.estimation.wording import AT_FLOOR, Change, format_value
-from rover_pin.public import brief
 
 LOSES = 0.95
 """Share of the model's held-out error below which a baseline's is called better."""

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.base.errors import OptimisationError
+from rover_pin.base.public import brief
 from rover_pin.discrepancy.anchor import declared_start, is_bent
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.compare import refit
@@ -26,7 +28,6 @@ from rover_pin.discrepancy.screen import (
     with_noise,
     with_random_effects,
 )
-from rover_pin.errors import OptimisationError
 from rover_pin.estimation.by_chance.beyond_declared import beyond_declared
 from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.exact import scattered
@@ -36,7 +37,6 @@ from rover_pin.estimation.noise import COLOURED, first_noise
 from rover_pin.estimation.numbers import is_adequate
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.task import Task
-from rover_pin.public import brief
 
 MOST = 3
 """Effects that are added at most."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from rover_pin.base.public import brief
 from rover_pin.discrepancy.answer import Answer, plain, score_line
 from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
@@ -16,7 +17,6 @@ from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.numbers import DRIFTED, Number, assumed_lines
 from rover_pin.estimation.profile import Profile
 from rover_pin.estimation.wording import Outcome, format_value, got_worse
-from rover_pin.public import brief
 
 SCHEMA = 2
 """Version of the plain values of a verdict, as docs/verdict.md describes them."""

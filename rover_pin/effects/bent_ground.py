@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import BodyEffect
-from rover_pin.quantity import quantity
 
 KNOTS = 5
 """Slopes between the ends; at both ends the ground is as declared."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import NODES
-from rover_pin.quantity import quantity
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.combined import combined_forces, sideways_ratio
 from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, wheel_forces

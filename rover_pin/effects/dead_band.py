@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import Drive, MotorEffect
-from rover_pin.quantity import quantity
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import Body, BodyEffect, Push
-from rover_pin.quantity import quantity
 
 STIFFEST = 1e-6
 """Least compliance of a differential that is not rigid [rad/(N m)]: it twists by 1e-6 rad under 1 N m."""

@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect, State
-from rover_pin.quantity import quantity
 
 TOUCH = 1e-4
 """Sinkage [m] from which a spinning rim digs at full rate: none in the air."""

@@ -12,8 +12,8 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from rover_pin.base.quantity import Record
 from rover_pin.contact import Contact, Load, Scalar
-from rover_pin.quantity import Record
 
 
 class State(NamedTuple):

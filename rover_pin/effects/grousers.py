@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
-from rover_pin.quantity import quantity
 from rover_pin.soil.traction import pull_of_shear
 
 
@@ -27,7 +27,7 @@ class Grousers(Effect):
     of one sand with 5 mm lugs and without pull alike at the stated S = 0, -0.055 +- 0.005 and -0.054 +- 0.007 of the
     load. Fitted together, r over the lugs holds both to 0.1 N, with lambda_s = 0.5 best of 0 to 1 (chi2 107, without
     the effect 115); r under the lugs misses by 0.9 N (141). Their two published radii differ by 4.5 mm
-    (tests/evidence/test_lugs_at_no_slip.py).
+    (tests/experiments/wheel_rig/test_lugs_at_no_slip.py).
 
     Source: shearing radius between rim and lug tip, Ding, Gao, Deng, Nagatani and Yoshida, J. Terramechanics 48 (2011)
     27. Differs from the paper: smooth wheels. Differs from lugs one by one: no ripple at their passing.

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Scalar
 from rover_pin.effects.effect import Effect
-from rover_pin.quantity import quantity
 
 EDGE = 0.01
 """Width of an edge of the patch [m] (assumed): from 12 % to 88 % of the change."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Scalar
 from rover_pin.effects.effect import Effect
-from rover_pin.quantity import quantity
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import NODES
-from rover_pin.quantity import quantity
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.peak_stress import PeakAngle, peak_stress_forces
 from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, WheelForces, wheel_forces

@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import Body, BodyEffect, Push
-from rover_pin.quantity import quantity
 
 TINY = 1e-9
 """Keeps tanh(x) / x from 0 / 0; its relative error is far below round-off."""

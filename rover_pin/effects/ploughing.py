@@ -8,11 +8,11 @@ from typing import ClassVar
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect, State
 from rover_pin.effects.slip_sinkage import rut_cost
 from rover_pin.effects.slip_softening import approach, lift, softer
-from rover_pin.quantity import quantity
 from rover_pin.soil.passive import passive
 
 LOCKED = 0.05

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import SensorEffect
-from rover_pin.quantity import quantity
 
 MOST = 1e9
 """No converter counts further."""

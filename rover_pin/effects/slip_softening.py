@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Load, Scalar, Soil
 from rover_pin.effects.effect import Effect, State
 from rover_pin.effects.slip_sinkage import rut_cost
-from rover_pin.quantity import quantity
 
 LEAST = 1e-9
 """Of the slip vector: keeps its length smooth at rest."""

@@ -7,9 +7,9 @@ from typing import ClassVar, Self
 
 import casadi as ca
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import Body, BodyEffect, Push
-from rover_pin.quantity import quantity
 
 
 @dataclass(frozen=True)

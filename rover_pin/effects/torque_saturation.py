@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import Drive, MotorEffect
-from rover_pin.quantity import quantity
 
 SHARPNESS = 8
 """Even; at the limit itself a current is cut by 8 %, at half of it by 0.05 %."""

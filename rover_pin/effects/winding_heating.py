@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar
 from rover_pin.effects.effect import Drive, MotorEffect, State
-from rover_pin.quantity import quantity
 
 ALPHA_COPPER = 0.00393
 """Temperature coefficient of copper's resistance [1/K], IEC 60028."""

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from rover_pin.quantity import Quantity
+from rover_pin.base.quantity import Quantity
 
 RATIO = 4.0
 """A 95 % interval of a logarithm is called found up to this ratio of its ends."""

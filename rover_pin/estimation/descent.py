@@ -1,7 +1,7 @@
 """Least squares with an exact Jacobian: a Levenberg-Marquardt descent with a trust radius and bounds.
 
 Against `scipy.optimize.least_squares`, its oracle, it ends as low from the same starts, in fewer evaluations of the
-model and without its overhead near a minimum (tests/evidence/test_descent.py).
+model and without its overhead near a minimum (tests/estimation/test_descent.py).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rover_pin.errors import OptimisationError
+from rover_pin.base.errors import OptimisationError
 
 STEPS = 400
 """Most trial steps of one descent."""

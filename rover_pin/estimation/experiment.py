@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rover_pin.errors import ParameterError, closest
+from rover_pin.base.errors import ParameterError, closest
+from rover_pin.base.quantity import Quantity, quantities
 from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.noise import Noise
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.quantity import Quantity, quantities
 
 Arrays = dict[str, np.ndarray]
 LEAST = 1e-6

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from rover_pin.errors import OptimisationError
+from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.exact import ExactProblem
 from rover_pin.estimation.experiment import residual

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
-from rover_pin.errors import OptimisationError
+from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation import wording
 from rover_pin.estimation.covariance import covariance
 from rover_pin.estimation.exact import ExactProblem

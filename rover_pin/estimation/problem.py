@@ -8,10 +8,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rover_pin.errors import DataError, ParameterError, closest
+from rover_pin.base.errors import DataError, ParameterError, closest
+from rover_pin.base.quantity import check
 from rover_pin.estimation.coordinates import Space
 from rover_pin.estimation.experiment import residual
-from rover_pin.quantity import check
 
 Predictor = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Values of all known parameters -> predictions [m] and their Jacobian with respect to the free ones [m, p]."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.errors import OptimisationError
+from rover_pin.base.errors import OptimisationError
 from rover_pin.estimation.descent import LeastSquares, descend
 
 NORMAL_95 = 1.959964

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_pin.base.public import brief
 from rover_pin.estimation.experiment import Experiment, residual
 from rover_pin.estimation.noise import Noise, huber
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.public import brief
 
 
 @brief

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from rover_pin.base.files.table import measured_points
 from rover_pin.measurements.checks import column
-from rover_pin.table import measured_points
 
 
 def read_folded(path: Path, by: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], np.ndarray]:

@@ -12,16 +12,16 @@ from typing import Self
 import casadi as ca
 import numpy as np
 
+from rover_pin.base.files.toml_file import read_toml, table_in
+from rover_pin.base.quantity import record_from
 from rover_pin.discrepancy.bed import Bed, Parts
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import MotorEffect
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.folded import read_folded
-from rover_pin.motion.laws import motor_law, numbers
-from rover_pin.motion.motor import Motor
-from rover_pin.quantity import record_from
-from rover_pin.toml_file import read_toml, table_in
+from rover_pin.simulation.compiled.laws import motor_law, numbers
+from rover_pin.simulation.model.motor import Motor
 
 COLUMNS = ("duty", "load_Nm", "wheel_rate_radps", "current_A", "wheel_rate_sd_radps", "current_sd_A")
 

@@ -22,26 +22,26 @@ from typing import Any, Self
 
 import numpy as np
 
-from rover_pin.body.rover import Rover, load_named
-from rover_pin.body.statics import wheel_loads
+from rover_pin.base.errors import DataError, closest
+from rover_pin.base.files.toml_file import read_toml, table_in
+from rover_pin.base.quantity import declared_sd, declared_sds, record_from
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.bed import Bed, Parts
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import DataError, closest
 from rover_pin.estimation.noise import Noise, declared_noise
 from rover_pin.estimation.parameter import Parameter, declared_in
 from rover_pin.experiments.folded import read_folded
 from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
-from rover_pin.motion.defaults import own_soil, usual_angles
-from rover_pin.motion.effect_files import reading_traction
-from rover_pin.motion.model import base_effects
 from rover_pin.parameters.gravity import EARTH, gravity_from
-from rover_pin.quantity import declared_sd, declared_sds, record_from
+from rover_pin.rover.rover import Rover, load_named
+from rover_pin.rover.statics import wheel_loads
+from rover_pin.simulation.model.defaults import own_soil, usual_angles
+from rover_pin.simulation.model.effect_files import reading_traction
+from rover_pin.simulation.model.model import base_effects
 from rover_pin.soil.traction import TorqueTraction
-from rover_pin.toml_file import read_toml, table_in
 
 FILE, KIND = "slope.toml", "slip-slope"
 KEYS = ("kind", "name", "source", "rover", "gravity", "soil")

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.base.errors import DataError, OptimisationError
+from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Wheel
-from rover_pin.errors import DataError, OptimisationError
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.identification.identifiability import REMEDY
@@ -27,8 +29,6 @@ from rover_pin.identification.result import (
     with_unit,
 )
 from rover_pin.measurements.channel import Evidence
-from rover_pin.quantity import quantities
-from rover_pin.time_left import telling
 
 SAME = 1e-9
 """Change of a prediction, in SDs, below which a number does not enter it."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
+from rover_pin.base.quantity import Record, quantities
 from rover_pin.contact import Soil, Wheel
 from rover_pin.identification.one_sand import as_held, sand_of, sets_of
 from rover_pin.identification.result import Held
@@ -16,7 +17,6 @@ from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.known import ASSUMED, DECLARED_SD, SIZE_SD, UNDECLARED_SD, Known, range_of
 from rover_pin.measurements.rig_file import BEKKER_UNITS
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.quantity import Record, quantities
 from rover_pin.soil.stress import modulus
 
 STATED = "its declared SD"

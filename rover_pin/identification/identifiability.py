@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from rover_pin.errors import ParameterError
+from rover_pin.base.errors import ParameterError
 from rover_pin.estimation.covariance import own_share
 from rover_pin.estimation.problem import Problem
 from rover_pin.measurements.channel import Evidence

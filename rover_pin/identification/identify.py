@@ -9,8 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
+from rover_pin.base.errors import DataError, OptimisationError, ParameterError
+from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil
-from rover_pin.errors import DataError, OptimisationError, ParameterError
 from rover_pin.estimation.covariance import correlation, covariance, singular_values
 from rover_pin.estimation.descent import descend
 from rover_pin.estimation.problem import Prior, Problem
@@ -21,8 +23,6 @@ from rover_pin.identification.one_sand import sets_of
 from rover_pin.identification.result import ChannelFit, Estimate, Identification, Starts
 from rover_pin.identification.soil_space import space
 from rover_pin.measurements.channel import FIELDS, Evidence
-from rover_pin.quantity import quantities
-from rover_pin.time_left import telling
 
 SAME_CHI2 = 0.01
 """Starts within this of the lowest chi2 ended at the same fit."""

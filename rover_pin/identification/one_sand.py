@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
+from rover_pin.base.errors import DataError
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil
-from rover_pin.errors import DataError
 from rover_pin.identification.result import Held
 from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.rig_file import BEKKER_UNITS, BESIDE
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.quantity import quantities
 
 T = TypeVar("T")
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.base.errors import MissingExtraError, OptimisationError, ParameterError, closest
 from rover_pin.contact import Soil
-from rover_pin.errors import MissingExtraError, OptimisationError, ParameterError, closest
 from rover_pin.estimation.covariance import covariance
 from rover_pin.estimation.problem import Prior, Problem
 from rover_pin.identification.identify import build, identify

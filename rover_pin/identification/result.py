@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rover_pin.base.errors import ParameterError, closest
+from rover_pin.base.public import brief
 from rover_pin.contact import Soil
-from rover_pin.errors import ParameterError, closest
 from rover_pin.estimation.wording import in_words, spread
 from rover_pin.measurements.channel import Evidence
-from rover_pin.public import brief
 
 
 class Verdict(Enum):

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from rover_pin.base.errors import ParameterError, closest
+from rover_pin.base.quantity import Quantity, quantities
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import ParameterError, closest
 from rover_pin.estimation.coordinates import Axis, Linear, Log, Space
 from rover_pin.measurements.channel import FIELDS
-from rover_pin.quantity import Quantity, quantities
 
 DECADES = 1e-6
 """A logarithm whose bound is zero or negative stops at this share of where it starts."""

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.paths import is_file
+from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.bed import Bed, question_of
 from rover_pin.discrepancy.judge import concluded
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.errors import DataError
 from rover_pin.experiments.slip_slope import FILE as SLOPE_FILE
 from rover_pin.loop.provenance import LoopRequest, provenance
 from rover_pin.loop.verdict_file import written_last
-from rover_pin.motion.effect_files import package_effects, run_file, user_effects
-from rover_pin.paths import is_file
 from rover_pin.report.bed.report import write_report
-from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
+from rover_pin.simulation.model.effect_files import package_effects, run_file, user_effects
 
 OWN = ("motor_brake", "slip_slope")
 """The package's own test beds, by the name of their file."""

@@ -6,16 +6,16 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
+from rover_pin.base.quantity import declared_sds, quantities, record_from
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.experiments.drive_log.model import MOTOR_SD
 from rover_pin.identification.result import Held
+from rover_pin.logs.drive_log import DriveLog
 from rover_pin.measurements.drive_points import IN_POINTS, SAMPLING, drive_points
 from rover_pin.measurements.known import ASSUMED, DECLARED_SD, range_of
 from rover_pin.measurements.traction_points import TractionPoints
-from rover_pin.motion.defaults import usual_slip
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.motor import Motor
-from rover_pin.quantity import declared_sds, quantities, record_from
+from rover_pin.simulation.model.defaults import usual_slip
+from rover_pin.simulation.model.motor import Motor
 
 OF_MOTOR = ("supply", "resistance", "k_t", "gear")
 

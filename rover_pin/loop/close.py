@@ -7,16 +7,22 @@ import os
 from pathlib import Path
 from typing import Any
 
-from rover_pin.body.rover import Rover
-from rover_pin.cluster import refuse_both, workers_of
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.base.files.paths import is_file, is_folder
+from rover_pin.base.files.results_folder import alone_in
+from rover_pin.base.files.samples import closest_samples, data_path
+from rover_pin.base.jobs.cluster import refuse_both, workers_of
+from rover_pin.base.jobs.workers import ending_workers
+from rover_pin.base.public import public
+from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.bed import Bed
 from rover_pin.discrepancy.refit import Progress
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.joint_rig.sets import read_joint
 from rover_pin.experiments.wheel_rig.data import RIG_FILE, RigSet, read_rig_set
 from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.logs.drive_log import FILE, DriveLog, read_drive_log
 from rover_pin.loop.bed import close_on_bed, own_kind, read_bed
 from rover_pin.loop.drive import close_drive_loop
 from rover_pin.loop.joint import close_joint_loop
@@ -24,15 +30,9 @@ from rover_pin.loop.own_effects import refuse_unfit_effects
 from rover_pin.loop.provenance import LoopRequest
 from rover_pin.loop.rig import close_rig_loop, rig_set_of
 from rover_pin.loop.start import start_on
-from rover_pin.measurements.reading import closest_samples, data_path
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.motion.drive_log import FILE, DriveLog, read_drive_log
-from rover_pin.motion.model import Model
-from rover_pin.paths import is_file, is_folder
-from rover_pin.public import public
-from rover_pin.results_folder import alone_in
-from rover_pin.trust import Trust
-from rover_pin.workers import ending_workers
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.model.model import Model
 
 
 @public

@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+from rover_pin.base.files.paths import is_file
+from rover_pin.base.files.samples import data_path
+from rover_pin.base.trust import Trust
 from rover_pin.experiments.drive_log.checks.log import check as check_log
 from rover_pin.experiments.drive_log.checks.log import data_findings
 from rover_pin.experiments.drive_log.checks.log import refuse_unfit as refuse_log
@@ -12,15 +15,13 @@ from rover_pin.experiments.joint_rig.sets import read_joint
 from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit, too_poor
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment, as_declared
+from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.loop.close import read_data
 from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.drive_points import points_of_log
 from rover_pin.measurements.finding import Finding
-from rover_pin.measurements.reading import data_path, read_evidence, refuse_beyond_soil
+from rover_pin.measurements.reading import read_evidence, refuse_beyond_soil
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.motion.drive_log import DriveLog, read_drive_log
-from rover_pin.paths import is_file
-from rover_pin.trust import Trust
 
 
 class DataCheck(NamedTuple):

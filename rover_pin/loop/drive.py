@@ -8,7 +8,9 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from rover_pin.cluster import Workers
+from rover_pin.base.code_digest import key_of_code
+from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
+from rover_pin.base.jobs.cluster import Workers
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import losses
 from rover_pin.discrepancy.judge import chosen_without, keep_supported_effects, make_verdict, with_draft
@@ -30,14 +32,12 @@ from rover_pin.experiments.drive_log.resume import Memory
 from rover_pin.experiments.drive_log.separating_drive import SeparatingDrive, separating_drive
 from rover_pin.experiments.unlisted.remainder import DriveResidual, describe
 from rover_pin.experiments.unlisted.trial import drafted
+from rover_pin.logs.drive_log import DriveLog
 from rover_pin.loop.drive_written import write_results
 from rover_pin.loop.provenance import LoopRequest, provenance
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.effect_files import file_of, user_effects
-from rover_pin.motion.model import Model
-from rover_pin.own_code import key_of_code
 from rover_pin.report.drive.cautions import cautions
-from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
+from rover_pin.simulation.model.effect_files import file_of, user_effects
+from rover_pin.simulation.model.model import Model
 
 RIVALS = 2
 """Rivals of the best for which a separating run is proposed."""

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
+from rover_pin.logs.drive_log import DriveLog
 from rover_pin.loop.provenance import LoopRequest
 from rover_pin.loop.verdict_file import draft_written, written_last
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.model import Model
-from rover_pin.motion.model_toml import write_model
 from rover_pin.report.drive.report import write_report
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.model.toml_file import write_model
 
 
 def write_results(verdict: Verdict, log: DriveLog, request: LoopRequest, out: Path) -> Verdict:

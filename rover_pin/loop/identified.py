@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil
 from rover_pin.estimation.numbers import Number
 from rover_pin.estimation.problem import Prior
@@ -20,7 +21,6 @@ from rover_pin.identification.one_sand import as_held, sets_of
 from rover_pin.identification.result import Held, Identification
 from rover_pin.measurements.channel import DrawbarPull, Evidence, RigChannel, Sinkage, Torque
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.quantity import quantities
 
 OF_CHANNELS: dict[type[RigChannel], tuple[str, ...]] = {
     DrawbarPull: ("pull_tare", "crosstalk", "force_scale"),

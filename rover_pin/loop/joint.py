@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.judge import Question, concluded
 from rover_pin.discrepancy.refit import Progress
@@ -31,7 +32,6 @@ from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.rig_physics import refuse_impossible
 from rover_pin.report.joint.report import write_report
 from rover_pin.report.rig.cautions import of_parameters
-from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
 
 
 def close_joint_loop(joint: JointRig, request: LoopRequest, progress: Progress) -> Verdict:

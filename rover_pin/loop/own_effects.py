@@ -5,18 +5,18 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 
-from rover_pin.body.rover import load_rover
-from rover_pin.body.shapes import flat
+from rover_pin.base.errors import DataError, RoverPinError
+from rover_pin.base.quantity import quantities
+from rover_pin.base.users_code import is_stop, mistake
 from rover_pin.contact import Soil
 from rover_pin.effects.effect import Effect, MotorEffect
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import DataError, RoverPinError
-from rover_pin.motion.effect_files import AnyEffect, reading_traction, user_effects
-from rover_pin.motion.laws import contact_law, motor_law
-from rover_pin.motion.model import Model, base_effects
-from rover_pin.motion.motor import Motor
-from rover_pin.quantity import quantities
-from rover_pin.users_code import is_stop, mistake
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.compiled.laws import contact_law, motor_law
+from rover_pin.simulation.model.effect_files import AnyEffect, reading_traction, user_effects
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.terrain.shapes import flat
 
 
 def refuse_unfit_effects(path: str | Path) -> None:

@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from rover_pin.base.files.results_folder import OF_A_LOOP, say_what_is_replaced
+from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
@@ -36,8 +38,6 @@ from rover_pin.loop.verdict_file import draft_written, written_last
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.report.rig.cautions import cautions
 from rover_pin.report.rig.report import write_report
-from rover_pin.results_folder import OF_A_LOOP, say_what_is_replaced
-from rover_pin.trust import Trust
 
 RIVALS = 3
 """Rivals of the best for which a separating run is proposed."""

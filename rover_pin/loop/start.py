@@ -7,21 +7,21 @@ import functools
 import logging
 from pathlib import Path
 
-from rover_pin.body.shapes import flat
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.toml_file import read_toml
+from rover_pin.base.trust import Trust
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.normal_damping import NormalDamping
 from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.model import base_model
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.model import Model, base_effects
-from rover_pin.motion.model_toml import KIND, RIG_KIND, read_model
-from rover_pin.toml_file import read_toml
-from rover_pin.trust import Trust
+from rover_pin.logs.drive_log import DriveLog
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.toml_file import KIND, RIG_KIND, read_model
+from rover_pin.terrain.shapes import flat
 
 STEADY = (NormalDamping, SideShear)
 """What of a drive does nothing at a steady wheel that runs straight."""

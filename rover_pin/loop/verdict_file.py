@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from rover_pin.columns import replace_file
+from rover_pin.base.files.columns import replace_file
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.loop.provenance import LoopRequest
 

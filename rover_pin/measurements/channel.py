@@ -8,10 +8,10 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Scalar, Soil, Wheel
 from rover_pin.measurements.checks import column, positive, same_length
 from rover_pin.measurements.known import Known
-from rover_pin.quantity import quantities
 from rover_pin.soil.sinkage import sinkage
 from rover_pin.soil.traction import WheelForces
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.errors import DataError
+from rover_pin.base.errors import DataError
 
 
 def column(values: Any, name: str, where: str, gaps: bool = False) -> np.ndarray:

@@ -10,21 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.body.rover import Rover
+from rover_pin.base.errors import DataError
+from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.quantity import declared_sds, record_from
+from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
 from rover_pin.effects.slip import RelaxedSlip
-from rover_pin.errors import DataError
+from rover_pin.logs.drive_log import DriveLog, read_drive_log
 from rover_pin.measurements.known import UNDECLARED_SD
 from rover_pin.measurements.steady_windows import Steady, Window, steady_windows
 from rover_pin.measurements.traction_points import TractionPoints
-from rover_pin.motion.defaults import has_papers_wheel, own_soil, usual_angles, usual_slip
-from rover_pin.motion.drive_log import DriveLog, read_drive_log
-from rover_pin.motion.motor import Motor
-from rover_pin.quantity import declared_sds, record_from
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.model.defaults import has_papers_wheel, own_soil, usual_angles, usual_slip
+from rover_pin.simulation.model.motor import Motor
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import TorqueTraction
-from rover_pin.time_left import telling
-from rover_pin.trust import Trust
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,17 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from rover_pin.columns import replace_file
+from rover_pin.base.errors import DataError, ParameterError, closest
+from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.paths import is_file
+from rover_pin.base.files.table import measured_points
+from rover_pin.base.files.toml_file import toml_text
+from rover_pin.base.quantity import to_si
+from rover_pin.base.units import name_and_unit
 from rover_pin.contact import Wheel
-from rover_pin.errors import DataError, ParameterError, closest
 from rover_pin.measurements.channel import RIG_CHANNELS
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.wheel_rig import ANGLE, STRAIGHT
-from rover_pin.paths import is_file
-from rover_pin.quantity import to_si
-from rover_pin.table import measured_points
-from rover_pin.toml_file import toml_text
-from rover_pin.units import name_and_unit
 
 
 class RigColumn(NamedTuple):

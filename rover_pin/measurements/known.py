@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from rover_pin.base.errors import DataError
+from rover_pin.base.quantity import quantities, to_si
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import DataError
 from rover_pin.estimation.profile import NORMAL_95
-from rover_pin.quantity import quantities, to_si
 
 DECLARED_SD, UNDECLARED_SD = 0.35, 0.7
 """Relative SD of a modulus that is declared without one (bench tests), or not at all: assumed, as in the loop."""

@@ -9,9 +9,9 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil, Wheel
 from rover_pin.measurements.channel import FIELDS
-from rover_pin.quantity import quantities
 
 
 class Law(Hashable, Protocol):

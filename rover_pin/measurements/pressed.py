@@ -10,16 +10,16 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
 
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.table import measured_points
+from rover_pin.base.files.toml_file import table_in, text_in
+from rover_pin.base.public import brief
+from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import DataError
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.known import Known
-from rover_pin.public import brief
 from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.traction import wheel_forces
-from rover_pin.table import measured_points
-from rover_pin.toml_file import table_in, text_in
-from rover_pin.trust import Trust
 
 SHALLOWEST = 0.004
 """Sinkages above this [m] count: before, the contact settles and the zero of the depth is uncertain."""

@@ -2,44 +2,18 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 
-from rover_pin.errors import DataError, closest
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.paths import is_file, is_folder
+from rover_pin.base.files.samples import closest_samples
+from rover_pin.base.trust import Trust
 from rover_pin.measurements.channel import Evidence
 from rover_pin.measurements.drive_points import read_drive_points
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.measurements.rig_physics import refuse_impossible
 from rover_pin.measurements.traction_points import read_traction_points
 from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
-from rover_pin.paths import exists, is_file, is_folder
-from rover_pin.trust import Trust
-
-
-def sample_folder() -> Path:
-    """Return the folder of the samples: inside an installed package, or beside it in a checkout."""
-    package = Path(str(files("rover_pin")))
-    inside = package / "samples"
-    return inside if inside.is_dir() else package.parent / "studies" / "data"
-
-
-def sample_names() -> list[str]:
-    """Return the names of the samples."""
-    return sorted(folder.name for folder in sample_folder().iterdir() if folder.is_dir())
-
-
-def data_path(location: str | Path) -> Path:
-    """Return where data lie: what is given if it exists, else the sample, or its file, of this name, else the given."""
-    path = Path(location)
-    sample = sample_folder() / path
-    is_named = path.parts and not path.is_absolute() and ".." not in path.parts
-    return sample if is_named and not exists(path) and exists(sample) else path
-
-
-def closest_samples(location: str | Path) -> str:
-    """Return the tail of an unknown-data message: which sample a name may have meant; of a path or a folder nothing."""
-    path = Path(location)
-    return f" Of samples {closest(path, sample_names())}" if len(path.parts) == 1 and not exists(path) else ""
 
 
 def read_evidence(path: str | Path, trust: Trust = Trust()) -> Evidence:

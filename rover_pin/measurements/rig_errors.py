@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from rover_pin.base.quantity import Record, declared_sds, quantity, record_from
 from rover_pin.contact import Load, Scalar, Wheel
-from rover_pin.quantity import Record, declared_sds, quantity, record_from
 
 
 @dataclass(frozen=True)

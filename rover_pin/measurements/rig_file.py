@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from rover_pin.base.errors import DataError, closest
+from rover_pin.base.files.table import measured_points
+from rover_pin.base.files.toml_file import table_in, text_in
+from rover_pin.base.quantity import quantities, refuse_strange, to_si, value_and_unit
+from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import DataError, closest
 from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull
 from rover_pin.measurements.checks import column, slips
 from rover_pin.measurements.rig_errors import RigErrors
 from rover_pin.parameters.bekker import bekker_si
-from rover_pin.quantity import quantities, refuse_strange, to_si, value_and_unit
-from rover_pin.table import measured_points
-from rover_pin.toml_file import table_in, text_in
-from rover_pin.trust import Trust
 
 TEXTS = ("kind", "name", "source", "licence", "method", "missing", "note")
 BEKKER_UNITS = {"k_c": "N/m^(n+1)", "k_phi": "N/m^(n+2)"}

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import spearmanr
 
-from rover_pin.errors import DataError
+from rover_pin.base.errors import DataError
 from rover_pin.measurements.channel import DrawbarPull, RigChannel, SideForce, Sinkage, Torque, VerticalMoment
 from rover_pin.measurements.finding import Finding
 from rover_pin.measurements.wheel_rig import WheelRig

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.body.driven_loads import configuration, determinate_groups, footing, loads_on, turning, wheel_mounts
-from rover_pin.body.rover import Rover
-from rover_pin.motion.motor import Motor
-from rover_pin.motion.trace import Trace
+from rover_pin.rover.driven_loads import configuration, determinate_groups, footing, loads_on, turning, wheel_mounts
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.slip import slip_ratio
 
 LEAST_ROWS = 8

@@ -13,8 +13,9 @@ import casadi as ca
 import numpy as np
 import pandas as pd
 
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.table import measured_points
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import DataError
 from rover_pin.measurements.channel import Channel, Predictor, TractionFactor
 from rover_pin.measurements.checks import column, not_negative, positive, same_length, slips
 from rover_pin.measurements.known import UNDECLARED_SD, Known, range_of
@@ -23,7 +24,6 @@ from rover_pin.parameters import NEXUS6_WHEEL
 from rover_pin.soil.angles import Angles, FixedAngles, SinkageAngles
 from rover_pin.soil.sinkage import fitted_entry_angle
 from rover_pin.soil.traction import NetTraction, TractionForm, load_traction_factor
-from rover_pin.table import measured_points
 
 FORM, ANGLES = NetTraction(), FixedAngles()
 

@@ -13,8 +13,12 @@ import casadi as ca
 import numpy as np
 import pandas as pd
 
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.base.files.toml_file import read_toml, table_in
+from rover_pin.base.public import brief
+from rover_pin.base.quantity import declared_sds, quantities, record_from
+from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import DataError, ParameterError
 from rover_pin.measurements.channel import FIELDS, RIG_CHANNELS, Predictor, RigChannel, Sinkage
 from rover_pin.measurements.checks import column, depths, positive, same_length, slips
 from rover_pin.measurements.known import Known, declared_ranges, stated_ranges
@@ -32,12 +36,8 @@ from rover_pin.measurements.rig_file import (
     rim_of,
 )
 from rover_pin.parameters.bekker import bekker
-from rover_pin.public import brief
-from rover_pin.quantity import declared_sds, quantities, record_from
 from rover_pin.soil.sinkage import fitted_entry_angle
 from rover_pin.soil.traction import wheel_forces
-from rover_pin.toml_file import read_toml, table_in
-from rover_pin.trust import Trust
 
 STRAIGHT = 0.01
 """Slip angle [rad] up to which a wheel runs straight, and its side force is not looked at."""

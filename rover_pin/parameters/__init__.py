@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from rover_pin.base.errors import ParameterError, closest
 from rover_pin.contact import Soil
-from rover_pin.errors import ParameterError, closest
 from rover_pin.parameters.simulants import FJS_1, HIT_LSS1, LUNAR_NOMINAL, MARSSIM_SAND
 from rover_pin.parameters.slope_sand import SlopeSand
 from rover_pin.parameters.wong import DRY_SAND

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import re
 
+from rover_pin.base.errors import ParameterError
+from rover_pin.base.units import factor_to
 from rover_pin.contact import Scalar, Soil
-from rover_pin.errors import ParameterError
-from rover_pin.units import factor_to
 
 POWERS = {"k_c": 1, "k_phi": 2}
 """k_c is a force over length^(n + 1), k_phi one over length^(n + 2)."""

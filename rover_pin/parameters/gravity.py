@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from rover_pin.errors import DataError, ParameterError, closest
-from rover_pin.quantity import parse_quantity, to_si, value_and_unit
+from rover_pin.base.errors import DataError, ParameterError, closest
+from rover_pin.base.quantity import parse_quantity, to_si, value_and_unit
 
 EARTH = 9.81
 """Standard gravity, rounded as engineering tables do (9.80665)."""

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar, Soil
 from rover_pin.parameters.bekker import bekker
 from rover_pin.parameters.yoshida import NEXUS6_WHEEL
-from rover_pin.quantity import quantity
 
 ISHIGAMI = "Ishigami et al. 2007, J. Field Robotics 24(3): FJS-1"
 DING = "Ding et al. 2011, J. Terramechanics 48(1), and 2015: HIT-LSS1"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar, Soil
-from rover_pin.quantity import quantity
 
 DING = "chosen for a slip of 0.2 on 10 deg: Ding et al. 2011, Fig 9"
 

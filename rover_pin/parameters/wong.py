@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar, Soil
 from rover_pin.parameters.bekker import bekker
 from rover_pin.parameters.yoshida import NEXUS6_WHEEL
-from rover_pin.quantity import quantity
 
 WONG = "Wong, Theory of Ground Vehicles, dry sand (LLL)"
 K_1, K_2 = bekker(0.99e3, 1528.43e3, 1.1, NEXUS6_WHEEL.b)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.quantity import quantity
 
 NEXUS6_WHEEL = Wheel()
 """The wheel of Nexus 6: diameter 0.09 m (section 2); the width is assumed."""

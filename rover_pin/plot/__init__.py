@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rover_pin.motion.draw import COLOURS
-from rover_pin.motion.model import Model
-from rover_pin.motion.poses import configuration
-from rover_pin.motion.trace import Trace
 from rover_pin.plot.history import history
 from rover_pin.plot.sheet import new_figure, save, sheet, write_csv
 from rover_pin.plot.side import draw_rover, ground_line
 from rover_pin.plot.snapshots import snapshots, title_of
 from rover_pin.plot.traction import traction_figure
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.trace.draw import COLOURS
+from rover_pin.simulation.trace.poses import configuration
+from rover_pin.simulation.trace.trace import Trace
 
 __all__ = [
     "COLOURS",

@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_pin.motion.draw import COLOURS, draw_lines, group_overlapping_lines, wheel_lines
-from rover_pin.motion.trace import Trace
 from rover_pin.plot.sheet import in_lines, sheet
 from rover_pin.plot.snapshots import title_of
+from rover_pin.simulation.trace.draw import COLOURS, draw_lines, group_overlapping_lines, wheel_lines
+from rover_pin.simulation.trace.trace import Trace
 
 Panel = Callable[[Axes], None]
 

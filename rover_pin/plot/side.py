@@ -10,10 +10,10 @@ import pinocchio as pin
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
-from rover_pin.body.rover import Rover
-from rover_pin.body.terrain import Terrain
-from rover_pin.motion.poses import around, configuration, footprint, place_links
-from rover_pin.motion.trace import Trace
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.trace.poses import around, configuration, footprint, place_links
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.terrain import Terrain
 
 SAND, EDGE = "#d9c9a5", "#8a7340"
 

@@ -10,12 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_pin.body.rover import Rover
-from rover_pin.motion.model import Model
-from rover_pin.motion.poses import Turned, of_side, on_the_ground
-from rover_pin.motion.trace import Trace
 from rover_pin.plot.sheet import MARGINS, in_lines, sheet
 from rover_pin.plot.side import Pose, draw_above, draw_ground, draw_heights, draw_rover, poses
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.trace.poses import Turned, of_side, on_the_ground
+from rover_pin.simulation.trace.trace import Trace
 
 FURTHEST_APART = 0.5
 """Way [m] between two snapshots of a rover, about."""

@@ -11,7 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from rover_pin.motion.draw import COLOURS
+from rover_pin.simulation.trace.draw import COLOURS
 
 MAIN_OUTCOMES = ("distance_m", "mean_slip", "energy_motor_J", "max_pitch_deg")
 """Outcomes of a drive that are shown before others."""

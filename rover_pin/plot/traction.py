@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rover_pin.motion.draw import COLOURS
 from rover_pin.plot.sheet import save, sheet, write_csv
+from rover_pin.simulation.trace.draw import COLOURS
 from rover_pin.soil.curves import TractionCurves
 
 

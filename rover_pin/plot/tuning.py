@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rover_pin.motion.draw import COLOURS
+from rover_pin.simulation.trace.draw import COLOURS
 
 LOOKS = {
     "constant duty": ("|", "#000000"),

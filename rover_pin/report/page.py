@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import jinja2
 from markupsafe import Markup, escape
 
-from rover_pin.columns import replace_file
+from rover_pin.base.files.columns import replace_file
 from rover_pin.report.section import Picture, Section
 from rover_pin.report.svg import png, svg
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import display_name, meaning_of, title_of
 from rover_pin.estimation.wording import in_words
-from rover_pin.motion.effect_files import package_effects
+from rover_pin.simulation.model.effect_files import package_effects
 
 KEY = 36
 """Letters of a line of a picture's key: two columns of them are as wide as a panel."""

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import casadi as ca
 
+from rover_pin.base.quantity import is_symbolic
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.quantity import is_symbolic
 from rover_pin.soil.arc import LEAST_DEPTH, integrate, shear_law, strength
 from rover_pin.soil.peak_stress import PeakSums, terms
 from rover_pin.soil.quadrature import CERTIFIED, both_graded

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.errors import ParameterError
+from rover_pin.base.errors import ParameterError
 
 FAST = 16
 """Nodes of one panel for simulation.

@@ -9,8 +9,8 @@ from typing import Any
 
 import casadi as ca
 
+from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.errors import ParameterError
 from rover_pin.soil.arc import Mobilised, full_shear, integrate, shear_law, strength, stress_scale
 from rover_pin.soil.quadrature import FAST, entry_graded
 from rover_pin.soil.slip import speed_ratio

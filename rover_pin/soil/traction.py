@@ -7,8 +7,8 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import casadi as ca
 
+from rover_pin.base.public import public
 from rover_pin.contact import Scalar, Soil, Wheel
-from rover_pin.public import public
 from rover_pin.soil.angles import Angles, FixedAngles
 from rover_pin.soil.arc import Arc, Mobilised, integrate, shear_law, strength, stress_scale
 from rover_pin.soil.compaction import compaction

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.errors import ParameterError
-from rover_pin.quantity import as_float
+from rover_pin.base.errors import ParameterError
+from rover_pin.base.quantity import as_float
 
 
 class Axis(ABC):

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rover_pin.errors import CacheError, DataError, MissingExtraError, ParameterError
+from rover_pin.base.errors import CacheError, DataError, MissingExtraError, ParameterError
 from rover_pin.sweep.axis import plain
 from rover_pin.sweep.study import Case, Study
 
@@ -30,8 +30,8 @@ def drive_case(study: Study, case: Case) -> Mapping[str, Any]:
 
 def scenario_of(study: Study, case: Case) -> Any:
     """Return the scenario with the case's values; a terrain of chance is made from the case's seed."""
-    from rover_pin.scenarios import scenario
-    from rover_pin.scenes import SCENES
+    from rover_pin.scenarios.scenario import scenario
+    from rover_pin.scenarios.scenes import SCENES
 
     times = {name: getattr(study, name) for name in ("duration", "dt") if getattr(study, name) is not None}
     settings = {**times, "trust": study.trust, **study.settings, **case.values}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.errors import ParameterError
+from rover_pin.base.errors import ParameterError
 from rover_pin.sweep.axis import Axis
 
 Group = Mapping[str, Axis]

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rover_pin.console import plain_column, plain_console
+from rover_pin.base.console import plain_column, plain_console
 
 Advance = Callable[[bool], None]
 """To be called after each case with whether it failed."""

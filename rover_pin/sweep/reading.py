@@ -8,13 +8,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rover_pin.errors import ParameterError, closest
+from rover_pin.base.errors import ParameterError, closest
+from rover_pin.base.files.toml_file import read_toml
+from rover_pin.base.trust import Trust
+from rover_pin.base.units import UNITS, USUAL, factor_to
 from rover_pin.sweep.axis import Axis, LogRange, Range, Values, kind_of
 from rover_pin.sweep.plan import Grid, LatinHypercube, Plan, Sobol
 from rover_pin.sweep.study import Study
-from rover_pin.toml_file import read_toml
-from rover_pin.trust import Trust
-from rover_pin.units import UNITS, USUAL, factor_to
 
 PLANS: dict[str, type[Any]] = {"grid": Grid, "latin-hypercube": LatinHypercube, "sobol": Sobol}
 SCALES: dict[str, type[Range]] = {"linear": Range, "log": LogRange}

@@ -9,16 +9,16 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from rover_pin.cluster import refuse_both
-from rover_pin.errors import DataError, RoverPinError
-from rover_pin.results_folder import alone_in
+from rover_pin.base.errors import DataError, RoverPinError
+from rover_pin.base.files.results_folder import alone_in
+from rover_pin.base.jobs.cluster import refuse_both
+from rover_pin.base.jobs.workers import ending_workers
 from rover_pin.sweep.axis import LogRange
 from rover_pin.sweep.case import CaseFunction, Row, check_names, drive_case, run_case
 from rover_pin.sweep.progress import progress
 from rover_pin.sweep.spread import on_cluster, on_cores
 from rover_pin.sweep.store import CSV, RESULTS, Store
 from rover_pin.sweep.study import Case, Study
-from rover_pin.workers import ending_workers
 
 PICTURE = "summary.png"
 
@@ -115,7 +115,7 @@ def _draw(study: Study, results: Results) -> None:
 
 def _units(study: Study) -> dict[str, str]:
     """Return the parameters with their units, as far as the scenario knows them."""
-    from rover_pin.scenarios import settings_of
+    from rover_pin.scenarios.scenario import settings_of
 
     try:
         first = next(iter(study.cases())).values

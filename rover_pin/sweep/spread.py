@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
-from rover_pin.cluster import client_of, on_processes
-from rover_pin.errors import ParameterError, SimulationError
+from rover_pin.base.errors import ParameterError, SimulationError
+from rover_pin.base.jobs.cluster import client_of, on_processes
 from rover_pin.sweep.case import Row, failed_row
 from rover_pin.sweep.study import Case
 

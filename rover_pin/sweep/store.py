@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from rover_pin.bounded import content, text
-from rover_pin.errors import DataError
-from rover_pin.results_folder import LOCK
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.bounded import content, text
+from rover_pin.base.files.results_folder import LOCK
 from rover_pin.sweep.case import LEADING, Row
 
 STUDY_FILE, PARTS, RESULTS, CSV = "study.json", "parts", "results.parquet", "results.csv"

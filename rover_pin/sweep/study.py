@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.errors import ParameterError, closest
-from rover_pin.public import brief
+from rover_pin.base.errors import ParameterError, closest
+from rover_pin.base.public import brief
+from rover_pin.base.trust import Trust
 from rover_pin.sweep.axis import Axis, Values, kind_of
 from rover_pin.sweep.plan import MOST_CASES, Group, Plan
-from rover_pin.trust import Trust
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.columns import columns_text, replace_file
-from rover_pin.motion.saved import save_trace
-from rover_pin.motion.trace import Trace
+from rover_pin.base.files.columns import columns_text, replace_file
+from rover_pin.logs.saved import save_trace
+from rover_pin.simulation.trace.trace import Trace
 from rover_pin.view.film import Film
 from rover_pin.view.ground import patches
 from rover_pin.view.shapes import shapes_of

@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.rover import Rover
-from rover_pin.body.terrain import Extent, Terrain
-from rover_pin.errors import DataError
-from rover_pin.motion.poses import configuration, on_the_ground, place_links, wheel_angles
-from rover_pin.motion.trace import Trace
+from rover_pin.base.errors import DataError
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.trace.poses import configuration, on_the_ground, place_links, wheel_angles
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.terrain import Extent, Terrain
 
 FRAMES_PER_SECOND = 20.0
 MOST_FRAMES = 600

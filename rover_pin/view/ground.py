@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.body.profile import Profile
-from rover_pin.body.terrain import Extent, HeightGrid, Lanes, Terrain
+from rover_pin.terrain.profile import Profile
+from rover_pin.terrain.terrain import Extent, HeightGrid, Lanes, Terrain
 
 MOST = 400
 """Points of a height grid that are drawn along either axis."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.columns import replace_file
+from rover_pin.base.files.columns import replace_file
 from rover_pin.view.colours import css_gradient
 from rover_pin.view.film import Film
 from rover_pin.view.shapes import shapes_of

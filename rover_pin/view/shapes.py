@@ -13,9 +13,9 @@ import pinocchio as pin
 import trimesh
 import yourdfpy
 
-from rover_pin.body.rover import Rover, WheelMount
-from rover_pin.description.meshes import MOST_CORNERS, mesh_file, read_mesh
-from rover_pin.errors import DataError
+from rover_pin.base.errors import DataError
+from rover_pin.rover.description.meshes import MOST_CORNERS, mesh_file, read_mesh
+from rover_pin.rover.rover import Rover, WheelMount
 
 log = logging.getLogger(__name__)
 

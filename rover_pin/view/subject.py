@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from rover_pin.body.rover import Rover
-from rover_pin.body.terrain import Terrain
-from rover_pin.description.layout import rover_folder
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.trace import Trace
+from rover_pin.logs.drive_log import DriveLog
+from rover_pin.rover.description.layout import rover_folder
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.terrain import Terrain
 
 
 @dataclass(frozen=True)

@@ -22,23 +22,23 @@ from former import ROOT, checkout
 from process_cost import timed
 from speed_table import keep, reader
 
-from rover_pin.body.profile import Profile
-from rover_pin.body.rover import load_rover
-from rover_pin.body.terrain import Lanes
+from rover_pin.base.quantity import declared
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.experiments.drive_log.model import DRIVEN_SAND
-from rover_pin.motion.command import Reading
-from rover_pin.motion.drive_log import LogMetadata, write_drive_log
-from rover_pin.motion.log_terrain import write_terrain
-from rover_pin.motion.model import Model, base_effects
-from rover_pin.motion.motors import nexus6_motor
-from rover_pin.motion.place import Start
-from rover_pin.motion.sensors import Sensors, measured
-from rover_pin.motion.simulate import simulate
-from rover_pin.quantity import declared
+from rover_pin.logs.drive_log import LogMetadata, write_drive_log
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.command import Reading
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.start.place import Start
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
+from rover_pin.terrain.profile import Profile
+from rover_pin.terrain.terrain import Lanes
+from rover_pin.terrain.toml_table import write_terrain
 
 WORKERS = 2
 

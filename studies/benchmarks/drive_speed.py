@@ -26,13 +26,13 @@ import numpy as np
 import pinocchio as pin
 from speed_table import keep, reader
 
-from rover_pin.motion import driving
-from rover_pin.motion import simulate as motion
-from rover_pin.motion.instant import Instant, Places
-from rover_pin.motion.kernel import Kernel
-from rover_pin.motion.native.loop import Loop
-from rover_pin.motion.place import settled
-from rover_pin.scenarios import Scenario, scenario
+from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.simulation import driving
+from rover_pin.simulation import simulate as motion
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.instant import Instant, Places
+from rover_pin.simulation.native.loop import Loop
+from rover_pin.simulation.start.place import settled
 
 DURATION = 20.0
 WALL, DEPTH, WIDTH, AT = math.radians(30.0), 0.05, 0.2, 0.5
@@ -258,7 +258,7 @@ def footprint() -> float:
     """Print and return peak memory of this process without MuJoCo's share, and the time to import the package."""
     code = (
         "import time; t = time.perf_counter(); import rover_pin; a = time.perf_counter() - t\n"
-        "from rover_pin.scenarios import scenario; b = time.perf_counter() - t\n"
+        "from rover_pin.scenarios.scenario import scenario; b = time.perf_counter() - t\n"
         "scenario('ditch', soil='table-1').drive()\n"
         "peak = next(line for line in open('/proc/self/status') if line.startswith('VmHWM'))\n"
         "print(a, b, int(peak.split()[1]) / 1024)"

@@ -20,18 +20,18 @@ import numpy as np
 from former import ROOT
 from process_cost import timed
 
-from rover_pin.body.profile import Profile
-from rover_pin.body.rover import load_rover
-from rover_pin.body.terrain import Lanes
-from rover_pin.columns import columns_text
+from rover_pin.base.files.columns import columns_text
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.motion.command import Controller
-from rover_pin.motion.defaults import own_motor, own_soil, usual_angles, usual_slip
-from rover_pin.motion.model import Model, base_effects
-from rover_pin.motion.sensors import Sensors, measured
-from rover_pin.motion.simulate import simulate
-from rover_pin.motion.timing import Timing
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.command import Controller
+from rover_pin.simulation.model.defaults import own_motor, own_soil, usual_angles, usual_slip
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.timing import Timing
 from rover_pin.soil.traction import TorqueTraction
+from rover_pin.terrain.profile import Profile
+from rover_pin.terrain.terrain import Lanes
 
 HOUR, LEG, HOLD = 3600.0, 40.0, 4.0
 """Seconds of the drive, of one way, and for which a duty holds."""

@@ -28,7 +28,7 @@ import sys
 try:
     from rover_pin.__main__ import main
 except ImportError:
-    from rover_pin.cli import main
+    from rover_pin.cli.app import main
 sys.argv[0] = "rover-pin"
 main()
 """

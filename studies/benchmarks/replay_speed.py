@@ -28,9 +28,9 @@ SHAPES = ("ditch", "washboard")
 REPLAY = """
 import json, sys, time
 import numpy as np
-from rover_pin.motion.place import settled
-from rover_pin.motion.replay import commands, replay
-from rover_pin.scenarios import scenario
+from rover_pin.simulation.start.place import settled
+from rover_pin.simulation.replay import commands, replay
+from rover_pin.scenarios.scenario import scenario
 shape, repeats, folder = sys.argv[1], int(sys.argv[2]), sys.argv[3]
 case = scenario(shape, soil="table-1", duration=20.0)
 rover = case.model.rover
@@ -46,10 +46,10 @@ print(json.dumps(min(times[1:])))
 """
 COMPILE = """
 import json, resource
-from rover_pin.motion.compiled_laws import compiled_laws, structure_of
-from rover_pin.motion.native.compiled_body import Known, compiled_body
-from rover_pin.motion.native.library import library
-from rover_pin.scenarios import scenario
+from rover_pin.simulation.compiled.generated_laws import compiled_laws, structure_of
+from rover_pin.simulation.native.compiled_body import Known, compiled_body
+from rover_pin.simulation.native.library import library
+from rover_pin.scenarios.scenario import scenario
 model = scenario("ditch", soil="table-1").model
 def spent():
     uses = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]

@@ -29,12 +29,12 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from rover_pin.control.drive_score import Score
-from rover_pin.control.evaluations import Evaluations
 from rover_pin.control.slip_control import Gains
-from rover_pin.control.tuning import place_of, reduced_costs, tune_gains, values
-from rover_pin.control.tuning_drives import Control, full_score
-from rover_pin.control.tuning_study import Effort, TuningStudy, read_tuning
+from rover_pin.tuning.drive_score import Score
+from rover_pin.tuning.drives import Control, full_score
+from rover_pin.tuning.evaluations import Evaluations
+from rover_pin.tuning.study import Effort, TuningStudy, read_tuning
+from rover_pin.tuning.tune import place_of, reduced_costs, tune_gains, values
 
 EXAMPLE = Path(__file__).parents[1] / "tune_slopes.toml"
 EVALUATIONS = 120

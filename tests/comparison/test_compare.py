@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.body.shapes import flat
+from rover_pin.base.errors import DataError
 from rover_pin.comparison.compare import compare
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.slip_sinkage import SlipSinkage
-from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
-from rover_pin.motion.model_toml import write_model
-from rover_pin.motion.saved import save_trace
-from rover_pin.motion.trace import Trace
-from rover_pin.scenarios import scenario
+from rover_pin.logs.saved import save_trace
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.toml_file import write_model
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.shapes import flat
 
 KEPT = Path(__file__).parents[2] / "studies" / "results" / "steepening-slope"
 

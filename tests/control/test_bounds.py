@@ -1,8 +1,6 @@
 """One wheel's torque bounds: against a search with the 30-digit oracle, against limits, and their derivatives."""
 
-import importlib.util
 import math
-from pathlib import Path
 
 import casadi as ca
 import mpmath as mp
@@ -11,18 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
 from rover_pin.control.bound_law import INPUTS
 from rover_pin.control.bounds import TorqueBounds, bound_gradient, torque_bounds
-from rover_pin.errors import ParameterError
 from rover_pin.parameters import SOILS
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.limits import saturation_torque, torque_at_slip
-
-_file = Path(__file__).parents[1] / "oracle" / "terramechanics.py"
-_spec = importlib.util.spec_from_file_location("terramechanics_oracle", _file)
-oracle = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(oracle)
+from tests.oracle import terramechanics as oracle
 
 WHEEL = Wheel()
 SAND = SOILS["literature-sand"].replace(k=0.005)
@@ -215,7 +209,7 @@ def test_the_prepared_bounds_are_those_of_each_wheel(angles):
 
 def test_prepared_bounds_work_without_a_compiler_and_keep_their_results(monkeypatch):
     import rover_pin.control.bounds as module
-    from rover_pin.errors import MissingExtraError
+    from rover_pin.base.errors import MissingExtraError
 
     def none(source, name):
         raise MissingExtraError("no compiler")

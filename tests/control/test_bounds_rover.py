@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from rover_pin.body.rover import load_rover
-from rover_pin.body.statics import wheel_loads
-from rover_pin.cli import app
+from rover_pin.base.errors import ParameterError
+from rover_pin.cli.app import app
 from rover_pin.contact import Wheel
 from rover_pin.control.bound_pull import TractionLimit, pull_at_bounds
 from rover_pin.control.bounds import torque_bounds
 from rover_pin.control.rover_bounds import bounds_report, bounds_table, climbable_slope, rover_torque_bounds
-from rover_pin.errors import ParameterError
-from rover_pin.motion.motor import Motor
 from rover_pin.parameters import SOILS
-from rover_pin.scenarios import scenario
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.statics import wheel_loads
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.motor import Motor
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.sinkage import entry_angle
 from rover_pin.soil.traction import (

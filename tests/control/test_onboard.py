@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.body.rover import load_rover
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.onboard import Tacking, TackingControl
-from rover_pin.motion.command import Reading
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.command import Reading
+from rover_pin.simulation.simulate import simulate
 
 LAW = Tacking(calm=2.0, delta=0.5, delta_climb=0.8)
 

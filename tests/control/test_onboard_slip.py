@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.control.onboard_slip import REST, SLIPS, OnboardSlip, SureSlip, Trust, slip_ratios
 from rover_pin.control.slip_control import SlipControl
 from rover_pin.control.slip_estimate import TableEstimate, flat_table
-from rover_pin.errors import ParameterError
-from rover_pin.motion.sensors import Sensed, Sensors
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.sensors import Sensed, Sensors
+from rover_pin.simulation.simulate import simulate
 from rover_pin.soil.slip import slip_ratio
 
 QUIET = Sensors(rate_sd=0.0, rate_step=0.0, angle_sd=0.0, angle_step=0.0, current_sd=0.0, attitude_sd=0.0)

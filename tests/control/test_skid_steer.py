@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rover_pin.body.rover import load_rover
 from rover_pin.control.steering import Turn
 from rover_pin.effects.flank_pressure import FlankPressure
-from rover_pin.scenarios import scenario
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.scenario import scenario
 
 CART = load_rover("cart")
 TRACK = 0.52

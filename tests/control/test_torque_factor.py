@@ -5,7 +5,7 @@ import pytest
 
 from rover_pin.control.torque_factor import torque_factors
 from rover_pin.effects.post_peak import PostPeak
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
 from rover_pin.soil.traction import TorqueTraction, load_traction_factor
 
 SLIPS = np.linspace(-1.0, 1.0, 9)

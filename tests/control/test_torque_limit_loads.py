@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from rover_pin.body.driven_loads import configuration, driven_loads
-from rover_pin.body.statics import wheel_loads
 from rover_pin.control.bounds import TorqueBounds
 from rover_pin.control.torque_limit import LOST_SLIP
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.motion.command import Command
-from rover_pin.motion.failure import suspension_of
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.rover.driven_loads import configuration, driven_loads
+from rover_pin.rover.statics import wheel_loads
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.command import Command
+from rover_pin.simulation.failure import suspension_of
+from rover_pin.simulation.simulate import simulate
 
 DRIVES = {
     "hills": ("hills", {}, (0.10, 0.01)),

@@ -9,8 +9,8 @@ import pytest
 from rover_pin.demo import drive_log, rig, slip_slope
 from rover_pin.demo.hidden import CONTACT, DRIVEN, chosen, truth_file
 from rover_pin.experiments.slip_slope import SlipSlope
+from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.measurements.wheel_rig import read_wheel_rig
-from rover_pin.motion.drive_log import read_drive_log
 
 
 def test_a_rig_tells_what_was_hidden_beside_it_alone(run, tmp_path):

@@ -1,25 +1,20 @@
 """Shapes of laws of which even the order is assumed: free within their doubt wherever fits are exact."""
 
-import importlib.util
 import math
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.discrepancy.exact_refits import rank_refits, variants, with_visible_shapes
 from rover_pin.discrepancy.judge import as_fitted
 from rover_pin.discrepancy.search import calibrated, threshold_after
 from rover_pin.effects.post_peak import PostPeak
 from rover_pin.effects.rate_dependence import RateDependence
-from rover_pin.quantity import quantities
-
-_spec = importlib.util.spec_from_file_location("linear_rig", Path(__file__).parents[1] / "evidence" / "linear_rig.py")
-linear = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(linear)
+from tests.experiments.wheel_rig import linear_rig as linear
 
 SIZE, SHAPE = "RateDependence.c_r", "RateDependence.v_0"
 RATE = plain_candidate(RateDependence())

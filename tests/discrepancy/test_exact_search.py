@@ -1,15 +1,14 @@
 """The search where fits are exact, against the linear Gaussian model in closed form: every decision in milliseconds."""
 
 import dataclasses
-import importlib.util
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2 as chi2_law
 from scipy.stats import norm
 
+from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy import cross_validation
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import plain_candidate
@@ -26,17 +25,13 @@ from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.load_exponent import LoadExponent
 from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage
-from rover_pin.errors import OptimisationError
 from rover_pin.estimation import numbers as intervals_module
 from rover_pin.estimation.fit import fit
 from rover_pin.estimation.numbers import intervals, is_adequate, numbers, settled
 from rover_pin.experiments.wheel_rig.candidates import candidates, rig_kinds
 from rover_pin.loop.rig import on_rig
 from rover_pin.report.sections.which_effect import own_text
-
-_spec = importlib.util.spec_from_file_location("linear_rig", Path(__file__).parents[1] / "evidence" / "linear_rig.py")
-linear = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(linear)
+from tests.experiments.wheel_rig import linear_rig as linear
 
 ROWS, FREE = 2 * linear.RUNS, linear.FREE
 SILENT = lambda said: None  # noqa: E731

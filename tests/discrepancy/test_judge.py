@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from rover_pin.base.quantity import Record, quantity
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.bed import Bed, Parts, question_of
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
@@ -17,7 +18,6 @@ from rover_pin.discrepancy.search import calibrated
 from rover_pin.discrepancy.verdict import SCHEMA
 from rover_pin.estimation.noise import declared_noise
 from rover_pin.loop.close import close_the_loop
-from rover_pin.quantity import Record, quantity
 
 X = np.linspace(0.0, 1.0, 12) + np.linspace(0.0, 0.05, 6)[:, None]
 SD = 0.02

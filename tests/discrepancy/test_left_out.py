@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from rover_pin.base.errors import OptimisationError
 from rover_pin.discrepancy import cross_validation, judge
 from rover_pin.discrepancy.cross_validation import (
     FAR,
@@ -17,7 +18,6 @@ from rover_pin.discrepancy.cross_validation import (
     without_each,
 )
 from rover_pin.discrepancy.search import Search
-from rover_pin.errors import OptimisationError
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.parameter import Parameter
 

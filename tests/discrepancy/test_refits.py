@@ -1,28 +1,21 @@
 """What a search adds, pairs, confirms and calls alike, on refits made by hand."""
 
-import importlib.util
 from dataclasses import dataclass
-from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
+from rover_pin.base.errors import OptimisationError
+from rover_pin.base.quantity import Record, quantity
 from rover_pin.discrepancy import compare, exact_refits, search
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.refit import Refit, indistinguishable_refits
 from rover_pin.discrepancy.screen import ABSORBED, STILL, Scored, Signature, _unconstrained_signature, started
-from rover_pin.errors import OptimisationError
 from rover_pin.estimation.numbers import profiles
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.quantity import Record, quantity
-
-_spec = importlib.util.spec_from_file_location(
-    "linear_drive", Path(__file__).parents[1] / "evidence" / "linear_drive.py"
-)
-linear = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(linear)
+from tests.experiments.drive_log import linear_drive as linear
 
 NOTHING = Signature(Candidate("A", object(), ()), {}, np.zeros(1))
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy import compare, screen, search
 from rover_pin.discrepancy.anchor import is_bent
 from rover_pin.discrepancy.candidate import Candidate
@@ -16,7 +17,6 @@ from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.rate_dependence import RateDependence
 from rover_pin.effects.torque_saturation import TorqueSaturation
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.quantity import quantities
 
 RATE = Candidate("RateDependence", RateDependence(), ("RateDependence.c_r",))
 BOUNDS = quantities(RateDependence)["c_r"]

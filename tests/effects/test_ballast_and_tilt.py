@@ -6,17 +6,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.body import shapes
-from rover_pin.body.reach import reach_of
-from rover_pin.body.rover import load_rover
-from rover_pin.body.statics import wheel_loads
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.gravity_tilt import GravityTilt
 from rover_pin.effects.point_mass import PointMass
-from rover_pin.errors import ParameterError
-from rover_pin.motion.place import Start, settled
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.rover.reach import reach_of
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.statics import wheel_loads
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.start.place import Start, settled
+from rover_pin.terrain import shapes
 
 NEXUS6 = load_rover()
 FLAT = scenario("flat").model

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from rover_pin.body import shapes
-from rover_pin.body.bent import bent
-from rover_pin.body.profile import Profile
-from rover_pin.body.terrain import HeightGrid, Lanes
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.bent_ground import BentGround
-from rover_pin.errors import ParameterError
-from rover_pin.motion.model_toml import read_model, write_model
-from rover_pin.motion.place import Start
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.toml_file import read_model, write_model
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.start.place import Start
+from rover_pin.terrain import shapes
+from rover_pin.terrain.bent import bent
+from rover_pin.terrain.profile import Profile
+from rover_pin.terrain.terrain import HeightGrid, Lanes
 
 FLAT = scenario("flat").model
 SLOPES = (0.03, -0.02, 0.05, 0.0, -0.04)

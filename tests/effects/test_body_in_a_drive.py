@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rover_pin.body.rover import load_rover
+from rover_pin.base.errors import ParameterError, SimulationError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.differential_compliance import DifferentialCompliance
@@ -14,12 +14,12 @@ from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.effects.point_mass import PointMass
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.wheel_scale import WheelScale
-from rover_pin.errors import ParameterError, SimulationError
-from rover_pin.motion.kernel import Kernel
-from rover_pin.motion.place import Start, settled
-from rover_pin.motion.plain import Plain
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.plain.step import Plain
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.start.place import Start, settled
 
 BUMP = scenario("one-sided-bump").model
 EFFECTS = {

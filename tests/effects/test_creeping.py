@@ -12,7 +12,7 @@ from rover_pin.effects.ploughing import Ploughing
 from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.slip_softening import SlipSoftening
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
 
 RESISTING = {
     "bulldozing": (Bulldozing(), (), 0.3),

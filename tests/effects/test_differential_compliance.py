@@ -6,8 +6,8 @@ import pytest
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.differential_compliance import DifferentialCompliance
 from rover_pin.effects.effect import Body
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
 
 BUMP = scenario("one-sided-bump").model
 
@@ -68,7 +68,7 @@ def test_within_the_play_the_rockers_are_free():
 def test_play_lets_the_body_pitch_by_half_of_it():
     """Standing, the base leans on one end of the play: both rockers turn alike, by a quarter of the backlash each."""
     model = scenario("flat").model.having(DifferentialCompliance(compliance=0.0, backlash=0.04))
-    from rover_pin.motion.place import Start, settled
+    from rover_pin.simulation.start.place import Start, settled
 
     q, differential = settled(model, Start()).q, model.rover.differential
     angles = q[[differential.q_left, differential.q_right]]

@@ -10,8 +10,8 @@ import pytest
 import rover_pin.effects
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
 
 BASE = scenario("incline", **{"terrain.angle_deg": 4.0, "terrain.start": -3.0}).model
 

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.experiments.wheel_rig.candidates import effect_kinds
-from rover_pin.motion.effect_files import reading_traction
-from rover_pin.motion.laws import amended, loaded
-from rover_pin.quantity import quantities
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.compiled.laws import amended, loaded
+from rover_pin.simulation.model.effect_files import reading_traction
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.traction import FORMS, load_traction_factor, wheel_forces
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import rover_pin.effects
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Contact, Load, Soil, Wheel
 from rover_pin.effects.effect import Body, BodyEffect, Drive, Effect, MotorEffect, SensorEffect
 from rover_pin.effects.slip import RelaxedSlip
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.motion.body_law import Joints, body_law
-from rover_pin.motion.hoist import split_law
-from rover_pin.motion.laws import GEOMETRY, contact_law, numbers
-from rover_pin.quantity import quantities
+from rover_pin.simulation.compiled.body_law import Joints, body_law
+from rover_pin.simulation.compiled.constant_part import split_law
+from rover_pin.simulation.compiled.laws import GEOMETRY, contact_law, numbers
 
 
 def found(kind):

@@ -7,8 +7,8 @@ import pytest
 
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.hard_patch import HardPatch
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
 
 
 def test_inside_and_outside(patch):

@@ -20,7 +20,7 @@ from rover_pin.effects.soil_traction import NODES, SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tracking_delay import TrackingDelay
 from rover_pin.effects.velocity_filter import VelocityFilter
-from rover_pin.motion.effect_files import package_effects
+from rover_pin.simulation.model.effect_files import package_effects
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.peak_stress import peak_stress_forces
 from rover_pin.soil.traction import GrossTraction, NetTraction, TorqueTraction, wheel_forces

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Load, Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.differential_compliance import DifferentialCompliance
@@ -22,8 +23,7 @@ from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.tether_drag import TetherDrag
 from rover_pin.effects.weak_motor import WeakMotor
 from rover_pin.effects.winding_heating import WindingHeating
-from rover_pin.motion.effect_files import package_effects
-from rover_pin.quantity import quantities
+from rover_pin.simulation.model.effect_files import package_effects
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.combined import combined_forces
 from rover_pin.soil.traction import FORMS

@@ -5,7 +5,7 @@ import pytest
 from rover_pin.effects.hard_patch import HardPatch
 from rover_pin.effects.names import display_name, meaning_of, title_of
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.motion.effect_files import package_effects, user_effects
+from rover_pin.simulation.model.effect_files import package_effects, user_effects
 
 KINDS = package_effects()
 

@@ -8,10 +8,10 @@ import pytest
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.effect import Body
 from rover_pin.effects.pivot_friction import PivotFriction
-from rover_pin.motion.kernel import Kernel
-from rover_pin.motion.place import Start, hovering
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.start.place import Start, hovering
 
 
 def test_the_level_by_hand():
@@ -68,7 +68,7 @@ def test_it_takes_energy_over_a_bump_and_lags_the_bogie():
 def test_the_rover_is_set_down_where_it_would_rest_without_friction():
     model = scenario("one-sided-bump").model
     place = Start(x=0.65)
-    from rover_pin.motion.place import settled
+    from rover_pin.simulation.start.place import settled
 
     free, rubbing = (settled(each, place) for each in (model, model.having(PivotFriction(tau_c=5.0))))
     assert np.array_equal(free.q, rubbing.q)

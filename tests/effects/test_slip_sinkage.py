@@ -10,7 +10,7 @@ from rover_pin.contact import Load
 from rover_pin.effects.skid_sinkage import SkidSinkage
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.compaction import sinking_resistance
 from rover_pin.soil.sinkage import entry_angle

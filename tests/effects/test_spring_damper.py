@@ -5,19 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.body.acceleration import mass_matrix
-from rover_pin.body.rover import load_rover
+from rover_pin.base.errors import ParameterError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.effect import Body
 from rover_pin.effects.spring_damper import SpringDamper
-from rover_pin.errors import ParameterError
-from rover_pin.motion.kernel import Kernel
-from rover_pin.motion.model_toml import read_model, write_model
-from rover_pin.motion.place import Start, hovering, settled
-from rover_pin.motion.plain import Plain
-from rover_pin.motion.simulate import simulate
-from rover_pin.motion.suspension import suspension_dofs
-from rover_pin.scenarios import scenario
+from rover_pin.rover.acceleration import mass_matrix
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.suspension import suspension_dofs
+from rover_pin.simulation.model.toml_file import read_model, write_model
+from rover_pin.simulation.plain.step import Plain
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.start.place import Start, hovering, settled
 
 NAMES = ("rocker_l", "bogie_l", "rocker_r", "bogie_r")
 FLAT = scenario("flat").model

@@ -6,8 +6,8 @@ import pytest
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.effect import Body
 from rover_pin.effects.tether_drag import TetherDrag
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
 
 FLAT = scenario("flat").model
 

@@ -4,7 +4,7 @@ import pytest
 
 from rover_pin.effects.effect import Drive
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
 
 
 def test_the_named_wheel_loses_its_share():
@@ -17,7 +17,7 @@ def test_a_dead_motor_is_dragged_along():
     drive = scenario("flat", duration=4.0)
     model = drive.model.having(WeakMotor(g=1.0, wheel=2))
     from rover_pin.control.constant import ConstantDuty
-    from rover_pin.motion.simulate import simulate
+    from rover_pin.simulation.simulate import simulate
 
     trace = simulate(model, ConstantDuty(0.55), 4.0)
     assert trace["torque_ml"][-1] == pytest.approx(0.0, abs=1e-9)

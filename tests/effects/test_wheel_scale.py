@@ -7,8 +7,8 @@ from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.slip import AlgebraicSlip
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.wheel_scale import WheelScale
-from rover_pin.motion.simulate import simulate
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
 
 
 def test_it_comes_before_the_slip(patch):

@@ -1,8 +1,6 @@
 """What levels of a wheel rig share by chance: beds that differ, noise that drifts; what is more is no chance."""
 
-import importlib.util
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,11 +16,7 @@ from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.rig import question_of
-
-_file = Path(__file__).parents[1] / "oracle" / "rig_generator.py"
-_spec = importlib.util.spec_from_file_location("rig_generator_by_chance", _file)
-generator = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(generator)
+from tests.oracle import rig_generator as generator
 
 SLIPS = (-0.3, -0.15, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85)
 

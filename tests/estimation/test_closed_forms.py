@@ -9,7 +9,8 @@ import pytest
 from scipy.optimize import OptimizeResult, approx_fprime, brentq, lsq_linear
 from scipy.stats import chi2 as chi2_law
 
-from rover_pin.errors import DataError, ParameterError
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.base.quantity import Record, quantities, quantity
 from rover_pin.estimation import baselines
 from rover_pin.estimation.coordinates import Axis, Linear, Log, Space
 from rover_pin.estimation.covariance import covariance as data_covariance
@@ -27,7 +28,6 @@ from rover_pin.estimation.profile import Best, LowerMinimum, interval, rise
 from rover_pin.estimation.task import Task, objective
 from rover_pin.estimation.wording import Against, Change, Outcome, against, format_value, spread
 from rover_pin.estimation.wording import interval as said_interval
-from rover_pin.quantity import Record, quantities, quantity
 
 FOLDS, SAMPLES = 3, 20
 X = np.random.default_rng(7).normal(size=(2, FOLDS, 1, SAMPLES))

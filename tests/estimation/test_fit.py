@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from rover_pin.base.quantity import Record, quantity
 from rover_pin.estimation.experiment import Experiment
 from rover_pin.estimation.fit import Task, fit
 from rover_pin.estimation.gauss_newton import RENEWALS, TO_THE_END, TURNS
 from rover_pin.estimation.noise import declared_noise, huber
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.quantity import Record, quantity
 
 WALL = 1.0
 

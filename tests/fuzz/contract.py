@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rover_pin.errors import RoverPinError
+from rover_pin.base.errors import RoverPinError
 
 LONGEST = 30.0
 """Seconds that a reader may take."""

@@ -13,9 +13,9 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 
-from rover_pin import cli
-from rover_pin.errors import DataError, SimulationError
-from rover_pin.scenarios import Scenario
+from rover_pin.base.errors import DataError, SimulationError
+from rover_pin.cli import app
+from rover_pin.scenarios.scenario import Scenario
 
 TESTS = Path(__file__).parents[1]
 TABLE = (
@@ -40,7 +40,7 @@ from typing import ClassVar
 import casadi as ca
 from rover_pin.contact import Load, Scalar
 from rover_pin.effects.effect import Effect, MotorEffect, State
-from rover_pin.quantity import quantity
+from rover_pin.base.quantity import quantity
 @dataclass(frozen=True)
 class Sticky(Effect):
     a: Scalar = quantity(0.02, "N m", "assumed", 0.0, 1.0, "a")
@@ -109,7 +109,7 @@ def _undriven(*given: object, **named: object) -> None:
 
 
 STOPS = ("rover_pin.loop.bed.concluded", "rover_pin.loop.close.close_rig_loop", "rover_pin.loop.close.close_drive_loop",
-         "rover_pin.control.tuning.tune_gains", "rover_pin.view.serve.serve", "webbrowser.open")  # fmt: skip
+         "rover_pin.tuning.tune.tune_gains", "rover_pin.view.serve.serve", "webbrowser.open")  # fmt: skip
 """What comes after every file is read, and is not run."""
 
 
@@ -134,7 +134,7 @@ def run_in(folder: Path, words: list[str]) -> None:
             stack.enter_context(patch.object(Scenario, "drive", _undriven))
             for name in STOPS:
                 stack.enter_context(patch(name, _left))
-            cli.main()
+            app.main()
     except SystemExit as left:
         if left.code not in (0, 1, 2, None):
             raise
@@ -154,7 +154,7 @@ def files(
     scratch: Path, rig: dict[str, bytes], rover: dict[str, bytes], texts: dict[str, bytes]
 ) -> dict[str, dict[str, bytes]]:
     """Return what each door reads, by its name."""
-    recordings, brake = (_module(TESTS / at) for at in ("importing/recordings.py", "oracle/brake_generator.py"))
+    recordings, brake = (_module(TESTS / at) for at in ("logs/recordings.py", "oracle/brake_generator.py"))
     seen = recordings.truth(seconds=24.0)
     folder = scratch / "doors"
     folder.mkdir(exist_ok=True)
@@ -260,7 +260,7 @@ def _trace() -> bytes:
     import pyarrow
     import pyarrow.parquet
 
-    from rover_pin.scenarios import scenario
+    from rover_pin.scenarios.scenario import scenario
 
     trace = scenario("ditch", duration=1.0, rover="cart", **{"soil.k": 0.02}).drive()
     made = io.BytesIO()

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.errors import DataError, SimulationError, one_line
+from rover_pin.base.errors import DataError, SimulationError, one_line
 
 HERE = Path(__file__).parent
 _spec = importlib.util.spec_from_file_location("fuzz", HERE / "__init__.py")

@@ -14,33 +14,33 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 
-from rover_pin import cli
-from rover_pin.body.rover import load_rover
-from rover_pin.body.terrain_files import from_grid, from_polyline
-from rover_pin.body.urdf_check import check_urdf
-from rover_pin.bounded import text
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.bounded import text
+from rover_pin.base.files.toml_file import toml_text
+from rover_pin.cli import app
 from rover_pin.control.gains_file import load_gains
-from rover_pin.control.tuning_study import read_tuning
-from rover_pin.description.layout import rover_folder
-from rover_pin.description.tree import read_tree
-from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.checks import log as drive_checks
 from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread
 from rover_pin.experiments.wheel_rig import checks as rig_checks
 from rover_pin.experiments.wheel_rig.data import read_rig_set
 from rover_pin.experiments.wheel_rig.model_file import read_model as read_rig_model
+from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.measurements.drive_points import read_drive_points
 from rover_pin.measurements.traction_points import read_traction_points
-from rover_pin.motion.drive_log import read_drive_log
-from rover_pin.motion.model_toml import read_model
-from rover_pin.motion.trace import Trace
-from rover_pin.motion.trace_files import write_parquet
-from rover_pin.scenarios import Scenario, scenario
+from rover_pin.rover.description.layout import rover_folder
+from rover_pin.rover.description.tree import read_tree
+from rover_pin.rover.proposal.propose import propose
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.urdf_check import check_urdf
+from rover_pin.scenarios.road_check import road_check
+from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.simulation.model.toml_file import read_model
+from rover_pin.simulation.trace.files import write_parquet
+from rover_pin.simulation.trace.trace import Trace
 from rover_pin.sweep import read_study
 from rover_pin.sweep.case import check_names
-from rover_pin.toml_file import toml_text
-from rover_pin.vehicle.propose import propose
-from rover_pin.vehicle.road_check import road_check
+from rover_pin.terrain.files import from_grid, from_polyline
+from rover_pin.tuning.study import read_tuning
 
 from . import doors
 
@@ -281,7 +281,7 @@ def _rover(path: Path) -> None:
 
 def _own_rover() -> dict[str, bytes]:
     """A rocker-bogie with an arm and a bar, and every table that a rover's TOML may have."""
-    spec = importlib.util.spec_from_file_location("rover_farm", Path(__file__).parents[1] / "description" / "farm.py")
+    spec = importlib.util.spec_from_file_location("rover_farm", Path(__file__).parents[1] / "rover" / "farm.py")
     made = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(made)
     farm = made.rocker_bogie().link("bar", "body", "revolute", "0 0 0.5", "0 0 1", mass=3.0)
@@ -337,7 +337,7 @@ def read_words(folder: Path) -> None:
     said = io.StringIO()
     with redirect_stdout(said), redirect_stderr(said), patch.object(Scenario, "drive", _stopped):
         try:
-            cli.app(words)
+            app.app(words)
         except SystemExit as left:
             if left.code not in (0, 1, 2):
                 raise

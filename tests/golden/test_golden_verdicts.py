@@ -1,15 +1,11 @@
 """The loop's answers stay what they were when they were frozen: a change of one is to be explained by a rule."""
 
-import importlib.util
 import json
 import re
-from pathlib import Path
 
 import pytest
 
-_spec = importlib.util.spec_from_file_location("golden_verdicts", Path(__file__).with_name("verdicts.py"))
-golden = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(golden)
+from tests.golden import verdicts as golden
 
 FROZEN = json.loads(golden.FROZEN.read_text(encoding="utf-8"))
 SHIFT = 0.15

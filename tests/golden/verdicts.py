@@ -27,7 +27,7 @@ def _module(path):
 
 
 generator = _module(TESTS / "oracle" / "rig_generator.py")
-drive_sets = _module(TESTS / "evidence" / "drive_sets.py")
+drive_sets = _module(TESTS / "experiments" / "drive_log" / "drive_sets.py")
 
 
 def rig(effect, seed):

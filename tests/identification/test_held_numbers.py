@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rover_pin.cli import app
+from rover_pin.base.errors import DataError, OptimisationError
+from rover_pin.cli.app import app
+from rover_pin.cli.terminal import json_text
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import DataError, OptimisationError
 from rover_pin.estimation.problem import Prior
 from rover_pin.experiments.drive_log.model import SOIL_SD, UNDECLARED
 from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
@@ -31,7 +32,6 @@ from rover_pin.measurements.reading import read_evidence
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.soil.traction import load_traction_factor
-from rover_pin.terminal import json_text
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 WHEEL = Wheel(r=0.06, b=0.05)

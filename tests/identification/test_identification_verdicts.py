@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2 as chi2_law
 
+from rover_pin.base.errors import OptimisationError, ParameterError
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import OptimisationError, ParameterError
 from rover_pin.estimation.coordinates import Axis, Linear, Space
 from rover_pin.estimation.covariance import covariance
 from rover_pin.estimation.problem import Prior, Problem
@@ -34,7 +35,6 @@ from rover_pin.identification.result import ChannelFit, Estimate, Identification
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.traction_points import TractionPoints
 from rover_pin.measurements.wheel_rig import WheelRig
-from rover_pin.quantity import quantities
 
 KNOWN = ("k", "phi", "n")
 BASE = np.array([0.01, 0.5, 1.0])

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from rover_pin.base.errors import ParameterError
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import ParameterError
 from rover_pin.estimation.coordinates import Linear, Log
 from rover_pin.identification.soil_space import space
-from rover_pin.quantity import quantities
 
 WHEEL, ABOUT = Wheel(r=0.06, b=0.04), quantities(Soil)
 

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 
 from rover_pin import scenario
-from rover_pin.motion.drive_log import read_drive_log, write_drive_log
-from rover_pin.motion.sensors import Sensors, measured
+from rover_pin.logs.drive_log import read_drive_log, write_drive_log
+from rover_pin.simulation.sensors import Sensors, measured
 
 
 def held(random, seconds, wheels):

@@ -4,18 +4,12 @@ The recordings are of `tests/oracle/field_log.py`, which shares no code with the
 terrain, no duties, no soil.
 """
 
-import importlib.util
 import json
-import sys
 from pathlib import Path
 
 import pytest
 
-_file = Path(__file__).parents[1] / "oracle" / "field_log.py"
-_spec = importlib.util.spec_from_file_location("field_log", _file)
-field_log = importlib.util.module_from_spec(_spec)
-sys.modules.setdefault("field_log", field_log)
-_spec.loader.exec_module(field_log)
+from tests.oracle import field_log
 
 
 def answered(run, rover, **how):

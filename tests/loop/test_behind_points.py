@@ -9,21 +9,21 @@ from unittest.mock import patch
 
 import pytest
 
-from rover_pin import time_left
+from rover_pin.base.errors import DataError
+from rover_pin.base.jobs import time_left
+from rover_pin.base.quantity import record_from
 from rover_pin.contact import Soil
 from rover_pin.effects.slip import RelaxedSlip
-from rover_pin.errors import DataError
 from rover_pin.identification.dependence import with_held
 from rover_pin.identification.identify import Search, identify
 from rover_pin.identification.result import Held, Verdict
+from rover_pin.logs import drive_log
+from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.behind_points import derivation_inputs
 from rover_pin.loop.data_check import checked_evidence
 from rover_pin.loop.identified import identified
 from rover_pin.measurements.drive_points import drive_points, read_drive_points
-from rover_pin.motion import drive_log
-from rover_pin.motion.drive_log import read_drive_log
-from rover_pin.motion.motor import Motor
-from rover_pin.quantity import record_from
+from rover_pin.simulation.model.motor import Motor
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 LOG = DATA / "steepening-slope"

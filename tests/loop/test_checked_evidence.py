@@ -5,12 +5,12 @@ import dataclasses
 import pytest
 from typer.testing import CliRunner
 
-from rover_pin.cli import app
-from rover_pin.errors import DataError
+from rover_pin.base.errors import DataError
+from rover_pin.cli.app import app
 from rover_pin.loop.data_check import check_data, checked_evidence
 from rover_pin.measurements.reading import read_evidence
-from rover_pin.motion.sensors import Sensors, measured
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.sensors import Sensors, measured
 
 SCENE = scenario("slope", **{"soil.k": 0.01, "effect.MotionResistance.R": 0.12})
 

@@ -1,19 +1,15 @@
 """What a log declares and what is assumed of it are two things: nobody is contradicted by what nobody said."""
 
-import importlib.util
 import json
-from pathlib import Path
 
 import pytest
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.experiments.drive_log.model import base_model, nuisances, with_spread
+from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.close import close_the_loop
-from rover_pin.motion.drive_log import read_drive_log
+from tests.loop import own_log
 
-_spec = importlib.util.spec_from_file_location("own_log", Path(__file__).parent / "own_log.py")
-own_log = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(own_log)
 R = 0.06
 TRUTH = {"soil.k": "5mm", "effect.MotionResistance.R": R}
 

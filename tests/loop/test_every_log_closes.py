@@ -1,21 +1,16 @@
 """Contract: every log that the package can write closes, and where nothing is hidden nothing is found."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from rover_pin.base.errors import RoverPinError
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.errors import RoverPinError
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.data_check import check_data
-from rover_pin.motion.sensors import Sensors
-from rover_pin.scenes import SCENES
+from rover_pin.scenarios.scenes import SCENES
+from rover_pin.simulation.sensors import Sensors
+from tests.loop import own_log
 
-_spec = importlib.util.spec_from_file_location("own_log", Path(__file__).parent / "own_log.py")
-own_log = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(own_log)
 EASY = {"effect.MotionResistance.R": 0.01}
 QUIET = (Answer.NONE_NEEDED, Answer.CANNOT_TELL)
 READY = sorted(set(SCENES) - {"grid", "polyline"})

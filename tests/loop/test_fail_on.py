@@ -1,18 +1,12 @@
 """`close-loop --fail-on`: an answer on the list ends with code 3 after all is written, any other with 0."""
 
-import importlib.util
 import json
 from pathlib import Path
 
 import pytest
 
 from rover_pin.discrepancy.answer import Answer, answers_named
-
-_spec = importlib.util.spec_from_file_location(
-    "brake_generator", Path(__file__).parents[1] / "oracle" / "brake_generator.py"
-)
-hidden = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(hidden)
+from tests.oracle import brake_generator as hidden
 
 
 def closed(run, tmp_path, *words, **how):

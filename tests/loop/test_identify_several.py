@@ -1,7 +1,6 @@
 """`identify` of several rig sets in one sand: one soil under wheels of their own, against sands of a known truth."""
 
 import dataclasses
-import importlib.util
 import json
 from pathlib import Path
 
@@ -9,9 +8,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rover_pin.cli import app
+from rover_pin.base.errors import DataError
+from rover_pin.cli.app import app
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import DataError
 from rover_pin.experiments.joint_rig.sets import read_joint
 from rover_pin.identification.arc_doubt import free_unmeasured_modulus
 from rover_pin.identification.held import held_numbers
@@ -23,11 +22,7 @@ from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
 from rover_pin.measurements.pressed import Trial
 from rover_pin.measurements.reading import read_evidence
 from rover_pin.measurements.wheel_rig import WheelRig
-
-_file = Path(__file__).parents[1] / "oracle" / "rig_generator.py"
-_spec = importlib.util.spec_from_file_location("rig_generator_several", _file)
-hidden = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(hidden)
+from tests.oracle import rig_generator as hidden
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 KINDS = (DrawbarPull, Torque, Sinkage)

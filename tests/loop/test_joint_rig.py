@@ -1,19 +1,18 @@
 """Several rig sets in one sand: one soil and one answer, wheels and rig errors of their own, each set's errors told."""
 
 import dataclasses
-import importlib.util
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.contact import Wheel
 from rover_pin.discrepancy.search import calibrated
 from rover_pin.effects.bulldozing import Bulldozing
 from rover_pin.effects.lug_excavation import LugExcavation
 from rover_pin.effects.slip_softening import SlipSoftening
-from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.joint_rig.experiment import JointRig
 from rover_pin.experiments.joint_rig.sets import joined, read_joint
 from rover_pin.experiments.wheel_rig.candidates import rig_kinds
@@ -24,11 +23,7 @@ from rover_pin.experiments.wheel_rig.model_file import read_model
 from rover_pin.loop.close import close_the_loop
 from rover_pin.loop.joint import on_sets
 from rover_pin.loop.provenance import LoopRequest
-
-_file = Path(__file__).parents[1] / "oracle" / "rig_generator.py"
-_spec = importlib.util.spec_from_file_location("rig_generator_joint", _file)
-hidden = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(hidden)
+from tests.oracle import rig_generator as hidden
 
 SLIPS = (0.0, 0.15, 0.3, 0.5, 0.75)
 TARE = 1.5

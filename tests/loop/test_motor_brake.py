@@ -1,6 +1,5 @@
 """The third experiment, in one file: what is hidden in a motor on a brake is named; a user's copy is found."""
 
-import importlib.util
 import json
 import shutil
 from pathlib import Path
@@ -9,18 +8,14 @@ import numpy as np
 import pytest
 
 import rover_pin.experiments.motor_brake as shipped
+from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.verdict import SCHEMA
-from rover_pin.errors import DataError
 from rover_pin.experiments.motor_brake import MotorBrake
 from rover_pin.loop.bed import read_bed
 from rover_pin.loop.close import close_the_loop
-
-_file = Path(__file__).parents[1] / "oracle" / "brake_generator.py"
-_spec = importlib.util.spec_from_file_location("brake_generator", _file)
-hidden = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(hidden)
+from tests.oracle import brake_generator as hidden
 
 FILE = Path(shipped.__file__)
 

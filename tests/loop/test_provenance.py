@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from rover_pin.cli import app
+from rover_pin.cli.app import app
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.draft import Draft
 from rover_pin.discrepancy.verdict import Verdict

@@ -1,27 +1,20 @@
 """Slip against slope of a whole rover: an experiment beside rig sets and drive logs."""
 
-import importlib.util
 import math
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rover_pin.base.errors import DataError
 from rover_pin.discrepancy.answer import Answer
-from rover_pin.errors import DataError
 from rover_pin.experiments import slip_slope
 from rover_pin.experiments.slip_slope import SlipSlope
 from rover_pin.loop.close import close_the_loop
 from rover_pin.report.bed.report import panel
-from rover_pin.vehicle.new_rover import new_rover
-
-_file = Path(__file__).parents[1] / "oracle" / "slope_generator.py"
-_spec = importlib.util.spec_from_file_location("slope_generator", _file)
-generator = importlib.util.module_from_spec(_spec)
-sys.modules["slope_generator"] = generator
-_spec.loader.exec_module(generator)
+from rover_pin.rover.proposal.new_rover import new_rover
+from tests.oracle import slope_generator as generator
 
 TOML = """kind = "slip-slope"
 name = "skid"

@@ -6,21 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rover_pin.base.errors import DataError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.control.tuning_study import DriveCase, TuningStudy
 from rover_pin.effects.exit_angle import ExitAngle
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.slip_sinkage import SlipSinkage
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.model import PAPER, RigModel
 from rover_pin.experiments.wheel_rig.model_file import write_model as write_rig_model
+from rover_pin.logs.drive_log import read_drive_log
 from rover_pin.loop.close import read_data
 from rover_pin.loop.start import start_on
-from rover_pin.motion.drive_log import read_drive_log
-from rover_pin.motion.model_toml import write_model
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.toml_file import write_model
+from rover_pin.tuning.study import DriveCase, TuningStudy
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 LOG, RIG = DATA / "steepening-slope", DATA / "cmu-smooth-wheel"

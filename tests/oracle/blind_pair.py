@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_pin.motion.command import Command
-from rover_pin.motion.place import Start, settled
-from rover_pin.motion.simulate import Timing, simulate
+from rover_pin.simulation.command import Command
+from rover_pin.simulation.simulate import Timing, simulate
+from rover_pin.simulation.start.place import Start, settled
 
 HERE = Path(__file__).parent / "blind"
 if "blind" not in sys.modules:

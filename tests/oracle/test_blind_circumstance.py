@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.logs.drive_log import read_drive_log
 
 HERE = Path(__file__).parent / "blind"
 if "blind" not in sys.modules:

@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.body.profile import Profile
-from rover_pin.body.terrain import Lanes
 from rover_pin.effects.effect import BodyEffect, Effect, MotorEffect
 from rover_pin.effects.motion_resistance import MotionResistance
-from rover_pin.motion.drive_log import read_drive_log
-from rover_pin.motion.simulate import Timing
-from rover_pin.scenarios import scenario
+from rover_pin.logs.drive_log import read_drive_log
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import Timing
+from rover_pin.terrain.profile import Profile
+from rover_pin.terrain.terrain import Lanes
 
 HERE = Path(__file__).parent / "blind"
 if "blind_pair" not in sys.modules:

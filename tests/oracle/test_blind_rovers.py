@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.body.profile import Profile
-from rover_pin.body.terrain import Lanes
 from rover_pin.effects.gear_friction import GearFriction
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.multi_pass import MultiPass
 from rover_pin.effects.pivot_friction import PivotFriction
 from rover_pin.experiments.drive_log.model import base_model
-from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.logs.drive_log import read_drive_log
+from rover_pin.terrain.profile import Profile
+from rover_pin.terrain.terrain import Lanes
 
 HERE = Path(__file__).parent / "blind"
 if "blind_pair" not in sys.modules:

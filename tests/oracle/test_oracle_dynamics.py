@@ -11,9 +11,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rover_pin.body.acceleration import Dynamics, mass_matrix
-from rover_pin.body.rover import assemble
-from rover_pin.description.layout import read_layout, shipped
+from rover_pin.rover.acceleration import Dynamics, mass_matrix
+from rover_pin.rover.description.layout import read_layout, shipped
+from rover_pin.rover.rover import assemble
 
 HERE = Path(__file__).parent
 _spec = importlib.util.spec_from_file_location("engines_oracle", HERE / "engines.py")

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from rover_pin.effects.post_peak import PostPeak
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
 
 OUT_AT = 0.95
 LOSING = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03, "terrain.wall_angle_deg": 47.0}

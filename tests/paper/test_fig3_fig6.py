@@ -6,20 +6,14 @@ slip ratio" and it "suggests the traction force exists even at S = 1"; of Fig 8 
 the inclination of 12 degrees". n is not given; 1 is assumed, and 0.5 to 2 tried. The figures themselves are not used.
 """
 
-import importlib.util
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rover_pin.contact import Soil, Wheel
 from rover_pin.soil.traction import FORMS, load_traction_factor
-
-_file = Path(__file__).parents[1] / "oracle" / "terramechanics.py"
-_spec = importlib.util.spec_from_file_location("terramechanics_oracle_figures", _file)
-oracle = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(oracle)
+from tests.oracle import terramechanics as oracle
 
 TABLE_1, WHEEL = Soil(), Wheel()
 SLIPS = np.linspace(0, 1, 21)

@@ -9,7 +9,7 @@ given; 0.03 m over 0.3 m is assumed.
 import numpy as np
 import pytest
 
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
 
 HEIGHT, LENGTH, AT, REACH = 0.03, 0.3, 0.5, 0.21
 SAND, HARD = 0, 1

@@ -20,7 +20,7 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
 
 ABRUPT = {"soil.k": 0.001, "soil.phi_deg": 13.0, "effect.MotionResistance.R": 0.03, "duration": 60.0}
 DIGGING = {**ABRUPT, "add": "DiggingMemory.c_d=0.05", "buried": 0.9}

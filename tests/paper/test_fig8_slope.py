@@ -11,7 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
 
 RATE, START = math.radians(10.0), 0.5
 TWELVE = 12.0

@@ -8,7 +8,7 @@ run is not given: a parallelogram bogie, lower bar at the height of the axles, i
 import numpy as np
 import pytest
 
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
 
 SAND = {"soil.k": 0.010, "cruise_slip": 0.05}
 PLACES = np.linspace(0.25, 1.1, 300)

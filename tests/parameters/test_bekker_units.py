@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from rover_pin.errors import DataError, ParameterError
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.base.quantity import to_si
 from rover_pin.measurements.wheel_rig import read_wheel_rig
 from rover_pin.parameters.bekker import bekker_si
-from rover_pin.quantity import to_si
 
 POUND, INCH = 0.45359237 * 9.80665, 0.0254
 

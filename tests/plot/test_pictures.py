@@ -7,12 +7,12 @@ import pytest
 from matplotlib import pyplot
 from matplotlib.patches import Circle, Polygon
 
-from rover_pin.errors import MissingExtraError, ParameterError
-from rover_pin.motion.poses import footprint
-from rover_pin.motion.trace import Trace
+from rover_pin.base.errors import MissingExtraError, ParameterError
 from rover_pin.plot import history, snapshots
 from rover_pin.plot.side import poses
-from rover_pin.scenarios import scenario
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.trace.poses import footprint
+from rover_pin.simulation.trace.trace import Trace
 from rover_pin.view.film import Film
 
 

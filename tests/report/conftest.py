@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_pin.body.rover import load_rover
-from rover_pin.body.shapes import flat
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.discrepancy.draft import Draft
@@ -38,16 +36,18 @@ from rover_pin.experiments.unlisted.actions import FORCE, Act
 from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial
 from rover_pin.experiments.unlisted.remainder import DriveChannelResidual, DriveResidual
 from rover_pin.experiments.unlisted.term import Term
+from rover_pin.logs.drive_log import DriveLog, LogMetadata
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.drive_log import DriveLog, LogMetadata
-from rover_pin.motion.model import Model, base_effects
-from rover_pin.motion.motors import nexus6_motor
-from rover_pin.motion.place import Start
-from rover_pin.motion.replay import PERIOD, Commands, replay
-from rover_pin.motion.sensors import Sensors, measured
-from rover_pin.motion.trace import Trace
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.simulation.replay import PERIOD, Commands, replay
+from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.trace.trace import Trace
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
+from rover_pin.terrain.shapes import flat
 
 SECONDS = 5.0
 

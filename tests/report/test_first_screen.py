@@ -7,13 +7,13 @@ import pytest
 
 from rover_pin.discrepancy.answer import Answer
 from rover_pin.discrepancy.held_out import ChannelScore, RunScore
-from rover_pin.motion.effect_files import package_effects
 from rover_pin.report.drive.report import labels_of
 from rover_pin.report.first_screen import FirstScreen, first_lines
 from rover_pin.report.headline import headline
 from rover_pin.report.reasons import next_run, opposing_reasons, supporting_reasons
 from rover_pin.report.sections.which_effect import WhichEffect
 from rover_pin.report.words import Labels, brief, capital, cause, human, listing, pair, two_digits
+from rover_pin.simulation.model.effect_files import package_effects
 
 RIG = Labels("on slips it never saw", "levels of slip")
 

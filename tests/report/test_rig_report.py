@@ -9,10 +9,10 @@ from rover_pin.experiments.wheel_rig.draft import draft_effect
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.experiments.wheel_rig.remainder import channel_residuals
 from rover_pin.experiments.wheel_rig.residual_tests import residual_tests
-from rover_pin.motion.effect_files import effects_of_text
 from rover_pin.parameters import SOILS
 from rover_pin.report.rig.figures import channel_panels, load_caption, looks
 from rover_pin.report.rig.levels import meanings
+from rover_pin.simulation.model.effect_files import effects_of_text
 
 RIG = """
 kind = "wheel-rig"

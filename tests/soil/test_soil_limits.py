@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import ParameterError
 from rover_pin.parameters import SOILS
 from rover_pin.soil.certified import certified_forces
 from rover_pin.soil.limits import contact_share, saturation_torque, torque_at_slip

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import ParameterError
 from rover_pin.soil.curves import traction_curves
 from rover_pin.soil.passive import passive
 from rover_pin.soil.quadrature import entry_graded

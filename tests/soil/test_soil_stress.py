@@ -1,8 +1,6 @@
 """Eqs (2)-(5), angle by angle."""
 
-import importlib.util
 import math
-from pathlib import Path
 
 import casadi as ca
 import pytest
@@ -14,11 +12,7 @@ from rover_pin.soil.angles import SinkageAngles
 from rover_pin.soil.peak_stress import PeakAngle
 from rover_pin.soil.sinkage import sinkage
 from rover_pin.soil.stress import mobilised, normal_stress, shear_displacement, shear_stress, tau_max
-
-_file = Path(__file__).parents[1] / "oracle" / "terramechanics.py"
-_spec = importlib.util.spec_from_file_location("terramechanics_oracle_stress", _file)
-oracle = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(oracle)
+from tests.oracle import terramechanics as oracle
 
 WHEEL = Wheel()
 SOIL = Soil(c=300.0, k=0.01, n=0.8, k_2=1e5)

@@ -1,9 +1,7 @@
 """The wheel forces against the oracle, closed forms, symmetries, limits and derivatives."""
 
-import importlib.util
 import math
 from itertools import product
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -11,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rover_pin.base.errors import ParameterError
 from rover_pin.contact import Soil, Wheel
-from rover_pin.errors import ParameterError
 from rover_pin.soil.angles import FixedAngles, SinkageAngles
 from rover_pin.soil.arc import full_shear
 from rover_pin.soil.certified import certified_forces, certified_peak_forces
@@ -27,11 +25,7 @@ from rover_pin.soil.traction import (
     pull_of_shear,
     wheel_forces,
 )
-
-_file = Path(__file__).parents[1] / "oracle" / "terramechanics.py"
-_spec = importlib.util.spec_from_file_location("terramechanics_oracle", _file)
-oracle = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(oracle)
+from tests.oracle import terramechanics as oracle
 
 WHEEL, SOIL = Wheel(), Soil()
 DEG = math.pi / 180

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_pin.motion.drive_log import read_drive_log
+from rover_pin.logs.drive_log import read_drive_log
 
 STUDIES = Path(__file__).parents[2] / "studies"
 _spec = importlib.util.spec_from_file_location("fig8_loop", STUDIES / "fig8_loop.py")

@@ -15,8 +15,8 @@ import pandas as pd
 import pytest
 
 import rover_pin
-import rover_pin.cluster
-from rover_pin.errors import MissingExtraError, ParameterError, SimulationError
+import rover_pin.base.jobs.cluster
+from rover_pin.base.errors import MissingExtraError, ParameterError, SimulationError
 from rover_pin.sweep import Range, Sobol, Study, Values, collect, sweep
 from rover_pin.sweep.store import RESULTS
 
@@ -136,7 +136,7 @@ def test_workers_that_lack_the_function_are_told(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_scheduler_without_workers_is_told(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(rover_pin.cluster, "START_SECONDS", 4)
+    monkeypatch.setattr(rover_pin.base.jobs.cluster, "START_SECONDS", 4)
     with (
         scheduler() as (address, _),
         pytest.raises(ParameterError, match="has no workers: start some with `dask worker"),

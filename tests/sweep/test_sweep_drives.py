@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from rover_pin.errors import ParameterError
+from rover_pin.base.errors import ParameterError
 from rover_pin.sweep import Grid, Range, Study, Values, drive_case, read_study, sweep
 from rover_pin.sweep.case import scenario_of
 from rover_pin.sweep.store import RESULTS

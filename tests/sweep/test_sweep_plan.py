@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rover_pin.errors import ParameterError
+from rover_pin.base.errors import ParameterError
 from rover_pin.sweep import Grid, LatinHypercube, LogRange, Range, Sobol, Study, Values
 from rover_pin.sweep.plan import MOST_CASES
 

@@ -19,7 +19,7 @@ import pandas as pd
 import pytest
 
 import rover_pin
-from rover_pin.errors import DataError, MissingExtraError, ParameterError, SimulationError
+from rover_pin.base.errors import DataError, MissingExtraError, ParameterError, SimulationError
 from rover_pin.sweep import Grid, Range, Sobol, Study, Values, collect, sweep
 from rover_pin.sweep import progress as progress_module
 from rover_pin.sweep import store as store_module

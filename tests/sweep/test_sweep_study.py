@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from rover_pin.errors import DataError, ParameterError
+from rover_pin.base.errors import DataError, ParameterError
 from rover_pin.sweep import Grid, LatinHypercube, LogRange, Range, Sobol, Study, Values, read_study
 
 STUDY = Study("trial", "ditch", {"a": Values([1, 2]), "b": Range(0.0, 1.0)}, Grid(3))

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.patches import Circle
 
-from rover_pin.body.rover import load_rover
-from rover_pin.errors import DataError
-from rover_pin.motion.poses import Turned, configuration, on_the_ground, wheel_angles
-from rover_pin.motion.trace import Trace
-from rover_pin.scenarios import scenario
+from rover_pin.base.errors import DataError
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.trace.poses import Turned, configuration, on_the_ground, wheel_angles
+from rover_pin.simulation.trace.trace import Trace
 from rover_pin.view.animation import _figure, _slip, write_animation
 from rover_pin.view.colours import slip_colour
 from rover_pin.view.film import MOST_FRAMES, Film

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rover_pin.body import shapes
-from rover_pin.body.terrain import Extent
+from rover_pin.terrain import shapes
+from rover_pin.terrain.terrain import Extent
 from rover_pin.view.ground import patches, ruled
 
 BOX = Extent(-0.35, 1.65, -0.45, 0.55)

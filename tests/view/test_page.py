@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from rover_pin.commands.subject import read_subject
-from rover_pin.motion.saved import save_trace
-from rover_pin.scenarios import scenario
+from rover_pin.cli.commands.subject import read_subject
+from rover_pin.logs.saved import save_trace
+from rover_pin.scenarios.scenario import scenario
 from rover_pin.view.animation import COLOURS, MOST_PICTURES, PICTURES_PER_SECOND, write_animation
 from rover_pin.view.film import Film
 
@@ -106,7 +106,7 @@ def test_a_ghost_of_another_rover_is_refused(run):
 
 def test_a_missing_viser_or_ffmpeg_is_said_before_the_drive(run, monkeypatch):
     monkeypatch.setattr(util, "find_spec", lambda name: None)
-    monkeypatch.setattr("rover_pin.commands.view.find_spec", lambda name: None)
+    monkeypatch.setattr("rover_pin.cli.commands.view.find_spec", lambda name: None)
     assert "The view in 3D needs viser: pip install 'rover-pin[view]'." in run("drive", "flat", "--view")[2]
     monkeypatch.setattr("shutil.which", lambda name, path: None)
     assert "drive.mp4 needs ffmpeg, which is not on the path" in run("drive", "flat", "--mp4")[2]

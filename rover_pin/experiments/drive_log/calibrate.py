@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from rover_pin.cluster import Workers
+from rover_pin.base.jobs.cluster import Workers
 from rover_pin.discrepancy.search import calibrated
 from rover_pin.effects.raw_current import RawCurrent
 from rover_pin.estimation.fit import Fit
@@ -20,8 +20,8 @@ from rover_pin.experiments.drive_log.ground.stance import runs_on_estimated_grou
 from rover_pin.experiments.drive_log.model import nuisances
 from rover_pin.experiments.drive_log.parameters import parameter
 from rover_pin.experiments.drive_log.resume import Memory
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.model import Model
+from rover_pin.logs.drive_log import DriveLog
+from rover_pin.simulation.model.model import Model
 
 PULL = 0.03
 """Pull of a wheel as a share of its load to which a channel's spread may belong at the least: the scale's SD is that

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.body.rover import Rover
+from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy.candidate import SPACING, Candidate
 from rover_pin.effects.bent_ground import BentGround
 from rover_pin.effects.effect import MotorEffect
@@ -20,11 +20,11 @@ from rover_pin.estimation.experiment import find
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.parameters import owner_name, owners
-from rover_pin.motion.defaults import NEXUS6_MASS, has_papers_wheel, scale
-from rover_pin.motion.effect_files import AnyEffect, package_effects, reading_traction, user_effects
-from rover_pin.motion.model import Model
 from rover_pin.parameters.gravity import EARTH
-from rover_pin.quantity import quantities
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.model.defaults import NEXUS6_MASS, has_papers_wheel, scale
+from rover_pin.simulation.model.effect_files import AnyEffect, package_effects, reading_traction, user_effects
+from rover_pin.simulation.model.model import Model
 
 BIASED = ("body_roll", "body_pitch", "rocker_", "bogie_", "current_")
 """Channels whose zero may be wrong; those of rates are the tachogenerators' gains."""

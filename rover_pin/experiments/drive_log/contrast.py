@@ -9,17 +9,17 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
-from rover_pin.errors import SimulationError
+from rover_pin.base.errors import SimulationError
 from rover_pin.estimation.fit import Fit, Task
 from rover_pin.estimation.gauss_newton import slopes_at
 from rover_pin.estimation.noise import Noise
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import WHOLE, LoggedRun, blocks, comparable_rows
 from rover_pin.experiments.drive_log.menu import CandidateRun
-from rover_pin.motion.model import Model
-from rover_pin.motion.place import settled
-from rover_pin.motion.replay import Commands, Replay, replay
-from rover_pin.motion.sensors import Sensors
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.replay import Commands, Replay, replay
+from rover_pin.simulation.sensors import Sensors
+from rover_pin.simulation.start.place import settled
 
 
 @dataclass(frozen=True, eq=False)

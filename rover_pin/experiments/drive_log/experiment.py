@@ -10,11 +10,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from rover_pin.cluster import Workers, results
+from rover_pin.base.errors import ParameterError, SimulationError
+from rover_pin.base.jobs.cluster import Workers, results
+from rover_pin.base.jobs.time_left import telling
 from rover_pin.discrepancy.candidate import Candidate
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
-from rover_pin.errors import ParameterError, SimulationError
 from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Arrays, Experiment
 from rover_pin.estimation.fit import Fit
@@ -27,12 +28,11 @@ from rover_pin.experiments.drive_log.readings.stated import declared_block_sd
 from rover_pin.experiments.drive_log.readings.tracker import TRACKER, tracker_columns
 from rover_pin.experiments.drive_log.recent import Recent
 from rover_pin.experiments.drive_log.resume import Memory, digest
-from rover_pin.motion.channels import unit_of
-from rover_pin.motion.model import Model
-from rover_pin.motion.place import settled
-from rover_pin.motion.replay import Commands, Perturbation, Replay, replay
-from rover_pin.motion.state import DriveState
-from rover_pin.time_left import telling
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.replay import Commands, Perturbation, Replay, replay
+from rover_pin.simulation.start.place import settled
+from rover_pin.simulation.state import DriveState
+from rover_pin.simulation.trace.channels import unit_of
 
 MADE = {"path": "m", "drift": "m", "heading": "rad", "speed": "m/s"}
 """Units of the features that are made of several channels."""

@@ -11,14 +11,14 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
-from rover_pin.body.rover import Rover
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.experiments.drive_log.readings.strays import without_pose_outliers
 from rover_pin.experiments.drive_log.readings.unsure import ambiguous_steps, unaffected_rows
-from rover_pin.motion.channels import is_current
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.replay import Commands, averaged, commands, filled
-from rover_pin.motion.trace import Trace
+from rover_pin.logs.drive_log import DriveLog
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.replay import Commands, averaged, commands, filled
+from rover_pin.simulation.trace.channels import is_current
+from rover_pin.simulation.trace.trace import Trace
 
 BLOCK = 0.5
 """Time over which samples are averaged [s]."""

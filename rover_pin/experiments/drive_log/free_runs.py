@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
-from rover_pin.motion.model import Model
-from rover_pin.motion.replay import Commands
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.replay import Commands
 
 
 class FreeRun(NamedTuple):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from rover_pin.body.rover import Rover
-from rover_pin.body.wheel_base import wheel_places
 from rover_pin.estimation.baselines import Baseline
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.features import DRIFT, HEADING, PATH, SPEED, LoggedRun
-from rover_pin.motion.replay import filled
+from rover_pin.rover.rover import Rover
+from rover_pin.rover.wheel_base import wheel_places
+from rover_pin.simulation.replay import filled
 
 CURVE, GIVEN = "kinematic model with fitted slip", "the measured wheel rates"
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rover_pin.body.profile import FAR, Profile
-from rover_pin.body.rover import Rover
-from rover_pin.body.shapes import cross_slope
-from rover_pin.body.terrain import Lanes, Terrain
-from rover_pin.motion.model import Model
-from rover_pin.motion.place import Start
-from rover_pin.motion.replay import PERIOD, Commands
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.replay import PERIOD, Commands
+from rover_pin.simulation.start.place import Start
+from rover_pin.terrain.profile import FAR, Profile
+from rover_pin.terrain.shapes import cross_slope
+from rover_pin.terrain.terrain import Lanes, Terrain
 
 DURATION = 20.0
 """Length of a run [s]."""

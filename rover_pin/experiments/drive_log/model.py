@@ -8,23 +8,23 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from rover_pin.body.rover import Rover
+from rover_pin.base.errors import DataError
+from rover_pin.base.quantity import declared_sds, record_from
 from rover_pin.contact import Soil
-from rover_pin.description.motor_sheet import MotorSheet
 from rover_pin.effects.motion_resistance import MotionResistance
 from rover_pin.effects.side_shear import SideShear
 from rover_pin.effects.soil_traction import SoilTraction
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.effects.weak_motor import WeakMotor
-from rover_pin.errors import DataError
 from rover_pin.estimation.parameter import FD, Parameter, declared_in
 from rover_pin.experiments.drive_log.parameters import owners, parameter
-from rover_pin.motion.defaults import has_papers_wheel, own_motor, own_soil, usual_angles, usual_slip
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.model import Model, base_effects
-from rover_pin.motion.motor import Motor
+from rover_pin.logs.drive_log import DriveLog
 from rover_pin.parameters.hard import HARD_GROUND
-from rover_pin.quantity import declared_sds, record_from
+from rover_pin.rover.description.motor_sheet import MotorSheet
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.model.defaults import has_papers_wheel, own_motor, own_soil, usual_angles, usual_slip
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motor import Motor
 from rover_pin.soil.angles import FixedAngles
 from rover_pin.soil.traction import TorqueTraction
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from rover_pin.estimation.experiment import find
 from rover_pin.estimation.parameter import Parameter
-from rover_pin.motion.model import OWNERS, Model
+from rover_pin.simulation.model.model import OWNERS, Model
 
 GROUND = 0
 """Index of the soil that is fitted."""

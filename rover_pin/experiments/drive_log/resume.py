@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rover_pin.body.rover import Rover
-from rover_pin.bounded import arrays
-from rover_pin.columns import replace_file
+from rover_pin.base.files.bounded import arrays
+from rover_pin.base.files.columns import replace_file
+from rover_pin.rover.rover import Rover
 
 FOLDER = ".resume"
 Arrays = dict[str, np.ndarray]

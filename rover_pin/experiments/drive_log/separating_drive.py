@@ -18,7 +18,7 @@ from rover_pin.experiments.drive_log.contrast import (
 )
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.menu import DURATION, CandidateRun, candidate_runs, on_own_ground
-from rover_pin.motion.cruise import CRUISE_DUTY
+from rover_pin.simulation.model.cruise import CRUISE_DUTY
 
 TELLS, ENOUGH = 9.0, 25.0
 """Expected chi2 from which a run tells two models apart, and above which no further sensor is asked for."""

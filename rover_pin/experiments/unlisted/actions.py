@@ -11,17 +11,17 @@ from typing import ClassVar, NamedTuple
 import casadi as ca
 import numpy as np
 
-from rover_pin.body.rover import Rover
-from rover_pin.body.wheel_base import wheel_places
+from rover_pin.base.quantity import quantity
 from rover_pin.contact import Contact, Scalar
 from rover_pin.effects.effect import Effect, SensorEffect
 from rover_pin.effects.tacho_scale import TachoScale
 from rover_pin.estimation.fit import Fit
 from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEVELS, PATH, SPEED, leaky
-from rover_pin.motion.channels import unit_of
-from rover_pin.motion.replay import Perturbation, Replay, filled
-from rover_pin.quantity import quantity
+from rover_pin.rover.rover import Rover
+from rover_pin.rover.wheel_base import wheel_places
+from rover_pin.simulation.replay import Perturbation, Replay, filled
+from rover_pin.simulation.trace.channels import unit_of
 
 TORQUE_SHARE, FORCE_SHARE, GRIP_SHARE = 0.03, 0.01, 0.05
 """Sizes of the nudges: of the stall torque, of the rover's weight, of tan phi."""

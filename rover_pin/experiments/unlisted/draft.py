@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.errors import ParameterError
+from rover_pin.base.errors import ParameterError
 from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE
 from rover_pin.experiments.unlisted.regressors import Hats, Polynomial, Wave
 from rover_pin.experiments.unlisted.term import Term, sine
@@ -55,7 +55,7 @@ from typing import ClassVar
 {arrays}
 
 {imports}
-from rover_pin.quantity import quantity
+from rover_pin.base.quantity import quantity
 
 
 @dataclass(frozen=True)

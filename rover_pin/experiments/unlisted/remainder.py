@@ -15,7 +15,7 @@ from rover_pin.experiments.unlisted.actions import Scene
 from rover_pin.experiments.unlisted.draft import can_draft, draft
 from rover_pin.experiments.unlisted.term import Term
 from rover_pin.experiments.unlisted.terms import terms
-from rover_pin.motion.replay import filled
+from rover_pin.simulation.replay import filled
 
 NOISE_LIKE = 1.3
 """RMS in SDs of its noise below which a channel's residual is called noise."""

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+from rover_pin.base.errors import DataError
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import Effect
-from rover_pin.errors import DataError
 from rover_pin.estimation.parameter import Parameter
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment
 from rover_pin.experiments.wheel_rig.model import ASKEW, NOMINAL, RigModel, conditions, predictor
 from rover_pin.experiments.wheel_rig.presets import is_of_other_wheel, preset_candidate
-from rover_pin.motion.effect_files import AnyEffect, package_effects, reading_traction, user_effects
+from rover_pin.simulation.model.effect_files import AnyEffect, package_effects, reading_traction, user_effects
 
 OF_SPEED = 0.05
 """Relative change of an effect's signature with speed from which it needs the speeds."""

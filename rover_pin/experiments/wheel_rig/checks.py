@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rover_pin.errors import DataError
+from rover_pin.base.errors import DataError
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import ROWS, RigExperiment, as_declared
 from rover_pin.identification.identifiability import SAME_LOAD

@@ -12,8 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.toml_file import read_toml, table_in
+from rover_pin.base.public import brief
+from rover_pin.base.quantity import quantities
+from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil
-from rover_pin.errors import DataError
 from rover_pin.measurements.channel import RIG_CHANNELS, SideForce
 from rover_pin.measurements.checks import column
 from rover_pin.measurements.finding import Finding
@@ -31,10 +35,6 @@ from rover_pin.measurements.rig_file import (
     slip_of_speeds,
 )
 from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
-from rover_pin.public import brief
-from rover_pin.quantity import quantities
-from rover_pin.toml_file import read_toml, table_in
-from rover_pin.trust import Trust
 
 SAME_LEVEL = 0.02
 """Slips within this of their neighbour are one level where the data name none."""

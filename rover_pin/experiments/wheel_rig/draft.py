@@ -13,7 +13,7 @@ from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.experiments.wheel_rig.experiment import RigExperiment
 from rover_pin.experiments.wheel_rig.remainder import RigChannelResidual, channel_residuals
 from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
-from rover_pin.motion.effect_files import effects_of_text
+from rover_pin.simulation.model.effect_files import effects_of_text
 
 FACTORS = {DrawbarPull.name: "pull", Torque.name: "torque", Sinkage.name: "depth"}
 """What a draft can add; a side force hangs on the slip angle more than on S."""
@@ -29,7 +29,7 @@ import casadi as ca
 
 from rover_pin.contact import Contact, Load, Scalar
 from rover_pin.effects.effect import Effect
-from rover_pin.quantity import quantity
+from rover_pin.base.quantity import quantity
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rover_pin.base.public import brief
 from rover_pin.contact import Soil
 from rover_pin.estimation.by_chance.random_field import RandomField
 from rover_pin.estimation.experiment import Experiment, Sensitivities
@@ -23,7 +24,6 @@ from rover_pin.experiments.wheel_rig.presets import known_heights, known_trench
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.identification.soil_space import MAX_EXIT_RATIO
 from rover_pin.measurements.channel import RIG_CHANNELS, DrawbarPull, RigChannel, Sinkage, Torque
-from rover_pin.public import brief
 
 ROWS: tuple[type[RigChannel], ...] = RIG_CHANNELS
 """The channels in the order in which a rig model predicts them."""

@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.base.public import brief
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.combined_shear import CombinedShear
 from rover_pin.effects.effect import Effect
 from rover_pin.effects.soil_traction import SoilTraction
-from rover_pin.errors import DataError, ParameterError
 from rover_pin.experiments.wheel_rig.steady_law import VALUES, Law, parameter_names, steady_law
 from rover_pin.measurements.channel import FIELDS
 from rover_pin.measurements.rig_errors import RigErrors
-from rover_pin.public import brief
-from rover_pin.quantity import quantities
 from rover_pin.soil.angles import SHALLOW, SinkageAngles
 from rover_pin.soil.traction import NetTraction
 

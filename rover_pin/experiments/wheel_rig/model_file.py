@@ -5,17 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rover_pin.columns import replace_file
+from rover_pin.base.errors import DataError
+from rover_pin.base.files.columns import replace_file
+from rover_pin.base.files.toml_file import read_toml, tables_in, toml_text
+from rover_pin.base.quantity import declared, record_from
+from rover_pin.base.trust import Trust
 from rover_pin.contact import Soil, Wheel
 from rover_pin.effects.effect import Effect
-from rover_pin.errors import DataError
 from rover_pin.experiments.wheel_rig.model import RigModel
 from rover_pin.measurements.rig_errors import RigErrors
-from rover_pin.motion.effect_files import effect_entry, effect_from
-from rover_pin.motion.model_toml import RIG_KIND
-from rover_pin.quantity import declared, record_from
-from rover_pin.toml_file import read_toml, tables_in, toml_text
-from rover_pin.trust import Trust
+from rover_pin.simulation.model.effect_files import effect_entry, effect_from
+from rover_pin.simulation.model.toml_file import RIG_KIND
 
 
 def write_model(model: RigModel, path: str | Path, note: str = "") -> Path:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from rover_pin.base.quantity import quantities
 from rover_pin.contact import Wheel
 from rover_pin.discrepancy.candidate import Candidate, plain_candidate
 from rover_pin.effects.effect import Effect
@@ -16,7 +17,6 @@ from rover_pin.estimation.parameter import Parameter
 from rover_pin.estimation.wording import format_value
 from rover_pin.measurements.wheel_rig import WheelRig
 from rover_pin.parameters.gravity import EARTH
-from rover_pin.quantity import quantities
 
 LUGS = ("h_l", "h_s")
 """Quantities of effects that are the height of lugs; a wheel without lugs shows none of these effects."""

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rover_pin.base.public import brief
 from rover_pin.discrepancy.screen import null_threshold
 from rover_pin.experiments.wheel_rig.data import RigSet
 from rover_pin.identification.identifiability import SAME_LOAD
 from rover_pin.measurements.channel import RigChannel
-from rover_pin.public import brief
 
 DEGREES = 3
 """Highest power of the slip in a description."""

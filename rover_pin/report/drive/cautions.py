@@ -9,7 +9,7 @@ import numpy as np
 from rover_pin.discrepancy.held_out import together
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.free_runs import FreeRun
-from rover_pin.motion.implausible import implausible
+from rover_pin.simulation.model.implausible import implausible
 
 FEW_RUNS = 4
 """Runs below which those left out say little."""

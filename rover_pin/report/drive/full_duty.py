@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.body.shapes import flat
+from rover_pin.base.errors import RoverPinError
 from rover_pin.control.constant import ConstantDuty
 from rover_pin.effects.effect import SensorEffect
-from rover_pin.errors import RoverPinError
-from rover_pin.motion.model import Model
-from rover_pin.motion.simulate import simulate
-from rover_pin.motion.trace import Trace
 from rover_pin.report.words import listing, pair
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.shapes import flat
 
 SECONDS, LAST = 8.0, 2.0
 """How long is driven, and over which end of it means are taken [s]."""

@@ -9,16 +9,16 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from rover_pin.cluster import results
+from rover_pin.base.errors import RoverPinError
+from rover_pin.base.jobs.cluster import results
 from rover_pin.discrepancy.verdict import Verdict
-from rover_pin.errors import RoverPinError
 from rover_pin.experiments.drive_log.experiment import DriveExperiment
 from rover_pin.experiments.drive_log.extra import extra_of
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.model import Model
-from rover_pin.motion.trace import Trace
+from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.runs import Sides
 from rover_pin.report.section import Section
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.trace.trace import Trace
 from rover_pin.view.page import page_of
 from rover_pin.view.subject import Subject, mesh_folder
 

@@ -12,7 +12,7 @@ import numpy as np
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.experiments.drive_log.extra import extra_of
 from rover_pin.experiments.drive_log.free_runs import FreeRun
-from rover_pin.motion.drive_log import DriveLog
+from rover_pin.logs.drive_log import DriveLog
 from rover_pin.report.drive.full_duty import at_full_duty
 from rover_pin.report.drive.ghost import Ghosts
 from rover_pin.report.drive.left import LeftOver

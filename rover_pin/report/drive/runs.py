@@ -15,11 +15,11 @@ from rover_pin.estimation.noise import huber
 from rover_pin.estimation.wording import in_words
 from rover_pin.experiments.drive_log.experiment import MADE, DriveExperiment, logged
 from rover_pin.experiments.drive_log.features import BLOCK, DRIFT, HEADING, LEAK, PATH, SPEED, blocks
-from rover_pin.motion.channels import unit_of, wheel_of
-from rover_pin.motion.model import Model
-from rover_pin.motion.replay import Commands
 from rover_pin.report.svg import AFTER, BEFORE, GREY, NOISE
 from rover_pin.report.words import as_text
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.replay import Commands
+from rover_pin.simulation.trace.channels import unit_of, wheel_of
 
 CHANNELS, OF_A_KIND, RUNS = 5, 2, 2
 """Channels that are drawn, and of one kind; runs that are drawn."""

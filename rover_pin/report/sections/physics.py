@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from rover_pin.base.quantity import quantities
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.effects.names import meaning_of, title_of
 from rover_pin.estimation.wording import format_value
-from rover_pin.quantity import quantities
 from rover_pin.report.practical import practical
 from rover_pin.report.section import Row, Section, Table
 from rover_pin.report.sections.numbers import interval

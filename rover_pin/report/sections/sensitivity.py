@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
+from rover_pin.base.quantity import Quantity, quantities
 from rover_pin.discrepancy.candidate import FAR_FROM
 from rover_pin.discrepancy.screen import STILL, Scored, candidate_threshold
 from rover_pin.discrepancy.search import Search
 from rover_pin.discrepancy.verdict import Verdict
 from rover_pin.estimation.fit import Fit
 from rover_pin.estimation.wording import format_value
-from rover_pin.quantity import Quantity, quantities
 from rover_pin.report.section import Row, Section, Table
 from rover_pin.report.words import full, kinds_of
 

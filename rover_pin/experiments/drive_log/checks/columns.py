@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.errors import closest
+from rover_pin.base.errors import closest
 from rover_pin.experiments.drive_log.readings.unsure import ambiguous_steps
+from rover_pin.logs.drive_log import DriveLog
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.channels import WHOLE, is_column
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.trace import Trace
+from rover_pin.simulation.trace.channels import WHOLE, is_column
+from rover_pin.simulation.trace.trace import Trace
 
 POSE = ("body_x", "body_y", "body_yaw")
 """What of the pose a comparison cannot do without."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.logs.drive_log import DriveLog
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.drive_log import DriveLog
 
 
 def compared_findings(log: DriveLog) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ import numpy as np
 from rover_pin.experiments.drive_log.checks.driven import Driven
 from rover_pin.experiments.drive_log.checks.units import AT_LEAST
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.motor import Motor
+from rover_pin.simulation.model.motor import Motor
 
 TELLING = 0.1
 """Share of the stall current from which the motor's equation tells the current."""

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from rover_pin.body.terrain import Terrain
-from rover_pin.body.terrain_files import LARGEST
+from rover_pin.base.quantity import Record, quantities, record_from
 from rover_pin.contact import Wheel
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
 from rover_pin.experiments.drive_log.model import is_rate_driven, usual_motor, usual_soil
 from rover_pin.experiments.drive_log.readings.strays import scattered
+from rover_pin.logs.drive_log import FILE, DriveLog
+from rover_pin.logs.noise import NOISE, kind_of
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.drive_log import FILE, DriveLog
-from rover_pin.motion.log_noise import NOISE, kind_of
-from rover_pin.quantity import Record, quantities, record_from
+from rover_pin.terrain.files import LARGEST
+from rover_pin.terrain.terrain import Terrain
 
 SOIL = ("phi", "k", "k_1")
 MOTOR = ("supply", "resistance", "k_t", "gear")

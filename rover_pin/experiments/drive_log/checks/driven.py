@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rover_pin.motion.trace import Trace
+from rover_pin.simulation.trace.trace import Trace
 
 BLOCK = 1.0
 """Length of a block [s]: a tracker's 1.5 mm at 25 Hz then gives the speed within 1 mm/s."""

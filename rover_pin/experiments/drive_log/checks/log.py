@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from rover_pin.body.terrain import Terrain
-from rover_pin.body.wheel_base import base_of
+from rover_pin.base.errors import DataError
+from rover_pin.base.jobs.time_left import telling
+from rover_pin.base.quantity import quantities, record_from
 from rover_pin.contact import Wheel
-from rover_pin.errors import DataError
 from rover_pin.experiments.drive_log.checks import excitation as drive_excitation
 from rover_pin.experiments.drive_log.checks.columns import absurd_faults, column_faults, column_findings, gap_findings
 from rover_pin.experiments.drive_log.checks.compared import compared_findings
@@ -30,12 +30,12 @@ from rover_pin.experiments.drive_log.checks.sensors import frozen_faults, jump_f
 from rover_pin.experiments.drive_log.checks.signs import differential_findings, sign_faults, wheel_sign_faults
 from rover_pin.experiments.drive_log.checks.speeds import speed_faults
 from rover_pin.experiments.drive_log.checks.units import unit_faults
+from rover_pin.logs.drive_log import DriveLog
+from rover_pin.logs.run_terrain import is_of_run
 from rover_pin.measurements.finding import Finding, gathered
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.motor import Motor
-from rover_pin.motion.run_terrain import is_of_run
-from rover_pin.quantity import quantities, record_from
-from rover_pin.time_left import telling
+from rover_pin.rover.wheel_base import base_of
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.terrain.terrain import Terrain
 
 
 class DriveFindings(NamedTuple):

@@ -11,9 +11,9 @@ from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
 from rover_pin.experiments.drive_log.checks.units import AT_LEAST
 from rover_pin.experiments.drive_log.readings.strays import pose_outliers, without_poses
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.channels import unit_of
-from rover_pin.motion.motor import Motor
-from rover_pin.motion.trace import Trace
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.trace.channels import unit_of
+from rover_pin.simulation.trace.trace import Trace
 
 STUCK = 3.0
 """A channel that keeps one value so long [s] while others move is frozen or clipped."""

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rover_pin.body.terrain import Terrain
 from rover_pin.experiments.drive_log.checks.driven import Driven, degrees
 from rover_pin.experiments.drive_log.checks.units import AT_LEAST
 from rover_pin.measurements.finding import Finding
+from rover_pin.terrain.terrain import Terrain
 
 OPPOSITE = -0.5
 """Correlation about zero from which two channels run against each other."""

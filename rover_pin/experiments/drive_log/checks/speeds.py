@@ -10,7 +10,7 @@ import numpy as np
 from rover_pin.experiments.drive_log.checks.driven import Driven
 from rover_pin.experiments.drive_log.checks.units import AT_LEAST
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.motor import Motor
+from rover_pin.simulation.model.motor import Motor
 
 TIMES = 2.0
 """A velocity this many times that of the tracked place, or its inverse, is in another unit."""

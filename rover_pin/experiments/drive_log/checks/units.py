@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_pin.experiments.drive_log.checks.driven import Driven
 from rover_pin.measurements.finding import Finding
-from rover_pin.motion.motor import Motor
+from rover_pin.simulation.model.motor import Motor
 
 SLOWEST_SAMPLING = 1.0
 """Samples further apart [s] tell nothing of a drive, and milliseconds taken for seconds are."""

@@ -9,13 +9,13 @@ from typing import Protocol
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from rover_pin.body.rover import Rover
 from rover_pin.effects.effect import SensorEffect
 from rover_pin.estimation.by_chance.random_field import Kind
 from rover_pin.experiments.drive_log.features import BLOCK, LoggedRun
-from rover_pin.motion.defaults import scale
-from rover_pin.motion.model import Model
-from rover_pin.motion.replay import Perturbation, Replay, filled
+from rover_pin.rover.rover import Rover
+from rover_pin.simulation.model.defaults import scale
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.replay import Perturbation, Replay, filled
 
 GRIP = Kind("grip along the way", 0.05, "")
 SLOPE = Kind("slope along the way", 0.01, "rad")

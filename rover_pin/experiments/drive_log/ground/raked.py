@@ -16,7 +16,7 @@ from rover_pin.estimation.wording import format_value
 from rover_pin.experiments.drive_log.experiment import logged
 from rover_pin.experiments.drive_log.ground.field import KINDS, SLOPE, SLOPE_OF_RUN, shares_of
 from rover_pin.experiments.drive_log.ground.shared_bend import shared_bend
-from rover_pin.motion.replay import filled
+from rover_pin.simulation.replay import filled
 
 SURE = 10.8 * COLOURED
 """Gain in -2 ln L from which slopes are not chance: chi2 of one number passes 10.8 once in 1,000."""

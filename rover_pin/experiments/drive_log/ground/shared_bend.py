@@ -8,7 +8,7 @@ import numpy as np
 
 from rover_pin.effects.bent_ground import KNOTS, STEEP, BentGround
 from rover_pin.experiments.drive_log.features import LoggedRun
-from rover_pin.motion.replay import filled
+from rover_pin.simulation.replay import filled
 
 SHARED = 0.5
 """Share of the slopes' sum of squares from which runs have a bend in common; the rest is each run's own raking."""

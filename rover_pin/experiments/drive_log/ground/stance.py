@@ -11,14 +11,14 @@ import dataclasses
 
 import numpy as np
 
-from rover_pin.cluster import Workers
+from rover_pin.base.jobs.cluster import Workers
 from rover_pin.experiments.drive_log.experiment import experiment_of
 from rover_pin.experiments.drive_log.features import TELL_GROUND, LoggedRun, logged_runs
-from rover_pin.motion.drive_log import DriveLog
-from rover_pin.motion.model import Model
-from rover_pin.motion.replay import Replay
-from rover_pin.motion.run_terrain import level_on
-from rover_pin.motion.trace import Trace
+from rover_pin.logs.drive_log import DriveLog
+from rover_pin.logs.run_terrain import level_on
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.replay import Replay
+from rover_pin.simulation.trace.trace import Trace
 
 
 def runs_on_estimated_ground(log: DriveLog, model: Model, jobs: Workers = 1) -> tuple[LoggedRun, ...]:

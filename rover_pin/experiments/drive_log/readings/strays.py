@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rover_pin.motion.trace import Trace
+from rover_pin.simulation.trace.trace import Trace
 
 LEAST = {
     "body_x": 0.005, "body_y": 0.005, "body_z": 0.005, "body_roll": 0.02, "body_pitch": 0.02, "body_yaw": 0.02,

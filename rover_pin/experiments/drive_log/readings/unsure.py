@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_pin.motion.replay import Commands
-from rover_pin.motion.trace import Trace
+from rover_pin.simulation.replay import Commands
+from rover_pin.simulation.trace.trace import Trace
 
 UNEVEN = 0.1
 """Share of the usual time between rows by which it differs at every tenth row of uneven ones at least."""

@@ -1,0 +1,305 @@
+"""rover-pin: drive a planetary rover on loose soil, and study what its wheels do."""
+
+import dataclasses
+import logging
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rover_pin.base.errors import RoverPinError, one_line
+from rover_pin.base.files.paths import is_file
+from rover_pin.base.files.results_folder import alone_in
+from rover_pin.base.jobs.safe_environment import leave_folder_out
+from rover_pin.base.trust import Trust
+from rover_pin.cli import commands
+from rover_pin.cli.commands.completing import scenario_names
+from rover_pin.cli.commands.options import (
+    Add,
+    AsJson,
+    Effects,
+    Gravity,
+    ModelFile,
+    Out,
+    Scheduler,
+    Set,
+    SoilName,
+    Trusted,
+)
+from rover_pin.cli.commands.speaking import Speaking, program
+from rover_pin.cli.commands.view import SEEN, open_page, requested_files, write_requested
+from rover_pin.cli.terminal import assignments, json_text, priors, progress, report, stoppable
+
+log = logging.getLogger("rover_pin.cli.app")  # its name also where it is run by python -m
+app = typer.Typer(
+    cls=Speaking, rich_markup_mode=None, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__
+)
+
+
+def main() -> None:
+    """Run the command line; one clear sentence and exit code 2 on what is refused."""
+    try:
+        app()
+    except RoverPinError as error:
+        print(f"rover-pin: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        file = f"{error.filename}: " if error.filename else ""
+        message = one_line(f"{file}{error.strerror}; make room there, or give another file or folder.")
+        print(f"rover-pin: {message}", file=sys.stderr)
+        sys.exit(2)
+    except MemoryError:
+        print("rover-pin: this needs more than half of the memory of this machine.", file=sys.stderr)
+        sys.exit(2)
+
+
+@app.command()
+def drive(
+    scenario: Annotated[
+        str,
+        typer.Argument(autocompletion=scenario_names, help="ditch, flat ...: rover-pin list scenarios."),
+    ],
+    control: Annotated[
+        str,
+        typer.Option(
+            help="none, limit (torque alone), eq9 (the paper's), onboard, true (slip), turn, point-turn, crab."
+        ),
+    ] = "",
+    gravity: Gravity = "",
+    soil: SoilName = "",
+    model: ModelFile = None,
+    add: Add = [],  # noqa: B006 - typer wants a list
+    set_: Set = [],  # noqa: B006
+    check: Annotated[
+        bool, typer.Option("--check", help="Drive again at half the step and say how far x differs.")
+    ] = False,
+    view: Annotated[bool, typer.Option("--view", help="Write view.html, the drive in 3D.")] = False,
+    gif: Annotated[bool, typer.Option("--gif", help="Write drive.gif, a moving picture.")] = False,
+    mp4: Annotated[bool, typer.Option("--mp4", help="Write drive.mp4; needs ffmpeg.")] = False,
+    open_: Annotated[bool, typer.Option("--open", help="Write view.html and open it in your browser.")] = False,
+    effects: Effects = None,
+    trust: Trusted = False,
+    out: Out = Path("out/drive"),
+    as_json: AsJson = False,
+) -> None:
+    """Drive a scenario: write its drive log, figures and a summary."""
+    from rover_pin.scenarios.scenario import scenario as ready
+
+    options = {"control": control, "gravity": gravity, "soil": soil, "model": model and str(model), "add": add}
+    settings = {**{name: value for name, value in options.items() if value}, **assignments(set_)}
+    settings["trust"] = Trust.of(effects, trust)
+    chosen = ready(scenario, **settings)
+    views = requested_files(view or open_, gif, mp4)
+    untouched = [name for name in SEEN if name not in views]
+    with stoppable(out, ("log/drive.toml", "snapshots.png", "history.png", *views), untouched), alone_in(out):
+        _driven(chosen, check, views, out, as_json)
+    if open_:
+        open_page(out)
+
+
+def _driven(chosen: Any, check: bool, views: list[str], out: Path, as_json: bool) -> None:
+    with progress(f"driving {chosen.name}", chosen.duration, silent=as_json) as advance:
+        trace = chosen.drive(advance)
+    log.debug("driven: %d rows of the trace", len(trace["t_s"]))
+    result: dict[str, Any] = {"scenario": chosen.name, **trace.summary()}
+    if check:
+        result["x_change_at_half_step_mm"] = 1e3 * half_step_change(chosen, trace)
+    if len(trace["t_s"]):
+        from rover_pin import plot
+
+        chosen.write_log(trace, out / "log")
+        files = [
+            out / "log",
+            *plot.drive_figures(trace, chosen.model, out),
+            *write_requested(chosen, trace, views, out),
+        ]
+        result["files"] = list(map(str, files))
+    report(result, as_json)
+    if str(trace.attrs["stop"]).startswith("diverged"):
+        raise typer.Exit(1)
+
+
+def half_step_change(chosen: Any, trace: Any) -> float:
+    """Return the largest distance [m] of the base's x from that of a drive at half the step."""
+    import numpy as np
+
+    finer = dataclasses.replace(chosen, timing=chosen.timing.halved()).drive(settle_doubts=False)
+    rows = min(len(trace["body_x"]), len(finer["body_x"]))
+    return float(np.max(np.abs(trace["body_x"][:rows] - finer["body_x"][:rows])))
+
+
+@app.command("check-urdf")
+def check_urdf(
+    file: Annotated[Path, typer.Argument(help="A rover's .toml, a .urdf alone, or a shipped rover's name.")],
+    trust: Trusted = False,
+    as_json: AsJson = False,
+) -> None:
+    """Check a rover: what to mend, whether it stands and moves. What was assumed for that is said."""
+    from rover_pin.rover.description.layout import shipped
+    from rover_pin.rover.rover import load_rover
+    from rover_pin.rover.urdf_check import check_urdf as check
+    from rover_pin.scenarios.road_check import road_check
+
+    name = file
+    if not is_file(file):
+        file = shipped(str(name))
+    urdf_report = check(file, Trust(everything=trust))
+    result: dict[str, Any] = {
+        "faults": [*urdf_report.faults],
+        "notes": list(urdf_report.notes),
+        "facts": list(urdf_report.facts),
+    }
+    if urdf_report.ok and urdf_report.loads:
+        road = road_check(load_rover(file, Trust(everything=trust)))
+        result["faults"] += road.faults
+        result |= {"stands": road.stands, "moves": road.moves, "assumed": list(road.assumed)}
+    if not result["faults"] and file.suffix == ".toml":
+        result["next"] = f"rover-pin drive flat --set rover={name}"
+    report({"file": str(file), **result}, as_json)
+    if result["faults"]:
+        raise typer.Exit(1)
+
+
+@app.command()
+def sweep(
+    study: Annotated[Path, typer.Argument(help="A study's TOML file.")],
+    workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
+    scheduler: Scheduler = "",
+    effects: Effects = None,
+    trust: Trusted = False,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; out/NAME OF THE STUDY.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a batch study; killed, it resumes where it stopped."""
+    from rover_pin.sweep import read_study
+    from rover_pin.sweep import sweep as run
+
+    loaded_study = read_study(study, Trust.of(effects, trust))
+    with stoppable():
+        result = run(loaded_study, out, workers=workers or None, scheduler=scheduler or None)
+    report(result.summary(), as_json)
+
+
+@app.command()
+def bounds(
+    slope_deg: Annotated[str, typer.Option(help="Nose-up inclination [deg], or as 0.1rad.")] = "0",
+    soil: SoilName = "",
+    slip: Annotated[str, typer.Option(help="Slip limit, in (0, 1], or as 20%.")] = "0.2",
+    form: Annotated[str, typer.Option(help="Which traction factor: net, torque, gross.")] = "",
+    rover: Annotated[str, typer.Option(help="nexus6, cart, or your rover's TOML.")] = "",
+    gravity: Gravity = "",
+    model: ModelFile = None,
+    effects: Effects = None,
+    trust: Trusted = False,
+    as_json: AsJson = False,
+) -> None:
+    """Print the slope that a drive climbs, and what wheels bear. The motor's margin is told beside it.
+
+    Of a model's effects only its traction and its motion resistance count.
+    """
+    from rover_pin.base.quantity import parse_quantity
+    from rover_pin.control.bound_pull import TractionLimit
+    from rover_pin.control.rover_bounds import bounds_report, bounds_table, rover_torque_bounds
+    from rover_pin.effects.soil_traction import SoilTraction
+    from rover_pin.scenarios.scenario import scenario
+    from rover_pin.simulation.trace.record import model_attrs
+
+    options = {"rover": rover, "soil": soil, "form": form, "gravity": gravity, "model": model and str(model)}
+    settings = {name: value for name, value in options.items() if value}
+    loaded_model = scenario("flat", **settings, trust=Trust.of(effects, trust)).model
+    loaded_rover, ground, g, motor = loaded_model.rover, loaded_model.soils[0], loaded_model.gravity, loaded_model.motor
+    traction, R = loaded_model.effect(SoilTraction), model_attrs(loaded_model)["motion_resistance_R"]
+    limit = TractionLimit(parse_quantity(slip, "", "--slip"), traction.form, traction.angles)
+    slope = parse_quantity(slope_deg, "rad", "--slope-deg", "deg")
+    result = bounds_report(loaded_rover, ground, slope, g, limit, motor, R)
+    if as_json:
+        report(result, as_json)
+        return
+    print(bounds_table(rover_torque_bounds(loaded_rover, ground, slope, gravity=g, limit=limit), motor))
+    report({name: value for name, value in result.items() if name != "wheels"}, as_json)
+
+
+@app.command()
+def identify(
+    data: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folder with rig.toml or drive.toml, or CSV of slip, traction_factor, sd; several rig sets."
+        ),
+    ],
+    free: Annotated[str, typer.Option(help="Parameters to find, as k,phi,k_1; angles in rad.")] = "k,phi",
+    soil: SoilName = "",
+    set_: Set = [],  # noqa: B006
+    prior: Annotated[list[str], typer.Option(help="NAME=MEAN:SD, what is known of a parameter, repeatable.")] = [],  # noqa: B006
+    trust: Trusted = False,
+    as_json: AsJson = False,
+) -> None:
+    """Fit soil parameters to data, and say which the data tell.
+
+    The rest is --set's, --soil's, the data's or Table 1's, each listed with what it moves within its range; k_1 is
+    uncertain where it decides and nothing measured it.
+    """
+    from rover_pin.base.settings import Settings
+    from rover_pin.identification.one_sand import sand_of
+    from rover_pin.loop.behind_points import derivation_inputs
+    from rover_pin.loop.data_check import checked_evidence
+    from rover_pin.loop.identified import identified
+    from rover_pin.parameters import soil_named
+
+    soil_values = {name.removeprefix("soil."): value for name, value in assignments(set_).items()}
+    request = Settings({f"soil.{name}": value for name, value in soil_values.items()})
+    start = soil_named(soil or "table-1")
+    changes = request.record("soil", start)
+    request.finish()
+    evidence, findings, drive = checked_evidence(data[0] if len(data) == 1 else tuple(data), Trust(everything=trust))
+    start = (start if soil else sand_of(evidence).declared_soil(start)).replace(**changes)
+    names = tuple(name.strip() for name in free.split(",") if name.strip())
+    for finding in findings:
+        log.warning("%s", finding)
+    result = identified(evidence, start, names, priors(prior), frozenset(soil_values), derivation_inputs(drive))
+    print(json_text(result.as_dict()) if as_json else result.report())
+
+
+@app.command()
+def tune(
+    study: Annotated[Path, typer.Argument(help="A tuning study's TOML file.")],
+    model: ModelFile = None,
+    workers: Annotated[int, typer.Option(help="Processes; 0 for all cores.")] = 0,
+    scheduler: Scheduler = "",
+    effects: Effects = None,
+    trust: Trusted = False,
+    out: Out = Path("out/tune"),
+    as_json: AsJson = False,
+) -> None:
+    """Tune the slip control's gains over an ensemble of drives. Killed, it resumes where it stopped."""
+    from rover_pin.base.jobs.time_left import TimeLeft
+    from rover_pin.tuning.drives import cautions
+    from rover_pin.tuning.study import read_tuning
+    from rover_pin.tuning.tune import tune_gains
+
+    begun: dict[str, TimeLeft] = {}
+
+    def stage(name: str, done: int, total: int) -> None:
+        begun.setdefault(name, TimeLeft(name)).done(done, total)
+        if not as_json and done == total:
+            log.info("%s: %d done", name, total)
+
+    allowed = Trust.of(effects, trust)
+    tuning_study = read_tuning(study, allowed)
+    tuning_study = (tuning_study if model is None else tuning_study.on_model(model)).trusting(allowed)
+    for line in cautions((*tuning_study.training, *tuning_study.held_out)):
+        log.warning("%s", line)
+    with stoppable(out, ("gains.toml", "drives.csv", "candidates.csv", "drives.png")):
+        result = tune_gains(tuning_study, out, stage, workers or None, scheduler or None)
+    report(result.summary(), as_json)
+
+
+app.callback(help=__doc__)(program)
+commands.add_to(app)
+
+if __name__ == "__main__":
+    leave_folder_out()
+    main()

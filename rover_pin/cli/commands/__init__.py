@@ -1,0 +1,39 @@
+"""Commands that `cli` adds to those of its own: one file each; what a command needs is imported when it runs.
+
+Their files postpone no annotations: typer would evaluate every one of those strings, several times, at every start.
+"""
+
+from __future__ import annotations
+
+import typer
+
+from rover_pin.cli.commands import (
+    check_data,
+    close_loop,
+    compare,
+    curve,
+    demo,
+    export,
+    import_log,
+    init,
+    listing,
+    new_effect,
+    new_rover,
+    view,
+)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands of this room."""
+    app.command()(curve.curve)
+    app.command("list")(listing.list_)
+    app.command()(view.view)
+    app.command()(export.export)
+    app.command("close-loop")(close_loop.close_loop)
+    app.command()(compare.compare)
+    app.command("check-data")(check_data.check_data)
+    app.command()(init.init)
+    app.command()(demo.demo)
+    app.command("import-log")(import_log.import_log)
+    app.command("new-effect")(new_effect.new_effect)
+    app.command("new-rover")(new_rover.new_rover)

@@ -1,0 +1,78 @@
+"""Ready-made controllers by the words that settings have for them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rover_pin.base.arguments import spec
+from rover_pin.base.errors import ParameterError
+from rover_pin.base.public import SHORT, fits, words
+from rover_pin.base.settings import Settings
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.crab import Crab
+from rover_pin.control.gains_file import load_gains
+from rover_pin.control.onboard_slip import OnboardSlip, SureSlip
+from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_estimate import SlipEstimate, TableEstimate, TrueSlip, flat_table
+from rover_pin.control.steering import Turn
+from rover_pin.control.torque_limit import LOST_SLIP, NoLimit, TorqueLimit, TorqueLimited
+from rover_pin.simulation.command import Controller
+from rover_pin.simulation.model.defaults import scale
+from rover_pin.simulation.model.model import Model
+
+CONTROLS = ("none", "limit", "eq9", "onboard", "true", "turn", "point-turn", "crab")
+RADIUS = 1.0
+"""Radius [m] of a turn of Nexus 6; that of another rover is larger as its wheels are."""
+SLIP_LIMIT = spec("", "assumed: the slip whose torque is the limit", 0.0, 1.0)
+LIMITS = ("none", "saturation", "at-slip")
+
+
+def controller_from(request: Settings, model: Model) -> Controller:
+    """Return the controller that `control` and `control.FIELD` ask for."""
+    source = "none: constant duty; eq9: paper, Eq 9"
+    if not isinstance(request.values.get("control", ""), str):
+        return _own(request.take("control", "none", CONTROLS, source))
+    kind = request.choice("control", "none", {name: name for name in CONTROLS}, source)
+    if kind in ("none", "limit"):
+        constant = ConstantDuty(**request.record("control", ConstantDuty))
+        limit = _limit(request, model, "none" if kind == "none" else "at-slip")
+        return constant if isinstance(limit, NoLimit) else TorqueLimited(constant, limit)
+    if kind in ("turn", "point-turn"):
+        defaults = {"radius": 0.0 if kind == "point-turn" else scale(model.rover) * RADIUS}
+        return Turn.of(
+            model.rover, **{**defaults, **request.arguments("control", Turn.of, defaults, ("radius", "delta"))}
+        )
+    if kind == "crab":
+        return Crab.of(model.rover, **request.arguments("control", Crab.of, {}, ("angle", "delta")))
+    file = request.take("control.gains", None, source="a file of tuned gains, as tune writes it")
+    gains = Gains() if file is None else load_gains(str(file))
+    gains = gains.replace(**request.record("control", gains))
+    return SlipControl(gains, _estimate(kind, model), _limit(request, model, "saturation"))
+
+
+def _own(value: Any) -> Controller:
+    """Return a controller in memory."""
+    if not fits(value, Controller):
+        raise ParameterError(
+            f"control = {SHORT.repr(value)} is not allowed: give {words(Controller)} and returns duties in [-1, 1], or "
+            f"one of {', '.join(CONTROLS)}; a constant duty is control.delta=0.3."
+        )
+    controller: Controller = value
+    return controller
+
+
+def _estimate(kind: str, model: Model) -> SlipEstimate:
+    if kind == "true":
+        return TrueSlip()
+    if kind == "onboard":
+        return SureSlip(OnboardSlip.of(model))
+    return TableEstimate(flat_table(model), float(model.rover.wheel.r))
+
+
+def _limit(request: Settings, model: Model, default: str) -> TorqueLimit | NoLimit:
+    word = request.choice("control.limit", default, {name: name for name in LIMITS}, "paper, Fig 9: the torque check")
+    if word == "none":
+        return NoLimit()
+    if word == "saturation":
+        return TorqueLimit.saturation(model)
+    return TorqueLimit.at_slip(model, request.number("control.slip_limit", LOST_SLIP, SLIP_LIMIT))

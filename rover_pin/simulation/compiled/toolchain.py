@@ -1,0 +1,90 @@
+"""Compile generated C once and keep the result."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import hashlib
+import importlib.util
+import logging
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+from rover_pin.base.errors import MissingExtraError
+from rover_pin.base.files.private_folders import private_folders
+from rover_pin.base.jobs.safe_environment import bound_memory, program, safe_environment
+from rover_pin.simulation.compiled.library_cache import built, cached_library
+from rover_pin.simulation.compiled.processor import has_vector_math, level
+
+log = logging.getLogger(__name__)
+FLAGS = ("-O3", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
+PLAIN_CPU = "-mcpu=baseline"
+"""Zig builds for this very processor unless told otherwise; a folder of libraries may be shared with another."""
+SEPARATOR = "\0"
+FULL = os.strerror(errno.ENOSPC)
+
+
+def compiler() -> list[str] | None:
+    """Return the command of a C compiler: $CC, cc, gcc, clang, or the `ziglang` package; None where there is none."""
+    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
+        if name and (executable := program(name)):
+            return [executable]
+    if importlib.util.find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc", PLAIN_CPU]
+    return None
+
+
+def shared_library(source: str, name: str) -> ctypes.CDLL:
+    """Return the library compiled from C `source`, from `private_folders` where the same was compiled before.
+
+    Raises
+    ------
+    MissingExtraError
+        There is no C compiler, or it fails; the message says how to get one.
+    CacheError
+        There is no private folder that can hold the library.
+    """
+    command = compiler()
+    if command is None:
+        raise MissingExtraError(
+            "No C compiler found, and the fast simulator is compiled on first use: install gcc or clang, or "
+            "the package `ziglang` (`pip install rover-pin[compiler]`)."
+        )
+    words = [source, *command, *FLAGS, *fast_flags(command), sys.platform, os.uname().machine, *platform.libc_ver()]
+    stem = f"{name}-{hashlib.sha256(SEPARATOR.join(words).encode()).hexdigest()[:20]}"
+    folders = private_folders()
+    cached = next(filter(None, (cached_library(folder, stem) for folder in folders)), None)
+    return cached or built(folders, stem, lambda place: _compiled(command, source, place))
+
+
+def fast_flags(command: list[str]) -> list[str]:
+    """Return what lets the compiler use this processor's vectors: nothing where elementary functions have none."""
+    if len(command) > 1 or not (level() and has_vector_math()):  # zig has a C library of its own
+        return []
+    return [f"-march={level()}", "-DLIBMVEC"]
+
+
+def _compiled(command: list[str], source: str, place: Path) -> Path:
+    log.debug("compiling %d lines of C with %s", source.count("\n"), " ".join(command))
+    file, library = place / "source.c", place / "made.so"
+    file.write_text(source)
+    fast = fast_flags(command)
+    tried = [[*FLAGS, *fast, "-o", str(library), str(file), "-lmvec"], [*FLAGS, "-o", str(library), str(file)]]
+    for arguments in tried if fast else tried[1:]:
+        run = subprocess.run(
+            [*command, *arguments, "-lm"], capture_output=True, text=True, check=False,
+            cwd=place, env=safe_environment(), preexec_fn=bound_memory,
+        )  # fmt: skip
+        if run.returncode == 0:
+            break
+    if run.returncode and FULL in run.stderr:
+        raise OSError(errno.ENOSPC, FULL)
+    if run.returncode:
+        raise MissingExtraError(
+            f"The C compiler {' '.join(command)} failed: {run.stderr.strip().splitlines()[-1:]}; "
+            "set CC to one that works."
+        )
+    return library

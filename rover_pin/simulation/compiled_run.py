@@ -1,0 +1,38 @@
+"""A drive by the compiled loop, which comes back to ask a controller that is not built in."""
+
+from __future__ import annotations
+
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, diverged, obey
+from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.native.control import commands_of
+from rover_pin.simulation.native.loop import Loop, Outcome
+
+
+def run_compiled(drive: Drive, duration: float, progress: Progress | None) -> Ran:
+    """Drive until the end; `run_plain` does the same, readably."""
+    timing, suspension = drive.timing, suspension_of(drive.model)
+    per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
+    assert isinstance(drive.stepper, Kernel)
+    native = commands_of(drive.controller, len(drive.model.rover.wheels), len(drive.stepper.servo_wheels))
+    loop_fields = {} if native is None else native.fields(drive.stepper)
+    loop = Loop(
+        drive.stepper, timing.dt, round(duration / timing.dt), per_sample, per_control=per_control, **loop_fields
+    )
+    if native is None:
+        loop.ask()
+    if drive.checkpoint:
+        loop.go_on(drive.checkpoint)
+    stop = ""
+    while not (stop or loop.done):
+        outcome = loop.run(OFTEN * (1 + loop.row // OFTEN))
+        if outcome is Outcome.ASKS:
+            obey(drive, loop.question())
+        elif outcome is Outcome.FAILS:
+            reason = failure(drive.model, drive.state, drive.stepper.record, suspension)
+            stop = f"{reason} at {drive.state.t:.2f} s" if reason else ""
+        elif outcome is not Outcome.DONE:
+            stop = diverged(outcome, drive.state.t)
+        elif progress and loop.row % OFTEN == 0:
+            progress(drive.state.t)
+    return Ran(loop.rows[: loop.row], stop or "duration", loop.checkpoint)

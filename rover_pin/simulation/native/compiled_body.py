@@ -1,0 +1,85 @@
+"""The compiled rigid body, one for all rovers of a tree."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+
+from rover_pin.simulation.compiled.constant_part import split_law
+from rover_pin.simulation.compiled.laws import generated_source
+from rover_pin.simulation.compiled.toolchain import shared_library
+from rover_pin.simulation.native.elimination import elimination
+from rover_pin.simulation.native.rigid_body import Joint, inertia_places, rigid_body, tree_of
+
+
+@dataclass(frozen=True)
+class CompiledBody:
+    """The address of the generated function, its constants of one rover, and where its column's parts lie."""
+
+    handle: ctypes.CDLL
+    address: int
+    precomputed: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    "of the inertia's entries, in its upper triangle"
+    ends: dict[str, int]
+    "where the parts of the column end: those of `Motion`"
+    work: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class KeyedModel:
+    """A model, the same as any other of equal content: what is worked out for one holds for all."""
+
+    content: bytes
+    model: pin.Model = field(compare=False)
+
+    @classmethod
+    def of(cls, model: pin.Model) -> KeyedModel:
+        """Return the model with its content."""
+        return cls(_content(model), model)
+
+
+def _content(model: pin.Model) -> bytes:
+    """Return all that `tree_of` reads of a model, as bytes."""
+    parts = [
+        f"{joint.shortname()} {joint.idx_q} {parent}" for joint, parent in zip(model.joints, model.parents, strict=True)
+    ]
+    axes = pin.computeJointJacobians(model, model.createData(), pin.neutral(model))
+    numbers = [axes.tobytes(), *(placement.homogeneous.tobytes() for placement in model.jointPlacements)]
+    numbers += [inertia.toDynamicParameters().tobytes() for inertia in model.inertias]
+    return " ".join(parts).encode() + b"".join(numbers)
+
+
+@lru_cache(maxsize=64)
+def order_of_elimination(
+    keyed_model: KeyedModel, coupled: tuple[tuple[int, int], ...], together: tuple[int, ...]
+) -> tuple[list[int], list[list[int]]]:
+    """Return `elimination` of a model."""
+    return elimination(keyed_model.model, coupled, together)
+
+
+@lru_cache(maxsize=64)
+def compiled_body(keyed_model: KeyedModel) -> CompiledBody:
+    """Return the rigid body of a model, compiled; its numbers stay parameters, so a load or a sweep compiles once."""
+    model = keyed_model.model
+    tree = tree_of(model)
+    handle, before, during = _compiled(tree.joints, model.nq, model.nv)
+    precomputed = np.array(before(np.zeros(0), tree.parameters)).ravel()
+    rows, columns = np.array(inertia_places(tree.joints), dtype=np.int64).T
+    joints = len(tree.joints) - 1
+    lengths = {"inertia": len(rows), "bias": model.nv, "axes": 3 * joints, "points": 3 * joints}
+    lengths |= {"rotation": 9, "potential": 1}
+    ends = dict(zip(lengths, np.cumsum(list(lengths.values())).tolist(), strict=True))
+    address = ctypes.cast(getattr(handle, during.name()), ctypes.c_void_p).value or 0
+    return CompiledBody(handle, address, precomputed, rows, columns, ends, (during.sz_iw(), during.sz_w()))
+
+
+@lru_cache(maxsize=64)
+def _compiled(joints: tuple[Joint, ...], nq: int, nv: int):  # type: ignore[no-untyped-def]
+    before, during = split_law(rigid_body(joints, nq, nv), nq + nv + 3)
+    return shared_library(generated_source(during), "rigid_body"), before, during

@@ -1,0 +1,146 @@
+"""A built-in controller as the compiled loop takes it: numbers, so that Python is not asked at every sample."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol
+
+import casadi as ca
+import numpy as np
+
+from rover_pin.simulation.compiled.laws import generated_source
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled.toolchain import shared_library
+
+
+class SlipTable(NamedTuple):
+    """Eq (9)'s table, and the wheel's radius [m]."""
+
+    duty: Sequence[float]
+    speed: Sequence[float]
+    r: float
+
+
+class TorqueTable(NamedTuple):
+    """Greatest torques [N m] by pitch [rad] and wheel, and the motor that gives them."""
+
+    pitches: np.ndarray
+    torques: Sequence[Sequence[float]]
+    stall_torque: float
+    no_load_rate: float
+
+
+class SlipLaw(NamedTuple):
+    """A law of one wheel, (S_hat, integral, highest duty), gains -> duty, rate; `integral` is read and written."""
+
+    law: ca.Function
+    gains: Sequence[float]
+    integral: np.ndarray
+    period: float
+    table: SlipTable | None
+    "None: the true slip"
+
+
+class TackLaw(NamedTuple):
+    """The tacking control's numbers by their names in the struct Loop; `memory` is read and written: side, until."""
+
+    numbers: Mapping[str, float]
+    places: np.ndarray
+    "x ahead of the line that turning centres lie on, and y, one row a wheel [m]"
+    memory: np.ndarray
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Fixed duties and steering, a slip law's duties, or those of tacking, under a torque limit."""
+
+    duty: Any = 0.0
+    steer: Any = 0.0
+    slip: SlipLaw | None = None
+    limit: TorqueTable | None = None
+    tack: TackLaw | None = None
+
+    def fields(self, kernel: Kernel) -> dict[str, Any]:
+        """Return the fields of the struct Loop that say so."""
+        wheels, servos = len(kernel.duty), len(kernel.servo_wheels)
+        steer = np.asarray(self.steer if servos else 0.0, dtype=float)
+        fixed: dict[str, Any] = {
+            "duty_fixed": np.broadcast_to(np.asarray(self.duty, dtype=float), wheels).copy(),
+            "steer_fixed": np.broadcast_to(steer, max(1, servos)).copy(),
+        }
+        return {
+            **fixed,
+            **_slip_fields(self.slip, kernel),
+            **_limit_fields(self.limit),
+            **_tack_fields(self.tack, kernel),
+        }
+
+
+class Controller(Protocol):
+    """A controller that can be sampled in the compiled loop."""
+
+    def native(self, wheels: int) -> Commands | None:
+        """Return what the loop needs of it, or None where it must be asked."""
+
+
+def commands_of(controller: Any, wheels: int, servos: int | None = None) -> Commands | None:
+    """Return a built-in controller for the loop; None for any other, and for one whose `__call__` is not its own.
+
+    One of another rover, with other wheels or servos (where their number is given), is asked: that refuses it.
+    """
+    kind = type(controller)
+    home = next((base for base in kind.__mro__ if "native" in vars(base)), None)
+    if home is None or home is not next(base for base in kind.__mro__ if "__call__" in vars(base)):
+        return None
+    commands = controller.native(wheels)
+    assert isinstance(commands, (Commands, type(None)))
+    widths = () if commands is None else ((commands.duty, wheels), (commands.steer, servos or None))
+    fits = all(count is None or np.shape(values) in ((), (count,)) for values, count in widths)
+    return commands if fits else None
+
+
+def _slip_fields(slip: SlipLaw | None, kernel: Kernel) -> dict[str, Any]:
+    if slip is None:
+        return {}
+    assert slip.law.sz_w() <= kernel.keep["work_w"].size
+    handle, address = _compiled(slip.law)
+    kernel.keep["slip_law"] = handle
+    fields = {
+        "slip_law": address,
+        "gains": np.array(slip.gains, dtype=float),
+        "integral": slip.integral,
+        "control_period": slip.period,
+    }
+    if slip.table is not None:
+        duty, speed = (np.array(column, dtype=float) for column in slip.table[:2])
+        fields |= {"table_duty": duty, "table_speed": speed, "n_table": len(duty), "table_radius": slip.table.r}
+    return fields
+
+
+def _limit_fields(limit: TorqueTable | None) -> dict[str, Any]:
+    if limit is None:
+        return {}
+    return {
+        "limit_pitch": np.array(limit.pitches, dtype=float),
+        "limit_torque": np.array(limit.torques, dtype=float).T.copy(),
+        "n_pitches": len(limit.pitches),
+        "stall_torque": limit.stall_torque,
+        "no_load_rate": limit.no_load_rate,
+    }
+
+
+def _tack_fields(tack: TackLaw | None, kernel: Kernel) -> dict[str, Any]:
+    if tack is None:
+        return {}
+    wheels = np.array(kernel.servo_wheels, dtype=np.int64)
+    fields = {"tack_places": tack.places, "tack_memory": tack.memory, "servo_wheel": wheels}
+    return {**fields, **{f"tack_{name}": value for name, value in tack.numbers.items()}}
+
+
+@lru_cache(maxsize=4)
+def _compiled(law: ca.Function) -> tuple[ctypes.CDLL, int]:
+    handle = shared_library(generated_source(law), "control")
+    return handle, ctypes.cast(getattr(handle, law.name()), ctypes.c_void_p).value or 0

@@ -1,0 +1,86 @@
+"""What the step makes of a drive: once more at half of it, under its controller or the commands that it gave."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+from typing import NamedTuple
+
+import numpy as np
+
+from rover_pin.simulation.command import Command, Controller, Reading
+from rover_pin.simulation.timing import Timing
+
+MOVED, MOVED_SHARE = 1e-3, 0.005
+"""Change of place at half the step that a drive need not tell: so many metres, and this share of its way."""
+
+
+class Halved(NamedTuple):
+    """What half the step makes of a drive."""
+
+    distance: float
+    "greatest distance between the two in x and y [m]"
+    way: float
+    "of the drive itself [m]"
+    stop: str
+    "why the drive at half the step stopped, where that is for another reason; else nothing"
+
+    @property
+    def warning(self) -> str:
+        """The sentence that the drive owes, or nothing."""
+        if self.distance <= MOVED + MOVED_SHARE * self.way and not self.stop:
+            return ""
+        stop_text = f" and ends it: {self.stop}" if self.stop else ""
+        return (
+            f"half the step moves the rover by up to {1e3 * self.distance:.2g} mm{stop_text}: "
+            "where it got to depends on the step; give a smaller dt."
+        )
+
+
+def step_warnings(doubts: list[str], half: Halved | None) -> list[str]:
+    """Return what a drive says of its doubts: what half the step made of it, nothing where that is nothing."""
+    if half is None:
+        return [
+            f"{reason}: where the rover got to may depend on the step; compare with half of it." for reason in doubts
+        ]
+    return [*(f"{reason}." for reason in doubts), half.warning] if half.warning else []
+
+
+def halved(rows: np.ndarray, stop: str, finer: np.ndarray, finer_stop: str) -> Halved:
+    """Return what half the step made of a drive, from the rows (`row_type`) of both and why they stopped."""
+    n, places = min(len(rows), len(finer)), rows["q"][:, :2]
+    off = np.linalg.norm(places[:n] - finer["q"][:n, :2], axis=1)
+    new_stop = finer_stop if _kind(finer_stop) != _kind(stop) else ""
+    way = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    return Halved(float(np.max(off, initial=0.0)), float(way.sum()), new_stop)
+
+
+def _kind(stop: str) -> str:
+    return stop.split(" ")[0].rstrip(":")
+
+
+def repeating(controller: Controller, rows: np.ndarray, timing: Timing) -> Controller | None:
+    """Return what drives once more as a controller did; None where the rows do not hold all of its commands.
+
+    A controller of the package itself, from its start, as `native` tells; of one of your own, which may remember or
+    write down what it is asked, the commands it gave, if they lie in the rows.
+    """
+    if hasattr(controller, "native"):
+        with contextlib.suppress(TypeError):  # an estimate of your own that cannot be copied
+            again = copy.deepcopy(controller)
+            if hasattr(again, "reset"):
+                again.reset()
+            return again
+    ratio = timing.control / timing.sample
+    return commanded(rows, timing.sample) if len(rows) and abs(ratio - round(ratio)) < 1e-6 else None
+
+
+def commanded(rows: np.ndarray, sample: float) -> Controller:
+    """Return the controller that gives the commands under which these rows were driven."""
+    begin = float(rows["t"][0]) - sample
+
+    def controller(reading: Reading) -> Command:
+        row = rows[min(round((reading.t - begin) / sample), len(rows) - 1)]
+        return Command(row["duty"], row["servo"])
+
+    return controller

@@ -1,0 +1,112 @@
+"""Steps as fine as the forces need: taken again in parts where one misjudged what its speeds would make of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from rover_pin.simulation.checkpoint import Checkpoint
+
+FINEST = 64
+"""Parts into which a step may be divided."""
+ROUGH, CALM = 0.05, 0.002
+"""Misjudged share of a wheel's normal force above which steps are quartered, and below which they are doubled."""
+
+Saved = Sequence[np.ndarray]
+
+
+class Steps(Protocol):
+    """A drive from one step to the next whose step can change, and be taken back."""
+
+    @property
+    def misjudged(self) -> float:
+        """How far a wheel's load was from what the step before took it to become, over its normal force."""
+
+    def set_step(self, dt: float) -> None:
+        """Let steps have this length [s] from now on."""
+
+    def step(self) -> int:
+        """Advance by a step; 0 when all is well."""
+
+    def saved(self) -> Saved:
+        """Return a copy of all that a step changes."""
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to where `saved` was taken."""
+
+
+class Begun(NamedTuple):
+    """Where a step began, and how many of the finest parts it is long."""
+
+    saved: Saved
+    size: int
+
+
+class Pace:
+    """Advances a drive by whole steps `dt` [s], in parts where the forces turn faster than that.
+
+    Every step takes the forces as straight lines over the speeds. Where a wheel's f_t, f_y or torque over its f_n then
+    comes out by more than ROUGH from what the line said (a slip that swept across a stiff shear, small k, from one step
+    to the next), that step is taken again in quarters, down to dt / FINEST, and so are those after it until less than
+    CALM is left: the error of a line falls with the square of the step. A step is not taken again across a command to
+    the motors or a row of the trace. One that ends in numbers that are not finite is taken again too.
+    """
+
+    def __init__(self, stepper: Steps, dt: float):
+        self.stepper, self.dt, self.unit, self.size = stepper, dt, dt / FINEST, FINEST
+        self.missed = 0.0
+        "what was misjudged and kept, times its step, summed [s]; times gravity it is a change of speed"
+        self.before: Begun | None = None
+        "where the last step began, if it can be taken again"
+
+    def go_on(self, checkpoint: Checkpoint) -> None:
+        """Go on with the steps that a drive ended with."""
+        self.missed = checkpoint.missed
+        if checkpoint.size != self.size:
+            self._change(checkpoint.size)
+
+    def checkpoint(self, begun: Checkpoint, steps: int) -> Checkpoint:
+        """Return how far the drive is that begun there, after so many steps."""
+        return Checkpoint(begun.begin, steps, self.size, self.missed)
+
+    def advance(self, commanded: bool = True) -> int:
+        """Advance by dt; return the first status that is not 0. `commanded`: the motors have a new command since."""
+        if commanded:
+            self.before = None
+        remaining = FINEST
+        while remaining:
+            step_start = Begun(self.stepper.saved(), self.size)
+            status = self.stepper.step()
+            off = 0.0 if status else self.stepper.misjudged
+            long = step_start if status else self.before if off > ROUGH else None
+            if long and long.size > 1:
+                remaining += long.size if long is self.before else 0
+                self._take_again(long)
+            elif status:
+                return status
+            else:
+                remaining -= step_start.size
+                self._keep(off, remaining)
+                self.before = step_start
+        return 0
+
+    def _take_again(self, long: Begun) -> None:
+        """Go back to where a step began, to take it in quarters."""
+        self.stepper.restore(long.saved)
+        self.before = None
+        self._change(max(1, long.size // 4))
+
+    def _keep(self, off: float, remaining: int) -> None:
+        """Count what the step before misjudged, and choose the size of those that follow."""
+        if off > ROUGH:
+            self.missed += off * (self.before.size if self.before else self.size) * self.unit
+        if off > ROUGH:
+            self._change(max(1, self.size // 4))
+        elif off < CALM and self.size < FINEST and remaining % (2 * self.size) == 0:
+            self._change(2 * self.size)
+
+    def _change(self, size: int) -> None:
+        self.size = size
+        self.stepper.set_step(size * self.unit)

@@ -1,0 +1,53 @@
+"""A drive step after step in Python: slow, readable, and the reference of the compiled loop."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rover_pin.simulation.checkpoint import Checkpoint
+from rover_pin.simulation.driving import OFTEN, Drive, Progress, Ran, diverged, obey
+from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.instant import Instant, Places
+from rover_pin.simulation.pace import Pace
+from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
+from rover_pin.simulation.trace.rows import row_type
+
+
+def run_plain(drive: Drive, duration: float, progress: Progress | None) -> Ran:
+    """Step until the end: command, step, log, and look whether the drive can go on."""
+    timing, state, stepper = drive.timing, drive.state, drive.stepper
+    steps = round(duration / timing.dt)
+    per_control, per_sample = round(timing.control / timing.dt), round(timing.sample / timing.dt)
+    suspension, places = suspension_of(drive.model), Places.of(drive.model)
+    pace = Pace(stepper, timing.dt)
+    rows, count = np.zeros(steps // per_sample, dtype=row_type(drive.model)), 0
+    begun = drive.checkpoint or Checkpoint(state.t, 0, pace.size)
+    pace.go_on(begun)
+    for k in range(begun.steps, begun.steps + steps):
+        if k % per_control == 0:
+            now = np.zeros(1, dtype=rows.dtype)
+            _log(drive, now[0])
+            obey(drive, Instant(now, 0, places))
+        status = pace.advance(k % per_control == 0 or k % per_sample == 0)
+        if status:
+            return Ran(rows[:count], diverged(status, state.t), pace.checkpoint(begun, k))
+        state.t = begun.begin + (k + 1) * timing.dt
+        if k % per_sample == per_sample - 1:
+            _log(drive, rows[count])
+            count += 1
+            reason = failure(drive.model, state, stepper.record, suspension)
+            if reason:
+                return Ran(rows[:count], f"{reason} at {state.t:.2f} s", pace.checkpoint(begun, k + 1))
+            if progress and count % OFTEN == 0:
+                progress(state.t)
+    return Ran(rows[:count], "duration", pace.checkpoint(begun, begun.steps + steps))
+
+
+def _log(drive: Drive, row: np.void) -> None:
+    """Write the present instant into a row."""
+    state, stepper = drive.state, drive.stepper
+    row["t"], row["q"], row["v"] = state.t, state.q, state.v
+    row["record"], row["duty"], row["servo"] = stepper.record, stepper.duty, stepper.servo_target[: len(row["servo"])]
+    row["energy"], row["impulse"], row["differential"] = stepper.energy, stepper.impulse, stepper.differential[0]
+    row["mechanical"], row["attitude"] = stepper.energies(), roll_pitch_yaw(state.q)
+    row["velocity"] = base_rotation(state.q) @ state.v[:3]

@@ -1,0 +1,291 @@
+"""A logged run driven again: the model under the logged commands, held to the place where the log was.
+
+Commands are duties, which the motors turn into torques, or the measured wheel rates themselves: then the wheels turn as
+they did, whatever torque that takes, motors are out of sight, and what is compared is where that moves the rover.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rover_pin.base.errors import DataError
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.native.loop import Loop, Outcome
+from rover_pin.simulation.native.shared import RECORD
+from rover_pin.simulation.resolution import parts
+from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.state import DriveState
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.terrain import Terrain
+
+PERIOD = 0.05
+"""Time between rows of a replay [s], unless the log's rows are further apart."""
+DT = 0.01
+"""Step of a replay [s], divided where the ground asks for it: within a tenth of a tracker's noise of the default step,
+at half its time."""
+HOLD = 1.0
+"""Time constant [s] with which the simulated rover is drawn to the logged place and heading."""
+CHECKED = 10
+"""Rows between two looks whether the rover still drives."""
+FIRST_ROWS = 5
+"""Rows at the start whose mean is the place where the run began, unless the log declares it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Commands:
+    """What a logged run did, on the rows of its replay: `t` [s] (T,), duty (T, wheels), steering and place.
+
+    `place` (T, 3) is the logged x, y [m] and heading [rad], not a number where the log has a gap. Where the wheels are
+    held to their measured `rate` [rad/s] (T, wheels), the duty is that rate as a share of the fastest.
+    """
+
+    t: np.ndarray
+    duty: np.ndarray
+    steer: np.ndarray
+    place: np.ndarray
+    start: Start
+    rate: np.ndarray | None = None
+    terrain: Terrain | None = None
+    "the ground of this run alone, instead of the model's"
+
+    def on(self, model: Model) -> Model:
+        """Return a model on the ground of this run."""
+        return model if self.terrain is None else model.replace(terrain=self.terrain)
+
+    @property
+    def rate_driven(self) -> bool:
+        """Whether the wheels are held to their measured rates."""
+        return self.rate is not None
+
+    @property
+    def period(self) -> float:
+        """Time between rows [s]."""
+        return float(self.t[1] - self.t[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Perturbation:
+    """Small additions for a description of what a model lacks, one row a time step: torques, force, grip.
+
+    `torque` (T, wheels) [N m] is added at the wheels, `force` (T,) [N] along the heading, `grip` (T,) changes tan phi
+    of the soil by this share. Any of them may be left out.
+    """
+
+    torque: np.ndarray | None = None
+    force: np.ndarray | None = None
+    grip: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """What the model did: channels as in a trace, on the rows of the commands; `stop` says why it ended early."""
+
+    channels: dict[str, np.ndarray] = field(repr=False)
+    stop: str = ""
+
+
+def commands(log: Trace, wheels: tuple[str, ...], steered: tuple[str, ...]) -> Commands:
+    """Return the commands and the place of a logged run, on rows of equal distance.
+
+    The duty of a row holds since the row before, as the simulator logs it.
+
+    Raises
+    ------
+    DataError
+        A channel that a replay needs and the log does not have, fewer than two rows, or no place where a run begins.
+    """
+    t, x, y, yaw = log.need("t_s", "body_x", "body_y", "body_yaw")
+    rate_driven = log.rate_driven
+    inputs = np.column_stack(log.need(*(f"{'wheel_rate' if rate_driven else 'duty'}_{wheel}" for wheel in wheels)))
+    if len(t) < 2:
+        raise DataError(f"{log.attrs.get('file', 'the run')}: a replay needs two rows at least.")
+    period = max(PERIOD, round(float(np.median(np.diff(t))) / DT) * DT)
+    rows = t[0] + period * np.arange(1 + math.floor((t[-1] - t[0]) / period + 1e-6))
+    at = np.searchsorted(t, rows - period / 2)
+    steer = [_held(log[f"steer_{wheel}"])[at] if f"steer_{wheel}" in log else np.zeros(len(rows)) for wheel in steered]
+    rate = np.column_stack([filled(averaged(t, column, rows, period)) for column in inputs.T]) if rate_driven else None
+    duty = np.column_stack([_held(column)[at] for column in inputs.T]) if rate is None else shares(rate)
+    course = np.unwrap(_held(yaw))
+    begun = np.column_stack([averaged(t, column, rows[:FIRST_ROWS], period) for column in (x, y, course)])
+    declared = log.attrs.get("start")
+    start = Start(**declared) if declared else _begun(log, begun, period)
+    heading = np.where(np.isfinite(yaw), course, np.nan)
+    place = np.column_stack([averaged(t, column, rows, period) for column in (x, y, heading)])
+    return Commands(rows, duty, np.column_stack(steer) if steer else np.zeros((len(rows), 0)), place, start, rate)
+
+
+def _begun(log: Trace, first: np.ndarray, period: float) -> Start:
+    """Return the mean of the first rows as the start of a run that declares none."""
+    if not np.isfinite(first).any(axis=0).all():
+        raise DataError(
+            f"{log.attrs.get('file', 'the run')}: no place is known in the first {len(first) * period:.2g} s and "
+            "no start is declared; give its [[run]] a start (x, y, yaw), or drop the rows before the first known "
+            "body_x and body_y."
+        )
+    return Start(*np.nanmean(first, axis=0).tolist())
+
+
+def shares(rate: np.ndarray) -> np.ndarray:
+    """Return rates as shares of the fastest of them."""
+    return np.asarray(rate / max(float(np.max(np.abs(rate))), 1e-9))
+
+
+def filled(row: np.ndarray) -> np.ndarray:
+    """Return the row with gaps bridged by straight lines; zeros where nothing was measured."""
+    good = np.flatnonzero(np.isfinite(row))
+    return np.interp(np.arange(len(row)), good, row[good]) if good.size else np.zeros(len(row))
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """Return the values with every gap filled by the last value before it, or the first after it."""
+    good = np.flatnonzero(np.isfinite(values))
+    if not good.size:
+        return np.zeros_like(values)
+    return np.asarray(values[good[np.maximum(np.searchsorted(good, np.arange(len(values)), "right") - 1, 0)]])
+
+
+def averaged(t: np.ndarray, values: np.ndarray, rows: np.ndarray, period: float) -> np.ndarray:
+    """Return the mean of the finite values within half a period of each row; not a number where there is none."""
+    at = np.rint((t - rows[0]) / period).astype(int)
+    use = np.isfinite(values) & (at >= 0) & (at < len(rows))
+    count = np.bincount(at[use], minlength=len(rows))
+    total = np.bincount(at[use], values[use], minlength=len(rows))
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def replay(
+    model: Model,
+    run: Commands,
+    perturbation: Perturbation = Perturbation(),
+    rest_state: DriveState | None = None,
+    finer: int = 1,
+) -> Replay:
+    """Return what `model` does under the logged commands, from where it comes to rest, or from another's `rest`.
+
+    Steps are `finer` times as short as they would be.
+
+    The rover is drawn to the logged x, y and heading with the time constant HOLD, so that it stays on the ground where
+    the log was and errors do not add up. `body_x`, `body_y` and `body_yaw` are what the model itself has driven from
+    the start, without those corrections: the integral of its velocity.
+
+    Raises
+    ------
+    DataError
+        Commands of other wheels than the rover's.
+    SimulationError
+        The rover does not settle at the start, or the ground is too stiff for any step.
+    """
+    model = run.on(model)
+    _check_widths(model, run)
+    state = settled(model, run.start) if rest_state is None else _taken_over(model, rest_state)
+    model = model.begun(run.start.x, run.start.y)
+    dt = DT / parts(model, state, DT) / finer
+    kernel = Kernel(model, state, dt, symmetric=False)
+    kernel.disable_energy_balance()
+    per_row = round(run.period / dt)
+    loop = Loop(kernel, dt, per_row * len(run.t), per_row, **_fields(model, run, perturbation))
+    if run.rate is not None:
+        loop.set(rate_rows=true_rates(model, run))
+        kernel.hold(loop.keep["rate_rows"][0].copy())
+    outcome = loop.run(len(run.t))
+    while outcome is Outcome.FAILS:
+        why = failure(model, state, kernel.record, suspension_of(model))
+        if why:
+            return Replay(_channels(model, run, _with_last(loop, loop.row - 1)), why)
+        outcome = loop.run(len(run.t))
+    stop = "" if outcome is Outcome.DONE else "diverged"
+    return Replay(_channels(model, run, _with_last(loop, loop.row)), stop)
+
+
+def _check_widths(model: Model, run: Commands) -> None:
+    """Refuse commands of other wheels than the rover's: the compiled loop reads so many a row."""
+    wheels = model.rover.wheels
+    need = (len(wheels), sum(wheel.steer_dof is not None for wheel in wheels))
+    have = (run.duty.shape[1], run.steer.shape[1])
+    if have != need:
+        raise DataError(
+            f"the commands are of {have[0]} driven, {have[1]} steered wheels, the rover has {need[0]} and {need[1]}: "
+            "give `commands` the names of all of them."
+        )
+
+
+def _fields(model: Model, run: Commands, perturbation: Perturbation) -> dict[str, Any]:
+    """Return the fields of a replay's loop: its commands, row by row."""
+    duty = run.duty if perturbation.torque is None else run.duty + perturbation.torque / float(model.motor.stall_torque)
+    rows = {
+        "duty_rows": duty,
+        "steer_rows": run.steer,
+        "force_rows": perturbation.force,
+        "grip_rows": perturbation.grip,
+    }
+    fields = {name: np.array(values, dtype=float) for name, values in rows.items() if values is not None}
+    place = np.array(run.place, dtype=float)
+    return {**fields, "place_rows": place, "share": run.period / HOLD, "check_every": CHECKED}
+
+
+def true_rates(model: Model, run: Commands) -> np.ndarray:
+    """Return the rates (T, wheels) [rad/s] at which the wheels turned where the model's sensors read the logged."""
+    names = [f"wheel_rate_{wheel.name}" for wheel in model.rover.wheels]
+    rates = dict(zip(names, np.asarray(run.rate).T, strict=True))
+    for sensor in reversed(model.sensor_effects):
+        rates |= sensor.undone(run.t, rates)
+    return shared(model, np.column_stack([rates[name] for name in names]))
+
+
+def shared(model: Model, values: np.ndarray) -> np.ndarray:
+    """Return values (T, wheels), of wheels that are tied together their mean: they have one rate and one motor.
+
+    Held each to its own, noise of a second tachogenerator would be torques without bound that turn nothing.
+    """
+    column = {wheel.dof: at for at, wheel in enumerate(model.rover.wheels)}
+    ties = [tie for tie in model.rover.couplings if tie.follower in column and tie.leader in column]
+    means = values.copy()
+    for leader in {tie.leader for tie in ties}:
+        ratios = {column[leader]: 1.0} | {column[tie.follower]: tie.ratio for tie in ties if tie.leader == leader}
+        group, ratio = list(ratios), np.array(list(ratios.values()))
+        means[:, group] = ratio * (values[:, group] / ratio).mean(axis=1, keepdims=True)
+    return means
+
+
+def _with_last(loop: Loop, good: int) -> np.ndarray:
+    """Return the rows of a replay; after an early end the last good one stands for the rest, or where it is now."""
+    if good < len(loop.rows):
+        loop.rows[good:] = loop.rows[good - 1] if good else loop.now()
+    return loop.rows
+
+
+def _taken_over(model: Model, rest_state: DriveState) -> DriveState:
+    """Return another model's rest: same place, the soil's shear unloaded, effects at the start of their states."""
+    wheels = len(model.rover.wheels)
+    contact = sum(len(effect.states) for effect in model.contact_effects)
+    motor = sum(len(effect.states) for effect in model.motor_effects)
+    taken = rest_state.copy()
+    taken.contact, taken.motor = np.zeros((wheels, contact)), np.zeros((wheels, motor))
+    return taken
+
+
+def _channels(model: Model, run: Commands, rows: np.ndarray) -> dict[str, np.ndarray]:
+    rover = model.rover
+    q, v, record, attitude, offset = (rows[name] for name in ("q", "v", "record", "attitude", "moved"))
+    channels = {"t_s": run.t}
+    current = record[:, :, RECORD.index("current")]
+    if run.rate_driven:
+        current = shared(model, record[:, :, RECORD.index("torque")]) / float(model.motor.constant)
+    for i, wheel in enumerate(rover.wheels):
+        channels[f"wheel_rate_{wheel.name}"] = v[:, wheel.dof]
+        channels[f"current_{wheel.name}_A"] = current[:, i]
+        for name in ("slip", "sinkage", "normal", "tangential"):
+            channels[f"{name}_{wheel.name}"] = record[:, i, RECORD.index(name)]
+    channels |= {name: q[:, index] for name, index in rover.angles.items()}
+    channels |= {"body_x": q[:, 0] - offset[:, 0], "body_y": q[:, 1] - offset[:, 1], "body_z": q[:, 2]}
+    channels |= {"body_roll": attitude[:, 0], "body_pitch": attitude[:, 1]}
+    channels |= {"body_yaw": np.unwrap(attitude[:, 2]) - offset[:, 2]}
+    channels |= {f"body_v{axis}": rows["velocity"][:, i] for i, axis in enumerate("xyz")}
+    channels["battery_V"] = record[:, 0, RECORD.index("supply")]
+    return {name: np.ascontiguousarray(values) for name, values in channels.items()}

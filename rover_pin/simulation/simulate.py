@@ -1,0 +1,283 @@
+"""Drive a model: the computational flow of Fig 5, step after step."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rover_pin.base.errors import SimulationError
+from rover_pin.base.public import public
+from rover_pin.simulation.checkpoint import DriveEnd, StepperState
+from rover_pin.simulation.command import Controller
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled_run import run_compiled
+from rover_pin.simulation.driving import Drive, Progress, Ran, Stepper
+from rover_pin.simulation.model.implausible import implausible
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.outcome.audit import balance_warning, doubts_of, load_warning, pivot_warning
+from rover_pin.simulation.outcome.half_step import Halved, halved, repeating, step_warnings
+from rover_pin.simulation.outcome.outcome import drive_outcome
+from rover_pin.simulation.outcome.soil_energy import energy_warning
+from rover_pin.simulation.plain.run import run_plain
+from rover_pin.simulation.plain.step import Plain
+from rover_pin.simulation.resolution import STANDING, firmness, parts
+from rover_pin.simulation.start.place import RESTS, SetDown, Start, hovering, set_down
+from rover_pin.simulation.start.stability import thrown_by_a_push
+from rover_pin.simulation.state import DriveState
+from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.trace.record import trace_of
+from rover_pin.simulation.trace.rows import finite
+from rover_pin.simulation.trace.trace import Trace
+
+
+class DriveJob(NamedTuple):
+    """A drive as it is asked for, by the compiled or by the plain step."""
+
+    stepper: Callable[[Model, DriveState, float, bool], Stepper]
+    run: Callable[[Drive, float, Progress | None], Ran]
+    model: Model
+    controller: Controller
+    duration: float
+    timing: Timing
+    symmetric: bool
+    progress: Progress | None
+    settle_doubts: bool
+
+
+@public
+def simulate(
+    model: Model,
+    controller: Controller,
+    duration: float,
+    start: Start | DriveState | DriveEnd = Start(),
+    timing: Timing = Timing(),
+    *,
+    symmetric: bool = False,
+    progress: Progress | None = None,
+    settle_doubts: bool = True,
+) -> Trace:
+    """Drive `model` under `controller` for `duration` [s] and return the trace.
+
+    Parameters
+    ----------
+    model : Model
+        Rover, ground, soils, motor and effects, as `scenario(...).model` has them.
+    controller : Controller
+        Any callable from a `Reading` to a duty, an array of duties (one a wheel) or a `Command`; sampled, then held.
+    start : Start, DriveState or Ended
+        Where to set the rover down at rest; a state to begin in; or `trace.end` of a drive that lasted its duration,
+        to go on from there, equal to the bit to a drive in one.
+    duration : float
+        How long to drive [s], if nothing ends it before.
+    timing : Timing
+        Step, control period and rows of the trace [s].
+    symmetric : bool
+        Hold the mirror symmetry about the x-z plane, so that round-off cannot break it in long stuck runs.
+    progress : callable, optional
+        Called with the time driven so far [s].
+    settle_doubts : bool
+        Drive once more at half the step, so that the warnings can say what the step makes of the drive: it takes three
+        times as long. Where nobody reads them, False saves that time; the drive itself is the same.
+
+    Returns
+    -------
+    Trace
+        `attrs["stop"]` says why it ended: "duration", or "capsized", "buried", "folded" or "diverged" with the time
+        and the part. What was driven until then is kept.
+
+    Raises
+    ------
+    SimulationError
+        The run cannot start: it does not settle, it is not symmetric, or its times do not fit.
+
+    Examples
+    --------
+    >>> from rover_pin import scenario
+    >>> flat = scenario("flat").model
+    >>> slow = simulate(flat, lambda reading: 0.3, 2.0)
+    >>> fast = simulate(flat, lambda reading: 0.6, 2.0)
+    >>> bool(0.0 < slow["body_x"][-1] < fast["body_x"][-1]), slow.units["body_x"]
+    (True, 'm')
+    """
+    job = DriveJob(Kernel, run_compiled, model, controller, duration, timing, symmetric, progress, settle_doubts)
+    return _simulate(job, start)
+
+
+@public
+def plain_simulate(
+    model: Model,
+    controller: Controller,
+    duration: float,
+    start: Start | DriveState | DriveEnd = Start(),
+    timing: Timing = Timing(),
+    *,
+    symmetric: bool = False,
+    progress: Progress | None = None,
+    settle_doubts: bool = True,
+) -> Trace:
+    """Do as `simulate` with the plain NumPy step, far slower; from a `DriveState` it needs no compiler.
+
+    Parameters
+    ----------
+    model, controller, duration, start, timing, symmetric, progress, settle_doubts
+        As those of `simulate`.
+
+    Returns
+    -------
+    Trace
+        As that of `simulate`, equal to it to round-off.
+
+    Raises
+    ------
+    SimulationError
+        As `simulate`.
+
+    Examples
+    --------
+    >>> from rover_pin import ConstantDuty, scenario
+    >>> flat = scenario("flat").model
+    >>> plain, compiled = (drive(flat, ConstantDuty(), 0.1) for drive in (plain_simulate, simulate))
+    >>> bool(abs(plain["body_x"][-1] - compiled["body_x"][-1]) < 1e-9)
+    True
+    """
+    job = DriveJob(Plain, run_plain, model, controller, duration, timing, symmetric, progress, settle_doubts)
+    return _simulate(job, start)
+
+
+def _simulate(job: DriveJob, start: Start | DriveState | DriveEnd) -> Trace:
+    model, duration, timing, symmetric = job.model, job.duration, job.timing, job.symmetric
+    if not (math.isfinite(duration) and duration > 0.0):
+        raise SimulationError(f"duration = {duration:g} s is not allowed: give a positive time.")
+    if symmetric and not model.ground.mirror_symmetric:
+        raise SimulationError("A mirror-symmetric drive needs a terrain that is the same on the left and on the right.")
+    if symmetric and model.built.up[1] != 0.0:
+        raise SimulationError("A mirror-symmetric drive needs gravity without a pull to one side: set rise_y to 0.")
+    if isinstance(start, DriveEnd):
+        return _gone_on(job, start)
+    parts(model, start if isinstance(start, DriveState) else hovering(model, start), timing.dt)
+    begin = SetDown(start.copy(), "") if isinstance(start, DriveState) else set_down(model, start, symmetric)
+    if hasattr(job.controller, "reset"):
+        job.controller.reset()
+    attrs = {"set_down": begin.standing} if begin.standing else {}
+    again = _Again(job, begin.state.copy(), begin.standing) if job.settle_doubts else None
+    return _traced(job, _begun(job, begin.state), _place(begin.state), attrs, again)
+
+
+class _Again(NamedTuple):
+    """Drives once more from where a drive began, to find or settle what speaks against it."""
+
+    job: DriveJob
+    state: DriveState
+    standing: str
+
+    def pushed(self) -> list[str]:
+        """Return the doubt of a start at rest that a push throws off, if it does."""
+        if self.standing != RESTS:
+            return []
+        reason = thrown_by_a_push(_begun(self.job, self.state.copy()))
+        return [reason] if reason else []
+
+    def halved(self, rows: np.ndarray, stop: str) -> Halved | None:
+        """Return what half the step makes of the drive with these rows, if its commands are known."""
+        controller = repeating(self.job.controller, rows, self.job.timing)
+        if controller is None:
+            return None
+        halved_job = self.job._replace(controller=controller, timing=self.job.timing.halved())
+        halved_run = halved_job.run(_begun(halved_job, self.state.copy()), halved_job.duration, None)
+        return halved(rows, stop, finite(halved_run.rows), halved_run.stop)
+
+
+def _place(state: DriveState) -> tuple[float, float]:
+    return float(state.q[0]), float(state.q[1])
+
+
+def _begun(job: DriveJob, state: DriveState) -> Drive:
+    """Return a drive that begins in this state, with the step that its ground asks for."""
+    model = job.model.begun(*_place(state))
+    stepper = job.stepper(model, state, STANDING, job.symmetric)
+    fine = job.timing.refined(parts(model, state, job.timing.dt, firmness(stepper, model)))
+    stepper.set_step(fine.dt)
+    return Drive(model, state, stepper, job.controller, fine)
+
+
+def _gone_on(job: DriveJob, end: DriveEnd) -> Trace:
+    """Drive on from where a drive ended."""
+    state, begun = end.state.copy(), job.model.begun(*end.place)
+    end.refuse_other(job.timing, job.symmetric, hovering(begun, Start()))
+    stepper = job.stepper(begun, state, end.fine.dt, job.symmetric)
+    stepper.restore(end.stepper_state.moving)
+    stepper.duty[:], stepper.servo_target[:] = end.stepper_state.duty, end.stepper_state.servo
+    return _traced(job, Drive(begun, state, stepper, job.controller, end.fine, end.checkpoint), end.place, {})
+
+
+def _traced(
+    job: DriveJob, drive: Drive, place: tuple[float, float], attrs: dict[str, Any], again: _Again | None = None
+) -> Trace:
+    """Run a drive and return its trace, with where it ended if it can go on."""
+    run, stepper = job.run(drive, job.duration, job.progress), drive.stepper
+    rows, symmetric = finite(run.rows), job.symmetric
+    attrs |= {"dt_s": drive.timing.dt, "control_period_s": job.timing.control, "symmetric": symmetric}
+    attrs["stop"] = run.stop
+    trace = trace_of(job.model, rows, attrs)
+    certain = [load_warning(drive.model, rows), balance_warning(trace)]
+    doubts, energy = doubts_of(drive.model, rows, run.checkpoint.missed), energy_warning(job.model, trace)
+    doubts += again.pushed() if again and len(rows) else []
+    half = again.halved(rows, run.stop) if again and len(rows) else None
+    oddities = [f"{text}." for text in implausible(job.model)]
+    trace = annotate_trace(
+        trace, [*certain, *oddities, *step_warnings(doubts, half), pivot_warning(stepper.pivoted), energy]
+    )
+    if run.stop != "duration":
+        return trace
+    stepper_state = StepperState(tuple(stepper.saved()), stepper.duty.copy(), stepper.servo_target.copy())
+    end = DriveEnd(drive.state.copy(), run.checkpoint, job.timing, drive.timing, place, symmetric, stepper_state)
+    return dataclasses.replace(trace, end=end)
+
+
+def annotate_trace(trace: Trace, warnings: list[str]) -> Trace:
+    """Return the trace with what it came to, and with all reasons not to believe it; empty ones are none."""
+    came_to = drive_outcome(trace)
+    attrs: dict[str, Any] = {"happened": came_to.sentence} if came_to else {}
+    attrs["warnings"] = [warning for warning in warnings if warning]
+    return dataclasses.replace(trace, attrs={**trace.attrs, **attrs})
+
+
+@public
+def convergence(model: Model, controller: Controller, duration: float, **options: Any) -> tuple[Trace, float]:
+    """Return a drive at the asked step, and how far [m] it is from that at half the step.
+
+    Parameters
+    ----------
+    model, controller, duration
+        As those of `simulate`.
+    **options
+        Its other arguments.
+
+    Returns
+    -------
+    Trace
+        The drive at the asked step.
+    float
+        The largest distance of its base x from that of the finer one [m].
+
+    Raises
+    ------
+    SimulationError
+        As `simulate`.
+
+    Examples
+    --------
+    >>> from rover_pin import ConstantDuty, scenario
+    >>> trace, moved = convergence(scenario("flat").model, ConstantDuty(), 1.0)
+    >>> moved < 1e-4
+    True
+    """
+    timing = options.pop("timing", Timing())
+    trace = simulate(model, controller, duration, timing=timing, **options)
+    finer = simulate(model, controller, duration, timing=timing.halved(), **options | {"settle_doubts": False})
+    rows = min(len(trace["body_x"]), len(finer["body_x"]))
+    return trace, float(np.max(np.abs(trace["body_x"][:rows] - finer["body_x"][:rows])))

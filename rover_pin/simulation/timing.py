@@ -1,0 +1,51 @@
+"""The times of a drive: its step, how often it is controlled, how often it is sampled."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+from rover_pin.base.errors import SimulationError
+
+DT = 0.005
+"""Default step [s]: x of the 30-deg-wall ditch over 20 s is within ACCURACY of finer steps', measured 3 um where the
+rover is stopped by the wall (k = 1 mm) and 2 um where it gets out (k = 10 mm), against a 32nd of the step."""
+ACCURACY = 1e-4
+"""Distance [m] in x that the default step is held to on that ditch."""
+FINEST = 1e-6
+"""Least step [s]: ten seconds of driving then take minutes."""
+COARSEST = 0.1
+"""Greatest step [s]."""
+CONTROL_PERIOD = 0.05
+"""Sample time of the controller [s] (assumed; the command is held in between)."""
+SAMPLE = 0.05
+"""Time between the trace's rows [s]."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Step, control period and time between rows of the trace [s]; the last two are whole multiples of the step."""
+
+    dt: float = DT
+    control: float = CONTROL_PERIOD
+    sample: float = SAMPLE
+    divided: int = 1
+    "into how many parts every step is divided, besides those that the ground asks for (`resolution.parts`)"
+
+    def __post_init__(self) -> None:
+        if not FINEST <= self.dt <= COARSEST:
+            raise SimulationError(f"dt = {self.dt:g} s is not allowed: it must lie in [{FINEST:g}, {COARSEST:g}] s.")
+        for name in ("control", "sample"):
+            ratio = getattr(self, name) / self.dt
+            if ratio < 0.999 or abs(ratio - round(ratio)) > 1e-6:
+                raise SimulationError(
+                    f"The {name} period {getattr(self, name):g} s must be a whole multiple of dt = {self.dt:g} s."
+                )
+
+    def halved(self) -> Timing:
+        """Return the same with half the step, also where the ground asks for a finer one than `dt`."""
+        return dataclasses.replace(self, divided=2 * self.divided)
+
+    def refined(self, parts: int) -> Timing:
+        """Return the same with the step that is taken: `dt` in as many parts, and divided."""
+        return dataclasses.replace(self, dt=self.dt / (parts * self.divided), divided=1)

@@ -1,0 +1,191 @@
+"""The single evaluations of a tuning, as functions of plain arguments: what workers run and the store remembers."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import io
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from rover_pin.base.errors import OptimisationError, ParameterError
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_estimate import TableEstimate, TrueSlip, flat_table
+from rover_pin.control.torque_limit import TorqueLimit, TorqueLimited
+from rover_pin.effects.post_peak import PostPeak
+from rover_pin.scenarios.scenario import Scenario, scenario
+from rover_pin.simulation.command import Controller
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.tuning.drive_score import TAIL, Cost, Score, score_outcome, score_trace
+from rover_pin.tuning.model import refuse_other_model
+from rover_pin.tuning.reduced import GAIN_NAMES, Outcome, Reduced
+from rover_pin.tuning.reduced_effects import omitted_effects
+from rover_pin.tuning.reduced_loop import Loop
+from rover_pin.tuning.study import DriveCase
+
+FAILED = Score(progress=0.0, slip=1.0, energy=1.0, stuck=1.0, sinkage=1.0, buried=1.0)
+"""The score of a drive that the integrator gives up: worse than any that stands still."""
+SMOOTHING = 0.005
+"""Rounding of the limits [duty] where derivatives are taken; it moves the cost by about 0.2 %."""
+CONSTANT = "constant"
+"""The name of the drive without control, beside those of the estimates."""
+CHECKED = "limit"
+"""The name of the drive at constant duty under the torque check at a slip, which senses no slip."""
+
+
+class Control(NamedTuple):
+    """A control law as plain values: slip control by an estimate (`true`, `eq9`), `constant` or `limit` (delta_0)."""
+
+    estimate: str
+    gains: tuple[float, ...]
+
+    @property
+    def named(self) -> Gains:
+        """The gains."""
+        return Gains(**dict(zip(GAIN_NAMES, self.gains, strict=True)))
+
+
+@lru_cache(maxsize=64)
+def built(case: DriveCase) -> Scenario:
+    """Return the case's scenario, without control.
+
+    Raises
+    ------
+    ParameterError
+        An unknown scenario or setting, one that a model file rules out, or settings of the control, which the tuning
+        sets itself.
+    DataError
+        A model file that cannot be read, or is no longer the one that was sealed.
+    """
+    refuse_other_model(case)
+    try:
+        for name, _ in case.settings:
+            if name.split(".")[0] == "control":
+                raise ParameterError(f"the setting '{name}' is the tuning's own: leave it out.")
+        base_scenario = scenario(case.scenario, **dict(case.settings))
+    except ParameterError as error:
+        raise ParameterError(f"{case.name}: {error}") from error
+    if not case.post_peak:
+        return base_scenario
+    present = [effect for effect in base_scenario.model.effects if isinstance(effect, PostPeak)]
+    lossy = (present or [PostPeak()])[0].replace(fraction=case.post_peak)
+    return dataclasses.replace(base_scenario, model=base_scenario.model.having(lossy))
+
+
+def cautions(cases: Sequence[DriveCase]) -> tuple[str, ...]:
+    """Return in a sentence each what of the cases' models the reduced model, or every drive, leaves out."""
+    models = [built(case).model for case in cases]
+    lost = sorted({name for model in models for name in omitted_effects(model)})
+    sensed = sorted({type(effect).__name__ for model in models for effect in model.sensor_effects})
+    not_modelled = [f"the search's reduced model leaves out {', '.join(lost)}; the full rover, which decides, has it."]
+    only_logged = [f"{', '.join(sensed)} changes what a log says, not what the control reads: no drive here has it."]
+    return tuple((not_modelled if lost else []) + (only_logged if sensed else []))
+
+
+def estimate_of(case: DriveCase, name: str) -> TrueSlip | TableEstimate:
+    """Return the slip estimate of this name; Eq (9)'s table is that of the case's model on the flat."""
+    if name == "true":
+        return TrueSlip()
+    return TableEstimate(flat_table(built(case).model), float(built(case).model.rover.wheel.r))
+
+
+@lru_cache(maxsize=64)
+def limit_of(case: DriveCase) -> TorqueLimit:
+    """Return the torque limit of the case's rover on its ground."""
+    return TorqueLimit.saturation(built(case).model)
+
+
+def controller_of(case: DriveCase, control: Control) -> Controller:
+    """Return the controller for the full rover."""
+    if control.estimate == CONSTANT:
+        return ConstantDuty(control.named.delta_0)
+    if control.estimate == CHECKED:
+        return TorqueLimited(ConstantDuty(control.named.delta_0), TorqueLimit.at_slip(built(case).model))
+    return SlipControl(control.named, estimate_of(case, control.estimate), limit_of(case))
+
+
+def drive_full(case: DriveCase, controller: Controller) -> Trace:
+    """Return the trace of the full rover under a controller; its doubts are not settled, since no score reads them."""
+    return dataclasses.replace(built(case), controller=controller).drive(settle_doubts=False)
+
+
+def full_score(case: DriveCase, control: Control) -> list[float]:
+    """Return the score of the full rover's drive."""
+    scene = built(case)
+    return list(score_trace(drive_full(case, controller_of(case, control)), scene.model, scene.duration))
+
+
+@lru_cache(maxsize=64)
+def reduced_of(case: DriveCase, estimate: str, smoothing: float) -> Reduced:
+    """Return the reduced model of a case."""
+    scene = built(case)
+    loop = Loop(estimate_of(case, estimate), limit_of(case), smoothing)
+    return Reduced(scene.model, loop, scene.duration, scene.start.x, TAIL)
+
+
+@lru_cache(maxsize=64)
+def _scores(case: DriveCase, estimate: str, smoothing: float) -> ca.Function:
+    """Return gains -> Score of the reduced model."""
+    reduced = reduced_of(case, estimate, smoothing)
+    gains = ca.MX.sym("gains", len(GAIN_NAMES))
+    outcome = Outcome(*ca.vertsplit(reduced.outcome()(gains)))
+    score = score_outcome(outcome, reduced.model, reduced.start, reduced.duration)
+    return ca.Function("score", [gains], [ca.vertcat(*score)])
+
+
+@lru_cache(maxsize=64)
+def _sensitivity(case: DriveCase, estimate: str, smoothing: float, cost: Cost) -> ca.Function:
+    """Return gains -> J and its gradient, by adjoints through CVODES."""
+    gains = ca.MX.sym("gains", len(GAIN_NAMES))
+    J = cost.total(Score(*ca.vertsplit(_scores(case, estimate, smoothing)(gains))))
+    return ca.Function("sensitivity", [gains], [ca.vertcat(J, ca.gradient(J, gains))])
+
+
+def reduced_score(case: DriveCase, control: Control, smoothing: float = 0.0) -> list[float]:
+    """Return the score of the reduced model's drive; FAILED where the integrator gives up."""
+    return _numbers(_scores(case, control.estimate, smoothing), control.gains, list(FAILED))
+
+
+def reduced_gradient(case: DriveCase, control: Control, cost: Cost, smoothing: float = SMOOTHING) -> list[float]:
+    """Return J of the rounded reduced model and its gradient by all gains; FAILED and flat where there is none."""
+    failed = [FAILED.cost(cost)] + [0.0] * len(GAIN_NAMES)
+    return _numbers(_sensitivity(case, control.estimate, smoothing, cost), control.gains, failed)
+
+
+def _numbers(function: ca.Function, gains: tuple[float, ...], failed: list[float]) -> list[float]:
+    try:
+        # CasADi prints the inputs of a call that fails.
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            out = np.array(function(np.array(gains))).ravel()
+    except RuntimeError:
+        return failed
+    return [float(number) for number in out] if np.all(np.isfinite(out)) else failed
+
+
+def reduced_errors(case: DriveCase, control: Control) -> list[float]:
+    """Return how far the reduced drive is from the full one: RMSE of slip [-] and of speed [m/s], end distance [m].
+
+    Infinite where the integrator gives up, or the full drive has no rows.
+    """
+    trace = drive_full(case, controller_of(case, control))
+    if len(trace.t) < 2:
+        return [math.inf] * 3
+    # The reduced model knows constant duty as a control whose gains are zero.
+    gains = control.named
+    estimate = control.estimate
+    if estimate == CONSTANT:
+        gains, estimate = gains.replace(k_p=0.0, k_i=0.0, delta_min=-1.0, delta_max=1.0), "true"
+    try:
+        reduced = reduced_of(case, estimate, 0.0).drive(gains, trace.t)
+    except OptimisationError:
+        return [math.inf] * 3
+    axle = [wheel.axle for wheel in built(case).model.rover.wheels]
+    slip = np.sqrt(np.mean((reduced["slip"][:, axle] - trace.stack("slip")) ** 2))
+    speed = np.sqrt(np.mean((reduced["v"] - trace["body_vx"]) ** 2))
+    return [float(slip), float(speed), abs(float(reduced["x"][-1] - trace["body_x"][-1]))]

@@ -1,0 +1,67 @@
+"""Ensembles of drives drawn at random, to tune on one and judge on another."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from rover_pin.base.errors import ParameterError
+from rover_pin.simulation.model.cruise import CRUISE_SLIP
+from rover_pin.tuning.study import DriveCase
+
+SHEAR = (10**-2.5, 10**-1.5)
+"""Range of k [m], drawn on a logarithmic scale: about 3 to 32 mm."""
+WALLS, INCLINES = (30.0, 65.0), (6.0, 18.0)
+"""Ranges of a ditch's walls and of an incline [deg]."""
+LOSSES = (0.05, 0.4)
+"""Range of the strength lost past the peak; half of the drives lose none."""
+DIGS = (0.02, 0.1)
+"""Range of c_d, the share of what a rim throws that deepens its hole, drawn on a logarithmic scale."""
+
+
+def random_drives(
+    seed: int, ditches: int, inclines: int, duration: float, digging: float = 0.0
+) -> tuple[DriveCase, ...]:
+    """Return drives of `duration` [s] through ditches, then up inclines that begin half a metre ahead.
+
+    R is that of each sand, so that its flat is cruised at CRUISE_SLIP: with Table 1's, sand of small k gives energy.
+
+    Parameters
+    ----------
+    digging : float
+        Share of the drives in whose sand wheels dig in (`DiggingMemory`); they are else the same for a seed.
+
+    Raises
+    ------
+    ParameterError
+        A negative number of drives, or a share outside [0, 1].
+    """
+    if not 0.0 <= digging <= 1.0:
+        raise ParameterError(f"digging = {digging:g} is not allowed: it is a share of the drives, from 0 to 1.")
+    if min(ditches, inclines) < 0:
+        raise ParameterError(f"{ditches} ditches and {inclines} inclines cannot be drawn: give numbers from 0 on.")
+    rng, holes = np.random.default_rng(seed), np.random.default_rng([seed, 1])
+    drawn = (_drawn(rng, i < ditches, duration, i + 1) for i in range(ditches + inclines))
+    return tuple(_digging(holes, case, digging) for case in drawn)
+
+
+def _digging(rng: np.random.Generator, case: DriveCase, share: float) -> DriveCase:
+    digs, c_d = rng.random() < share, round(math.exp(rng.uniform(*np.log(DIGS))), 3)
+    if not digs:
+        return case
+    settings = (*case.settings, ("add", f"DiggingMemory.c_d={c_d}"))
+    return dataclasses.replace(case, name=f"{case.name}, c_d {c_d:g}", settings=tuple(sorted(settings)))
+
+
+def _drawn(rng: np.random.Generator, ditch: bool, duration: float, number: int) -> DriveCase:
+    k = round(math.exp(rng.uniform(*np.log(SHEAR))), 5)
+    lost = round(float(rng.uniform(*LOSSES)), 3) if rng.random() < 0.5 else 0.0
+    angle = round(float(rng.uniform(*(WALLS if ditch else INCLINES))), 1)
+    ground = {"terrain.wall_angle_deg": angle} if ditch else {"terrain.angle_deg": angle, "terrain.start": 0.5}
+    kind = "ditch" if ditch else "incline"
+    name = f"{number}: {kind} {angle:g} deg, k {1e3 * k:.1f} mm, past {100 * lost:.0f} %"
+    settings: dict[str, Any] = {"soil.k": k, "cruise_slip": CRUISE_SLIP, "duration": duration, **ground}
+    return DriveCase(name, kind, tuple(sorted(settings.items())), lost)

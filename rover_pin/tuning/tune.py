@@ -1,0 +1,297 @@
+"""Find gains: a global search, a gradient polish on the reduced model, then the verdict of the full rover.
+
+The landscape of the gains has several minima and cliffs, so that differential evolution looks everywhere first: on the
+reduced model where its slip is that of the full rover (`tuning_trust`), on the full rover elsewhere. L-BFGS then goes
+by derivatives that adjoints carry through the reduced model, with limits rounded by SMOOTHING, from starts at which
+that model is right on every drive; from others it is not begun, and the result says so. What they find is driven by the
+full rover, together with the gains from before; its unsmoothed score alone decides.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import differential_evolution, minimize
+from scipy.stats import qmc
+
+from rover_pin.base.errors import OptimisationError
+from rover_pin.base.files.results_folder import alone_in
+from rover_pin.base.jobs.cluster import refuse_both, workers_of
+from rover_pin.base.jobs.workers import ending_workers
+from rover_pin.control.slip_control import Gains
+from rover_pin.tuning.drive_score import Score
+from rover_pin.tuning.drives import (
+    CHECKED,
+    CONSTANT,
+    Control,
+    built,
+    cautions,
+    full_score,
+    reduced_gradient,
+    reduced_score,
+)
+from rover_pin.tuning.evaluations import Evaluations, Progress
+from rover_pin.tuning.model import sealed
+from rover_pin.tuning.reduced import GAIN_NAMES, as_column
+from rover_pin.tuning.report import Candidate, Drives, TuningResult, write_result
+from rover_pin.tuning.study import ESTIMATES, LOGARITHMIC, DriveCase, TuningStudy
+from rover_pin.tuning.trust import Checked, checked, checked_over, refusal
+
+APART = 0.1
+"""Points closer than this in every coordinate of the unit cube count as one."""
+
+
+class Point(NamedTuple):
+    """A point of the unit cube with the reduced model's cost."""
+
+    place: np.ndarray
+    cost: float
+    stage: str
+
+
+def tune_gains(
+    study: TuningStudy,
+    out: str | Path | None = None,
+    progress: Progress | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> TuningResult:
+    """Return the best gains found for a study, and what they are worth beside the gains before and constant duty.
+
+    Parameters
+    ----------
+    out : path, optional
+        Folder for gains.toml, the tables and the finished evaluations; a killed tuning resumes there.
+    progress : callable, optional
+        Called with the stage, its finished evaluations and their number.
+    workers : int, optional
+        Processes; by default one a core. The result does not depend on it.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers then do the work. Start them with `--nthreads 1`.
+
+    Raises
+    ------
+    ParameterError
+        A drive with an unknown scenario or setting, or one that its model file rules out; a scheduler that does not
+        answer, or with `workers` given too.
+    OptimisationError
+        Every training drive ends stuck whatever the gains; `status` holds constant duty's scores.
+    DataError
+        The folder or a model file cannot be used, another process is at work in the folder, or the model was changed
+        meanwhile.
+    """
+    refuse_both(workers, scheduler)
+    study = sealed(study)
+    for case in (*study.training, *study.held_out):
+        built(case)
+    with alone_in(out), ending_workers(), workers_of(workers or -1, scheduler) as work:
+        evaluations = Evaluations(None if out is None else Path(out), work, progress)
+        try:
+            result = _tuned(study, evaluations)
+        except (KeyboardInterrupt, SystemExit) as stop:
+            stop.add_note(evaluations.resume_hint())
+            raise
+        return result if out is None else write_result(result, Path(out))
+
+
+def _tuned(study: TuningStudy, evaluations: Evaluations) -> TuningResult:
+    begin = time.perf_counter()
+    checks = checked_over(study, evaluations)
+    points = search(study, evaluations, checks)
+    polished, skipped = polishes(study, evaluations, spread(points, study.effort.starts))
+    points += polished
+    candidates = evaluate_points(study, evaluations, spread(points, study.effort.keep))
+    constant = _drives(evaluations, study.training, Control(CONSTANT, values(study.before)))
+    if all(score.stuck for candidate in candidates for score in candidate.scores):
+        raise OptimisationError(
+            f"Tuning '{study.name}': every training drive ends stuck whatever the gains "
+            f"({len(candidates)} sets driven by the full rover); constant duty {study.before.delta_0:g} costs "
+            f"{_mean_cost(study, constant.training):.3f} with {_stuck(constant.training)} of {len(study.training)} "
+            "stuck: choose gentler drives, or do without this control.",
+            status=constant.training,
+        )
+    best = min(candidates, key=lambda candidate: candidate.cost)
+    return TuningResult(
+        study,
+        best.gains,
+        candidates,
+        tuple(_report(study, evaluations, best.gains)),
+        tuple((check.case.name, *check[1:]) for check in checked(study, evaluations, best.gains)),
+        evaluations.fresh,
+        time.perf_counter() - begin,
+        cautions=cautions((*study.training, *study.held_out)),
+        search_notes=(*_on_full(checks), *skipped),
+    )
+
+
+def search(study: TuningStudy, evaluations: Evaluations, checks: Sequence[Checked]) -> list[Point]:
+    """Return every point that differential evolution tries, the gains before among the first."""
+    effort, size = study.effort, len(study.free)
+    tried: list[Point] = []
+
+    def costs(places: np.ndarray) -> np.ndarray:
+        gains = [study.gains(place) for place in places.T]
+        values = search_costs(study, evaluations, gains, checks)
+        tried.extend(Point(place.copy(), float(cost), "search") for place, cost in zip(places.T, values, strict=True))
+        return values
+
+    first = qmc.LatinHypercube(size, seed=study.seed).random(effort.population)
+    first[0] = place_of(study, study.before)
+    differential_evolution(
+        costs,
+        [(0.0, 1.0)] * size,
+        init=first,
+        maxiter=effort.generations,
+        tol=0.0,
+        polish=False,
+        updating="deferred",
+        vectorized=True,
+        seed=study.seed,
+    )
+    return tried
+
+
+def search_costs(
+    study: TuningStudy, evaluations: Evaluations, gains: Sequence[Gains], checks: Sequence[Checked]
+) -> np.ndarray:
+    """Return the ensemble's cost of each set of gains: of the reduced model where it is trusted, else of the rover."""
+    scores = np.zeros((len(gains), len(checks), len(Score._fields)))
+    for trusted, stage, score in (
+        (True, "search on the reduced model", reduced_score),
+        (False, "search on the full rover", full_score),
+    ):
+        places = [i for i, check in enumerate(checks) if check.trusted == trusted]
+        jobs = [(checks[i].case, Control(study.estimate, values(gain_set))) for gain_set in gains for i in places]
+        if jobs:
+            scores[:, places] = np.reshape(evaluations.run(stage, score, jobs), (len(gains), len(places), -1))
+    costs = [[Score(*score).cost(study.cost) for score in drive_scores] for drive_scores in scores]
+    return study.cost.over(np.array(costs))
+
+
+def _on_full(checks: Sequence[Checked]) -> tuple[str, ...]:
+    """Return in words where the search drives the full rover."""
+    off = [check for check in checks if not check.trusted]
+    if not off:
+        return ()
+    drives = f"{len(off)} of {len(checks)} drives"
+    return (f"the search drives the full rover on {drives}: {refusal(off)}",)
+
+
+def polishes(
+    study: TuningStudy, evaluations: Evaluations, starts: Sequence[Point]
+) -> tuple[list[Point], tuple[str, ...]]:
+    """Return what the polish finds from each start at which the reduced model is right, and why not from others."""
+    polished: list[Point] = []
+    skipped: list[str] = []
+    for i, start in enumerate(starts):
+        wrong = refusal(checked(study, evaluations, study.gains(start.place)))
+        if wrong:
+            skipped.append(f"no gradient polish from start {i + 1} of {len(starts)}: {wrong}")
+        else:
+            polished.append(polish(study, evaluations, start.place))
+    return polished, tuple(skipped)
+
+
+def reduced_costs(study: TuningStudy, evaluations: Evaluations, gains: Sequence[Gains]) -> np.ndarray:
+    """Return the ensemble's cost of each set of gains on the reduced model, unsmoothed but for stuck and buried."""
+    everywhere = [Checked(case, 0.0, 0.0, 0.0) for case in study.training]
+    return search_costs(study, evaluations, gains, everywhere)
+
+
+def polish(study: TuningStudy, evaluations: Evaluations, start: np.ndarray) -> Point:
+    """Return where L-BFGS-B comes to from a point of the unit cube, with the rounded reduced model's derivatives."""
+
+    def cost_and_slope(place: np.ndarray) -> tuple[float, np.ndarray]:
+        control = Control(study.estimate, values(study.gains(place)))
+        jobs = [(case, control, study.cost) for case in study.training]
+        rows = np.array(evaluations.run("polish by gradients", reduced_gradient, jobs))
+        share = np.full(len(jobs), (1.0 - study.cost.worst) / len(jobs))
+        share[int(np.argmax(rows[:, 0]))] += study.cost.worst
+        return float(study.cost.over(rows[:, 0])), share @ rows[:, 1:] @ slope_of(study, place)
+
+    limits = {"maxfun": study.effort.steps, "maxiter": study.effort.steps}
+    bounds = [(0.0, 1.0)] * len(start)
+    result = minimize(cost_and_slope, start, jac=True, method="L-BFGS-B", bounds=bounds, options=limits)
+    return Point(np.clip(result.x, 0.0, 1.0), float(result.fun), "polish")
+
+
+def slope_of(study: TuningStudy, place: np.ndarray) -> np.ndarray:
+    """Return d(all gains) / d(unit cube), a column a free gain."""
+    slope = np.zeros((len(GAIN_NAMES), len(study.free)))
+    gains = study.gains(place)
+    for j, (name, (low, high)) in enumerate(study.free.items()):
+        row = GAIN_NAMES.index(name)
+        slope[row, j] = getattr(gains, name) * math.log(high / low) if name in LOGARITHMIC else high - low
+    return slope
+
+
+def spread(points: Sequence[Point], most: int) -> list[Point]:
+    """Return the best points that lie apart from each other, the best first."""
+    selected: list[Point] = []
+    for point in sorted(points, key=lambda candidate: candidate.cost):
+        if len(selected) < most and all(np.max(np.abs(point.place - earlier.place)) > APART for earlier in selected):
+            selected.append(point)
+    return selected
+
+
+def evaluate_points(study: TuningStudy, evaluations: Evaluations, points: Sequence[Point]) -> tuple[Candidate, ...]:
+    """Return the gains before and those of the points, each with the full rover's scores on the training drives."""
+    sets = [("before", study.before), *((point.stage, study.gains(point.place)) for point in points)]
+    reduced = reduced_costs(study, evaluations, [gains for _, gains in sets])
+    jobs = [(case, Control(study.estimate, values(gains))) for _, gains in sets for case in study.training]
+    flat_scores = [Score(*score) for score in evaluations.run("verdict of the full rover", full_score, jobs)]
+    size = len(study.training)
+    scores = [tuple(flat_scores[i * size : (i + 1) * size]) for i in range(len(sets))]
+    return tuple(
+        Candidate(stage, gains, float(cost), _mean_cost(study, drive_scores), drive_scores)
+        for (stage, gains), cost, drive_scores in zip(sets, reduced, scores, strict=True)
+    )
+
+
+def values(gains: Gains) -> tuple[float, ...]:
+    """Return the gains as a tuple, in the order of GAIN_NAMES."""
+    return tuple(float(gain) for gain in as_column(gains))
+
+
+def place_of(study: TuningStudy, gains: Gains) -> np.ndarray:
+    """Return the point of the unit cube where the free gains are these, at the nearest bound where outside."""
+    place = []
+    for name, (low, high) in study.free.items():
+        value = min(max(float(getattr(gains, name)), low), high)
+        place.append(
+            math.log(value / low) / math.log(high / low) if name in LOGARITHMIC else (value - low) / (high - low)
+        )
+    return np.array(place)
+
+
+def _report(study: TuningStudy, evaluations: Evaluations, gains: Gains) -> list[Drives]:
+    """Return all drives without control, under the torque check alone, and by either estimate before and after."""
+    controls = {"constant duty": Control(CONSTANT, values(study.before))}
+    controls["torque check"] = Control(CHECKED, values(study.before))
+    for estimate in ESTIMATES:
+        controls[f"before, {estimate}"] = Control(estimate, values(study.before))
+        controls[f"tuned, {estimate}"] = Control(estimate, values(gains))
+    both = (*study.training, *study.held_out)
+    jobs = [(case, control) for control in controls.values() for case in both]
+    scores = [Score(*score) for score in evaluations.run("report on all drives", full_score, jobs)]
+    rows = [tuple(scores[i * len(both) : (i + 1) * len(both)]) for i in range(len(controls))]
+    split = len(study.training)
+    return [Drives(name, row[:split], row[split:]) for name, row in zip(controls, rows, strict=True)]
+
+
+def _drives(evaluations: Evaluations, cases: Sequence[DriveCase], control: Control) -> Drives:
+    scores = evaluations.run("constant duty", full_score, [(case, control) for case in cases])
+    return Drives("constant duty", tuple(Score(*score) for score in scores), ())
+
+
+def _mean_cost(study: TuningStudy, scores: Sequence[Score]) -> float:
+    return float(study.cost.over(np.array([score.cost(study.cost) for score in scores])))
+
+
+def _stuck(scores: Sequence[Score]) -> int:
+    return int(sum(score.stuck for score in scores))

@@ -1,0 +1,51 @@
+"""Arguments that say what they are: listed, and refused beyond what they say."""
+
+import inspect
+from typing import Annotated
+
+import pytest
+
+from rover_pin.base.arguments import arguments_of, checked, spec
+from rover_pin.base.errors import ParameterError
+
+Width = Annotated[float, spec("m", "measured", 0.1, 2.0)]
+
+
+@checked("thing")
+def made(width: Width, plain: float = 9.0, *, count: Annotated[int, spec("", "assumed", 1, 3)] = 2) -> tuple:
+    """Return them."""
+    return width, plain, count
+
+
+def test_what_is_within_its_bounds_passes_as_it_is():
+    assert made(0.1) == (0.1, 9.0, 2)
+    assert made(width=2.0, plain=-1e9, count=3.0) == (2.0, -1e9, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ((0.09,), r"thing.width = 0.09 m is not allowed: it must lie in \[0.1, 2\] m"),
+        ((float("nan"),), r"thing.width = nan m is not allowed"),
+        (("wide",), "thing.width = 'wide' is not a number; give one in m"),
+        ((True,), "thing.width = True is not a number"),
+    ],
+)
+def test_what_is_not_is_refused_by_its_name(given, said):
+    with pytest.raises(ParameterError, match=said):
+        made(*given)
+
+
+def test_a_part_of_a_whole_is_refused():
+    with pytest.raises(ParameterError, match=r"thing.count = 2.5 is not allowed: it must be a whole number"):
+        made(1.0, count=2.5)
+
+
+def test_a_function_says_its_arguments_and_keeps_its_signature():
+    said = arguments_of(made)
+    assert {name: (each.kind, each.quantity.unit, each.quantity.high) for name, each in said.items()} == {
+        "width": (float, "m", 2.0),
+        "count": (int, "", 3),
+    }
+    assert list(inspect.signature(made).parameters) == ["width", "plain", "count"]
+    assert made.__doc__ == "Return them."

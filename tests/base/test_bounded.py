@@ -1,0 +1,171 @@
+"""Readers take regular files of bounded size, packed and unpacked; devices, pipes and bombs are one sentence."""
+
+import io
+import os
+import resource
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pyarrow
+import pyarrow.parquet
+import pytest
+
+from rover_pin.base.files.bounded import MIB, arrays, content, text
+from rover_pin.base.files.parquet import unpacked
+
+
+def npz(**given):
+    made = io.BytesIO()
+    np.savez_compressed(made, **given)
+    return made.getvalue()
+
+
+def parquet(table, **how):
+    made = io.BytesIO()
+    pyarrow.parquet.write_table(table, made, **how)
+    return made.getvalue()
+
+
+def test_a_file_comes_back_whole_up_to_the_bound(tmp_path):
+    file = tmp_path / "a"
+    file.write_bytes(b"x" * 100)
+    assert content(file, 100) == b"x" * 100
+    with pytest.raises(OSError, match="it holds more than 0 MiB"):
+        content(file, 99)
+    file.write_bytes("a\r\nb\rä".encode())
+    assert text(file) == file.read_text(encoding="utf-8")
+
+
+def test_a_sparse_file_is_refused_before_it_is_read(tmp_path):
+    with (tmp_path / "sparse").open("wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(OSError, match="it holds more than 1024 MiB, which is the most that is read"):
+        content(tmp_path / "sparse")
+
+
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/null", "/dev/urandom"])
+def test_devices_are_no_files(device):
+    with pytest.raises(OSError, match="it is a device or a pipe, not a file"):
+        content(device)
+
+
+def test_a_pipe_does_not_keep_the_reader_waiting(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OSError, match="it is a device or a pipe"):
+        content(tmp_path / "pipe")
+
+
+def test_folders_and_impossible_names(tmp_path):
+    with pytest.raises(IsADirectoryError):
+        content(tmp_path)
+    with pytest.raises(OSError, match="no file can have this name"):
+        content("a\0b")
+    with pytest.raises(FileNotFoundError):
+        content(tmp_path / "none")
+
+
+def test_a_growing_file_of_stated_length_nought_is_bounded():
+    """Files of the kernel say that they are empty, and are not."""
+    with pytest.raises(OSError, match="it holds more than 0 MiB"):
+        content("/proc/self/maps", 100)
+
+
+def test_arrays_come_back(tmp_path):
+    given = {"z": np.arange(6.0).reshape(2, 3), "x0": np.array(1)}
+    (tmp_path / "a.npz").write_bytes(npz(**given))
+    found = arrays(tmp_path / "a.npz")
+    assert found.keys() == given.keys()
+    assert all(np.array_equal(found[name], given[name]) for name in given)
+
+
+def test_a_bomb_of_arrays_is_not_unpacked(tmp_path):
+    (tmp_path / "bomb.npz").write_bytes(npz(z=np.zeros(4 * MIB)))
+    assert (tmp_path / "bomb.npz").stat().st_size < 64 * 1024
+    with pytest.raises(OSError, match="it holds more than 16 MiB"):
+        arrays(tmp_path / "bomb.npz", 16 * MIB)
+
+
+def test_a_shape_that_its_file_does_not_hold_takes_no_memory(tmp_path):
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (1 << 44,)})
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("z.npy", head.getvalue())
+    with pytest.raises(ValueError):  # noqa: PT011 - NumPy's words
+        arrays(tmp_path / "a.npz")
+
+
+def test_objects_and_other_entries_are_no_arrays(tmp_path):
+    (tmp_path / "a.npz").write_bytes(npz(z=np.array([{}], dtype=object)))
+    with pytest.raises(ValueError, match="allow_pickle=False"):
+        arrays(tmp_path / "a.npz")
+    with zipfile.ZipFile(tmp_path / "b.npz", "w") as archive:
+        archive.writestr("readme.txt", "no array")
+    with pytest.raises(ValueError, match="an entry of it is no array"):
+        arrays(tmp_path / "b.npz")
+
+
+def test_a_parquet_table_comes_back():
+    given = {"t_s": [0.0, 0.5, None], "run": ["a", None, "a"], "count": [1, 2, 3], "none": [None, None, None]}
+    table = pyarrow.table(given).replace_schema_metadata({b"rover_pin": b"{}"})
+    found = unpacked(parquet(table))
+    assert found.to_pydict() == given
+    assert found.schema.metadata[b"rover_pin"] == b"{}"
+    assert unpacked(parquet(table, use_dictionary=False)).to_pydict() == given
+
+
+BOMBS = {
+    "numbers": (lambda: pyarrow.table({"a": np.zeros(1 << 22)}), "it holds more than 16 MiB"),
+    "nothings": (lambda: pyarrow.table({"a": pyarrow.nulls(1 << 22)}), "it holds more than 16 MiB"),
+    "texts": (
+        lambda: pyarrow.table({"a": pyarrow.array(["x" * 100_000] * 20)}),
+        "it has a cell of 100000 characters, and 1000 are the most",
+    ),
+    "words": (
+        lambda: pyarrow.table({"a": pyarrow.array(["x" * 100_000]).dictionary_encode().take(np.zeros(9, dtype=int))}),
+        "it has a cell of 100000 characters",
+    ),
+    "lists": (lambda: pyarrow.table({"a": [[0.0] * 100_000] * 9}), "column 'a' holds lists or records"),
+}
+
+
+@pytest.mark.parametrize("kind", BOMBS)
+def test_a_bomb_of_a_table_is_not_unpacked(kind):
+    made, says = BOMBS[kind]
+    packed = parquet(made(), compression="zstd")
+    assert len(packed) < 100_000
+    with pytest.raises(OSError, match=says):
+        unpacked(packed, 16 * MIB)
+
+
+LEAN = """
+import sys
+from pathlib import Path
+from rover_pin.base.files.parquet import unpacked
+import pyarrow.parquet, resource
+packed = Path(sys.argv[1]).read_bytes()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+try:
+    unpacked(packed)
+except OSError as error:
+    print(error.strerror)
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
+"""
+
+
+def test_repeated_long_texts_do_not_fill_the_memory(tmp_path):
+    """Written out these are 200 GB."""
+    table = pyarrow.table(
+        {"a": pyarrow.array(["x" * 2_000_000]).dictionary_encode().take(np.zeros(100_000, dtype=int))}
+    )
+    (tmp_path / "bomb.parquet").write_bytes(parquet(table, compression="zstd"))
+
+    def limited():
+        resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
+
+    script = [sys.executable, "-c", LEAN, str(tmp_path / "bomb.parquet")]
+    done = subprocess.run(script, capture_output=True, text=True, check=True, preexec_fn=limited)
+    told, grown = done.stdout.splitlines()
+    assert told == "it has a cell of 2000000 characters, and 1000 are the most"
+    assert int(grown) < 200

@@ -1,0 +1,60 @@
+"""What one sees who types the name of an object: a line or two, whatever it holds."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from rover_pin import Soil, close_the_loop, scenario, torque_bounds
+from rover_pin.base.files.samples import data_path
+from rover_pin.contact import Wheel
+from rover_pin.identification.identify import identify
+from rover_pin.loop.close import read_data
+from rover_pin.measurements.reading import read_evidence
+from rover_pin.sweep import read_study
+from rover_pin.tuning.study import read_tuning
+
+STUDIES = Path(__file__).parents[2] / "studies"
+MOST = 400
+
+
+@pytest.fixture(scope="module")
+def seen():
+    """One object of every class of this package that comes to a user, or is a part of one that does."""
+    drive = scenario("ditch", control="eq9", duration=1.0)
+    rig, log = read_data("cmu-smooth-wheel"), read_data("steepening-slope")
+    roots = [drive, rig, log, torque_bounds(9.5, Soil(), Wheel())]
+    roots += [read_study(STUDIES / "sweep_ditch.toml"), read_tuning(next(STUDIES.glob("tune*.toml")))]
+    roots += [close_the_loop("cmu-smooth-wheel")]
+    roots += [identify(read_evidence(data_path("cmu-smooth-wheel")), Soil(), ("k", "phi")), drive.drive()]
+    found, known = {}, set()
+    while roots:
+        thing = roots.pop()
+        if id(thing) in known:
+            continue
+        known.add(id(thing))
+        if type(thing).__module__.startswith("rover_pin."):
+            found.setdefault(type(thing), thing)
+        roots += parts(thing)
+    return found
+
+
+def parts(thing):
+    if dataclasses.is_dataclass(thing):
+        return [getattr(thing, each.name) for each in dataclasses.fields(thing)]
+    return list(thing.values()) if isinstance(thing, dict) else list(thing) if isinstance(thing, (tuple, list)) else []
+
+
+def test_every_object_is_shown_in_a_few_letters(seen):
+    assert {"Scenario", "Model", "Rover", "Trace", "DriveLog", "RigSet", "Verdict", "Identification", "Study"} <= {
+        kind.__name__ for kind in seen
+    }
+    long = {kind.__name__: len(repr(thing)) for kind, thing in seen.items() if len(repr(thing)) > MOST}
+    assert not long
+
+
+def test_what_it_is_can_be_seen(seen):
+    shown = {kind.__name__: repr(thing) for kind, thing in seen.items()}
+    assert shown["Scenario"].startswith("Scenario(name='ditch', model=<Model>, controller=")
+    assert shown["Trace"] == "<Trace: 20 rows of 87 channels, 0.05 to 1 s, stop: duration>"
+    assert shown["Rover"].startswith("Rover(name='nexus6', ")

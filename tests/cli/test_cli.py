@@ -1,0 +1,382 @@
+"""Every command: what it prints and writes, and one clear sentence with a non-zero exit for what it refuses."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rover_pin.cli.terminal import progress
+from rover_pin.logs.saved import load_trace
+
+ROOT = Path(__file__).parents[2]
+RIG = ROOT / "studies" / "data" / "cmu-smooth-wheel"
+SWEEP = """
+name = "three"
+scenario = "flat"
+duration = 1.0
+plan = { kind = "grid", points = 3 }
+[parameters]
+soil.k = { low = 10, high = 50, unit = "mm" }
+"""
+TUNE = """
+name = "tiny"
+free = { k_p = [0.01, 10.0] }
+effort = { population = 5, generations = 0, starts = 0, keep = 1 }
+[[training]]
+name = "flat"
+scenario = "flat"
+duration = 2
+"""
+
+
+def strict(text):
+    """Parse JSON as machines do: NaN and Infinity are no JSON."""
+    return json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
+
+
+def said(run, *words):
+    code, out, _ = run(*words, "--json")
+    assert code == 0
+    return strict(out)
+
+
+def test_drive_writes_a_log_and_figures(run):
+    told = said(run, "drive", "ditch", "--set", "duration=2", "--out", "here")
+    assert told["stop"] == "duration"
+    assert told["end_time_s"] == pytest.approx(2.0)
+    assert 0.05 < told["distance_m"] < 0.15
+    assert told["files"] == ["here/log", "here/snapshots.png", "here/history.png"]
+    assert all(Path(file).exists() for file in told["files"])
+    trace = load_trace("here/log")
+    assert trace["body_x"][-1] == told["end_x_m"]
+    assert Path("here/snapshots.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_drive_adds_effects(run):
+    words = (
+        "--add",
+        "DiggingMemory.c_d=0.1",
+        "--add",
+        "DiggingMemory.length=0.05",
+        "--add",
+        "WeakMotor.wheel=ml,g=0.5",
+    )
+    assert said(run, "drive", "flat", *words, "--set", "duration=1", "--out", "here")["stop"] == "duration"
+    attrs = load_trace("here/log").attrs
+    assert [name for name in attrs["effects"] if name.startswith(("Digging", "Weak"))] == ["DiggingMemory", "WeakMotor"]
+    assert attrs["settings"]["add"] == list(words[1::2])
+    code, _, err = run("drive", "flat", "--add", "DigingMemory")
+    assert code == 2
+    assert "did you mean 'DiggingMemory'?" in err
+
+
+def test_drive_is_held_by_the_torque_check_alone(run):
+    words = ("--control", "limit", "--set", "control.slip_limit=0.3", "--set", "duration=1", "--out", "here")
+    assert said(run, "drive", "flat", *words)["stop"] == "duration"
+    assert load_trace("here/log").attrs["control"] == "TorqueLimited"
+
+
+def test_drive_prints_a_short_table(run):
+    code, out, _ = run("drive", "flat", "--set", "duration=1")
+    assert code == 0
+    assert "scenario" in out
+    assert "end x m" in out
+    assert len(out.splitlines()) < 20
+    assert Path("out/drive/log/drive.toml").is_file()
+
+
+def test_drive_takes_control_gravity_soil_and_settings(run):
+    told = said(
+        run, "drive", "flat", "--control", "true", "--gravity", "moon", "--soil", "fjs-1", "--set", "duration=1"
+    )
+    attrs = load_trace("out/drive/log").attrs
+    assert (attrs["control"], attrs["gravity_mps2"]) == ("SlipControl", 1.62)
+    assert told["scenario"] == "flat"
+
+
+def test_drive_says_how_well_the_step_converged(run):
+    told = said(run, "drive", "flat", "--set", "duration=2", "--check")
+    assert 0.0 <= told["x_change_at_half_step_mm"] < 0.1
+
+
+def test_a_drive_that_ends_early_still_leaves_its_trace(run):
+    told = said(run, "drive", "flat", "--set", "soil.k_1=8000")
+    assert told["stop"].startswith("buried: wheel")
+    assert len(load_trace("out/drive/log").t) >= 1
+
+
+def test_curve_gives_every_form(run):
+    told = said(run, "curve", "--k", "0.01", "--k", "0.05")
+    assert told["F(net, k = 50 mm)"]["S=1"] == pytest.approx(0.0012, abs=1e-4)
+    assert told["F(torque, k = 50 mm)"]["S=1"] == pytest.approx(0.182, abs=1e-3)
+    csv, png = map(Path, told["files"])
+    assert len(csv.read_text().splitlines()) == 102
+    assert png.is_file()
+    assert len(csv.read_text().splitlines()[0].split(",")) == 7
+
+
+def test_check_urdf_tells_facts_of_a_good_file(run):
+    told = said(run, "check-urdf", ROOT / "urdf" / "nexus6.toml")
+    assert told["faults"] == []
+    assert any("5.8 kg" in fact for fact in told["facts"])
+    assert told["next"] == f"rover-pin drive flat --set rover={ROOT / 'urdf' / 'nexus6.toml'}"
+
+
+def test_check_urdf_says_of_a_good_file_that_there_is_no_fault(run):
+    assert re.search(r"^faults +none$", run("check-urdf", ROOT / "urdf" / "nexus6.toml")[1], re.MULTILINE)
+
+
+def test_check_urdf_fails_on_a_broken_file(run):
+    text = (ROOT / "urdf" / "cart.urdf").read_text()
+    Path("cart.urdf").write_text(text.replace('<mass value="', '<mass value="-'))
+    Path("cart.toml").write_text((ROOT / "urdf" / "cart.toml").read_text())
+    code, out, _ = run("check-urdf", "cart.toml", "--json")
+    assert (code, "next" in json.loads(out)) == (1, False)
+    assert any("mass" in fault for fault in strict(out)["faults"])
+
+
+@pytest.mark.parametrize("name", ["none.toml", "none.urdf", "."])
+def test_check_urdf_refuses_a_file_that_is_not_there(run, name):
+    code, _, err = run("check-urdf", name)
+    assert (code, "There is no rover" in err and "nexus6" in err) == (2, True)
+
+
+def test_sweep_writes_a_table(run):
+    Path("three.toml").write_text(SWEEP)
+    told = said(run, "sweep", "three.toml", "--workers", "1")
+    assert (told["study"], told["cases"], told["failed"]) == ("three", 3, 0)
+    assert all(Path(file).is_file() for file in told["files"])
+
+
+def test_drive_and_bounds_take_a_model_file(run):
+    from rover_pin.scenarios.scenario import scenario
+    from rover_pin.simulation.model.toml_file import write_model
+
+    write_model(scenario("flat", gravity="moon", soil="fjs-1").model, "model.toml")
+    told = said(run, "drive", "flat", "--model", "model.toml", "--set", "duration=1")
+    plain = said(run, "drive", "flat", "--gravity", "moon", "--soil", "fjs-1", "--set", "duration=1")
+    assert told["end_x_m"] == pytest.approx(plain["end_x_m"], abs=1e-6)
+    told, plain = (
+        said(run, "bounds", *a) for a in (["--model", "model.toml"], ["--gravity", "moon", "--soil", "fjs-1"])
+    )
+    assert told["wheels"] == plain["wheels"]
+    code, _, err = run("bounds", "--model", "model.toml", "--soil", "table-1")
+    assert code == 2
+    assert "soil stands in the model file model.toml" in err
+
+
+def test_bounds_for_every_wheel(run):
+    told = said(run, "bounds", "--slope-deg", "5", "--gravity", "mars")
+    assert [wheel["wheel"] for wheel in told["wheels"]] == ["fl", "fr", "ml", "mr", "rl", "rr"]
+    assert all(0.0 < wheel["T_lim_Nm"] < wheel["T_sat_Nm"] for wheel in told["wheels"])
+    code, out, _ = run("bounds")
+    assert code == 0
+    assert "T_sat" in out
+
+
+def test_identify_says_what_the_data_tell(run):
+    told = said(run, "identify", RIG, "--free", "phi")
+    assert set(told["parameters"]) == {"phi"}
+    code, out, _ = run("identify", RIG, "--free", "phi")
+    assert code == 0
+    assert "phi" in out
+
+
+@pytest.mark.slow
+def test_tune_writes_gains(run):
+    Path("tiny.toml").write_text(TUNE)
+    told = said(run, "tune", "tiny.toml", "--workers", "1", "--out", "tuned")
+    assert Path("tuned/gains.toml").is_file()
+    assert told["study"] == "tiny"
+
+
+@pytest.mark.slow
+def test_tune_takes_a_model_file_and_warns_of_what_the_search_leaves_out(run):
+    from rover_pin.effects.pivot_friction import PivotFriction
+    from rover_pin.scenarios.scenario import scenario
+    from rover_pin.simulation.model.toml_file import write_model
+
+    write_model(scenario("flat").model.having(PivotFriction()), "model.toml")
+    Path("tiny.toml").write_text(TUNE)
+    code, out, err = run("tune", "tiny.toml", "--model", "model.toml", "--workers", "1", "--out", "tuned", "--json")
+    assert code == 0
+    assert strict(out)["model"] == ["model.toml"]
+    assert err.splitlines() == [f"rover-pin: warning: {strict(out)['warnings'][0]}"]
+
+
+REFUSED = [
+    ("drive dicth", "did you mean 'ditch'"),
+    ("drive ditch --soil tabel-1", "did you mean 'table-1'"),
+    ("drive ditch --gravity erth", "did you mean 'earth'"),
+    ("drive ditch --gravity -3", r"gravity = -3 m/s^2 is not allowed"),
+    ("drive ditch --control pid", "is not known: known are crab, eq9, limit, none"),
+    ("drive ditch --set soil.kk=1", "did you mean 'soil.k'"),
+    ("drive ditch --set soil.k", "write it as NAME=VALUE"),
+    ("drive ditch --set soil.k=-1", "soil.k = -1 m is not allowed: it must lie in [1e-05, 0.5] m"),
+    ("drive ditch --set soil.k=abc", "soil.k = 'abc' is not a number"),
+    ("drive ditch --set soil.phi=40", "Did you mean 40 deg? "),
+    ("drive ditch --set soil.phi=40", "Write it as soil.phi=40deg."),
+    ("drive ditch --set soil.k_mm=5", "did you mean soil.k=5mm?"),
+    ("drive ditch --set soil.k_deg=5", "There is no setting 'soil.k_deg' here"),
+    ("drive ditch --set soil.k=5kPa", "soil.k: unit 'kPa' does not measure what is asked for; use one of m, mm, cm"),
+    ("drive ditch --add DiggingMemory.length=5deg", "length: unit 'deg' does not measure what is asked for"),
+    ("drive rocks --set terrain.diameters=3cm", "terrain.diameters = '3cm' must be 2 numbers, as in 0.05,0.1"),
+    ("identify gone --set soil.kk=1", "There is no setting 'soil.kk' here: did you mean 'soil.k'"),
+    ("list soils fjs", "There is no soil 'fjs': did you mean 'fjs-1'"),
+    ("list settings ditc", "There is no scenario 'ditc': did you mean 'ditch'"),
+    ("drive ditch --set soil.n=9", "soil.n = 9 is not allowed: it must lie in [0.05, 3]. "),
+    ("drive ditch --set duration=abc", "duration = 'abc' is not a number"),
+    ("drive ditch --set duration=-1", "duration = -1 s is not allowed: it must lie in [1e-06, inf] s"),
+    ("drive ditch --set dt=0.003", "whole multiple of dt"),
+    ("drive ditch --set terrain.wall_angle_deg=x", "terrain.wall_angle_deg = 'x' is not a number"),
+    ("drive ditch --set start.x=q", "start.x = 'q' is not a number"),
+    ("drive ditch --set start.x=nan", "start.x = nan m is not allowed: it must lie in [-1e+06, 1e+06] m"),
+    ("drive ditch --set start.yaw=inf", "start.yaw = inf rad is not allowed"),
+    ("drive ditch --set start.y=1e300", "start.y = 1e+300 m is not allowed"),
+    ("drive ditch --set dt=1e-12", "dt = 1e-12 s is not allowed: it must lie in [1e-06, 0.1] s"),
+    ("drive ditch --set patch.x_from=a", "patch.x_from = 'a' is not a number"),
+    ("drive turn --set control.radius=x", "control.radius = 'x' is not a number"),
+    ("drive ditch --set form=nett", "did you mean 'net'"),
+    ("drive ditch --set effect.SoilTraction.form=net", "There is no setting"),
+    ("drive ditch --set rover=nexus7", "did you mean 'nexus6'"),
+    ("drive flat --set rover=gone.toml", "There is no rover file 'gone.toml'"),
+    ("drive flat --set rover=broken.toml", "broken.toml: the file is not TOML"),
+    ("drive polyline --set terrain.path=gone.csv", "gone.csv: the file cannot be read"),
+    ("drive polyline --set terrain.path=3", "the file cannot be read"),
+    ("drive polyline", "there is no terrain.csv here: set terrain.path=FILE"),
+    ("drive grid", "there is no terrain.npz here: set terrain.path=FILE"),
+    ("close-loop empty.toml", "empty.toml: this is a file, there is no such folder; give that of a wheel-rig set"),
+    ("drive flat --set duration=0.5 --out broken.toml", "broken.toml"),
+    ("curve --soil xx", "no soil is named 'xx'"),
+    ("curve --k -1", "Soil.k = -1 m is not allowed"),
+    ("sweep gone.toml", "cannot be read"),
+    ("sweep broken.toml", "is not TOML"),
+    ("sweep empty.toml", "add it"),
+    ("bounds --form nt", "did you mean 'net'"),
+    ("bounds --slip 3", "slip_limit = 3"),
+    ("bounds --slope-deg 100", "slope = 100 deg is not allowed"),
+    ("bounds --rover x", "There is no rover 'x'"),
+    ("bounds --gravity z", "gravity = 'z'"),
+    ("identify gone", "gone: there is no such file or folder; give a folder with rig.toml"),
+    ("identify empty.csv", "empty.csv"),
+    (
+        "close-loop gone",
+        "gone: there is no such folder; give that of a wheel-rig set (rig.toml) or of a drive log (drive",
+    ),
+    ("close-loop gone --model empty.toml", "gone: there is no such folder"),
+    ("tune gone.toml", "cannot be read"),
+    ("tune broken.toml", "not TOML"),
+    ("tune sand.toml --model gone.toml", "gone.toml: the file cannot be read"),
+    ("tune sand.toml --model broken.toml", "broken.toml: the file is not TOML"),
+    ("tune sand.toml --model empty.toml", "empty.toml: kind = None is not a driving rover's model"),
+    ("tune sand.toml --model model.toml", "training 1: soil stands in the model file model.toml: change it there, or"),
+]
+
+
+@pytest.fixture
+def files(run):
+    Path("broken.toml").write_text("kind = [")
+    Path("empty.toml").write_text("")
+    Path("model.toml").write_text("kind = 'drive-model'")
+    Path("sand.toml").write_text("[[training]]\nscenario = 'flat'\nsoil = 'dry-sand'")
+    Path("empty.csv").write_text("")
+
+
+@pytest.mark.usefixtures("files")
+@pytest.mark.parametrize(("line", "sentence"), REFUSED, ids=[line for line, _ in REFUSED])
+def test_what_is_refused_gets_one_sentence(run, line, sentence):
+    code, out, err = run(*line.split())
+    assert code == 2
+    assert sentence in err
+    assert err.strip().startswith("rover-pin: ")
+    assert len(err.strip().splitlines()) == 1
+    assert out == ""
+
+
+def test_identify_refuses_parameters_and_priors(run):
+    for words, sentence in (
+        (("--free", "kk"), "did you mean 'k'"),
+        (("--prior", "k"), "write it as NAME=MEAN:SD"),
+        (("--set", "soil.kk=1"), "There is no setting 'soil.kk' here"),
+    ):
+        code, _, err = run("identify", RIG, *words)
+        assert code == 2
+        assert sentence in err
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("driv", "There is no command 'driv'; did you mean 'drive'? Known"),
+        ("drive", "Missing argument 'scenario'; rover-pin drive --help lists what it takes."),
+        ("drive ditch --contrl eq9", "No such option: --contrl (Possible options: --control"),
+        ("drive ditch --rover x.toml", "--rover is no option of drive but a setting: --set rover=..."),
+        ("drive ditch --terrain.depth 3cm", "--terrain.depth is no option of drive but a setting: --set t"),
+        ("drive ditch --rovr x.toml", "No such option: --rovr"),
+        ("check-urdf --rover x.toml", "No such option: --rover"),
+        ("curve --n abc", "--n = 'abc' is not a number."),
+        ("drive ditch --out", "Option '--out' requires an argument."),
+        ("check-urdf", "Missing argument"),
+    ],
+)
+def test_words_that_a_command_cannot_take_are_refused_in_one_sentence(run, line, sentence):
+    code, _, err = run(*line.split())
+    assert code == 2
+    assert sentence in err
+    assert err.count("\n") == 1
+
+
+def test_the_installed_command_runs_without_a_traceback(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "rover_pin.cli.app", "drive", "dicth"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert done.stderr.startswith("rover-pin: There is no scenario 'dicth'")
+
+
+def test_help_names_every_command(run):
+    code, out, _ = run("--help")
+    assert code == 0
+    for command in ("drive", "curve", "check-urdf", "sweep", "bounds", "identify", "tune"):
+        assert command in out
+
+
+@pytest.mark.parametrize("name", ["o[/red]x", "[b]y", "a:smile:b"])
+def test_brackets_in_a_name_are_shown_as_they_are(run, name):
+    """rich would read `[red]` as a colour, refuse `[/red]`, and draw `:smile:`."""
+    code, out, _ = run("curve", "--out", name)
+    assert code == 0
+    assert f"{name}/" in out
+    code, _, err = run("drive", "flat", "--soil", name)
+    assert (code, name in err) == (2, True)
+
+
+def test_what_a_urdf_check_says_keeps_its_brackets(run):
+    text = (ROOT / "urdf" / "nexus6.toml").read_text()
+    Path("own.toml").write_text(text.replace('bogie = ["bogie_l", "bogie_r"]\n', ""))
+    Path("nexus6.urdf").write_text((ROOT / "urdf" / "nexus6.urdf").read_text())
+    code, out, _ = run("check-urdf", "own.toml")
+    assert code == 1
+    assert "name it in [suspension], or in [held]" in " ".join(out.split())
+
+
+def test_help_keeps_the_units(run):
+    code, out, _ = run("bounds", "--help")
+    assert (code, "inclination [deg]" in out) == (0, True)
+
+
+def test_a_progress_bar_shows_brackets(monkeypatch, capsys):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with progress("driving [/red]x", 1.0, silent=False) as advance:
+        advance(1.0)
+    assert "driving [/red]x" in capsys.readouterr().err
+
+
+def test_nothing_prints_through_rich_but_the_plain_console():
+    users = [path.name for path in (ROOT / "rover_pin").rglob("*.py") if "import Console" in path.read_text()]
+    assert users == ["console.py"]

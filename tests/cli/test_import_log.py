@@ -1,0 +1,73 @@
+"""`import-log` by its command: what it prints, what it says is missing, and errors in one sentence."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.logs import recordings
+
+
+def test_a_recording_becomes_a_log_that_check_data_takes(run):
+    recordings.german(recordings.truth(), Path())
+    code, out, err = run("import-log", "Messung.csv", "--rover", "cart", "--json")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert told["next"] == "rover-pin close-loop Messung"
+    assert "Messung.csv: columns between semicolons, decimal comma" in told["notes"]
+    assert any("no duties" in each for each in told["lacks"])
+    assert run("check-data", "Messung")[0] == 0
+
+
+def test_odometry_is_written_down_and_then_refused(run):
+    import numpy as np
+
+    seen = recordings.truth()
+    rim = recordings.R * np.mean([seen[f"wheel_rate_{wheel}"] for wheel in ("fl", "fr", "bl", "br")], axis=0)
+    for name, each in (("body_x", np.cos), ("body_y", np.sin)):
+        seen[name] = np.cumsum(0.1 * rim * each(seen["body_yaw"]))
+    recordings.plain(seen, Path())
+    code, out, err = run("import-log", "plain.csv", "--rover", "cart")
+    assert code == 2
+    assert "written" in out
+    assert "they are the wheels' odometry" in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--column", "body_x"), "give NAME=FORMULA"),
+        (("--column", "body_x=x", "--column", "body_z"), "--column body_z: give NAME=FORMULA"),
+        (("--column", "body_x=x", "--column", "body_x=y"), "--column body_x=y: give NAME=FORMULA"),
+        (("--column", "body_x=open('x')"), "there is no function 'open'"),
+        (("--column", "body_zz=z"), "no column 'body_zz', and nothing else that is told is made of it: did you mean"),
+        (("--column", "wheel_rate_f1=1"), "did you mean 'wheel_rate_f"),
+        (("--column", "body_x=body_yz"), "there is no column 'body_yz'"),
+        (("--rover", "nowhere.toml"), "nowhere"),
+    ],
+)
+def test_errors_are_one_sentence(run, words, said):
+    recordings.plain(recordings.truth(), Path())
+    code, _, err = run("import-log", "plain.csv", "--rover", "cart", *words)
+    assert code == 2
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_a_column_that_others_are_made_of_needs_no_name_of_a_log(run):
+    recordings.plain(recordings.truth(), Path())
+    made = ("--column", "shifted=col('x [m]') + 1", "--column", "body_x=shifted - 1")
+    code, out, _ = run("import-log", "plain.csv", "--rover", "cart", *made)
+    assert code == 0
+    assert "body_x = shifted - 1" in out
+
+
+def test_a_file_of_a_sample_is_imported_by_its_name(run):
+    code, out, err = run("import-log", "steepening-slope/climb-1.csv")
+    assert (code, err) == (0, "")
+    assert "written   climb-1/drive.toml" in out
+    assert not Path("steepening-slope").exists()
+    code, _, err = run("import-log", "steepening-slope")
+    assert code == 2
+    assert "is a folder and no bag (no metadata.yaml in it): give the recordings in it by name" in err

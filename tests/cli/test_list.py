@@ -1,0 +1,142 @@
+"""`list` says what there is: all of it, as the package has it, with unit, bounds, default and source."""
+
+import json
+import math
+
+import pytest
+
+from rover_pin.base.errors import RoverPinError
+from rover_pin.base.quantity import quantities
+from rover_pin.contact import Soil
+from rover_pin.parameters import SOILS
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.catalogue import settings
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.scenarios.scenes import SCENES
+from rover_pin.simulation.model.effect_files import package_effects
+
+
+def listed(run, *words):
+    code, out, _ = run("list", *words, "--json")
+    assert code == 0
+    return json.loads(out)
+
+
+@pytest.mark.parametrize(
+    ("what", "names"),
+    [
+        ("scenarios", set(SCENES)),
+        ("soils", set(SOILS)),
+        ("effects", {kind.__name__ for kind in package_effects()}),
+    ],
+)
+def test_all_are_listed_with_what_they_are(run, what, names):
+    entries = listed(run, what)[what]
+    assert {entry["name"] for entry in entries} == names
+    assert all(len(entry["about"]) > 10 for entry in entries)
+    _, out, _ = run("list", what)
+    assert all(any(line.startswith(name) for line in out.splitlines()) for name in names)
+
+
+def test_rovers_have_their_wheels_and_mass(run):
+    found = {entry["name"]: entry for entry in listed(run, "rovers")["rovers"]}
+    assert {"nexus6", "cart"} <= set(found)
+    assert found["nexus6"]["wheels"] == 6
+    assert found["cart"]["mass_kg"] == pytest.approx(load_rover("cart").mass)
+    (radius,) = [each for each in found["cart"]["numbers"] if each["name"] == "r"]
+    assert radius["value"] == 0.11
+    assert "as given" in radius["source"]  # not the paper's 45 mm
+
+
+def test_an_effect_is_told_with_its_numbers(run):
+    (entry,) = listed(run, "effects", "DiggingMemory")["effects"]
+    (kind,) = [each for each in package_effects() if each.__name__ == "DiggingMemory"]
+    assert {each["name"]: each["source"] for each in entry["numbers"]} == {
+        name: about.source for name, about in quantities(kind).items()
+    }
+    assert entry["acts"] == "contact"
+    assert entry["vanishes_at"] == {"c_d": 0.0}
+
+
+def test_settings_have_unit_bounds_default_and_source(run):
+    (k,) = [each for each in listed(run, "settings")["settings"] if each["name"] == "soil.k"]
+    assert k == {"name": "soil.k", "value": 0.05, "unit": "m", "low": 1e-5, "high": 0.5, "source": "paper, Table 1"}
+
+
+@pytest.mark.parametrize("name", [name for name in SCENES if name not in ("polyline", "grid")])
+def test_every_setting_that_is_listed_can_be_given_as_it_stands(name):
+    """The list is not a second list: what it names is taken, and its defaults change nothing.
+
+    But for a patch, which is none by default, and for gear friction, whose own number is listed too where it is.
+    """
+    given = {
+        each.name: each.value
+        for each in settings(name)
+        if each.value is not None and each.value != () and not each.name.startswith("patch.")
+    }
+    given.pop("gear_friction")
+    usual, again = scenario(name), scenario(name, **given)
+    assert again.model.soils == usual.model.soils
+    assert again.model.terrain == usual.model.terrain
+    assert again.duration == usual.duration
+    assert again.start == usual.start
+
+
+def test_a_unit_and_si_are_the_same_drive():
+    words = {
+        "soil.k": "5mm",
+        "soil.phi": "32deg",
+        "terrain.wall_angle": "40 deg",
+        "gravity": "1.62 m/s^2",
+    }
+    numbers = {"soil.k": 0.005, "soil.phi_deg": 32.0, "terrain.wall_angle_deg": 40.0, "gravity": 1.62}
+    one, other = scenario("ditch", **words, duration="2s"), scenario("ditch", **numbers, duration=2.0)
+    assert one.model.soils[0] == other.model.soils[0] == Soil(k=0.005, phi=other.model.soils[0].phi)
+    assert one.model.terrain == other.model.terrain
+    assert (one.duration, one.model.gravity) == (other.duration, other.model.gravity)
+
+
+def test_settings_of_a_control_come_with_it(run):
+    names = {each["name"] for each in listed(run, "settings", "ditch", "--set", "control=eq9")["settings"]}
+    assert {"control.S_d", "control.k_p", "terrain.wall_angle"} <= names
+    assert "control.delta" not in names
+
+
+WORDS_ALONE = {"gravity", "add", "cruise_slip", "model", "rover"}
+"""Settings whose source says what is allowed."""
+
+
+@pytest.mark.parametrize("name", sorted(set(SCENES) - {"polyline", "grid"}))
+def test_every_setting_says_its_default_source_and_bounds(name):
+    for each in settings(name):
+        assert each.source, each.name
+        number = isinstance(each.value, (int, float)) and not isinstance(each.value, bool)
+        if number and math.isfinite(each.value) and each.name not in WORDS_ALONE:
+            assert math.isfinite(each.low), each.name
+            assert each.low <= each.value <= each.high, each.name
+
+
+@pytest.mark.parametrize("control", ["limit", "eq9", "onboard", "true", "turn", "point-turn", "crab"])
+def test_so_do_those_of_a_control(control):
+    own = [each for each in settings("flat", control=control) if each.name.startswith("control")]
+    assert all(each.source for each in own)
+    assert all(math.isfinite(each.low) for each in own if isinstance(each.value, float))
+
+
+@pytest.mark.parametrize(
+    ("name", "setting"),
+    [(name, each) for name in ("ditch", "hills", "field", "turn", "step") for each in settings(name)
+     if each.name.startswith(("terrain", "start", "control.")) and math.isfinite(each.low)],
+    ids=lambda each: each if isinstance(each, str) else each.name,
+)  # fmt: skip
+def test_a_bound_that_is_listed_holds(name, setting):
+    beyond = setting.low - max(1.0, abs(setting.low))
+    with pytest.raises(RoverPinError, match=f"{setting.name} = .* is not allowed"):
+        scenario(name, **{setting.name: beyond})
+
+
+def test_the_table_is_as_wide_as_its_short_cells(run):
+    out = run("list", "settings", "rocks")[1]
+    rows = [line for line in out.splitlines() if line.startswith(("terrain", "soil.k "))]
+    assert len({line.index(source) for line in rows for source in ("paper", "assumed") if source in line[:100]}) == 1
+    assert "  0.05, 0.1 m  " in out

@@ -1,0 +1,134 @@
+"""Names that no file can have, a full disk and entries of another type: one sentence, at every command."""
+
+import errno
+from pathlib import Path
+
+import pytest
+
+from rover_pin.demo import rig
+from rover_pin.sweep import store
+
+LONG = "x" * 300
+READ = (
+    "import-log",
+    "new-rover",
+    "view",
+    "export",
+    "sweep",
+    "tune",
+    "check-urdf",
+    "check-data",
+    "close-loop",
+    "identify",
+)
+LINES = [
+    *(f"{command} {LONG}" for command in READ),
+    f"init {LONG} --r 1mm --b 1mm",
+    f"compare {LONG} {LONG}",
+    f"drive {LONG}",
+    f"new-effect {'A' * 300}",
+    *(f"{line} --out {LONG}" for line in ("drive flat", "demo rig", "curve", "init set/points.csv --r 60mm --b 50mm")),
+    *(f"drive flat {word}" for word in (f"--model {LONG}", f"--set rover={LONG}", f"--soil {LONG}", f"--set {LONG}=1")),
+    f"close-loop set --experiment {LONG}",
+    f"close-loop set --effects {LONG}",
+]
+
+
+@pytest.mark.parametrize("line", LINES, ids=lambda line: line.replace(LONG, "LONG").replace("A" * 300, "LONG"))
+def test_a_name_of_300_letters_is_one_sentence(line, run):
+    rig.write(Path("set"), "nothing", 0)
+    code, out, err = run(*line.split())
+    assert (code, out) == (2, "")
+    assert err.startswith("rover-pin: ")
+    assert err.count("\n") == 1
+
+
+STUDY = """
+name = "small"
+scenario = "flat"
+duration = 0.1
+plan = { kind = "grid", points = 4 }
+[parameters]
+soil.k = { low = 1e-3, high = 1e-2 }
+"""
+
+
+def test_a_full_disk_in_a_sweep_keeps_what_is_done(run, monkeypatch):
+    Path("study.toml").write_text(STUDY)
+    left, write = [2], store._write
+
+    def full(rows, study, path):
+        if path.parent.name == store.PARTS:
+            left[0] -= 1
+        if left[0] < 0:
+            path.with_name(path.name + ".tmp").write_text("half")
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(rows, study, path)
+
+    monkeypatch.setattr(store, "_write", full)
+    code, _, err = run("sweep", "study.toml", "--workers", "1")
+    assert code == 2
+    assert "the results cannot be written (No space left on device)" in err
+    assert "make room, and run the same sweep again" in err
+    assert len(store.collect("out/small")) == 2
+    monkeypatch.setattr(store, "_write", write)
+    code, out, _ = run("sweep", "study.toml", "--workers", "1", "--json")
+    assert code == 0
+    assert '"cases": 4, "taken_over": 2, "failed": 0' in out
+
+
+def test_a_full_disk_leaves_no_half_of_a_file(tmp_path):
+    def fails(path):
+        path.write_text("half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(OSError, match="No space left"):
+        store._replace(tmp_path / "part.parquet", fails)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_any_other_refusal_of_the_system_is_a_sentence(run, monkeypatch):
+    def full(*given, **named):
+        raise OSError(errno.ENOSPC, "No space left on device", "traction.png")
+
+    monkeypatch.setattr("rover_pin.plot.traction_figure", full)
+    code, _, err = run("curve")
+    assert (code, err) == (
+        2,
+        "rover-pin: traction.png: No space left on device; make room there, or give another file or folder.\n",
+    )
+
+
+@pytest.mark.parametrize("scenario", ['["flat"]', "3", "{ a = 1 }", "[]"])
+def test_a_scenario_that_is_no_name_is_refused_before_any_folder(scenario, run):
+    Path("study.toml").write_text(STUDY.replace('"flat"', scenario))
+    code, _, err = run("sweep", "study.toml")
+    assert code == 2
+    assert "is not allowed: it is the name of one scenario." in err
+    assert not Path("out").exists()
+
+
+TUNING = 'name = "t"\n[free]\nk_p = [0.01, 10.0]\n[[training]]\nname = "a"\nscenario = "ditch"\n'
+
+
+@pytest.mark.parametrize("entry", ["free = [1]", "before = [1]", "cost = [1]", "effort = []", "before = 3"])
+def test_a_list_for_a_table_of_a_tuning_file_is_refused(entry, run):
+    text = TUNING.replace("[free]\nk_p = [0.01, 10.0]\n", "") if entry.startswith("free") else TUNING
+    Path("study.toml").write_text(f"{entry}\n{text}")
+    code, _, err = run("tune", "study.toml")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "table" in err
+
+
+@pytest.mark.parametrize("link", ["tyre_lf", "tyre_rb", "chassis"])
+def test_a_joint_whose_link_is_missing_is_named(link, run):
+    import re
+
+    from rover_pin.rover.description.layout import rover_folder
+
+    text = (rover_folder() / "cart.urdf").read_text(encoding="utf-8")
+    Path("mine.urdf").write_text(re.sub(rf'<link name="{link}".*?</link>', "", text, flags=re.DOTALL))
+    code, _, err = run("new-rover", "mine.urdf")
+    assert (code, err.count("\n")) == (2, 1)
+    assert f"link '{link}' that is not there" in err
+    assert not Path("mine.toml").exists()

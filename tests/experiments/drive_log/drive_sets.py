@@ -1,0 +1,62 @@
+"""Small drive logs of the package's own simulator, with something hidden or nothing: to test the loop's ways."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from rover_pin.base.quantity import declared
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.logs.drive_log import LogMetadata, write_drive_log
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.model.defaults import usual_angles, usual_slip
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.start.place import Start
+from rover_pin.soil.traction import TorqueTraction
+from rover_pin.terrain.profile import Profile
+from rover_pin.terrain.terrain import Lanes
+from rover_pin.terrain.toml_table import write_terrain
+
+
+def base(name="nexus6"):
+    """The declared model: waves of 20 mm, then a slope of 5 deg; the cart's motors are of its own weight."""
+    x = np.arange(-1.5, 1.51, 0.06)
+    z = 0.012 * np.sin(2 * np.pi * x / 0.8) + np.where(x > 0.2, (x - 0.2) * math.tan(math.radians(5)), 0.0)
+    rover = load_rover(name)
+    motor = nexus6_motor() if name == "nexus6" else Motor(resistance=3.0)
+    effects = base_effects(DRIVEN_SAND, rover, SoilTraction(TorqueTraction(), usual_angles(rover)))
+    return Model(rover, Lanes((Profile(x, z),), ()), (DRIVEN_SAND,), motor, usual_slip(rover), effects)
+
+
+def plan(random, duration, wheels=6):
+    """Duties held for 1.5 to 3 s, wheels apart from each other."""
+    holds, t = [], 0.0
+    while t < duration:
+        holds.append((t, random.uniform(0.4, 0.85) + random.uniform(-0.09, 0.09, wheels)))
+        t += random.uniform(1.5, 3.0)
+    return lambda reading: next(duty for start, duty in reversed(holds) if start <= reading.t + 1e-9)
+
+
+def write(folder, hidden=(), runs=4, duration=10.0, seed=0, rover="nexus6", **truth):
+    """Write a log whose soil is off by what its declared SD allows; return the folder."""
+    random, model = np.random.default_rng(seed), base(rover)
+    soil = DRIVEN_SAND.replace(phi=DRIVEN_SAND.phi + math.radians(1.0), k=1.15 * DRIVEN_SAND.k, **truth)
+    true = model.replace(soils=(soil,))
+    for effect in hidden:
+        true = true.having(effect)
+    traces = {}
+    for run in range(runs):
+        start = Start(-0.5, 0.0, 0.0) if run % 2 == 0 else Start(0.6, 0.0, math.pi)
+        driven = simulate(true, plan(random, duration, len(model.rover.wheels)), duration, start)
+        log = measured(driven, Sensors(), 100 * seed + run, true.sensor_effects)
+        traces[f"run-{run}"] = dataclasses.replace(log, attrs={"start": dataclasses.asdict(start)})
+    terrain = write_terrain(folder, model.terrain)
+    known = {name: declared(DRIVEN_SAND)[name] for name in ("phi", "k", "k_1")}
+    wheels = tuple(wheel.name for wheel in model.rover.wheels)
+    about = LogMetadata("small", rover=rover, wheels=wheels, terrain=terrain, soil=known, motor=declared(model.motor))
+    return write_drive_log(folder, traces, about)

@@ -1,0 +1,195 @@
+"""A drive log whose features are exactly linear in a model's numbers: fits answer in milliseconds, in closed form.
+
+The rover, its effects and the candidates are the package's own; only the experiment that would replay runs is a stub.
+"""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.stats import multivariate_normal
+
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.estimation.experiment import Experiment
+from rover_pin.estimation.fit import Fit, Task, fit
+from rover_pin.estimation.noise import Noise
+from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.experiments.drive_log.parameters import owner_name, owners, parameter, with_record
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.traction import TorqueTraction
+from rover_pin.terrain.shapes import flat
+
+RUNS, CHANNELS, BLOCKS = 4, ("path", "current_fl_A"), 16
+SHAPE = (RUNS, len(CHANNELS), BLOCKS)
+PERIOD, ROWS_A_BLOCK = 0.05, 10
+
+
+@dataclass(frozen=True)
+class LinearExperiment(Experiment):
+    """features = sum over numbers (value - zero) slope; a number of an effect that the model lacks counts nothing."""
+
+    is_timed, held = True, False
+    observed: np.ndarray
+    slopes: dict[str, tuple[float, np.ndarray]]
+    "zero and slope (runs, channels, blocks) by name of the number"
+    runs: tuple = ()
+    channels: tuple[str, ...] = CHANNELS
+    folds: tuple[str, ...] = tuple(f"run-{run}" for run in range(RUNS))
+    length: int = BLOCKS
+    rate_driven: bool = False
+    asked: list = field(default_factory=list)
+
+    def predict(self, models):
+        self.asked.append(len(models))
+        return np.array([self._features(owners(model)) for model in models])
+
+    def records(self, model):
+        return owners(model)
+
+    def replaced(self, model, owner, record):
+        return with_record(model, owner, record)
+
+    def unit(self, channel):
+        return "m" if channel == "path" else "A"
+
+    @property
+    def free(self):
+        return self
+
+    def replays(self, model, nudges=None):
+        """Return replays that stray 10 mm from the log, and 1 mm less for each effect that was added."""
+        off = 0.01 - 0.001 * (len(model.all_effects) - len(MODEL.all_effects))
+        channels = [{"body_x": run.commands.place[:, 0] + off, "body_y": 0.0 * run.commands.t} for run in self.runs]
+        return tuple(SimpleNamespace(model=model, channels=each) for each in channels)
+
+    def read(self, replays, sensors):
+        return self._features(owners(replays[0].model) | {owner_name(one): one for one in sensors})
+
+    def _features(self, records):
+        total = np.zeros(self.observed.shape)
+        for name, (zero, slope) in self.slopes.items():
+            owner, _, quantity = name.rpartition(".")
+            if owner in records:
+                total += (float(getattr(records[owner], quantity)) - zero) * slope
+        return total
+
+
+def base():
+    rover = load_rover("nexus6")
+    effects = base_effects(DRIVEN_SAND, rover, SoilTraction(TorqueTraction(), FixedAngles()))
+    return Model(rover, flat(), (DRIVEN_SAND,), nexus6_motor(), effects=effects).having(WeakMotor(g=0.0, wheel=0))
+
+
+MODEL = base()
+
+
+def runs_of(shape):
+    """Runs as far as reports and descriptions look at them: times, duty and place."""
+    made = []
+    for run in range(shape[0]):
+        t = PERIOD * np.arange(ROWS_A_BLOCK * shape[2])
+        duty = np.tile(np.random.default_rng(run).uniform(0.2, 0.9, shape[2]).repeat(ROWS_A_BLOCK)[:, None], (1, 6))
+        place = np.column_stack([0.03 * t, 0.0 * t, 0.0 * t])
+        commands = SimpleNamespace(t=t, duty=duty, place=place, period=PERIOD, terrain=None)
+        times = t.reshape(-1, ROWS_A_BLOCK).mean(axis=1)
+        made.append(SimpleNamespace(name=f"run-{run}", commands=commands, times=times, measured={}, channels=CHANNELS))
+    return tuple(made)
+
+
+def white(shape=SHAPE, sd=1.0):
+    """Noise of one SD, without memory or common mode, everywhere compared."""
+    return Noise(np.full(shape[1], sd), np.zeros(shape[1]), np.eye(shape[1]), np.ones(shape, dtype=bool))
+
+
+def nuisances(model=MODEL):
+    """Two numbers that are uncertain without anything missing, u standard normal."""
+    return (parameter(model, "soil.phi", 0.03), parameter(model, "WeakMotor[0].g", 0.02))
+
+
+def slopes(random, names, shape=SHAPE, size=1.0):
+    """Random slopes that move the features by about `size` SDs for one u of the parameters."""
+    return {one.name: (one.origin, size * random.normal(size=shape) / one.scale) for one in names}
+
+
+def fitted(seen, columns, free=None, model=MODEL, noise=None) -> Fit:
+    """The package's own fit of the free numbers to what was seen, on the linear experiment."""
+    free = nuisances() if free is None else free
+    experiment = LinearExperiment(seen, columns, runs_of(seen.shape))
+    return fit(Task(experiment, noise or white(seen.shape)), model, free)
+
+
+# --- the closed form -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """y = X u + noise of SD 1, u_j normal about m_j with SD s_j, or anything where s_j is infinite."""
+
+    X: np.ndarray
+    y: np.ndarray
+    mean: np.ndarray
+    sd: np.ndarray
+
+    def solved(self, keep=slice(None)):
+        """Return u of least squares on some rows, and chi2 with the priors."""
+        known = np.isfinite(self.sd)
+        rows = np.diag(1 / self.sd)[known]
+        matrix = np.vstack([self.X[keep], rows])
+        right = np.concatenate([self.y[keep], self.mean[known] / self.sd[known]])
+        u = np.linalg.solve(matrix.T @ matrix, matrix.T @ right)
+        rest = right - matrix @ u
+        return u, float(rest @ rest)
+
+    @property
+    def covariance(self):
+        known = np.isfinite(self.sd)
+        rows = np.diag(1 / self.sd)[known]
+        return np.linalg.inv(self.X.T @ self.X + rows.T @ rows)
+
+    def left_out(self, owner):
+        """Return the sum of squares of every group of rows, as least squares on the others predict it."""
+        losses = []
+        for one in np.unique(owner):
+            u, _ = self.solved(owner != one)
+            rest = self.y[owner == one] - self.X[owner == one] @ u
+            losses.append(float(rest @ rest))
+        return np.array(losses)
+
+    def surprise(self, owner, widened):
+        """Return -2 ln of the density of every group of rows given the others, less that of noise that is 0."""
+        known, found = np.isfinite(self.sd), []
+        priors = np.diag(1 / self.sd)[known]
+        for one in np.unique(owner):
+            u, _ = self.solved(owner != one)
+            others, own = self.X[owner != one], self.X[owner == one]
+            spread = widened * np.linalg.inv(others.T @ others + priors.T @ priors)
+            law = multivariate_normal(own @ u, np.eye(len(own)) + own @ spread @ own.T)
+            found.append(-2 * law.logpdf(self.y[owner == one]) - len(own) * np.log(2 * np.pi))
+        return np.array(found)
+
+
+def gaussian(fitted_, free=(), anchors=None):
+    """The closed form of a linear fit: X from the experiment's own slopes; `free` numbers have no prior.
+
+    `anchors` are name -> (mean, sd) of u for numbers that are held near somewhere else than their prior.
+    """
+    experiment, anchors = fitted_.task.experiment, anchors or {}
+    columns, mean, sd = [], [], []
+    for one in fitted_.parameters:
+        assert not one.log
+        columns.append((one.scale * experiment.slopes[one.name][1]).ravel())
+        m, s = anchors.get(one.name, (0.0, 1.0 if one.prior and one.name not in free else np.inf))
+        mean.append(m)
+        sd.append(s)
+    zero = sum(
+        (one.origin - experiment.slopes[one.name][0]) * experiment.slopes[one.name][1] for one in fitted_.parameters
+    )
+    return Gaussian(np.array(columns).T, (experiment.observed - zero).ravel(), np.array(mean), np.array(sd))
+
+
+def owner_of_rows(shape=SHAPE):
+    return np.broadcast_to(np.arange(shape[0])[:, None, None], shape).ravel()

@@ -1,0 +1,255 @@
+"""Half-second blocks of a drive log, their noise, and the numbers that are fitted: properties, without any search."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.effects.point_mass import PointMass
+from rover_pin.effects.sensor_bias import SensorBias
+from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.torque_saturation import TorqueSaturation
+from rover_pin.estimation.noise import Noise, huber, noise_of, spread
+from rover_pin.experiments.drive_log import experiment as experiments
+from rover_pin.experiments.drive_log.candidates import candidate_of
+from rover_pin.experiments.drive_log.experiment import DriveExperiment, experiment_of
+from rover_pin.experiments.drive_log.features import LEAK, blocks, leaky, logged_run
+from rover_pin.experiments.drive_log.model import with_spread
+from rover_pin.experiments.drive_log.parameters import owner_name, parameter
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.replay import Perturbation, commands, replay
+from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.simulate import Timing, simulate
+from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.trace.trace import Trace
+
+WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
+STEERED = ("fl", "fr", "rl", "rr")
+ANY = DriveExperiment((), ())
+LOGGED = ("t_s", "duty", "wheel_rate", "body", "rocker", "bogie")
+
+
+@pytest.fixture(scope="module")
+def model():
+    return scenario("incline", **{"soil.k": 0.005, "terrain.angle_deg": 5}).model
+
+
+def duties(t):
+    return 0.6 + 0.15 * math.sin(1.3 * t) + 0.03 * np.arange(6)
+
+
+@pytest.fixture(scope="module")
+def driven(model):
+    return simulate(model, lambda reading: duties(reading.t), 6.0, Start(-0.2), Timing(0.005))
+
+
+def as_logged(trace):
+    shown = {name: row for name, row in trace.channels.items() if name.startswith(LOGGED)}
+    return Trace(shown, attrs={"start": {"x": -0.2, "y": 0.0, "yaw": 0.0}})
+
+
+def test_a_replay_of_the_true_model_drives_as_the_log(model, driven):
+    """At twice the step; but for the first 100 ms, in which the wheels jump from rest to speed and the body rings."""
+    run = commands(as_logged(driven), WHEELS, STEERED)
+    again = replay(model, run).channels
+    for name, off in {
+        "body_x": 5e-4,
+        "body_z": 2e-5,
+        "body_pitch": 1e-4,
+        "wheel_rate_ml": 1e-2,
+        "slip_rr": 1e-2,
+    }.items():
+        assert again[name][2:] == pytest.approx(driven[name][2:], abs=off), name
+
+
+def test_a_replay_stays_where_the_log_was_and_tells_its_own_way(model, driven):
+    weak = model.having(SupplySag(R_b=8.0))
+    run = commands(as_logged(driven), WHEELS, STEERED)
+    held, free = replay(weak, run).channels, replay(weak, dataclasses.replace(run, place=run.place * np.nan)).channels
+    own, lost = driven["body_x"][-1] - held["body_x"][-1], driven["body_x"][-1] - free["body_x"][-1]
+    assert lost > 0.008
+    assert own == pytest.approx(lost, rel=0.25)  # its own way is as short, though it was drawn along
+    assert held["body_z"][-1] == pytest.approx(driven["body_z"][-1], abs=3e-4)  # and it stood on the same ground
+
+
+def test_a_body_that_cannot_be_is_turned_down_not_crashed_on(model, driven):
+    """A fit may try to take off a mass that leaves the base no inertia."""
+    experiment = experiment_of([logged_run(as_logged(driven), model.rover)], model)
+    impossible, right = experiment.predict([model.having(PointMass(m=-2.0)), model])
+    path = experiment.channels.index("path")
+    assert np.isfinite(impossible).all()
+    far, near = (np.nanmedian(np.abs(experiment.observed - one)[0, path]) for one in (impossible, right))
+    assert far > 10 * near
+
+
+def test_models_that_differ_in_their_sensors_only_are_replayed_once(model, driven, monkeypatch):
+    experiment, replayed = experiment_of([logged_run(as_logged(driven), model.rover)], model), []
+    monkeypatch.setattr(experiments, "replay", lambda one, *rest: replayed.append(one) or replay(one, *rest))
+    biased, weak = model.having(SensorBias(channel="body_pitch", bias=0.01)), model.having(SupplySag())
+    plain, shifted, other = experiment.predict([model, biased, weak])
+    assert len(replayed) == 2
+    pitch, usable = experiment.channels.index("body_pitch"), np.isfinite(experiment.observed[0, 0])
+    np.testing.assert_allclose((shifted - plain)[0, pitch, usable], 0.01, atol=1e-9)
+    assert not np.allclose(other, plain)
+
+
+@pytest.mark.parametrize("nudge", ["torque", "force", "grip"])
+def test_a_nudge_moves_the_rover_forward(model, driven, nudge):
+    run = commands(as_logged(driven), WHEELS, STEERED)
+    rows = len(run.t)
+    given = {"torque": np.full((rows, 6), 0.01), "force": np.ones(rows), "grip": np.full(rows, 0.05)}[nudge]
+    assert (
+        replay(model, run, Perturbation(**{nudge: given})).channels["body_x"][-1]
+        > replay(model, run).channels["body_x"][-1]
+    )
+
+
+def test_gaps_are_not_compared(driven):
+    log = as_logged(driven)
+    holed = dict(log.channels)
+    rate = np.array(holed["wheel_rate_fl"])
+    rate[60:65] = np.nan
+    run = logged_run(Trace(holed | {"wheel_rate_fl": rate}, attrs=dict(log.attrs)), load_rover("nexus6"))
+    seen = run.observed[run.channels.index("wheel_rate_fl")]
+    assert np.isnan(seen[6])
+    assert np.isfinite(seen[5])
+    assert np.isfinite(run.observed[run.channels.index("wheel_rate_fr"), 6])
+
+
+def test_a_heading_that_was_lost_is_not_the_last_that_was_known(driven):
+    """It was held over the gap and compared, and the rover was drawn to it."""
+    log, rover = as_logged(driven), load_rover("nexus6")
+    lost = (log.t > 1.5) & (log.t < 3.0)
+    gone = {"body_yaw": np.where(lost, np.nan, log["body_yaw"])}
+    run = logged_run(Trace({**log.channels, **gone}, attrs=dict(log.attrs)), rover)
+    whole = logged_run(log, rover)
+    inside = (run.commands.t > 1.55) & (run.commands.t < 2.95)
+    assert np.isnan(run.commands.place[inside, 2]).all()
+    assert np.isfinite(run.commands.place[~((run.commands.t > 1.45) & (run.commands.t < 3.05))]).all()
+    row = run.channels.index("heading")
+    blind = (run.times > 1.5) & (run.times < 3.0)
+    assert np.isnan(run.observed[row, blind]).all()
+    assert np.isfinite(whole.observed[row, blind]).all()
+
+
+def test_features_of_the_log_equal_those_of_its_own_channels(driven):
+    run = logged_run(as_logged(driven), load_rover("nexus6"))
+    again = run.features({name: np.asarray(row) for name, row in run.measured.items()})
+    good = np.isfinite(run.observed)
+    assert good.any()
+    assert again[good] == pytest.approx(run.observed[good], abs=1e-9)
+
+
+def test_a_missing_channel_is_named(driven):
+    log = as_logged(driven)
+    less = {name: row for name, row in log.channels.items() if name != "duty_ml"}
+    with pytest.raises(DataError, match="duty_ml needed and not recorded"):
+        logged_run(Trace(less), load_rover("nexus6"))
+
+
+def test_blocks_are_means_and_leave_out_what_does_not_fill_one():
+    assert blocks(np.arange(25.0), 0.05) == pytest.approx([4.5, 14.5])
+
+
+def test_the_leaky_way_of_a_steady_speed_ends_at_speed_times_leak():
+    period = 0.05
+    assert leaky(np.full(2000, 0.05 * period), period)[-1] == pytest.approx(0.05 * LEAK, rel=0.02)
+
+
+def coloured(rng, runs, blocks_, sd, rho, mix):
+    """AR(1) blocks of two channels with a common mode."""
+    made = np.zeros((runs, len(sd), blocks_))
+    for run in range(runs):
+        state = mix @ rng.standard_normal(len(sd))
+        for block in range(blocks_):
+            state = rho * state + np.sqrt(1 - rho**2) * (mix @ rng.standard_normal(len(sd)))
+            made[run, :, block] = sd * state
+    return made
+
+
+def test_noise_is_learnt_and_taken_out():
+    rng = np.random.default_rng(0)
+    sd, rho, mix = np.array([2.0, 0.01]), np.array([0.7, 0.2]), np.linalg.cholesky(np.array([[1.0, 0.6], [0.6, 1.0]]))
+    residual = coloured(rng, 12, 200, sd, rho, mix)
+    noise = noise_of(residual, np.isfinite(residual), np.full(2, 1e-9))
+    assert noise.sd == pytest.approx(sd, rel=0.1)
+    assert noise.rho == pytest.approx(rho, abs=0.06)
+    rows = noise.white(residual)
+    assert rows.size == residual.size
+    assert np.std(rows) == pytest.approx(1.0, abs=0.06)
+    table = np.full(residual.shape, np.nan)
+    table[noise.good] = rows
+    pairs = table.transpose(1, 0, 2).reshape(2, -1)
+    assert abs(np.corrcoef(pairs)[0, 1]) < 0.2  # SHRINK leaves a fifth of it
+    assert abs(np.corrcoef(pairs[0, 1:], pairs[0, :-1])[0, 1]) < 0.05
+
+
+def test_whitening_is_linear_and_blind_to_what_is_not_compared():
+    rng = np.random.default_rng(1)
+    good = rng.random((3, 4, 20)) > 0.2
+    noise = Noise(np.full(4, 2.0), np.full(4, 0.5), np.eye(4), good)
+    one, other = rng.standard_normal((2, 3, 4, 20))
+    assert noise.white(one + 2 * other) == pytest.approx(noise.white(one) + 2 * noise.white(other))
+    assert noise.white(np.where(good, one, 99.0)) == pytest.approx(noise.white(one))
+
+
+def test_the_spread_and_the_loss_are_not_bent_by_strays():
+    rng = np.random.default_rng(2)
+    values = rng.standard_normal(2000)
+    values[:40] = 100.0
+    assert spread(values) == pytest.approx(1.0, abs=0.08)
+    assert huber(np.array([3.0])) == pytest.approx(9.0)
+    assert huber(np.array([40.0])) == pytest.approx(2 * 4 * 40 - 16)
+
+
+def test_numbers_are_set_by_name(model):
+    spread_ = with_spread(model)
+    changed = ANY.with_values(
+        spread_, {"soil.phi": 0.5, "motor.gear": 250.0, "WeakMotor[3].g": 0.1, "TachoScale[ml].e": 0.02}
+    )
+    assert changed.soils[0].phi == 0.5
+    assert changed.motor.gear == 250.0
+    assert ANY.value(changed, "WeakMotor[3].g") == 0.1
+    assert ANY.value(changed, "WeakMotor[2].g") == 0.0
+    assert owner_name(TachoScale(wheel="ml")) == "TachoScale[ml]"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("sol.phi", "no 'sol' to fit"), ("soil.fi", "'soil' has no number 'fi'"), ("Sag.R", "no 'Sag' to fit")],
+)
+def test_an_unknown_number_is_refused(model, name, said):
+    with pytest.raises(ParameterError, match=said):
+        ANY.value(model, name)
+
+
+@pytest.mark.parametrize(("name", "log"), [("soil.phi", False), ("soil.k", True), ("motor.resistance", True)])
+def test_a_number_and_its_coordinate_go_back_and_forth(model, name, log):
+    one = parameter(model, name, 0.1, log)
+    assert one.value(0.0) == pytest.approx(ANY.value(model, name))
+    assert one.u(one.value(1.3)) == pytest.approx(1.3)
+    assert one.slope(0.7) == pytest.approx((one.value(0.7 + 1e-6) - one.value(0.7 - 1e-6)) / 2e-6, rel=1e-6)
+
+
+def test_a_size_runs_from_neutral_to_the_default(model):
+    size = candidate_of(SupplySag()).size("SupplySag.R_b")
+    assert (size.value(0.0), size.value(1.0), size.prior) == (0.0, 2.0, False)
+    assert size.bounds == (0.0, 10.0)
+    far = candidate_of(TorqueSaturation()).size("TorqueSaturation.i_max")
+    assert far.log
+    assert far.value(0.0) == pytest.approx(0.03)
+
+
+def test_a_log_without_noise_reads_as_the_sensors_do(driven):
+    """What `measured` adds has the declared size once the blocks are averaged."""
+    sensors = Sensors()
+    log = measured(driven, sensors, 3)
+    clean = logged_run(as_logged(driven), load_rover("nexus6"))
+    noisy = logged_run(as_logged(log), load_rover("nexus6"))
+    row = clean.channels.index("wheel_rate_rl")
+    off = noisy.observed[row] - clean.observed[row]
+    assert np.nanstd(off) == pytest.approx(sensors.rate_sd / math.sqrt(10), rel=0.7)

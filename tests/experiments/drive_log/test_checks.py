@@ -1,0 +1,295 @@
+"""The check of drive logs: every fault of a log in one sentence, and a good log without one."""
+
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.experiments.drive_log.checks.driven import Driven
+from rover_pin.experiments.drive_log.checks.excitation import levels
+from rover_pin.experiments.drive_log.checks.log import check, driven, faults, findings, refuse_unfit, too_poor
+from rover_pin.logs.drive_log import read_drive_log, write_drive_log
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.wheel_base import wheel_places
+from rover_pin.simulation.replay import commands
+from rover_pin.simulation.trace.trace import Trace
+from tests.experiments.drive_log import drive_channels as channels
+
+GOOD, R, changed, drive, gap = channels.GOOD, channels.R, channels.changed, channels.drive, channels.gap
+held, log_of, starting = channels.held, channels.log_of, channels.starting
+
+
+def test_a_good_log_has_no_fault_and_lacks_nothing():
+    found = check(log_of(*GOOD))
+    assert [str(each) for each in found.findings] == []
+    assert found.too_poor == ""
+
+
+def test_a_run_that_stands_for_its_whole_length_is_told():
+    still = {name: np.zeros_like(row) if name.startswith(MOVING) else row for name, row in GOOD[1].items()}
+    still |= {name: np.full_like(row, row[0]) for name, row in GOOD[1].items() if name.startswith("body_")}
+    said = [str(each) for each in findings(log_of(GOOD[0], still, *GOOD[2:])) if "nothing of this run" in each.what]
+    assert said == [
+        "run-2.csv: the rover stands or turns on the spot, so nothing of this run is compared, and leaving it out "
+        "tests nothing; drop it from drive.toml, or drive ahead or back for 5 s or more in it."
+    ]
+
+
+def test_a_run_whose_begin_is_not_tracked_needs_a_declared_start():
+    log = changed(body_x=gap(GOOD[0]["body_x"], 0, 100))
+    told = dataclasses.replace(log.runs[0], attrs={**log.runs[0].attrs, "start": {"x": 0.1, "y": 0.0, "yaw": 0.0}})
+    assert commands(told, WHEELS, ()).start.x == 0.1
+    nowhere = dataclasses.replace(told, attrs={"file": "run-1.csv"})
+    said = (
+        "run-1.csv: no place is known in the first 0.25 s and no start is declared; give its [[run]] a start "
+        "(x, y, yaw), or drop the rows before the first known body_x and body_y."
+    )
+    with pytest.raises(DataError, match=re.escape(said)):
+        commands(nowhere, WHEELS, ())
+
+
+WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
+MOVING = ("duty_", "wheel_rate_", "current_")
+X, T = GOOD[0]["body_x"], GOOD[0]["t_s"]
+
+
+@pytest.mark.parametrize(
+    ("log", "says"),
+    [
+        (
+            changed(wheel_rate_ml=None, wheelrate_ml=X),
+            "field/run-1.csv: there is no column 'wheel_rate_ml'; did you mean 'wheelrate_ml'? rename it, or record "
+            "it: duties, wheel rates and body_x, body_y, body_yaw are needed.",
+        ),
+        (changed(body_yaw=None), "there is no column 'body_yaw'; record it"),
+        (changed(body_x=gap(X, 0, None)), "field/run-1.csv: body_x has no value; record it, or leave the run out."),
+        (changed(body_z=held("body_z", 9, 12, np.inf)), "body_z is inf at t = 0.36 s (row 10); leave cells without a"),
+        (changed(body_x=gap(X, 100, 1000)), "body_x is missing in 60 % of the run; a run needs 50 % of it"),
+        (changed(**starting("wheel_rate", lambda w: w * 30 / math.pi)), "the wheel rates look like rpm; give rad/s"),
+        (changed(**starting("wheel_rate", np.degrees)), "the wheel rates look like deg/s; give rad/s"),
+        (changed(**starting("wheel_rate", lambda w: w / 2 / math.pi)), "look like turns per second"),
+        (
+            changed(body_x=1e3 * X, body_y=1e3 * GOOD[0]["body_y"]),
+            "body_x and body_y look like millimetres; give metres",
+        ),
+        (changed(body_x=1e2 * X, body_y=1e2 * GOOD[0]["body_y"]), "look like centimetres"),
+        (changed(**starting("wheel_rate", lambda w: 30.0 * w)), "check the units of wheel_rate_*, body_x and body_y"),
+        (changed(t_s=1e3 * T), "samples lie 40 s apart; if t_s is in milliseconds divide it by 1000"),
+        (changed(body_pitch=np.degrees(GOOD[0]["body_pitch"])), "body_pitch reaches 7.58 rad at t = 6.16 s (row 155)"),
+        (
+            changed(body_pitch=np.degrees(GOOD[0]["body_pitch"]) / 5.0),
+            "body_pitch changes 11 times as much as the climb",
+        ),
+        (changed(rocker_l=np.degrees(3 * GOOD[0]["rocker_l"])), "rocker_l reaches"),
+        (changed(body_yaw=np.degrees(GOOD[0]["body_yaw"] + 1.5)), "body_yaw"),
+        (changed(battery_V=1e3 * GOOD[0]["battery_V"]), "battery_V is 7.2e+03 V in the middle; if it is in mV"),
+        (changed(**starting("current", lambda i: 1e3 * i)), "current_fl_A is 48.2 A in the middle; if it is in mA"),
+        (
+            changed(wheel_rate_fl=-GOOD[0]["wheel_rate_fl"]),
+            "wheel_rate_fl runs against duty_fl; multiply wheel_rate_fl",
+        ),
+        (changed(duty_rr=-GOOD[0]["duty_rr"]), "duty_rr runs against wheel_rate_rr; multiply duty_rr by -1"),
+        (changed(current_rr_A=-GOOD[0]["current_rr_A"]), "current_rr_A runs against duty_rr; multiply it by -1"),
+        (changed(body_yaw=GOOD[0]["body_yaw"] + math.pi), "travels 180 deg off its heading, body_yaw; add pi"),
+        (changed(body_x=GOOD[0]["body_y"], body_y=X), "travels 90.2 deg off its heading, body_yaw; check the axes"),
+        (changed(body_pitch=-GOOD[0]["body_pitch"]), "body_pitch rises where the rover climbs; multiply it by -1"),
+        (changed(wheel_rate_fr=np.full(len(T), 1.1)), "wheel_rate_fr is 1.1 rad/s all along while the rover drives"),
+        (changed(body_x=0 * X, body_y=0 * X), "body_x and body_y stand still while the rims roll"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_one_sentence(log, says):
+    with pytest.raises(DataError) as refused:
+        refuse_unfit(log)
+    assert says in str(refused.value)
+    assert str(refused.value).count("\n") == 0
+
+
+def test_a_yaw_in_degrees_is_told_from_the_course():
+    run = drive(3, yaw=math.radians(20.0))
+    assert "body_yaw looks like degrees" in str(faults(log_of(run | {"body_yaw": np.degrees(run["body_yaw"])}))[0])
+
+
+def test_the_same_fault_in_every_run_is_one_sentence():
+    log = log_of(*({**run, "wheel_rate_fl": -run["wheel_rate_fl"]} for run in GOOD))
+    (fault,) = faults(log)
+    assert fault.where == "run-1.csv, run-2.csv, run-3.csv"
+    two = changed(wheel_rate_fl=-GOOD[0]["wheel_rate_fl"], duty_rr=-GOOD[0]["duty_rr"])
+    with pytest.raises(DataError, match=r"\(1 more such faults\.\)"):
+        check(two)
+
+
+LENGTH = float(np.ptp([place[0] for place in wheel_places(load_rover("nexus6")).values()]))
+"""From the rear to the front axle of the good log's rover [m]."""
+
+
+def over_waves(wavelength, folder):
+    """A run over waves of 12 mm whose body lies on its outer axles, and the log that declares these waves."""
+    x = np.arange(-10.0, 10.0, 0.02)
+    ground = lambda x: 0.012 * np.sin(2.0 * math.pi * x / wavelength)  # noqa: E731
+    rows = [f"{a:.4f},{b:.6f}" for a, b in zip(x, ground(x), strict=True)]
+    (folder / "ground.csv").write_text("\n".join(["x_m,z_m", *rows]))
+    front, rear = (ground(GOOD[0]["body_x"] + side * LENGTH) for side in (0.5, -0.5))
+    run = {**GOOD[0], "body_z": 0.5 * (front + rear), "body_pitch": -np.arctan((front - rear) / LENGTH)}
+    return run, dataclasses.replace(log_of(run, terrain={"polyline": "ground.csv"}), folder=folder)
+
+
+def test_without_height_the_declared_terrain_tells_the_pitchs_sign(tmp_path):
+    run, log = over_waves(3.0 * LENGTH, tmp_path)
+    del run["body_z"]
+    assert faults(dataclasses.replace(log, runs=log_of(run).runs)) == ()
+    run["body_pitch"] = -run["body_pitch"]
+    found = faults(dataclasses.replace(log, runs=log_of(run).runs))
+    assert "body_pitch rises where the rover climbs" in str(found[0])
+
+
+def test_a_rover_longer_than_half_a_wave_may_pitch_down_where_its_middle_rises(tmp_path):
+    run, log = over_waves(1.4 * LENGTH, tmp_path)
+    assert "body_pitch rises where the rover climbs" in str(faults(log_of(run))[0])
+    assert faults(log) == ()
+
+
+@pytest.mark.parametrize(
+    ("log", "says"),
+    [
+        (
+            changed(body_x=gap(X, 100, 200)),
+            "run-1.csv: body_x is missing for 4 s from t = 4 s on (row 101); the 7 % of the run without are "
+            "passed over.",
+        ),
+        (changed(wheelrate_fl=X), "run-1.csv: column 'wheelrate_fl' is not read; did you mean wheel_rate_fl"),
+        (changed(humidity=X), "run-1.csv: column 'humidity' is not read; leave it out, if it matters."),
+        (changed(body_z=None), "body_z not recorded; effects that only the sinkage shows"),
+        (changed(wheel_rate_fl=held("wheel_rate_fl", 100, 250)), "wheel_rate_fl stays at 1"),
+        (changed(wheel_rate_fl=np.minimum(GOOD[0]["wheel_rate_fl"], 1.1)), "wheel_rate_fl stays at its extreme, 1.1,"),
+        (changed(rocker_l=0.01 * np.ones(len(T)), rocker_r=-0.01 * np.ones(len(T))), "rocker_l is 0.01 rad all along"),
+        (changed(body_x=held("body_x", 300, 303, 0.9)), "body_x jumps by"),
+        (changed(body_yaw=held("body_yaw", 300, 303, 0.5)), "body_yaw jumps by 28"),
+        (changed(wheel_rate_ml=held("wheel_rate_ml", 300, 302, 40.0)), "wheel_rate_ml spikes to 40 rad/s"),
+        (changed(rocker_l=GOOD[0]["rocker_l"] + 0.05), "rocker_l + rocker_r is 0.050 rad in the mean (SD 0.004)"),
+        (changed(battery_V=0.5 * GOOD[0]["battery_V"]), "battery_V is 3.6 V in the median, the motor's supply 7.2 V"),
+        (changed(current_ml_A=8 * GOOD[0]["current_ml_A"]), "times the declared motor's stall current"),
+        (changed(body_x=1.4 * X), "the rover outruns its rims"),
+        (changed(t_s=T + 0.5 * (T > 20.0)), "1 of 1499 samples come late, the latest 0.54 s after t = 20 s (row 501)"),
+    ],
+)
+def test_what_can_be_used_with_care_is_one_finding(log, says):
+    refuse_unfit(log)
+    found = [str(each) for each in findings(log)]
+    assert any(says in each for each in found), found
+    assert all(each.endswith(".") and "\n" not in each for each in found)
+
+
+def test_a_tracker_that_lags_travels_against_the_wheels():
+    log = changed(body_x=np.interp(T - 6.0, T, X), body_y=GOOD[0]["body_y"], body_z=None, body_pitch=None)
+    assert any("travels against its wheels" in str(each) for each in findings(log))
+
+
+def without(run, *starts):
+    return {name: values for name, values in run.items() if not name.startswith(starts)}
+
+
+def test_a_current_that_one_run_lacks_is_named_and_the_others_are_not_denied():
+    wheel = next(name for name in GOOD[0] if name.startswith("current_"))
+    said = [each.what for each in findings(log_of(without(GOOD[0], wheel), *GOOD[1:]))]
+    assert any(line.startswith(f"{wheel} of ") and " is not recorded, so friction" in line for line in said)
+    assert not any("motor currents are not recorded" in line for line in said)
+
+
+FLAT = {"constant": 0.55, "hill": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("runs", "says"),
+    [
+        ([drive(0, **FLAT), drive(1, **FLAT), drive(2, **FLAT)], "the duty has 1 level, so friction of the gear"),
+        ([drive(0, constant=0.55), drive(1, constant=0.7)], "no low duty, so friction of the gear and a dead band"),
+        ([drive(0, hill=0.0), drive(1, hill=0.0)], "slips span 0.0"),
+        ([drive(0, hill=0.01), drive(1, hill=0.01)], "so multi-pass, a shifted centre of mass and effects of the load"),
+        (
+            [drive(0, constant=0.6), drive(1, constant=0.6)],
+            "all runs go one way, so a wrong slope, the drag of a tether",
+        ),
+        ([drive(0, constant=0.6), drive(1, constant=0.6)], "no stop between two drives, so heating"),
+        ([drive(0, constant=0.6), drive(1, constant=0.6)], "no reversal, so multi-pass, tachometer scales"),
+        ([drive(0, constant=0.6), drive(1, constant=0.6)], "all wheels get one duty, so one weak motor"),
+        (
+            [without(run, "current") for run in GOOD],
+            "motor currents are not recorded, so friction of the gear and dead",
+        ),
+        ([without(run, "battery") for run in GOOD], "battery_V is not recorded"),
+        (GOOD[:2], "2 runs: results of so few held-out runs mean little"),
+        (GOOD[:2], "no run is repeated, so what scatters and what"),
+    ],
+)
+def test_each_missing_excitation_says_what_looks_alike_and_what_to_drive(runs, says):
+    found = [each for each in findings(log_of(*runs)) if says in each.what]
+    assert len(found) == 1
+    assert found[0].todo.startswith(("add", "repeat", "record"))
+
+
+@pytest.mark.parametrize(
+    ("runs", "says"),
+    [
+        (GOOD[:1], "1 run: none can be held out"),
+        ([drive(i, duration=6.0) for i in range(3)], "s in all; drive for 20 s at least"),
+        ([drive(i, **FLAT) for i in range(3)], "one duty, no slope and no change of slip: every effect looks like"),
+    ],
+)
+def test_a_log_that_is_too_poor_says_so(runs, says):
+    assert says in too_poor(log_of(*runs))
+
+
+@pytest.mark.parametrize("name", ["bump", "point-turn"])
+def test_a_simulated_log_passes(name):
+    from rover_pin.scenarios.scenario import scenario
+    from rover_pin.simulation.sensors import Sensors, measured
+
+    ready = scenario(name, duration=12.0)
+    trace = measured(ready.drive(), Sensors(), 1)
+    log = log_of(*({name: trace[name] for name in trace.channels} for _ in range(2)), motor={})
+    assert faults(log) == ()
+    told = [each.what for each in findings(log)]
+    assert not any(
+        word in each for each in told for word in ("jumps", "stays", "late", "against", "missing", "outruns")
+    )
+
+
+def test_a_log_on_disk_is_checked(tmp_path):
+    traces = {f"run-{i}": Trace(run) for i, run in enumerate(GOOD)}
+    about = dataclasses.replace(log_of().metadata, wheel={"r": {"value": 45.0, "unit": "mm"}})
+    folder = write_drive_log(tmp_path / "log", traces, about)
+    assert check(read_drive_log(folder)) == ((), "")
+
+
+def test_blocks_of_a_run():
+    t = np.arange(0.0, 3.0, 0.1)
+    run = Driven(Trace({"t_s": t, "body_x": 0.2 * t, "body_y": np.where(t < 1.5, np.nan, 1.0 - 0.1 * t)}), R)
+    assert run.slope(run.trace["body_x"]) == pytest.approx([0.2, 0.2, 0.2])
+    assert run.slope(run.trace["body_y"])[2] == pytest.approx(-0.1)
+    assert run.mean(run.trace["body_y"])[:2] == pytest.approx([np.nan, 0.83], nan_ok=True)
+
+
+def test_duties_without_gaps_between_them_are_many_levels():
+    """A log whose wheels are held at duties all over the range does not have a single one."""
+    many, one = (levels(driven(log_of(run))) for run in (drive(0), drive(0, constant=0.6)))
+    assert len(many) > 10
+    assert np.diff(many).min() > 0.02
+    assert len(one) == 1
+
+
+def test_a_heading_has_length_1_also_where_the_rover_turns_within_a_block():
+    t = np.arange(0.0, 6.0, 0.05)
+    run = Driven(Trace({"t_s": t, "body_x": t, "body_y": t, "body_yaw": 2.0 * t}), R)
+    assert len(run.heading) > 3
+    assert np.abs(run.heading) == pytest.approx(np.ones(len(run.heading)))
+
+
+def test_a_wheel_whose_rate_is_lost_does_not_turn():
+    t = np.arange(0.0, 6.0, 0.05)
+    rate = np.where(t < 3.0, 1.0, np.nan)
+    run = Driven(Trace({"t_s": t, "body_x": t, "wheel_rate_fl": rate, "wheel_rate_fr": 0.0 * t}), R)
+    assert run.moving[0]
+    assert not run.moving[-1]

@@ -1,0 +1,161 @@
+"""What a drive log declares, and its speeds, against what its runs show: one sentence for each contradiction."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.experiments.drive_log.checks.log import check, faults, findings, refuse_unfit
+from rover_pin.experiments.drive_log.model import base_model, nuisances
+from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
+from tests.experiments.drive_log import drive_channels as channels
+
+GOOD, changed, log_of = channels.GOOD, channels.changed, channels.log_of
+X, Y, T = (GOOD[0][name] for name in ("body_x", "body_y", "t_s"))
+VX, VY = np.gradient(X, T), np.gradient(Y, T)
+
+
+def starting_at(x=0.0, y=0.0, yaw=0.0):
+    log = log_of(*GOOD)
+    first = dataclasses.replace(log.runs[0], attrs={**log.runs[0].attrs, "start": {"x": x, "y": y, "yaw": yaw}})
+    return dataclasses.replace(log, runs=(first, *log.runs[1:]))
+
+
+@pytest.mark.parametrize(
+    ("log", "says"),
+    [
+        (changed(body_vx=3.6 * VX, body_vy=3.6 * VY), "they look like km/h; give m/s: divide them by 3.6"),
+        (changed(body_vx=1e3 * VX, body_vy=1e3 * VY), "they look like mm/s; give m/s: divide them by 1000"),
+        (changed(body_vx=0 * VX, body_vy=0 * VY), "run-1.csv: body_vx and body_vy are 0 times the speed of body_x"),
+        (changed(body_vx=-VX, body_vy=-VY), "body_vx and body_vy point elsewhere than body_x and body_y move; give"),
+        (changed(body_z=1e3 * GOOD[0]["body_z"]), "give metres: if it is in mm divide it by 1000"),
+        (
+            log_of(*({n: v / 100 if n.startswith("duty") else v for n, v in run.items()} for run in GOOD)),
+            "as fast as [motor] would at their duty without load; give duties from -1 to 1, and mend [motor].",
+        ),
+        (changed(wheel_rate_ml=-GOOD[0]["wheel_rate_ml"]), "wheel_rate_ml runs against duty_ml"),
+        (log_of(*GOOD, rover="cart"), "but those of the rover 'cart' fl, fr, bl, br; give the rover that was driven"),
+        (
+            log_of(*GOOD, wheel={"r": {"value": 90.0, "unit": "mm"}}),
+            "[wheel] has r = 90 mm, but the rover 'nexus6' 45",
+        ),
+        (starting_at(x=1.0), "run-1.csv: the declared start is "),
+        (starting_at(yaw=math.pi), "180 deg off from the first tracked pose; give start in the axes and units of"),
+    ],
+)
+def test_what_contradicts_itself_is_refused(log, says):
+    with pytest.raises(DataError) as refused:
+        refuse_unfit(log)
+    assert says in str(refused.value)
+
+
+def test_true_velocities_and_a_true_start_are_no_fault():
+    assert faults(changed(body_vx=VX, body_vy=VY)) == ()
+    assert check(starting_at(X[0], Y[0])).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("log", "says"),
+    [
+        (starting_at(x=0.06), "deg off from the first tracked pose; the first seconds suffer: mend start"),
+        (
+            log_of(*GOOD, soil={}),
+            "drive.toml: [soil] does not declare phi, k, k_1, so 0.5236 rad, 0.005 m, ",
+        ),
+        (log_of(*GOOD, motor={}), "[motor] does not declare supply, resistance, k_t, gear, so 7.2 V, 23.85 ohm,"),
+        (
+            log_of(*GOOD, noise={"wheel_rate": 0.003, "angle": {"value": 0.2, "unit": "deg"}}),
+            "[noise] declares wheel_rate = 0.003 rad/s, but wheel_rate_",
+        ),
+        (changed(body_yaw=np.zeros(len(T))), "run-1.csv: body_yaw is 0 rad all along; see whether it is measured"),
+        (changed(body_pitch=np.zeros(len(T))), "run-1.csv: body_pitch is 0 rad all along; see whether it is measured"),
+    ],
+)
+def test_what_is_left_to_assumptions_is_told(log, says):
+    assert any(says in str(found) for found in findings(log))
+
+
+def test_a_drive_beyond_the_declared_ground_is_told(tmp_path):
+    (tmp_path / "ground.csv").write_text("x_m,z_m\n-10,0\n0.5,0\n")
+    log = dataclasses.replace(log_of(*GOOD, terrain={"polyline": "ground.csv"}), folder=tmp_path)
+    said = [str(found) for found in findings(log)]
+    assert any("m beyond the declared ground, which spans -10 to 0.5 m; what lies there is guessed" in s for s in said)
+
+
+def test_a_gap_in_all_channels_is_one_line():
+    lost = {name: channels.gap(values, 100, 200) for name, values in GOOD[0].items() if name != "t_s"}
+    said = [str(found) for found in findings(changed(**lost)) if "missing" in str(found)]
+    assert len(said) == 1
+    assert "duty_fl, wheel_rate_fl, current_fl_A, duty_fr and" in said[0]
+    assert "more are missing for 4 s from t = 4 s on (row 101)" in said[0]
+    assert said[0].endswith("passed over; the last duty before is taken to hold.")
+
+
+def test_a_rover_without_rockers_is_not_asked_for_their_angles():
+    runs = []
+    for run in GOOD:
+        kept = {name: row for name, row in run.items() if not any(part in name for part in ("rocker", "_rl", "_rr"))}
+        runs.append({name.replace("_ml", "_bl").replace("_mr", "_br"): row for name, row in kept.items()})
+    told = [str(found) for found in findings(log_of(*runs, rover="cart", wheels=("fl", "fr", "bl", "br")))]
+    assert not any("rocker" in each for each in told)
+
+
+@pytest.mark.parametrize("sd", ["2 deg", -1.0, 0.0, float("nan"), True])
+def test_an_uncertainty_that_is_none_is_refused(sd, tmp_path):
+    (tmp_path / "ground.csv").write_text("x_m,z_m\n-10,0\n10,0\n")
+    soil = {"phi": {"value": 30.0, "unit": "deg", "sd": sd}}
+    log = dataclasses.replace(log_of(*GOOD, soil=soil, motor={}, terrain={"polyline": "ground.csv"}), folder=tmp_path)
+    with pytest.raises(DataError, match=r"the sd of 'phi' is .*: give a positive number in the unit of its value"):
+        nuisances(log, base_model(log))
+
+
+def test_ground_that_a_log_cannot_declare_is_refused(tmp_path):
+    (tmp_path / "ground.csv").write_text("x_m,z_m,ground\n-10,0,3\n10,0,3\n")
+    log = dataclasses.replace(log_of(*GOOD, motor={}, terrain={"polyline": "ground.csv"}), folder=tmp_path)
+    with pytest.raises(DataError, match=r"\[terrain\] has ground 3: a log knows 0, the \[soil\], and 1, hard ground"):
+        base_model(log)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"b.csv"', '"a.csv"', "run 2 names the file 'a.csv', as run 1 does: leave one of them out."),
+        ("yaw = 0.0", "yaw = 180.0", "give finite x, y [m], and yaw in rad, not degrees."),
+        ('file = "a.csv"', 'file = "a.csv"\nunits = { bodyx = "mm" }', "units name a column 'bodyx' that is not there"),
+    ],
+)
+def test_a_drive_toml_that_contradicts_itself_is_refused(old, new, says, tmp_path):
+    run = log_of(*GOOD).runs[0]
+    traces = {name: dataclasses.replace(run, attrs={"start": {"x": 0.0, "y": 0.0, "yaw": 0.0}}) for name in "ab"}
+    write_drive_log(tmp_path, traces, LogMetadata("field"))
+    file = tmp_path / "drive.toml"
+    file.write_text(file.read_text().replace(old, new, 1))
+    with pytest.raises(DataError, match=r"drive.toml|a.csv") as refused:
+        read_drive_log(tmp_path)
+    assert says in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"t_s;duty_fl\n0,1;0\n0,1;0\n", "line 3: column 't_s' must increase, but 0.1 follows 0.1"),
+        (b"t_s\tduty_fl\n0.1\tfull\n", "line 2: column 'duty_fl' has 'full', which is not a number"),
+        (b"PK\x03\x04\xff\xfe", "this is a spreadsheet or an archive: save the sheet as CSV, and give that file."),
+    ],
+)
+def test_a_file_of_another_program_is_refused(content, says, tmp_path):
+    write_drive_log(tmp_path, {"a": log_of(*GOOD).runs[0]}, LogMetadata("field"))
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(DataError) as refused:
+        read_drive_log(tmp_path)
+    assert says in str(refused.value)
+
+
+def test_a_terrain_file_that_is_not_there_is_named_with_the_nearest(tmp_path):
+    (tmp_path / "ground.csv").write_text("x_m,z_m\n-10,0\n10,0\n")
+    log = dataclasses.replace(log_of(*GOOD, terrain={"polyline": "grund.csv"}), folder=tmp_path)
+    with pytest.raises(DataError) as refused:
+        log.terrain()
+    assert "[terrain] names the file 'grund.csv', which is not there: did you mean 'ground.csv'?" in str(refused.value)

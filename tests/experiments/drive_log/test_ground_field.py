@@ -1,0 +1,295 @@
+"""The ground of a log as a random field: what grip and slope move, what is learnt of them, and what is said."""
+
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+
+from rover_pin.contact import Soil
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.screen import signatures, with_random_effects
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.effects.bent_ground import BentGround
+from rover_pin.effects.gravity_tilt import GravityTilt
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.estimation.by_chance.random_field import LearntSd
+from rover_pin.estimation.fit import Task, fit
+from rover_pin.estimation.noise import Noise
+from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.extra import DriveExtra
+from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.ground import field as ground
+from rover_pin.experiments.drive_log.ground import raked
+from rover_pin.experiments.drive_log.ground.shared_bend import shared_bend
+from rover_pin.experiments.drive_log.parameters import parameter
+from rover_pin.experiments.drive_log.resume import Memory
+from rover_pin.loop.drive_written import on_its_ground
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.simulation.replay import PERIOD, Commands, Replay, replay
+from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.traction import TorqueTraction
+from rover_pin.terrain.profile import FAR, Profile
+from rover_pin.terrain.shapes import flat
+from rover_pin.terrain.terrain import Lanes
+
+SECONDS, SD = 12.0, 1e-3
+
+
+@pytest.fixture(scope="module")
+def model():
+    rover, soil = load_rover("nexus6"), Soil().replace(k=0.005)
+    effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), FixedAngles()))
+    return Model(rover, flat(), (soil,), nexus6_motor(), effects=effects)
+
+
+def commands(model, duty, yaw=0.0):
+    t = PERIOD * np.arange(round(SECONDS / PERIOD))
+    steer = np.zeros((len(t), sum(wheel.steer_dof is not None for wheel in model.rover.wheels)))
+    return Commands(t, np.full((len(t), 6), duty), steer, np.full((len(t), 3), np.nan), Start(yaw=yaw))
+
+
+def logged(truths, name="run"):
+    """Return a run of each truth, without noise of its sensors."""
+    found = []
+    for at, (truth, duty, yaw) in enumerate(truths):
+        asked = commands(truth, duty, yaw)
+        drive = replay(truth, asked)
+        wheels = [wheel.name for wheel in truth.rover.wheels]
+        duties = {f"duty_{wheel}": asked.duty[:, one] for one, wheel in enumerate(wheels)}
+        attrs = {"start": dataclasses.asdict(asked.start), "file": f"{name}-{at}.csv"}
+        found.append(logged_run(Trace({**drive.channels, **duties}, attrs=attrs), truth.rover))
+    return found
+
+
+@pytest.fixture(scope="module")
+def two(model):
+    return experiment_of(logged([(model, 0.6, 0.0), (model, 0.7, 0.0)]), model)
+
+
+@pytest.fixture(scope="module")
+def field(two, model):
+    return two.random_field(model)
+
+
+def of(field, kind, fold):
+    """Return the columns of a kind of one run (columns, channels, blocks)."""
+    return field.moved[(field.kind == ground.KINDS.index(kind)) & (field.fold == fold), fold]
+
+
+def test_each_column_moves_its_own_run_alone(field):
+    for at, fold in enumerate(field.fold):
+        assert not np.delete(field.moved[at], fold, axis=0).any()
+        assert np.isfinite(field.moved[at]).all()
+
+
+def test_places_share_the_way_evenly(two, model):
+    for run in two.runs:
+        shares = ground.shares_of(run, model.rover)
+        assert len(shares) > 3
+        np.testing.assert_allclose(shares.sum(axis=0), 1.0)
+        assert np.all(shares.max(axis=1) > 0.9)
+
+
+def test_a_rover_that_stands_has_one_place(two, model):
+    run = two.runs[0]
+    still = np.tile([0.3, 0.0, 0.0], (len(run.commands.t), 1))
+    stands = dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=still))
+    np.testing.assert_array_equal(ground.shares_of(stands, model.rover), np.ones((1, len(run.commands.t))))
+
+
+def test_a_long_way_has_no_more_places_than_the_most(two, model):
+    run = two.runs[0]
+    place = run.commands.place * [50.0, 1.0, 1.0]
+    far = dataclasses.replace(run, commands=dataclasses.replace(run.commands, place=place))
+    assert len(ground.shares_of(far, model.rover)) == ground.MOST
+
+
+def test_runs_in_which_nothing_moves_tell_nothing(two, model, monkeypatch):
+    """A rover that cannot be set down has replays without a place; they are no reason to stop."""
+    monkeypatch.setattr(
+        type(two),
+        "perturbed_replays",
+        lambda self, model, asked: [Replay({"t_s": two.runs[0].commands.t})] * len(asked),
+    )
+    monkeypatch.setattr(type(two), "predict", lambda self, models: np.zeros((1, *two.observed.shape)))
+    assert not ground.ground_columns(two, model)["moved"].any()
+
+
+def test_what_was_worked_out_once_is_kept(two, model, field, tmp_path):
+    kept = dataclasses.replace(two, memory=Memory(tmp_path, "key"))
+    first = kept.random_field(model)
+    np.testing.assert_array_equal(first.moved, field.moved)
+    assert len(list((tmp_path / ".resume").glob("*.npz"))) == 1
+    np.testing.assert_array_equal(dataclasses.replace(kept).random_field(model).moved, first.moved)
+
+
+def test_the_grip_of_a_run_moves_what_a_soil_of_another_friction_angle_moves(two, model, field):
+    soil = model.soils[0]
+    phi = math.atan((1 + ground.GRIP.size) * math.tan(soil.phi))
+    other = model.replace(soils=(soil.replace(phi=phi), *model.soils[1:]))
+    still, gripped = two.predict([model, other])
+    scale = np.nanmax(np.abs(gripped - still), axis=2)
+    for fold in range(2):
+        moved = of(field, ground.GRIP_OF_RUN, fold)[0]
+        assert np.nanmax(np.abs(moved - (gripped - still)[fold]) / np.maximum(scale[fold], 1e-6)[:, None]) < 0.05
+
+
+def test_the_slope_of_a_run_moves_what_a_ground_of_that_slope_moves(model):
+    """The ground itself is inclined, a second way to say it: drive, currents and attitude move alike."""
+    rise = Lanes((Profile(np.array([-FAR, FAR]), np.array([-FAR, FAR]) * math.tan(ground.SLOPE.size)),))
+    experiment = experiment_of(logged([(model, 0.6, 0.0)]), model)
+    inclined = experiment_of(experiment.runs, model.replace(terrain=rise))
+    difference = inclined.predict([model.replace(terrain=rise)])[0] - experiment.predict([model])[0]
+    moved = of(experiment.random_field(model), ground.SLOPE_OF_RUN, 0)[0]
+    for name in ("path", "body_pitch", "current_ml_A", "wheel_rate_rr"):
+        row = experiment.channels.index(name)
+        use = experiment.runs[0].usable
+        wanted, found = difference[0, row, use], moved[row, use]
+        assert found @ wanted > 0.99 * np.linalg.norm(found) * np.linalg.norm(wanted), name
+        assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(wanted), rel=0.1), name
+
+
+def test_what_one_place_climbs_is_still_below_the_rover_at_the_end(two, field):
+    """A place's slope falls evenly to 0 at its neighbours: after them the ground is higher by slope times distance."""
+    row, (run, *_) = two.channels.index("body_z"), two.runs
+    place = run.commands.place[:, :2]
+    way = np.nansum(np.hypot(*np.diff(place, axis=0).T))
+    heights = of(field, ground.SLOPE, 0)[2:-1, row, run.usable]  # those whose whole stretch is compared
+    assert heights[:, -1] - heights[:, 0] == pytest.approx(ground.SLOPE.size * way / (len(heights) + 2), rel=0.05)
+
+
+def taught(experiment, model):
+    """Return the fit of a base model and its noise, with the ground's SDs learnt, phi free."""
+    good = np.isfinite(experiment.observed)
+    noise = Noise(np.full(len(experiment.channels), SD), np.zeros(len(experiment.channels)),
+                  np.eye(len(experiment.channels)), good)  # fmt: skip
+    base = fit(Task(experiment, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
+    chance = experiment.random_field(base.model)
+    return with_random_effects(base, signatures(base, ()), chance), chance
+
+
+def test_runs_on_slopes_of_their_own_are_told_and_where(model):
+    truths = [(model.having(GravityTilt(rise_x=rise, rise_y=0.0)), 0.6, 0.0) for rise in (0.02, -0.02, 0.0)]
+    experiment = experiment_of(logged(truths), model)
+    # a tilt of gravity shows in the drive, not in the attitude, which is of the table's frame: pitch is left out
+    found, chance = taught(_without(experiment, "body_pitch", "body_z"), model)
+    told = raked.ground_variability(found, chance)
+    of_run = next(one for one in told.learnt if one.kind == ground.SLOPE_OF_RUN)
+    assert of_run.sd == pytest.approx(0.02, rel=0.4)
+    assert told.rms == pytest.approx(0.02 * math.sqrt(2 / 3), rel=0.15)
+    assert abs(told.worst.slope) == pytest.approx(0.02, rel=0.15)
+    assert told.worst.run in ("run-0", "run-1")
+    assert math.copysign(1.0, told.worst.slope) == (1.0 if told.worst.run == "run-0" else -1.0)
+    way = "more uphill" if told.worst.run == "run-0" else "more downhill"
+    assert re.fullmatch(
+        rf"The ground is not as declared: its slope differs by 0\.9\d? deg rms, most in {told.worst.run}, "
+        rf"1\.\d deg {way} from \(x, y\) = \([-\d.]+, -?0\.00\) to \([\d.]+, -?0\.00\) m\.",
+        told.sentence,
+    )
+    assert "slope of a run" in told.lines[0]
+    assert told.as_dict()["worst"]["run"] == told.worst.run
+
+
+BEND = BentGround(0.02, 0.03, 0.0, -0.02, -0.03, x_from=-0.3, length=1.0)
+
+
+def test_a_bend_that_the_runs_share_is_told_as_an_effect(model):
+    """Driven both ways over one bent ground, declared flat: what they share bends the ground as it is bent."""
+    truths = [(model.having(BEND), duty, yaw) for duty, yaw in ((0.6, 0.0), (0.7, math.pi), (0.75, 0.0))]
+    experiment = experiment_of(logged(truths), model)
+    found, chance = taught(experiment, model)
+    told = raked.ground_variability(found, chance)
+    x = np.concatenate([run.commands.place[:, 0] for run in experiment.runs])
+    grid = np.linspace(np.nanquantile(x, 0.1), np.nanquantile(x, 0.9), 20)
+    heights = [one.height(grid, 0.0) for one in (model.having(told.bend).ground, model.having(BEND).ground)]
+    off, true = (row - np.polyval(np.polyfit(grid, row, 0), grid) for row in (heights[0] - heights[1], heights[1]))
+    assert np.std(off) < 0.4 * np.std(true)
+    assert told.sentence.endswith("model.toml holds it as BentGround, and drives over it.")
+    assert told.as_dict()["bend"]["length"] == pytest.approx(float(told.bend.length))
+    verdict = Verdict("drive-log", Answer.NONE_NEEDED, "log", "", model, extra=DriveExtra(ground=told))
+    assert on_its_ground(verdict).ground == model.having(told.bend).ground
+    assert on_its_ground(dataclasses.replace(verdict, extra=DriveExtra())) is model
+
+
+def test_runs_on_slopes_of_their_own_share_no_bend(two):
+    slopes = [np.full(len(two.runs[0].commands.t), one) for one in (0.02, -0.02)]
+    assert shared_bend(two.runs, slopes) is None
+    still = dataclasses.replace(two.runs[0].commands, place=np.zeros((len(two.runs[0].commands.t), 3)))
+    assert shared_bend([dataclasses.replace(two.runs[0], commands=still)], slopes[:1]) is None
+
+
+def test_a_shared_slope_is_that_along_x_whatever_the_heading(two):
+    """One slope uphill along +x is downhill along -x: both say the same bend."""
+    back = dataclasses.replace(two.runs[1], heading=two.runs[1].heading + math.pi)
+    slopes = [np.full(len(two.runs[0].commands.t), one) for one in (0.02, -0.02)]
+    bend = shared_bend([two.runs[0], back], slopes)
+    assert [float(getattr(bend, name)) for name in BentGround.neutral] == pytest.approx([0.02] * 5, rel=0.03)
+    assert shared_bend(two.runs, [slopes[0], slopes[0]]) == shared_bend([two.runs[0], back], slopes)
+
+
+def test_the_ends_of_a_stretch_are_in_the_direction_that_the_rover_faces(model):
+    """Driven towards -x: what is uphill towards +x is downhill on this way, which is told from the larger x on."""
+    tilted = model.having(GravityTilt(rise_x=0.02, rise_y=0.0))
+    truths = [(tilted, 0.6, math.pi), (model, 0.6, math.pi), (model, 0.7, math.pi)]
+    found, chance = taught(_without(experiment_of(logged(truths), model), "body_pitch", "body_z"), model)
+    worst = raked.ground_variability(found, chance).worst
+    assert worst.run == "run-0"
+    assert worst.slope < -0.01
+    assert worst.begin[0] - worst.end[0] > 0.1
+    assert abs(worst.begin[1] - worst.end[1]) < 0.05
+    back = dataclasses.replace(logged_runs(found)[0], heading=logged_runs(found)[0].heading + math.pi)
+    turned = dataclasses.replace(found.task.experiment, runs=(back, *logged_runs(found)[1:]))
+    task = dataclasses.replace(found.task, experiment=turned)
+    again = raked.ground_variability(dataclasses.replace(found, task=task), chance).worst
+    assert (again.begin, again.end) == (worst.end, worst.begin)
+
+
+def logged_runs(found):
+    return found.task.experiment.runs
+
+
+def test_ground_as_declared_is_not_doubted(model):
+    experiment = experiment_of(logged([(model, 0.6, 0.0), (model, 0.7, 0.0)]), model)
+    found, chance = taught(experiment, model)
+    told = raked.ground_variability(found, chance)
+    assert told.worst is None
+    assert told.sentence == ""
+    assert told.rms < 1e-3
+
+
+def test_nothing_is_told_where_no_field_was_learnt(two, model, field):
+    good = np.isfinite(two.observed)
+    count = len(two.channels)
+    noise = Noise(np.full(count, SD), np.zeros(count), np.eye(count), good)
+    plain = fit(Task(two, noise), model, [parameter(model, "soil.phi", math.radians(2.0))])
+    assert raked.ground_variability(plain, field) is None
+    assert raked.ground_variability(plain, None) is None
+
+
+@pytest.mark.parametrize(
+    ("gain", "rms", "doubted"), [(-0.1, 2.0, False), (0.1, 2.0, True), (100.0, 0.99, False), (0.1, 1.01, True)]
+)
+def test_slopes_are_doubted_beyond_chance_and_what_a_survey_tells(two, model, monkeypatch, gain, rms, doubted):
+    found, chance = taught(two, model)
+    learnt = tuple(LearntSd(kind, 0.01, raked.SURE + gain if kind == ground.SLOPE else 0.0) for kind in ground.KINDS)
+    noise = found.task.noise
+    told = dataclasses.replace(noise, random_effects=dataclasses.replace(noise.random_effects, learnt=learnt))
+    one = dataclasses.replace(found, task=dataclasses.replace(found.task, noise=told))
+    of_whole = chance.kind == ground.KINDS.index(ground.SLOPE_OF_RUN)
+    monkeypatch.setattr(raked, "expected", lambda *asked: np.where(of_whole, rms * math.radians(0.1), 0.0))
+    assert (raked.ground_variability(one, chance).worst is not None) is doubted
+
+
+def _without(experiment, *names):
+    keep = np.array([name not in names for name in experiment.runs[0].channels])
+    runs = tuple(
+        dataclasses.replace(run, channels=tuple(np.array(run.channels)[keep].tolist()), observed=run.observed[keep])
+        for run in experiment.runs
+    )
+    return dataclasses.replace(experiment, runs=runs)

@@ -1,0 +1,32 @@
+"""Where a stretch of other ground lies is found between the places at which it was first tried."""
+
+import math
+
+import pytest
+
+from rover_pin.discrepancy.compare import placed
+from rover_pin.discrepancy.screen import score, signatures
+from rover_pin.effects.hard_patch import HardPatch
+from rover_pin.effects.supply_sag import SupplySag
+from rover_pin.experiments.drive_log.calibrate import calibrated_on
+from rover_pin.experiments.drive_log.candidates import candidates
+from rover_pin.experiments.drive_log.model import base_model, with_spread
+from rover_pin.logs.drive_log import read_drive_log
+from tests.experiments.drive_log import drive_sets
+
+
+@pytest.mark.slow
+def test_the_edges_of_a_patch_are_found(tmp_path):
+    hidden = HardPatch(g=1.5, g_k=1.0, dphi=math.radians(4), x_from=0.12, length=0.2)
+    log = read_drive_log(drive_sets.write(tmp_path, [hidden]))
+    base = calibrated_on(log, with_spread(base_model(log)), 1, lambda said: None)
+    known = candidates(base.model, base.task.experiment, base.parameters, None)
+    rows = score(base, signatures(base, [one for one in known if one.kind == "HardPatch"]))
+    found = placed(base, rows[0])
+    effect = found.candidate.effect
+    assert found.gain > rows[0].gain
+    assert effect.x_from == pytest.approx(0.12, abs=0.03)
+    assert effect.x_from + effect.length == pytest.approx(0.32, abs=0.03)
+    sag = next(one for one in known if one.effect == SupplySag())
+    row = score(base, signatures(base, [sag]))[0]
+    assert placed(base, row) is row

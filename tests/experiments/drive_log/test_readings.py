@@ -1,0 +1,232 @@
+"""What a tracker and a logger make of a drive: poses that stray are left out, doubtful steps too, wander is learnt."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.estimation.by_chance.random_field import LearntSd
+from rover_pin.experiments.drive_log.checks.log import findings
+from rover_pin.experiments.drive_log.features import LEAK, LoggedRun, logged_run
+from rover_pin.experiments.drive_log.ground.raked import GroundVariability
+from rover_pin.experiments.drive_log.readings.strays import LEAST, pose_outliers, without_pose_outliers
+from rover_pin.experiments.drive_log.readings.tracker import COURSE, HEIGHT, PLACE, TILT, TRACKER, tracker_columns
+from rover_pin.experiments.drive_log.readings.unsure import RESPONSE_TIME, ambiguous_steps, unaffected_rows
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.trace.trace import Trace
+from tests.experiments.drive_log import drive_channels as channels
+
+GOOD, changed, log_of = channels.GOOD, channels.changed, channels.log_of
+T, X = GOOD[0]["t_s"], GOOD[0]["body_x"]
+
+
+def with_poses_off(*rows, size=0.05):
+    x = X.copy()
+    x[list(rows)] += size
+    return changed(body_x=x)
+
+
+# --- poses that stray -------------------------------------------------------------------------------------------------
+
+
+def test_noise_alone_never_strays():
+    """Nine runs of a minute, six numbers each, of white noise about a way with turns and stops."""
+    for seed in range(9):
+        (log,) = log_of(channels.drive(seed)).runs
+        assert not pose_outliers(log).any()
+
+
+def test_a_coarse_tracker_s_noise_never_strays_and_a_pose_far_beyond_it_does():
+    """Two million poses with noise of five times the least distance that strays."""
+    x = 0.025 * np.random.default_rng(5).standard_normal(2_000_000)
+    t = 0.01 * np.arange(len(x))
+    assert not pose_outliers(Trace({"t_s": t, "body_x": x})).any()
+    x[1000] = 0.025 * 9.0
+    assert np.flatnonzero(pose_outliers(Trace({"t_s": t, "body_x": x}))).tolist() == [1000]
+
+
+@pytest.mark.parametrize("name", LEAST)
+def test_a_single_pose_that_is_off_in_any_of_its_numbers_strays_as_a_whole(name):
+    values = GOOD[0][name].copy()
+    values[300] -= 0.1
+    log = changed(**{name: values}).runs[0]
+    assert np.flatnonzero(pose_outliers(log)).tolist() == [300]
+    left = without_pose_outliers(log)
+    assert all(np.flatnonzero(np.isnan(left[each])).tolist() == [300] for each in LEAST)
+    assert np.array_equal(left["wheel_rate_fl"], log["wheel_rate_fl"])
+
+
+def test_a_pose_that_stray_ones_hide_is_found_in_a_second_look():
+    x = X.copy()
+    x[300], x[301] = x[300] + 0.1, x[301] + 0.05
+    assert np.flatnonzero(pose_outliers(changed(body_x=x).runs[0])).tolist() == [300, 301]
+
+
+def test_jumps_turns_over_pi_and_rows_far_apart_do_not_stray():
+    x = X + 0.1 * (T > 20.0)
+    yaw = math.pi + 0.01 * np.sign(np.sin(3.0 * T))
+    wrapped = (yaw + math.pi) % (2 * math.pi) - math.pi
+    assert not pose_outliers(changed(body_x=x, body_yaw=wrapped).runs[0]).any()
+    slow = Trace({"t_s": np.arange(20.0), "body_x": np.where(np.arange(20) == 10, 1.0, 0.0)})
+    assert not pose_outliers(slow).any()
+    assert not pose_outliers(Trace({"t_s": np.arange(3.0), "body_x": np.zeros(3)})).any()
+
+
+def test_a_run_without_strays_is_the_same_run():
+    (log,) = log_of(GOOD[0]).runs
+    assert without_pose_outliers(log) is log
+
+
+def test_what_strays_is_told_with_its_times_and_not_as_a_jump():
+    said = [str(each) for each in findings(with_poses_off(300))]
+    (line,) = [each for each in said if "stray" in each]
+    assert line.startswith("run-1.csv: a single pose strays from those before and after, at t = 12 s (row 301); ")
+    assert line.endswith("the loop leaves these 1 of 1500 poses out.")
+    assert not any("jumps" in each for each in said)
+    many = [str(each) for each in findings(with_poses_off(*range(100, 170, 10)))]
+    assert any(
+        "single poses stray" in each and "and 2 more; the loop leaves these 7 of 1500 poses out" in each
+        for each in many
+    )
+
+
+def test_a_pose_that_strays_is_not_compared_and_moves_nothing_else():
+    rover = load_rover("nexus6")
+    clean, off = (logged_run(log.runs[0], rover) for log in (log_of(*GOOD), with_poses_off(300)))
+    path = clean.channels.index("path")
+    lost = np.isfinite(clean.observed[path]) & ~np.isfinite(off.observed[path])
+    assert lost.sum() <= 1
+    both = np.isfinite(off.observed) & np.isfinite(clean.observed)
+    assert np.abs(off.observed - clean.observed)[both].max() < 5e-3, "a step of 50 mm would show"
+
+
+# --- steps of the duty ------------------------------------------------------------------------------------------------
+
+EVEN = np.arange(0.0, 10.0, 0.05)
+STEPPED = np.where(EVEN < 5.0, 0.4, 0.6)
+
+
+def duties(t, duty, **more):
+    return Trace({"t_s": t, "duty_fl": duty, "wheel_rate_fl": 2.0 * duty, **more})
+
+
+def uneven(seed=0):
+    return EVEN + np.random.default_rng(seed).uniform(-0.015, 0.015, len(EVEN))
+
+
+def test_in_even_rows_a_step_is_where_it_is_told():
+    assert ambiguous_steps(duties(EVEN, STEPPED)) == []
+
+
+def test_between_uneven_rows_it_is_somewhere():
+    t = uneven()
+    (one,) = ambiguous_steps(duties(t, STEPPED))
+    assert (one.begin, one.end, one.missed) == (t[99], t[100], False)
+
+
+def test_where_rows_are_missing_it_is_anywhere_among_them():
+    keep = (EVEN < 4.8) | (EVEN > 5.2)
+    (one,) = ambiguous_steps(duties(EVEN[keep], STEPPED[keep]))
+    assert (one.begin, one.end, one.missed) == (pytest.approx(4.75), pytest.approx(5.25), True)
+    elsewhere = (EVEN < 6.8) | (EVEN > 7.2)
+    assert ambiguous_steps(duties(EVEN[elsewhere], STEPPED[elsewhere])) == []
+
+
+def test_a_duty_that_changes_all_the_time_steps_nowhere():
+    busy = 0.5 + 0.03 * np.random.default_rng(1).standard_normal(len(EVEN))
+    assert ambiguous_steps(duties(uneven(), busy)) == []
+
+
+def test_held_rates_have_no_steps():
+    assert ambiguous_steps(Trace({"t_s": uneven(), "wheel_rate_fl": STEPPED})) == []
+    assert ambiguous_steps(Trace(duties(uneven(), STEPPED).channels, attrs={"input": "rates"})) == []
+
+
+def test_rows_that_such_a_step_may_reach_are_not_told():
+    steps = ambiguous_steps(duties(uneven(), STEPPED))
+    run = SimpleNamespace(t=EVEN, period=0.05)
+    away = EVEN[~unaffected_rows(steps, run)]
+    assert away[0] == pytest.approx(4.95, abs=0.051)
+    assert away[-1] == pytest.approx(steps[0].end + RESPONSE_TIME + 0.05, abs=0.051)
+    assert unaffected_rows([], run).all()
+
+
+def late(run, at=None):
+    """The run with its rows uneven, or with a second missing about `at`."""
+    t = run["t_s"] + np.random.default_rng(3).uniform(-0.012, 0.012, len(run["t_s"]))
+    keep = np.ones(len(t), dtype=bool) if at is None else np.abs(run["t_s"] - at) > 0.4
+    return {name: (t if name == "t_s" and at is None else values)[keep] for name, values in run.items()}
+
+
+def test_blocks_at_such_steps_are_not_compared_and_the_log_says_so():
+    log = log_of(late(GOOD[0]), *GOOD[1:])
+    count = len(ambiguous_steps(log.runs[0]))
+    assert count > 5
+    even, rows = (logged_run(each.runs[0], load_rover("nexus6")) for each in (log_of(*GOOD), log))
+    assert 0 < (even.usable & ~rows.usable[: len(even.usable)]).sum() <= 2 * count
+    shared = min(len(rows.summed_rows), len(even.summed_rows))
+    assert np.mean(rows.summed_rows[:shared] != even.summed_rows[:shared]) < 0.01, "what is driven there counts"
+    said = [str(each) for each in findings(log)]
+    assert any(f"so when {count} steps of the duty were given is not told, to 0.0" in each for each in said), said
+
+
+def test_what_is_driven_where_rows_with_a_step_are_missing_does_not_count():
+    run = logged_run(log_of(late(GOOD[0], at=6.0)).runs[0], load_rover("nexus6"))
+    inside = (run.commands.t > 5.7) & (run.commands.t < 6.3)
+    assert not run.summed_rows[inside].any()
+    assert run.summed_rows[(run.commands.t > 4.8) & (run.commands.t < 5.4)].all()
+
+
+# --- a tracker that wanders -------------------------------------------------------------------------------------------
+
+
+def wandering(names, seconds=20.0, skipped=()):
+    t = np.arange(0.0, seconds, 0.05)
+    counted = ~np.isin(np.arange(len(t)), skipped)
+    commands = SimpleNamespace(t=t, period=0.05)
+    return LoggedRun("", commands, names, np.zeros((len(names), len(t) // 10)), 0 * t, {}, counted, counted)
+
+
+NAMES = ("path", "drift", "heading", "body_z", "body_roll", "body_pitch", "wheel_rate_fl")
+
+
+def test_every_number_of_a_pose_wanders_by_itself_and_no_other_channel_does():
+    made = tracker_columns([wandering(NAMES)] * 2, NAMES, 40)
+    moved = made["moved"].any(axis=3)
+    assert moved.sum(axis=(1, 2)).tolist() == [1] * len(moved), "one run, one feature"
+    rows = np.argwhere(moved)
+    kinds = {NAMES[row]: TRACKER[made["kind"][at]] for at, _, row in rows}
+    assert kinds == {
+        "path": PLACE, "drift": PLACE, "heading": COURSE, "body_z": HEIGHT, "body_roll": TILT, "body_pitch": TILT,
+    }  # fmt: skip
+    assert [fold for _, fold, _ in rows] == made["fold"].tolist()
+
+
+def test_the_sum_of_all_times_is_a_zero_that_is_off():
+    """Roll and pitch then read it, a height is levelled, and a way or a turn does not see it."""
+    made = tracker_columns([wandering(NAMES)], NAMES, 40)
+    whole = {name: made["moved"][:, 0, row].sum(axis=0) for row, name in enumerate(NAMES)}
+    assert whole["body_pitch"] == pytest.approx(TILT.size * np.ones(40))
+    assert whole["body_z"] == pytest.approx(np.zeros(40), abs=1e-12)
+    assert whole["path"] == pytest.approx(np.zeros(40), abs=1e-12)
+
+
+def test_a_place_that_wanders_evenly_is_a_way_that_is_forgotten():
+    """x = v t through a leak of LEAK seconds: v LEAK (1 - exp(-t / LEAK)), with the first of the times at its end."""
+    made = tracker_columns([wandering(("path",), seconds=4.0)], ("path",), 8)
+    assert len(made["moved"]) == 2
+    t = np.arange(0.25, 4.0, 0.5)
+    speed = PLACE.size / 3.95
+    assert made["moved"][1, 0, 0] == pytest.approx(speed * LEAK * (1 - np.exp(-t / LEAK)), abs=0.015 * PLACE.size)
+
+
+def test_long_runs_have_times_further_apart():
+    assert len(tracker_columns([wandering(("body_z",), seconds=600.0)], ("body_z",), 1200)["moved"]) == 12
+
+
+def test_the_trackers_sds_are_told_beside_the_grounds():
+    learnt = (LearntSd(TILT, 0.002, 30.0), LearntSd(HEIGHT, 0.0, 0.0))
+    assert GroundVariability(learnt, 0.0, None).lines == [
+        "tracker, learnt (SD): wander of the tracked roll and pitch 0.1146 deg"
+    ]

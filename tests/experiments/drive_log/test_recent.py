@@ -1,0 +1,71 @@
+"""Predictions of a moment ago are not made again, and are the same."""
+
+import numpy as np
+import pytest
+
+from rover_pin.effects.point_mass import PointMass
+from rover_pin.experiments.drive_log import experiment as experiments
+from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.recent import Recent
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.start.place import Start
+from rover_pin.simulation.trace.trace import Trace
+
+
+def making(asked):
+    def make(places):
+        asked.append(places)
+        return [np.full(8, float(at)) for at in places]
+
+    return make
+
+
+def test_only_what_is_not_known_is_made_and_a_key_asked_twice_once():
+    asked: list[list[int]] = []
+    recent = Recent()
+    recent.of(["a", "b"], making(asked))
+    found = recent.of(["c", "b", "c", "a"], making(asked))
+    assert asked == [[0, 1], [0]]
+    assert [one[0] for one in found] == [0.0, 1.0, 0.0, 0.0]
+
+
+def test_what_was_asked_for_longest_ago_goes_first():
+    asked: list[list[int]] = []
+    recent = Recent(room=2 * 64)
+    recent.of(["a", "b"], making(asked))
+    recent.of(["a"], making(asked))
+    recent.of(["c"], making(asked))  # room for two of 64 bytes: b goes, a was asked for later
+    recent.of(["a", "c", "b"], making(asked))
+    assert asked == [[0, 1], [0], [2]]
+
+
+def test_more_than_there_is_room_for_is_made_and_returned_all_the_same():
+    found = Recent(room=64).of(["a", "b", "c"], making([]))
+    assert [one[0] for one in found] == [0.0, 1.0, 2.0]
+
+
+def test_what_is_kept_cannot_be_written_to():
+    (one,) = Recent().of(["a"], making([]))
+    with pytest.raises(ValueError, match="read-only"):
+        one[0] = 1.0
+
+
+def test_a_model_is_replayed_once_and_another_or_another_ground_anew(monkeypatch):
+    case = scenario("incline", **{"soil.k": 0.005, "terrain.angle_deg": 5})
+    driven = simulate(case.model, case.controller, 2.0, Start(-0.2))
+    log = Trace(dict(driven.channels), attrs={"start": {"x": -0.2, "y": 0.0, "yaw": 0.0}})
+    counted, real = [], experiments.replay
+    monkeypatch.setattr(experiments, "replay", lambda *given: counted.append(1) or real(*given))
+    experiment = experiment_of([logged_run(log, case.model.rover)], case.model)
+    first = experiment.predict([case.model])
+    heavier = case.model.having(PointMass(m=0.5))
+    again = experiment.predict([case.model, heavier])
+    assert len(counted) == 2
+    np.testing.assert_array_equal(again[0], first[0])
+    assert not np.array_equal(again[1], first[0])
+    again.fill(0.0)  # what is returned is the caller's own
+    np.testing.assert_array_equal(experiment.predict([case.model])[0], first[0])
+    assert np.isfinite(experiment.free.predict([case.model])).all()
+    assert len(counted) == 3

@@ -1,0 +1,251 @@
+"""What a fitted drive model leaves, and the draft of the effect that does it."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import ParameterError
+from rover_pin.contact import Contact, Soil, Wheel
+from rover_pin.discrepancy.draft import scored as scored_draft
+from rover_pin.discrepancy.screen import score, signatures, with_noise
+from rover_pin.effects.effect import Body, Drive
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.estimation.fit import Task, fit
+from rover_pin.estimation.noise import first_noise
+from rover_pin.experiments.drive_log.candidates import candidates
+from rover_pin.experiments.drive_log.experiment import experiment_of
+from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.model import nuisances, with_spread
+from rover_pin.experiments.unlisted import trial
+from rover_pin.experiments.unlisted.actions import FORCE, GRIP, LEAN, READING, TORQUE, VOLTAGE, Act, wheels_ahead
+from rover_pin.experiments.unlisted.draft import draft
+from rover_pin.experiments.unlisted.regressors import Argument, Hats, Polynomial, Wave
+from rover_pin.experiments.unlisted.remainder import DriveResidual, describe, draft_effect
+from rover_pin.experiments.unlisted.term import Curve, Term, stretches
+from rover_pin.logs.drive_log import DriveLog, LogMetadata
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.model.effect_files import user_effects
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.simulation.simulate import Timing, simulate
+from rover_pin.simulation.start.place import Start
+from rover_pin.soil.angles import FixedAngles
+from rover_pin.soil.traction import TorqueTraction
+from rover_pin.terrain import shapes
+
+WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
+ECCENTRIC = '''
+from dataclasses import dataclass
+from typing import ClassVar
+import casadi as ca
+from rover_pin.effects.effect import MotorEffect, State
+from rover_pin.base.quantity import quantity
+
+@dataclass(frozen=True)
+class Eccentric(MotorEffect):
+    """A wheel whose axle is off its centre."""
+
+    a: float = quantity(0.03, "N m", "assumed", -1.0, 1.0, "a")
+    states: ClassVar[tuple[State, ...]] = (State("angle", odd=True),)
+    neutral: ClassVar[dict[str, float]] = {"a": 0.0}
+
+    def torque(self, drive, torque, x):
+        return ca.if_else(ca.fabs(drive.wheel - 3) < 0.5, self.a * ca.sin(x[0] + 0.7), 0.0)
+
+    def rate(self, drive, torque, x):
+        return (drive.omega,)
+'''
+
+
+def term(kind, where, argument, size, unit="N m"):
+    size = np.array(size, dtype=float)
+    return Term(
+        Act(kind, where, unit, ()), argument, ("one", "two"), size, np.eye(len(size)) * 1e-6, 99.0, 2, 20.0, 80.0
+    )
+
+
+def made(one, tmp_path):
+    """Return the drafted effect, written and read back."""
+    file = tmp_path / f"draft_{abs(hash(one.description))}.py"
+    file.write_text(draft(one, "my draft", WHEELS))
+    (kind,) = user_effects(file)
+    assert kind.__name__ == "MyDraft"
+    assert kind.neutral == {"size": 0.0}
+    return kind()
+
+
+def argument(name, basis, unit="", per_run=False):
+    return Argument(name, unit, lambda *_: np.zeros(1), basis, per_run)
+
+
+def drive(delta=0.5, omega=1.0, wheel=3):
+    return Drive(delta, omega, 7.2, 24.0, 3.3, wheel)
+
+
+def contact(S=0.2, x=0.0):
+    return Contact(S, 0.0, 0.01, 0.05, 0.0, 0.0, 0.06, x, 0.0, Wheel(), Soil())
+
+
+def body(x=0.0, v_x=0.05):
+    return Body(x, 0.0, 0.1, 0.0, 0.1, 0.0, v_x, *[0.0] * 5, (), (), ())
+
+
+def test_hats_waves_and_polynomials_are_themselves_on_their_grids():
+    assert np.allclose(
+        Hats((0.0, 1.0, 3.0)).of(np.array([0.0, 0.5, 2.0, 9.0])), [[1, 0.5, 0, 0], [0, 0.5, 0.5, 0], [0, 0, 0.5, 1]]
+    )
+    assert np.allclose(Wave(0.4).of(np.array([0.1])), [[1], [0]])
+    assert np.allclose(Polynomial(1.0, 2.0, 2).of(np.array([3.0, 0.0])), [[1, 1], [1, -0.5], [1, 0.25]])
+
+
+def test_front_wheels_are_ahead_of_the_rear_ones():
+    ahead = wheels_ahead(load_rover("nexus6"))
+    assert ahead["fl"] > ahead["ml"] > ahead["rl"]
+    assert ahead["fl"] == pytest.approx(ahead["fr"])
+
+
+def test_a_motor_draft_gives_the_curve_at_its_wheel_alone(tmp_path):
+    one = term(TORQUE, "mr", argument("duty", Polynomial(0.6, 0.2, 2)), [0.01, -0.02, 0.03])
+    effect, curve = made(one, tmp_path), one.curve
+    got = [float(effect.torque(drive(delta), 0.3, ())) for delta in curve.at]
+    assert np.allclose(got, curve.value, atol=1e-6)
+    assert float(effect.torque(drive(0.5, wheel=2), 0.3, ())) == 0.0
+
+
+def test_a_draft_of_the_wheel_angle_integrates_the_rate(tmp_path):
+    one = term(TORQUE, "mr", argument("wheel angle since the start", Wave(2 * math.pi), "rad"), [0.03, 0.01])
+    effect, curve = made(one, tmp_path), one.curve
+    assert [state.name for state in effect.states] == ["angle"]
+    assert effect.rate(drive(omega=1.3), 0.0, (0.0,)) == (1.3,)
+    assert np.allclose([float(effect.torque(drive(), 0.0, (at,))) for at in curve.at], curve.value, atol=1e-5)
+    assert "wheel mr" in one.description
+    assert "the angle of the wheel" in one.description
+    assert "phase 18 deg" in one.description
+
+
+def test_a_draft_of_the_duty_adds_to_the_duty(tmp_path):
+    one = term(VOLTAGE, "", argument("time", Polynomial(10.0, 10.0, 1), "s"), [0.01, 0.01], "")
+    effect = made(one, tmp_path)
+    assert float(effect.amend(drive(0.5), (20.0,)).delta) == pytest.approx(0.52)
+    assert effect.rate(drive(), 0.0, (0.0,)) == (1.0,)
+
+
+def test_a_force_draft_pushes_against_the_motion_where_the_curve_says(tmp_path):
+    one = term(FORCE, "", argument("local place", Hats((0.0, 0.1, 0.2)), "m"), [0.0, 0.8, 0.0], "N")
+    effect = made(one, tmp_path)
+    assert float(effect.push(body(0.1)).f_x) == pytest.approx(-0.8, rel=0.01)
+    assert float(effect.push(body(0.1, -0.05)).f_x) == pytest.approx(0.8, rel=0.01)
+    assert float(effect.push(body(0.15)).f_x) == pytest.approx(-0.4, rel=0.01)
+    assert float(effect.push(body(0.5)).f_x) == pytest.approx(0.0)
+    assert "+0.8" in one.description
+    assert "x = 0.05..0.15 m" in one.description
+    lean = made(dataclasses.replace(one, act=one.act._replace(kind=LEAN)), tmp_path)
+    assert float(lean.push(body(0.1, -0.05)).f_x) == pytest.approx(0.8)
+
+
+def test_a_force_of_time_and_a_torque_of_slip_act_at_the_contacts(tmp_path):
+    moment = term(FORCE, "", argument("moment", Hats((0.0, 1.0, 2.0)), "s", per_run=True), [0, 6.0, 0, 0, 6.0, 0], "N")
+    effect = made(moment, tmp_path)
+    assert float(effect.load(contact(), None, (1.0,)).f_t) == pytest.approx(-1.0, rel=0.01)
+    slip = made(term(TORQUE, "", argument("slip", Polynomial(0.2, 0.2, 1)), [0.05, 0.05]), tmp_path)
+    assert float(slip.load(contact(0.4), None, ()).torque) == pytest.approx(-0.1)
+
+
+def test_a_grip_draft_changes_the_soil_by_its_share(tmp_path):
+    one = term(GRIP, "", argument("periodic place", Wave(0.4), "m"), [0.12, 0.0], "")
+    changed = made(one, tmp_path).amend(contact(x=0.1), ()).soil
+    assert math.tan(float(changed.phi)) == pytest.approx(1.12 * math.tan(Soil().phi))
+    assert "wavelength 0.40 m" in one.description
+    assert "12 +- 0.1 %" in one.description
+
+
+def test_a_reading_draft_is_a_sensor(tmp_path):
+    one = term(READING, "current_fl_A", argument("its own value", Polynomial(0.0, 1.0, 1), "A"), [0.01, 0.05], "A")
+    t, current = np.linspace(0, 1, 5), np.linspace(0.1, 0.3, 5)
+    read = made(one, tmp_path).read(t, {"current_fl_A": current})["current_fl_A"]
+    assert np.allclose(read, 1.05 * current + 0.01)
+
+
+def test_what_no_effect_sees_is_refused():
+    one = term(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
+    with pytest.raises(ParameterError, match="depends on 'pitch' cannot be drafted: no kind of effect"):
+        draft(one, "x", WHEELS)
+
+
+def test_a_remainder_drafts_the_best_term_that_an_effect_can_imitate():
+    blind = term(TORQUE, "fl", argument("pitch", Polynomial(0.0, 0.1, 2), "rad"), [0.0, 0.1, 0.0])
+    able = term(LEAN, "", argument("nothing", Polynomial(0.0, 1.0, 0)), [0.4], "N")
+    remainder = DriveResidual((blind, able), (), ("one", "two"), WHEELS)
+    assert "a torque on wheel fl that depends on the pitch" in remainder.description
+    assert "+0.4 +- 0.001 N all the time" in remainder.description
+    assert "class Own(BodyEffect)" in draft_effect(remainder, "own")
+    assert DriveResidual((dataclasses.replace(able, held_out=3.0),) * 2, (), (), WHEELS).is_noise
+
+
+def drives(hidden, count=3, duration=15.0):
+    """Return the model without the hidden effects and logs of drives with them."""
+    rng = np.random.default_rng(5)
+    soil = Soil().replace(k=0.005)
+    rover = load_rover("nexus6")
+    effects = base_effects(soil, rover, SoilTraction(TorqueTraction(), FixedAngles()))
+    model = Model(rover, shapes.flat(), (soil,), nexus6_motor(), effects=effects)
+    true, logs = model, []
+    for effect in hidden:
+        true = true.having(effect)
+    for run in range(count):
+        steps = rng.uniform(0.5, 0.8) + rng.uniform(-0.09, 0.09, (5, 6))
+        start = Start(-0.4, 0.0, 0.0) if run % 2 == 0 else Start(0.4, 0.0, math.pi)
+        trace = simulate(true, lambda state, own=steps: own[min(int(state.t / 3), 4)], duration, start, Timing(0.01))
+        log = measured(trace, Sensors(), run, (), with_current=True)
+        logs.append(dataclasses.replace(log, attrs={"start": dataclasses.asdict(start), "file": f"run_{run}.csv"}))
+    return model, logs
+
+
+@pytest.mark.slow
+def test_an_unlisted_eccentric_wheel_is_described_and_its_draft_fits(tmp_path):
+    file = tmp_path / "eccentric.py"
+    file.write_text(ECCENTRIC)
+    (kind,) = user_effects(file)
+    model, logs = drives([kind()])
+    model = with_spread(model)
+    free = nuisances(DriveLog(Path("test"), LogMetadata("test"), ()), model)
+    free = tuple(one for one in free if one.name.split(".")[0] in ("soil", "motor", "MotionResistance"))
+    experiment = experiment_of([logged_run(log, model.rover) for log in logs], model)
+    least = np.full(len(experiment.channels), 1e-6)
+    base = fit(Task(experiment, first_noise(experiment.observed - experiment.predict([model])[0], least)), model, free)
+    base = with_noise(base, base.residual, least)
+    remainder = describe(base)
+    assert not remainder.is_noise
+    assert "a torque on wheel mr that depends on the angle of the wheel" in remainder.description
+    amplitude = np.max(np.abs(remainder.best.curve.value))
+    assert amplitude == pytest.approx(0.03, rel=0.25)
+
+    drafted = tmp_path / "drafted.py"
+    drafted.write_text(draft_effect(remainder, "eccentric wheel again"))
+    gains = {}
+    for own in (file, drafted):
+        listed = [
+            one for one in candidates(base.model, experiment, base.parameters, own) if one.name.startswith("Eccentric")
+        ]
+        (found,) = score(base, signatures(base, listed))
+        gains[own] = found.gain
+    assert gains[drafted] > 0.9 * gains[file] > 100.0
+    assert {channel.name for channel in remainder.channels} == set(experiment.channels)
+    tried = trial.drafted(base, remainder, "eccentric wheel again", lambda said: None)
+    assert tried.accepted
+    assert tried.refit.gain > 0.9 * gains[file]
+    whole = scored_draft(tried, base, 0)
+    assert max(one.before / one.after for one in whole.scores) > 1.2
+    assert len(whole.lines()) == 1 + len(experiment.channels)
+
+
+def test_a_value_that_no_row_tells_is_no_stretch():
+    """What acts before the first compared row has neither value nor doubt: it said "-10.5 +- 0.002 N at t = 0"."""
+    at, sd = np.arange(6.0), np.array([0.002, 3.0, 3.0, 3.0, 3.0, 3.0])
+    assert stretches(Curve(at, np.array([0.0, 10.0, 11.0, 10.0, 9.0, 10.0]), sd), None) == []
+    (found,) = stretches(Curve(at, np.array([0.0, 10.0, 11.0, 40.0, 9.0, 10.0]), sd), None)
+    assert (found.low, found.high) == (2.5, 3.5)

@@ -1,0 +1,159 @@
+"""What a loop on drive logs keeps for a killed run: plain arrays, the same bytes, and no code."""
+
+import dataclasses
+import io
+import pickle
+
+import numpy as np
+import pytest
+
+from rover_pin.base.code_digest import key_of_code
+from rover_pin.discrepancy.screen import signatures
+from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.experiments.drive_log.calibrate import calibrated_on
+from rover_pin.experiments.drive_log.candidates import candidates
+from rover_pin.experiments.drive_log.experiment import DriveExperiment
+from rover_pin.experiments.drive_log.model import base_model, with_spread
+from rover_pin.experiments.drive_log.resume import FOLDER, Memory, digest
+from rover_pin.logs.drive_log import read_drive_log
+from rover_pin.rover.rover import load_rover
+from tests.experiments.drive_log import drive_sets
+
+
+def nothing(said):
+    pass
+
+
+def arrays():
+    return {"a": np.arange(6.0).reshape(2, 3), "b": np.array([np.nan, -0.0]), "c": np.zeros((0, 4))}
+
+
+def refused():
+    raise AssertionError("made again")
+
+
+def same(one, other):
+    return one.keys() == other.keys() and all(
+        one[name].dtype == other[name].dtype
+        and one[name].shape == other[name].shape
+        and one[name].tobytes() == other[name].tobytes()
+        for name in one
+    )
+
+
+def test_arrays_come_back_to_the_bit(tmp_path):
+    memory = Memory(tmp_path, "key")
+    assert same(memory.cached_arrays(("step", 1.5), arrays), arrays())
+    assert same(memory.cached_arrays(("step", 1.5), refused), arrays())
+    assert memory.status == f"1 finished steps are kept in {tmp_path}/{FOLDER}"
+    memory.done()
+    assert not list(tmp_path.iterdir())
+
+
+def test_who_stops_the_work_is_told_what_is_kept(tmp_path):
+    memory = Memory(tmp_path, "key")
+    for notes in ([], [f"1 finished steps are kept in {tmp_path}/{FOLDER}: the same command goes on there"]):
+        with pytest.raises(KeyboardInterrupt) as stop, memory.noting():
+            raise KeyboardInterrupt
+        assert getattr(stop.value, "__notes__", []) == notes
+        memory.cached_arrays((1,), arrays)
+
+
+def test_without_a_folder_nothing_is_kept():
+    assert same(Memory().cached_arrays((1,), arrays), arrays())
+    assert Memory().status == ""
+    Memory().done()
+
+
+def test_another_key_or_question_is_another_answer(tmp_path):
+    Memory(tmp_path, "key").cached_arrays((1.0,), arrays)
+    for memory, asked in ((Memory(tmp_path, "other"), (1.0,)), (Memory(tmp_path, "key"), (np.nextafter(1.0, 2.0),))):
+        assert memory.cached_arrays(asked, lambda: {"new": np.ones(1)}).keys() == {"new"}
+
+
+@pytest.mark.parametrize("damage", [lambda c: c[:40], lambda c: b"", lambda c: c[:90] + b"\xff" + c[91:]])
+def test_a_damaged_step_is_made_again(tmp_path, damage):
+    memory = Memory(tmp_path, "key")
+    memory.cached_arrays((1,), arrays)
+    (file,) = (tmp_path / FOLDER).iterdir()
+    file.write_bytes(damage(file.read_bytes()))
+    with pytest.raises(AssertionError, match="made again"):
+        memory.cached_arrays((1,), refused)
+    assert same(memory.cached_arrays((1,), arrays), arrays())
+
+
+class Harm:
+    """Unpickled, it would write a file."""
+
+    def __init__(self, path):
+        self.path = str(path)
+
+    def __reduce__(self):
+        return (open, (self.path, "w"))
+
+
+def test_nothing_in_the_folder_is_unpickled(tmp_path):
+    """Files as a log's author could plant them: of today's name, and of the name that the first version gave."""
+    memory, content = Memory(tmp_path, "key"), io.BytesIO()
+    harm = np.empty(1, dtype=object)
+    harm[0] = Harm(tmp_path / "harmed")
+    np.savez(content, a=harm)
+    (tmp_path / FOLDER).mkdir()
+    (tmp_path / FOLDER / f"{digest('key', (1,))}.npz").write_bytes(content.getvalue())
+    (tmp_path / FOLDER / "base-key.pickle").write_bytes(pickle.dumps(Harm(tmp_path / "harmed")))
+    assert same(memory.cached_arrays((1,), arrays), arrays())
+    memory.done()
+    assert not (tmp_path / "harmed").exists()
+
+
+def test_a_digest_tells_contents_apart_and_equal_ones_not():
+    model, other = drive_sets.base(), drive_sets.base()
+    assert digest(model) == digest(other.replace(rover=load_rover("nexus6")))
+    soil = model.soils[0]
+    rover = dataclasses.replace(model.rover, model=model.rover.under(1.62).model)
+    changed = [
+        model.replace(soils=(soil.replace(k=np.nextafter(soil.k, 1.0)),)),
+        model.having(WeakMotor(wheel=1)),
+        model.having(WeakMotor(wheel=2)),
+        model.replace(rover=rover),
+        model.replace(gravity=1.62),
+    ]
+    assert len({digest(model), *map(digest, changed)}) == 1 + len(changed)
+    assert digest((1, 2), 3) != digest(1, (2, 3))
+    assert digest(np.zeros(2)) != digest(np.zeros((1, 2))) != digest(np.zeros(2, dtype=np.float32))
+    assert digest("1") != digest(1) != digest(1.0)
+
+
+def test_the_key_knows_the_code_of_a_users_effects(tmp_path):
+    (tmp_path / "own.py").write_text("a = 1\n")
+    before = key_of_code([tmp_path / "own.py"])
+    assert before == key_of_code([tmp_path / "own.py"]) != key_of_code([])
+    (tmp_path / "own.py").write_text("a = 2\n")
+    assert key_of_code([tmp_path / "own.py"]) != before
+
+
+def test_a_calibration_and_its_signatures_are_taken_up_without_a_replay(tmp_path, monkeypatch):
+    log = read_drive_log(drive_sets.write(tmp_path / "log", runs=2, duration=4.0))
+    start = with_spread(base_model(log))
+
+    def through(memory):
+        base = calibrated_on(log, start, 1, nothing, memory)
+        tried = candidates(base.model, base.task.experiment, base.parameters, None)[:6]
+        return base, signatures(base, tried)
+
+    whole, moved = through(Memory())
+    first, _ = through(Memory(tmp_path, "key"))
+    driven = []
+    spread = DriveExperiment._spread
+
+    def counted(self, how, asked):
+        driven.extend(asked)
+        return spread(self, how, asked)
+
+    monkeypatch.setattr(DriveExperiment, "_spread", counted)
+    base, again = through(Memory(tmp_path, "key"))
+    assert len(driven) == 2  # the start, on both runs: of it comes the first noise
+    for one in (whole, first):
+        assert same({"u": one.u, "p": one.predicted, **one.slopes}, {"u": base.u, "p": base.predicted, **base.slopes})
+    assert [one.amplitudes for one in moved] == [one.amplitudes for one in again]
+    assert all(one.shift.tobytes() == other.shift.tobytes() for one, other in zip(moved, again, strict=True))

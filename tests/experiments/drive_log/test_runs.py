@@ -1,0 +1,245 @@
+"""What is compared of a logged run, and the experiment of many, on hand-made logs: no rover drives."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.contact import Soil
+from rover_pin.effects.sensor_bias import SensorBias
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.experiments.drive_log import experiment as experiments
+from rover_pin.experiments.drive_log.experiment import DriveExperiment, logged
+from rover_pin.experiments.drive_log.features import blocks, comparable_rows, driven, logged_run, logged_runs
+from rover_pin.experiments.drive_log.free_runs import free_runs
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.replay import Perturbation, Replay
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.shapes import flat
+
+CART, WHEELS = load_rover("cart"), ("fl", "fr", "bl", "br")
+T = 0.05 * np.arange(120)
+COUNT = 12
+
+
+def trace(t=T, held=False, attrs=None, **channels):
+    """A cart along the heading 0.3 at 50 mm/s, its wheels at 1 rad/s under a duty of 0.5."""
+    x, y = 0.05 * (t - t[0]) * math.cos(0.3), 0.05 * (t - t[0]) * math.sin(0.3)
+    usual = {"t_s": t, "body_x": x, "body_y": y, "body_yaw": 0.3 + 0.0 * t, "body_pitch": 0.01 * t, "body_z": 1.0 + t}
+    usual |= {f"wheel_rate_{wheel}": 1.0 + 0.0 * t for wheel in WHEELS} | {"battery_V": 12.0 + 0.0 * t}
+    usual |= {} if held else {f"duty_{wheel}": 0.5 + 0.0 * t for wheel in WHEELS}
+    return Trace({**usual, **channels}, attrs={"start": {"x": 0.0, "y": 0.0, "yaw": 0.3}, **(attrs or {})})
+
+
+def gap(values, first, last):
+    """The values with a gap in the rows from block `first` to block `last`."""
+    return np.where((np.arange(len(values)) // 10 >= first) & (np.arange(len(values)) // 10 <= last), np.nan, values)
+
+
+def seen(log, name):
+    run = logged_run(log, CART)
+    return run.observed[run.channels.index(name)]
+
+
+# --- one run ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("channel", "blind"),
+    [("body_x", ("path", "drift")), ("body_y", ("path", "drift")), ("body_yaw", ("heading",)),
+     ("body_pitch", ("body_pitch",)), ("body_vx", ("speed",)), ("wheel_rate_bl", ("wheel_rate_bl",))],
+)  # fmt: skip
+def test_what_is_made_of_a_channel_is_not_compared_where_that_has_a_gap(channel, blind):
+    speeds = {"body_vx": 0.05 + 0.0 * T, "body_vy": 0.0 * T}
+    whole = trace(**speeds)
+    run = logged_run(trace(**{**speeds, channel: gap(whole[channel], 5, 6)}), CART)
+    for name, row in zip(run.channels, run.observed, strict=True):
+        missing = [0, 1, 5, 6] if name in blind else [0, 1]
+        assert np.flatnonzero(np.isnan(row)).tolist() == missing, name
+
+
+def test_what_a_replay_is_given_is_not_compared():
+    """Held wheels are given their rates, and nothing draws on a battery; ways and speeds go by what is made of them."""
+    speeds = {"body_vx": 0.05 + 0.0 * T, "body_vy": 0.0 * T, "body_vz": 0.0 * T, "rocker_l": 0.0 * T}
+    made = ("path", "drift", "heading", "speed", "body_pitch", "body_z", "rocker_l")
+    assert set(logged_run(trace(held=True, **speeds), CART).channels) == set(made)
+    rates = (f"wheel_rate_{wheel}" for wheel in WHEELS)
+    assert set(logged_run(trace(**speeds), CART).channels) == {*made, *rates, "battery_V"}
+    nothing = logged_run(trace(**speeds, bogie_l=np.nan * T), CART)
+    assert "bogie_l" not in nothing.channels
+
+
+def test_the_heading_is_smoothed_over_half_a_second():
+    turned = 0.3 + np.where(T > 3.02, 1.0, 0.0)
+    run = logged_run(trace(body_yaw=turned), CART)
+    inside = [np.mean(turned[at - 5 : at + 5]) for at in range(10, 110)]
+    np.testing.assert_allclose(run.heading[10:110], inside)
+    slow = 1.5 * np.arange(30)
+    other = logged_run(trace(slow, body_yaw=0.3 + 0.2 * np.sin(slow)), CART)
+    np.testing.assert_allclose(other.heading, 0.3 + 0.2 * np.sin(slow), err_msg="rows of 1.5 s are their own mean")
+    np.testing.assert_allclose(blocks(slow, 1.5), slow)
+
+
+def test_blocks_are_means_of_what_was_seen_and_a_height_has_no_zero():
+    pitch, height = (seen(trace(), name) for name in ("body_pitch", "body_z"))
+    middle = 0.225 + 0.5 * np.arange(COUNT)
+    np.testing.assert_allclose(pitch[2:], 0.01 * middle[2:])
+    np.testing.assert_allclose(height[2:], middle[2:] - middle[2:].mean())
+
+
+@pytest.mark.parametrize("estimated", [True, False])
+def test_channels_that_told_the_ground_are_not_compared_again(estimated):
+    log = SimpleNamespace(runs=(trace(rocker_l=0.0 * T),), is_estimated=lambda one: estimated, terrain_of=id)
+    (run,) = logged_runs(log, CART)
+    assert {"body_pitch", "body_z"}.isdisjoint(run.channels) == estimated
+    assert {"path", "rocker_l", "wheel_rate_fl"} <= set(run.channels)
+    assert len(run.observed) == len(run.channels)
+    assert run.observed[run.channels.index("wheel_rate_fl")][2:] == pytest.approx(np.ones(COUNT - 2))
+    assert run.commands.terrain == id(log.runs[0])
+
+
+def test_a_place_of_which_only_one_axis_is_known_makes_no_way():
+    for one in ("body_x", "body_y", "body_vx", "body_vy"):
+        assert driven({one: T}, 0.0 * T, 0.05, np.ones(len(T))) == {}
+
+
+def times_compared(rates, duty=0.5, held=False):
+    rows = [np.broadcast_to(each, T.shape).astype(float) for each in rates]
+    run = SimpleNamespace(t=T, duty=np.broadcast_to(np.c_[duty, duty], (len(T), 2)), rate_driven=held)
+    return T[comparable_rows(run, rows)]
+
+
+def test_a_rover_that_coasts_without_a_duty_is_compared():
+    assert times_compared([1.0, 1.0], duty=0.0)[0] == pytest.approx(1.0)
+    assert len(times_compared([1.0, 1.0], duty=0.0)) == 100
+
+
+def test_held_wheels_that_turn_round_do_so_from_one_row_to_the_next():
+    """Not from the last row of a run to its first; and by the sum over the wheels, so that one of two is a turn."""
+    back = np.where(T < 4.025, 1.0, -1.0)
+    found = times_compared([back, back], held=True)
+    assert found[0] == pytest.approx(1.0)
+    assert not ((found > 4.04) & (found < 5.54)).any()
+    assert (found > 5.56).sum() == (T > 5.56).sum()
+    on_the_spot = times_compared([back, 1.0], held=True)
+    assert len(on_the_spot) == 100, "half of the wheels goes on"
+    faster = [np.where(T < 4.025, 1.0, -0.5), np.where(T < 4.025, 0.5, 0.6)]
+    assert len(times_compared(faster, held=True)) < 100, "the rates of all as one vector turn by more than 90 deg"
+    steady = times_compared([0.3 + 0.01 * np.sin(9.0 * T), -0.3], held=True)
+    assert len(steady) == 100
+
+
+@pytest.mark.parametrize(("fast", "slow", "stands"), [(3.0, 0.21, False), (3.0, 0.19, True), (1.0, 0.15, False)])
+def test_a_held_rover_stands_below_a_tenth_of_its_fastest_and_below_a_fifth_of_a_radian_a_second(fast, slow, stands):
+    rate = np.where((T > 3.0) & (T < 3.5), slow, fast)
+    assert (len(times_compared([rate, rate], held=True)) < 100) == stands
+
+
+@pytest.mark.parametrize(("period", "distance"), [(0.05, 0.05 * 5.0), (0.25, 0.05 * 29.0), (3.0, 0.05 * 357.0)])
+def test_a_way_is_measured_from_second_to_second_or_from_row_to_row(period, distance):
+    t = period * np.arange(120)
+    wiggle = 0.004 * (-1.0) ** np.arange(120) * (period < 0.5)  # alike a second later
+    place = np.column_stack([0.05 * t, wiggle, 0.0 * t])
+    run = SimpleNamespace(name="a", commands=SimpleNamespace(t=t, period=period, place=place))
+    replays = lambda model: [Replay({"body_x": 0.05 * t, "body_y": wiggle})]  # noqa: E731
+    (found,) = free_runs(SimpleNamespace(runs=(run,), free=SimpleNamespace(replays=replays)), "one", "other")
+    assert found.distance == pytest.approx(distance)
+
+
+# --- many runs -------------------------------------------------------------------------------------------------------
+
+MODEL = Model(CART, flat(), (Soil(),), Motor())
+
+
+def experiment(*logs):
+    runs = tuple(logged_run(log, CART) for log in logs)
+    return DriveExperiment(runs, tuple(f"rest {at}" for at in range(len(runs))))
+
+
+def test_what_all_runs_have_is_compared_over_the_longest():
+    short = trace(T[:60], attrs={"file": "b.csv"}, rocker_l=0.0 * T[:60])
+    both = experiment(trace(attrs={"file": "a.csv"}, bogie_l=0.0 * T), short)
+    assert {"bogie_l", "rocker_l"}.isdisjoint(both.channels)
+    assert "path" in both.channels
+    assert both.length == COUNT
+    assert both.folds == ("a", "b")
+    assert both.observed.shape == (2, len(both.channels), COUNT)
+    assert np.isnan(both.observed[1, :, 6:]).all()
+    assert np.isfinite(both.observed[0, :, 2:]).all()
+    assert both.alone("b").rests == ("rest 1",)
+    assert both.is_timed, "blocks of a run hang together"
+
+
+def test_wheels_are_held_where_they_are_in_any_run():
+    assert experiment(trace(rate_driven=True), trace()).rate_driven
+    assert not experiment(trace(), trace()).rate_driven
+
+
+def test_units_of_what_is_made_of_channels_are_theirs():
+    one = experiment(trace())
+    units = {name: one.unit(name) for name in ("path", "drift", "heading", "speed", "wheel_rate_fl", "current_fl_A")}
+    assert units == {
+        "path": "m", "drift": "m", "heading": "rad", "speed": "m/s", "wheel_rate_fl": "rad/s", "current_fl_A": "A",
+    }  # fmt: skip
+
+
+@pytest.fixture
+def replayed(monkeypatch):
+    """Stand in for the replay: what was asked for, and channels that hold the model's gear and sign."""
+    asked = []
+
+    def stub(model, commands, nudge, rest):
+        asked.append((model, rest, nudge))
+        gear = float(model.motor.gear)
+        rates = {f"wheel_rate_{wheel}": np.full(len(commands.t), gear) for wheel in WHEELS}
+        wild = {"body_pitch": np.full(len(commands.t), np.nan), "body_z": 0.0 * commands.t}
+        wild |= {"battery_V": np.where(commands.t > 2.99, np.inf, -np.inf)}
+        return Replay(rates | wild)
+
+    monkeypatch.setattr(experiments, "_replayed", stub)
+    return asked
+
+
+def test_replays_are_nudged_one_by_one_or_not_at_all(replayed):
+    two = experiment(trace(), trace())
+    one, other = Perturbation(force=np.ones(3)), Perturbation(grip=np.ones(3))
+    assert len(two.replays(MODEL, [one, other])) == 2
+    assert [nudge for _, _, nudge in replayed] == [one, other]
+    replayed.clear()
+    assert len(two.replays(MODEL)) == 2
+    assert [rest for _, rest, _ in replayed] == ["rest 0", "rest 1"]
+    assert all(nudge.torque is nudge.force is nudge.grip is None for _, _, nudge in replayed)
+
+
+def test_a_prediction_that_is_no_number_is_far_off_on_its_side(replayed):
+    one = experiment(trace())
+    (found,) = one.predict([MODEL])
+    row = {name: found[0, at] for at, name in enumerate(one.channels)}
+    assert np.all(row["body_pitch"] == 1e3)
+    assert np.all(row["battery_V"][:6] == -1e3)
+    assert np.all(row["battery_V"][6:] == 1e3)
+
+
+def test_models_that_differ_in_what_only_reads_are_replayed_together(replayed):
+    """Held to their rates, wheels drive otherwise with a tachogenerator's gain, not with a potentiometer's zero."""
+    biased = MODEL.having(SensorBias(channel="rocker_l", bias=0.1))
+    gained, faster = MODEL.having(TachoScale(e=0.1, wheel="fl")), MODEL.replace(motor=Motor().replace(gear=90.0))
+    for held, drives in ((False, 2), (True, 3)):
+        replayed.clear()
+        one = experiment(trace(held=held))
+        found = one.predict([MODEL, biased, gained, faster, MODEL])
+        assert len(replayed) == drives
+        if not held:
+            rate = [each[0, one.channels.index("wheel_rate_fl"), 3] for each in found]
+            gear = float(Motor().gear)
+            assert rate == pytest.approx([gear, gear, 1.1 * gear, 90.0, gear])
+
+
+def test_a_free_experiment_is_drawn_to_no_place():
+    one = experiment(trace())
+    assert np.isfinite(one.runs[0].commands.place).all()
+    assert np.isnan(one.free.runs[0].commands.place).all()
+    assert logged(SimpleNamespace(task=SimpleNamespace(experiment=one))) is one

@@ -1,0 +1,87 @@
+"""The noise that a drive log declares: read by kind, held against what samples scatter, and the floor of a model."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.experiments.drive_log.checks.log import findings
+from rover_pin.experiments.drive_log.experiment import DriveExperiment
+from rover_pin.experiments.drive_log.features import logged_run
+from rover_pin.experiments.drive_log.readings.stated import declared_block_sd
+from rover_pin.logs.drive_log import read_drive_log
+from rover_pin.logs.noise import kind_of
+from rover_pin.rover.rover import load_rover
+from tests.experiments.drive_log import drive_channels as channels
+
+GOOD, log_of = channels.GOOD, channels.log_of
+
+
+def declaring(**noise):
+    return log_of(*GOOD, noise=noise)
+
+
+def test_declared_noise_is_read_in_its_unit_for_every_kind():
+    said = declaring(wheel_rate=0.01, angle={"value": 1.0, "unit": "deg"}, body_position={"value": 2.0, "unit": "mm"})
+    assert said.noise_sd == {"wheel_rate": 0.01, "angle": pytest.approx(math.pi / 180), "body_position": 2e-3}
+    kinds = {
+        "wheel_rate_fl": "wheel_rate", "rocker_l": "angle", "bogie_r": "angle", "current_fl_A": "current",
+        "body_x": "body_position", "body_yaw": "body_attitude", "body_y": "body_position", "body_vy": "body_velocity",
+        "body_pitch": "body_attitude", "battery_V": "battery", "duty_fl": "", "t_s": "",
+    }  # fmt: skip
+    assert {name: kind_of(name) for name in kinds} == kinds
+
+
+@pytest.mark.parametrize(
+    ("noise", "error", "says"),
+    [
+        ({"wheel_rates": 0.01}, DataError, "there is no key 'wheel_rates' in .noise.: did you mean 'wheel_rate'"),
+        ({"current": {"value": 0.0}}, DataError, "current has no number above 0; write { value = 0.01, unit = 'A' }"),
+        ({"current": "small"}, DataError, "current has no number above 0"),
+        ({"current": {"value": 1.0, "units": "A"}}, ParameterError, "current has no key 'units': did you mean 'unit'"),
+        ({"current": {"value": 1.0, "unit": "V"}}, ParameterError, "unit 'V' does not measure what is asked for"),
+    ],
+)
+def test_what_noise_cannot_be_is_refused(noise, error, says):
+    with pytest.raises(error, match=says):
+        _ = declaring(**noise).noise_sd
+
+
+def test_a_log_with_an_unknown_kind_of_noise_is_not_read(tmp_path):
+    (tmp_path / "drive.toml").write_text(
+        "kind = 'drive-log'\nname = 'a'\n[noise]\nbody_pose = 0.1\n[[run]]\nfile = 'a.csv'\n"
+    )
+    with pytest.raises(DataError, match=r"there is no key 'body_pose' in \[noise\]: "):
+        read_drive_log(tmp_path)
+
+
+def test_a_mean_of_ten_samples_has_the_noise_of_one_over_the_root_of_ten():
+    names = ("path", "heading", "speed", "wheel_rate_fl", "current_fl_A")
+    sds = {"wheel_rate": 0.1, "body_position": 2.0, "body_attitude": 3.0, "body_velocity": 4.0, "sample_period": 0.05}
+    assert declared_block_sd(sds, names) == pytest.approx(
+        np.array([2.0, 3.0, 4.0, 0.1, np.nan]) / math.sqrt(10), nan_ok=True
+    )
+    assert declared_block_sd({**sds, "sample_period": 1.0}, names)[:2] == pytest.approx([2.0, 3.0])
+
+
+def test_the_floor_is_what_is_declared_where_that_is_more_than_the_scatter():
+    rover = load_rover("nexus6")
+    runs = [logged_run(run, rover) for run in log_of(*GOOD).runs]
+    plain, wide, small = (
+        DriveExperiment(tuple(runs), (None,) * 3, noise_sd=said).floor()
+        for said in ({}, {"wheel_rate": 1.0, "sample_period": 0.04}, {"wheel_rate": 1e-6})
+    )
+    rate = [name.startswith("wheel_rate") for name in runs[0].channels]
+    assert wide[rate] == pytest.approx(math.sqrt(0.04 / 0.5))
+    assert np.array_equal(wide[~np.array(rate)], plain[~np.array(rate)])
+    assert np.array_equal(small, plain)
+
+
+def test_noise_declared_too_small_is_told_and_what_is_as_declared_is_not():
+    def said(noise):
+        return [str(each) for each in findings(log_of(*GOOD, noise=noise)) if "[noise]" in str(each)]
+
+    assert said({"wheel_rate": 0.01, "body_attitude": 0.005, "body_position": 0.0015, "battery": 0.01}) == []
+    (line,) = said({"battery": 0.001})
+    assert "[noise] declares battery = 0.001 V, but battery_V scatters by 0.01" in line

@@ -1,0 +1,396 @@
+"""What a set may leave out or say otherwise: missing cells, a slope for the pull, one speed, lugs, density, SDs."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.contact import Soil, Wheel
+from rover_pin.discrepancy.search import calibrated
+from rover_pin.effects.bulldozing import Bulldozing
+from rover_pin.effects.digging_memory import DiggingMemory
+from rover_pin.effects.exit_angle import ExitAngle
+from rover_pin.effects.lug_excavation import LugExcavation
+from rover_pin.estimation.numbers import Number
+from rover_pin.experiments.wheel_rig.candidates import candidates, numbers_of, rig_kinds
+from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
+from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.known_elsewhere import flags
+from rover_pin.experiments.wheel_rig.model import RigModel
+from rover_pin.experiments.wheel_rig.presets import describe_declared, known_trench, preset_candidate
+from rover_pin.identification.identify import identify
+from rover_pin.loop.close import close_the_loop
+from rover_pin.loop.identified import identified
+from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
+from tests.oracle import rig_generator as hidden
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """A set without a hidden effect, by a generator that shares no code."""
+    rig = hidden.Rig("none")
+    return hidden.write(tmp_path_factory.mktemp("rig") / "plain", rig, hidden.rig_set(rig, loads=(15.0, 40.0)))
+
+
+def changed(plain, folder, toml=lambda text: text, points=lambda table: table):
+    folder.mkdir()
+    (folder / "rig.toml").write_text(toml((plain / "rig.toml").read_text()))
+    points(pd.read_csv(plain / "points.csv")).to_csv(folder / "points.csv", index=False)
+    return folder
+
+
+def fitted(data):
+    experiment = RigExperiment(data)
+    model = RigModel(data.rig.wheel, data.soil().replace(c=0.0), errors=data.rig.errors)
+    return calibrated(experiment, model, experiment.uncertain(model))
+
+
+# --- missing cells ---------------------------------------------------------------------------------------------------
+
+
+def with_holes(table):
+    """A whole level without sinkage, and single cells of the other channels missing."""
+    table.loc[table["level"] == table["level"].iloc[0], "sinkage_m"] = np.nan
+    table.loc[[3, 5], "torque_Nm"] = np.nan
+    table.loc[7, "drawbar_pull_N"] = np.nan
+    return table
+
+
+def blind(rig, holes):
+    """The set whose missing cells have a value that a vast noise makes worthless."""
+    full = [np.nan_to_num(channel.measured, nan=float(np.nanmean(channel.measured))) for channel in rig.channels]
+    sds = [np.where(channel.has_value, channel.sd, 1e7 * channel.sd) for channel in holes.channels]
+    pairs = zip(holes.channels, full, sds, strict=True)
+    return WheelRig(
+        rig.wheel, rig.slip, rig.load, tuple(type(one)(values, sd) for one, values, sd in pairs),
+        declared=rig.declared, levels=rig.levels,
+    )  # fmt: skip
+
+
+def test_a_missing_cell_is_a_cell_of_no_weight_and_the_row_keeps_its_other_channels(plain, tmp_path):
+    holes = read_wheel_rig(changed(plain, tmp_path / "holes", points=with_holes))
+    worthless = blind(read_wheel_rig(plain), holes)
+    start = Soil(k=0.01, c=0.0, n=holes.declared.get("n", 1.0))
+    own, other = (identify(each, start, ("k", "phi", "k_1")) for each in (holes, worthless))
+    assert own.soil.values() == pytest.approx(other.soil.values(), rel=1e-5)
+    assert own.chi2 == pytest.approx(other.chi2, rel=1e-6)
+    cells = 3 * holes.slip.size - sum(int((~channel.has_value).sum()) for channel in holes.channels)
+    assert own.freedom == cells - 3
+    assert [one.points for one in own.channels] == [int(channel.has_value.sum()) for channel in holes.channels]
+    own, other = fitted(as_rig_set(holes)), fitted(as_rig_set(worthless))
+    assert own.u == pytest.approx(other.u, abs=1e-4)
+
+
+def test_missing_cells_are_counted_and_told(plain, tmp_path):
+    data = read_rig_set(changed(plain, tmp_path / "holes", points=with_holes))
+    refuse_unfit(data)
+    said = [str(one) for one in findings(data)]
+    count, level = data.rig.slip.size, int((data.level == 0).sum())
+    assert f"torque_Nm: 2 of {count} runs have no torque; their other channels are used." in said
+    assert f"drawbar_pull_N: 1 of {count} runs have no drawbar pull; their other channels are used." in said
+    assert f"sinkage_m: {level} of {count} runs have no sinkage; their other channels are used." in said
+
+
+def test_the_loop_goes_through_a_set_with_missing_cells(plain, tmp_path):
+    folder = changed(plain, tmp_path / "holes", points=with_holes)
+    verdict = close_the_loop(folder, out=tmp_path / "out")
+    assert verdict.answer.value == "no effect needed"
+    first = next(one for one in verdict.scores if one.name == "sinkage").levels[0]
+    assert math.isnan(first.before), "a level without sinkage has no error of it"
+    assert all(0.7 < one.rms < 1.4 for one in verdict.extra.after.residuals)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "runs have no sinkage" in page
+    assert ">nan" not in page
+
+
+def test_rows_without_a_value_of_a_channel_leave_it_out():
+    rig = WheelRig(Wheel(), [0.1, 0.2, 0.3], 9.5, (DrawbarPull([1, 2, 3], 0.1), Torque([np.nan, np.nan, 0.3], 0.01)))
+    assert [type(one) for one in rig.rows(slice(0, 2)).channels] == [DrawbarPull]
+    assert [one.measured.tolist() for one in rig.rows(slice(2, 3)).channels] == [[3.0], [0.3]]
+
+
+def test_the_sd_of_a_missing_cell_may_be_missing_too():
+    channel = Sinkage([0.01, np.nan, 0.03], [0.001, np.nan, 0.003])
+    assert channel.sd.tolist() == pytest.approx([0.001, 0.002, 0.003])
+    with pytest.raises(DataError, match="sd is missing or not finite in row 3"):
+        Sinkage([0.01, np.nan, 0.03], [0.001, 0.001, np.nan])
+
+
+# --- a slope in place of the pull ------------------------------------------------------------------------------------
+
+
+def uphill(table):
+    """The same runs as a wheel of weight W on a slope: W^2 = load^2 + pull^2, tan(slope) = pull / load."""
+    pull = table.pop("drawbar_pull_N")
+    return table.assign(load_N=np.hypot(table["load_N"], pull), slope_rad=np.arctan2(pull, table["load_N"]))
+
+
+def test_a_slope_is_the_load_across_and_the_pull_along_it(plain, tmp_path):
+    slope = 'slope = { value = 0.5, unit = "deg" }'
+    flat = read_rig_set(plain).rig
+
+    def told_so(text):
+        return "\n".join(slope if line.startswith("drawbar_pull") else line for line in text.splitlines())
+
+    rig = read_rig_set(changed(plain, tmp_path / "slope", told_so, uphill)).rig
+    assert rig.load == pytest.approx(flat.load)
+    pull, own = (next(one for one in each.channels if isinstance(one, DrawbarPull)) for each in (flat, rig))
+    assert own.measured == pytest.approx(pull.measured)
+    assert own.sd == pytest.approx(flat.load * math.radians(0.5))
+
+
+@pytest.mark.parametrize(
+    ("points", "said"),
+    [
+        (
+            lambda table: table.assign(slope_rad=0.1),
+            "slope_rad stands in place of drawbar_pull_N; leave one of the two",
+        ),
+        (lambda table: uphill(table).assign(slope_rad=20.0), "slope_rad reaches 20; give radians, positive uphill"),
+        (
+            lambda table: uphill(table).rename(columns={"slope_rad": "slope_deg"}),
+            "'slope_deg' is not read: did you mean",
+        ),
+    ],
+)
+def test_what_is_no_slope_is_refused(plain, tmp_path, points, said):
+    with pytest.raises(DataError, match=said):
+        read_rig_set(changed(plain, tmp_path / "bad", points=points))
+
+
+# --- one speed -------------------------------------------------------------------------------------------------------
+
+
+def test_one_speed_gives_the_other_by_the_slip(plain, tmp_path):
+    both = read_rig_set(plain).speeds
+    for name in ("rim_speed_mps", "travel_speed_mps"):
+        folder = changed(plain, tmp_path / name, points=lambda table, name=name: table.drop(columns=name))
+        assert read_rig_set(folder).speeds == pytest.approx(both, rel=1e-3)
+
+
+def test_a_speed_of_the_whole_set_is_declared_in_its_toml(plain, tmp_path):
+    def bare(table):
+        return table.drop(columns=["rim_speed_mps", "travel_speed_mps"])
+
+    assert read_rig_set(changed(plain, tmp_path / "none", points=bare)).speeds is None
+
+    def told_so(text):
+        return text + '\n[speed]\ncarriage = { value = 20.0, unit = "mm/s" }\n'
+
+    data = read_rig_set(changed(plain, tmp_path / "carriage", told_so, bare))
+    assert data.speeds[:, 0] == pytest.approx(np.full(data.rig.slip.size, 0.02))
+    slip = (data.speeds[:, 1] - data.speeds[:, 0]) / np.maximum(*data.speeds.T)
+    assert slip == pytest.approx(data.rig.slip)
+
+
+def test_a_wheel_that_spins_on_the_spot_does_not_tell_its_rim_speed(plain, tmp_path):
+    def spot(table):
+        return table.assign(slip=1.0).drop(columns="rim_speed_mps")
+
+    with pytest.raises(DataError, match="row 1 has slip 1, at which travel_speed_mps is 0 and does not tell the other"):
+        read_rig_set(changed(plain, tmp_path / "spot", points=spot))
+
+
+# --- lugs and sand ---------------------------------------------------------------------------------------------------
+
+LUGS = 'lug_height = { value = 5.0, unit = "mm" }\nlug_width = { value = 3.0, unit = "mm" }\nlug_count = 24\n'
+SAND = 'bulk_density = { value = 1.33, unit = "g/cm^3" }\nangle_of_repose = { value = 29.0, unit = "deg" }\n'
+
+
+def declared(text, wheel="", soil=""):
+    return text.replace("[wheel]\n", f"[wheel]\n{wheel}").replace("[soil]\n", f"[soil]\n{soil}")
+
+
+def test_what_is_declared_presets_the_effects_that_have_it(plain, tmp_path):
+    data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS, SAND)))
+    model = RigModel(data.rig.wheel, data.soil())
+    tried = {one.kind: one for one in candidates(data, model, rig_kinds())}
+    way = 2 * math.pi * (data.rig.wheel.r + 0.0025)
+    lugs = tried["LugExcavation"]
+    assert lugs.effect.values() == pytest.approx({**LugExcavation().values(), "h_l": 0.005, "filled": 1 - 0.072 / way})
+    assert {"LugExcavation.filled", "LugExcavation.length"} == set(lugs.shapes)
+    assert tried["Grousers"].effect.h_s == pytest.approx(0.005)
+    heap = tried["Bulldozing"]
+    assert heap.effect.gamma == pytest.approx(1330.0 * 9.81)
+    assert "Bulldozing.gamma" not in heap.shapes, "a measured density is held"
+    assert tried["FlankPressure"].effect.phi_f == pytest.approx(math.radians(29.0))
+    assert "FlankPressure.phi_f" in tried["FlankPressure"].shapes, "an angle of repose is where a fit starts"
+    said = describe_declared(data.rig, [one.effect for one in tried.values()])
+    assert any(line.startswith("bulk_density holds Bulldozing.gamma") for line in said)
+    assert any(line.startswith("lug_height is where a fit starts with") for line in said)
+    assert said[-1] != "bulk_density is declared, and not used: no effect that was tried has it"
+    assert (
+        describe_declared(data.rig, [ExitAngle()])[0]
+        == "lug_height is declared, and not used: no effect that was tried has it"
+    )
+
+
+def test_nothing_declared_leaves_effects_as_published(plain):
+    rig = read_wheel_rig(plain)
+    assert preset_candidate(Bulldozing(), rig).effect == Bulldozing()
+    assert "Bulldozing.gamma" in preset_candidate(Bulldozing(), rig).shapes
+    assert describe_declared(rig, [Bulldozing()]) == ()
+
+
+def test_a_wheel_that_is_said_to_be_smooth_has_no_lugs(plain, tmp_path):
+    def smooth(text):
+        return declared(text, 'surface = "smooth"\n')
+
+    data = read_rig_set(changed(plain, tmp_path / "smooth", smooth))
+    model = RigModel(data.rig.wheel, data.soil())
+    kinds = {one.kind for one in candidates(data, model, rig_kinds())}
+    every = {one.kind for one in candidates(read_rig_set(plain), model, rig_kinds())}
+    assert every - kinds == {"LugExcavation", "Grousers"}
+
+
+def test_fitted_lugs_are_held_against_their_height(plain, tmp_path):
+    data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS)))
+    number = Number("LugExcavation.h_l", "m", 0.0127, 0.010, 0.016, 0.0)
+    (flag,) = flags(data, data.soil(), 0.06, (number,))
+    assert flag.sentence == "LugExcavation.h_l = 12.7 mm [10 mm, 16 mm] sits away from 5 mm (lug_height of [wheel])"
+
+
+@pytest.mark.parametrize(("high", "says"), [(28.9, "sits away from"), (29.1, "agrees with")])
+def test_friction_is_held_against_the_angle_of_repose(plain, tmp_path, high, says):
+    """The whole interval below it: dry sand's friction is no less."""
+    sand = 'angle_of_repose = { value = 29.0, unit = "deg" }\n'
+    data = read_rig_set(changed(plain, tmp_path / "sand", lambda text: declared(text, soil=sand)))
+    number = Number("soil.phi", "rad", *np.radians([26.0, 24.0, high]), math.nan)
+    told = [flag for flag in flags(data, data.soil(), 0.06, (number,)) if flag.independent.high > flag.independent.low]
+    assert [flag.says.value for flag in told] == [says]
+
+
+@pytest.mark.parametrize("stiffness", ["k_1 = 9e4", "k_phi = 1.5e6\nk_c = 0.0"])
+def test_a_fitted_stiffness_is_held_against_the_declared_one(plain, tmp_path, stiffness):
+    """As its exponent goes with it: at another n the two have other units."""
+    path = changed(plain, tmp_path / "known", lambda text: declared(text, soil=f"{stiffness}\n"))
+    data = read_rig_set(path)
+    soil, b = data.soil(), float(data.rig.wheel.b)
+    (flag,) = flags(data, soil, b, (Number("soil.k_1", "Pa", 2 * soil.k_1, 1.8 * soil.k_1, 2.2 * soil.k_1, math.nan),))
+    assert (flag.name, flag.says.value) == ("K_eff", "sits away from")
+    assert flag.independent.low == pytest.approx(float(soil.k_1) / b**soil.n)
+    assert flags(data, soil.replace(n=soil.n + 0.1), b, (Number("soil.k_1", "Pa", 1.0, 1.0, 1.0, math.nan),)) == ()
+
+
+def test_a_wheel_with_declared_lugs_has_their_trench_from_the_start(tmp_path):
+    """Its depth is known but for how full the pockets are; what is missing besides is told from it."""
+    rig = hidden.Rig(sizes={"lug_trench": 0.006, "rate_dependence": 0.1})
+    table = hidden.rig_set(rig, loads=(15.0, 40.0), slips=(0.0, 0.2, 0.4, 0.6, 0.8), repeats=2, speeds=(0.01, 0.04))
+    folder = hidden.write(tmp_path / "trench", rig, table)
+    told_lugs = changed(folder, tmp_path / "lugs", lambda text: declared(text, "lug_height = 0.005\n"))
+    verdict = close_the_loop(told_lugs)
+    assert verdict.named == ("RateDependence",)
+    numbers = {one.name: one for one in verdict.after.numbers}
+    height = numbers["LugExcavation.h_l"]
+    assert height.prior == "0.005 +- 0.0015"
+    assert height.low < 0.006 < height.high
+    assert "lug_height is where a fit starts with LugExcavation.h_l = 5 mm, which the model starts with" in (
+        verdict.extra.declared
+    )
+    before = {type(one).__name__ for one in verdict.before.model.effects}
+    assert before == {"SoilTraction", "LugExcavation"}
+
+
+def test_a_model_of_ones_own_needs_no_trench_and_its_height_is_as_declared_where_it_has_one(plain, tmp_path):
+    data = read_rig_set(changed(plain, tmp_path / "lugs", lambda text: declared(text, LUGS)))
+    experiment, bare = RigExperiment(data), RigModel(data.rig.wheel, data.soil())
+    without = [one.name for one in numbers_of(experiment, bare)]
+    assert "LugExcavation.h_l" not in without
+    model = bare.having(*known_trench(data.rig)).having(ExitAngle())
+    found = {one.name: one for one in numbers_of(experiment, model)}
+    assert found.keys() == {*without, "LugExcavation.h_l", "ExitAngle.e_1"}
+    height = found["LugExcavation.h_l"]
+    assert (height.prior, height.origin, height.scale) == (True, 0.005, pytest.approx(0.0015))
+    assert not found["ExitAngle.e_1"].prior
+
+
+def test_a_radius_over_the_lugs_is_read_as_the_rims(plain, tmp_path):
+    """The same runs told by the tips: omega and v are the same, r, slip and rim speed are those over the lugs."""
+    rim, lug = read_rig_set(plain), 0.004
+    r = float(rim.rig.wheel.r)
+
+    def by_tips(table):
+        tip = table["rim_speed_mps"] * (r + lug) / r
+        slip = (tip - table["travel_speed_mps"]) / np.maximum(tip, table["travel_speed_mps"])
+        return table.assign(slip=slip, rim_speed_mps=tip)
+
+    def toml(text):
+        text = text.replace(f"r = {{ value = {r}", f"r = {{ value = {r + lug}")
+        return declared(text, f"lug_height = {lug}\nr_over_lugs = true\n")
+
+    data = read_rig_set(changed(plain, tmp_path / "tips", toml, by_tips))
+    assert data.rig.wheel.r == pytest.approx(r)
+    assert data.speeds == pytest.approx(rim.speeds)
+    exact = (rim.speeds[:, 1] - rim.speeds[:, 0]) / np.maximum(*rim.speeds.T)
+    assert data.rig.slip == pytest.approx(exact)
+
+
+@pytest.mark.parametrize(
+    ("wheel", "soil", "said"),
+    [
+        ("lug_hight = 0.005\n", "", "no key 'lug_hight' in .wheel.: did you mean 'lug_height'"),
+        ("lug_height = { value = 5.0, unit = 'm' }\n", "", "lug_height = 5 m lies outside 0 to 1 m; check its unit"),
+        ("r_over_lugs = true\n", "", "r_over_lugs = true needs lug_height; give the lugs' height over the rim"),
+        ("r_over_lugs = true\nlug_height = 0.5\n", "", "leaves no rim: lug_height = 0.5 m"),
+        ("r_over_lugs = 'yes'\n", "", "r_over_lugs = 'yes'; write true or false"),
+        ("", "bulk_density = 1.33\n", "bulk_density = 1.33 kg/m.3 lies outside 100 to 1e.04 kg/m.3; check its unit"),
+        ("", "angle_of_repose = 29.0\n", "angle_of_repose = 29 rad lies outside 0 to 1.047 rad; check its unit"),
+    ],
+)
+def test_what_cannot_be_lugs_or_sand_is_refused(plain, tmp_path, wheel, soil, said):
+    with pytest.raises(DataError, match=said):
+        read_wheel_rig(changed(plain, tmp_path / "bad", lambda text: declared(text, wheel, soil)))
+
+
+def test_identify_says_what_it_does_not_use(plain, tmp_path):
+    rig = read_wheel_rig(changed(plain, tmp_path / "sand", lambda text: declared(text, LUGS, SAND)))
+    found = identified(rig, rig.declared_soil(Soil()), ("k", "phi", "k_1"))
+    last = found.report().splitlines()[-1]
+    assert last.startswith("not used: lug_height, lug_width, lug_count, bulk_density, which Eqs (2)-(7)")
+    assert found.as_dict()["unused"] == [name for name in rig.beside if name != "angle_of_repose"]
+    assert "phi" in {flag.name for flag in found.elsewhere}
+
+
+# --- SDs of the soil -------------------------------------------------------------------------------------------------
+
+
+def test_a_soil_constant_with_an_sd_is_a_prior_of_the_loops_fits(plain, tmp_path):
+    """A fit is drawn to what is stated as far as its SD says: all the way, and not at all."""
+    free = fitted(read_rig_set(plain)).value("soil.phi")
+    value = free + math.radians(5.0)
+    ends = {}
+    for sd in (1e-5, 10.0):
+        said = f"phi = {{ value = {value}, sd = {sd} }}\nexit_ratio = {{ value = 0.2, sd = 1e-6 }}\n"
+
+        def keep(text, said=said):
+            return "\n".join(line for line in text.splitlines() if not line.startswith(("phi", "exit_ratio"))).replace(
+                "[soil]", f"[soil]\n{said}"
+            )
+
+        data = read_rig_set(changed(plain, tmp_path / f"sd-{sd}", keep))
+        found = fitted(data)
+        ends[sd] = found.value("soil.phi")
+        assert found.value("soil.exit_ratio") == pytest.approx(0.2, abs=1e-4)
+        assert [one.name for one in found.parameters].count("soil.phi") == 1
+    assert ends[1e-5] == pytest.approx(value, abs=1e-4)
+    assert abs(ends[10.0] - free) < math.radians(1.5)
+
+
+# --- slow carriages --------------------------------------------------------------------------------------------------
+
+
+def test_how_the_hole_of_a_slow_wheel_depends_on_its_speed_is_told():
+    page = (Path(__file__).parents[3] / "docs" / "data-wheel-rig.md").read_text()
+    told_so = re.search(r"sinks (.*?)\.\n", page, re.DOTALL)[1]
+    pairs = [tuple(map(float, pair)) for pair in re.findall(r"([\d.]+) mm\s+at (\d+) mm/s", told_so)]
+    assert [speed for _, speed in pairs] == [50.0, 10.0, 5.0, 1.0]
+    model = RigModel(Wheel(0.0625, 0.06), Soil(k=0.008)).having(DiggingMemory())
+    for sinkage, speed in pairs:
+        found = model.predict(25.0, 0.5, np.array([[1e-3 * speed, 2e-3 * speed]])).sinkage[0]
+        assert 1e3 * found == pytest.approx(sinkage, abs=0.06)

@@ -1,0 +1,118 @@
+"""What a rig adds to its readings: stated in rig.toml, taken off, or a nuisance with its prior in every fit."""
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.contact import Soil, Wheel
+from rover_pin.discrepancy.search import calibrated
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
+from rover_pin.experiments.wheel_rig.model_file import read_model, write_model
+from rover_pin.measurements.reading import read_evidence
+from rover_pin.measurements.rig_errors import RigErrors
+from rover_pin.measurements.wheel_rig import read_wheel_rig
+from tests.oracle import rig_generator as hidden
+
+SD = np.asarray(hidden.SD)
+TARE, ZERO = 0.15, 0.0015
+STATED = """
+[rig]
+torque_tare = { value = 0.0, sd = 200.0, unit = "mN m" }
+sinkage_zero = { value = 0.0, sd = 2.0, unit = "mm" }
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A set without a hidden effect, by a generator that shares no code, whose torque and sinkage are off."""
+    rig = hidden.Rig("none")
+    table = hidden.rig_set(rig, loads=(15.0, 40.0))
+    table["torque_Nm"], table["sinkage_m"] = table["torque_Nm"] + TARE, table["sinkage_m"] + ZERO
+    return hidden.write(tmp_path_factory.mktemp("rig") / "off", rig, table)
+
+
+def fitted(folder):
+    data = read_rig_set(folder)
+    experiment, soil = RigExperiment(data), data.soil()
+    model = RigModel(data.rig.wheel, soil.replace(c=0.0), errors=data.rig.errors)
+    return calibrated(experiment, model, experiment.uncertain(model))
+
+
+def test_a_tare_and_a_zero_are_found_beside_the_soil(folder, tmp_path):
+    told = tmp_path / "told"
+    told.mkdir()
+    (told / "points.csv").write_text((folder / "points.csv").read_text())
+    (told / "rig.toml").write_text((folder / "rig.toml").read_text() + STATED)
+    without, with_errors = fitted(folder), fitted(told)
+    assert with_errors.value("rig.torque_tare") == pytest.approx(TARE, abs=0.01)
+    assert with_errors.value("rig.sinkage_zero") == pytest.approx(ZERO, abs=2e-4)
+    left, before = (np.sqrt(np.nanmean(one.residual**2, axis=(0, 2))) / SD for one in (with_errors, without))
+    assert np.all(left < 1.2), "the noise alone, in SDs of pull, torque and sinkage"
+    assert before.max() > 1.5
+    assert np.abs(without.u).max() > 3.0, "a constant of the soil pays for the rig"
+    assert np.abs(with_errors.u).max() < 1.0
+    assert with_errors.value("soil.phi") == pytest.approx(hidden.Rig("none").soil["phi"], abs=0.02)
+
+
+def test_a_radius_that_is_not_sure_is_fitted_within_its_range(tmp_path):
+    """Told over the lugs, 3 mm too much: it moves towards the true one, and not beyond what is allowed."""
+    rig = hidden.Rig("none")
+    told = hidden.write(tmp_path / "radius", rig, hidden.rig_set(rig, loads=(15.0, 40.0)))
+    text = (told / "rig.toml").read_text()
+    assert f"r = {{ value = {rig.r}" in text
+    low, high = rig.r + 0.001, rig.r + 0.004
+    said = f"r = {{ value = {rig.r + 0.003}, sd = 0.003, low = {low}, high = {high}"
+    (told / "rig.toml").write_text(text.replace(f"r = {{ value = {rig.r}", said))
+    found = fitted(told)
+    assert low - 1e-12 <= found.value("wheel.r") < rig.r + 0.003
+    assert [one.name for one in found.parameters if one.name.startswith("wheel.")] == ["wheel.r"]
+
+
+def test_readings_are_those_of_the_true_load_scaled_and_shifted():
+    soil = Soil(k=0.01)
+    errors = RigErrors(0.1, 0.2, 0.3, 0.001, 0.02, 1.1, force_scale=0.9, moment_tare=0.004, moment_arm=0.02)
+    true = RigModel(Wheel(), soil, ASKEW).predict([11.0, 11.0], [0.1, 0.4], slip_angle=0.3)
+    read = RigModel(Wheel(), soil, ASKEW, errors).predict([10.0, 10.0], [0.1, 0.4], slip_angle=0.3)
+    assert read.drawbar_pull == pytest.approx(0.9 * true.drawbar_pull + 0.2 + 0.02 * 11.0)
+    assert read.torque == pytest.approx(true.torque + 0.1)
+    assert read.sinkage == pytest.approx(true.sinkage + 0.001)
+    assert read.side_force == pytest.approx(0.9 * true.side_force + 0.3)
+    assert read.moment == pytest.approx(true.moment + 0.004 - 0.02 * true.side_force)
+    assert true.moment.min() > 0.0
+
+
+def test_a_rig_without_errors_reads_what_is(folder):
+    rig = read_wheel_rig(folder)
+    assert (rig.errors, dict(rig.error_sd)) == (RigErrors(), {})
+    assert not [one.name for one in fitted(folder).parameters if one.name.startswith("rig.")]
+
+
+def test_a_model_file_keeps_the_errors(tmp_path):
+    for errors in (RigErrors(), RigErrors(torque_tare=0.2, load_scale=1.02)):
+        model = RigModel(Wheel(), Soil(), errors=errors)
+        assert read_model(write_model(model, tmp_path / "model.toml")) == model
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("torque_taer = { value = 0.1 }", "no key 'torque_taer' in .rig.: did you mean 'torque_tare'"),
+        ("torque_tare = { value = 0.1, unit = 'mm' }", "unit 'mm' does not measure what is asked for"),
+        ("load_scale = { value = 3.0 }", "load_scale"),
+        ("pull_tare = { value = 0.0, sd = -1.0 }", "the sd of 'pull_tare' is -1.0: give a positive number"),
+    ],
+)
+def test_what_cannot_be_an_error_of_a_rig_is_refused(folder, tmp_path, line, said):
+    (tmp_path / "points.csv").write_text((folder / "points.csv").read_text())
+    (tmp_path / "rig.toml").write_text((folder / "rig.toml").read_text() + f"\n[rig]\n{line}\n")
+    with pytest.raises(DataError, match=said):
+        read_wheel_rig(tmp_path)
+
+
+def test_identify_says_that_it_does_not_fit_them(folder, tmp_path):
+    (tmp_path / "points.csv").write_text((folder / "points.csv").read_text())
+    (tmp_path / "rig.toml").write_text((folder / "rig.toml").read_text() + STATED)
+    with pytest.raises(DataError, match="states errors of the rig, which identify does not fit"):
+        read_evidence(tmp_path)

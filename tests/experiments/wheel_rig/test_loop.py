@@ -1,0 +1,368 @@
+"""The loop on wheel-rig sets: hidden effects named, null sets left alone, what is not on the list described."""
+
+import dataclasses
+import json
+import math
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.base.trust import Trust
+from rover_pin.contact import Soil, Wheel
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.screen import null_threshold
+from rover_pin.effects.effect import Effect
+from rover_pin.effects.slip_sinkage import SlipSinkage
+from rover_pin.experiments.wheel_rig.candidates import added, effect_kinds, rig_kinds
+from rover_pin.experiments.wheel_rig.checks import findings
+from rover_pin.experiments.wheel_rig.data import as_rig_set, read_rig_set
+from rover_pin.experiments.wheel_rig.experiment import RigExperiment
+from rover_pin.experiments.wheel_rig.model import RigModel, conditions, predictor
+from rover_pin.experiments.wheel_rig.model_file import read_model, write_model
+from rover_pin.loop.close import close_the_loop
+from rover_pin.measurements.channel import FIELDS, DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
+from tests.oracle import rig_generator as hidden
+
+DATA = Path(__file__).parents[3] / "studies" / "data"
+WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
+"""A nominal soil that is not the hidden one."""
+
+IS = {
+    "slip_sinkage": "SlipSinkage",
+    "exit_angle": "ExitAngle",
+    "peak_stress": "PeakStress",
+    "motion_resistance": "MotionResistance",
+    "post_peak": "PostPeak",
+    "rate_dependence": "RateDependence",
+    "digging": "DiggingMemory",
+    "bulldozing": "Bulldozing",
+    "grousers": "Grousers",
+    "interface_friction": "InterfaceFriction",
+    "load_exponent": "LoadExponent",
+    "skid_sinkage": "SkidSinkage",
+}
+
+
+def folder(tmp_path, effect, seed=0, nominal=None, **columns):
+    rig = hidden.Rig(effect)
+    table = hidden.rig_set(rig, **({"loads": (15.0, 40.0), "seed": seed} | columns))
+    return hidden.write(tmp_path / effect, rig, table, nominal)
+
+
+# --- the rig model ---------------------------------------------------------------------------------------------------
+
+
+def test_without_more_effects_it_is_the_law_that_identify_fits():
+    data = read_wheel_rig(DATA / "ding-2011-smooth").rows(slice(1, None))
+    model = RigModel(data.wheel, data.declared_soil(Soil()))
+    free = ("k", "phi", "k_1", "k_2", "n", "c", "exit_ratio", "r", "b")
+    values, jacobian = data.predictor(free)(model.vector()[: len(FIELDS)])
+    experiment = RigExperiment(as_rig_set(data))
+    named = ["wheel." + name if name in ("r", "b") else "soil." + name for name in free]
+    numbers = [dataclasses.replace(experiment.parameter(model, name, 1.0), prior=False) for name in named]
+    own, slopes = experiment.sensitivities(model, numbers, np.zeros(len(free)))
+    np.testing.assert_allclose(experiment.rows(own).ravel(), values, rtol=1e-5, atol=1e-6 * np.abs(values).max())
+    scale = np.abs(jacobian).max(axis=0)
+    slopes = np.array([experiment.rows(each).ravel() for each in slopes]).T
+    np.testing.assert_allclose(slopes / scale, jacobian / scale, atol=2e-5)
+
+
+@pytest.mark.parametrize("effect", ["none", *IS])
+def test_it_predicts_what_the_plain_generator_measures(effect):
+    """Another quadrature (midpoint, 2000 points) and another root finder (bisection), no shared code."""
+    rig = hidden.Rig(effect)
+    s = rig.soil
+    soil = Soil(s["c"], s["phi"], s["k"], s["K"], 0.0, s["n"], exit_ratio=s["exit_ratio"])
+    model = RigModel(Wheel(rig.r, rig.b), soil)
+    if effect != "none":
+        kind = next(kind for kind in effect_kinds() if kind.__name__ == IS[effect])
+        one = added(kind, model)
+        model = model.having(one.replace(**{next(iter(one.neutral)): rig.size}))
+    slip = np.array([-0.2, 0.0, 0.2, 0.6])
+    rows = np.array([rig.run(25.0, S) for S in slip])
+    found = model.predict(25.0, slip, np.column_stack([np.full(4, 0.02), rows[:, 3]]))
+    np.testing.assert_allclose(found.drawbar_pull, rows[:, 0], atol=2e-3)
+    np.testing.assert_allclose(found.torque, rows[:, 1], atol=2e-4)
+    np.testing.assert_allclose(found.sinkage, rows[:, 2], rtol=1e-4)
+
+
+def test_a_rig_sets_the_slip_and_has_no_places():
+    left_out = {kind.__name__ for kind in effect_kinds()} - {kind.__name__ for kind in rig_kinds()}
+    assert left_out == {"WheelScale", "HardPatch"}
+
+
+@pytest.mark.parametrize("kind", rig_kinds(), ids=lambda kind: kind.__name__)
+def test_every_effect_works_on_a_rig_with_an_exact_jacobian(kind):
+    base = RigModel(Wheel(0.0625, 0.06), Soil(c=200.0, phi=0.5, k=0.008, k_1=9e4, n=1.1))
+    model = base.having(added(kind, base))
+    free = tuple(name for name in model.names if "." in name or name in ("phi", "k_1"))
+    runs = conditions(np.array([20.0, 30.0]), np.array([0.15, 0.6]))
+    predict, at = predictor(model, free, runs), model.vector()
+    values, jacobian, error = predict(at)
+    assert np.isfinite(values).all()
+    assert np.abs(error).max() < 1e-6
+    for column, name in enumerate(free):
+        index = model.names.index(name)
+        step = np.zeros(at.size)
+        step[index] = 1e-5 * (abs(at[index]) or 1.0)
+        slope = (predict(at + step).values - predict(at - step).values) / (2 * step[index])
+        scale = np.abs(values) / (abs(at[index]) or 1.0)
+        np.testing.assert_allclose(jacobian[:, :, column], slope, atol=1e-4 * scale.max(), rtol=1e-3, err_msg=name)
+
+
+def test_a_load_that_nothing_carries_is_refused():
+    with pytest.raises(DataError, match="no sinkage down to the axle carries load = 100000 N"):
+        RigModel(Wheel(), Soil(k_1=100.0)).predict(1e5, 0.2)
+
+
+def test_an_effect_stands_in_a_model_once():
+    with pytest.raises(ParameterError, match="SlipSinkage stands in the model twice"):
+        RigModel(Wheel(), Soil()).having(SlipSinkage()).having(SlipSinkage())
+
+
+def test_a_model_file_gives_the_same_numbers_back(tmp_path):
+    base = RigModel(Wheel(), Soil(phi=0.4))
+    for kind in effect_kinds():
+        model = base.having(added(kind, base))
+        assert read_model(write_model(model, tmp_path / "model.toml")) == model
+    text = (tmp_path / "model.toml").read_text()
+    (tmp_path / "model.toml").write_text(text.replace("rig-model", "drive"))
+    with pytest.raises(DataError, match="kind = 'drive' is not a rig model"):
+        read_model(tmp_path / "model.toml")
+    (tmp_path / "model.toml").write_text(text.replace("SoilTraction", "SoilTracton"))
+    with pytest.raises(DataError, match="there is no effect 'SoilTracton': did you mean 'SoilTraction'"):
+        read_model(tmp_path / "model.toml")
+    (tmp_path / "model.toml").write_text(text.replace("SinkageAngles", "Angles"))
+    with pytest.raises(DataError, match="there are no angles 'Angles'"):
+        read_model(tmp_path / "model.toml")
+
+
+# --- hidden effects --------------------------------------------------------------------------------------------------
+
+
+def test_a_hidden_effect_is_named_with_its_size_and_reported(tmp_path):
+    said = []
+    path = folder(tmp_path, "slip_sinkage", nominal=WRONG)
+    verdict = close_the_loop(path, out=tmp_path / "out", progress=said.append)
+    assert verdict.answer is Answer.NAMED
+    assert [type(effect) for effect in verdict.effects] == [SlipSinkage]
+    found = next(one for one in verdict.after.numbers if one.name == "SlipSinkage.n_1")
+    assert found.low <= 0.6 <= found.high
+    assert verdict.effects[0].n_1 == found.value
+    for score in verdict.scores:
+        assert score.after < 1.3 * score.floor
+    assert next(score for score in verdict.scores if score.name == "sinkage").claim == "better"
+    kept = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert kept["effects"] == ["SlipSinkage"]
+    assert kept["command"].startswith("rover-pin close-loop")
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "because sand gives way as the wheel slips (slip-sinkage)" in page[page.index("<h1>") : page.index("</h1>")]
+    assert page.count('<svg role="img"') == sum(file.suffix == ".png" for file in verdict.files)
+    assert "No channel got worse" in page
+    assert verdict.chosen_again == "SlipSinkage chosen in 7 of 7 folds"
+    assert set(kept["folds"].values()) == {"SlipSinkage"}
+    sunk = next(one for one in kept["held_out"] if one["name"] == "sinkage")
+    assert [one["level"] for one in sunk["levels"]] == list(kept["folds"])
+    assert np.mean([one["after"] ** 2 for one in sunk["levels"]]) == pytest.approx(sunk["after"] ** 2)
+    profile = next(one for one in kept["profiles"] if one["name"] == "SlipSinkage.n_1")
+    assert min(profile["rises"]) == 0 < 3.84 < max(profile["rises"])
+    before, after = (kept["extra"][side]["residual_tests"] for side in ("before", "after"))
+    against_slip = [one["p"] for one in before if (one["channel"], one["against"]) == ("sinkage", "slip")]
+    assert against_slip[0] < 0.01
+    assert min(one["p"] for one in after) > 1e-3
+    assert "http" not in page.replace("http://www.w3.org", "")  # but for the names of SVG's elements
+    assert read_model(tmp_path / "out" / "model.toml") == verdict.model
+    assert "an effect is missing" in verdict.summary()
+    assert said[0] == "calibrating the base model"
+
+
+def test_a_null_set_needs_no_effect(tmp_path):
+    verdict = close_the_loop(folder(tmp_path, "none", seed=3, nominal=WRONG))
+    assert verdict.answer is Answer.NONE_NEEDED
+    assert verdict.effects == ()
+    assert all(one.is_noise for one in verdict.extra.after.residuals)
+
+
+def test_what_is_on_no_list_is_described_and_its_draft_is_an_effect(tmp_path):
+    path = folder(tmp_path, "slip_squared_drag")
+    verdict = close_the_loop(path, out=tmp_path / "out")
+    assert verdict.answer is Answer.NONE_FITS
+    assert verdict.effects == ()
+    assert "no candidate explains it" in verdict.sentence
+    assert any(not one.is_noise and "smooth fit" in one.sentence for one in verdict.extra.after.residuals)
+    draft = verdict.draft
+    assert draft.accepted
+    assert all(one.after < 1.3 * one.floor for one in draft.scores)
+    assert [one.before for one in draft.scores] == [one.before for one in verdict.scores]
+    assert max(one.before / one.after for one in draft.scores) > 2
+    assert f"--effects {tmp_path / 'out' / 'draft_effect' / 'measured_remainder.py'}" in verdict.summary()
+    assert json.loads((tmp_path / "out" / "verdict.json").read_text())["draft"]["accepted"] is True
+    again = close_the_loop(path, effects=tmp_path / "out" / "draft_effect")
+    assert again.indistinguishable[0] == "MeasuredRemainder"
+    assert again.share > 0.95
+
+
+@pytest.mark.parametrize("noise", ["understated", "spiked"])
+def test_noise_that_is_larger_than_declared_is_no_unknown_effect(tmp_path, noise):
+    """Seven of seven and three of four blind sets with nothing hidden were called "none of these"."""
+    rig = hidden.Rig("none")
+    path = hidden.write(tmp_path, rig, hidden.rig_set(rig, seed=5, mixed=True, noise=noise))
+    verdict = close_the_loop(path)
+    assert verdict.answer is Answer.INADEQUATE
+    assert verdict.draft is None
+    assert "the noise may be 1." in verdict.sentence
+
+
+def test_a_users_effect_is_a_file_in_a_folder(tmp_path):
+    source = Path(__file__).parents[3] / "rover_pin" / "effects" / "slip_sinkage.py"
+    (tmp_path / "own").mkdir()
+    text = source.read_text().replace("class SlipSinkage", "class OwnDigging")
+    (tmp_path / "own" / "digging.py").write_text(text)
+    kinds = effect_kinds(tmp_path / "own")
+    assert [kind.__name__ for kind in kinds if kind.__module__.startswith("rover_pin_user")] == ["OwnDigging"]
+    assert all(issubclass(kind, Effect) for kind in kinds)
+    base = RigModel(Wheel(), Soil())
+    model = base.having(added(kinds[-1], base))
+    back = read_model(write_model(model, tmp_path / "model.toml"), Trust.of(tmp_path / "own"))
+    np.testing.assert_allclose(back.predict(10.0, [0.1, 0.7]), model.predict(10.0, [0.1, 0.7]))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "there is no such effect file"),
+        ("x = 1\n", "no effect stands there"),
+        ("import nothing_of_this_name\n", "the code there ends with ModuleNotFoundError"),
+    ],
+)
+def test_an_effect_file_that_is_none_is_refused(tmp_path, text, said):
+    if text is not None:
+        (tmp_path / "own.py").write_text(text)
+    with pytest.raises(DataError, match=said):
+        effect_kinds(tmp_path / "own.py")
+
+
+# --- data that cannot answer -----------------------------------------------------------------------------------------
+
+
+def changed(tmp_path, change):
+    path = folder(tmp_path, "none", loads=(25.0,), repeats=1)
+    lines = (path / "points.csv").read_text().splitlines()
+    names = lines[0].split(",")
+    table = dict(zip(names, np.array([line.split(",") for line in lines[1:]], dtype=float).T, strict=True))
+    change(table)
+    rows = zip(*table.values(), strict=True)
+    text = [",".join(table), *(",".join(map(str, row)) for row in rows)]
+    (path / "points.csv").write_text("\n".join(text) + "\n")
+    return path
+
+
+def scaled(name, factor):
+    return lambda table: table.update({name: factor * table[name]})
+
+
+def with_nan(table):
+    table["load_N"][2] = math.nan
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda table: table.pop("load_N"), "has no column 'load_N'"),
+        (with_nan, "load is missing or not finite in row 3"),
+        (scaled("sinkage_m", 1e3), "if these are millimetres, divide them by 1000"),
+        (scaled("slip", 100.0), "looks like percent"),
+        (scaled("drawbar_pull_N", 1e3), "more than any soil gives; check the units of drawbar_pull_N"),
+        (scaled("torque_Nm", 1e3), "times the load times radius, more than any soil gives"),
+        (scaled("rim_speed_mps", 2.0), "its speeds give .* by Eq"),
+        (
+            lambda table: table.update(slip=0.2 + 0 * table["slip"], rim_speed_mps=0.025 + 0 * table["slip"]),
+            "slip is 0.2 in every run, so nothing can be told from a constant",
+        ),
+        (lambda table: table.update(level=0 * table["level"]), r"all runs are one level \(0.0\)"),
+        (
+            lambda table: table.update(torque_Nm=0.4 + 0 * table["slip"]),
+            "torque_Nm is 0.4 in all 7 runs, as of a sensor",
+        ),
+    ],
+)
+def test_data_that_cannot_be_used_get_one_sentence(tmp_path, change, said):
+    with pytest.raises(DataError, match=said):
+        close_the_loop(changed(tmp_path, change))
+
+
+@pytest.mark.parametrize(
+    ("keep", "kinds", "said"),
+    [
+        (slice(0, 4), (DrawbarPull, Torque, Sinkage), "2 levels of slip"),
+        (slice(0, 6), (Sinkage,), ""),
+    ],
+)
+def test_a_set_too_poor_says_so(tmp_path, keep, kinds, said):
+    path = folder(tmp_path, "slip_sinkage", loads=(25.0,))
+    data = read_wheel_rig(path).only(*kinds).rows(keep)
+    verdict = close_the_loop(data)
+    if said:
+        assert verdict.answer is Answer.CANNOT_TELL
+        assert said in verdict.sentence
+        assert "measure" in verdict.sentence
+        assert verdict.effects == ()
+        assert "cannot tell" in verdict.summary()
+    else:
+        assert verdict.answer in (Answer.CANNOT_TELL, Answer.NONE_NEEDED)
+
+
+def test_slips_too_alike_or_too_few_values_are_too_poor(tmp_path):
+    rig = read_wheel_rig(folder(tmp_path, "none", loads=(25.0,), repeats=1))
+    near = WheelRig(rig.wheel, 0.1 + 0.1 * rig.slip, rig.load, rig.channels, levels=rig.levels)
+    assert "slips span 0.08 only" in close_the_loop(near).sentence
+    few = rig.only(DrawbarPull).rows(slice(0, 3))
+    assert "3 measured values for 3 uncertain soil constants" in close_the_loop(few).sentence
+
+
+def test_pressing_files_of_several_wheels_need_the_surface(tmp_path):
+    path = shutil.copytree(DATA / "cmu-smooth-wheel", tmp_path / "set")
+    text = (path / "rig.toml").read_text()
+    (path / "rig.toml").write_text(text.replace('surface = "smooth"', 'surface = "rubber"'))
+    with pytest.raises(DataError, match=r"several wheels were pressed in \(wheel_.*surface"):
+        read_rig_set(path)
+
+
+def test_findings_name_stray_repeats_and_loads_alike(tmp_path):
+    path = folder(tmp_path, "none", loads=(25.0,), repeats=4)
+    lines = (path / "points.csv").read_text().splitlines()
+    cells = lines[2].split(",")
+    cells[-1] = str(float(cells[-1]) + 0.006)
+    lines[2] = ",".join(cells)
+    (path / "points.csv").write_text("\n".join(lines) + "\n")
+    data = read_rig_set(path)
+    said = " ".join(map(str, findings(data)))
+    assert "run 2 lies" in said
+    assert "vary the load 1.5 times" in said
+
+
+def test_the_fee_is_what_chance_gains():
+    assert null_threshold(15) == pytest.approx(2 * math.log(15 / 0.05))
+
+
+# --- measured data ---------------------------------------------------------------------------------------------------
+
+
+def test_smooth_wheel_sinks_with_slip():
+    """Held-out sinkage error 5.5 -> 1.0 mm, by either form; K_eff moves from half to that of pressing the wheel in."""
+    verdict = close_the_loop(DATA / "cmu-smooth-wheel")
+    assert verdict.indistinguishable == ("SlipSoftening", "SlipSinkage")
+    pull, sunk = verdict.scores
+    assert sunk.before == pytest.approx(5.5e-3, abs=0.4e-3)
+    assert sunk.after == pytest.approx(1.04e-3, abs=0.15e-3)
+    assert sunk.claim == "better"
+    assert "nothing to claim" in pull.claim
+    (before,), (after,) = verdict.extra.before.flags, verdict.extra.after.flags
+    assert not before.agrees
+    assert before.ratio < 0.6
+    assert after.agrees
+    assert after.ratio == pytest.approx(0.99, abs=0.1)

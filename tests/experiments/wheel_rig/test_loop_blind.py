@@ -1,0 +1,68 @@
+"""Many hidden effects from the plain generator, with right and wrong nominal soils: how often the loop is right."""
+
+import pytest
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.loop.close import close_the_loop
+from tests.oracle import rig_generator as hidden
+
+WRONG = {"n": 1.0, "c": 0.0, "phi": 0.6, "k": 0.02}
+IS = {
+    "slip_sinkage": "SlipSinkage",
+    "exit_angle": "ExitAngle",
+    "peak_stress": "PeakStress",
+    "motion_resistance": "MotionResistance",
+    "post_peak": "PostPeak",
+    "rate_dependence": "RateDependence",
+    "digging": "DiggingMemory",
+}
+SOILS = ({}, {"n": 0.9, "K": 6e4, "phi": 0.6, "k": 0.015}, {"n": 1.3, "K": 2e5, "phi": 0.45, "c": 50.0, "k": 0.004})
+
+
+def verdict_of(folder, effect, seed, severity=1.0):
+    rig = hidden.Rig(effect, severity * hidden.SIZES[effect], **SOILS[seed % 3])
+    path = hidden.write(folder, rig, hidden.rig_set(rig, seed=seed), WRONG if seed % 2 else None)
+    return close_the_loop(path)
+
+
+@pytest.mark.slow
+def test_hidden_effects_are_named_or_within_the_stated_set(tmp_path):
+    """A miss counts where the true effect, refitted, gains more than the best of all candidates would by chance."""
+    wrong, missed, hidden_well = [], [], []
+    for effect, name in IS.items():
+        for seed in range(4):
+            verdict = verdict_of(tmp_path / f"{effect}{seed}", effect, seed, severity=(1.0, 0.5)[seed // 2])
+            told = verdict.answer in (Answer.NAMED, Answer.SET, Answer.LIKE)
+            detectable = any(one.name == name and one.net > 0 for one in verdict.search.rounds[0].refits)
+            case = (effect, seed, verdict.answer.name, verdict.indistinguishable, round(verdict.before.misfit, 2))
+            if told and name not in " ".join(verdict.indistinguishable):
+                wrong.append(case)
+            elif not told:
+                (missed if detectable else hidden_well).append(case)
+    print(f"of {4 * len(IS)}: wrong {wrong}, missed {missed}, too small to see {hidden_well}")
+    assert wrong == []
+    assert missed == []
+    assert len(hidden_well) <= 3
+
+
+@pytest.mark.slow
+def test_null_sets_raise_no_alarm(tmp_path):
+    alarms = []
+    for seed in range(20):
+        verdict = verdict_of(tmp_path / f"none{seed}", "none", seed)
+        if verdict.answer is not Answer.NONE_NEEDED:
+            alarms.append((seed, verdict.answer.name, verdict.indistinguishable))
+    print(f"{len(alarms)} of 20 false alarms: {alarms}")
+    assert len(alarms) <= 1, alarms
+
+
+@pytest.mark.slow
+def test_what_is_on_no_list_is_not_named(tmp_path):
+    named = []
+    for effect in ("slip_squared_drag", "sinkage_bump"):
+        for seed in range(4):
+            verdict = verdict_of(tmp_path / f"{effect}{seed}", effect, seed)
+            if verdict.answer is not Answer.NONE_FITS:
+                named.append((effect, seed, verdict.answer.name, verdict.indistinguishable, round(verdict.share, 2)))
+    print(f"{len(named)} of 8 off-list sets named: {named}")
+    assert len(named) <= 2, named

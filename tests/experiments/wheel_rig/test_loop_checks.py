@@ -1,0 +1,214 @@
+"""What accompanies a verdict: residual tests, the choice made anew, profiles, cautions; and how blind tests score."""
+
+import html
+import importlib
+import importlib.util
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from rover_pin.contact import Wheel
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.held_out import ChannelScore
+from rover_pin.estimation.wording import got_worse
+from rover_pin.experiments.wheel_rig.data import as_rig_set
+from rover_pin.experiments.wheel_rig.residual_tests import (
+    NEIGHBOURS,
+    NEXT_RUN,
+    ORDER,
+    SLIP_SQUARED,
+    ResidualTest,
+    residual_tests,
+)
+from rover_pin.loop.close import close_the_loop
+from rover_pin.measurements.channel import DrawbarPull, Sinkage
+from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.report.rig.cautions import of_residuals
+from rover_pin.report.words import human
+from rover_pin.simulation.model.effect_files import package_effects
+
+STUDIES = Path(__file__).parents[3] / "studies"
+DATA = STUDIES / "data"
+
+
+def loaded(name):
+    spec = importlib.util.spec_from_file_location(name, STUDIES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+score = loaded("blind_score")
+
+
+# --- residual tests --------------------------------------------------------------------------------------------------
+
+RUNS = 36
+
+
+def plain_set(loads):
+    """Slips and loads in random order; what was measured does not matter here."""
+    rng = np.random.default_rng(4)
+    slip = rng.permutation(np.repeat(np.linspace(0, 0.85, 12), 3))
+    load = rng.choice(loads, RUNS)
+    sunk = Sinkage(np.linspace(0.01, 0.02, RUNS), np.full(RUNS, 1e-3))
+    pull = DrawbarPull(np.linspace(-1, 1, RUNS), np.full(RUNS, 0.1))
+    return as_rig_set(WheelRig(Wheel(), slip, load, (pull, sunk)))
+
+
+def p_of(tests, channel, against):
+    return next(test.p for test in tests if (test.channel, test.against) == (channel, against))
+
+
+@pytest.mark.parametrize("against", ["slip", SLIP_SQUARED, "load", ORDER])
+def test_a_residual_that_follows_something_is_told_so_and_by_nothing_else(against):
+    data = plain_set((10.0, 20.0))
+    slip = np.asarray(data.rig.slip)
+    cause = {
+        "slip": slip,
+        SLIP_SQUARED: (slip - slip.mean()) ** 2,
+        "load": np.asarray(data.rig.load),
+        ORDER: np.arange(RUNS),
+    }[against]
+    noise = np.random.default_rng(1).normal(size=(2, RUNS))
+    noise[1] += 3 * (cause - cause.mean()) / cause.std()
+    tests = residual_tests(data, noise, 0)
+    assert p_of(tests, "sinkage", against) <= 0.002
+    assert p_of(tests, "drawbar pull", against) > 0.01
+    others = {"slip", SLIP_SQUARED, "load", ORDER} - {against}
+    assert all(p_of(tests, "sinkage", other) > 0.002 for other in others)
+
+
+def test_whiteness_sees_what_lives_between_neighbours():
+    data = plain_set((10.0,))
+    slow = np.sin(np.arange(RUNS) / 3)
+    tests = residual_tests(data, np.vstack([slow, np.sin(9 * np.asarray(data.rig.slip))]), 0)
+    assert p_of(tests, "drawbar pull", NEXT_RUN) < 0.01 < p_of(tests, "drawbar pull", NEIGHBOURS)
+    assert p_of(tests, "sinkage", NEIGHBOURS) < 0.01 < p_of(tests, "sinkage", NEXT_RUN)
+    assert not any(test.against == "load" for test in tests)
+
+
+def test_p_values_of_noise_are_uniform():
+    data, rng = plain_set((10.0, 20.0)), np.random.default_rng(2)
+    p = [test.p for seed in range(20) for test in residual_tests(data, rng.normal(size=(2, RUNS)), seed)]
+    assert kstest(p, "uniform").pvalue > 0.01
+
+
+def test_a_residual_that_is_nothing_hangs_together_with_nothing():
+    assert {test.p for test in residual_tests(plain_set((10.0,)), np.zeros((2, RUNS)), 0)} == {1.0}
+
+
+# --- cautions --------------------------------------------------------------------------------------------------------
+
+
+def test_what_got_worse_is_named():
+    better = ChannelScore("sinkage", "m", 1e-3, 5e-3, 2e-3, -0.6, -0.8, -0.3)
+    lost = ChannelScore("torque", "N m", 0.01, 0.02, 0.03, 0.5, 0.2, 0.9)
+    assert got_worse([("sinkage", better.worded)]) == "No channel got worse beyond its scatter."
+    assert got_worse([(one.name, one.worded) for one in (better, lost)]) == "Got worse: torque by 50%."
+
+
+def test_a_correlation_beyond_chance_is_a_caution():
+    said = of_residuals((), [ResidualTest("sinkage", "load", 0.8, 0.001), ResidualTest("torque", "load", 0.3, 0.2)])
+    assert said == ["the residual of sinkage hangs together with load (r = +0.80, p = 0.001 < 0.01)"]
+
+
+@pytest.mark.slow
+def test_ding_s_wheel_comes_with_its_cautions(tmp_path):
+    verdict = close_the_loop(DATA / "ding-2011-smooth", out=tmp_path)
+    assert "folds" in verdict.chosen_again
+    assert any(said.startswith("phi = ") and "sits away from" in said for said in verdict.cautions)
+    assert any("times its noise" in said for said in verdict.cautions)
+    page = html.unescape((tmp_path / "report.html").read_text()).replace("\N{NO-BREAK SPACE}", " ")
+    kinds = package_effects()
+    heads = (said.partition(":")[0] for said in verdict.cautions)
+    told = [head if head in verdict.vetoes else said for head, said in zip(heads, verdict.cautions, strict=True)]
+    assert all(human(said, kinds)[1:] in page for said in told)  # capital letters begin them; a veto is said once
+
+
+@pytest.mark.slow
+def test_smooth_wheel_sinks_with_slip_in_every_fold(tmp_path):
+    """By either law of it; some folds add a second effect."""
+    verdict = close_the_loop(DATA / "cmu-smooth-wheel", out=tmp_path)
+    laws = [{"SlipSinkage", "SlipSoftening"} & set(chosen.split(" + ")) for chosen in verdict.chosen.values()]
+    assert all(laws), verdict.chosen
+    sunk = verdict.scores[1]
+    assert sunk.after < 0.5 * sunk.before
+
+
+# --- the score of blind tests ----------------------------------------------------------------------------------------
+
+
+def case(kind, truth, answer, *alike, detectable=True):
+    alike = tuple(tuple(one.split("+")) for one in alike)
+    return score.Case("made", score.Kind[kind], tuple(truth.split("+")) if truth else (), answer, alike, detectable)
+
+
+@pytest.mark.parametrize(
+    ("made", "worth"),
+    [
+        (case("SINGLE", "A", Answer.NAMED, "A"), "RIGHT"),
+        (case("SINGLE", "A", Answer.SET, "B", "A"), "IN_SET"),
+        (case("SINGLE", "A", Answer.NAMED, "B"), "WRONG"),
+        (case("SINGLE", "A", Answer.NAMED, "A+B"), "EXTRA"),
+        (case("SINGLE", "A", Answer.NONE_FITS), "UNKNOWN"),
+        (case("SINGLE", "A", Answer.NONE_NEEDED), "SILENT"),
+        (case("PAIR", "A+B", Answer.NAMED, "B+A"), "RIGHT"),
+        (case("PAIR", "A+B", Answer.NAMED, "B"), "PART"),
+        (case("PAIR", "A+B", Answer.NAMED, "C"), "WRONG"),
+        (case("NULL", "", Answer.NAMED, "A"), "WRONG"),
+        (case("NULL", "", Answer.NONE_NEEDED), "SILENT"),
+        (case("OFF_LIST", "odd", Answer.SET, "A", "B"), "WRONG"),
+        (case("OFF_LIST", "odd", Answer.NONE_FITS), "UNKNOWN"),
+    ],
+)
+def test_what_an_answer_is_worth(made, worth):
+    assert made.outcome is score.Outcome[worth]
+
+
+@pytest.mark.parametrize(("count", "of"), [(0, 20), (1, 24), (58, 61), (30, 30)])
+def test_wilson_s_interval_is_where_the_score_test_rejects(count, of):
+    low, high = score.wilson(count, of)
+    for end in (low, high):
+        if 0 < end < 1:
+            z = abs(count / of - end) / math.sqrt(end * (1 - end) / of)
+            assert z == pytest.approx(1.959964)
+
+
+def test_shares_count_detectable_cases_only():
+    cases = [case("SINGLE", "A", Answer.NAMED, "A")] * 3
+    cases += [case("SINGLE", "A", Answer.NAMED, "B"), case("SINGLE", "A", Answer.NONE_NEEDED, detectable=False)]
+    cases += [case("NULL", "", Answer.NONE_NEEDED, detectable=False)]
+    rows = {row.what: (row.count, row.of) for row in score.shares(cases)}
+    assert rows["one effect: detectable"] == (4, 5)
+    assert rows["detectable: named, or in the stated set"] == (3, 4)
+    assert rows["detectable: wrong name"] == (1, 4)
+    assert rows["nothing hidden: something named (false alarm)"] == (0, 1)
+    assert score.confusion(cases).loc["A", "B"] == 1
+
+
+def test_a_case_that_is_kept_is_made_once_and_read_as_it_was(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(STUDIES)
+    kept, told = (importlib.import_module(name) for name in ("kept.case", "blind_score"))
+    size = told.Size("Ploughing.a_b", 0.5, 0.52, math.inf, 0.6)
+    whole = told.Case(
+        "x, white, 7", told.Kind.PAIR, ("Ploughing", "ExitAngle"), told.Answer.SET, (("A", "B"), ("C",)), True, (size,)
+    )
+    assert str(kept.kept(tmp_path / "cases" / "7.json", lambda: whole)) == str(whole)
+    assert str(kept.kept(tmp_path / "cases" / "7.json", lambda: pytest.fail("made again"))) == str(whole)
+
+
+def test_blind_seeds_of_calibration_and_report_do_not_meet():
+    sys.path.insert(0, str(STUDIES))
+    try:
+        blind = loaded("blind_rig")
+    finally:
+        sys.path.remove(str(STUDIES))
+    seeds = [{hidden.seed for hidden in blind.plan(first)} for first in (blind.CALIBRATION, blind.REPORTED)]
+    assert not seeds[0] & seeds[1]
+    assert not {seed + 500_000 for seed in seeds[1]} & (seeds[0] | seeds[1])

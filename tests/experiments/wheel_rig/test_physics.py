@@ -1,0 +1,267 @@
+"""Nonsense in a rig set is refused or named; real wheels, and wheels of any size on any soil, raise no alarm."""
+
+import dataclasses
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.contact import Soil, Wheel
+from rover_pin.experiments.wheel_rig.checks import findings, refuse_unfit
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.model import ASKEW, RigModel
+from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.reading import read_evidence
+from rover_pin.measurements.rig_physics import refuse_impossible, suspicions
+from rover_pin.measurements.wheel_rig import WheelRig
+from rover_pin.parameters import SOILS
+from rover_pin.soil.sinkage import entry_angle, sinkage
+from rover_pin.soil.traction import wheel_forces
+
+DATA = Path(__file__).parents[3] / "studies" / "data"
+SETS = sorted(file.parent.name for file in DATA.glob("*/rig.toml"))
+CMU, DING = "cmu-smooth-wheel", "ding-2011-smooth"
+SLIPS = np.array([-0.5, -0.2, 0.0, 0.1, 0.2, 0.4, 0.6, 0.8])
+
+
+def changed(rig, kind=None, factor=1.0, load=1.0, r=1.0):
+    """The set with a channel, the load or the radius multiplied."""
+    channels = tuple(
+        type(each)(factor * each.measured, abs(factor) * each.sd) if isinstance(each, kind or ()) else each
+        for each in rig.channels
+    )
+    wheel = rig.wheel.replace(r=float(rig.wheel.r) * r)
+    return dataclasses.replace(rig, channels=channels, load=rig.loads * load, wheel=wheel)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_real_wheels_raise_no_alarm(name):
+    rig = read_rig_set(DATA / name).rig
+    refuse_impossible(rig)
+    assert suspicions(rig) == []
+
+
+IMPOSSIBLE = [
+    (DING, {"kind": Torque, "factor": -1.0}, "torque_Nm is negative at slips above 0.1, where the wheel drives"),
+    (CMU, {"kind": Sinkage, "factor": -1.0}, "sinkage_m is negative .* multiply it by -1: positive is down"),
+    (DING, {"load": 1.0 / 9.81}, "torque_Nm is 3.51 times the load times radius, more than any soil gives"),
+    (DING, {"kind": Torque, "factor": 1e-3}, "gives out 313 times the work that its torque puts in"),
+    (DING, {"r": 10.0}, "gives out 3.13 times the work .* and the wheel's r"),
+    (CMU, {"kind": DrawbarPull, "factor": 1e3}, "drawbar_pull_N is 42.8 times the load, more than any soil gives"),
+    (CMU, {"load": 1e7}, "no wheel's; give newtons"),
+]
+HARDLY_MEANT = [
+    (CMU, {"kind": DrawbarPull, "factor": -1.0}, "falls with slip, from 1.02 to -1.16 N"),
+    (DING, {"kind": DrawbarPull, "factor": -1.0}, "falls with slip, from -2.25 to -15 N"),
+    (CMU, {"load": 100.0}, "drawbar_pull_N is never more than 0.00073 of the load"),
+    (DING, {"load": 100.0}, "torque_Nm at slips above 0.3 is 0.0041 times load times radius, less than any soil"),
+    (CMU, {"load": 1.0 / 9.81}, "pressure over sinkage is 3.5e+04 Pa/m, softer than loose sand; check load_N (newtons"),
+    (CMU, {"kind": Sinkage, "factor": 1e-3}, "stiffer than clay"),
+    (CMU, {"r": 10.0}, "the wheel is 0.048 times as wide as high"),
+    (DING, {"kind": DrawbarPull, "factor": 6.0}, "drawbar_pull_N is 1.12 times the load in the median, more than sand"),
+]
+
+
+@pytest.mark.parametrize(("name", "change", "said"), IMPOSSIBLE)
+def test_what_no_soil_gives_is_refused(name, change, said):
+    data = read_rig_set(DATA / name)
+    wrong = dataclasses.replace(data, rig=changed(data.rig, **change))
+    for refuse in (lambda: refuse_impossible(wrong.rig), lambda: refuse_unfit(wrong)):
+        with pytest.raises(DataError, match=said):
+            refuse()
+
+
+@pytest.mark.parametrize(("name", "change", "said"), HARDLY_MEANT)
+def test_what_is_hardly_meant_is_named(name, change, said):
+    data = read_rig_set(DATA / name)
+    wrong = dataclasses.replace(data, rig=changed(data.rig, **change))
+    if "times the load in" not in said:
+        refuse_unfit(wrong)
+    told = [str(each) for each in findings(wrong)]
+    assert any(said in each for each in told), told
+    assert all(said not in str(each) for each in findings(data))
+
+
+def test_a_braked_wheel_does_not_pull_forwards():
+    pull = DrawbarPull(np.array([-1.5, -3.0, -6.0]), 0.3)
+    rig = WheelRig(Wheel(), np.array([-0.1, -0.3, -0.6]), 10.0, (pull,))
+    refuse_impossible(rig)
+    with pytest.raises(DataError, match=r"positive at slips below -0.1, where the wheel brakes \(4.5 in the median\)"):
+        refuse_impossible(changed(rig, DrawbarPull, -1.0))
+
+
+def test_a_wheel_gives_out_no_more_than_its_torque_puts_in():
+    """At S = 0.5 a thrust of T / r = 10 N does 10 J over a metre of rim, and the wheel half a metre of pull."""
+    rig = WheelRig(
+        Wheel(r=0.1, b=0.1), np.full(4, 0.5), 30.0, (DrawbarPull(np.full(4, 19.0), 0.1), Torque(np.ones(4), 0.01))
+    )
+    assert suspicions(rig) == []
+    more = changed(rig, DrawbarPull, 1.1)
+    refuse_impossible(more)
+    assert "4 of 4 runs give out more work than their torque puts in" in str(suspicions(more)[0])
+    with pytest.raises(DataError, match=r"gives out 1.52 times the work"):
+        refuse_impossible(changed(rig, DrawbarPull, 1.6))
+
+
+def test_single_rows_and_torques_that_cannot_be():
+    rig = read_rig_set(DATA / CMU).rig
+    pull = next(each for each in rig.channels if isinstance(each, DrawbarPull))
+    spoilt = pull.measured.copy()
+    spoilt[3] = 1e308
+    others = tuple(each for each in rig.channels if each is not pull)
+    with pytest.raises(DataError, match=r"drawbar_pull_N is .* times the load in row 4; mend or remove that row"):
+        refuse_impossible(dataclasses.replace(rig, channels=(DrawbarPull(spoilt, pull.sd), *others)))
+    still = WheelRig(Wheel(), np.array([0.2, 0.4, 0.6]), 10.0, (Torque(np.full(3, 5e-4), 1e-5),))
+    with pytest.raises(DataError, match=r"is 0.0011 times load times radius, less than any soil gives"):
+        refuse_impossible(still)
+
+
+def test_a_noise_that_no_sensor_has_is_refused():
+    rig = read_rig_set(DATA / CMU).rig
+    sunk = next(each for each in rig.channels if isinstance(each, Sinkage))
+    with pytest.raises(DataError, match=r"noise of sinkage_m is .* of what was measured, no sensor's; state the SD"):
+        refuse_impossible(dataclasses.replace(rig, channels=(Sinkage(sunk.measured, 1e-320),)))
+
+
+@pytest.mark.parametrize(("column", "value"), [(-3, "50"), (-2, "-1e308")])
+def test_a_pressing_that_cannot_be_is_refused(tmp_path, column, value):
+    copied = Path(shutil.copytree(DATA / CMU, tmp_path / "set"))
+    lines = (copied / "penetration.csv").read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if ",wheel_smooth," in line)
+    cells = lines[at + 300].split(",")
+    cells[column] = value
+    lines[at + 300] = ",".join(cells)
+    (copied / "penetration.csv").write_text("\n".join(lines))
+    with pytest.raises(DataError, match=r"penetration.csv: .* of trial .* reaches .*; give metres and newtons"):
+        read_rig_set(copied)
+
+
+def of_model(soil, r, load):
+    """A noiseless rig of the model itself, or None where the wheel hardly sinks, or nearly to its axle."""
+    wheel, rows = Wheel(r=r, b=r), []
+    for slip in SLIPS:
+        try:
+            theta_1 = float(entry_angle(load, slip, wheel, soil))
+        except ParameterError:
+            return None
+        forces = wheel_forces(slip, theta_1, -float(soil.exit_ratio) * theta_1, wheel, soil)
+        rows.append([float(each) for each in (forces.f_t, forces.torque, sinkage(theta_1, wheel), forces.f_n)])
+    pull, torque, sunk, carried = np.array(rows).T
+    if not np.allclose(carried, load, rtol=0.02) or not 0.003 * r < sunk.max() < 0.7 * r:
+        return None
+    kinds = zip((DrawbarPull, Torque, Sinkage), (pull, torque, sunk), strict=True)
+    return WheelRig(wheel, SLIPS, load, tuple(kind(each, 0.02 * np.abs(each).max()) for kind, each in kinds))
+
+
+@pytest.mark.parametrize("name", SOILS)
+def test_wheels_of_any_size_on_any_soil_raise_no_alarm(name):
+    """Radii from 5 mm to 1 m, loads from 1 N to 100 kN; driving alone, and braking too."""
+    sizes = [(r, load) for r in (0.005, 0.05, 1.0) for load in (1.0, 10.0, 100.0, 1e4, 1e5)]
+    rigs = [rig for rig in (of_model(SOILS[name], *size) for size in sizes) if rig is not None]
+    assert len(rigs) >= 2
+    for rig in rigs:
+        for part in (slice(0, None), slice(2, None)):
+            refuse_impossible(rig.rows(part))
+            assert suspicions(rig.rows(part)) == []
+
+
+def test_identify_refuses_the_same(tmp_path):
+    copied = Path(shutil.copytree(DATA / DING, tmp_path / "set"))
+    text = (copied / "rig.toml").read_text()
+    assert "0.15735" in text
+    (copied / "rig.toml").write_text(text.replace("0.15735", "1.5735"))
+    with pytest.raises(DataError, match="times the work that its torque puts in"):
+        read_evidence(copied)
+
+
+# --- keys ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[noise]", "[noize]", "there is no key 'noize' in a rig set: did you mean 'noise'?"),
+        ("\nphi = {", "\nfriction_angle = {", "there is no key 'friction_angle' in [soil]: did you mean 'phi'?"),
+        ("\nphi = {", "\nphii = {", "no key 'phii' in [soil]: did you mean 'phi'?"),
+        ("b = {", "width = {", "no key 'width' in [wheel]: did you mean 'b'?"),
+        ("sinkage = {", "sinkage_m = {", "no key 'sinkage_m' in [noise]: did you mean 'sinkage'?"),
+        ('points = "points.csv"', 'point = "points.csv"', "no key 'point' in [files]: did you mean 'points'?"),
+        ('unit = "deg"', 'unti = "deg"', "no key 'unti'"),
+    ],
+)
+def test_a_key_that_nothing_reads_is_refused(tmp_path, old, new, said):
+    copied = Path(shutil.copytree(DATA / DING, tmp_path / "set"))
+    text = (copied / "rig.toml").read_text()
+    assert old in text
+    (copied / "rig.toml").write_text(text.replace(old, new, 1))
+    with pytest.raises(DataError, match=re.escape(said)):
+        read_rig_set(copied)
+
+
+@pytest.mark.parametrize("name", ["sinkage", "sinkage_mm", "drawbar_pull"])
+def test_a_channel_without_its_unit_is_refused(tmp_path, name):
+    """It would be left out, and what only it shows would pass for absent."""
+    copied = Path(shutil.copytree(DATA / CMU, tmp_path / "set"))
+    column = "drawbar_pull_N" if name == "drawbar_pull" else "sinkage_m"
+    points = (copied / "points.csv").read_text()
+    (copied / "points.csv").write_text(points.replace(f",{column},", f",{name},", 1))
+    with pytest.raises(DataError, match=f"column '{name}' is not read: .*{column}.* Convert it to SI"):
+        read_rig_set(copied)
+
+
+def test_slip_angles_are_part_of_the_slip_and_named(tmp_path):
+    """At 45 deg a rim as fast as the travel slips by 1 - cos 45 deg."""
+    (tmp_path / "rig.toml").write_text(
+        (DATA / CMU / "rig.toml").read_text().replace('penetration = "penetration.csv", ', "")
+    )
+    head = "slip,rim_speed_mps,travel_speed_mps,slip_angle_rad,load_N,drawbar_pull_N,sinkage_m\n"
+    rows = "0.1,0.01,0.009,0,25,1,0.015\n0.2928932,0.01,0.01,0.7853982,25,-3,0.025\n"
+    (tmp_path / "points.csv").write_text(head + rows)
+    data = read_rig_set(tmp_path)
+    assert data.speeds == pytest.approx(np.array([[0.009, 0.01], [0.01 * np.cos(np.pi / 4), 0.01]]))
+    assert "1 of 2 runs have a slip angle, of 45 deg at most" in str(data.misspelt[0])
+    with pytest.raises(DataError, match="1 of 2 runs have a slip angle; identify fits a wheel that runs straight"):
+        read_evidence(tmp_path)
+
+
+def test_the_side_force_is_a_channel_where_the_wheel_runs_askew():
+    data = read_rig_set(DATA / "cmu-smooth-wheel-angles")
+    pull, sunk, side = data.rig.channels
+    assert (pull.name, sunk.name, side.name) == ("drawbar pull", "sinkage", "side force")
+    assert side.measured[data.rig.askew].min() > 0.0
+    assert not data.misspelt
+    assert [each.name for each in read_rig_set(DATA / CMU).rig.channels] == ["drawbar pull", "sinkage"]
+    kept = data.rows(data.rig.askew)
+    assert kept.rig.slip_angle == pytest.approx(data.rig.slip_angle[data.rig.askew])
+
+
+def test_a_slip_angle_pushes_the_wheel_to_its_left():
+    """The side force resists a wheel that goes to its right, odd in the angle, and takes thrust."""
+    model = RigModel(Wheel(0.0625, 0.06), Soil(c=0.0, k=0.008, k_1=8e4), ASKEW)
+    left, straight, right = (model.predict(24.0, 0.3, slip_angle=angle) for angle in (-0.5, 0.0, 0.5))
+    assert right.side_force > 1.0
+    assert left.side_force == pytest.approx(-right.side_force)
+    assert straight.side_force == 0.0
+    assert right.drawbar_pull < straight.drawbar_pull
+    plain = RigModel(model.wheel, model.soil).predict(24.0, 0.3)
+    assert straight.drawbar_pull == pytest.approx(plain.drawbar_pull, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("kind", "slip", "sense"), [(Sinkage, 0.3, 1.0), (Torque, 0.3, 1.0), (DrawbarPull, -0.3, -1.0)]
+)
+def test_a_sign_is_wrong_beyond_three_sds_of_a_run(kind, slip, sense):
+    """Two SDs the wrong way are noise about nothing."""
+    rows = np.linspace(slip, slip + 0.05, 6)
+    for sds, refused in ((2.0, False), (4.0, True)):
+        measured = kind(np.full(6, -sense * sds * 1e-2), 1e-2)
+        rig = WheelRig(Wheel(), rows, np.full(6, 10.0), (measured,))
+        try:
+            refuse_impossible(rig)
+            said = ""
+        except DataError as error:
+            said = str(error)
+        assert ("multiply it by -1" in said) is refused

@@ -1,0 +1,69 @@
+"""Every number of a ROS bag in one table: on one clock, gaps left empty, clocks that disagree refused."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.logs.importing.raw import read_raw
+
+pytest.importorskip("rosbags")
+from rosbags.rosbag2 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+ROS = get_typestore(Stores.ROS2_HUMBLE)
+BEGIN = 1_700_000_000_000_000_000
+STEP = 50_000_000
+MISSING = range(40, 60)
+
+
+def joints(at, stamp):
+    seconds = (at - BEGIN) * 1e-9
+    time = ROS.types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
+    header = ROS.types["std_msgs/msg/Header"](stamp=time, frame_id="")
+    rates = np.array([1.0 + seconds, 2.0 - seconds])
+    kind = ROS.types["sensor_msgs/msg/JointState"]
+    return kind(header=header, name=["fl", "fr"], position=np.zeros(0), velocity=rates, effort=np.zeros(0))
+
+
+def bag(folder, shift=0):
+    """Wheel rates at 20 Hz with a gap of a second, their stamps shifted, and a number without a stamp."""
+    with Writer(folder / "bag", version=8) as made:
+        told = [made.add_connection(*each, typestore=ROS) for each in
+                (("/joints", "sensor_msgs/msg/JointState"), ("/level", "std_msgs/msg/Float64"))]  # fmt: skip
+        for at in range(BEGIN, BEGIN + 100 * STEP, STEP):
+            messages = [joints(at, at + shift), ROS.types["std_msgs/msg/Float64"](data=(at - BEGIN) * 1e-9)]
+            for one, message in zip(told, messages, strict=True):
+                if one.topic == "/level" or (at - BEGIN) // STEP not in MISSING:
+                    made.write(one, at, ROS.serialize_cdr(message, one.msgtype))
+    return folder / "bag"
+
+
+def test_every_number_is_on_one_clock_and_a_gap_stays_empty(tmp_path):
+    read = read_raw(bag(tmp_path))
+    t = read.table["t_s"].to_numpy()
+    assert np.diff(t) == pytest.approx(0.05)
+    assert read.table["/level.data"].to_numpy() == pytest.approx(t, abs=1e-6)
+    rate = read.table["/joints.velocity[fr]"].to_numpy()
+    gap = (t > 0.05 * (MISSING[0] - 1) + 1e-3) & (t < 0.05 * (MISSING[-1] + 1) - 1e-3)
+    assert np.array_equal(np.isnan(rate), gap)
+    assert rate[~gap] == pytest.approx(2.0 - t[~gap], abs=1e-6)
+
+
+def test_before_and_behind_its_messages_a_topic_is_empty(tmp_path):
+    table = read_raw(bag(tmp_path, shift=1_000_000_000)).table
+    known = np.isfinite(table["/joints.velocity[fl]"].to_numpy())
+    t = table["t_s"].to_numpy()
+    assert t[known][0] == pytest.approx(1.0, abs=0.051)
+    assert t[np.isfinite(table["/level.data"].to_numpy())][-1] == pytest.approx(4.95, abs=0.051)
+
+
+def test_clocks_that_disagree_by_years_are_refused_and_not_laid_out(tmp_path):
+    with pytest.raises(DataError, match=r"its topics span .* s, \d+ rows, and 5000000 are the most"):
+        read_raw(bag(tmp_path, shift=1_000_000_000 - BEGIN))
+
+
+def test_the_index_of_a_parquet_table_is_a_column(tmp_path):
+    seconds = pd.Index([0.0, 0.1, 0.2], name="time")
+    pd.DataFrame({"x": [1.0, 2.0, 3.0]}, index=seconds).to_parquet(tmp_path / "log.parquet")
+    assert read_raw(tmp_path / "log.parquet").table["time"].tolist() == [0.0, 0.1, 0.2]

@@ -1,0 +1,221 @@
+"""The ground of a single run: declared as a slope, or told by pitch, roll and height."""
+
+import dataclasses
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.experiments.drive_log.features import logged_runs
+from rover_pin.experiments.drive_log.model import LEVEL_SD, base_model, nuisances, with_spread
+from rover_pin.logs import run_terrain as run_terrain_file
+from rover_pin.logs.drive_log import LogMetadata, read_drive_log, write_drive_log
+from rover_pin.logs.run_terrain import estimated, level_on, run_terrain
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.files import to_grid
+
+CART = load_rover("cart")
+DEG = math.pi / 180.0
+
+
+def run(yaw=0.0, pitch=0.0, roll=0.0, seconds=40.0, curve=0.0, **more):
+    """A drive of 0.1 m/s along a heading; pitch and roll as functions of the way, or constant."""
+    t = np.arange(0.0, seconds, 0.1)
+    heading = yaw + curve * t
+    x, y = (np.cumsum(0.01 * each(heading)) for each in (np.cos, np.sin))
+    tilt = [each(x, y, heading) if callable(each) else np.full(len(t), each) for each in (pitch, roll)]
+    made = {"t_s": t, "body_x": x, "body_y": y, "body_yaw": heading, "body_pitch": tilt[0], "body_roll": tilt[1]}
+    return Trace({**made, **{name: each(x, y) for name, each in more.items()}}, {}, {})
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0, -1.1])
+def test_a_declared_slope_rises_along_the_heading_of_the_start(yaw):
+    drive = run(yaw)
+    ground = run_terrain({"slope": {"value": 12, "unit": "deg"}}, drive, CART, "here")
+    x, y = drive["body_x"], drive["body_y"]
+    rise = ground.height(x[-1:], y[-1:]) - ground.height(x[:1], y[:1])
+    assert rise[0] == pytest.approx(np.hypot(x[-1] - x[0], y[-1] - y[0]) * math.tan(12 * DEG), rel=1e-9)
+    beside = ground.height(x[:1] - math.sin(yaw), y[:1] + math.cos(yaw)) - ground.height(x[:1], y[:1])
+    assert beside[0] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({"slope": {"value": 12}}, "slope = 687.5 deg is beyond 45 deg"),
+        ({"slope": {"value": 12, "unit": "m"}}, "unit 'm' does not measure"),
+        ({"slope": "steep"}, "is not a number"),
+        ({"slope": 0.1, "estimated": True}, "either slope"),
+        ({"estimated": False}, "either slope"),
+        ({"estimated": True, "sl0pe": 3}, "unknown key 'sl0pe'"),
+    ],
+)
+def test_a_slope_that_is_none_is_one_sentence(table, said):
+    with pytest.raises(DataError, match=said):
+        run_terrain(table, run(), CART, "here")
+
+
+def slope_of(ground, drive, rows=slice(20, -20)):
+    """Slope of a ground along the way [rad], over the wheelbase."""
+    x, y, yaw = (drive[f"body_{name}"][rows] for name in ("x", "y", "yaw"))
+    ahead = 0.28 * np.array([np.cos(yaw), np.sin(yaw)])
+    rise = ground.height(x + ahead[0], y + ahead[1]) - ground.height(x - ahead[0], y - ahead[1])
+    return np.arctan(rise / 0.56)
+
+
+@pytest.mark.parametrize(("yaw", "curve"), [(0.0, 0.0), (2.5, 0.0), (0.3, 0.04)])
+def test_the_ground_is_estimated_from_the_pitch(yaw, curve):
+    """Nose down is positive: a ground that rises pitches the nose up. The truth is a wave of 3 m."""
+
+    def pitch(x, y, heading):
+        return -np.arctan(0.15 * np.sin(2 * math.pi * x / 3) * np.cos(heading))
+
+    drive = run(yaw, pitch, curve=curve)
+    found = slope_of(estimated(drive, CART), drive)
+    assert found == pytest.approx(-drive["body_pitch"][20:-20], abs=1.0 * DEG)
+
+
+WAVE = 2 * math.pi / 3.1
+
+
+def wavy(x):
+    """Heights of a wave of 3.1 m across the way, and their slopes."""
+    return 0.05 * np.sin(WAVE * x), 0.05 * WAVE * np.cos(WAVE * x)
+
+
+def over_the_wave(seconds=40.0):
+    """What the cart's level is where it stands on the wave with all wheels, its axles 0.28 m before and behind."""
+
+    def pitch(x, y, heading):
+        return -np.arctan((wavy(x + 0.28)[0] - wavy(x - 0.28)[0]) / 0.56)
+
+    return run(0.0, pitch, seconds=seconds)
+
+
+def test_the_ground_under_each_wheel_is_that_which_carries_it():
+    """The pull goes by the slope at the wheels, not along the way: half a degree was a tenth of the way on 12 deg."""
+    drive = over_the_wave()
+    ground, x = estimated(drive, CART), drive["body_x"][40:-40]
+    for ahead in (0.28, -0.28):
+        for beside in (0.26, -0.26):
+            slope = ground.gradient(x + ahead, np.full(len(x), beside))[0]
+            off = np.arctan(slope) - np.arctan(wavy(x + ahead)[1])
+            assert float(np.sqrt(np.mean(off**2))) < 0.35 * DEG
+
+
+@pytest.mark.parametrize("cells", [3.5, 14.0])
+def test_how_fine_the_grid_is_does_not_say_how_stiff_the_ground_is(cells, monkeypatch):
+    """With more cells the bends over a base had counted by their square, and the wave was flattened."""
+    drive = over_the_wave(10.0)
+    usual = slope_of(estimated(drive, CART), drive)
+    monkeypatch.setattr(run_terrain_file, "CELLS", cells)
+    assert slope_of(estimated(drive, CART), drive) == pytest.approx(usual, abs=0.1 * DEG)
+
+
+def test_a_frame_before_the_wheels_is_not_where_they_stand():
+    """A level is that of the ground under the wheels, wherever a URDF puts the frame of the base."""
+    shifted = CART.model.copy()
+    for mount in CART.wheels:
+        placement = shifted.jointPlacements[mount.joint].copy()
+        placement.translation = placement.translation - np.array([0.4, 0.0, 0.0])
+        shifted.jointPlacements[mount.joint] = placement
+    behind = dataclasses.replace(CART, model=shifted)
+    drive = run(0.0, lambda x, y, heading: -np.arctan(0.15 * np.sin(2.0 * x)))
+    ground, x = estimated(drive, behind), drive["body_x"][80:-40]
+    rise = ground.height(x - 0.12, np.full(len(x), 0.26)) - ground.height(x - 0.68, np.full(len(x), 0.26))
+    assert np.arctan(rise / 0.56) == pytest.approx(-drive["body_pitch"][80:-40], abs=0.5 * DEG)
+    level = level_on(ground, behind, np.array([[2.0, 0.0, 0.0]]))["body_pitch"][0]
+    assert level == pytest.approx(-math.atan(0.15 * math.sin(4.0)), abs=0.5 * DEG)
+
+
+def test_noise_of_the_pitch_does_not_become_ground():
+    random = np.random.default_rng(0)
+    drive = run(0.4, lambda x, y, heading: -5 * DEG + random.normal(0.0, 0.5 * DEG, len(x)))
+    assert slope_of(estimated(drive, CART), drive) == pytest.approx(5 * DEG, abs=0.5 * DEG)
+
+
+def test_the_roll_tells_the_slope_across():
+    """Roll is positive about the way ahead: the left side is up."""
+    drive = run(0.7, roll=4 * DEG)
+    ground = estimated(drive, CART)
+    x, y = drive["body_x"][200:210], drive["body_y"][200:210]
+    left = np.array([-math.sin(0.7), math.cos(0.7)])
+    rise = ground.height(x + 0.26 * left[0], y + 0.26 * left[1]) - ground.height(x - 0.26 * left[0], y - 0.26 * left[1])
+    assert np.arctan(rise / 0.52) == pytest.approx(4 * DEG, abs=0.3 * DEG)
+
+
+def test_without_a_pitch_the_height_tells_and_its_zero_does_not_matter():
+    bare = run(0.0, body_z=lambda x, y: 7.0 + 0.1 * x)
+    drive = Trace({name: bare[name] for name in bare if name not in ("body_pitch", "body_roll")}, {}, {})
+    ground = estimated(drive, CART)
+    assert slope_of(ground, drive) == pytest.approx(math.atan(0.1), abs=0.5 * DEG)
+    assert np.max(np.abs(ground.z)) < 1.0
+
+
+def test_where_nothing_tells_the_ground_is_flat():
+    bare = run()
+    drive = Trace({name: bare[name] for name in bare if name not in ("body_pitch", "body_roll")}, {}, {})
+    ground = estimated(drive, CART)
+    assert np.ptp(ground.height(drive["body_x"], drive["body_y"])) == 0.0
+
+
+def log(folder, terrain, traces=None, **rows):
+    wheels = tuple(mount.name for mount in CART.wheels)
+    made = {}
+    for name, drive in (traces or {"up": run(pitch=-5 * DEG), "down": run(math.pi, pitch=5 * DEG)}).items():
+        rates = {f"wheel_rate_{wheel}": np.full(len(drive.t), 1.0) for wheel in wheels}
+        made[name] = Trace({**drive.channels, **rates}, {}, rows.get(name, {}))
+    write_drive_log(folder, made, LogMetadata("slopes", rover="cart", wheels=wheels, terrain=terrain))
+    return read_drive_log(folder)
+
+
+def test_each_run_may_have_a_ground_of_its_own(tmp_path):
+    folder = tmp_path / "log"
+    log(folder, {"slope": {"value": 5, "unit": "deg"}})
+    toml = folder / "drive.toml"
+    own = 'file = "down.csv"\nterrain = { slope = { value = -3, unit = "deg" } }'
+    toml.write_text(toml.read_text().replace('file = "down.csv"', own))
+    read = read_drive_log(folder)
+    rises = [float(slope_of(read.terrain_of(each), each)[0]) / DEG for each in read.runs]
+    assert rises == pytest.approx([5.0, -3.0], abs=1e-6)
+    terrains = [each.commands.terrain for each in logged_runs(read, CART)]
+    assert terrains[0] is not None
+    assert not read.is_estimated(read.runs[0])
+
+
+def test_an_estimated_ground_is_not_compared_with_what_it_was_estimated_from(tmp_path):
+    read = log(tmp_path / "log", {})
+    assert all(read.is_estimated(each) for each in read.runs)
+    runs = logged_runs(read, CART)
+    assert {"path", "heading"} <= set(runs[0].channels)
+    assert not {"body_pitch", "body_roll", "body_z"} & set(runs[0].channels)
+    assert runs[0].observed.shape[0] == len(runs[0].channels)
+
+
+def test_the_zero_of_the_level_widens_the_resistance(tmp_path):
+    narrow, wide = log(tmp_path / "a", {"slope": 0.1}), log(tmp_path / "b", {"estimated": True})
+    sd = {}
+    for name, each in (("narrow", narrow), ("wide", wide)):
+        model = with_spread(base_model(each), motors=False)
+        (own,) = (one for one in nuisances(each, model) if one.name == "MotionResistance.R")
+        sd[name] = own.scale
+    assert sd["wide"] == pytest.approx(math.hypot(sd["narrow"], LEVEL_SD))
+
+
+def test_a_grid_for_all_runs_stays_the_logs(tmp_path):
+    drive = run()
+    made = estimated(drive, CART)
+    to_grid(tmp_path / "ground.npz", made)
+    read = log(tmp_path, {"grid": "ground.npz"})
+    assert read.terrain_of(read.runs[0]) is None
+    assert read.terrain().z.shape == made.z.shape
+
+
+def test_a_drive_loads_no_sparse_matrices():
+    code = "import sys, rover_pin.scenarios.scenario; print('scipy.sparse' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"

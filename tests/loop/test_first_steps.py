@@ -1,0 +1,152 @@
+"""What a newcomer meets first: a folder that is none, a column misspelt, a score that nothing can be claimed of."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.discrepancy.answer import score_line
+from rover_pin.discrepancy.held_out import ChannelScore, LevelError
+from rover_pin.experiments.drive_log.model import DRIVEN_SAND
+from rover_pin.experiments.wheel_rig.checks import findings
+from rover_pin.experiments.wheel_rig.data import read_rig_set
+from rover_pin.experiments.wheel_rig.separating_run import separating_run
+from rover_pin.logs.drive_log import DriveLog, LogMetadata
+from rover_pin.loop.close import close_the_loop, read_data
+from rover_pin.loop.drive import with_wheel_names
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.model.model import Model
+from rover_pin.simulation.model.motors import nexus6_motor
+from rover_pin.terrain.shapes import flat
+
+RIG = """
+kind = "wheel-rig"
+[wheel]
+r = { value = 62.5, unit = "mm" }
+b = { value = 60, unit = "mm" }
+[noise]
+drawbar_pull = { value = 0.3, unit = "N" }
+sinkage = { value = 0.6, unit = "mm" }
+"""
+ROWS = ("0.1,25,1.0,0.01", "0.3,25,2.0,0.02")
+EXTRA = ("time_s", "temperature_C", "repeat", "lateral_N", "slip_angle_rad", "load_sd_N", "drawbar_pull_sd_N")
+
+
+def written(tmp_path, header, rows=ROWS):
+    tmp_path.mkdir(exist_ok=True)
+    (tmp_path / "rig.toml").write_text(RIG)
+    (tmp_path / "points.csv").write_text("\n".join([header, *rows]) + "\n")
+    return tmp_path
+
+
+def unread(tmp_path, header, rows=ROWS):
+    return [str(each) for each in findings(read_rig_set(written(tmp_path, header, rows))) if "is not read" in each.what]
+
+
+@pytest.mark.parametrize("name", ["sinkge_m", "Sinkage_m", "wheel_sinkage_m"])
+def test_a_column_that_is_misspelt_is_named_with_the_one_that_is_meant(tmp_path, name):
+    assert unread(tmp_path / "set", f"slip,load_N,drawbar_pull_N,{name}") == [
+        f"set/points.csv: column '{name}' is not read; did you mean 'sinkage_m', in SI? rename it, else what it holds "
+        "is not used."
+    ]
+
+
+def test_speeds_levels_and_torque_are_known_as_well(tmp_path):
+    rows = [f"{row},1,1,1" for row in ROWS]
+    said = unread(tmp_path, "slip,load_N,drawbar_pull_N,sinkage_m,rim_sped_mps,levl,torqe_Nm", rows)
+    assert [line.split("'")[3] for line in said] == ["rim_speed_mps", "level", "torque_Nm"]
+
+
+def test_columns_of_ones_own_are_no_misspelling(tmp_path):
+    """Nor is one that looks like a column that is there already, or the SD of a channel."""
+    rows = [",".join([row, *("0" if name == "slip_angle_rad" else "1" for name in EXTRA)]) for row in ROWS]
+    assert unread(tmp_path, ",".join(["slip,load_N,drawbar_pull_N,sinkage_m", *EXTRA]), rows) == []
+    assert unread(tmp_path, "slip,load_N,drawbar_pull_N,load_cell_N") == []
+
+
+def test_the_warning_goes_with_the_runs_that_are_chosen(tmp_path):
+    data = read_rig_set(written(tmp_path, "slip,load_N,drawbar_pull_N,sinkge_m"))
+    assert data.rows([True, False]).misspelt == data.misspelt != ()
+
+
+def test_a_folder_with_neither_file_names_both(tmp_path):
+    message = r"there is neither rig\.toml nor drive\.toml in it; give that of a wheel-rig set \(rig\.toml\) or of a dr"
+    for ask in (close_the_loop, read_data):
+        with pytest.raises(DataError, match=message):
+            ask(tmp_path)
+
+
+def test_a_folder_that_is_none_is_said_to_be_none(tmp_path):
+    written(tmp_path, "slip,load_N,drawbar_pull_N,sinkage_m")
+    for path in (tmp_path / "nowhere", tmp_path / "rig.toml"):
+        with pytest.raises(
+            DataError, match=r"there is no such folder; .*\(rig\.toml\) or of a drive log \(drive\.toml"
+        ):
+            close_the_loop(path)
+
+
+def test_a_score_speaks_of_folds_on_a_rig_and_of_runs_on_a_drive_log():
+    """On a rig whole folds, its levels, are held out and resampled, on a drive log runs are."""
+    drive = ChannelScore("body_x", "m", 1e-3, 5e-3, 4e-3, -0.2, -0.4, 0.1)
+    rig = drive._replace(levels=(LevelError("S = 0.1", 5e-3, 4e-3),), of="folds")
+    assert drive.claim == "better, not beyond what the runs scatter: nothing to claim"
+    assert rig.claim == "better, not beyond what the folds scatter: nothing to claim"
+    assert score_line(drive).endswith("better, not beyond what the runs scatter: nothing to claim")
+    lost = drive._replace(before=1e-3, after=2e-3, change=1.0)
+    assert lost.claim == "worse, not beyond what the runs scatter: nothing to claim"
+
+
+def test_a_model_of_another_rover_is_refused():
+    """Before anything is fitted, with both rovers' wheels named."""
+    cart = Model(load_rover("cart"), flat(), (DRIVEN_SAND,), nexus6_motor())
+    with pytest.raises(DataError, match=r"the model's rover has the wheels .*, the log's fl, fr, ml, mr, rl, rr; give"):
+        close_the_loop(DriveLog(Path("nowhere"), LogMetadata("small"), ()), model=cart)
+
+
+def test_a_wheel_that_has_a_number_only_is_said_by_its_name():
+    assert with_wheel_names("WeakMotor[2]", ["fl", "fr", "ml"]) == "WeakMotor[2] (wheel ml)"
+    assert with_wheel_names("TachoScale[ml]", ["fl", "fr", "ml"]) == "TachoScale[ml]"
+    assert with_wheel_names("SupplySag", ["fl", "fr", "ml"]) == "SupplySag"
+
+
+def test_a_column_that_lacks_is_told_which_one_to_rename(tmp_path):
+    with pytest.raises(DataError, match=r"no column 'slip': did you mean 'slpi'\? then call it 'slip' there\. Known: "):
+        read_rig_set(written(tmp_path, "slpi,load_N,drawbar_pull_N,sinkage_m"))
+
+
+def test_a_column_of_errors_is_not_proposed_for_the_one_that_lacks(tmp_path):
+    with pytest.raises(DataError, match=r"no column 'load_N': known are drawbar_pull_N, sinkage_m, slip\.$"):
+        read_rig_set(written(tmp_path, "slip,load_sd_N,drawbar_pull_N,sinkage_m"))
+
+
+@pytest.mark.parametrize(("off", "proposed"), [(1e-5, False), (2.0, True)])
+def test_a_run_that_would_tell_two_candidates_apart_by_nothing_is_not_proposed(tmp_path, monkeypatch, off, proposed):
+    def predicted(data, fit, menu, noise):
+        return np.full((2, len(menu)), fit), np.zeros((len(menu), 2, 2))
+
+    monkeypatch.setattr("rover_pin.experiments.wheel_rig.separating_run._predicted", predicted)
+    data = read_rig_set(written(tmp_path, "slip,load_N,drawbar_pull_N,sinkage_m"))
+    assert (separating_run(data, ("A", 0.0), ("B", off)) is not None) == proposed
+
+
+def test_runs_to_choose_from_keep_the_rig_s_travel_and_eq_1(tmp_path, monkeypatch):
+    asked = []
+
+    def predictor(model, free, runs):
+        asked.append(runs)
+        return lambda x: (np.zeros((5, len(runs))), np.zeros((5, len(runs), 0)), None)
+
+    monkeypatch.setattr("rover_pin.experiments.wheel_rig.separating_run.predictor", predictor)
+    head = "slip,load_N,drawbar_pull_N,sinkage_m,travel_speed_mps,rim_speed_mps"
+    data = read_rig_set(written(tmp_path, head, ("0.1,25,1.0,0.01,0.018,0.02", "0.4,25,2.0,0.02,0.018,0.03")))
+    fit = SimpleNamespace(
+        model=SimpleNamespace(vector=lambda: 0), parameters=(), u=(), columns=np.zeros((2, 0)), misfit=1
+    )
+    assert separating_run(data, ("A", fit), ("B", fit)) is None
+    for load, slip, travel, rim, _ in asked[0]:
+        assert load in (12.5, 25.0, 50.0)
+        assert travel == pytest.approx(0.018)
+        assert slip == pytest.approx((rim - travel) / max(rim, travel))
+    assert {slip for _, slip, *_ in asked[0]} >= {-0.3, 0.0, 0.9}

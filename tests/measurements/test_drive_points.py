@@ -1,0 +1,320 @@
+"""Soil parameters from a drive log, as section 4 of the paper takes them, against the soil that made the log.
+
+The logs are made by `tests/oracle/blind`, which shares no code with the package: sensor noise and steps, tachometers
+1 % and motors 1.2 % apart, a torque constant declared 1.5 % off (1 SD).
+"""
+
+import dataclasses
+import importlib
+import importlib.util
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.base.quantity import record_from
+from rover_pin.contact import Soil, Wheel
+from rover_pin.effects.slip import RelaxedSlip
+from rover_pin.identification.arc_doubt import free_unmeasured_modulus
+from rover_pin.identification.held import held_numbers
+from rover_pin.identification.identify import Search, identify
+from rover_pin.identification.result import Verdict
+from rover_pin.logs.drive_log import read_drive_log, write_drive_log
+from rover_pin.measurements import drive_points as module
+from rover_pin.measurements.drive_points import (
+    Sampling,
+    classed,
+    declared_soil,
+    drive_points,
+    instrumented,
+    read_drive_points,
+)
+from rover_pin.measurements.reading import read_evidence
+from rover_pin.measurements.steady_windows import Window, line, pooled
+from rover_pin.rover.description.layout import rover_folder
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.defaults import own_soil
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.sensors import Sensors, measured
+from rover_pin.soil.angles import FixedAngles, SinkageAngles
+from rover_pin.soil.sinkage import entry_angle
+from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+
+BLIND = Path(__file__).parents[1] / "oracle" / "blind" / "__init__.py"
+_spec = importlib.util.spec_from_file_location("blind", BLIND)
+sys.modules.setdefault("blind", importlib.util.module_from_spec(_spec))
+_spec.loader.exec_module(sys.modules["blind"])
+climb = importlib.import_module("blind.climb")
+
+TWO = Search(starts=2)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return scenario("slope", **{"soil.k": 0.01, "effect.MotionResistance.R": 0.12})
+
+
+@pytest.fixture(scope="module")
+def trace(drive):
+    return drive.drive()
+
+
+@pytest.fixture(scope="module")
+def log(drive, trace, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("climb") / "log"
+    drive.write_log(measured(trace, Sensors(), seed=0), folder)
+    return folder
+
+
+def true_factor(S):
+    return float(load_traction_factor(S, Soil(k=0.01), Wheel(), TorqueTraction()))
+
+
+def test_a_log_with_sensors_tells_the_soil_that_made_it(log):
+    """Samples classed one by one said k = 5.0 mm [3.6, 7.3], phi = 17 deg [15, 21]."""
+    found = identify(read_drive_points(log), Soil())
+    for name, truth in (("k", 0.01), ("phi", math.radians(30.0))):
+        assert found[name].verdict is Verdict.FOUND
+        assert found[name].low < truth < found[name].high
+    assert found["k"].high / found["k"].low < 1.6
+
+
+def test_another_rover_has_the_angles_and_the_lag_of_its_own_wheel(tmp_path, monkeypatch):
+    cart, lags = scenario("slope", rover="cart"), []
+    cart.write_log(measured(cart.drive(), Sensors(), seed=0), tmp_path / "log")
+
+    def noted(windows, length, lag):
+        lags.append(lag)
+        return instrumented(windows, length, lag)
+
+    monkeypatch.setattr(module, "instrumented", noted)
+    points, read = read_drive_points(tmp_path / "log"), read_drive_log(tmp_path / "log")
+    assert points.angles == SinkageAngles()
+    assert set(lags) == {cart.model.slip}
+    assert cart.model.slip != RelaxedSlip()
+    fixed = dataclasses.replace(read, metadata=dataclasses.replace(read.metadata, angles="fixed"))
+    assert drive_points(fixed, cart.model.motor).angles == FixedAngles()
+    soil, rows = cart.model.soils[0], zip(points.slip, points.load, strict=True)
+    carrying = [(S, soil.replace(theta_1=entry_angle(W, S, points.wheel, soil))) for S, W in rows]
+    law = (points.wheel, TorqueTraction(), SinkageAngles())
+    assert points.factor == pytest.approx([float(load_traction_factor(S, own, *law)) for S, own in carrying], rel=0.05)
+
+
+def cart_log(folder, ground="slope", seed=0, **settings):
+    cart = scenario(ground, rover="cart", **settings)
+    cart.write_log(measured(cart.drive(), Sensors(), seed=seed), folder)
+    return cart.model.soils[0]
+
+
+def test_a_wheel_whose_arc_carries_its_load_tells_the_soil(tmp_path):
+    """The law at the soil's theta_1, whatever the load, said k = 34 mm [27, 45], phi = 23 deg [20, 27], both found."""
+    soil = cart_log(tmp_path)
+    points = read_drive_points(tmp_path)
+    assert np.ptp(np.log(points.load)) > 0.3
+    for begun in (Soil(), Soil(k=0.002, phi=0.7)):
+        found = identify(points, points.declared_soil(begun).replace(k=begun.k, phi=begun.phi), search=TWO)
+        for name in ("k", "phi"):
+            assert found[name].low < float(getattr(soil, name)) < found[name].high
+    assert found["k"].verdict is Verdict.FOUND
+
+
+def test_loads_that_statics_leave_open_mislead_nobody(tmp_path):
+    """Wheel by wheel, hills under a rigid chassis said phi = 9.1 deg [6.5, 17.3], found; the truth is 30."""
+    soil = cart_log(tmp_path, "hills")
+    points = read_drive_points(tmp_path)
+    found = identify(points, points.declared_soil(Soil()), search=TWO)
+    for name in ("k", "phi"):
+        assert found[name].low < float(getattr(soil, name)) < found[name].high
+
+
+def test_a_modulus_that_nobody_measured_is_uncertain_with_the_rest(tmp_path):
+    """Held at twice the truth, k_1 halves k and takes 7 deg off phi, and the fit is good."""
+    truth = cart_log(tmp_path)
+    points = read_drive_points(tmp_path)
+    wrong = points.declared_soil(Soil()).replace(k_1=2.0 * float(truth.k_1))
+    held = identify(points, wrong, search=TWO)
+    assert held["phi"].high < truth.phi
+    assert held["phi"].verdict is Verdict.FOUND
+    found = identify(points, wrong, *free_unmeasured_modulus(points, wrong, ("k", "phi"), {}), search=TWO)
+    for name in ("k", "phi"):
+        assert found[name].low < float(getattr(truth, name)) < found[name].high
+        assert found[name].verdict is not Verdict.FOUND
+
+
+def test_a_modulus_that_was_sized_is_not_said_to_be_declared(tmp_path):
+    cart_log(tmp_path)
+    path = tmp_path / "drive.toml"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join(one for one in lines if not one.startswith(("k_1 ", "k_2 "))), encoding="utf-8")
+    points = read_drive_points(tmp_path)
+    soil = points.declared_soil(Soil())
+    held = {one.name: one for one in held_numbers(points, soil, ("k", "phi"))}
+    assert "in which a wheel under" in held["k_1"].source
+    assert held["k_1"].value == soil.k_1 == own_soil(scenario("flat", rover="cart").model.rover).value.k_1
+    assert (
+        held["k_1"].high / soil.k_1 == pytest.approx(soil.k_1 / held["k_1"].low) == pytest.approx(math.exp(1.372), 1e-3)
+    )
+    assert held["n"].source == "declared with the data"
+    assert held["r"].source == "of the data's wheel"
+
+
+def test_a_log_says_what_it_knows_of_its_soil(tmp_path):
+    cart_log(tmp_path, "flat")
+    log = read_drive_log(tmp_path)
+    known, doubts = declared_soil(log, log.load_rover())
+    assert (known["k"], doubts) == (0.05, {})
+    stated = {"k_1": {"value": 50.0, "unit": "kPa", "sd": 5.0}}
+    about = dataclasses.replace(log.metadata, soil=stated)
+    assert declared_soil(dataclasses.replace(log, metadata=about), log.load_rover()) == ({"k_1": 5e4}, {"k_1": 5e3})
+    about = dataclasses.replace(log.metadata, soil={})
+    known, doubts = declared_soil(dataclasses.replace(log, metadata=about), log.load_rover())
+    assert known == {"k_1": pytest.approx(46750.5, rel=1e-5)}
+    assert doubts == {"k_1": pytest.approx(0.7 * known["k_1"])}
+    assert declared_soil(dataclasses.replace(log, metadata=about), scenario("flat").model.rover) == ({}, {})
+
+
+def test_angles_and_rovers_of_ones_own_are_written_into_a_log(tmp_path):
+    """Without the angles k and phi of such a log were both found wrong; without the way no command could read it."""
+    drive = scenario("flat", angles="sinkage", duration=1.0)
+    drive.write_log(drive.drive(), tmp_path / "log")
+    assert read_drive_log(tmp_path / "log").metadata.angles == "sinkage"
+    for end in ("toml", "urdf"):
+        (tmp_path / f"cart.{end}").write_text((rover_folder() / f"cart.{end}").read_text())
+    own = scenario("flat", rover=str(tmp_path / "cart.toml"), duration=1.0)
+    own.write_log(own.drive(), tmp_path / "own")
+    read = read_drive_log(tmp_path / "own")
+    assert (read.metadata.rover, read.metadata.angles) == ("../cart.toml", "")
+    assert read.load_rover().name == "cart"
+
+
+def test_wheels_told_together_weigh_by_their_loads():
+    """Two wheels on one straight F(S) = S, loads 10 and 30 N that are guessed 20 and 20: F is their torques' alone."""
+    guessed = [Window(0, 1.0, 0.10, 0.01, 0.10 * 10 / 20, 0.02, 0.0, 0.05, 20.0)]
+    guessed += [Window(1, 1.0, 0.12, 0.01, 0.12 * 30 / 20, 0.02, 0.0, 0.06, 20.0)]
+    window = pooled(guessed)
+    assert (window.wheel, window.start, window.load) == (0, 1.0, 20.0)
+    assert window.factor == pytest.approx((0.10 * 10 + 0.12 * 30) / 40)
+    assert window.slip == pytest.approx(0.11)
+    assert (window.slip_sd, window.factor_sd) == pytest.approx((0.01 / math.sqrt(2), 0.02 / math.sqrt(2)))
+    assert pooled(guessed[:1]) == guessed[0]
+
+
+def test_points_follow_the_torque_factor(log):
+    points = read_evidence(log)
+    assert points.form == TorqueTraction()
+    assert points.factor == pytest.approx([true_factor(S) for S in points.slip], rel=0.05)
+    for each in (points.sd, points.slip_sd, points.shared, points.slip_shared):
+        assert np.all(each > 0.0)
+
+
+def test_exact_sensors_give_the_slip_that_the_soil_feels(drive, trace, tmp_path):
+    """What is left are the classes' widths and the ground that bends within a wheelbase."""
+    drive.write_log(trace, tmp_path)
+    points = read_drive_points(tmp_path)
+    assert points.factor == pytest.approx([true_factor(S) for S in points.slip], abs=0.003)
+
+
+def test_duty_and_rate_tell_the_torque_where_no_current_is_logged(drive, trace, tmp_path):
+    drive.write_log(measured(trace, Sensors(), seed=1, with_current=False), tmp_path)
+    points = read_drive_points(tmp_path)
+    assert points.factor == pytest.approx([true_factor(S) for S in points.slip], rel=0.15)
+    assert identify(points, Soil(), search=TWO)["k"].low < 0.01 < identify(points, Soil(), search=TWO)["k"].high
+
+
+def test_without_heights_the_speed_comes_from_the_map_and_the_slope(drive, trace, tmp_path):
+    kept = {name: values for name, values in trace.channels.items() if name != "body_z"}
+    drive.write_log(dataclasses.replace(trace, channels=kept), tmp_path)
+    points = read_drive_points(tmp_path)
+    assert points.factor == pytest.approx([true_factor(S) for S in points.slip], abs=0.006)
+
+
+def test_slips_that_scatter_by_more_than_a_class_are_refused(drive, trace, tmp_path):
+    coarse = Sensors(position_sd=0.03, attitude_sd=0.05)
+    drive.write_log(measured(trace, coarse, seed=1), tmp_path)
+    sampling = Sampling(lengths=(2.0,))
+    with pytest.raises(DataError, match=r"the slip of a window of 2 s scatters by 0\.\d+, more than a class of 0\.05"):
+        read_drive_points(tmp_path, sampling)
+
+
+def test_longer_windows_are_taken_where_the_slip_scatters(drive, trace, tmp_path):
+    drive.write_log(measured(trace, Sensors(position_sd=0.006), seed=1), tmp_path)
+    two, four = (read_drive_points(tmp_path, Sampling(lengths=each)) for each in ((2.0,), (2.0, 4.0)))
+    assert len(four.slip) != len(two.slip) or np.max(four.slip_sd) < np.max(two.slip_sd)
+
+
+def test_a_log_without_its_motor_is_refused(log, tmp_path):
+    (tmp_path / "drive.toml").write_text(
+        (log / "drive.toml").read_text().split("[motor]")[0] + '[[run]]\nfile = "run.csv"\n'
+    )
+    for name in ("run.csv", "terrain.csv"):
+        (tmp_path / name).write_bytes((log / name).read_bytes())
+    with pytest.raises(DataError, match=r"declares no \[motor\]"):
+        read_drive_points(tmp_path)
+
+
+def test_a_log_too_short_is_refused(log):
+    with pytest.raises(DataError, match="no class of slip has 1000 steady windows of 2 s"):
+        read_drive_points(log, dataclasses.replace(Sampling(), least=1000))
+
+
+def test_a_missing_channel_is_named(log, tmp_path):
+    drive = read_drive_log(log)
+    trace = drive.runs[0]
+    kept = {name: values for name, values in trace.channels.items() if name != "bogie_l"}
+    write_drive_log(tmp_path, {"run": dataclasses.replace(trace, channels=kept)}, drive.metadata)
+    with pytest.raises(DataError, match="bogie_l"):
+        read_drive_points(tmp_path)
+
+
+def test_a_declared_doubt_of_the_motor_widens_what_is_shared(log):
+    read = read_drive_log(log)
+    motor = record_from(Motor, read.metadata.motor, "motor")
+    gear = {**read.metadata.motor, "gear": {"value": 268.0, "unit": "", "sd": 26.8}}
+    unsure = dataclasses.replace(read, metadata=dataclasses.replace(read.metadata, motor=gear))
+    sure, wide = drive_points(read, motor), drive_points(unsure, motor)
+    assert wide.shared == pytest.approx(np.hypot(sure.shared, 0.1 * sure.factor), rel=1e-6)
+
+
+def test_a_path_that_is_no_data_is_refused(tmp_path):
+    with pytest.raises(DataError, match=r"give a folder with rig.toml \(wheel rig\) or drive.toml"):
+        read_evidence(tmp_path / "nothing")
+
+
+def test_windows_are_classed_by_what_stands_beside_them():
+    """Grouped by its own noisy slip, a window comes out of its class as the noise left it."""
+    window = Window(0, 0.0, 0.31, 0.01, 0.2, 0.01, 0.0, 0.05, 10.0)
+    assert classed([(0.12, window)] * 3, Sampling()) == [[window] * 3]
+    assert classed([(0.12, window)] * 2, Sampling()) == []
+    heavy = window._replace(load=14.0)
+    assert classed([(0.12, window), (0.12, heavy)] * 3, Sampling()) == [[window, heavy] * 3]
+    assert classed([(0.12, window), (0.12, heavy)] * 3, Sampling(), 0.25) == [[window] * 3, [heavy] * 3]
+
+
+def test_the_line_through_noise_knows_its_doubt():
+    """White noise of SD 1 about t: slopes scatter as said; noise that stays for a while counts less."""
+    random, t = np.random.default_rng(3), 0.05 * np.arange(40)
+    fits = [line(t, t + random.standard_normal(40)) for _ in range(300)]
+    assert np.std([fit.slope for fit in fits]) == pytest.approx(np.mean([fit.slope_sd for fit in fits]), rel=0.15)
+    assert np.std([fit.middle for fit in fits]) == pytest.approx(np.mean([fit.sd for fit in fits]), rel=0.15)
+    held = [line(t, np.repeat(random.standard_normal(10), 4)) for _ in range(300)]
+    assert np.mean([fit.sd for fit in held]) > 1.5 * np.mean([fit.sd for fit in fits])
+
+
+@pytest.mark.slow
+def test_intervals_of_logs_with_sensors_hold_the_truth_in_90_to_99_percent(tmp_path):
+    """Six soils climbed by the independent simulator, sixteen draws of sensors, gains and declared constants each."""
+    truths = [
+        {"k": k, "phi": math.radians(phi)}
+        for k, phi in ((0.0025, 31), (0.004, 29), (0.006, 33), (0.010, 30), (0.016, 28), (0.030, 32))
+    ]
+    held = []
+    for soil, (truth, made) in enumerate(zip(truths, climb.climbs(truths, 5), strict=True)):
+        for draw in range(16):
+            folder = tmp_path / f"{soil}-{draw}"
+            climb.write_climb(folder, made, [2, soil, draw])
+            found = identify(read_drive_points(folder), Soil(), search=TWO)
+            held += [found[name].low <= truth[name] <= found[name].high for name in ("k", "phi")]
+    assert 0.90 <= np.mean(held) <= 0.99

@@ -1,0 +1,185 @@
+"""The reader of wheel-rig sets and traction points: shipped data, and one sentence for every flaw."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.contact import Soil, Wheel
+from rover_pin.measurements.channel import DrawbarPull, Sinkage, Torque
+from rover_pin.measurements.traction_points import TractionPoints, read_traction_points
+from rover_pin.measurements.wheel_rig import WheelRig, read_wheel_rig
+from rover_pin.parameters.bekker import bekker
+
+DATA = Path(__file__).parents[2] / "studies" / "data"
+RIG = """
+kind = "wheel-rig"
+[wheel]
+r = { value = 62.5, unit = "mm" }
+b = { value = 0.06, unit = "m" }
+[noise]
+drawbar_pull = { value = 0.3, unit = "N" }
+sinkage = { value = 0.6, unit = "mm" }
+"""
+POINTS = "run,slip,load_N,drawbar_pull_N,sinkage_m\na,0.1,25,1.0,0.01\nb,0.3,25,2.0,0.02\n"
+
+
+def folder(tmp_path, rig=RIG, points=POINTS):
+    (tmp_path / "rig.toml").write_text(rig)
+    (tmp_path / "points.csv").write_text(points)
+    return tmp_path
+
+
+def test_shipped_smooth_wheel_is_read_as_its_files_say():
+    rig = read_wheel_rig(DATA / "cmu-smooth-wheel")
+    table = pd.read_csv(DATA / "cmu-smooth-wheel" / "points.csv")
+    pull, sunk = rig.channels
+    assert (rig.name, rig.wheel, len(rig.slip)) == ("cmu-smooth-wheel", Wheel(0.0625, 0.06), 15)
+    assert isinstance(pull, DrawbarPull)
+    assert isinstance(sunk, Sinkage)
+    np.testing.assert_array_equal(pull.measured, table["drawbar_pull_N"])
+    np.testing.assert_allclose(pull.sd, 0.0126 * table["load_N"])
+    assert set(sunk.sd) == {0.0006}
+    assert rig.wheel_range == {"r": (0.058, 0.0625), "b": (0.05, 0.06)}
+    assert rig.levels.tolist() == table["level"].tolist()
+
+
+def test_shipped_ding_wheel_declares_its_soil_in_bekkers_constants():
+    rig = read_wheel_rig(DATA / "ding-2011-lugged")
+    assert [type(channel) for channel in rig.channels] == [DrawbarPull, Torque, Sinkage]
+    soil = rig.declared_soil(Soil())
+    assert (soil.k_1, soil.k_2) == bekker(15.6e3, 2407.4e3, 1.1, 0.165)
+    assert soil.phi == pytest.approx(math.radians(31.9))
+    assert (soil.n, soil.c, soil.k) == (1.1, 250.0, 0.011)
+
+
+def test_units_of_the_toml_are_converted(tmp_path):
+    rig = read_wheel_rig(folder(tmp_path))
+    assert rig.wheel.r == pytest.approx(0.0625)
+    assert rig.channels[1].sd[0] == pytest.approx(0.0006)
+    assert rig.declared_soil(Soil()) == Soil()
+
+
+def test_noise_may_come_from_a_column(tmp_path):
+    rig_toml = RIG.replace('drawbar_pull = { value = 0.3, unit = "N" }\n', "")
+    points = "slip,load_N,drawbar_pull_N,drawbar_pull_sd_N\n0.1,25,1.0,0.2\n0.3,25,2.0,0.4\n"
+    rig = read_wheel_rig(folder(tmp_path, rig_toml, points))
+    assert rig.channels[0].sd.tolist() == [0.2, 0.4]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("25,1.0", ",1.0", r"load is missing or not finite in row 1 \(nan\); remove or fill that row"),
+        ("25,1.0", "25,inf", r"drawbar_pull_N is missing or not finite in row 1 \(inf\); remove or fill that row"),
+        (",1.0,0.01\nb,0.3,25,2.0", ",,0.01\nb,0.3,25,", "drawbar_pull_N has no number in any row; leave that column"),
+        ("25,2.0", "-25,2.0", r"load is not positive in row 2 \(-25\)"),
+        ("b,0.3", "b,-1.3", r"slip lies outside \[-1, 1\] in row 2 \(-1.3\)"),
+        ("b,0.3", "b,30", "slip reaches 30, which looks like percent; give a fraction"),
+        ("0.02\n", "20\n", "sinkage_m reaches 20 m in row 2, deeper than the axle .* millimetres, divide them by 1000"),
+        ("load_N", "load", "has no column 'load_N': did you mean 'load'"),
+        ("sinkage_m", "sinkage_mm", "column 'sinkage_mm' is not read: did you mean 'sinkage_m'.* Convert it to SI"),
+        (
+            "sinkage_m\n",
+            "sinkage_m\nc,0.2,25,much,0.01\n",
+            "drawbar_pull_N holds 'much' in row 1, which is not a number",
+        ),
+        (POINTS, "", "points.csv: the file has no rows"),
+        (POINTS, "slip,load_N,drawbar_pull_N\n", "points.csv: the file has no rows"),
+        (POINTS, "slip,load_N\n0.1,25\n", "no channel was measured; give one of drawbar_pull_N"),
+        (POINTS, 'slip,load_N\n"0.1,25\n', "line 2: 1 cells under 2 column names"),
+        (POINTS, "slip,load_N,torque_Nm\n0.1,25,1\n", "noise of torque is not stated; write .noise. torque"),
+    ],
+)
+def test_flaws_of_the_points(tmp_path, old, new, said):
+    assert old in POINTS
+    with pytest.raises(DataError, match=said):
+        read_wheel_rig(folder(tmp_path, points=POINTS.replace(old, new)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"wheel-rig"', '"drive-log"', "kind = 'drive-log' is not a wheel rig"),
+        (
+            'unit = "mm" }\nb',
+            'unit = "furlong" }\nb',
+            "unit 'furlong' does not measure what is asked for; use one of m, mm",
+        ),
+        ('0.6, unit = "mm"', '0.6, unit = "kPa"', "noise of sinkage: unit 'kPa' does not measure"),
+        ("{ value = 0.3,", "{ sd = 0.3,", "noise of drawbar_pull has no number"),
+        ("value = 0.3", "value = 0.0", "sd is not positive in row 1"),
+        ('b = { value = 0.06, unit = "m" }\n', "", "has no b; write b = { value, unit = 'm' }"),
+        ("value = 0.06", "value = 60.0", "Wheel.b = 60 m is not allowed"),
+        ("[noise]", "[noise", "is not TOML"),
+    ],
+)
+def test_flaws_of_the_toml(tmp_path, old, new, said):
+    assert old in RIG
+    with pytest.raises(DataError, match=said):
+        read_wheel_rig(folder(tmp_path, rig=RIG.replace(old, new)))
+
+
+def test_missing_files_are_named(tmp_path):
+    with pytest.raises(DataError, match=r"rig.toml: the file cannot be read: No such file"):
+        read_wheel_rig(tmp_path)
+    (tmp_path / "rig.toml").write_text(RIG)
+    with pytest.raises(DataError, match=r"points.csv: the file cannot be read: No such file"):
+        read_wheel_rig(tmp_path)
+
+
+def test_rows_and_channels_are_chosen_together():
+    rig = WheelRig(Wheel(), [0.1, 0.2, 0.3], 9.5, (DrawbarPull([1, 2, 3], 0.1), Sinkage([0.01, 0.02, 0.03], 0.001)))
+    part = rig.rows(rig.slip > 0.15).only(Sinkage)
+    assert part.slip.tolist() == [0.2, 0.3]
+    assert part.load.tolist() == [9.5, 9.5]
+    assert [channel.measured.tolist() for channel in part.channels] == [[0.02, 0.03]]
+
+
+def test_columns_of_different_lengths_are_refused():
+    with pytest.raises(DataError, match=r"different lengths \(slip 2, load 2, drawbar_pull_N 3\)"):
+        WheelRig(Wheel(), [0.1, 0.2], 9.5, (DrawbarPull([1, 2, 3], 0.1),))
+
+
+def test_traction_points_are_read_and_scatter_is_divided_by_its_count(tmp_path):
+    path = tmp_path / "fig6.csv"
+    path.write_text("slip,traction_factor,sd,count\n0.1,0.05,0.06,4\n0.5,0.2,0.06,9\n")
+    points = read_traction_points(path)
+    assert points.sd.tolist() == pytest.approx([0.03, 0.02])
+    assert points.factor.tolist() == [0.05, 0.2]
+
+
+def test_scatter_becomes_means_with_a_pooled_deviation():
+    rng = np.random.default_rng(3)
+    slip = np.repeat([0.1, 0.4, 0.8], 400)
+    points = TractionPoints.from_scatter(slip, slip + rng.normal(0, 0.06, slip.size))
+    np.testing.assert_allclose(points.factor, [0.1, 0.4, 0.8], atol=0.01)
+    np.testing.assert_allclose(points.sd, 0.06 / 20, rtol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        (([], [], 0.1), "slip has no data; give at least one measured point"),
+        (([[0.1]], [0.1], 0.1), "slip has no data"),
+        (([0.1, math.nan], [0.1, 0.2], 0.1), "slip is missing or not finite in row 2"),
+        (([0.1, 0.2], [0.1], 0.1), "different lengths"),
+        (([0.1, 45.0], [0.1, 0.2], 0.1), "looks like percent"),
+        (([0.1, 0.2], [0.1, 0.2], -0.1), "sd is not positive"),
+    ],
+)
+def test_flaws_of_traction_points(columns, said):
+    with pytest.raises(DataError, match=said):
+        TractionPoints(*columns)
+
+
+def test_flaws_of_traction_files(tmp_path):
+    path = tmp_path / "fig6.csv"
+    path.write_text("slip,traction_factor,sd\n0.1,0.05,0.06\n0.5,,0.06\n")
+    with pytest.raises(DataError, match=r"fig6.csv: TractionFactor: traction factor is missing or not finite in row 2"):
+        read_traction_points(path)
+    with pytest.raises(DataError, match="no slip ratio is repeated"):
+        TractionPoints.from_scatter([0.1, 0.2], [0.1, 0.2])

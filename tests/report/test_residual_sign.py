@@ -1,0 +1,124 @@
+"""Residuals are measured minus predicted: hand-made sets of known sign through every table and figure that shows it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.contact import Contact, Soil, Wheel
+from rover_pin.discrepancy.cross_validation import held_out_residual
+from rover_pin.estimation.experiment import residual
+from rover_pin.experiments.unlisted.remainder import DriveResidual, channel_residuals
+from rover_pin.experiments.wheel_rig.draft import draft_effect
+from rover_pin.loop.rig import on_rig
+from rover_pin.report.drive.left import channel_table
+from rover_pin.report.drive.runs import Sides, residual_panels, scale_of, worst_runs
+from rover_pin.report.rig.figures import residual_panels as rig_residual_panels
+from rover_pin.report.rig.report import test_table as table_of_tests
+from rover_pin.simulation.model.effect_files import user_effects
+from tests.experiments.drive_log import linear_drive as drive
+from tests.experiments.wheel_rig import linear_rig as rig
+
+
+def test_a_model_that_gives_too_little_leaves_a_positive_residual():
+    assert residual(np.array([3.0]), np.array([1.0])) == [2.0]
+
+
+# --- the rig report --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def deeper():
+    """A set that sinks deeper with slip than the model does, by -4 mm to +4 mm, and pulls as the model."""
+    random = np.random.default_rng(0)
+    rise = 4 * (rig.slip() / 0.35 - 1)
+    rows = np.concatenate([np.zeros(rig.RUNS), rise]) + 0.1 * random.normal(size=2 * rig.RUNS)
+    alike = np.cos(40 * np.arange(2 * rig.RUNS))
+    made = rig.made(rows, {"soil.phi": rig.law_of("soil.phi", alike)}, ("soil.phi",))
+    return made, on_rig(made, rig.MODEL, None, lambda said: None, 0)
+
+
+def test_the_fit_and_the_levels_left_out_have_the_sign(deeper):
+    made, verdict = deeper
+    data, fit = made.data, verdict.before.fit
+    for table in (fit.residual, held_out_residual(fit)):
+        rows = made.rows(table) / np.array(rig.SD)[:, None]
+        assert rows[1, data.level == 0].mean() == pytest.approx(-4, abs=0.3)
+        assert rows[1, data.level == rig.LEVELS - 1].mean() == pytest.approx(4, abs=0.3)
+
+
+def test_the_table_of_what_residuals_go_with_has_the_sign(deeper):
+    rows = table_of_tests(deeper[1].extra, False).rows
+    (row,) = [one for one in rows if one.cells[:2] == ("sinkage", "slip")]
+    assert float(row.cells[2].split()[0]) > 0.9
+    assert any("sinkage hangs together with slip (r = +" in said for said in deeper[1].cautions)
+
+
+def test_the_words_of_what_is_left_have_the_sign(deeper):
+    _, verdict = deeper
+    left = verdict.extra.before.residuals[1]
+    assert left.with_slip > 0.9
+    assert left.levels[0].mean == pytest.approx(-4e-3, abs=3e-4)
+    assert left.levels[-1].mean == pytest.approx(4e-3, abs=3e-4)
+    assert left.powers[1] == pytest.approx(8e-3 / 0.7, rel=0.1)
+
+
+def test_the_figure_of_what_is_left_has_the_sign(deeper):
+    made, verdict = deeper
+    (axis,) = rig_residual_panels(made.data, verdict.extra.before, None)[1].axes
+    assert "measured - model" in axis.get_ylabel()
+    drawn = axis.containers[0].lines[0].get_ydata()
+    assert drawn[0] == pytest.approx(-4, abs=0.3)
+    assert drawn[-1] == pytest.approx(4, abs=0.3)
+
+
+def test_the_draft_of_what_is_left_takes_it_away(deeper, tmp_path):
+    """Its depth is that of the contact less what is missing: h + (measured - model) is what the rig shows."""
+    made, verdict = deeper
+    (tmp_path / "draft.py").write_text(draft_effect(made.data, verdict.extra.before.residuals))
+    (kind,) = user_effects(tmp_path / "draft.py")
+    contact = Contact(0.7, 0.0, 0.01, 0.05, 0.0, 0.0, 0.06, 0.0, 0.0, Wheel(), Soil())
+    assert float(kind().amend(contact, ()).h) == pytest.approx(0.01 - 4e-3, abs=3e-4)
+
+
+# --- the drive report ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def faster():
+    """A log whose current exceeds the model's by 3 SD times duty, about its mean, and a way as modelled."""
+    random = np.random.default_rng(1)
+    free = drive.nuisances()
+    columns = drive.slopes(random, free, size=1e-3)
+    runs = drive.runs_of(drive.SHAPE)
+    duty = np.array([run.commands.duty[:, 0].reshape(drive.BLOCKS, -1).mean(axis=1) for run in runs])
+    more = np.zeros(drive.SHAPE)
+    more[:, 1] = 3 * (duty - duty.mean()) / duty.std()
+    return drive.fitted(more + 0.1 * random.normal(size=drive.SHAPE), columns), duty
+
+
+def test_the_table_of_a_drive_has_the_sign(faster):
+    fitted, _ = faster
+    scene = SimpleNamespace(
+        fit=fitted,
+        experiment=fitted.task.experiment,
+        wheels=("fl",),
+        replayed=lambda run, name: np.zeros(drive.BLOCKS * drive.ROWS_A_BLOCK),
+        logged=lambda run, name: np.zeros(drive.BLOCKS * drive.ROWS_A_BLOCK),
+    )
+    left = channel_residuals(scene)
+    assert left[1].correlations["duty"] > 0.99
+    assert "duty (correlation +1.00)" in left[1].sentence
+    rows = channel_table(DriveResidual((), left, (), ())).rows
+    assert rows[0].cells[0] == "current fl"
+    assert float(rows[0].cells[3]) > 0.99
+
+
+def test_the_figure_of_a_drive_has_the_sign(faster):
+    fitted, duty = faster
+    run, figure = worst_runs(fitted)[0], residual_panels(Sides(fitted, fitted))[0]
+    axis = next(one for one in figure.axes if one.get_ylabel().startswith("current"))
+    drawn = axis.lines[-1].get_ydata() / scale_of("current_fl_A")[0]
+    assert np.corrcoef(drawn, duty[run])[0, 1] > 0.99
+    name = fitted.task.experiment.runs[run].name
+    assert figure.legends[0].get_title().get_text() == f"{name}: measured - model"

@@ -1,0 +1,299 @@
+"""What verdicts say of numbers, intervals and changes: nothing added is no change, no interval is no certainty."""
+
+import dataclasses
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.collections import LineCollection
+
+from rover_pin.discrepancy.answer import Answer
+from rover_pin.discrepancy.held_out import ChannelScore, RunScore
+from rover_pin.discrepancy.verdict import Verdict
+from rover_pin.estimation.fit import covariance
+from rover_pin.estimation.parameter import Parameter
+from rover_pin.estimation.wording import Against, Change, Outcome, against, got_worse, interval, share, spread
+from rover_pin.experiments.drive_log.extra import free_lines
+from rover_pin.experiments.drive_log.free_runs import FreeRun
+from rover_pin.experiments.wheel_rig.data import Independent, read_rig_set
+from rover_pin.experiments.wheel_rig.known_elsewhere import Flag
+from rover_pin.loop.rig import on_rig
+from rover_pin.report.figures import heldout_panels
+from rover_pin.report.rig.cautions import of_parameters
+from rover_pin.report.rig.report import write_report
+from rover_pin.report.sections.held_out import HeldOut, channel_table
+from rover_pin.report.words import Labels
+from tests.experiments.wheel_rig import linear_rig as rig
+
+
+def module(name, file):
+    spec = importlib.util.spec_from_file_location(name, file)
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+
+@pytest.fixture
+def close_study(monkeypatch):
+    monkeypatch.syspath_prepend(str(STUDIES))  # as where a study is run, which imports its neighbours
+    return module("close_the_loop", STUDIES / "close_the_loop.py")
+
+
+AT_FLOOR = 1.25
+MANNER = Labels("on runs it never saw", "runs")
+
+
+# --- changes ---------------------------------------------------------------------------------------------------------
+
+
+def change(before, after, low, high, floor=1.0, of="levels"):
+    return Change(before, after, low, high, floor, of)
+
+
+@pytest.mark.parametrize(
+    ("made", "outcome", "text"),
+    [
+        (change(3.0, 3.0, 0.0, 0.0), Outcome.NONE, "unchanged"),
+        (change(3.0, 3.0 * (1 + 1e-9), -1e-9, 2e-9), Outcome.NONE, "unchanged"),
+        (change(3.0, 1.5, -0.6, -0.4), Outcome.BETTER, "-50%, 95 % [-60%, -40%]"),
+        (change(3.0, 4.5, 0.4, 0.6), Outcome.WORSE, "+50%, 95 % [+40%, +60%]"),
+        (change(3.0, 1.5, -0.6, 0.1), Outcome.SCATTER, "-50%, 95 % [-60%, +10%]"),
+        (change(3.0, 3.3, -0.1, 0.3), Outcome.SCATTER, "+10%, 95 % [-10%, +30%]"),
+        (change(3.0, 1.5, -0.5, -0.5), Outcome.UNTOLD, "-50%, no interval"),
+        (change(3.0, 1.5, np.nan, np.nan), Outcome.UNTOLD, "-50%, no interval"),
+        (change(1.2, 1.0, -0.3, -0.1), Outcome.AT_FLOOR, "-17%, 95 % [-30%, -10%]"),
+        (change(1.2, 1.1, -0.3, 0.1), Outcome.AT_FLOOR, "-8%, 95 % [-30%, +10%]"),
+        (change(1.2, 1.8, 0.1, 0.9), Outcome.WORSE, "+50%, 95 % [+10%, +90%]"),
+        (change(1.2, 1.8, -0.1, 0.9), Outcome.SCATTER, "+50%, 95 % [-10%, +90%]"),
+        (change(3.0, 3.012, 0.002, 0.006), Outcome.WORSE, "+0.4%, 95 % [+0.2%, +0.6%]"),
+    ],
+)
+def test_a_change_is_worded_by_its_interval_and_its_floor(made, outcome, text):
+    assert made.outcome is outcome
+    assert made.text == text
+
+
+def test_the_floor_ends_where_it_says():
+    assert change(AT_FLOOR, AT_FLOOR, 0.0, 0.0).outcome is Outcome.AT_FLOOR
+    assert change(1.01 * AT_FLOOR, 1.01 * AT_FLOOR, 0.0, 0.0).outcome is Outcome.NONE
+    assert change(1.01 * AT_FLOOR, 1.0, -0.3, -0.2).outcome is Outcome.BETTER
+
+
+def test_what_is_said_of_a_change():
+    assert change(3.0, 1.5, -0.6, 0.1).claim == "better, not beyond what the levels scatter: nothing to claim"
+    assert change(3.0, 3.3, -0.6, 0.1, of="runs").claim == "worse, not beyond what the runs scatter: nothing to claim"
+    assert change(3.0, 1.5, -0.5, -0.5).claim == "better, but too few levels to resample: nothing to claim"
+    assert change(1.2, 1.2, 0.0, 0.0).claim == "at its noise floor before (1.20 x): no gain to claim"
+    assert change(3.0, 1.5, -0.6, -0.4).claim == "better"
+    assert change(3.0, 3.0, 0.0, 0.0).claim == "unchanged"
+
+
+def test_what_got_worse_beyond_its_scatter_stands_apart_from_what_may_be_chance():
+    lost, perhaps = change(1.0, 1.5, 0.3, 0.7), change(2.0, 2.1, -0.1, 0.2)
+    gained, same = change(2.0, 1.0, -0.6, -0.4), change(2.0, 2.0, 0.0, 0.0)
+    said = got_worse([("torque", lost), ("pull", perhaps), ("sinkage", gained), ("current", same)])
+    assert said == "Got worse: torque by 50%. Higher within it: pull by 5%."
+    assert got_worse([("pull", same)]) == "No channel got worse beyond its scatter."
+
+
+def test_small_shares_keep_a_digit_and_none_has_no_sign():
+    for value, said in ((0.0, "0%"), (1e-9, "0%"), (-0.004, "-0.4%"), (0.0095, "+1%"), (0.12, "+12%"), (-0.5, "-50%")):
+        assert share(value) == said
+    assert share(np.nan) == "unknown"
+
+
+# --- intervals -------------------------------------------------------------------------------------------------------
+
+
+def test_an_interval_without_width_is_none():
+    assert interval(0.5, 0.5, 0.5, "N m") == "0.5 N m (no interval)"
+    assert interval(0.5, 0.4, 0.6, "N m") == "0.5 N m [0.4 N m, 0.6 N m]"
+    assert interval(np.radians(30), np.radians(29), np.radians(31), "rad") == "30 deg [29 deg, 31 deg]"
+    assert interval(0.0, 0.0, 0.0, "") == "0 (no interval)"
+    assert interval(1.0, np.nan, np.nan, "") == "1 (no interval)"
+
+
+def test_an_sd_of_nothing_is_not_printed_as_certainty():
+    assert spread(0.2) == " +- 0.2"
+    assert spread(0.0) == spread(4.5e-27) == " (SD not told)"
+    assert spread(1e-7, 1e-6) == " +- 1e-07"
+
+
+KNOWN = Independent("phi", "rad", np.radians(38), np.radians(38), "stated")
+
+
+@pytest.mark.parametrize(
+    ("ends", "covered", "says"),
+    [
+        ((0.0, 60.0), 1.0, Against.NOTHING),
+        ((3.0, 58.0), 0.92, Against.NOTHING),
+        ((36.0, 60.0), 0.4, Against.AGREES),
+        ((10.0, 37.0), 0.45, Against.AWAY),
+        ((39.0, 41.0), 0.03, Against.AWAY),
+        ((37.0, 41.0), 0.07, Against.AGREES),
+    ],
+)
+def test_an_interval_that_covers_everything_says_nothing(ends, covered, says):
+    assert against(ends, (38.0, 38.0), covered) is says
+    flag = Flag("phi", "rad", tuple(np.radians((20.0, *ends))), KNOWN, says)
+    assert flag.agrees == (says is Against.AGREES)
+    assert f"deg] {says.value} 38 deg (stated)" in flag.sentence
+    cautioned = {Against.AWAY: "sits away from", Against.NOTHING: "is not told"}
+    (said, *rest) = of_parameters((), [flag]) or [""]
+    assert rest == []
+    assert said == "" if says is Against.AGREES else cautioned[says] in said
+
+
+def test_a_constant_that_the_data_do_not_tell_agrees_with_nothing():
+    """phi moves the channels of this set by a thousandth of their noise over all that is allowed of it."""
+    random = np.random.default_rng(0)
+    laws = {"soil.phi": rig.law_of("soil.phi", np.full(2 * rig.RUNS, 1e-4))}
+    made = rig.made(random.normal(size=2 * rig.RUNS), laws, ("soil.phi",))
+    data = dataclasses.replace(made.data, rig=dataclasses.replace(made.data.rig, declared={"phi": 0.6}))
+    verdict = on_rig(dataclasses.replace(made, data=data), rig.MODEL, None, lambda said: None, 0)
+    (flag,) = verdict.extra.before.flags
+    assert flag.says is Against.NOTHING
+    assert "says nothing of 34.38 deg" in verdict.summary()
+    assert "phi is not told" in " ".join(verdict.cautions)
+    told = next(one for one in verdict.as_dict()["extra"]["before"]["flags"])
+    assert (told["agrees"], told["says"]) == (False, "says nothing of")
+
+
+# --- verdicts to which nothing was added -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def nothing():
+    """A rig verdict on noise: no effect is needed."""
+    random = np.random.default_rng(0)
+    rows, slope = (random.normal(size=2 * rig.RUNS) for _ in range(2))
+    verdict = on_rig(rig.made(rows, {"soil.phi": rig.law_of("soil.phi", slope)}), rig.MODEL, None, lambda said: None, 0)
+    assert verdict.answer is Answer.NONE_NEEDED
+    return verdict
+
+
+def test_where_nothing_was_added_nothing_changed(nothing):
+    assert all(score.worded.outcome in (Outcome.NONE, Outcome.AT_FLOOR) for score in nothing.scores)
+    text = nothing.summary()
+    held = [line for line in text.splitlines() if "held-out" in line]
+    assert len(held) == 3
+    assert "chosen in 8 folds: no effect in 8" in held[2]
+    assert not any("->" in line or "%" in line or "worse" in line or "better" in line for line in held)
+    assert nothing.model_description == "the fitted base model, to which nothing was added"
+
+
+def test_folds_that_chose_something_are_not_said_to_have_chosen_nothing(nothing):
+    folds = dict(zip("abcd", ["PeakStress"] * 3 + [""], strict=True))
+    told = dataclasses.replace(nothing, answer=Answer.NONE_FITS, chosen=folds)
+    assert told.chosen_again == "chosen in 4 folds: PeakStress in 3, no effect in 1"
+
+
+def test_free_runs_of_one_model_are_one_number():
+    same = (FreeRun("run-0", 1.0, 0.01, 0.01), FreeRun("run-1", 1.0, 0.01, 0.01))
+    assert free_lines(same) == ["RMS distance from the logged place 10.0 mm over 2 runs"]
+    assert "-> 5.0 mm" in free_lines((FreeRun("run-0", 1.0, 0.01, 0.005),))[0]
+
+
+# --- drives ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_number_that_nothing_tells_has_all_its_bounds_for_an_interval():
+    """Beside one that is told a million times better: a plain pseudo-inverse gave it the variance 0."""
+    random = np.random.default_rng(0)
+    columns = np.zeros((60, 2))
+    columns[:, 0] = 1e8 * random.normal(size=60)
+    free = (Parameter("soil.phi", 0.5, 1.0, 0.0, 1.0), Parameter("soil.k", 0.5, 1.0, 0.0, 1.0, prior=False))
+    sd = np.sqrt(np.diag(covariance(columns, np.zeros(60), free)))
+    assert sd[0] == pytest.approx(1 / np.linalg.norm(columns[:, 0]), rel=1e-6)
+    assert sd[1] > 1e3
+
+
+def test_a_logarithm_that_nothing_tells_ends_at_its_bounds():
+    one = Parameter("motor.gear", 268.0, 0.5, 1.0, 1e4, log=True)
+    assert one.value(1e6) == 1e4
+    assert one.value(-1e6) == 1.0
+
+
+def test_rows_of_a_drive_report_word_changes_alike():
+    score = ChannelScore("body_x", "m", 1e-3, 5e-3, 5e-3, 0.0, 0.0, 0.0)
+    (row,) = channel_table([score], True, MANNER).rows
+    assert (row.cells[3], row.cells[-1]) == ("unchanged", "unchanged")
+    lost = ChannelScore("body_x", "m", 1e-3, 5e-3, 6e-3, 0.2, 0.1, 0.3)
+    (row,) = channel_table([lost], True, MANNER).rows
+    assert (row.cells[-1], row.look) == ("worse", "away")
+    runs = (RunScore("run-0", 40, 2.0, 1.0, -0.6, -0.4), RunScore("run-1", 4, 2.0, 1.0, -0.5, -0.5))
+    verdict = Verdict("drive-log", Answer.NAMED, "x", "", None, named=("ExitAngle",), scores=(score, lost), runs=runs)
+    parts = HeldOut(verdict, MANNER).content()["parts"]
+    assert [row.cells[-1] for row in parts.rows] == ["-50%, 95 % [-60%, -40%]", "-50%, no interval"]
+
+
+def test_a_change_that_no_table_shows_is_none_whatever_its_interval():
+    """An elevation from 0.41420 to 0.41421 mm on every run is no channel that got worse."""
+    tiny = change(1.0, 1.0 + 1e-6, 5e-7, 7e-5, floor=0.5)
+    assert tiny.outcome is Outcome.NONE
+    assert got_worse([("elevation", tiny)]) == "No channel got worse beyond its scatter."
+
+
+# --- pages and pictures ----------------------------------------------------------------------------------------------
+
+
+def test_a_rigs_page_says_what_is_in_its_model_file(nothing, tmp_path):
+    told = {"command": "rover-pin close-loop x", "seconds": 1.0, "seed": 0, "versions": {"numpy": "2"}}
+    verdict = dataclasses.replace(nothing, provenance=told)
+    page = write_report(verdict, rig.rig_set(np.zeros(2 * rig.RUNS)), tmp_path)[0].read_text()
+    assert "is the fitted base model, to which nothing was added" in " ".join(page.split())
+    assert "+0%" not in page
+    assert ">worse<" not in page
+
+
+def scores():
+    """One gain beyond the scatter, one loss, one change within it."""
+    rows = {
+        "sinkage": (3e-3, 1e-3, -0.8, -0.5),
+        "torque": (3e-3, 6e-3, 0.5, 1.5),
+        "drawbar pull": (5e-3, 2e-3, -0.9, 0.2),
+    }
+    return [ChannelScore(name, "", 1e-3, b, a, a / b - 1, low, high) for name, (b, a, low, high) in rows.items()]
+
+
+def test_the_picture_of_runs_left_out_draws_no_change_that_is_not_claimed():
+    left = heldout_panels(scores(), True, MANNER)[0].axes[0]
+    drawn = [line for line in left.collections if isinstance(line, LineCollection)]
+    assert len(drawn[0].get_segments()) == 2
+    hollow = next(line for line in left.lines if "no change to claim" in line.get_label())
+    assert list(hollow.get_xdata()) == pytest.approx([2.0])
+
+
+def test_the_studys_picture_draws_an_arrow_only_where_a_change_is_claimed(close_study):
+    study = close_study
+    table = pd.DataFrame(
+        {"set": "made", "channel": one.name, "noise": one.floor, "held_out_before": one.before,
+         "held_out_after": one.after, "said": one.claim}
+        for one in scores()
+    )  # fmt: skip
+    (axis,) = study.draw(table).axes
+    assert sorted(round(text.xyann[0], 6) for text in axis.texts) == [3.0, 3.0]
+    hollow = [
+        line.get_xdata()[0]
+        for line in axis.lines
+        if line.get_marker() == "s" and line.get_mfc() == "none" and len(line.get_xdata())
+    ]
+    assert hollow == pytest.approx([2.0])
+
+
+def test_the_studys_transients_are_named_by_their_slips(close_study):
+    study = close_study
+    slips = study.slips_of(read_rig_set(study.DATA / "cmu-smooth-wheel"))
+    named = [f"S = {S}" for S in ("0.00", "0.23", "0.50", "0.75", "0.90")]
+    assert slips == dict(zip(["10", "12", "20", "40", "100"], named, strict=True))
+    runs = study.transient_runs(study.DATA / "cmu-smooth-wheel" / "sinkage_transient.csv")
+    steady = {"measured": study.measured_steady(runs)}
+    errors = study.predicted(runs, steady["measured"], "measured")
+    titles = [axis.get_title() for axis in study.draw_transients(runs, steady, errors, slips).axes]
+    assert titles == [f"{name}, held out" for name in named]
+    assert "S = 0.23" in study.summary_of(errors, slips).columns

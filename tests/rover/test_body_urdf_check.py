@@ -1,0 +1,272 @@
+"""Checking a rover's URDF: what is sound, what is only noted, and the two readers."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import ParameterError, UrdfError
+from rover_pin.base.files import checked_before
+from rover_pin.base.trust import Trust
+from rover_pin.rover import urdf_check
+from rover_pin.rover.description import readers
+from rover_pin.rover.description.layout import read_layout
+from rover_pin.rover.description.readers import free_tree
+from rover_pin.rover.description.tree import read_tree
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.statics import wheel_loads
+from rover_pin.rover.urdf_check import UrdfReport, _notes, _stance_notes, _standing_faults, check_urdf
+from rover_pin.scenarios.scenario import scenario
+
+URDF = Path(__file__).parents[2] / "urdf"
+TEXT = (URDF / "nexus6.urdf").read_text()
+ROCKER_LIMIT = re.search(r"<limit .*?/>", TEXT).group()
+STAND = '<link name="foot"/><joint name="stand" type="fixed"><parent link="foot"/><child link="base_link"/></joint>'
+
+
+@pytest.fixture(autouse=True)
+def nothing_remembered(tmp_path, monkeypatch):
+    """Every test reads with both readers again."""
+    monkeypatch.setenv("ROVER_PIN_CACHE", str(tmp_path / "own_cache"))
+
+
+@pytest.mark.parametrize("name", ["nexus6.toml", "nexus6.urdf", "cart.toml", "cart.urdf"])
+def test_the_rovers_that_come_along_have_no_faults(name):
+    report = check_urdf(URDF / name)
+    assert report.ok
+    assert report.facts
+    assert all("without a TOML" in note for note in report.notes)
+
+
+def test_a_report_says_what_the_rover_is():
+    whole, alone, cart = (check_urdf(URDF / name) for name in ("nexus6.toml", "nexus6.urdf", "cart.toml"))
+    wheels = "wheel_fl, wheel_fr, wheel_ml, wheel_mr, wheel_rl, wheel_rr"
+    assert f"6 wheels: {wheels}" in whole.facts
+    assert "differential: rocker_l and rocker_r" in whole.facts
+    assert "differential: none" in cart.facts
+    (joints,) = (fact for fact in alone.facts if fact.startswith("continuous joints: "))
+    assert sorted(joints.partition(": ")[2].split(", ")) == sorted(wheels.split(", "))
+    assert (whole.loads, alone.loads) == (True, False)
+    assert not UrdfReport("x.urdf", (), (), ()).loads
+    assert [any("without a TOML" in note for note in each.notes) for each in (whole, alone)] == [False, True]
+    assert "There is no rover file" in check_urdf(URDF / "none.yaml").faults[0]
+
+
+@pytest.mark.parametrize(("share", "noted"), [(0.95e-3, False), (1.05e-3, True)])
+def test_wheels_off_their_plane_by_a_thousandth_are_noted(share, noted):
+    """Two diagonal wheels higher and two lower by this share of half the distance between the axles."""
+    layout = read_layout(URDF / "cart.toml", Trust())
+    model = free_tree(layout.text)
+    joints = [model.getJointId(name) for name in layout.wheel_joints]
+    places = np.array([model.jointPlacements[joint].translation for joint in joints])
+    middle, warp = places.mean(axis=0), np.ptp(places[:, 0]) / 2 * share
+    for joint, place in zip(joints, places, strict=True):
+        sign = np.sign(place[0] - middle[0]) * np.sign(place[1] - middle[1])
+        model.jointPlacements[joint].translation = np.array([place[0], place[1], middle[2] + sign * warp])
+    assert np.ptp(places[:, 0]) > np.ptp(places[:, 1]), "the axles are farther apart than the wheels"
+    assert any("do not stand on one plane" in note for note in _stance_notes(layout, model)) is noted
+
+
+@pytest.mark.parametrize(
+    ("fails_at", "load", "words"),
+    [
+        (None, 0.05, []),
+        (None, 0.0, ["would have to be held down"]),
+        (0.0, 1.0, ["fell"]),
+        (0.02, 1.0, ["fell"]),
+        (-0.02, 1.0, ["fell"]),
+    ],
+)
+def test_a_rover_stands_on_the_level_and_on_two_hundredths_either_way(monkeypatch, fails_at, load, words):
+    asked = []
+
+    def loads(_, slope):
+        asked.append(slope)
+        if slope == fails_at:
+            raise ParameterError("fell")
+        return np.full(4, load)
+
+    monkeypatch.setattr(urdf_check, "wheel_loads", loads)
+    faults = list(_standing_faults(read_layout(URDF / "cart.toml", Trust())))
+    assert [any(word in fault for fault in faults) for word in words] == [True] * len(faults)
+    assert fails_at is not None or asked == [0.0, 0.02, -0.02]
+
+
+def test_what_was_changed_on_the_way_is_noted():
+    layout = read_layout(URDF / "cart.toml", Trust())
+    changed = dataclasses.replace(layout, changes=("a mesh was left out",))
+    assert "a mesh was left out" in list(_notes(read_tree(layout.text, "cart.urdf"), changed))
+
+
+def test_a_urdf_alone_needs_a_wheel(tmp_path):
+    (tmp_path / "sledge.urdf").write_text(TEXT.replace('type="continuous"', 'type="fixed"'))
+    report = check_urdf(tmp_path / "sledge.urdf")
+    assert report.faults == ("sledge.urdf: it has no wheel: none of its joints is continuous.",)
+
+
+def test_what_cannot_be_read_is_the_reports_one_fault(tmp_path):
+    assert "none.urdf: cannot be read" in check_urdf(tmp_path / "none.urdf").faults[0]
+    assert "There is no rover file" in check_urdf(tmp_path / "none.toml").faults[0]
+
+
+def test_further_faults_are_counted(own):
+    path = own(TEXT.replace('type="revolute"', 'type="prismatic"'))
+    with pytest.raises(UrdfError, match=r"\(7 more: see `rover-pin check-urdf`.\)"):
+        load_rover(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            TEXT.replace('<sphere radius="0.012"/>', '<mesh filename="package://x/y.stl"/>'),
+            "4 meshes .* may be missing",
+        ),
+        (
+            TEXT.replace(ROCKER_LIMIT, ROCKER_LIMIT + '<dynamics damping="0.1"/>', 1),
+            "'rocker_l' has <dynamics>, .* not used",
+        ),
+        (TEXT.replace('<origin xyz="0 0.12 0"/>', '<origin xyz="0.01 0.12 0"/>'), "left and right side differ"),
+        (
+            TEXT.replace('<origin xyz="0.075 0.04 -0.03"/>', '<origin xyz="0.075 0.04 -0.05"/>'),
+            "do not stand on one plane",
+        ),
+    ],
+)
+def test_notes_do_not_keep_a_rover_from_loading(own, text, words):
+    assert text != TEXT
+    path = own(text)
+    report = check_urdf(path)
+    assert report.ok
+    assert any(re.search(words, note) for note in report.notes), report.notes
+    assert load_rover(path).mass == pytest.approx(5.8)
+
+
+def test_a_mimic_ahead_of_its_joint_is_noted(own):
+    first, second = (re.search(rf'<mimic joint="{name}"[^>]*/>', TEXT) for name in ("rocker_l", "rocker_r"))
+    assert second is None
+    text = TEXT.replace(first.group(), "")
+    text = swapped_in(text, "rocker_l", '<mimic joint="rocker_r" multiplier="-1" offset="0"/></joint>')
+    report = check_urdf(own(text))
+    assert report.ok
+    assert any("mimics one that comes later" in note for note in report.notes)
+
+
+def swapped_in(text: str, joint: str, ending: str) -> str:
+    whole = re.search(rf'<joint name="{joint}".*?</joint>', text, re.S).group()
+    return text.replace(whole, whole.replace("</joint>", ending))
+
+
+def test_axes_need_no_unit_length(own):
+    assert load_rover(own(TEXT.replace('xyz="0 1 0"', 'xyz="0 2 0"'))).symmetric
+
+
+def test_a_base_without_mass_carries_one_that_is_fixed_to_it(own):
+    """The habit of a massless root, as in base_footprint."""
+    text = TEXT.replace("</robot>", STAND + "</robot>")
+    layout = (URDF / "nexus6.toml").read_text().replace('"base_link"', '"foot"')
+    assert load_rover(own(text, layout)).mass == pytest.approx(5.8)
+
+
+def test_two_readers_that_disagree_are_told_apart(own, monkeypatch):
+    """Here by a Pinocchio that is handed one other angle: no URDF known to us makes them differ."""
+    honest = readers._random_angles
+
+    def crooked(tree, rng):
+        angles = honest(tree, rng)
+        angles["rocker_r"] += 0.1
+        return angles
+
+    monkeypatch.setattr(readers, "_random_angles", crooked)
+    faults = check_urdf(own(TEXT)).faults
+    assert len(faults) == 1
+    assert "Pinocchio and yourdfpy place link 'rocker_r_link'" in faults[0]
+
+
+@pytest.mark.parametrize(
+    ("reader", "words"), [("yourdfpy", "yourdfpy cannot read it"), ("pin", "Pinocchio cannot read it")]
+)
+def test_a_reader_that_fails_is_named(own, monkeypatch, reader, words):
+    def fails(*_, **__):
+        raise ValueError("no")
+
+    if reader == "yourdfpy":
+        import yourdfpy
+
+        monkeypatch.setattr(yourdfpy.URDF, "load", fails)
+    else:
+        import pinocchio
+
+        monkeypatch.setattr(pinocchio, "buildModelFromXML", fails)
+    assert words in check_urdf(own(TEXT)).faults[0]
+
+
+def test_a_sound_urdf_is_read_by_the_slow_reader_once_and_a_faulty_one_always(own, monkeypatch):
+    import yourdfpy
+
+    read, load = [], yourdfpy.URDF.load
+    monkeypatch.setattr(yourdfpy.URDF, "load", lambda *given, **how: read.append(given) or load(*given, **how))
+    assert [check_urdf(own(TEXT)).ok for _ in range(2)] == [True, True]
+    assert len(read) == 1
+    monkeypatch.setattr(yourdfpy.URDF, "load", lambda *_, **__: 1 / 0)
+    assert check_urdf(own(TEXT)).ok
+    other = TEXT.replace("</robot>", "<!-- another text --></robot>")
+    assert [check_urdf(own(other)).ok for _ in range(2)] == [False, False]
+
+
+def test_what_is_remembered_is_bounded_and_may_be_lost(tmp_path, monkeypatch):
+    for number in range(checked_before.MOST + 5):
+        checked_before.remember("kind", str(number))
+    known = [checked_before.is_cached("kind", str(number)) for number in range(checked_before.MOST + 5)]
+    assert known == [False] * 5 + [True] * checked_before.MOST
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("ROVER_PIN_CACHE", str(tmp_path / "file"))
+    checked_before.remember("kind", "7")
+    assert not checked_before.is_cached("kind", "7")
+
+
+def test_copies_of_the_example_load_from_anywhere(tmp_path):
+    for name in ("nexus6.toml", "nexus6.urdf"):
+        shutil.copy(URDF / name, tmp_path / name)
+    assert load_rover(tmp_path / "nexus6.toml").model.nv == 20
+
+
+def test_a_rover_that_cannot_stand_is_told(own):
+    """Without a differential the two rockers are free pivots: the body swings round, and no load balances it."""
+    layout = (URDF / "nexus6.toml").read_text().split("[differential]")[0]
+    path = own(re.sub("<mimic[^>]*/>", "", TEXT), layout)
+    report = check_urdf(path)
+    assert not report.ok
+    (fault,) = report.faults
+    assert "cannot stand on its wheels: a pivot of its suspension stays out of balance" in fault
+    with pytest.raises(ParameterError, match="cannot stand on its wheels"):
+        wheel_loads(load_rover(path), 0.02)
+
+
+def test_a_rover_that_tips_over_is_told(tmp_path):
+    """The chassis' centre of mass 0.4 m behind the rear axle."""
+    text = (URDF / "cart.urdf").read_text()
+    moved = re.sub(
+        r'(<link name="chassis">.*?<inertial>\s*<origin xyz=")[^"]*', r"\g<1>-0.8 0 0.1", text, flags=re.DOTALL
+    )
+    assert moved != text
+    (tmp_path / "cart.urdf").write_text(moved)
+    shutil.copy(URDF / "cart.toml", tmp_path)
+    (fault,) = check_urdf(tmp_path / "cart.toml").faults
+    assert re.search(r"wheels fl, fr would have to be held down \(-49[.0-9]* N\), so it tips over", fault)
+
+
+@pytest.mark.parametrize("most", ["1.7976931348623157e+308", "3.4028235e+38", "1e16"])
+def test_the_largest_number_is_no_limit(own, most):
+    """What tools write for a joint without stops; the rover drives with it."""
+    text = TEXT.replace(ROCKER_LIMIT, f'<limit lower="-{most}" upper="{most}" effort="10" velocity="10"/>')
+    path = own(text)
+    assert check_urdf(path).faults == ()
+    trace = scenario("one-sided-bump", rover=str(path), duration=1.0).drive()
+    assert trace.attrs["stop"] == "duration"
+    assert "20 rad; give radians" in check_urdf(own(TEXT.replace('upper="0.349066"', 'upper="20"', 1))).faults[0]

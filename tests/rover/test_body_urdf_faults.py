@@ -1,0 +1,209 @@
+"""Every way to break a rover's URDF gets one sentence that says what to mend."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from rover_pin.base.errors import UrdfError
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.urdf_check import check_urdf
+
+URDF = Path(__file__).parents[2] / "urdf"
+TEXT = (URDF / "nexus6.urdf").read_text()
+WHEEL_INERTIA = re.search(r'<inertia ixx="0.00017\S+" .*?/>', TEXT).group()
+BODY_MASS = '<mass value="2.9"/>'
+ROCKER_LIMIT = re.search(r"<limit .*?/>", TEXT).group()
+ROCKER_AXIS = '<axis xyz="0 1 0"/>'
+STEER_AXIS = '<axis xyz="0 0 1"/>'
+EXTRA = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><axis xyz="0 1 0"/></joint></robot>'
+
+MAST = (
+    '<link name="mast"><inertial><mass value="0.1"/>'
+    '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial></link>'
+)
+
+
+def wheel_joint(name: str) -> str:
+    return re.search(rf'<joint name="{name}".*?</joint>', TEXT, re.S).group()
+
+
+def scaled(text: str, pattern: str, factor: float) -> str:
+    """Return the text with the numbers in these attributes multiplied."""
+
+    def multiply(match: re.Match) -> str:
+        numbers = " ".join(repr(float(word) * factor) for word in match.group(2).split())
+        return f'{match.group(1)}"{numbers}"'
+
+    return re.sub(pattern, multiply, text)
+
+
+def without_inertial(link: str) -> str:
+    whole = re.search(rf'<link name="{link}">.*?</link>', TEXT, re.S).group()
+    return TEXT.replace(whole, re.sub(r"(?s)<inertial>.*?</inertial>", "", whole))
+
+
+def swapped(joint: str, old: str, new: str) -> str:
+    whole = wheel_joint(joint)
+    assert old in whole
+    return TEXT.replace(whole, whole.replace(old, new))
+
+
+FAULTS = {
+    "cut off": (TEXT[:3000], "not well-formed XML .*; mend it there"),
+    "no robot": (
+        TEXT.replace("<robot", "<rover").replace("</robot", "</rover"),
+        "outermost element is <rover>, not <robot>",
+    ),
+    "xacro": (
+        TEXT.replace("</robot>", '<xacro:x xmlns:xacro="http://www.ros.org/wiki/xacro"/></robot>'),
+        "holds xacro macros; expand it first",
+    ),
+    "nameless": (TEXT.replace('<link name="base_link">', "<link>"), "a <link> has no name"),
+    "no links": ("<robot name='x'/>", "it has no <link>; a rover has a base and wheels"),
+    "word for mass": (
+        TEXT.replace(BODY_MASS, '<mass value="heavy"/>'),
+        "link 'base_link': mass = 'heavy' is not a number",
+    ),
+    "comma": (TEXT.replace(BODY_MASS, '<mass value="2,9"/>'), "'2,9' is not a number; .* with a decimal point"),
+    "short axis": (TEXT.replace(ROCKER_AXIS, '<axis xyz="0 1"/>', 1), "axis = '0 1' must be three numbers"),
+    "short rpy": (TEXT.replace('rpy="0 0 0"', 'rpy="0 0"', 1), "origin rpy = '0 0' must be three numbers"),
+    "half inertial": (TEXT.replace(BODY_MASS, ""), "link 'base_link': its <inertial> needs both <mass"),
+    "missing moment": (TEXT.replace('iyy="0.0209042"', ""), "inertia iyy = 'missing' is not a number"),
+    "no parent": (
+        TEXT.replace('<parent link="base_link"/>', "", 1),
+        "'rocker_l' needs <parent link='...'/> and <child",
+    ),
+    "two links": (TEXT.replace("</robot>", '<link name="base_link"/></robot>'), "2 links are called 'base_link'"),
+    "two wheels": (TEXT.replace("</robot>", '<link name="wheel_fl_link"/></robot>'), "2 links are called 'wheel_fl"),
+    "two joints": (TEXT.replace('name="wheel_fr"', 'name="wheel_fl"'), "2 joints are called 'wheel_fl'"),
+    "unknown link": (
+        TEXT.replace('<child link="rocker_l_link"/>', '<child link="rocker_l_lnk"/>'),
+        "joint 'rocker_l' names a child link 'rocker_l_lnk' that is not there: did you mean 'rocker_l_link'",
+    ),
+    "floating": (swapped("rocker_l", "revolute", "floating"), "joint 'rocker_l' is floating: leave it out"),
+    "prismatic": (swapped("rocker_l", "revolute", "prismatic"), "is of type 'prismatic'; use one of fixed, revolute"),
+    "no axis": (TEXT.replace(ROCKER_AXIS, '<axis xyz="0 0 0"/>', 1), "joint 'rocker_l' has an axis of no length"),
+    "no limit": (TEXT.replace(ROCKER_LIMIT, "", 1), "joint 'rocker_l' is revolute and has no <limit>"),
+    "turned limits": (TEXT.replace('lower="-0.349066"', 'lower="0.5"', 1), "lower must be below upper"),
+    "degrees": (TEXT.replace('upper="0.349066"', 'upper="20"', 1), "has a limit of 20 rad; give radians, not degrees"),
+    "mimic of nothing": (
+        TEXT.replace('<mimic joint="rocker_l"', '<mimic joint="rocker"'),
+        "joint 'rocker_r' mimics 'rocker', not there: did you mean 'rocker_",
+    ),
+    "loop": (
+        TEXT.replace("</robot>", EXTRA.format("bar", "continuous", "bogie_l_link", "rocker_r_link")),
+        r"link 'rocker_r_link' hangs on 2 joints \('rocker_r' and 'bar'\), which closes a loop",
+    ),
+    "loose link": (
+        TEXT.replace("</robot>", '<link name="lone"/></robot>'),
+        "links 'base_link', 'lone' hang on no joint",
+    ),
+    "ring": (
+        TEXT.replace("</robot>", EXTRA.format("ring", "continuous", "wheel_fl_link", "base_link")),
+        "every link hangs on another, in a ring",
+    ),
+    "ring apart": (
+        TEXT.replace("</robot>", '<link name="a"/><link name="b"/></robot>')
+        .replace("</robot>", EXTRA.format("ab", "fixed", "a", "b"))
+        .replace("</robot>", EXTRA.format("ba", "fixed", "b", "a")),
+        "link 'a' cannot be reached from the base 'base_link'",
+    ),
+    "no mass": (TEXT.replace(BODY_MASS, '<mass value="0"/>'), "link 'base_link' has mass 0 kg; it must be above zero"),
+    "no inertial": (without_inertial("bogie_l_link"), "link 'bogie_l_link' has no <inertial> and nothing fixed to it"),
+    "not definite": (TEXT.replace('iyy="0.0209042"', 'iyy="-0.02"'), "inertia that is not positive definite"),
+    "triangle": (TEXT.replace('izz="0.0286133"', 'izz="0.2"'), "no body has one above the sum of the others"),
+    "millimetres": (scaled(TEXT, '(xyz=)"([^"]*)"', 1000.0), "divide lengths by 1000 if they are millimetres"),
+    "no origins": (re.sub(r'xyz="[^"]*"(/> <!-- assumed)', r'xyz="0 0 0"\1', TEXT), "are its joints' origins missing"),
+    "grams": (
+        scaled(TEXT, '(<mass value=|i[xyz]{2}=)"([^"]*)"', 1000.0),
+        "it weighs 5800 kg with joints 0.447 m apart, which is no rover: are masses in grams",
+    ),
+    "inches": (scaled(TEXT, '(xyz=)"([^"]*)"', 39.37), "are lengths in inches or masses in tonnes"),
+    "heavy turning": (
+        TEXT.replace(WHEEL_INERTIA, scaled(WHEEL_INERTIA, '(i[xyz]{2}=)"([^"]*)"', 1000.0), 1),
+        "link 'wheel_.*_link' has an inertia far too large for its mass: .* its shapes reach 0.0515 m",
+    ),
+    "light turning": (
+        TEXT.replace(WHEEL_INERTIA, scaled(WHEEL_INERTIA, '(i[xyz]{2}=)"([^"]*)"', 1e-3), 1),
+        "link 'wheel_.*_link' has an inertia far too small for its mass",
+    ),
+    "heavy without shape": (
+        scaled(re.sub(r"(?s)<(visual|collision)>.*?</\1>", "", TEXT), '(i[xyz]{2}=)"([^"]*)"', 1000.0),
+        "inertia far too large for its mass: .* the rover is 0.447 m across",
+    ),
+    "fixed wheel": (
+        swapped("wheel_fl", "continuous", "fixed"),
+        "wheel joint 'wheel_fl' is fixed; .* type=\"continuous\"",
+    ),
+    "another name": (
+        TEXT.replace('"wheel_fl"', '"wheel_lf"'),
+        "no joint 'wheel_fl', which the TOML names: did you mean 'wheel_",
+    ),
+    "joint without role": (
+        TEXT.replace("</robot>", MAST + "</robot>").replace(
+            "</robot>", EXTRA.format("pan", "continuous", "base_link", "mast")
+        ),
+        "joint 'pan' moves but the TOML gives it no role; name it in .suspension., or in .held.",
+    ),
+    "mimic the same way": (
+        TEXT.replace('multiplier="-1"', 'multiplier="1"'),
+        "mimics with multiplier 1 and offset 0 .* a differential turns its rockers by opposite angles",
+    ),
+    "sideways wheel": (
+        swapped("wheel_ml", "0 1 0", "1 0 0"),
+        r"wheel joint 'wheel_ml' turns about \(1 0 0\) in the base's axes; it must be \+y, .* rate rolls forward",
+    ),
+    "backward rocker": (
+        swapped("rocker_r", "0 1 0", "0 -1 0"),
+        "mimics with multiplier 1 and offset 0 where both axes point to the left",
+    ),
+    "sideways steering": (swapped("steer_fl", "0 0 1", "0 1 0"), "steering joint 'steer_fl' .* angle turns left"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_broken_urdf_gets_a_sentence(own, fault):
+    text, words = FAULTS[fault]
+    assert text != TEXT
+    path = own(text)
+    report = check_urdf(path)
+    assert not report.ok
+    assert any(re.search(words, sentence) for sentence in report.faults), report.faults
+    assert all(sentence.startswith("nexus6.urdf: ") and "\n" not in sentence for sentence in report.faults)
+    with pytest.raises(UrdfError) as refused:
+        load_rover(path)
+    assert str(refused.value).startswith(report.faults[0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            'base = "base_link"',
+            'base = "chassis"',
+            "base 'chassis' is not its root link or fixed to it; write base = \"base_link\"",
+        ),
+        ('rear = ["wheel_rl", "wheel_rr"]', 'rear = ["wheel_fl", "wheel_rr"]', "joint 'wheel_fl' has 2 roles"),
+        (
+            '["wheel_ml", "wheel_mr"]',
+            '["wheel_mr", "wheel_ml"]',
+            "'wheel_mr' is not to the left .* write .left, right.",
+        ),
+        (
+            'front = ["wheel_fl", "wheel_fr"]\nmiddle = ["wheel_ml", "wheel_mr"]',
+            'middle = ["wheel_ml", "wheel_mr"]\nfront = ["wheel_fl", "wheel_fr"]',
+            "axle 'middle' is not ahead .* list axles from front to rear",
+        ),
+        ('[differential]\npair = "rocker"', "", "but the TOML's .differential. does not join them"),
+    ],
+)
+def test_a_toml_that_does_not_fit_its_urdf_gets_a_sentence(own, old, new, words):
+    layout = (URDF / "nexus6.toml").read_text()
+    assert old in layout
+    path = own(TEXT, layout.replace(old, new))
+    assert any(re.search(words, sentence) for sentence in check_urdf(path).faults)
+    with pytest.raises(UrdfError, match=words):
+        load_rover(path)

@@ -1,0 +1,207 @@
+"""A parallel link as joints that follow: the loop closes, moves as a loop does, and both steps hold it."""
+
+import dataclasses
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from rover_pin.base.errors import UrdfError
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.rover.acceleration import constraint_rows, forward_dynamics, forward_dynamics_aba
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.statics import wheel_loads
+from rover_pin.rover.urdf_check import check_urdf
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.plain.step import Plain
+from rover_pin.simulation.simulate import simulate
+from rover_pin.simulation.start.place import Start, hovering
+
+LINKS = load_rover("nexus6_links")
+HALF, BARS = 0.075, 0.03
+"""Half a bar and the distance of the two bars [m], in urdf/nexus6_links.urdf."""
+
+
+def posture(rover, seed):
+    """A configuration and a velocity that hold every constraint."""
+    rng = np.random.default_rng(seed)
+    step, v = rng.uniform(-0.5, 0.5, rover.model.nv), rng.normal(0.0, 1.0, rover.model.nv)
+    for vector in (step, v):
+        vector[rover.differential.right] = -vector[rover.differential.left]
+        for each in rover.couplings:
+            vector[each.follower] = each.ratio * vector[each.leader]
+    return pin.integrate(rover.model, pin.neutral(rover.model), step), v, rng
+
+
+def test_joints_that_follow_are_known_by_their_places_in_speeds_and_angles(tmp_path):
+    for name in ("nexus6_links.toml", "nexus6_links.urdf"):
+        shutil.copy(Path(__file__).parents[2] / "urdf" / name, tmp_path / name)
+    rover = load_rover(tmp_path / "nexus6_links.toml")
+    joints = {name: rover.model.joints[rover.model.getJointId(name)] for name in rover.model.names}
+    followers = [f"{part}_{side}" for side in "lr" for part in ("lower", "upright_m", "upright_r")]
+    followers = [name.replace("_m_", "_m").replace("_r_", "_r") for name in followers]
+    found = {(each.follower, each.q_follower, each.leader, each.q_leader) for each in rover.couplings}
+    leaders = [joints[f"bogie_{name[-1]}"] for name in followers]
+    wanted = zip(followers, leaders, strict=True)
+    assert found == {(joints[name].idx_v, joints[name].idx_q, each.idx_v, each.idx_q) for name, each in wanted}
+    assert {each.ratio for each in rover.couplings} == {1.0, -1.0}
+
+
+def test_wheels_that_are_tied_follow_in_their_rates_alone(tmp_path):
+    """How far a wheel has turned is no angle: nothing brings it back."""
+    folder = Path(__file__).parents[2] / "urdf"
+    text = (folder / "cart.urdf").read_text()
+    at = text.index("</joint>", text.index('<joint name="hub_lb"'))
+    (tmp_path / "cart.urdf").write_text(f'{text[:at]}<mimic joint="hub_lf" multiplier="1"/>{text[at:]}')
+    shutil.copy(folder / "cart.toml", tmp_path / "cart.toml")
+    rover = load_rover(tmp_path / "cart.toml")
+    (tied,) = rover.couplings
+    assert (tied.q_follower, tied.q_leader, tied.ratio) == (None, None, 1.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_ends_of_the_bars_meet_the_uprights(seed):
+    q, _, _ = posture(LINKS, seed)
+    data = LINKS.model.createData()
+    pin.forwardKinematics(LINKS.model, data, q)
+    place = {name: data.oMi[LINKS.model.getJointId(name)] for name in LINKS.model.names[1:]}
+    for side in "lr":
+        for end, along in (("m", HALF), ("r", -HALF)):
+            lower = place[f"lower_{side}"].act(np.array([along, 0.0, 0.0]))
+            upright = place[f"upright_{end}{side}"].act(np.array([0.0, 0.0, -BARS]))
+            assert lower == pytest.approx(upright, abs=1e-14)
+        turned = place[f"rocker_{side}"].rotation.T @ place[f"upright_m{side}"].rotation
+        assert turned == pytest.approx(np.eye(3), abs=1e-14), "uprights do not turn with the bogie"
+
+
+def gaps(rover, q):
+    """The Jacobian of the distances between the lower bars' ends and the uprights [12, nv]."""
+    model, data = rover.model, rover.model.createData()
+    pin.computeJointJacobians(model, data, q)
+
+    def moves(joint, point):
+        at = model.getJointId(joint)
+        J = pin.getJointJacobian(model, data, at, pin.LOCAL_WORLD_ALIGNED)
+        return J[:3] - pin.skew(data.oMi[at].rotation @ np.array(point)) @ J[3:]
+
+    ends = [(f"upright_{end}{side}", f"lower_{side}", x) for side in "lr" for end, x in (("m", HALF), ("r", -HALF))]
+    return np.vstack([moves(bar, [x, 0.0, 0.0]) - moves(upright, [0.0, 0.0, -BARS]) for upright, bar, x in ends])
+
+
+def closed_loop_acceleration(rover, q, v, torques):
+    """The tree with its loops closed by points that stay together, no joint told to follow another."""
+    model, data = rover.model, rover.model.createData()
+    pin.computeAllTerms(model, data, q, v)
+    H = np.triu(data.M) + np.triu(data.M, 1).T
+    ahead, behind = (gaps(rover, pin.integrate(model, q, step * v)) for step in (1e-6, -1e-6))
+    row = np.zeros((1, model.nv))
+    row[0, [rover.differential.left, rover.differential.right]] = 1.0
+    G, drift = np.vstack([row, gaps(rover, q)]), np.append(0.0, (ahead - behind) @ v / 2e-6)
+    saddle = np.block([[H, G.T], [G, np.zeros((len(G), len(G)))]])
+    return np.linalg.lstsq(saddle, np.concatenate([torques - data.nle, -drift]), rcond=1e-11)[0][: model.nv]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_accelerates_as_the_closed_loop_does(seed):
+    """Points that stay together (more than are needed) against joints that follow."""
+    q, v, rng = posture(LINKS, seed)
+    torques = rng.normal(size=LINKS.model.nv)
+    fast = forward_dynamics(LINKS, q, v, torques, np.zeros((6, 6)))
+    slow = forward_dynamics_aba(LINKS, q, v, torques, np.zeros((6, 6)))
+    assert fast.a == pytest.approx(slow.a, abs=1e-9 * np.abs(fast.a).max())
+    loop = closed_loop_acceleration(LINKS, q, v, torques)
+    assert fast.a == pytest.approx(loop, abs=1e-5 * np.abs(loop).max())
+    assert constraint_rows(LINKS) @ fast.a == pytest.approx(0.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("route", [forward_dynamics, forward_dynamics_aba])
+def test_what_is_violated_comes_back_each_at_its_own_place(route):
+    """phi'' = -2 w phi' - w^2 phi for the differential and for each joint that follows, w = 20 1/s."""
+    q, v, rng = posture(LINKS, 5)
+    both, follow = LINKS.differential, LINKS.couplings
+    q[both.q_left] += 0.02
+    v[both.left] += 0.3
+    for each in follow:
+        q[each.q_follower] += rng.uniform(-0.02, 0.02)
+        v[each.follower] += rng.uniform(-0.3, 0.3)
+    a = route(LINKS, q, v, rng.normal(size=LINKS.model.nv), np.zeros((6, 6))).a
+    parts = [(both.left, both.right, both.q_left, both.q_right, -1.0)]
+    parts += [(each.follower, each.leader, each.q_follower, each.q_leader, each.ratio) for each in follow]
+    for i, j, q_i, q_j, ratio in parts:
+        wanted = -40.0 * (v[i] - ratio * v[j]) - 400.0 * (q[q_i] - ratio * q[q_j])
+        assert a[i] - ratio * a[j] == pytest.approx(wanted, rel=1e-8), (i, j)
+
+
+def test_the_differential_s_torque_is_what_equation_8_lacks_at_a_rocker():
+    """No other constraint acts on a rocker's row; without a differential there is none, though others hold."""
+    q, v, rng = posture(LINKS, 6)
+    torques, none = rng.normal(size=LINKS.model.nv), np.zeros((6, 6))
+    found = forward_dynamics(LINKS, q, v, torques, none)
+    lacks = pin.rnea(LINKS.model, LINKS.model.createData(), q, v, found.a) - torques
+    assert found.differential_torque == pytest.approx(lacks[LINKS.differential.left], rel=1e-8)
+    assert found.differential_torque == pytest.approx(lacks[LINKS.differential.right], rel=1e-8)
+    assert abs(found.differential_torque) > 0.01
+    for loose in (dataclasses.replace(LINKS, differential=None), load_rover("cart")):
+        state = pin.neutral(loose.model), np.zeros(loose.model.nv), np.ones(loose.model.nv)
+        for route in (forward_dynamics, forward_dynamics_aba):
+            assert route(loose, *state, np.zeros((len(loose.wheels), 6))).differential_torque == 0.0
+
+
+def test_compiled_and_plain_step_agree_and_hold_the_links():
+    model = scenario("one-sided-bump", rover="nexus6_links").model
+    states = [hovering(model, Start(x=0.35)) for _ in range(2)]
+    steppers = [kind(model, state, 0.005, False) for kind, state in zip((Kernel, Plain), states, strict=True)]
+    for _ in range(60):
+        for stepper in steppers:
+            stepper.duty[:] = 0.55
+            assert stepper.step() == 0
+    assert states[0].v == pytest.approx(states[1].v, abs=1e-9)
+    assert steppers[0].energy == pytest.approx(steppers[1].energy, abs=1e-10)
+    for each in LINKS.couplings:
+        assert states[0].q[each.q_follower] == pytest.approx(each.ratio * states[0].q[each.q_leader], abs=1e-12)
+
+
+def test_a_drive_with_parallel_links_keeps_its_energy():
+    trace = simulate(scenario("bump", rover="nexus6_links", **{"terrain.ground": 1}).model, ConstantDuty(0.55), 12.0)
+    assert np.abs(trace["bogie_l"]).max() > 0.15
+    assert trace["upright_m_l"] == pytest.approx(-trace["bogie_l"], abs=1e-12)
+    assert trace.energy_error() < 1e-5
+
+
+def test_on_the_flat_it_carries_what_the_plain_bogie_carries():
+    """The same masses and pivots above the same wheels: loads within 2 %."""
+    assert wheel_loads(LINKS, 0.0) == pytest.approx(wheel_loads(load_rover("nexus6"), 0.0), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            'joint="bogie_l" multiplier="1"',
+            'joint="steer_fl" multiplier="1"',
+            "name 'steer_fl' in the TOML's .suspension.",
+        ),
+        (
+            'joint="bogie_l" multiplier="1" offset="0"',
+            'joint="bogie_l" multiplier="1" offset="0.1"',
+            "offset 0.1; one that",
+        ),
+        ('joint="bogie_l" multiplier="1"', 'joint="bogie_l" multiplier="0"', "multiplier 0 and offset 0; one that"),
+    ],
+)
+def test_joints_that_cannot_follow_get_a_sentence(tmp_path, old, new, words):
+    from rover_pin.rover.description.layout import shipped
+
+    toml = shipped("nexus6_links")
+    text = toml.with_suffix(".urdf").read_text()
+    assert old in text
+    (tmp_path / "nexus6_links.urdf").write_text(text.replace(old, new, 1))
+    path = tmp_path / "mine.toml"
+    path.write_text(toml.read_text())
+    assert any(re.search(words, sentence) for sentence in check_urdf(path).faults)
+    with pytest.raises(UrdfError, match=words):
+        load_rover(path)

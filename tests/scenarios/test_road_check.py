@@ -1,0 +1,120 @@
+"""Whether check-urdf says truly that a rover stands and moves: against drives of the same rover."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from rover_pin.cli.app import app
+from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.road_check import road_check
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.soil.traction import TorqueTraction, load_traction_factor
+from tests.rover import farm as made
+
+
+def rover_with(folder: Path, **more) -> Path:
+    return made.write(folder, made.rocker_bogie(), {**made.THREE_AXLES, **made.ROCKERS, **more})
+
+
+def motor(stall: float) -> dict:
+    return {"stall_torque": stall, "no_load_speed": 2.0}
+
+
+def test_the_rovers_that_come_along_stand_and_move():
+    for name in ("nexus6", "nexus6_links", "cart"):
+        check = road_check(load_rover(name))
+        assert check.faults == ()
+        assert check.stands.startswith("yes")
+        assert check.moves.startswith("yes")
+    assert road_check(load_rover("nexus6")).assumed == ()
+
+
+def test_loads_and_depths_are_those_of_a_drive_at_rest(tmp_path):
+    path = rover_with(tmp_path)
+    low, high, shallow, deep = map(float, re.findall(r"[\d.]+", road_check(load_rover(path)).stands)[:4])
+    trace = scenario("flat", rover=str(path), duration=0.5, **{"control.delta": 0.0}).drive()
+    loads = [trace[f"normal_{wheel}"][-1] for wheel in trace.wheels]
+    depths = [1e3 * trace[f"sinkage_{wheel}"][-1] for wheel in trace.wheels]
+    assert (min(loads), max(loads)) == pytest.approx((low, high), rel=0.06)
+    assert (min(depths), max(depths)) == pytest.approx((shallow, deep), rel=0.06)
+
+
+@pytest.mark.parametrize(("stall", "goes"), [(0.6, False), (3.0, True)])
+def test_a_motor_that_is_too_weak_is_told_and_stalls(tmp_path, stall, goes):
+    """The torque that the flat takes lies between: a drive stalls below it and goes above it."""
+    path = rover_with(tmp_path, motor=motor(stall))
+    check = road_check(load_rover(path))
+    needed = float(re.search(r"the flat takes ([\d.]+) N m", check.moves)[1])
+    assert (0.55 * stall > needed) == goes
+    assert check.moves.startswith("yes" if goes else "no: its motors stall")
+    assert (check.faults == ()) == goes
+    told = scenario("flat", rover=str(path), duration=10.0).drive().summary()["happened"]
+    assert told.startswith("drives on" if goes else ("stalled", "all but stalled"))
+
+
+def test_the_slope_that_the_motors_hold_is_that_of_a_drive(tmp_path):
+    """On soil that grips, a rover at full duty stops between 0.5 and 1.1 times the tangent that is told."""
+    path = rover_with(tmp_path, motor=motor(4.0), soil={"name": "table-1", "k": 0.02, "k_1": 6e4})
+    check = road_check(load_rover(path))
+    held = float(re.search(r"motors hold ([\d.]+) deg", check.moves)[1])
+    assert check.moves.endswith("the motors give first")
+
+    def speed(share: float) -> float:
+        slope = math.atan(share * math.tan(math.radians(held)))
+        drive = scenario("incline", rover=str(path), duration=8.0, **{
+            "terrain.angle": slope, "terrain.start": -9.0, "control.delta": 1.0,
+        })  # fmt: skip
+        trace = drive.drive()
+        return float((trace["body_x"][-1] - trace["body_x"][-20]) / (trace.t[-1] - trace.t[-20]))
+
+    assert speed(0.8) > 0.01
+    assert speed(1.15) < 0.01
+
+
+def test_the_slope_that_the_soil_holds_is_what_its_pull_leaves_beyond_the_resistance(tmp_path):
+    """tan of it = F(S) - R, but for what the slope shifts from front to rear and how deep the wheels are: 2.5 deg."""
+    path = rover_with(tmp_path, motor=motor(30.0), soil={"name": "table-1", "k": 0.01})
+    said = re.search(r"the soil (\d+) deg at S = 1 and (\d+) deg at S = 0.2", road_check(load_rover(path)).moves)
+    model = scenario("flat", rover=str(path)).model
+    R, wheel = float(model.effect(MotionResistance).R), model.rover.wheel
+    full, part = (float(load_traction_factor(S, model.soils[0], wheel, TorqueTraction())) for S in (1.0, 0.2))
+    assert [math.radians(int(each)) for each in said.groups()] == pytest.approx(
+        [math.atan(full - R), math.atan(part - R)], abs=math.radians(2.5)
+    )
+    assert math.atan(R) > math.radians(2.5)
+
+
+def test_a_soil_that_buries_it_is_told(tmp_path):
+    path = rover_with(tmp_path, soil={"name": "table-1", "k_1": 5e3})
+    check = road_check(load_rover(path))
+    assert re.match("no: (wheel .. under .* is buried|no entry angle below 90 deg carries)", check.stands)
+    assert check.moves == "no: it does not stand"
+
+
+def test_how_deep_a_buried_wheel_is_is_told_in_millimetres(tmp_path):
+    """More than a quarter of the radius, less than the whole."""
+    for k_1 in (4e4, 3e4, 2e4, 1.5e4, 1e4):
+        check = road_check(load_rover(rover_with(tmp_path, soil={"name": "table-1", "k_1": k_1})))
+        if "is buried" in check.stands:
+            break
+    deep = float(re.search(r"is buried, (\d+) mm deep", check.stands)[1])
+    assert 0.25 * 150.0 < deep < 150.0
+
+
+def test_the_command_says_whether_it_stands_moves_and_what_was_assumed(tmp_path, capsys):
+    for more, code, moves in (({}, 0, "yes"), ({"motor": motor(0.1)}, 1, "no: its motors stall")):
+        path = rover_with(tmp_path, **more)
+        with pytest.raises(SystemExit) as ended:
+            app(["check-urdf", str(path), "--json"])
+        assert ended.value.code == code
+        said = json.loads(capsys.readouterr().out)
+        assert said["stands"].startswith("yes")
+        assert said["moves"].startswith(moves)
+        assert any("soil: none named" in line for line in said["assumed"])
+        assert len(said["faults"]) == code

@@ -1,0 +1,166 @@
+"""The law of what acts on the body against plain numbers: kinematics by SciPy, slopes by differences."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rover_pin.base.errors import ParameterError
+from rover_pin.effects.effect import Body, BodyEffect, Push
+from rover_pin.simulation.compiled.body_law import Joints, body_law, elastic_energy
+
+JOINTS = Joints(3, (2, 0), ("rocker_r", "bogie_l", "rocker_l"))
+M = 6 + JOINTS.number
+
+
+@dataclass(frozen=True)
+class Everything(BodyEffect):
+    """Pushes with products of all that it sees, none of which is alike."""
+
+    def push(self, body):
+        """Return them."""
+        a, b, c = body.angles
+        force = body.x * body.v_y + 2.0 * body.yaw * body.w_x, body.y * body.roll - body.v_z * a, body.z * body.w_z * b
+        moment = body.pitch * body.v_x + body.rates[1], body.w_y * body.x + c * c, body.twist * body.twist_rate
+        torques = (
+            -body.known_rates[0] ** 2 * body.rates[0], 0.4 * b * body.rates[2] + body.y, body.known_rates[1] * c,
+        )  # fmt: skip
+        return Push(*force, *moment, torques, 3.0 * body.twist + 0.5 * body.twist_rate * body.z)
+
+    def stored(self, body):
+        """Return some energy of place and attitude."""
+        return body.z * body.roll + body.pitch * body.angles[1] + body.yaw * body.x + 4.0 * body.twist * body.twist
+
+
+@dataclass(frozen=True)
+class Lift(BodyEffect):
+    """Pushes upwards, and on no joint."""
+
+    def push(self, body):
+        """Return it."""
+        return Push(f_z=7.0 + body.v_x)
+
+    def stored(self, body):
+        """Return the energy of its height."""
+        return -7.0 * body.z
+
+
+EFFECTS = (Everything(), Lift())
+
+
+@dataclass
+class Seen:
+    """A rover's configuration and speeds."""
+
+    place: np.ndarray
+    turn: Rotation
+    speed: np.ndarray
+    angles: np.ndarray
+    rates: np.ndarray
+
+    def body(self, known):
+        yaw, pitch, roll = self.turn.as_euler("ZYX")
+        velocity, spin = self.turn.apply(self.speed[:3]), self.turn.apply(self.speed[3:])
+        twist, rate = (each[0] + each[2] for each in (self.angles, self.rates))
+        return Body(
+            *self.place, roll, pitch, yaw, *velocity, *spin, tuple(self.angles), tuple(self.rates), tuple(known),
+            twist, rate, JOINTS.names,
+        )  # fmt: skip
+
+    def force(self, known):
+        """Return the generalised force, last the differential's torque, which both rockers feel."""
+        pushes = [effect.push(self.body(known)) for effect in EFFECTS]
+        turn, torques = self.turn.inv(), np.array(pushes[0].joints)
+        torques[[0, 2]] += pushes[0].differential
+        force, moment = (np.sum([each[part] for each in pushes], axis=0) for part in (slice(0, 3), slice(3, 6)))
+        return np.r_[turn.apply(force), turn.apply(moment), torques, pushes[0].differential]
+
+    def moved(self, speeds, time):
+        """Return where these speeds (base, joints) lead, the attitude as it is."""
+        return Seen(
+            self.place + time * self.turn.apply(speeds[:3]), self.turn, self.speed, self.angles + time * speeds[6:],
+            self.rates,
+        )  # fmt: skip
+
+    def faster(self, by):
+        return Seen(self.place, self.turn, self.speed + by[:6], self.angles, self.rates + by[6:])
+
+    def vector(self, half):
+        return np.r_[self.place, self.turn.as_quat(), self.speed, self.angles, self.rates, half]
+
+
+@pytest.fixture(params=range(3))
+def seen(request):
+    random = np.random.default_rng(request.param)
+    turn = Rotation.from_euler("ZYX", [[2.5, 0.9, -1.2], [-0.4, -1.1, 0.3], [1.0, 0.2, 2.8]][request.param])
+    return Seen(*random.normal(size=(1, 3)), turn, *random.normal(size=(1, 6)), *random.normal(size=(2, 3)))
+
+
+def split(seen, half):
+    out = np.array(body_law(EFFECTS, JOINTS)(seen.vector(half), [], [])).ravel()
+    assert len(out) == M + M * M + 1 + M
+    force, slope, torque, torque_slope = np.split(out, np.cumsum([M, M * M, 1]))
+    return np.r_[force, torque], np.vstack([slope.reshape((M, M), order="F"), torque_slope])
+
+
+def difference(function, step=1e-5):
+    return np.column_stack([(function(step * e) - function(-step * e)) / (2 * step) for e in np.eye(M)])
+
+
+def test_the_force_is_what_the_effects_push_in_the_base_s_own_axes(seen):
+    force, slope = split(seen, 0.0)
+    np.testing.assert_allclose(force, seen.force(seen.rates), rtol=1e-9, atol=1e-9)
+    by_speed = difference(lambda by: seen.faster(by).force(seen.rates))
+    np.testing.assert_allclose(slope, by_speed, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("half", [0.01, 0.25])
+def test_what_moves_within_the_step_is_taken_to_its_end(seen, half):
+    """F + h dF/dq q' and dF/du + h dF/dq dq'/du, by differences; rates that are known are not differentiated."""
+    force, slope = split(seen, half)
+    here, known = seen.force(seen.rates), seen.rates
+    drift = difference(lambda by: seen.moved(by, 1.0).force(known))
+    by_speed = difference(lambda by: seen.faster(by).force(known))
+    speeds = np.r_[seen.speed, seen.rates]
+    np.testing.assert_allclose(force, here + half * drift @ speeds, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(slope, by_speed + half * drift, rtol=1e-6, atol=1e-6)
+
+
+def test_energy_is_the_sum_of_what_the_effects_hold(seen):
+    held = elastic_energy(EFFECTS, JOINTS)(np.r_[seen.place, seen.turn.as_quat()], seen.angles)
+    still = Seen(seen.place, seen.turn, 0.0 * seen.speed, seen.angles, 0.0 * seen.rates).body(0.0 * seen.rates)
+    assert float(held) == pytest.approx(sum(effect.stored(still) for effect in EFFECTS))
+
+
+def test_a_rover_without_joints_feels_the_base_alone(seen):
+    none = Joints(0, None)
+    assert float(elastic_energy((Lift(),), none)(np.r_[seen.place, seen.turn.as_quat()], [])) == -7.0 * seen.place[2]
+    body = np.r_[seen.vector(0.1)[:13], 0.1]
+    out = np.array(body_law((Lift(),), none)(body, [], [])).ravel()
+    up = 7.0 + seen.turn.apply(seen.speed[:3])[0]
+    np.testing.assert_allclose(out[:6], np.r_[seen.turn.inv().apply([0.0, 0.0, up]), 0.0, 0.0, 0.0], atol=1e-9)
+    assert len(out) == 6 + 36 + 1 + 6
+    assert not np.array(body_law((), none)(body, [], [])).any()
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_an_attitude_on_edge_is_no_nan(way):
+    """Round-off beyond sin(pitch) = 1; a quaternion whose square is a little more than 1."""
+    on_edge = np.r_[np.zeros(3), np.array([0.0, way, 0.0, 1.0]) * np.sqrt(0.5) * (1.0 + 1e-9), np.zeros(3)]
+    held = elastic_energy((Everything(),), JOINTS)(on_edge[:7], [0.0, 2.0, 0.0])
+    assert float(held) == pytest.approx(way * np.pi)
+
+
+def test_as_many_torques_as_joints_or_none():
+    with pytest.raises(ParameterError, match="pushes 3 joints, but the suspension has 4: give one torque a joint"):
+        body_law((Three(),), Joints(4, None, ("a", "b", "c", "d")))
+
+
+@dataclass(frozen=True)
+class Three(BodyEffect):
+    """Pushes on three joints."""
+
+    def push(self, body):
+        """Return it."""
+        return Push(joints=(1.0, 2.0, 3.0))

@@ -1,0 +1,258 @@
+"""The compiled loop against the plain one, which shares with it nothing but the step."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation import replay as replays
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.compiled_run import run_compiled
+from rover_pin.simulation.driving import Drive
+from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.pace import FINEST, Pace
+from rover_pin.simulation.plain.run import run_plain
+from rover_pin.simulation.plain.step import Plain
+from rover_pin.simulation.start.place import settled
+from rover_pin.simulation.state import base_rotation, roll_pitch_yaw
+from rover_pin.simulation.timing import Timing
+from rover_pin.simulation.trace.rows import row_type
+from rover_pin.simulation.trace.trace import Trace
+from tests.simulation import random_drives
+
+STIFF = {"soil.k": 0.0004, "soil.n": 0.6}
+CASES = {
+    "ditch under slip control": (scenario("ditch", duration=4.0), Timing()),
+    "control and rows of other periods": (scenario("bump", duration=2.0), Timing(0.005, 0.1, 0.02)),
+    "steps in parts": (scenario("ditch", duration=2.0, **STIFF), Timing(0.02, 0.1, 0.1)),
+    "steered, on a grid": (scenario("hills", duration=2.0), Timing()),
+    "buried": (scenario("ditch", duration=9.0, buried=0.21), Timing()),
+}
+
+
+SWEPT = 39
+"""Seed of the random drives whose forces turn so fast that a step of two of the finest parts is taken again."""
+
+
+def swept():
+    chosen = random_drives.drive(SWEPT)
+    return SimpleNamespace(model=chosen.model, controller=chosen.controller, start=chosen.start, duration=0.1), Timing()
+
+
+def both(case, timing):
+    """The same drive by the compiled loop and by the plain one, both over the compiled step."""
+    ran = []
+    for run in (run_compiled, run_plain):
+        state = settled(case.model, case.start)
+        begun = case.model.begun(float(state.q[0]), float(state.q[1]))
+        if hasattr(case.controller, "reset"):
+            case.controller.reset()
+        kernel, times = Kernel(begun, state, timing.dt, symmetric=False), []
+        ran.append(
+            (run(Drive(begun, state, kernel, case.controller, timing), case.duration, times.append), times, state)
+        )
+    return ran
+
+
+@pytest.mark.parametrize("name", [*CASES, "parts of parts"])
+def test_both_loops_drive_alike(name, monkeypatch):
+    again, before = [], Pace._take_again
+    monkeypatch.setattr(Pace, "_take_again", lambda pace, long: again.append(long.size) or before(pace, long))
+    (ours, times, state), (theirs, plain_times, plain_state) = both(*(CASES[name] if name in CASES else swept()))
+    assert name in CASES or {2, 4, 8, 16, 32, 64} == set(again)
+    assert (ours.stop, times) == (theirs.stop, plain_times)
+    assert ours.checkpoint.missed == pytest.approx(theirs.checkpoint.missed, rel=1e-9)
+    assert len(ours.rows) == len(theirs.rows) > 0
+    for column in ours.rows.dtype.names:
+        assert ours.rows[column] == pytest.approx(theirs.rows[column], rel=1e-10, abs=1e-12), column
+    assert state.q == pytest.approx(plain_state.q, rel=1e-12, abs=1e-12)
+    assert state.t == plain_state.t
+
+
+def test_the_cases_meet_what_they_are_for():
+    (stiff, *_), _ = both(*CASES["steps in parts"])
+    assert stiff.checkpoint.missed > 0.0
+    (buried, *_), _ = both(*CASES["buried"])
+    assert buried.stop.startswith("buried: wheel ")
+
+
+def plain_replay(model, run, nudge, rest, step=Kernel):
+    """A replay row after row in Python, as `replay` says it is done; return the rows."""
+    state = replays._taken_over(model, rest)
+    model = model.begun(run.start.x, run.start.y)
+    kernel = step(model, state, replays.DT, symmetric=False)
+    rates = np.zeros(len(model.rover.wheels))
+    if run.rate_driven:
+        kernel.hold(rates)
+    pace, suspension, moved = Pace(kernel, replays.DT), suspension_of(model), np.zeros(3)
+    rows = np.zeros(len(run.t), dtype=row_type(model))
+    if not run.rate_driven:
+        down, soils = kernel.gravity.copy(), kernel.soils.copy()
+    phi = list(model.soils[0].values()).index("phi")
+    for row in range(len(run.t)):
+        torque = 0.0 if nudge.torque is None else nudge.torque[row] / float(model.motor.stall_torque)
+        kernel.duty[:] = np.clip(run.duty[row] + torque, -1.0, 1.0)
+        kernel.servo_target[: run.steer.shape[1]] = run.steer[row]
+        if nudge.force is not None:
+            yaw = roll_pitch_yaw(state.q)[2]
+            pull = nudge.force[row] / model.built.mass
+            kernel.gravity[:] = down + pull * np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        if nudge.grip is not None:
+            changed = soils.copy()
+            changed[:, phi] = np.arctan((1.0 + nudge.grip[row]) * np.tan(soils[:, phi]))
+            kernel.set_soils(changed)
+        count = round(run.period / replays.DT)
+        for part in range(count):
+            if run.rate_driven:
+                before = run.rate[max(row - 1, 0)]
+                rates[:] = before + (part + 1) / count * (run.rate[row] - before)
+            assert pace.advance(part == 0) == 0
+        assert failure(model, state, kernel.record, suspension) is None
+        rows[row]["q"], rows[row]["v"], rows[row]["moved"] = state.q, state.v, moved
+        rows[row]["record"], rows[row]["attitude"] = kernel.record, roll_pitch_yaw(state.q)
+        rows[row]["velocity"] = base_rotation(state.q) @ state.v[:3]
+        draw(state.q, run.place[row], run.period / replays.HOLD, moved)
+    return rows
+
+
+def draw(q, place, share, moved):
+    if np.all(np.isfinite(place[:2])):
+        step = share * (place[:2] - q[:2])
+        q[:2] += step
+        moved[:2] += step
+    if math.isfinite(place[2]):
+        turn = share * math.remainder(place[2] - roll_pitch_yaw(q)[2], 2 * math.pi)
+        c, s = math.cos(turn / 2), math.sin(turn / 2)
+        x, y, z, w = q[3:7]
+        q[3:7] = c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z
+        moved[2] += turn
+
+
+def logged(name, duration=3.0):
+    case = scenario(name, duration=duration)
+    steered = tuple(wheel.name for wheel in case.model.rover.wheels if wheel.steer_dof is not None)
+    return case, replays.commands(case.drive(), tuple(wheel.name for wheel in case.model.rover.wheels), steered)
+
+
+@pytest.mark.parametrize("kind", ["plain", "with gaps", "nudged"])
+def test_a_replay_is_the_plain_one(kind):
+    case, run = logged("ditch")
+    n, nudge = len(run.t), replays.Perturbation()
+    run.place[:, 0] += 0.01
+    if kind == "with gaps":
+        run.place[10:20, :2] = np.nan
+        run.place[15:30, 2] = np.nan
+    if kind == "nudged":
+        wave = np.sin(np.arange(n))
+        nudge = replays.Perturbation(0.02 * np.outer(wave, np.ones(6)), 2.0 * wave, 0.1 * wave)
+    rest = settled(case.model, run.start)
+    ours = replays.replay(case.model, run, nudge, rest)
+    theirs = replays._channels(case.model, run, plain_replay(case.model, run, nudge, rest))
+    assert ours.stop == ""
+    for channel, values in theirs.items():
+        assert ours.channels[channel] == pytest.approx(values, rel=1e-9, abs=1e-11), channel
+
+
+def held(run, trace, model):
+    """The same run with the wheels held to the rates that the trace has of them."""
+    bare = Trace({name: trace[name] for name in trace if not name.startswith("duty_")}, {}, dict(trace.attrs))
+    steered = tuple(wheel.name for wheel in model.rover.wheels if wheel.steer_dof is not None)
+    return replays.commands(bare, tuple(wheel.name for wheel in model.rover.wheels), steered)
+
+
+@pytest.mark.parametrize("step", [Kernel, Plain])
+def test_a_replay_held_to_wheel_rates_is_the_plain_one(step):
+    case, run = logged("ditch", 1.5)
+    run = held(run, case.drive(), case.model)
+    run.rate[:, 0] *= 1.03
+    run.place[:, 0] += 0.01
+    rest = settled(case.model, run.start)
+    ours = replays.replay(case.model, run, rest_state=rest)
+    theirs = replays._channels(case.model, run, plain_replay(case.model, run, replays.Perturbation(), rest, step))
+    assert ours.stop == ""
+    for channel, values in theirs.items():
+        assert ours.channels[channel] == pytest.approx(values, rel=2e-6, abs=1e-7), channel
+
+
+def test_wheels_are_held_to_their_rates_and_the_drive_is_the_one_that_the_motors_made():
+    case, run = logged("ditch", 6.0)
+    trace = case.drive()
+    by_duty = replays.replay(case.model, run).channels
+    by_rate = replays.replay(case.model, held(run, trace, case.model)).channels
+    for wheel in trace.wheels:
+        measured = np.interp(run.t, trace.t, trace[f"wheel_rate_{wheel}"])
+        assert by_rate[f"wheel_rate_{wheel}"] == pytest.approx(measured, abs=1e-6)
+        # the current of the torque that holds the wheel is that with which the motor turned it
+        drawn = by_duty[f"current_{wheel}_A"]
+        assert by_rate[f"current_{wheel}_A"] == pytest.approx(drawn, abs=0.05 * np.ptp(drawn))
+    assert by_rate["body_x"] == pytest.approx(trace["body_x"][: len(run.t)], abs=3e-4)
+    assert by_rate["body_pitch"] == pytest.approx(by_duty["body_pitch"], abs=1e-4)
+
+
+def test_a_replay_held_to_rates_knows_no_motor():
+    case, run = logged("ditch", 3.0)
+    run = held(run, case.drive(), case.model)
+    weak = case.model.having(WeakMotor(g=0.5)).replace(motor=case.model.motor.replace(resistance=100.0))
+    for channel in ("body_x", "body_pitch", "slip_fl"):
+        assert replays.replay(weak, run).channels[channel] == pytest.approx(
+            replays.replay(case.model, run).channels[channel], abs=1e-12
+        )
+
+
+def test_a_tachogenerator_that_reads_too_fast_slows_the_wheels_of_a_held_replay():
+    case, run = logged("flat", 4.0)
+    run = held(run, case.drive(), case.model)
+    fast = case.model.having(TachoScale(e=0.1))
+    assert replays.true_rates(fast, run) == pytest.approx(run.rate / 1.1, rel=1e-12)
+    ours, theirs = (replays.replay(model, run).channels["body_x"] for model in (fast, case.model))
+    assert np.ptp(ours) == pytest.approx(np.ptp(theirs) / 1.1, rel=0.02)
+
+
+def test_what_holds_the_wheels_enters_the_balance_of_energy():
+    """Kinetic and potential energy change by what the holding torques do, less what the soil takes."""
+    case, run = logged("ditch", 4.0)
+    run = held(run, case.drive(), case.model)
+    state = settled(case.model, run.start)
+    kernel, rates = Kernel(case.model, state, 0.002, symmetric=False), np.zeros(6)
+    kernel.hold(rates)
+    start = sum(kernel.energies())
+    for k in range(2000):
+        at = min((k + 1) * 0.002 / run.period, len(run.t) - 1)
+        rates[:] = [np.interp(at, np.arange(len(run.t)), column) for column in run.rate.T]
+        assert kernel.step() == 0
+    motor, *losses = kernel.energy[[0, 1, 2, 3, 5]]
+    assert sum(kernel.energies()) - start == pytest.approx(motor - sum(losses), abs=0.01 * abs(motor))
+
+
+def test_after_an_early_end_the_last_good_row_stands_for_the_rest():
+    case, run = logged("ditch", 9.0)
+    buried = scenario("ditch", buried=0.21).model
+    ended = replays.replay(buried, run, rest_state=settled(case.model, run.start))
+    assert ended.stop.startswith("buried: ")
+    whole = replays.replay(case.model, run, rest_state=settled(case.model, run.start))
+    x = ended.channels["body_x"]
+    last = int(np.flatnonzero(np.diff(x))[-1]) + 1
+    assert 0 < last < len(x) - 1
+    assert np.array_equal(x[: last + 1], whole.channels["body_x"][: last + 1])
+    assert np.all(x[last:] == x[last])
+    sunk = np.max([whole.channels[f"sinkage_{wheel.name}"] for wheel in buried.rover.wheels], axis=0)
+    looked = np.flatnonzero(sunk > 0.21 * 0.045)
+    assert last == looked[looked % 10 == 0][0] - 1, "of every tenth row, which are looked at, it failed the next"
+
+
+def test_the_first_row_of_a_replay_that_fails_at_once_is_where_it_is():
+    case, run = logged("ditch")
+    rest = settled(case.model, run.start)
+    rest.q[3:7] = 1.0, 0.0, 0.0, 0.0
+    ended = replays.replay(case.model, run, rest_state=rest)
+    assert ended.stop.startswith("capsized") or ended.stop == "diverged"
+    assert np.all(ended.channels["body_roll"] == ended.channels["body_roll"][0])
+
+
+def test_the_finest_part_of_a_step_is_a_power_of_two():
+    """dt / FINEST times FINEST is dt to the bit, so that a drive in parts keeps its times."""
+    assert math.log2(FINEST) == int(math.log2(FINEST))

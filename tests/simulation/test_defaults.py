@@ -1,0 +1,218 @@
+"""What a rover drives with where nothing is said: by its own weight and wheels, and told."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import ParameterError
+from rover_pin.control.slip_estimate import flat_table
+from rover_pin.parameters import SOILS
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.statics import wheel_loads
+from rover_pin.scenarios.scaled_terrain import scaled
+from rover_pin.scenarios.scenario import SCENES, scenario
+from rover_pin.simulation.model.defaults import own_motor, own_soil, scale
+from rover_pin.simulation.model.motors import motor_named
+from rover_pin.simulation.start.place import Start, settled
+from rover_pin.terrain import shapes
+from rover_pin.terrain.field import paper_field
+from tests.rover import farm as made
+
+NEXUS6 = load_rover("nexus6")
+
+
+@pytest.fixture
+def rover_file(tmp_path):
+    """A six-wheeled rover of 55 kg on wheels of 150 mm, whose TOML says neither motor nor soil."""
+    return made.write(tmp_path, made.rocker_bogie(), {**made.THREE_AXLES, **made.ROCKERS})
+
+
+def test_nexus_6_has_its_own_numbers():
+    assert own_motor(NEXUS6) == (motor_named("speed-like"), ())
+    assert own_soil(NEXUS6) == (SOILS["table-1"], ())
+    assert scenario("ditch").assumed == ()
+    assert scale(NEXUS6) == 1.0
+
+
+def test_the_rule_for_the_soil_gives_nexus_6_its_own():
+    """Table 1's k_1 was assumed by that rule; 3e-3 is the round 5.8 kg, 9.81 and the angle of the load."""
+    soil, told = own_soil(dataclasses.replace(NEXUS6, soil={}))
+    assert float(soil.k_1) == pytest.approx(float(SOILS["table-1"].k_1), rel=1e-4)
+    assert re.search("soil: none named, so Table 1's with k_1 = 5.42e\\+04 Pa", told[0])
+
+
+def test_a_rover_rests_on_its_own_soil_as_nexus_6_on_table_1(rover_file):
+    model = scenario("flat", rover=str(rover_file)).model
+    state = settled(model, Start())
+    radius, lowest = 0.15, float(state.q[2]) + 0.3 - 0.3
+    sunk = (radius - lowest) / radius
+    assert sunk == pytest.approx(1.0 - math.cos(math.radians(35.0)), rel=0.1)
+
+
+def test_the_sized_motor_holds_on_its_slope(rover_file):
+    rover = load_rover(rover_file)
+    motor, (told,) = own_motor(rover)
+    pull = 6 * 0.55 * float(motor.stall_torque) / 0.15
+    assert pull == pytest.approx(rover.mass * 9.81 * math.sin(math.radians(25.0)))
+    assert f"{rover.mass:.3g} kg on 25 deg at duty 0.55" in told
+    speeds = [0.15 * float(motor.no_load_rate) / math.sqrt(0.15), 0.05 / 0.55 / math.sqrt(0.045)]
+    assert speeds[0] == pytest.approx(speeds[1])
+
+
+def test_a_data_sheet_is_taken_at_the_wheel(tmp_path):
+    sheet = {
+        "stall_torque": {"value": 250, "unit": "mN m"},
+        "no_load_speed": {"value": 6000, "unit": "rpm"},
+        **{"voltage": 24.0, "gear": 100.0, "efficiency": 0.8, "rotor_inertia": 1e-6},
+    }
+    path = made.write(
+        tmp_path, made.cart(), {**made.TWO_AXLES, "motor": sheet, "soil": {"name": "hit-lss1", "k": 0.02}}
+    )
+    drive = scenario("flat", rover=str(path))
+    motor, soil = drive.model.motor, drive.model.soils[0]
+    assert float(motor.stall_torque) == pytest.approx(0.8 * 100 * 0.25)
+    assert float(motor.no_load_rate) == pytest.approx(6000 * math.pi / 30 / 100)
+    assert float(motor.armature) == pytest.approx(1e-2)
+    assert (float(soil.k), float(soil.phi)) == (0.02, float(SOILS["hit-lss1"].phi))
+    assert drive.assumed == ()
+
+
+def test_a_named_soil_is_that_of_the_rovers_own_width(tmp_path):
+    """Bekker's k_phi of HIT-LSS1 in Eq (4) for a wheel 100 mm wide, not for Nexus 6's 50 mm."""
+    rover = load_rover(made.write(tmp_path, made.cart(), made.TWO_AXLES))
+    soil = own_soil(rover, "hit-lss1").value
+    assert float(soil.k_2) == pytest.approx(2407.4e3 * 0.1**0.1)
+    assert own_soil(NEXUS6, "hit-lss1").value == SOILS["hit-lss1"]
+
+
+def test_a_heavy_rover_cruises_where_it_is_said_to(rover_file):
+    """R by the rover's own load: without, heavy rovers ran at S < 0."""
+    trace = scenario("flat", rover=str(rover_file)).drive()
+    late = trace.t > 0.6 * trace.t[-1]
+    assert trace["body_x"][-1] > 0.3
+    assert np.mean(trace.stack("slip")[late]) == pytest.approx(0.05, abs=0.02)
+    assert any("motor: none" in line for line in trace.summary()["assumed"])
+
+
+def test_a_wheel_that_no_soil_carries_is_refused(rover_file):
+    heavy = load_rover(rover_file).carrying(1e9)
+    with pytest.raises(ParameterError, match=r"no soil like Table 1's carries .* name one"):
+        own_soil(heavy)
+
+
+def test_eq_9_has_the_table_of_the_rover_that_drives(rover_file):
+    model = scenario("flat", rover=str(rover_file)).model
+    table = flat_table(model)
+    free = 0.55 * 0.15 * float(model.motor.no_load_rate)
+    assert 0.6 * free < table.speed_at(np.array([0.55]))[0] < free
+    assert table != flat_table(scenario("flat").model)
+
+
+def larger(text: str, size: float) -> str:
+    """The URDF of a rover whose lengths are `size` times as large, at one density."""
+
+    def times(power):
+        return lambda found: found[1] + " ".join(repr(float(each) * size**power) for each in found[2].split()) + '"'
+
+    text = re.sub(r'((?:xyz|radius|length)=")([^"]*)"', times(1), re.sub(r"<axis[^>]*>", "@", text))
+    text = text.replace("@", '<axis xyz="0 1 0"/>')
+    return re.sub(r'(i[xyz]{2}=")([^"]*)"', times(5), re.sub(r'(<mass value=")([^"]*)"', times(3), text))
+
+
+SIZE = 4.0
+
+
+def test_a_rover_four_times_as_large_drives_the_same_way(tmp_path):
+    """Froude similarity: with a soil of scaled k and c, lengths go by 4, times by 2; whatever kept a number of a
+    smaller rover (servos, stops, relaxation, resistance, motor, soil, ditch) would break it."""
+    small = made.rocker_bogie().urdf
+    ways = []
+    for size in (1.0, SIZE):
+        (folder := tmp_path / f"{size}").mkdir()
+        table = {**made.THREE_AXLES, **made.ROCKERS, "wheel": {"r": 0.15 * size, "b": 0.1 * size}}
+        path, slow = made.write(folder, larger(small, size), table), math.sqrt(size)
+        effects = {"NormalDamping.d": 10 / slow, "MotionResistance.v_0": 0.005 * slow}
+        drive = scenario(
+            *("ditch",), rover=str(path), dt=0.005 * slow,
+            **{"soil.k": 0.02 * size, "soil.c": 0.005 * size, "soil.k_1": 4.3e4 * size, "cruise_slip": 0.05},
+            **{f"effect.{name}": value for name, value in effects.items()},
+        )  # fmt: skip
+        model = drive.model.replace(slip=drive.model.slip.replace(damping=0.1 * slow))
+        trace = dataclasses.replace(drive, model=model).drive()
+        ways.append((trace.t / slow, trace["body_x"] / size, trace["bogie_l"]))
+    (t, x, bogie), (t_large, x_large, bogie_large) = ways
+    assert t_large[-1] == pytest.approx(t[-1], rel=1e-6)
+    assert np.abs(bogie).max() > 0.02
+    assert np.interp(t, t_large, x_large) == pytest.approx(x, abs=2e-3)
+    assert np.interp(t, t_large, bogie_large) == pytest.approx(bogie, abs=5e-3)
+
+
+def test_terrains_grow_with_the_wheels_but_for_what_is_asked():
+    assert scaled(shapes.ditch, {"wall_angle": 0.5}, 2.0) == {
+        "depth": 0.1, "width": 0.4, "wall_angle": 0.5, "at": 1.0,
+    }  # fmt: skip
+    assert scaled(shapes.ditch, {}, 0.9)["depth"] == pytest.approx(0.9 * 0.05)
+    assert scaled(shapes.growing_slope, {}, 2.0)["rate"] == pytest.approx(math.radians(5.0))
+    assert scaled(shapes.rocks, {}, 2.0)["diameters"] == (0.1, 0.2)
+    whole, half = paper_field(**scaled(paper_field, {}, 2.0)), paper_field()
+    for large, small in zip(whole.profiles, half.profiles, strict=True):
+        assert large.x[1:-1] == pytest.approx(2.0 * small.x[1:-1])
+        assert large.z[1:-1] == pytest.approx(2.0 * small.z[1:-1])
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in SCENES if name not in ("polyline", "grid", "turn", "point-turn", "crab")]
+)
+def test_every_ready_made_terrain_can_be_scaled(rover_file, name):
+    assert scenario(name, rover=str(rover_file)).model.terrain is not None
+
+
+def test_the_shear_displacement_of_a_scene_grows_with_the_wheels(rover_file):
+    """F(0.05), and with it the resistance, goes by k / r: with k for small wheels large ones hardly move."""
+    drive = scenario("turn", rover=str(rover_file))
+    assert float(drive.model.soils[0].k) == pytest.approx(0.003 * 0.15 / 0.045)
+    assert any("soil: k = 0.01 m" in line for line in drive.assumed)
+    asked = scenario("turn", rover=str(rover_file), **{"soil.k": 0.004})
+    assert float(asked.model.soils[0].k) == 0.004
+    assert float(scenario("turn").model.soils[0].k) == 0.003
+
+
+def test_a_length_that_is_asked_for_is_meant(rover_file):
+    asked = scenario("step", rover=str(rover_file), **{"terrain.height": 0.05})
+    assert asked.model.terrain.height(50.0, 0.0) == pytest.approx(0.05)
+    assert scenario("step", rover=str(rover_file)).model.terrain.height(50.0, 0.0) == pytest.approx(0.05 / 0.3)
+
+
+def sprung(k_s: float) -> dict:
+    """Rockers on springs instead of a differential."""
+    springs = {"rocker": {"k_s": {"value": k_s, "unit": "N m/rad"}, "d": 5.0}}
+    return {**made.THREE_AXLES, "suspension": made.ROCKERS["suspension"], "springs": springs}
+
+
+def test_springs_carry_a_body_that_pivots_would_let_go(tmp_path):
+    free = load_rover(made.write(tmp_path, made.rocker_bogie(), {**sprung(1.0), "springs": {}}))
+    with pytest.raises(ParameterError, match="cannot stand on its wheels"):
+        wheel_loads(free, 0.02)
+    joined = load_rover(made.write(tmp_path, made.rocker_bogie(), {**made.THREE_AXLES, **made.ROCKERS}))
+    rover = load_rover(made.write(tmp_path, made.rocker_bogie(), sprung(400.0)))
+    loads = wheel_loads(rover, 0.0)
+    assert loads.sum() == pytest.approx(rover.mass * 9.81)
+    stiff = load_rover(made.write(tmp_path, made.rocker_bogie(), sprung(4e3)))
+    assert wheel_loads(stiff, 0.0, 0.1).sum() == pytest.approx(wheel_loads(joined, 0.0, 0.1).sum(), rel=1e-9)
+
+
+def test_a_sprung_rover_settles_where_its_springs_balance(tmp_path):
+    """At rest on its soil: moments about a rocker's pivot by the wheels' loads equal k_s times its angle."""
+    path = made.write(tmp_path, made.rocker_bogie(), sprung(400.0))
+    model = scenario("flat", rover=str(path)).model
+    assert [effect.joint for effect in model.body_effects] == ["rocker"]
+    trace = scenario("flat", rover=str(path), duration=1.0, **{"control.delta": 0.0}).drive()
+    loads = np.array([trace[f"normal_{wheel}"][-1] for wheel in trace.wheels])
+    assert loads.sum() == pytest.approx(model.rover.mass * 9.81, rel=0.01)
+    found = wheel_loads(model.rover, 0.0)
+    assert loads == pytest.approx(found, rel=0.08)

@@ -1,0 +1,107 @@
+"""Effects in a word: what each word adds, that every effect can be said, and every refusal."""
+
+import math
+
+import pytest
+
+from rover_pin.base.errors import ParameterError
+from rover_pin.base.quantity import quantities
+from rover_pin.effects.digging_memory import DiggingMemory
+from rover_pin.effects.gravity_tilt import GravityTilt
+from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.effects.post_peak import PostPeak
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.weak_motor import WeakMotor
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.model.effect_files import package_effects, reading_traction
+from rover_pin.simulation.model.effect_words import effect_of, having, word_of
+
+MODEL = scenario("flat", form="gross").model
+
+
+def test_a_word_is_the_effect_that_it_names():
+    assert effect_of("PostPeak", MODEL) == PostPeak()
+    assert effect_of("DiggingMemory.c_d=0.1,length=0.05", MODEL) == DiggingMemory(c_d=0.1, length=0.05)
+    assert effect_of("GravityTilt.rise_x_deg=2", MODEL).rise_x == pytest.approx(math.radians(2.0))
+
+
+def test_a_word_changes_the_effect_that_is_there():
+    """R alone is named: v_0 stays as it was in the model, not as in the class."""
+    model = MODEL.having(MotionResistance(R=0.1, v_0=0.02))
+    assert having(model, "MotionResistance.R=0.2").effect(MotionResistance) == MotionResistance(R=0.2, v_0=0.02)
+    assert effect_of("SoilTraction.form=net", MODEL) == SoilTraction(
+        form=effect_of("SoilTraction.form=net", MODEL).form
+    )
+    assert effect_of("SoilTraction.form=net", MODEL).form.name == "net"
+
+
+def test_an_effect_in_two_words_is_one_effect():
+    model = having(MODEL, ["DiggingMemory.c_d=0.1", "DiggingMemory.length=0.05"])
+    assert model.effect(DiggingMemory) == DiggingMemory(c_d=0.1, length=0.05)
+    assert len(model.effects) == len(MODEL.effects) + 1
+
+
+def test_an_effect_of_one_wheel_goes_by_the_wheels_name_or_number():
+    model = having(MODEL, "WeakMotor.wheel=2,g=0.3 WeakMotor.wheel=fr,g=0.5 WeakMotor.wheel=2,g=0.4")
+    fr = [mount.name for mount in MODEL.rover.wheels].index("fr")
+    assert set(model.motor_effects) == {WeakMotor(wheel=2, g=0.4), WeakMotor(wheel=fr, g=0.5)}
+    name = MODEL.rover.wheels[3].name
+    assert effect_of("TachoScale.wheel=3", MODEL) == effect_of(f"TachoScale.wheel={name}", MODEL)
+    assert effect_of("TachoScale.wheel=3", MODEL) == TachoScale(wheel=name)
+
+
+@pytest.mark.parametrize("kind", package_effects(), ids=lambda kind: kind.__name__)
+def test_every_effect_can_be_said_and_read_back(kind):
+    effect = reading_traction(kind(), MODEL.all_effects)
+    halfway = {
+        name: 0.5 * (float(getattr(effect, name)) + (about.high if math.isfinite(about.high) else 1.0))
+        for name, about in quantities(effect).items()
+    }
+    changed = effect.replace(**halfway)
+    assert effect_of(word_of(changed), MODEL) == changed
+
+
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("DigingMemory", r"no effect 'DigingMemory' to add: did you mean 'DiggingMemory'\?"),
+        ("DiggingMemory.cd=0.1", r"DiggingMemory has no field 'cd': did you mean 'c_d'\?"),
+        ("DiggingMemory.c_d", "'c_d' sets nothing: write it as EFFECT or EFFECT.name=value"),
+        ("DiggingMemory.", "write it as EFFECT or EFFECT.name=value"),
+        ("DiggingMemory.c_d=0.1,,length=1", "'' sets nothing"),
+        ("DiggingMemory.c_d=much", "c_d = 'much' is not a number"),
+        (
+            "DiggingMemory.c_d=7",
+            r"^effect DiggingMemory: DiggingMemory.c_d = 7 is not allowed: it must lie in \[0",
+        ),
+        ("DiggingMemory.c_d_deg=7", "has no field 'c_d_deg'"),
+        ("DiggingMemory.wheel=2", "DiggingMemory has no field 'wheel'"),
+        ("WeakMotor.wheel=fx", r"WeakMotor.wheel=fx: the rover has no wheel 'fx'"),
+        ("WeakMotor.wheel=9", "the rover has no wheel 9"),
+        ("SoilTraction.form=nett", "there is no traction form 'nett': did you mean 'net'"),
+    ],
+)
+def test_a_word_that_cannot_be_read_is_said(word, says):
+    with pytest.raises(ParameterError, match=says):
+        having(MODEL, word)
+
+
+def test_what_is_no_effect_is_said():
+    with pytest.raises(ParameterError, match=r"3.0 is no effect that could be added"):
+        scenario("flat", add=3.0)
+
+
+def test_a_scenario_takes_effects_and_words_and_tells_them():
+    drive = scenario("incline", duration=1.0, add=[DiggingMemory(c_d=0.1), "PostPeak.fraction=0.2"])
+    assert drive.model.effect(PostPeak).fraction == 0.2
+    trace = drive.drive()
+    again = scenario("incline", **trace.attrs["settings"])
+    assert again.model.effects == drive.model.effects
+    assert {"DiggingMemory", "PostPeak"} <= {name.split("(")[0] for name in trace.attrs["effects"]}
+
+
+def test_an_effect_that_tells_left_from_right_ends_the_mirrored_drive():
+    assert scenario("incline", add=DiggingMemory()).symmetric
+    assert not scenario("incline", add="WeakMotor.g=0.1").symmetric
+    assert not scenario("incline", add=GravityTilt(rise_y=0.1)).symmetric

@@ -1,0 +1,118 @@
+"""When a drive cannot go on: each limit just within and just beyond it, in Python and in the compiled loop."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from rover_pin.rover.rover import load_rover
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.failure import failure, suspension_of
+from rover_pin.simulation.model.model import BURIED
+from rover_pin.simulation.native.loop import Loop, Outcome
+from rover_pin.simulation.native.shared import RECORD
+from rover_pin.simulation.start.place import Start, hovering
+
+ROVER = load_rover("nexus6")
+MODEL = SimpleNamespace(rover=ROVER, buried=BURIED)
+SUSPENSION = suspension_of(MODEL)
+
+
+AT_ONCE = 1e-12
+"""A step [s] in which nothing moves."""
+
+
+def compiled(q, v, height=50.0):
+    """What the compiled loop says of this state at this height [m], after a step in which nothing moves."""
+    model = scenario("flat").model
+    state = hovering(model, Start())
+    state.q[3:], state.v[:] = q[3:], v
+    state.q[2] = height
+    loop = Loop(Kernel(model, state, AT_ONCE, symmetric=False), AT_ONCE, 1, 1)
+    return loop.run(1), loop.rows[0]
+
+
+def asked(roll=0.0, pitch=0.0, yaw=0.0, speed=0.0, depth=0.0, joint=0.0, way=1):
+    """Why a rover fails that stands so, rolls so, is so fast [m/s] backwards, whose third wheel has sunk so far [r]."""
+    q, v = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv)
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([roll, pitch, yaw]))).coeffs()
+    v[way] = -speed
+    place = SUSPENSION.places[1]
+    q[place] = (SUSPENSION.limits[1][1] + joint) if joint >= 0 else (SUSPENSION.limits[0][1] + joint)
+    record = np.zeros((6, len(RECORD)))
+    record[2, RECORD.index("sinkage")] = depth * float(ROVER.wheels[2].wheel.r)
+    reason = failure(MODEL, SimpleNamespace(q=q, v=v), record, SUSPENSION)
+    if depth == 0.0 and math.isfinite(speed):
+        assert compiled(q, v)[0] is (Outcome.FAILS if reason else Outcome.DONE)
+    return reason
+
+
+def test_a_rover_within_all_limits_goes_on():
+    assert asked() is None
+    assert asked(yaw=170.0) is None, "its heading is no tilt"
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch"])
+@pytest.mark.parametrize("side", [1, -1])
+def test_it_has_capsized_beyond_60_deg(axis, side):
+    assert asked(**{axis: 59.5 * side}) is None
+    assert asked(**{axis: 60.5 * side}).startswith("capsized: ")
+    assert f"{axis} {60.5 * side:.0f} deg" in asked(**{axis: 60.5 * side})
+
+
+def test_roll_and_pitch_count_together():
+    within, beyond = (math.degrees(math.acos(math.sqrt(math.cos(math.radians(tilt))))) for tilt in (59.0, 61.0))
+    assert asked(roll=within, pitch=within) is None
+    assert asked(roll=beyond, pitch=beyond).startswith("capsized")
+
+
+def test_a_wheel_is_buried_beyond_half_its_radius():
+    assert asked(depth=0.49) is None
+    name, r = ROVER.wheels[2].name, float(ROVER.wheels[2].wheel.r)
+    assert asked(depth=0.51) == f"buried: wheel {name} has sunk by {510 * r:.0f} mm, over 0.5 r"
+
+
+@pytest.mark.parametrize("depth", [0.49, 0.51])
+def test_the_compiled_loop_measures_what_has_sunk_by_the_wheel_s_radius(depth):
+    q, v, r = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv), float(ROVER.wheels[0].wheel.r)
+    at = RECORD.index("sinkage")
+    touching = 0.1
+    sunk = compiled(q, v, touching)[1]["record"][:, at].max()
+    outcome, row = compiled(q, v, touching + sunk - depth * r)
+    assert row["record"][:, at].max() == pytest.approx(depth * r, rel=1e-6)
+    assert outcome is (Outcome.FAILS if depth > 0.5 else Outcome.DONE)
+
+
+@pytest.mark.parametrize("roll", [8.0, -8.0])
+@pytest.mark.parametrize("pitch", [5.0, -5.0])
+def test_the_compiled_loop_looks_at_every_wheel(roll, pitch):
+    """Rolled and pitched so that one of the corners' wheels alone is deep."""
+    q, v, at = pin.neutral(ROVER.model), np.zeros(ROVER.model.nv), RECORD.index("sinkage")
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([roll, pitch, 0.0]))).coeffs()
+    height = 0.2
+    while (sunk := compiled(q, v, height)[1]["record"][:, at]).max() == 0.0:
+        height -= 0.003
+    deepest, r = int(np.argmax(sunk)), float(ROVER.wheels[0].wheel.r)
+    for depth, outcome in ((0.49, Outcome.DONE), (0.51, Outcome.FAILS)):
+        found, row = compiled(q, v, height + sunk[deepest] - depth * r)
+        assert row["record"][deepest, at] == pytest.approx(depth * r, rel=0.01)
+        assert np.delete(row["record"][:, at], deepest).max() < 0.45 * r
+        assert found is outcome
+
+
+def test_a_joint_may_go_10_deg_past_its_stop():
+    for side in (1, -1):
+        assert asked(joint=side * math.radians(9.5)) is None
+        assert asked(joint=side * math.radians(10.6)) == "folded: a suspension joint is 11 deg past its stop"
+
+
+@pytest.mark.parametrize("way", [0, 1, 2])
+def test_a_rover_faster_than_10_m_s_has_diverged(way):
+    assert asked(speed=9.9, way=way) is None
+    assert asked(speed=-9.9, way=way) is None
+    assert asked(speed=-10.1, way=way).startswith("diverged")
+    assert asked(speed=10.1, way=way) == "diverged: the rover is faster than any rover"
+    assert asked(speed=math.nan).startswith("diverged")

@@ -1,0 +1,86 @@
+"""A drive in two parts against the same in one: to the bit, states of effects and controllers included."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import SimulationError
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.effects.digging_memory import DiggingMemory
+from rover_pin.effects.winding_heating import WindingHeating
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.checkpoint import DriveEnd
+from rover_pin.simulation.simulate import plain_simulate, simulate
+from rover_pin.simulation.timing import Timing
+
+
+def case_of(name, **settings):
+    case = scenario(name, **settings, duration=8.0)
+    return case, case.model.having(DiggingMemory(c_d=0.1)).having(WindingHeating())
+
+
+def asked(controller):
+    """A controller with a memory that the loop must ask."""
+
+    class Kept:
+        def reset(self):
+            controller.reset()
+
+        def __call__(self, reading):
+            return controller(reading)
+
+    return Kept()
+
+
+@pytest.mark.parametrize("control", ["none", "true", "eq9", "asked"])
+def test_a_drive_in_three_parts_is_the_drive_in_one(control):
+    case, model = case_of("ditch", control="true" if control == "asked" else control)
+    controller = asked(case.controller) if control == "asked" else case.controller
+    whole = simulate(model, controller, 8.0, case.start, case.timing, symmetric=case.symmetric)
+    parts = [simulate(model, controller, 5.0, case.start, case.timing, symmetric=case.symmetric)]
+    for duration in (0.05, 2.95):
+        parts.append(simulate(model, controller, duration, parts[-1].end, case.timing, symmetric=case.symmetric))
+    for channel in whole.channels:
+        joined = np.concatenate([part[channel] for part in parts])
+        assert np.array_equal(joined, whole[channel], equal_nan=True), channel
+
+
+def test_the_plain_step_goes_on_likewise():
+    case, model = case_of("flat")
+    start = simulate(model, case.controller, 0.5, case.start).end
+    whole = plain_simulate(model, case.controller, 0.2, start)
+    first = plain_simulate(model, case.controller, 0.1, start)
+    second = plain_simulate(model, case.controller, 0.1, first.end)
+    assert np.array_equal(np.append(first["body_x"], second["body_x"]), whole["body_x"])
+    assert whole["body_x"] == pytest.approx(simulate(model, case.controller, 0.2, start)["body_x"], abs=1e-9)
+
+
+def test_one_end_can_be_gone_on_from_twice():
+    case, model = case_of("flat")
+    end = simulate(model, ConstantDuty(), 1.0, case.start).end
+    slow, fast = (simulate(model, ConstantDuty(duty), 1.0, end)["body_x"][-1] for duty in (0.3, 0.8))
+    assert slow < fast
+    assert simulate(model, ConstantDuty(0.3), 1.0, end)["body_x"][-1] == slow
+
+
+def test_what_cannot_go_on_is_told():
+    case, model = case_of("flat")
+    end = simulate(model, case.controller, 0.12, case.start, Timing(control=0.05, sample=0.02)).end
+    assert isinstance(end, DriveEnd)
+    for words, changes in (
+        ("between two control times 0.05 s apart", {"timing": Timing(control=0.05, sample=0.02)}),
+        ("as it began: give the same", {"timing": Timing()}),
+        ("as it began: give the same", {"timing": Timing(control=0.05, sample=0.02), "symmetric": True}),
+    ):
+        with pytest.raises(SimulationError, match=words):
+            simulate(model, case.controller, 1.0, end, **changes)
+    with pytest.raises(SimulationError, match="another number of joints, wheels or states"):
+        simulate(case.model, case.controller, 1.0, simulate(model, case.controller, 0.1, case.start).end)
+
+
+def test_a_drive_that_failed_has_no_end_to_go_on_from():
+    case = scenario("flat", control="none", duration=2.0)
+    trace = simulate(case.model.replace(buried=1e-4), case.controller, 2.0, case.start)
+    assert trace.attrs["stop"].startswith("buried")
+    assert trace.end is None

@@ -1,0 +1,154 @@
+"""What a drive came to is said as it is, whatever the rover's size and pace."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.outcome.outcome import drive_outcome
+from rover_pin.simulation.trace.trace import Trace
+
+STEEP = {"terrain.angle_deg": 30.0, "terrain.start": -3.0}
+CASES = {
+    "flat": ("flat", {}, "driving", "drives on at 0.05 m/s, at x = 0.50 m"),
+    "backwards": ("flat", {"control.delta": -0.55}, "driving", "drives on at 0.05 m/s, at x = -0.50 m"),
+    "a moment": ("flat", {"duration": 0.4}, "driving", "drives on"),
+    "a crawl": ("flat", {"control.delta": 0.05}, "driving", "drives on at 0.00"),
+    "cart": ("flat", {"rover": "cart"}, "driving", "drives on"),
+    "ditch": ("ditch", {}, "stuck", "stuck at x = 0.48 m since 8.2 s: all wheels above S = 0.9"),
+    "ditch, passed": ("ditch", {"soil.k": 0.01, "duration": 30.0}, "driving", "drives on"),
+    "hills": ("hills", {}, "creeping", "creeps on at 0.01"),
+    "net": ("flat", {"form": "net"}, "slid back", "slid back by 7"),
+    "steep": ("incline", STEEP, "slid back", "slid back by 0.9"),
+    "steep, parked": ("incline", {**STEEP, "control.delta": 0.0}, "slid", "slid back by"),
+    "park": ("park", {}, "held", "held: not driven, it stood still to 1"),
+    "park, the soil drives": (
+        "flat",
+        {"control.delta": 0.0, "effect.MotionResistance.R": 0.0, "soil.k": 0.005, "duration": 10.0},
+        "held",
+        "mm; its wheels swing to and fro at 2.1 Hz, which the soil drives: F(0) > R",
+    ),
+    "zero duty": ("flat", {"control.delta": 0.0}, "held", "held: not driven"),
+    "weak": (
+        "flat",
+        {"control.delta": 0.02, "gear_friction": 0.2},
+        "stalled",
+        "stalled from the start: no wheel turns",
+    ),
+    "slip control": ("ditch", {"control": "true"}, "stalled", "no wheel turns at a duty of 0.0"),
+    "skid-steer on the spot": (
+        "point-turn",
+        {"rover": "cart", "duration": 33.0, "side": "shear"},
+        "stalled",
+        "all but stalled since 2.6 s: the wheels creep at 1.5 mm/s, 1.9 % of their speed without a load",
+    ),
+    "on the spot": (
+        "point-turn",
+        {"duration": 10.0},
+        "driving",
+        "turns left on the spot at 9.9 deg/s, at x = 0.00 m, turned by 9",
+    ),
+    "a wide turn": ("turn", {"duration": 8.0}, "driving", "drives on at 0.03"),
+    "buried": ("flat", {"soil.k_1": 8e3}, "ended", "buried: "),
+}
+
+
+@pytest.fixture(scope="module")
+def traces():
+    return {name: scenario(scene, **settings).drive() for name, (scene, settings, _, _) in CASES.items()}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_drive_says_what_it_came_to(traces, name):
+    kind, words = CASES[name][2:]
+    assert drive_outcome(traces[name]).kind == kind
+    assert words in traces[name].attrs["happened"]
+    assert traces[name].summary()["happened"] == traces[name].attrs["happened"]
+
+
+def scaled(trace, length, time):
+    """The same drive of a rover `length` times as large, `time` times as slow."""
+    by = {"m": length, "m/s": length / time, "rad/s": 1.0 / time, "s": time}
+    channels = {name: values * by.get(trace.units[name], 1.0) for name, values in trace.channels.items()}
+    radii = [length * r for r in trace.attrs["wheel_radii_m"]]
+    return Trace(channels, trace.units, {**trace.attrs, "wheel_radii_m": radii})
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("length", "time"), [(0.02, 0.1), (20.0, 100.0), (1.0, 1e3)])
+def test_it_is_the_same_for_a_rover_of_another_size_and_pace(traces, name, length, time):
+    here, there = drive_outcome(traces[name]), drive_outcome(scaled(traces[name], length, time))
+    assert there.kind == here.kind
+    assert there.since == pytest.approx(time * here.since, nan_ok=True)
+
+
+def test_stuck_since_is_when_the_body_stopped(traces):
+    trace = traces["ditch"]
+    since = drive_outcome(trace).since
+    before, after = np.interp([since - 1.0, since], trace.t, trace["body_x"])
+    assert after - before > 0.01
+    assert abs(trace["body_x"][-1] - after) < 0.01
+
+
+def test_wheels_that_creep_are_told_by_their_way_and_their_share_of_the_speed_asked_for(traces):
+    trace = traces["skid-steer on the spot"]
+    late, r = trace.t >= drive_outcome(trace).since, float(np.mean(trace.attrs["wheel_radii_m"]))
+    rate = np.mean(np.abs(trace.stack("wheel_rate")[late]))
+    said = trace.attrs["happened"]
+    assert 1e3 * r * rate == pytest.approx(1.5, abs=0.06)
+    motor = scenario("flat", rover="cart").model.motor
+    share = rate / (0.55 * float(motor.no_load_rate))
+    assert 100.0 * share == pytest.approx(1.8, abs=0.1)
+    turn = np.degrees(trace["body_yaw"][-1] - trace["body_yaw"][0])
+    assert said.endswith(f"turned by {turn:.0f} deg")
+    assert "no wheel turns" not in said
+
+
+def test_parked_wheels_swing_at_the_rate_that_is_told_and_only_where_the_soil_drives_them(traces):
+    trace = traces["park, the soil drives"]
+    late = trace.t > 5.0
+    rate = trace["wheel_rate_fl"][late]
+    power = np.abs(np.fft.rfft(rate - rate.mean())) ** 2
+    assert np.fft.rfftfreq(len(rate), 0.05)[power.argmax()] == pytest.approx(2.1, abs=0.2)
+    assert "swing" not in traces["park"].attrs["happened"] + traces["zero duty"].attrs["happened"]
+    assert "swing" not in traces["steep, parked"].attrs["happened"]
+
+
+def test_a_pause_at_the_end_is_no_stall():
+    drive = scenario("flat", duration=8.0)
+    stopped = dataclasses.replace(drive, controller=lambda reading: 0.55 if reading.t < 4.0 else 0.0).drive()
+    assert drive_outcome(stopped).kind == "stopped"
+    assert drive_outcome(stopped).since == pytest.approx(4.0, abs=0.1)
+    assert "not driven since 4" in stopped.attrs["happened"]
+
+
+def test_a_measured_trace_without_the_truth_says_nothing(traces):
+    bare = {name: traces["flat"][name] for name in ("t_s", "body_x", "body_y", "wheel_rate_fl", "duty_fl")}
+    assert drive_outcome(Trace(bare)) is None
+    assert "happened" not in Trace(bare).summary()
+
+
+@pytest.mark.parametrize(("slope", "kind"), [(3.0, "drives on"), (10.0, "drives on"), (25.0, "slides aside")])
+def test_what_slides_aside_does_not_just_drive_on(slope, kind):
+    """Across a slope of the paper's sand: the speeds are those of the body along and across its heading."""
+    trace = scenario("cross-slope", duration=8.0, **{"terrain.angle_deg": slope, "soil": "table-1"}).drive()
+    said = trace.attrs["happened"]
+    rows = max(1, len(trace.t) // 20)
+    aside = abs(trace["body_y"][-1] - trace["body_y"][-1 - rows]) / (trace.t[-1] - trace.t[-1 - rows])
+    told = re.search(r"(?:slides|sliding) aside at ([\d.]+) m/s", said)
+    assert said.startswith(kind)
+    assert (told is None) is (slope == 3.0)
+    assert told is None or float(told[1]) == pytest.approx(aside, rel=0.12)
+
+
+@pytest.mark.parametrize("name", ["step", "ditch", "crab", "turn"])
+def test_what_climbs_or_is_steered_does_not_slide_aside(name):
+    assert "aside" not in scenario(name, duration=18.0).drive(settle_doubts=False).attrs["happened"]
+
+
+def test_motors_that_are_hardly_driven_do_not_drive_on():
+    for duty in (1e-12, 1e-3):
+        trace = scenario("park", duration=5.0, gear_friction=0.1, **{"control.delta": duty}).drive()
+        assert trace.attrs["happened"] == f"moved by 1.1 mm in 5 s at a duty of {duty:.2g}"

@@ -1,0 +1,174 @@
+"""The compiled step against the plain one, which shares neither geometry code nor linear algebra with it."""
+
+import numpy as np
+import pytest
+
+from rover_pin.simulation.compiled.step import DIRECTION_SPEED, Kernel
+from rover_pin.simulation.native.shared import RECORD
+from rover_pin.simulation.plain.step import Plain
+from rover_pin.simulation.start.place import settled
+from tests.simulation import kernel_cases as cases
+
+ROVER, CASES = cases.ROVER, cases.CASES
+
+
+def assert_alike(plain, kernel):
+    """All that a step changes or tells is the same in both."""
+    other, state = plain.state, kernel.state
+    assert other.q == pytest.approx(state.q, abs=1e-11)
+    assert other.v == pytest.approx(state.v, abs=1e-9)
+    assert other.contact == pytest.approx(state.contact, abs=1e-9)
+    assert other.motor == pytest.approx(state.motor, abs=1e-9)
+    assert plain.record == pytest.approx(kernel.record, rel=1e-8, abs=1e-8)
+    assert plain.loads == pytest.approx(kernel.loads, rel=1e-8, abs=1e-8)
+    assert plain.energy == pytest.approx(kernel.energy, rel=1e-9, abs=1e-10)
+    assert plain.impulse == pytest.approx(kernel.impulse, rel=1e-9, abs=1e-10)
+    assert plain.misjudged == pytest.approx(kernel.misjudged, rel=1e-6, abs=1e-9)
+    assert plain.foreseen == pytest.approx(kernel.foreseen, rel=1e-8, abs=1e-8)
+    assert plain.differential == pytest.approx(kernel.differential, rel=1e-8, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_steps_agree(name):
+    """State by state, so that a chaotic moment cannot hide an error or make one."""
+    made, start = CASES[name]
+    state = settled(made, start)
+    if name == "past its stops":
+        cases.bent(state)
+    kernel = Kernel(made, state, 0.005, symmetric=False)
+    other = state.copy()
+    plain = Plain(made, other, 0.005, symmetric=False)
+    duty, steer = cases.DUTY.get(name, 1.0) * np.linspace(0.4, 0.9, 6), np.array([0.1, 0.12, -0.1, -0.12])
+    for k in range(1200):
+        if k == 900:
+            duty = -duty
+        kernel.duty[:], kernel.servo_target[:] = duty, steer
+        if k % 40 == 0:
+            for mine, theirs in (
+                (other.q, state.q),
+                (other.v, state.v),
+                (other.contact, state.contact),
+                (other.motor, state.motor),
+            ):
+                mine[:] = theirs
+            plain.duty[:], plain.servo_target[:] = duty, steer
+            plain.energy[:], plain.impulse[:], plain.foreseen[:] = kernel.energy, kernel.impulse, kernel.foreseen
+            plain.record[:] = kernel.record
+            assert (plain.step(), kernel.step()) == (0, 0)
+            assert_alike(plain, kernel)
+        else:
+            assert kernel.step() == 0
+    assert kernel.pivoted == 0, "rows were exchanged, which hides what the elimination does"
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_step_agrees_where_everything_moves(name):
+    """From a state that no drive comes to, so that no term is 0."""
+    made, start = CASES[name]
+    assert assert_a_step_alike(made, cases.stirred(made, settled(made, start)), symmetric=False) > 0.0
+
+
+def test_a_step_agrees_that_is_made_symmetric():
+    made, start = CASES["hills"]
+    state = cases.stirred(made, settled(made, start))
+    assert_a_step_alike(made, state, symmetric=True)
+    perm, sign = ROVER.mirror
+    assert np.array_equal(state.v, sign * state.v[perm])
+
+
+def assert_a_step_alike(made, state, symmetric):
+    """Return what the second step found misjudged."""
+    plain, kernel = Plain(made, state.copy(), 0.005, symmetric), Kernel(made, state, 0.005, symmetric)
+    for stepper in (plain, kernel):
+        stepper.duty[:] = np.linspace(-0.3, 0.9, 6)
+        stepper.servo_target[:] = [0.1, 0.12, -0.1, -0.12]
+    for _ in range(2):  # the second knows what the first took the loads to become
+        assert (plain.step(), kernel.step()) == (0, 0)
+        assert_alike(plain, kernel)
+    return kernel.misjudged
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_step_agrees_past_the_stops(way):
+    """Bent further and on the way back, at either end of every joint, so that stops push and take energy."""
+    made, start = CASES["past its stops"]
+    state = cases.stirred(made, settled(made, start))
+    cases.bent(state)
+    for joint in ("bogie_l", "bogie_r", "rocker_l", "rocker_r"):
+        state.q[ROVER.angles[joint]] *= way
+    assert_a_step_alike(made, state, symmetric=False)
+
+
+@pytest.mark.parametrize("share", [1e-3, 1e3])
+def test_what_a_step_misjudged_is_told_alike(share):
+    """One load of one wheel at a time foreseen otherwise: of wheels that carry more than a share, and less of it."""
+    made, start = CASES["two-widths"]
+    state, told = settled(made, start), []
+    plain, kernel = Plain(made, state.copy(), 0.005, False), Kernel(made, state, 0.005, False)
+    plain.share = kernel.struct.wheel_share = share
+    for _ in range(2):
+        assert (plain.step(), kernel.step()) == (0, 0)
+    saved = plain.saved(), kernel.saved()
+    for wheel in range(6):
+        for load in range(4):
+            for stepper, before in zip((plain, kernel), saved, strict=True):
+                stepper.restore(before)
+                stepper.foreseen[wheel, load] += -2.0 if load == 2 and wheel % 2 else 0.01 * wheel + 0.1
+                assert stepper.step() == 0
+            told.append(kernel.misjudged)
+            assert plain.misjudged == pytest.approx(kernel.misjudged, rel=1e-6)
+    assert len({round(each, 9) for each in told}) > 8, "left and right are alike, and no more"
+
+
+def through_rest(state, share):
+    """Let the rover creep forwards and its wheels turn back, or the other way, at such a share of `direction_speed`."""
+    state.v[:] = 0.0
+    state.v[0] = share * DIRECTION_SPEED
+    for at, wheel in enumerate(ROVER.wheels):
+        state.v[wheel.dof] = (1.0 - 0.35 * at) * share * DIRECTION_SPEED / float(wheel.wheel.r)
+
+
+@pytest.mark.parametrize("name", ["held", "eq-1"])
+def test_steps_agree_through_rest(name):
+    """There the law is a blend of both directions, whose weights a wheel passes in a step or two."""
+    made, start = CASES[name]
+    rest = settled(made, start)
+    for share in np.linspace(-1.5, 1.5, 31):
+        states = [rest.copy(), rest.copy()]
+        for state in states:
+            through_rest(state, share)
+        kernel, plain = (kind(made, state, 0.005, False) for kind, state in zip((Kernel, Plain), states, strict=True))
+        assert (kernel.step(), plain.step()) == (0, 0)
+        assert states[1].v == pytest.approx(states[0].v, abs=1e-11)
+        assert plain.loads == pytest.approx(kernel.loads, rel=1e-8, abs=1e-9)
+        assert plain.foreseen == pytest.approx(kernel.foreseen, rel=1e-8, abs=1e-9)
+
+
+def test_the_cases_meet_what_they_are_for():
+    """A lane's edge that pushes a wheel sideways, and forces that turn under loads of some mN."""
+    made, start = CASES["astride-an-edge"]
+    kernel = Kernel(made, settled(made, start), 0.005, symmetric=False)
+    kernel.step()
+    assert np.abs(kernel.record[:, RECORD.index("lateral")]).max() > 0.05 * kernel.record[:, 3].max()
+    made, start = CASES["light"]
+    kernel = Kernel(made, settled(made, start), 0.005, symmetric=False)
+    kernel.duty[:] = 0.9
+    worst = 0.0
+    for _ in range(100):
+        kernel.step()
+        worst = max(worst, kernel.misjudged)
+    assert kernel.record[:, 3].max() < 0.1
+    assert worst > 1e-3
+
+
+def test_a_dropped_rover_is_the_same_in_both():
+    """All wheels in the air, then touching."""
+    made, start = CASES["ditch"]
+    state = settled(made, start)
+    state.q[2] += 0.01
+    other = state.copy()
+    kernel, plain = Kernel(made, state, 0.005, False), Plain(made, other, 0.005, False)
+    for _ in range(40):
+        assert (kernel.step(), plain.step()) == (0, 0)
+    assert other.q == pytest.approx(state.q, abs=1e-9)
+    assert kernel.record[:, 2].min() > 0.0

@@ -1,0 +1,139 @@
+"""The compiled pace against the one in Python, both over steps that only do what a script says."""
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from rover_pin.simulation import native
+from rover_pin.simulation.compiled import toolchain
+from rover_pin.simulation.native.shared import DriveStruct, LoopStruct, fill
+from rover_pin.simulation.pace import CALM, FINEST, ROUGH, Pace
+
+DT, SEEDS = 0.005, 40
+SIZES = (2, 3)
+SCRIPT = """
+static double place[1024], *script = place, steps[1024];
+static int calls;
+int rover_pin_step(Drive *d) {
+  steps[calls] = d->dt;
+  d->q[0] += d->dt;
+  d->q[1] += d->q[0] * (calls + 1);
+  for (int i = 0; i < 3; ++i) d->v[i] = 0.5 * d->v[i] + d->q[i % 2];
+  d->misjudged = script[2 * calls + 1];
+  return (int)script[2 * calls++];
+}
+"""
+PROBES = """
+void probe_script(const double *from, integer n) { memcpy(script, from, n * sizeof(double)); calls = 0; }
+int probe_told(double *to) { memcpy(to, steps, sizeof steps); return calls; }
+int probe_advance(Drive *d, Loop *l, int commanded) { return advance(d, l, commanded); }
+"""
+SHARES = [0.0, 0.9 * CALM, CALM, 1.1 * CALM, 0.5 * ROUGH, ROUGH, 1.01 * ROUGH, 4.0 * ROUGH]
+
+
+@pytest.fixture(scope="module")
+def compiled():
+    """The pace as a library, over steps of a script."""
+    parts = [native._text(name) for name in ("lanes.h", "types.h", "shared.py", "drive.h")]
+    source = "".join([*parts, "typedef struct Step { int none; } Step;\n", SCRIPT, native._text("pace.c"), PROBES])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(toolchain, "FLAGS", ("-O0", *toolchain.FLAGS[1:]))
+        return toolchain.shared_library(source, "pace")
+
+
+class Scripted:
+    """The same steps in Python."""
+
+    def __init__(self, script):
+        self.script, self.calls, self.misjudged, self.dt, self.steps = script, 0, 0.0, DT, []
+        self.q, self.v = np.arange(2.0), np.arange(3.0)
+
+    def set_step(self, dt):
+        self.dt = dt
+
+    def step(self):
+        self.steps.append(self.dt)
+        self.q[0] += self.dt
+        self.q[1] += self.q[0] * (self.calls + 1)
+        for i in range(3):
+            self.v[i] = 0.5 * self.v[i] + self.q[i % 2]
+        status, self.misjudged = self.script[self.calls]
+        self.calls += 1
+        return int(status)
+
+    def saved(self):
+        return [self.q.copy(), self.v.copy()]
+
+    def restore(self, saved):
+        self.q[:], self.v[:] = saved
+
+
+class Ours:
+    """The structs of the compiled pace."""
+
+    def __init__(self, library, script):
+        self.library, self.keep = library, {}
+        self.drive, self.loop = DriveStruct(), LoopStruct()
+        self.q, self.v, self.saved = np.arange(2.0), np.arange(3.0), np.full(2 * sum(SIZES) + 2, 7.0)
+        fill(self.drive, self.keep, {"q": self.q, "v": self.v, "dt": DT})
+        moving = np.array([each.ctypes.data for each in (self.q, self.v)], dtype=np.int64)
+        values = {"moving": moving, "moving_sizes": np.array(SIZES, dtype=np.int64), "n_moving": 2}
+        fill(self.loop, self.keep, {**values, "moving_size": sum(SIZES), "saved": self.saved, "size": FINEST, "dt": DT})
+        at = np.ascontiguousarray(script)
+        library.probe_script(ctypes.c_void_p(at.ctypes.data), ctypes.c_int64(at.size))
+
+    def advance(self, commanded):
+        return self.library.probe_advance(ctypes.byref(self.drive), ctypes.byref(self.loop), int(commanded))
+
+    def steps(self):
+        steps = np.zeros(1024)
+        return list(steps[: self.library.probe_told(ctypes.c_void_p(steps.ctypes.data))])
+
+
+def drawn(seed):
+    """A script, and which of some steps are commanded."""
+    rng = np.random.default_rng(seed)
+    odds = rng.dirichlet(np.full(len(SHARES), 0.4))
+    script = np.column_stack([rng.random(500) < rng.choice([0.0, 0.05]), rng.choice(SHARES, 500, p=odds)])
+    script[:, 0] *= rng.integers(1, 3, 500)
+    return script, rng.random(30) < rng.choice([0.3, 0.9])
+
+
+@pytest.mark.parametrize("seed", range(SEEDS))
+def test_the_compiled_pace_takes_the_steps_of_the_plain_one(compiled, seed):
+    """Steps that fail, misjudge much or little, before and after commands: the same steps, from the same places."""
+    script, commands = drawn(seed)
+    theirs, ours = Scripted(script), Ours(compiled, script)
+    plain = Pace(theirs, DT)
+    for commanded in commands:
+        if theirs.calls > 300:
+            break
+        begun, status = theirs.calls, plain.advance(commanded)
+        assert ours.advance(commanded) == status
+        assert ours.steps() == theirs.steps, f"from step {begun} on"
+        assert (ours.loop.size, ours.drive.dt) == (plain.size, theirs.dt)
+        assert ours.loop.missed == pytest.approx(plain.missed, rel=1e-14, abs=0.0)
+        assert np.array_equal(ours.q, theirs.q)
+        assert np.array_equal(ours.v, theirs.v)
+        if status:
+            break
+    assert np.all(ours.saved[-2:] == 7.0), "written beyond the room"
+
+
+def test_a_script_meets_what_a_pace_decides():
+    """Over the seeds: steps taken again, of all sizes, steps kept that misjudged, statuses told."""
+    sizes, missed, told = set(), 0.0, set()
+    for seed in range(SEEDS):
+        script, commands = drawn(seed)
+        steps = Scripted(script)
+        pace, status = Pace(steps, DT), 0
+        for commanded in commands:
+            if status == 0 and steps.calls <= 300:
+                status = pace.advance(commanded)
+        told.add(status)
+        sizes |= {round(each / DT * FINEST) for each in steps.steps}
+        missed += pace.missed
+    assert sizes == {1, 2, 4, 8, 16, 32, 64}
+    assert missed > 0.0
+    assert told == {0, 1, 2}

@@ -1,0 +1,149 @@
+"""The plain law around rest: what it says of its slopes, by differences, and of a wheel that goes the other way."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import ParameterError
+from rover_pin.contact import Soil
+from rover_pin.effects.digging_memory import DiggingMemory
+from rover_pin.effects.multi_pass import MultiPass
+from rover_pin.effects.slip import AlgebraicSlip, RelaxedSlip
+from rover_pin.effects.slip_softening import SlipSoftening
+from rover_pin.effects.soil_traction import SoilTraction
+from rover_pin.effects.viscous_friction import ViscousFriction
+from rover_pin.rover.rover import load_rover
+from rover_pin.simulation.compiled.laws import as_numbers, contact_law, motor_law, number_of_states, numbers, symbolic
+from rover_pin.simulation.compiled.step import DIRECTION_SPEED
+from rover_pin.simulation.model.model import Model, base_effects
+from rover_pin.simulation.model.motor import Motor
+from rover_pin.simulation.plain.law import TRAVEL_SIGNS, PlainLaw, direction
+from rover_pin.terrain import shapes
+
+ROVER, SOIL = load_rover(), Soil(k=0.004)
+SPEEDS = slice(1, 5)
+
+
+@pytest.fixture(scope="module")
+def law():
+    model = Model(ROVER, shapes.flat(), (SOIL,), Motor(), RelaxedSlip(), base_effects(SOIL, ROVER, SoilTraction()))
+    return PlainLaw(model.having(MultiPass()).having(DiggingMemory(c_d=0.05)))
+
+
+def contact(v, rim, axle=0.0):
+    """A wheel 4 mm deep that goes sideways and sinks, on one of three axles."""
+    return np.array([0.004, v, -0.3 * v + 1e-3, 2e-3, rim, 0.7, axle, *numbers([ROVER.wheel, SOIL])])
+
+
+def states(law, seed=0):
+    return np.random.default_rng(seed).uniform(0.02, 0.2, len(law.odd))
+
+
+MOVING = [(share, rim) for share in (-1.3, -0.9, -0.4, 0.0, 0.3, 0.8, 1.2) for rim in (0.5, -0.9)]
+"""Of the speed at which it has a direction: of travel, and of the rim."""
+
+
+@pytest.mark.parametrize(("v", "rim"), MOVING)
+def test_slopes_are_those_of_load_and_rate(law, v, rim):
+    """The direction itself goes by travel and rim; on whatever side of rest, and where a wheel is decided."""
+    here, x, step = contact(v * DIRECTION_SPEED, rim * DIRECTION_SPEED, axle=1.0), states(law), 1e-4 * DIRECTION_SPEED
+    value = law(here, x)
+    for at in range(4):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = here.copy()
+            moved[1 + at] += sign * step
+            ends.append(law(moved, x))
+        for slope, part in ((value.by_speed, "load"), (value.rate_by_speed, "rate")):
+            difference = (getattr(ends[0], part) - getattr(ends[1], part)) / (2.0 * step)
+            scale = np.abs(slope).max()
+            np.testing.assert_allclose(slope[:, at], difference, rtol=2e-4, atol=1e-6 * scale)
+    for at in range(len(x)):
+        ends = [law(here, x + sign * 1e-6 * np.eye(len(x))[at]) for sign in (1.0, -1.0)]
+        for slope, part in ((value.load_by_state, "load"), (value.rate_by_state, "rate")):
+            difference = (getattr(ends[0], part) - getattr(ends[1], part)) / 2e-6
+            np.testing.assert_allclose(slope[:, at], difference, rtol=1e-5, atol=1e-6 * max(1.0, np.abs(slope).max()))
+
+
+@pytest.mark.parametrize(("v", "rim"), MOVING)
+def test_a_wheel_that_goes_the_other_way_is_its_mirror_image(law, v, rim):
+    """The last axle is then the first: all but the normal force changes its sign, and states that are odd."""
+    ahead, behind = (contact(sign * v * DIRECTION_SPEED, sign * rim * DIRECTION_SPEED) for sign in (1.0, -1.0))
+    behind[2], behind[6] = -ahead[2], 2.0
+    x, sign, odd = states(law), TRAVEL_SIGNS, law.odd
+    one, other = law(ahead, x), law(behind, odd * x)
+    expected = {
+        "load": sign * one.load, "rate": odd * one.rate, "slip": -one.slip,
+        "by_speed": np.outer(sign, sign) * one.by_speed, "rate_by_speed": np.outer(odd, sign) * one.rate_by_speed,
+        "load_by_state": np.outer(sign, odd) * one.load_by_state,
+        "rate_by_state": np.outer(odd, odd) * one.rate_by_state,
+    }  # fmt: skip
+    for name, wanted in expected.items():
+        np.testing.assert_allclose(getattr(other, name), wanted, rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_at_rest_it_is_the_mean_of_both_ways_and_beyond_the_one_it_goes(law):
+    """Weighed by the cubic that rises from 0 to 1 and leaves both ends level, 3 s^2 - 2 s^3."""
+    x = states(law)
+    for share in (0.0, 0.5, 1.0, 1.5, -0.5, -1.1):
+        here = contact(share * DIRECTION_SPEED, share * DIRECTION_SPEED)
+        back = here * np.r_[1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 0.0, np.ones(len(here) - 7)]
+        back[6] = 2.0
+        s = min(1.0, max(0.0, 0.5 + 0.5 * direction(here[1], here[4])[0]))
+        weight = 3.0 * s**2 - 2.0 * s**3
+        assert weight == pytest.approx(np.interp(share, [-1.0, -0.5, 0.0, 0.5, 1.0], [0.0, 5 / 32, 0.5, 27 / 32, 1.0]),
+                                       abs=0.03)  # fmt: skip
+        own = law._split(law.law(here, x, law.parameters))
+        other = law._split(law.law(back, law.odd * x, law.parameters))
+        value = law(here, x)
+        np.testing.assert_allclose(value.load, weight * own.load + (1 - weight) * TRAVEL_SIGNS * other.load, atol=1e-9)
+        np.testing.assert_allclose(value.rate, weight * own.rate + (1 - weight) * law.odd * other.rate, atol=1e-9)
+        np.testing.assert_allclose(value.slip, weight * own.slip - (1 - weight) * other.slip, atol=1e-9)
+
+
+@pytest.mark.parametrize("v", [1e-3, -2e-3, 4e-3])
+def test_which_way_a_wheel_goes_is_its_speed_over_5_mm_a_second_where_it_rolls(v):
+    """Nearly; at rest its travel and its rim have half of that each, and 50 um/s of either alone little."""
+    assert direction(v, v)[0] == pytest.approx(v / 0.005, rel=0.04)
+    assert direction(20.0 * v, 20.0 * v)[0] == pytest.approx(20.0 * v / 0.005, rel=2e-3)
+    assert direction(0.0, 0.0) == (0.0, pytest.approx(100.0), pytest.approx(100.0))
+    assert direction(5e-5, 0.0)[0] == pytest.approx(0.01 * (1.0 + 0.5**0.5) / 2.0)
+    assert direction(0.0, 100.0 * v)[0] == pytest.approx(100.0 * v / (2.0**0.5 * 0.005), rel=1e-3)
+
+
+def test_records_without_quantities_have_a_column_of_none():
+    made, column = symbolic([])
+    assert made == []
+    assert (type(column).__name__, column.shape) == ("SX", (0, 1))
+    assert numbers([]).size == 0
+
+
+def test_a_wheel_has_eight_states_at_most():
+    states = [SimpleNamespace(states=(SimpleNamespace(name=f"s_{at}"),)) for at in range(9)]
+    assert number_of_states(states[:8]) == 8
+    with pytest.raises(ParameterError, match=r"have 9 states a wheel \(s_0, .*, s_8\); at most 8 are allowed"):
+        number_of_states(states)
+
+
+@pytest.mark.parametrize("states", [(), ("loosened",), ("S", "S_y", "loosened")])
+def test_a_contact_law_has_a_slope_of_each_load_and_rate_by_each_speed_and_state(states):
+    """Four loads, four speeds, two slips; every rate has a slope by every speed and every state, also of one alone."""
+    effects = [RelaxedSlip() if "S" in states else AlgebraicSlip(), SoilTraction()]
+    law = contact_law([*effects, *([SlipSoftening()] if "loosened" in states else [])])
+    n = len(states)
+    assert law.numel_in(1) == n
+    assert law.numel_out(0) == 4 + 16 + n + 4 * n + 4 * n + n * n + 2
+
+
+def test_a_motor_s_torque_and_what_its_effects_add_are_one_sum():
+    """At 12 rad/s friction of 0.02 N m s takes 0.24 N m of what the motor gives, and 0.02 of its slope."""
+    motor, given = Motor(), np.array([0.8, 12.0, 0.0, 0.0])
+    friction = ViscousFriction(b_v=0.02)
+    bare, with_friction = (
+        as_numbers(motor_law(motor, effects))(given, np.zeros(0), numbers([motor, *effects]))
+        for effects in ((), (friction,))
+    )
+    assert abs(bare[0]) > 0.3
+    assert with_friction[:2] - bare[:2] == pytest.approx([-0.24, -0.02])
+    assert with_friction[2:] == pytest.approx(bare[2:])

@@ -1,0 +1,280 @@
+"""The plain loop on a stepper that only counts: what it asks, notes and tells, row by row and step by step."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.rover.acceleration import constraint_rows
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.checkpoint import Checkpoint
+from rover_pin.simulation.command import Command
+from rover_pin.simulation.compiled.step import Kernel
+from rover_pin.simulation.driving import OFTEN, Drive, obey
+from rover_pin.simulation.native.shared import ENERGY, RECORD
+from rover_pin.simulation.pace import FINEST
+from rover_pin.simulation.plain.run import run_plain
+from rover_pin.simulation.plain.step import Plain
+from rover_pin.simulation.simulate import convergence, simulate
+from rover_pin.simulation.start.place import Start, hovering, settled
+from rover_pin.simulation.timing import Timing
+
+MODEL = scenario("flat").model
+TIMING = Timing(0.005, control=0.02, sample=0.05)
+
+
+class Counting:
+    """Moves the base by 1 mm a step; fails, or lifts a corner, when it is told to."""
+
+    def __init__(self, state, bad=math.inf, tips=math.inf):
+        self.state, self.bad, self.tips = state, bad, tips
+        n, steered = len(MODEL.rover.wheels), 4
+        self.record, self.loads = np.zeros((n, len(RECORD))), np.zeros((n, 6))
+        self.energy, self.impulse, self.differential = np.zeros(len(ENERGY)), np.zeros(3), np.zeros(1)
+        self.duty, self.servo_target, self.servo_wheels = np.zeros(n), np.zeros(steered), list(range(steered))
+        self.misjudged, self.steps, self.lengths, self.pivoted = 0.0, 0, [], 0
+
+    def set_step(self, dt):
+        self.lengths.append(dt)
+
+    def saved(self):
+        return []
+
+    def restore(self, saved):
+        pass
+
+    def energies(self):
+        return float(self.steps), -float(self.steps)
+
+    def step(self):
+        self.steps += 1
+        self.state.q[0] += 1e-3
+        self.record[:, RECORD.index("current")] = self.energy[:] = self.impulse[:] = self.differential[:] = self.steps
+        if self.steps > self.tips:
+            self.state.q[3:7] = 1.0, 0.0, 0.0, 0.0
+        return int(self.steps > self.bad)
+
+
+def drive(stepper, controller=lambda reading: 0.5, counted=None, timing=TIMING):
+    return Drive(MODEL, stepper.state, stepper, controller, timing, counted)
+
+
+def state():
+    return hovering(MODEL, Start())
+
+
+def test_it_asks_at_its_period_and_notes_every_sample():
+    """Steps of 5 ms, questions every 20 ms, rows every 50 ms."""
+    asked = []
+
+    def controller(reading):
+        asked.append((reading.t, float(reading.current[0])))
+        return Command(0.01 * len(asked), 0.001 * len(asked))
+
+    begun = state()
+    begun.t = 3.0
+    stepper = Counting(begun)
+    ran = run_plain(drive(stepper, controller), 0.2, None)
+    assert [t for t, _ in asked] == pytest.approx(3.0 + 0.02 * np.arange(10))
+    assert [current for _, current in asked] == list(range(0, 40, 4)), "as the step before left it"
+    assert ran.stop == "duration"
+    assert ran.checkpoint == Checkpoint(3.0, 40, FINEST, 0.0)
+    rows, steps = ran.rows, np.array([10.0, 20.0, 30.0, 40.0])
+    assert rows["t"] == pytest.approx(3.0 + 0.005 * steps)
+    assert rows["q"][:, 0] == pytest.approx(1e-3 * steps)
+    assert rows["record"][:, 2, RECORD.index("current")].tolist() == steps.tolist()
+    for name in ("energy", "impulse"):
+        assert rows[name][:, 1].tolist() == steps.tolist()
+    assert rows["differential"].tolist() == rows["mechanical"][:, 0].tolist() == steps.tolist()
+    questions = np.array([3, 5, 8, 10])
+    assert rows["duty"][:, 5] == pytest.approx(0.01 * questions)
+    assert rows["servo"][:, 3] == pytest.approx(0.001 * questions)
+    assert not rows["attitude"].any()
+
+
+def test_a_row_has_the_base_s_velocity_in_the_world_and_its_attitude():
+    begun = hovering(MODEL, Start(yaw=0.5 * math.pi))
+    begun.v[:3] = 0.2, 0.1, 0.3
+    ran = run_plain(drive(Counting(begun)), 0.05, None)
+    assert ran.rows["velocity"][0] == pytest.approx([-0.1, 0.2, 0.3])
+    assert ran.rows["attitude"][0] == pytest.approx([0.0, 0.0, 0.5 * math.pi])
+    assert ran.rows["v"][0, :3] == pytest.approx([0.2, 0.1, 0.3])
+
+
+def test_it_tells_how_far_it_is_every_fifty_rows():
+    told = []
+    run_plain(drive(Counting(state()), timing=Timing(0.005, 0.005, 0.005)), 0.6, told.append)
+    assert told == pytest.approx([0.005 * OFTEN, 0.01 * OFTEN])
+    assert OFTEN == 50
+
+
+def test_it_goes_on_in_the_beat_of_the_drive_that_ended():
+    """After 18 steps that began at 3 s, in sixteenths: the next question before the 20th, the next row after it."""
+    asked, begun = [], state()
+    begun.t = 3.09
+    stepper = Counting(begun)
+    on = Checkpoint(3.0, 18, FINEST // 4, 0.25)
+    ran = run_plain(drive(stepper, lambda reading: asked.append(reading.t) or 0.5, on), 0.1, None)
+    assert asked == pytest.approx([3.1, 3.12, 3.14, 3.16, 3.18])
+    assert ran.rows["t"] == pytest.approx([3.1, 3.15])
+    assert ran.checkpoint == Checkpoint(3.0, 38, FINEST, 0.25)
+    assert stepper.lengths[0] == pytest.approx(0.005 / 4)
+
+
+def test_a_drive_that_cannot_go_on_keeps_the_row_that_says_so():
+    ran = run_plain(drive(Counting(state(), tips=22)), 1.0, None)
+    assert ran.stop.startswith("capsized: roll ")
+    assert ran.stop.endswith(" at 0.15 s")
+    assert ran.rows["t"] == pytest.approx([0.05, 0.1, 0.15])
+    assert ran.checkpoint.steps == 30
+
+
+def test_a_step_without_numbers_ends_it_before_its_row():
+    ran = run_plain(drive(Counting(state(), bad=17)), 1.0, None)
+    assert ran.stop == "diverged at 0.09 s: a velocity is not finite"
+    assert ran.rows["t"] == pytest.approx([0.05])
+    assert (ran.checkpoint.steps, ran.checkpoint.size) == (17, 1)
+
+
+@pytest.mark.parametrize("k", range(1, 13))
+def test_a_step_is_taken_again_unless_a_command_or_a_row_came_before(k):
+    """The step before it is, in parts, where forces turned: not across one that had been told what the motors get."""
+
+    class Rough(Counting):
+        def step(self):
+            status = super().step()
+            self.misjudged = float(self.steps == k + 1)
+            return status
+
+        def restore(self, saved):
+            self.restored = True
+
+    stepper = Rough(state())
+    ran = run_plain(drive(stepper), 0.1, None)
+    commanded = k % 4 == 0 or k % 10 == 0
+    assert hasattr(stepper, "restored") != commanded
+    assert ran.checkpoint.missed == pytest.approx(0.005 if commanded else 0.0)
+
+
+def test_commands_reach_the_motors():
+    stepper = Counting(state())
+    given = iter(
+        [1.0, -1.0, np.array([0.25]), np.linspace(-1.0, 1.0, 6), Command(0.5, np.array([0.1, 0.2, -0.1, 0.0]))]
+    )
+    one = drive(stepper, lambda reading: next(given))
+    for duty in (np.ones(6), -np.ones(6), np.full(6, 0.25), np.linspace(-1.0, 1.0, 6), np.full(6, 0.5)):
+        obey(one, None)
+        np.testing.assert_allclose(stepper.duty, duty)
+    assert stepper.servo_target.tolist() == [0.1, 0.2, -0.1, 0.0]
+    stepper.servo_wheels = []
+    obey(drive(stepper, lambda reading: Command(0.2, 0.3)), None)
+    assert stepper.servo_target.tolist() == [0.1, 0.2, -0.1, 0.0], "no wheel steers"
+
+
+def test_wheels_are_held_by_the_same_inertia_in_both_steps():
+    """What it takes to hold them differs by that inertia's share: its first seven digits are the inverse dynamics'."""
+    begun = settled(MODEL, Start())
+    begun.q[2] += 0.5
+    told = []
+    for kind in (Plain, Kernel):
+        stepper = kind(MODEL, begun.copy(), 0.005, False)
+        stepper.hold(np.linspace(-2.0, 3.0, 6))
+        assert stepper.step() == 0
+        told.append(stepper.record[:, RECORD.index("torque")].copy())
+    np.testing.assert_allclose(told[0], told[1], rtol=1e-8)
+
+
+def test_a_drive_begins_with_nothing_misjudged():
+    assert Checkpoint(0.0, 0, FINEST).missed == 0.0
+
+
+def test_a_plain_step_whose_numbers_are_lost_says_so():
+    begun = settled(MODEL, Start())
+    begun.v[0] = math.nan
+    assert Plain(MODEL, begun, 0.005, False).step() == 1
+
+
+def test_one_speed_that_is_lost_is_enough():
+    plain = Plain(MODEL, settled(MODEL, Start()), 0.005, False)
+    lost = np.zeros(MODEL.rover.model.nv)
+    assert plain.step() == 0
+    lost[-1] = math.nan
+    plain._solve = lambda force, D: lost
+    assert plain.step() == 1
+
+
+def test_a_plain_step_brings_a_differential_that_was_forced_back_to_its_tie():
+    """The compiled step, which eliminates the follower, keeps what it was given: drives begin tied."""
+    begun, rover = settled(MODEL, Start()), MODEL.built
+    begun.v[rover.differential.left] = 0.3
+    G = constraint_rows(rover)
+    assert np.abs(G @ begun.v).max() == pytest.approx(0.3)
+    assert Plain(MODEL, begun, 0.005, False).step() == 0
+    assert np.abs(G @ begun.v).max() < 1e-9
+
+
+@pytest.mark.parametrize("lengths", [(3, 5), (5, 3), (4, 4)])
+def test_convergence_is_the_furthest_that_half_the_step_is_off_while_both_drive(monkeypatch, lengths):
+    ways = np.array([1.0, 1.2, 1.1, 1.3, 9.0]), np.array([1.0, 1.25, 1.02, 1.31, 5.0])
+    asked = []
+
+    def drives(model, controller, duration, **options):
+        asked.append(options)
+        return {"body_x": ways[len(asked) - 1][: lengths[len(asked) - 1]]}
+
+    monkeypatch.setattr("rover_pin.simulation.simulate.simulate", drives)
+    trace, moved = convergence(MODEL, ConstantDuty(), 1.0, timing=TIMING, symmetric=True)
+    assert len(trace["body_x"]) == lengths[0]
+    assert moved == pytest.approx(0.08)
+    assert asked[0] == {"timing": TIMING, "symmetric": True}
+    assert asked[1] == {"timing": TIMING.halved(), "symmetric": True, "settle_doubts": False}
+
+
+def test_a_plain_step_exchanges_no_rows_and_begins_without_a_misjudgement():
+    plain = Plain(MODEL, state(), 0.005, False)
+    assert (plain.pivoted, plain.misjudged) == (0, 0.0)
+
+
+@pytest.mark.parametrize("share", [0.01, 1e3])
+@pytest.mark.parametrize("at", range(4))
+def test_what_a_wheel_s_load_was_taken_for_is_judged_by_its_normal_force(at, share):
+    """Of 20 and 30 mN: f_t, f_y and the torque over r, each over f_n; of a wheel below its share by as much less."""
+    stub = SimpleNamespace(begun=np.array([[4e-3, 2e-3, 0.02, 3e-4]]), foreseen=np.array([[6e-3, 3e-3, 0.03, 4.5e-4]]),
+                           misjudged=1e-6, share=share, rover=MODEL.rover)  # fmt: skip
+    Plain._judge(stub, 0)
+    assert stub.misjudged == 1e-6, "the same shares"
+    if at == 2:
+        stub.foreseen[0, 2] = 0.0
+    else:
+        stub.foreseen[0, at] += 0.03 * 0.1 * (0.045 if at == 3 else 1.0)
+    Plain._judge(stub, 0)
+    assert stub.misjudged == pytest.approx(1e-6 if at == 2 else 0.1 * min(1.0, 0.02 / share))
+
+
+def test_a_stop_that_a_joint_leaves_fast_does_not_pull():
+    """50 N m/rad over 20 mrad less 1.1 N m s/rad times 1 rad/s would be 0.1 N m."""
+    begun, rover = state(), MODEL.rover
+    place = rover.angles["bogie_l"]
+    dof = next(each.idx_v for each in list(rover.model.joints)[2:] if each.idx_q == place)
+    begun.q[place] = rover.model.upperPositionLimit[place] + 0.02
+    for rate, force in ((-1.1, 0.0), (-0.9, -0.1)):
+        begun.v[dof] = rate
+        found, slope = Plain(MODEL, begun, 1e-9, False)._springs()
+        assert found[dof] == pytest.approx(force, abs=1e-6)
+        assert (slope[dof] == 0.0) == (force == 0.0)
+
+
+def test_a_step_that_the_rover_survives_ends_no_drive(monkeypatch):
+    """The compiled loop stops to ask why: where nothing is wrong it goes on."""
+    buried = MODEL.replace(buried=1e-4)
+    assert simulate(buried, ConstantDuty(0.5), 0.2).attrs["stop"].startswith("buried")
+    monkeypatch.setattr("rover_pin.simulation.compiled_run.failure", lambda *given: None)
+    assert simulate(buried, ConstantDuty(0.5), 0.2).attrs["stop"] == "duration"
+
+
+def test_a_drive_from_a_state_says_nothing_of_how_it_was_set_down():
+    begun = settled(MODEL, Start())
+    assert "set_down" not in simulate(MODEL, ConstantDuty(0.5), 0.05, begun).attrs
+    assert simulate(MODEL, ConstantDuty(0.5), 0.05).attrs["set_down"] == "at rest"

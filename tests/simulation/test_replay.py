@@ -1,0 +1,225 @@
+"""What a log's rows are made into before they are driven again: rows of equal distance, commands, place and rates."""
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.native.shared import RECORD
+from rover_pin.simulation.replay import Perturbation, averaged, commands, filled, replay, shared, shares
+from rover_pin.simulation.replay import _channels as channels_of
+from rover_pin.simulation.replay import _fields as fields
+from rover_pin.simulation.replay import _with_last as with_last
+from rover_pin.simulation.start.place import Start, settled
+from rover_pin.simulation.trace.rows import row_type
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.terrain.shapes import flat
+
+NAN = math.nan
+
+
+def log(period=0.05, count=40, attrs=None, **channels):
+    """A drive along x at 0.1 m/s from 2 s on, its one wheel a at duties that grow by the row."""
+    t = 2.0 + period * np.arange(count)
+    usual = {"t_s": t, "body_x": 0.1 * (t - 2.0), "body_y": np.full(count, 0.5), "body_yaw": np.full(count, 0.3)}
+    return Trace({**usual, "duty_a": np.arange(count) / 100.0, **channels}, attrs=attrs or {})
+
+
+def test_rows_are_the_logs_own_at_its_period():
+    run = commands(log(), ("a",), ())
+    assert run.t == pytest.approx(2.0 + 0.05 * np.arange(40))
+    assert run.duty[:, 0] == pytest.approx(np.arange(40) / 100.0)
+    assert run.place == pytest.approx(np.column_stack([0.005 * np.arange(40), np.full(40, 0.5), np.full(40, 0.3)]))
+    assert run.period == pytest.approx(0.05)
+    assert run.steer.shape == (40, 0)
+    assert not run.rate_driven
+    assert (run.start.x, run.start.y, run.start.yaw) == pytest.approx((0.01, 0.5, 0.3)), "the mean of five rows"
+
+
+def test_fast_rows_are_averaged_into_rows_of_50_ms_and_their_last_command_holds():
+    """Of rows at 0, 10, ... ms those around 50 ms are 30 to 70 ms; the command is the one that came last, by 30 ms."""
+    run = commands(log(period=0.01, count=101), ("a",), ())
+    assert run.t == pytest.approx(2.0 + 0.05 * np.arange(21))
+    assert run.place[1:-1, 0] == pytest.approx(0.005 * np.arange(1, 20))
+    assert run.duty[:3, 0] == pytest.approx([0.0, 0.03, 0.08])
+
+
+def test_slow_rows_keep_their_period_in_whole_steps():
+    """0.104 s are 10 steps of 10 ms: what a row of the replay falls between is of the log's nearest row."""
+    run = commands(log(period=0.104, count=30), ("a",), ())
+    assert run.period == pytest.approx(0.1)
+    assert run.t[-1] <= 2.0 + 29 * 0.104 < run.t[-1] + 0.1
+
+
+def test_two_rows_are_the_least():
+    assert len(commands(log(count=2), ("a",), ()).t) == 2
+    with pytest.raises(DataError, match=r"^day.csv: a replay needs two rows at least\.$"):
+        commands(log(count=1, attrs={"file": "day.csv"}), ("a",), ())
+
+
+def test_gaps_of_a_command_hold_the_last_and_a_heading_neither_jumps_nor_is_made_up():
+    yaw = np.where(np.arange(40) < 20, 3.1, -3.1)
+    yaw[25] = NAN
+    duty = np.full(40, 0.2)
+    duty[[0, 1, 7, 8]] = NAN, NAN, NAN, NAN
+    duty[6] = 0.4
+    run = commands(log(duty_a=duty, body_yaw=yaw, steer_a=np.linspace(0.0, 0.39, 40)), ("a",), ("a", "b"))
+    assert run.duty[:10, 0] == pytest.approx([0.2] * 6 + [0.4] * 3 + [0.2])
+    assert np.flatnonzero(np.isnan(run.place[:, 2])).tolist() == [25]
+    assert np.delete(run.place[:, 2], 25)[20:] == pytest.approx(2 * math.pi - 3.1)
+    assert run.steer[:, 0] == pytest.approx(np.linspace(0.0, 0.39, 40))
+    assert not run.steer[:, 1].any(), "a wheel without a channel is not steered"
+
+
+def test_a_log_without_duties_is_held_to_its_rates():
+    rate = np.linspace(-1.0, 3.0, 40)
+    rate[10] = NAN
+    made = log(wheel_rate_a=rate, wheel_rate_b=0.5 * rate)
+    bare = Trace({name: values for name, values in made.channels.items() if name != "duty_a"})
+    run = commands(bare, ("a", "b"), ())
+    assert run.rate_driven
+    assert run.rate[:, 0] == pytest.approx(np.linspace(-1.0, 3.0, 40)), "a gap is bridged by a straight line"
+    assert run.duty == pytest.approx(run.rate / 3.0), "as a share of the fastest"
+
+
+def test_a_declared_start_is_taken_and_an_unknown_one_is_refused():
+    told = {"start": {"x": 1.0, "y": 2.0, "yaw": 0.1}}
+    assert commands(log(attrs=told), ("a",), ()).start == Start(1.0, 2.0, 0.1)
+    x = np.linspace(0.0, 1.0, 40)
+    x[:4] = NAN
+    late = commands(log(body_x=x), ("a",), ())
+    assert late.start.x == pytest.approx(x[4]), "of five rows one is known"
+    x[4] = NAN
+    with pytest.raises(DataError, match=r"no place is known in the first 0\.25 s and no start is declared"):
+        commands(log(body_x=x), ("a",), ())
+    assert commands(log(body_x=x, attrs=told), ("a",), ()).start.x == 1.0
+
+
+def test_a_run_s_own_ground_takes_the_place_of_the_models():
+    run, model, ground = commands(log(), ("a",), ()), scenario("flat").model, flat()
+    assert run.on(model) is model
+    assert dataclasses.replace(run, terrain=ground).on(model).terrain is ground
+
+
+def test_means_of_rows_leave_gaps_and_what_lies_beyond_out():
+    t = np.array([0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.26])
+    values = np.array([1.0, 3.0, 5.0, NAN, NAN, 7.0, 9.0])
+    found = averaged(t, values, 0.05 * np.arange(5), 0.05)
+    assert found == pytest.approx([2.0, 5.0, NAN, NAN, 7.0], nan_ok=True)
+
+
+def test_what_was_never_measured_is_zero():
+    assert filled(np.full(3, NAN)).tolist() == [0.0, 0.0, 0.0]
+    assert filled(np.array([NAN, 1.0, NAN, 3.0, NAN])).tolist() == [1.0, 1.0, 2.0, 3.0, 3.0]
+    assert shares(np.zeros((2, 2))).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert shares(np.array([[1.0, -4.0], [2.0, 0.0]])).tolist() == [[0.25, -1.0], [0.5, 0.0]]
+
+
+def test_wheels_that_are_tied_have_the_mean_of_their_rates_each_by_its_gear():
+    """Two ties of wheels a b and c d, e alone; a joint that is no wheel ties nothing."""
+    wheels = [SimpleNamespace(dof=dof) for dof in (6, 7, 8, 9, 10)]
+    ties = [(7, 6, -2.0), (9, 8, 0.5), (10, 30, 3.0), (31, 10, 3.0)]
+    couplings = [SimpleNamespace(follower=a, leader=b, ratio=ratio) for a, b, ratio in ties]
+    model = SimpleNamespace(rover=SimpleNamespace(wheels=wheels, couplings=couplings))
+    values = np.array([[1.0, -4.0, 3.0, 2.0, 5.0], [2.0, -4.0, 1.0, 0.5, 6.0]])
+    wanted = [[1.5, -3.0, 3.5, 1.75, 5.0], [2.0, -4.0, 1.0, 0.5, 6.0]]
+    assert shared(model, values).tolist() == wanted
+    assert values[0, 0] == 1.0, "the log itself is left alone"
+
+
+def test_a_nudge_is_added_to_the_duty_and_places_are_drawn_to_within_a_second():
+    run = commands(log(), ("a",), ())
+    model = SimpleNamespace(motor=SimpleNamespace(stall_torque=2.0))
+    found = fields(model, run, Perturbation(torque=np.full((40, 1), 0.5), force=np.full(40, 3.0)))
+    assert found["duty_rows"] == pytest.approx(run.duty + 0.25)
+    assert found["force_rows"].tolist() == [3.0] * 40
+    assert "grip_rows" not in found
+    assert found["share"] == pytest.approx(0.05), "a row of 50 ms, with a time constant of 1 s"
+    assert fields(model, run, Perturbation())["duty_rows"] == pytest.approx(run.duty)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_channels_are_what_the_model_did_without_what_it_was_drawn(held):
+    model, n = scenario("flat").model, 5
+    rng, rows = np.random.default_rng(4), np.zeros(n, dtype=row_type(model))
+    for name in ("q", "v", "record", "attitude", "moved", "velocity"):
+        rows[name] = rng.normal(size=rows[name].shape)
+    rows["attitude"][:, 2] = [3.0, 3.1, -3.1, -3.0, -2.9]
+    found = channels_of(model, SimpleNamespace(t=np.arange(n), rate_driven=held), rows)
+    for at, axis in enumerate("xy"):
+        assert found[f"body_{axis}"] + rows["moved"][:, at] == pytest.approx(rows["q"][:, at])
+    assert np.array_equal(found["body_z"], rows["q"][:, 2])
+    yaw = found["body_yaw"] + rows["moved"][:, 2]
+    assert yaw == pytest.approx([3.0, 3.1, 2 * math.pi - 3.1, 2 * math.pi - 3.0, 2 * math.pi - 2.9])
+    for at, name in enumerate(("roll", "pitch")):
+        assert np.array_equal(found[f"body_{name}"], rows["attitude"][:, at])
+    for at, axis in enumerate("xyz"):
+        assert np.array_equal(found[f"body_v{axis}"], rows["velocity"][:, at])
+    for at, wheel in enumerate(model.rover.wheels):
+        told = {name: rows["record"][:, at, RECORD.index(name)] for name in RECORD}
+        current = told["torque"] / float(model.motor.constant) if held else told["current"]
+        assert found[f"current_{wheel.name}_A"] == pytest.approx(current)
+        assert np.array_equal(found[f"wheel_rate_{wheel.name}"], rows["v"][:, wheel.dof])
+        for name in ("slip", "sinkage", "normal", "tangential"):
+            assert np.array_equal(found[f"{name}_{wheel.name}"], told[name])
+    assert np.array_equal(found["battery_V"], rows["record"][:, 0, RECORD.index("supply")])
+    for name, place in model.rover.angles.items():
+        assert np.array_equal(found[name], rows["q"][:, place])
+
+
+def test_a_replay_whose_numbers_are_lost_has_diverged():
+    drive = scenario("flat", duration=0.5)
+    wheels = tuple(wheel.name for wheel in drive.model.rover.wheels)
+    steered = tuple(wheel.name for wheel in drive.model.rover.wheels if wheel.steer_dof is not None)
+    run, rest = commands(drive.drive(), wheels, steered), settled(drive.model, Start())
+    rest.v[0] = NAN
+    assert replay(drive.model, run, rest_state=rest).stop == "diverged"
+
+
+def test_commands_of_other_wheels_than_the_rovers_are_refused():
+    """The compiled loop reads as many numbers a row as the rover has wheels: it would read what lies behind them."""
+    drive = scenario("flat", duration=0.2)
+    model, wheels = drive.model, tuple(wheel.name for wheel in drive.model.rover.wheels)
+    for driven, steered, said in ((wheels, (), "6 driven, 0 steered"), (wheels[:4], wheels[:4], "4 driven, 4 steered")):
+        with pytest.raises(DataError, match=f"commands are of {said} wheels, the rover has 6 and 4: give `commands`"):
+            replay(model, commands(drive.drive(), driven, steered))
+
+
+def flat_run(seconds=1.5, **more):
+    """Of the cart, on which nothing steers."""
+    drive = scenario("flat", duration=seconds, rover="cart")
+    return drive.model, commands(drive.drive(), tuple(wheel.name for wheel in drive.model.rover.wheels), ())
+
+
+def test_a_replay_that_drives_to_its_end_says_nothing_and_its_sides_are_their_own():
+    model, run = flat_run()
+    turning = dataclasses.replace(run, duty=run.duty * np.array([1.0, 0.2] * (run.duty.shape[1] // 2)))
+    found = replay(model, turning)
+    assert found.stop == ""
+    rates = [np.mean(found.channels[f"wheel_rate_{wheel.name}"]) for wheel in model.rover.wheels]
+    assert rates[0] > 2.0 * rates[1] > 0.0
+
+
+def test_a_replay_that_ends_early_keeps_the_row_before_its_end():
+    """Dropped from 0.3 m, its wheels are buried deeper than 0.05 radii when the tenth row is looked at."""
+    model, run = flat_run()
+    rest = settled(model, Start())
+    rest.q[2] += 0.3
+    found = replay(dataclasses.replace(model, buried=0.05), run, rest_state=rest)
+    assert "buried" in found.stop
+    z = found.channels["body_z"]
+    last = int(np.flatnonzero(np.diff(z))[-1]) + 1
+    assert last % 10 == 9
+    assert np.all(z[last:] == z[last])
+    assert z[last] > 0.05
+    assert len(z) == len(run.t)
+
+
+@pytest.mark.parametrize(("good", "rows"), [(4, [1, 2, 3, 4]), (3, [1, 2, 3, 3]), (1, [1, 1, 1, 1]), (0, [9, 9, 9, 9])])
+def test_after_an_early_end_stands_the_last_good_row_or_where_the_rover_is(good, rows):
+    loop = SimpleNamespace(rows=np.array([1.0, 2.0, 3.0, 4.0]), now=lambda: 9.0)
+    assert with_last(loop, good).tolist() == rows

@@ -1,0 +1,132 @@
+"""Sensors: the declared noise, no truth, the same seed the same log, effects as their equations say."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.base.quantity import quantities
+from rover_pin.effects.sensor_bias import SensorBias
+from rover_pin.effects.tacho_scale import TachoScale
+from rover_pin.effects.tracking_delay import TrackingDelay
+from rover_pin.effects.velocity_filter import VelocityFilter
+from rover_pin.logs.drive_log import read_drive_log
+from rover_pin.logs.saved import save_trace
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.command import Reading
+from rover_pin.simulation.sensors import Sensed, Sensors, measured
+from rover_pin.simulation.trace.trace import Trace
+
+EXACT = Sensors(**dict.fromkeys(quantities(Sensors), 0.0))
+
+
+@pytest.fixture(scope="module")
+def trace():
+    return scenario("bump", duration=20.0, **{"terrain.ground": 1}).drive()
+
+
+def test_no_truth_is_left_and_commands_are_exact(trace):
+    log = measured(trace, Sensors(), 1)
+    assert not [name for name in log.channels if name.startswith(("slip", "normal", "energy", "torque", "sinkage"))]
+    assert np.array_equal(log["duty_fl"], trace["duty_fl"])
+    assert np.array_equal(log["t_s"], trace["t_s"])
+    assert not [name for name in measured(trace, Sensors(), 1, with_current=False).channels if "current" in name]
+
+
+def test_the_noise_is_as_large_as_declared(trace):
+    log = measured(trace, Sensors(), 2)
+    for name, sd in (("body_x", 0.0015), ("body_pitch", 0.005), ("body_vx", 0.004)):
+        assert np.std(log[name] - trace[name]) == pytest.approx(sd, rel=0.2)
+    assert np.std(log["wheel_rate_ml"] - trace["wheel_rate_ml"]) == pytest.approx(
+        np.hypot(0.01, 0.005 / 12**0.5), rel=0.2
+    )
+    assert log["rocker_l"] / 0.005 == pytest.approx(np.round(log["rocker_l"] / 0.005))
+
+
+def test_a_seed_makes_one_log(trace):
+    assert np.array_equal(measured(trace, Sensors(), 3)["body_x"], measured(trace, Sensors(), 3)["body_x"])
+    assert not np.array_equal(measured(trace, Sensors(), 3)["body_x"], measured(trace, Sensors(), 4)["body_x"])
+
+
+def test_exact_sensors_change_nothing(trace):
+    log = measured(trace, EXACT, 0)
+    assert all(np.array_equal(log[name], trace[name]) for name in log.channels)
+
+
+@pytest.mark.parametrize("effect", [TachoScale(), TrackingDelay(), VelocityFilter(), SensorBias()])
+def test_neutral_values_change_nothing(trace, effect):
+    log = measured(trace, EXACT, 0, [effect.replace(**effect.neutral)])
+    assert all(np.array_equal(log[name], trace[name]) for name in log.channels)
+
+
+def test_effects_do_as_they_say(trace):
+    scaled = measured(trace, EXACT, 0, [TachoScale(e=0.03, wheel="ml")])
+    assert scaled["wheel_rate_ml"] == pytest.approx(1.03 * trace["wheel_rate_ml"])
+    assert np.array_equal(scaled["wheel_rate_fl"], trace["wheel_rate_fl"])
+    late = measured(trace, EXACT, 0, [TrackingDelay(d=0.1)])
+    assert late["body_x"][2:] == pytest.approx(trace["body_x"][:-2])
+    assert np.array_equal(late["wheel_rate_fl"], trace["wheel_rate_fl"])
+    shifted = measured(trace, EXACT, 0, [SensorBias(bias=0.02, channel="body_pitch")])
+    assert shifted["body_pitch"] == pytest.approx(trace["body_pitch"] + 0.02)
+
+
+def test_tachos_of_several_wheels_are_read_each_by_its_own_scale(trace):
+    scaled = measured(trace, EXACT, 0, [TachoScale(e=0.03, wheel="ml"), TachoScale(e=-0.1, wheel="rr")])
+    assert scaled["wheel_rate_ml"] == pytest.approx(1.03 * trace["wheel_rate_ml"])
+    assert scaled["wheel_rate_rr"] == pytest.approx(0.9 * trace["wheel_rate_rr"])
+    assert np.array_equal(scaled["wheel_rate_fl"], trace["wheel_rate_fl"])
+
+
+def test_the_filter_follows_a_ramp_late_by_its_time_constant():
+    t = np.arange(0.0, 5.0, 0.05)
+    y = VelocityFilter(tau=0.3).read(t, {"body_vx": t})["body_vx"]
+    assert y[-1] == pytest.approx(t[-1] - 0.3, abs=1e-6)
+    step = VelocityFilter(tau=0.3).read(t, {"body_vx": np.r_[0.0, np.ones(len(t) - 1)]})["body_vx"]
+    exact = 1.0 - (0.3 / 0.05) * (1.0 - np.exp(-0.05 / 0.3))
+    assert step[1] == pytest.approx(exact)
+
+
+def test_a_simulated_log_is_read_like_a_measured_one(trace, tmp_path):
+    log = measured(trace, Sensors(), 5)
+    again = read_drive_log(save_trace(log, tmp_path / "log")).runs[0]
+    assert all(np.array_equal(again[name], log[name]) for name in log.channels)
+
+
+@pytest.mark.parametrize("with_current", [True, False])
+def test_a_log_has_what_the_test_bed_s_sensors_see(with_current):
+    seen = {"t_s", "duty_a", "body_x", "wheel_rate_a", "current_a_A", "battery_V"}
+    truth = {"slip_a", "torque_a", "travel_a", "energy_motor", "differential_Nm"}
+    whole = Trace({name: np.arange(3.0) for name in seen | truth}, attrs={"wheels": ["a"]})
+    log = measured(whole, EXACT, 0, with_current=with_current)
+    assert set(log) == (seen if with_current else seen - {"current_a_A"})
+    assert set(measured(whole, EXACT, 0)) == seen, "unless told"
+
+
+def test_a_controller_reads_noise_of_either_sign_in_whole_steps():
+    class Kept:
+        def __init__(self):
+            self.read = []
+
+        def __call__(self, reading):
+            self.read.append(reading)
+            return 0.5
+
+        def reset(self):
+            self.read.clear()
+
+    kept, sensors = Kept(), Sensors()
+    sensed, bare = Sensed(kept, sensors, 3), np.zeros(6)
+    reading = Reading(0.0, bare, np.ones(6), 0.1 * np.ones(6), np.zeros(4), (0.01, -0.02, 0.3), None)
+    for _ in range(200):
+        sensed(reading)
+    rates = np.array([each.wheel_rate for each in kept.read])
+    np.testing.assert_allclose(rates / 0.005, np.round(rates / 0.005))
+    assert np.mean(rates) == pytest.approx(1.0, abs=2e-3)
+    assert np.std(rates) == pytest.approx(math.hypot(0.01, 0.005 / 12**0.5), rel=0.1)
+    assert np.std([each.current for each in kept.read]) == pytest.approx(0.002, rel=0.1)
+    attitudes = np.array([each.attitude for each in kept.read])
+    np.testing.assert_allclose(attitudes.mean(axis=0), [0.01, -0.02, 0.3], atol=2e-3)
+    first = rates[0].tolist()
+    sensed.reset()
+    sensed(reading)
+    assert kept.read[0].wheel_rate.tolist() == first

@@ -1,0 +1,105 @@
+"""A lagging slip stores energy in sheared soil and gives it back: the account against quadrature and closed forms."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.outcome import soil_energy
+from rover_pin.simulation.outcome.shear_store import ShearStore, shear_store
+from rover_pin.simulation.outcome.soil_energy import spurious_energy
+from rover_pin.soil.traction import wheel_forces
+
+
+@pytest.fixture(scope="module")
+def flat():
+    made = scenario("flat", duration=1.0, **{"effect.RelaxedSlip.damping": 0.0})
+    return made.model, made.drive()
+
+
+def M(model, S):
+    soil, wheel = model.soils[0], model.rover.wheels[0].wheel
+    forces = wheel_forces(S, soil.theta_1, soil.theta_2, wheel, soil, 24)
+    return float(forces.torque) / (float(wheel.r) * float(forces.f_n))
+
+
+def sheared(trace, slip, load):
+    """A trace whose front left wheel alone has this slip, under this load; no other wheel is loaded."""
+    rows = len(slip)
+    channels = {name: np.zeros(rows) for name in trace.channels} | {"t_s": np.linspace(0.05, 1.0, rows)}
+    channels |= {"slip_fl": np.asarray(slip), "normal_fl": np.broadcast_to(np.asarray(load, float), rows)}
+    return dataclasses.replace(trace, channels=channels)
+
+
+@pytest.mark.parametrize("top", [0.05, 0.6, -0.4, -1.0])
+def test_what_was_stored_comes_back_at_a_steady_load(flat, top):
+    """L f_n int M ds by quadrature, over a slip that rises and falls; after the way back nothing is missing."""
+    model, trace = flat
+    store = shear_store(model, sheared(trace, [*np.linspace(0.0, top, 40), *np.linspace(top, 0.0, 40)], 20.0))
+    work = float(model.slip.length) * 20.0 * quad(lambda S: M(model, S), 0.0, top)[0]
+    assert np.sum(store.taken[:40]) == pytest.approx(work, rel=2e-3)
+    assert np.sum(store.taken) == pytest.approx(0.0, abs=1e-12)
+    assert store.stored[39] - store.stored[0] == pytest.approx(work, rel=2e-3)
+    assert store.overdrawn == 0.0
+
+
+def test_the_store_is_empty_where_no_shear_acts(flat):
+    model, trace = flat
+    free = brentq(lambda S: M(model, S), -0.3, 0.0)
+    held = shear_store(model, sheared(trace, np.linspace(-1.0, 1.0, 401), 20.0)).stored
+    assert held.min() == pytest.approx(0.0, abs=1e-3 * held.max())
+    assert np.linspace(-1.0, 1.0, 401)[np.argmin(held)] == pytest.approx(free, abs=0.02)
+
+
+def test_a_load_that_grows_on_sheared_soil_overdraws_the_store(flat):
+    """Sheared under 10 N and let go under 30 N it gives three times what it took: twice that is from nowhere."""
+    model, trace = flat
+    up, down = np.linspace(-0.1, 0.5, 40), np.linspace(0.5, -0.1, 40)
+    store = shear_store(model, sheared(trace, [*up, *down], [10.0] * 40 + [30.0] * 40))
+    assert store.overdrawn == pytest.approx(2.0 * store.stored[39], rel=1e-3)
+
+
+def test_the_state_lags_behind_the_slip_by_its_damping(flat):
+    """S = s + T ds/dt: after a step of S by 0.2 the state has come 1 - e^(-t / T) of the way, and the store with it."""
+    model, trace = flat
+    damped = model.having(dataclasses.replace(model.slip, damping=0.1))
+    rows = 2000
+    made = sheared(trace, [0.1, *[0.3] * (rows - 1)], 20.0)
+    half = int(np.searchsorted(made.t, 0.05 + 0.1 * np.log(2.0)))
+    held = shear_store(damped, made).stored
+    there = shear_store(model, sheared(trace, [0.2] * 2, 20.0)).stored[0]
+    assert held[half] == pytest.approx(there, rel=2e-3)
+
+
+def test_slip_that_follows_at_once_stores_nothing(flat):
+    _, trace = flat
+    store = shear_store(scenario("flat", slip="algebraic").model, trace)
+    assert not store.taken.any()
+    assert not store.stored.any()
+    assert store.overdrawn == 0.0
+
+
+def test_a_wheel_in_the_air_stores_nothing(flat):
+    model, trace = flat
+    assert not shear_store(model, sheared(trace, np.linspace(0.0, 0.9, 20), 0.0)).stored.any()
+
+
+@pytest.mark.parametrize(("name", "settings"), [("ditch", {"soil.k": 0.01}), ("bump", {}), ("washboard", {})])
+def test_a_ready_made_drive_gets_back_what_it_had_stored_and_no_more(name, settings, monkeypatch):
+    """Without its store the ditch was told of .021 J from nowhere; of the power nothing is left over but rounding."""
+    made = scenario(name, **settings)
+    trace = made.drive()
+    assert not any("nowhere" in each for each in trace.attrs["warnings"])
+    real = shear_store(made.model, trace)
+    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: ShearStore(0.0 * real.taken, 0.0 * real.stored))
+    bare = spurious_energy(made.model, trace).traction
+    assert bare > 0.004
+    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: ShearStore(real.taken, 1e9 + real.stored))
+    assert spurious_energy(made.model, trace).traction < 0.05 * bare
+
+
+def test_a_rover_that_turns_on_rocks_is_not_accused():
+    assert not scenario("rocks").drive().attrs["warnings"]

@@ -1,0 +1,232 @@
+"""Energy that a traction law has from nowhere is told, in joules and per cent; a law that takes is not accused."""
+
+import dataclasses
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_trapezoid
+
+from rover_pin.effects.motion_resistance import MotionResistance
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.outcome import soil_energy
+from rover_pin.simulation.outcome.shear_store import ShearStore
+from rover_pin.simulation.outcome.soil_energy import (
+    SpuriousEnergy,
+    _of_traction,
+    carriers,
+    energy_warning,
+    spurious_energy,
+)
+
+WHEELS = ("fl", "fr", "ml", "mr", "rl", "rr")
+STIFF = {"soil.k": 0.0025, "effect.MotionResistance.R": 0.03}
+
+
+def driven(name, **settings):
+    made = scenario(name, **settings)
+    return made.model, made.drive()
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("flat", STIFF),
+        ("slope", {"soil.k": 0.001, "soil.phi_deg": 13.0, "effect.MotionResistance.R": 0.03}),
+        ("bump", {"form": "gross", "soil.k": 0.01, "effect.MotionResistance.R": 0.0}),
+        ("ditch", {**STIFF, "effect.MotionResistance.R": 0.0}),
+    ],
+)
+def test_forms_without_compaction_give_nothing_at_negative_slip(name, settings):
+    """They gave 4 to 37 % of the motors' work before the torque had to pay for the pull; the account is in order."""
+    model, trace = driven(name, **settings)
+    assert trace.stack("slip").min() < -0.07
+    found = spurious_energy(model, trace)
+    assert found.traction < 0.015 * trace["energy_motor"].max(), "what is left is a slip that lags"
+    assert trace.energy_error() < 0.01
+
+
+def test_a_torque_that_is_too_small_for_its_pull_is_told_by_hand():
+    """A trace whose torque was made smaller than its pull asks for: (T / r) (v - r omega) comes from nowhere."""
+    model, trace = driven("flat", slip="algebraic")
+    torque, rate, pull, v = (trace.stack(name) for name in ("torque", "wheel_rate", "tangential", "travel"))
+    for name, values in zip(WHEELS, np.transpose(0.5 * torque), strict=True):
+        trace.channels[f"torque_{name}"] = values
+    free = pull + 0.028 * trace.stack("normal") * v / np.hypot(v, MotionResistance().fading(0.045 * rate))
+    power = np.sum(free * v - 0.5 * torque * rate, axis=1)
+    told = re.search(r"gave (\S+) J from nowhere", energy_warning(model, trace))
+    assert float(told[1]) == pytest.approx(float(np.maximum(power, 0.0) @ np.diff(trace.t, prepend=0.0)), rel=0.05)
+
+
+def test_an_account_that_falls_is_told():
+    model, trace = driven("flat")
+    trace.channels["energy_soil"] = -trace["energy_soil"]
+    assert spurious_energy(model, trace).soil > 0.03
+    assert "the soil's account fell by" in energy_warning(model, trace)
+
+
+def test_the_rate_of_a_wheel_is_that_of_the_world():
+    """In a ditch bogies turn by as much as wheels slip: the torque's power is told with the rate of both."""
+    model, trace = driven("ditch", slip="algebraic", **{"soil.k": 0.0025})
+    rim = 0.045 * (trace.stack("wheel_rate") + carriers(model, trace))
+    v = trace.stack("travel")
+    own = (rim - v) / np.maximum(rim, v)
+    bare = (0.045 * trace.stack("wheel_rate") - v) / np.maximum(rim, v)
+    off, off_bare = (np.median(np.abs(each - trace.stack("slip"))[60:300]) for each in (own, bare))
+    assert off < 0.3 * off_bare
+
+
+@pytest.mark.parametrize("fall", [0.0, 0.02])
+def test_what_pressed_a_wheel_in_comes_back_as_it_lifts(fall):
+    """f_n ~ h^(n + 1/2) holds the integral of f_n dh (by trapezia); only a fall beyond that is from nowhere."""
+    model, trace = driven("flat", duration=1.0)
+    h = np.concatenate([np.linspace(0.004, 0.001, 1001), np.linspace(0.001, 0.003, 1001)])
+    load = 8e4 * h ** (float(model.soils[0].n) + 0.5)
+    held = cumulative_trapezoid(load, h, initial=0.0)
+    lost = fall * np.concatenate([np.linspace(0.0, -1.0, 1001), np.linspace(-1.0, 1.0, 1001)])
+    channels = {name: np.resize(values, 2002) * 0.0 for name, values in trace.channels.items()}
+    channels |= {"t_s": np.linspace(0.05, 5.0, 2002), "sinkage_fl": h, "normal_fl": load, "energy_soil": held + lost}
+    made = dataclasses.replace(trace, channels=channels, attrs={})
+    assert spurious_energy(model, made).soil == pytest.approx(fall, abs=2e-5)
+    assert spurious_energy(model, made).traction == 0.0
+
+
+@pytest.mark.parametrize(("fall", "told"), [(4.9, False), (5.1, True)])
+@pytest.mark.parametrize("largest", ["energy_motor", "weight"])
+def test_half_a_per_cent_of_the_greatest_energy_is_worth_telling(fall, told, largest):
+    """Of what any energy moved by, or of the weight times a wheel's radius: 1 kJ here."""
+    model, trace = driven("flat", duration=1.0)
+    channels = {name: 0.0 * values[:2] for name, values in trace.channels.items()}
+    channels |= {"t_s": np.array([0.05, 0.1]), "energy_soil": np.array([fall, 0.0])}
+    if largest == "weight":
+        channels["normal_fl"] = np.full(2, 1e3 / 0.045)
+    else:
+        channels[largest] = np.array([0.0, 1e3])
+    made = dataclasses.replace(trace, channels=channels, attrs={"wheel_radii_m": [0.045] * 6})
+    assert bool(energy_warning(model, made)) is told
+
+
+def test_two_rows_are_a_drive_and_one_is_none():
+    model, trace = driven("flat")
+    for name in WHEELS:
+        trace.channels[f"torque_{name}"] = 0.5 * trace[f"torque_{name}"]
+    two = dataclasses.replace(trace, channels={name: values[[0, -1]] for name, values in trace.channels.items()})
+    one = dataclasses.replace(trace, channels={name: values[:1] for name, values in trace.channels.items()})
+    assert "from nowhere" in energy_warning(model, two)
+    assert energy_warning(model, one) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("flat", {}),
+        ("incline", {"terrain.angle_deg": -9.0}),
+        ("park", {}),
+        ("hills", {}),
+        ("turn", {"duration": 5.0}),
+        ("hills", {"form": "net", "angles": "sinkage", "soil.k": 0.002}),
+        ("flat", {"soil.k": 0.01, "cruise_slip": 0.05}),
+    ],
+)
+def test_a_drive_that_pays_for_its_way_gets_no_warning(name, settings):
+    _, trace = driven(name, **settings)
+    assert not any("nowhere" in each for each in trace.attrs["warnings"])
+
+
+def test_the_net_form_gives_nothing_at_any_slip():
+    model, trace = driven("ditch", form="net", **{"soil.k": 0.005})
+    assert spurious_energy(model, trace).traction == 0.0
+
+
+@pytest.mark.parametrize(
+    ("add", "settings", "told"),
+    [
+        (
+            "MultiPass",
+            {},
+            ["MultiPass changes how deep wheels stand, and the torque form lets that cost or save nothing"],
+        ),
+        ("MultiPass", {"form": "net", "angles": "sinkage"}, []),
+        ("DiggingMemory", {}, []),
+        ("SlipSinkage", {"form": "gross"}, ["SlipSinkage lifts a wheel whose slip falls as a spring would"]),
+        ("SkidSinkage", {"form": "net"}, ["SkidSinkage lifts a wheel whose slip falls as a spring would"]),
+        ("SlipSoftening", {}, []),
+        ("Ploughing", {}, []),
+        ("LoadExponent", {"form": "net"}, ["LoadExponent changes how deep wheels stand, and the net form"]),
+    ],
+)
+def test_a_drive_notes_where_sinking_or_rising_costs_nothing(add, settings, told):
+    notes = scenario("flat", duration=0.5, add=add, **settings).drive().summary().get("notes", [])
+    assert len(notes) == len(told)
+    assert all(words in note for words, note in zip(told, notes, strict=True))
+
+
+def test_the_net_form_is_told_why_it_pushes_at_rest():
+    """Parked across a slope on stiff shear it creeps, pushed by a compaction that nothing rolls up."""
+    parked = {"soil.k": 0.001, "terrain.angle_deg": 5.0, "start.yaw_deg": 90.0, "duration": 3.0}
+    _, trace = driven("park", form="net", **parked)
+    assert "near rest Eq (7)'s compaction pushes, though nothing rolls" in trace.attrs["warnings"][0]
+
+
+def test_traction_that_gives_is_told():
+    model, trace = driven("flat", duration=1.0)
+    for name in WHEELS:
+        trace.channels[f"torque_{name}"] = 0.5 * trace[f"torque_{name}"]
+    found = energy_warning(model, trace)
+    assert "from nowhere" in found
+    assert "account" not in found
+
+
+@pytest.mark.parametrize(("set_down", "fall"), [(False, 0.0), (True, 0.1)])
+def test_before_the_first_row_a_rover_that_was_set_down_has_had_nothing(set_down, fall):
+    """An account that stands at -0.1 J, and wheels that lift: what the greatest sinkage held may have been given."""
+    model, trace = driven("flat", duration=0.1)
+    h, load = np.array([0.002, 0.004, 0.003]), 20.0
+    held = load * h / (float(model.soils[0].n) + 1.5)
+    channels = {name: np.zeros(3) for name in trace.channels} | {"t_s": np.array([0.05, 0.1, 0.15])}
+    channels |= {"sinkage_fl": h, "normal_fl": np.full(3, load), "energy_soil": held - held.max() - 0.1}
+    made = dataclasses.replace(trace, channels=channels, attrs={"set_down": "at rest"} if set_down else {})
+    assert spurious_energy(model, made).soil == pytest.approx(fall)
+
+
+@pytest.mark.parametrize(
+    ("meanwhile", "share"), [(4.0, ", 25 % of the motors' work meanwhile"), (1.1, ", 91 % of"), (0.9, "")]
+)
+def test_a_gift_is_told_as_a_share_of_the_motors_work_that_exceeds_it(meanwhile, share):
+    trace = SimpleNamespace(attrs={"traction_form": "net"})
+    said = _of_traction(trace, SpuriousEnergy(1.0, 0.0, meanwhile), 0.5)
+    assert said.startswith(f"the net form's traction gave 1 J from nowhere{share}")
+    assert ("meanwhile" in said) == bool(share)
+    assert _of_traction(trace, SpuriousEnergy(1.0, 0.0, meanwhile), 1.1) == ""
+
+
+@pytest.mark.parametrize(
+    ("gave", "taken", "held", "unstored"),
+    [
+        ((0.0, 0.9), (0.2, -0.5), (0.3, 0.0), 0.6),
+        ((0.0, 0.1), (0.2, -0.5), (0.3, 0.0), 0.1),
+        ((0.0, 0.9), (0.2, -0.5), (0.4, 0.0), 0.5),
+        ((1.0, -0.02), (-1.0, 0.05), (1.0, 1.0), 0.0),
+    ],
+)
+def test_what_sheared_soil_had_not_stored_is_what_it_gave_beyond_that(gave, taken, held, unstored, monkeypatch):
+    """Row by row beyond what it gave back, and what it gave back beyond all that it had: no more than was given."""
+    store = ShearStore(np.array(taken), np.array(held))
+    monkeypatch.setattr(soil_energy, "shear_store", lambda *given: store)
+    assert soil_energy._unstored(None, None, np.array(gave)) == pytest.approx(unstored)
+
+
+@pytest.mark.parametrize("v", [1e-4, 1e-3, 0.04])
+def test_the_resistance_that_a_pull_pays_fades_with_the_travel_over_the_rim(v):
+    """One wheel at 1 rad/s under 20 N that pulls by 1 N and asks for no torque: all that it pulls with is a gift."""
+    model, trace = driven("flat", slip="algebraic", duration=0.1)
+    (resists,) = (each for each in model.effects if isinstance(each, MotionResistance))
+    channels = {name: np.zeros(2) for name in trace.channels} | {"t_s": np.array([0.0, 2.0])}
+    wheel = {"normal": 20.0, "tangential": 1.0, "travel": v, "wheel_rate": 1.0}
+    channels |= {f"{name}_fl": np.full(2, value) for name, value in wheel.items()}
+    fades = v / np.hypot(v, float(resists.fading(0.045)))
+    gave = (1.0 + float(resists.R) * 20.0 * fades) * v * 2.0
+    assert spurious_energy(model, dataclasses.replace(trace, channels=channels, attrs={})).traction == pytest.approx(
+        gave
+    )

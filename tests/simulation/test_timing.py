@@ -1,0 +1,29 @@
+"""The times of a drive: whole multiples of the step, and what halving and refining make of them."""
+
+import pytest
+
+from rover_pin.base.errors import SimulationError
+from rover_pin.simulation.timing import Timing
+
+
+def test_a_drive_asks_and_tells_twenty_times_a_second_unless_told_otherwise():
+    usual = Timing()
+    assert (usual.dt, usual.control, usual.sample, usual.divided) == (0.005, 0.05, 0.05, 1)
+
+
+@pytest.mark.parametrize("name", ["control", "sample"])
+@pytest.mark.parametrize("period", [0.0, 0.0025, 0.0075, 0.0125, -0.005])
+def test_a_period_is_a_whole_number_of_steps_and_one_at_least(name, period):
+    with pytest.raises(SimulationError, match=f"The {name} period {period:g} s must be a whole multiple of dt = 0.005"):
+        Timing(**{name: period})
+    assert getattr(Timing(**{name: 0.005}), name) == 0.005
+    assert getattr(Timing(**{name: 0.015}), name) == 0.015
+
+
+def test_half_of_a_third_is_a_sixth():
+    third = Timing(dt=0.006, control=0.06, sample=0.06)
+    half = third.halved()
+    assert (half.dt, half.divided, half.control) == (0.006, 2, 0.06)
+    assert half.refined(3).dt == pytest.approx(0.001)
+    assert (half.refined(3).divided, half.refined(3).sample) == (1, 0.06)
+    assert half.halved().divided == 4

@@ -1,0 +1,239 @@
+"""The compiler is found, its results are kept where nobody else writes, and a damaged one is built again."""
+
+import ctypes
+import os
+import resource
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rover_pin.base.errors import CacheError, MissingExtraError
+from rover_pin.base.files import private_folders
+from rover_pin.simulation.compiled import toolchain
+
+SOURCE = "double twice(double x) { return 2.0 * x; }\n"
+CALLED = f"""
+from rover_pin.simulation.compiled.toolchain import shared_library
+import ctypes
+library = shared_library({SOURCE!r}, "twice")
+library.twice.restype, library.twice.argtypes = ctypes.c_double, [ctypes.c_double]
+print(library.twice(21.0))
+"""
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("ROVER_PIN_CACHE", str(folder))
+    return folder
+
+
+def twice(library):
+    library.twice.restype, library.twice.argtypes = ctypes.c_double, [ctypes.c_double]
+    return library.twice(21.0)
+
+
+def called():
+    """A process of its own: a library that crashes takes it down, not the tests."""
+    return subprocess.Popen([sys.executable, "-c", CALLED], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def only(folder):
+    (made,) = folder.iterdir()
+    return made
+
+
+def test_a_source_is_compiled_once(cache):
+    assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
+    before = only(cache).stat().st_mtime_ns
+    toolchain.shared_library(SOURCE, "twice")
+    assert only(cache).stat().st_mtime_ns == before
+    assert stat.S_IMODE(cache.stat().st_mode) == 0o700
+
+
+def flipped(content, at):
+    return content[:at] + bytes([content[at] ^ 0x40]) + content[at + 1 :]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[: len(content) // 2],
+        lambda content: content[:-1],
+        lambda content: flipped(content, 30),
+        lambda content: flipped(content, len(content) // 2),
+        lambda content: bytes(len(content)),
+    ],
+    ids=["emptied", "halved", "cut short", "head flipped", "middle flipped", "zeroed"],
+)
+def test_a_damaged_library_is_built_again(cache, damage):
+    whole, _ = called().communicate()
+    made = only(cache)
+    content = made.read_bytes()
+    made.write_bytes(damage(content))
+    process = called()
+    again, told = process.communicate()
+    assert (process.returncode, again) == (0, whole), told
+    assert only(cache).read_bytes() == content
+
+
+def test_processes_that_build_at_once_do_not_disturb_each_other(cache):
+    processes = [called() for _ in range(3)]
+    for process in processes:
+        said, told = process.communicate()
+        assert (process.returncode, said) == (0, "42.0\n"), told
+    assert all(file.suffix == ".so" for file in cache.iterdir())
+
+
+def test_a_folder_to_which_others_can_write_is_refused(cache):
+    cache.mkdir()
+    cache.chmod(0o777)
+    with pytest.raises(CacheError, match=r"other users can write to it\): set ROVER_PIN_CACHE to a folder of your own"):
+        toolchain.shared_library(SOURCE, "twice")
+    assert not list(cache.iterdir())
+
+
+def test_a_folder_of_another_user_is_refused(cache, monkeypatch):
+    cache.mkdir(mode=0o700)
+    owner = cache.stat().st_uid
+    seen = Path.stat
+    monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
+
+    def others(path, **how):
+        about = seen(path, **how)
+        return os.stat_result((*about[:4], owner + 7, *about[5:])) if path == cache else about
+
+    monkeypatch.setattr(Path, "stat", others)
+    with pytest.raises(CacheError, match=rf"it belongs to another user \({owner + 7}\)"):
+        toolchain.shared_library(SOURCE, "twice")
+
+
+@pytest.fixture
+def usual(tmp_path, monkeypatch):
+    """The folders where none is named: the user's cache and the system's for temporary files, both of this test."""
+    monkeypatch.delenv("ROVER_PIN_CACHE", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    monkeypatch.setattr(private_folders.tempfile, "gettempdir", lambda: str(tmp_path))
+    (tmp_path / "home").mkdir()
+    return tmp_path / "home" / "rover_pin", tmp_path / f"rover_pin-{os.geteuid()}"
+
+
+@pytest.mark.parametrize("trouble", ["open to others", "no folder"])
+def test_an_unfit_usual_folder_gives_way_to_a_private_one(usual, trouble):
+    home, other = usual
+    if trouble == "no folder":
+        home.write_text("")
+    else:
+        home.mkdir()
+        home.chmod(0o777)
+    assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
+    assert only(other).suffix == ".so"
+    assert stat.S_IMODE(other.stat().st_mode) == 0o700
+    assert not home.is_dir() or not list(home.iterdir())
+
+
+def test_a_user_without_a_home_gets_a_private_folder(usual, monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr(private_folders.Path, "home", homeless)
+    assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
+    assert only(usual[1]).suffix == ".so"
+
+
+def test_no_folder_at_all_is_one_sentence(usual):
+    for folder in usual:
+        folder.write_text("")
+    with pytest.raises(CacheError, match=r"Compiled code cannot be kept \(.*rover_pin: File exists; .*\): set ROVER_"):
+        toolchain.shared_library(SOURCE, "twice")
+
+
+def test_a_named_folder_that_cannot_be_made_is_one_sentence(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("ROVER_PIN_CACHE", str(tmp_path / "file" / "below"))
+    with pytest.raises(CacheError, match=r"below: Not a directory\): set ROVER_PIN_CACHE"):
+        toolchain.shared_library(SOURCE, "twice")
+
+
+def full(tmp_path, monkeypatch):
+    """A compiler that says what gcc's assembler says on a full disk."""
+    script = tmp_path / "cc"
+    script.write_text('#!/bin/sh\necho "as: can\'t write to made.o: No space left on device" >&2\nexit 1\n')
+    script.chmod(0o700)
+    monkeypatch.setenv("CC", str(script))
+
+
+def test_a_full_disk_is_one_sentence_and_nothing_is_left(cache, tmp_path, monkeypatch):
+    full(tmp_path, monkeypatch)
+    with pytest.raises(CacheError, match=r"cache: No space left on device\): set ROVER_PIN_CACHE"):
+        toolchain.shared_library(SOURCE, "twice")
+    assert not list(cache.iterdir())
+
+
+def test_a_file_that_may_not_grow_is_one_sentence_and_nothing_is_left(cache):
+    def small():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
+
+    script = (
+        "from rover_pin.base.errors import RoverPinError\n"
+        "from rover_pin.simulation.compiled.toolchain import shared_library\n"
+        f"try:\n    shared_library({SOURCE!r}, 'twice')\n"
+        "except RoverPinError as error:\n    print(type(error).__name__, len(str(error).splitlines()))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, preexec_fn=small, check=False)
+    assert done.stdout in ("CacheError 1\n", "MissingExtraError 1\n"), done.stderr
+    assert not list(cache.iterdir())
+
+
+def test_zig_builds_for_any_processor_of_its_kind(monkeypatch):
+    monkeypatch.setattr(toolchain, "program", lambda name: None)
+    monkeypatch.setattr(toolchain.importlib.util, "find_spec", lambda name: object())
+    assert toolchain.compiler()[-2:] == ["cc", "-mcpu=baseline"]
+    assert not [flag for flag in toolchain.FLAGS if flag.startswith(("-march", "-mcpu", "-mtune"))]
+
+
+def test_no_compiler_is_said(monkeypatch):
+    monkeypatch.setattr(toolchain, "compiler", lambda: None)
+    with pytest.raises(MissingExtraError, match=r"install gcc or clang, or the package `ziglang`"):
+        toolchain.shared_library(SOURCE, "twice")
+
+
+def test_a_failing_compiler_is_said(cache):
+    with pytest.raises(MissingExtraError, match="set CC to one that works"):
+        toolchain.shared_library("this is not C\n", "broken")
+    assert not list(cache.iterdir())
+
+
+def test_libraries_of_another_processor_are_not_taken(cache, monkeypatch):
+    """A folder that two machines share: what one compiles for its vectors, the other does not load."""
+    made = []
+    for level in ("", "x86-64-v3", "x86-64-v4", ""):
+        monkeypatch.setattr(toolchain, "level", lambda level=level: level)
+        monkeypatch.setattr(toolchain, "has_vector_math", lambda: True)
+        monkeypatch.setattr(toolchain, "_compiled", lambda command, source, place: _built(place))
+        monkeypatch.setattr(toolchain, "compiler", lambda: ["gcc"])
+        toolchain.shared_library(SOURCE, "twice")
+        made.append({file.name.rsplit("-", 1)[0] for file in cache.iterdir()})
+    assert [len(each) for each in made] == [1, 2, 3, 3]
+
+
+def _built(place):
+    """Return the plain library: this processor may not have the other's vectors."""
+    file = place / "source.c"
+    file.write_text(SOURCE)
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", str(place / "made.so"), str(file)], check=True)
+    return place / "made.so"
+
+
+def test_a_compiler_that_does_not_know_the_processor_builds_for_any(cache, monkeypatch):
+    monkeypatch.setattr(toolchain, "fast_flags", lambda command: ["-march=not-a-processor"])
+    assert twice(toolchain.shared_library(SOURCE, "twice")) == 42.0
+
+
+def test_the_package_ziglang_builds_for_any_processor():
+    assert toolchain.fast_flags([sys.executable, "-m", "ziglang", "cc", toolchain.PLAIN_CPU]) == []

@@ -1,0 +1,250 @@
+"""A trace names, stacks and judges its channels, and comes back exactly from its files."""
+
+import json
+import math
+import pickle
+import re
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.logs.saved import load_trace, save_trace
+from rover_pin.simulation.trace.channels import unit_of, wheels_in
+from rover_pin.simulation.trace.trace import Trace
+
+T = np.linspace(0.1, 1.0, 10)
+
+
+def drive(**extra):
+    channels = {
+        "t_s": T,
+        "duty_fl": 0.55 + 0.0 * T,
+        "slip_fl": 0.1 * T,
+        "slip_rr": 0.2 * T,
+        "current_fl_A": T,
+        "current_rr_A": 2.0 * T,
+        "body_x": 0.05 * T,
+        "body_y": 0.0 * T,
+        "body_pitch": -0.2 * T,
+        **extra,
+    }
+    return Trace(channels, {}, {"stop": "duration", "rover": "nexus6"})
+
+
+def test_channels_by_name_with_units():
+    trace = drive(odd_thing=T)
+    assert trace["slip_fl"] == pytest.approx(0.1 * T)
+    assert "slip_fl" in trace
+    assert "slip_ml" not in trace
+    units = [trace.unit(name) for name in ("t_s", "duty_fl", "current_fl_A", "body_pitch", "odd_thing")]
+    assert units == ["s", "-", "A", "rad", ""]
+    assert Trace({"t_s": T, "odd": T}, {"odd": "kg"}).unit("odd") == "kg"
+
+
+def test_a_trace_is_a_mapping_of_its_channels():
+    trace = drive()
+    assert isinstance(trace, Mapping)
+    assert list(trace) == list(trace.keys()) == list(trace.channels)
+    assert len(trace) == len(trace.channels)
+    assert {name: values[-1] for name, values in trace.items()}["slip_rr"] == pytest.approx(0.2)
+    assert [values.shape for values in trace.values()] == [(10,)] * len(trace)
+    assert {**trace}.keys() == trace.channels.keys()
+    assert trace.get("slip_ml") is None
+    assert trace.get("slip_fl") is trace["slip_fl"]
+
+
+def test_traces_are_equal_and_hashed_as_themselves():
+    """A mapping of arrays has no equality of its own: comparing element by element ends in an error."""
+    one, other = drive(), drive()
+    assert one == one
+    assert one != other
+    assert len({one, other, one}) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("wheel_rate_fl", "rad/s"),
+        ("rocker_l", "rad"),
+        ("steer_rr", "rad"),
+        ("body_z", "m"),
+        ("body_vz", "m/s"),
+        ("battery_V", "V"),
+        ("sinkage_ml", "m"),
+        ("lateral_ml", "N"),
+        ("torque_ml", "N m"),
+        ("differential_torque", "N m"),
+        ("energy_soil", "J"),
+        ("anything", ""),
+    ],
+)
+def test_units_of_the_known_names(name, unit):
+    assert unit_of(name) == unit
+
+
+def test_wheels_are_declared_or_read_from_names():
+    assert drive().wheels == ("fl", "rr")
+    assert Trace({"t_s": T}, {}, {"wheels": ["fl", "fr"]}).wheels == ("fl", "fr")
+    assert wheels_in(["t_s", "torque_sensor", "current_ml_A", "wheel_rate_rl"]) == ("ml", "rl")
+
+
+def test_stack_is_in_the_order_of_the_wheels():
+    assert drive().stack("slip").shape == (10, 2)
+    assert drive().stack("slip")[:, 1] == pytest.approx(0.2 * T)
+    assert drive().stack("current")[:, 1] == pytest.approx(2.0 * T)
+
+
+def test_arrays_are_copies_and_read_only():
+    x = T.copy()
+    trace = Trace({"t_s": x})
+    x[0] = -1.0
+    assert trace.t[0] == 0.1
+    with pytest.raises(ValueError, match="read-only"):
+        trace["t_s"][0] = 0.0
+
+
+def test_summary():
+    summary = drive().summary()
+    assert summary["stop"] == "duration"
+    assert summary["end_time_s"] == 1.0
+    assert summary["distance_m"] == pytest.approx(0.045)
+    assert summary["max_pitch_deg"] == pytest.approx(math.degrees(0.2))
+    assert summary["mean_slip"] == pytest.approx(0.15 * 0.55)
+    assert json.loads(json.dumps(summary)) == summary
+
+
+def test_summary_leaves_out_what_is_missing_and_passes_over_gaps():
+    assert Trace({"t_s": T}).summary() == {"end_time_s": 1.0}
+    assert Trace({"t_s": np.zeros(0)}, {}, {"stop": "diverged"}).summary() == {"stop": "diverged"}
+    gap = np.where(T > 0.5, np.nan, T)
+    summary = Trace({"t_s": T, "body_x": gap, "body_y": 0.0 * T, "body_pitch": np.nan * T}).summary()
+    assert summary == pytest.approx({"end_time_s": 1.0, "distance_m": 0.4, "end_x_m": 0.5, "end_y_m": 0.0})
+    assert "distance_m" not in Trace({"t_s": T, "body_x": np.nan * T, "body_y": T}).summary()
+
+
+def energies(missing=0.0, moved=1.0):
+    soil, kinetic, potential = moved * T**2, moved * np.sin(T), -3.0 * moved * T
+    motor = soil + kinetic + potential + 0.5 * moved * T + missing * moved * (T - T[0])
+    return Trace(
+        {
+            "t_s": T,
+            "energy_motor": motor + 7.0,
+            "energy_electric": 100.0 * T,
+            "energy_soil": soil,
+            "energy_stops": 0.5 * moved * T,
+            "energy_kinetic": kinetic,
+            "energy_potential": potential + 40.0,
+        }
+    )
+
+
+def test_energy_balance():
+    assert energies().energy_error() == pytest.approx(0.0, abs=1e-14)
+    assert energies(0.3).energy_error() == pytest.approx(0.3 / 3.0)
+    assert energies(moved=0.0).energy_error() == 0.0
+    assert energies(0.3).summary()["energy_error"] == pytest.approx(0.1)
+    assert math.isnan(Trace({name: energies()[name][:1] for name in energies().channels}).energy_error())
+
+
+def test_energy_balance_needs_its_channels():
+    with pytest.raises(
+        DataError, match="channels energy_motor, energy_kinetic, energy_potential needed and not recorded"
+    ):
+        drive().energy_error()
+
+
+def test_unknown_channels_name_the_close_ones():
+    with pytest.raises(ParameterError, match=r"no channel 'slip_lf': did you mean 'slip_fl'\?"):
+        drive()["slip_lf"]
+    with pytest.raises(ParameterError, match="no channel 'slop_fl'"):
+        drive().unit("slop_fl")
+    with pytest.raises(ParameterError, match="no channel 'duty_rr'"):
+        drive().stack("duty")
+    named = Trace({"t_s": T}, {}, {"file": "climb.csv"})
+    with pytest.raises(DataError, match=r"climb.csv: channel slip_fl needed and not recorded"):
+        named.need("slip_fl")
+
+
+@pytest.mark.parametrize(
+    ("channels", "says"),
+    [
+        ({"slip_fl": T}, "channel t_s needed and not recorded"),
+        ({"t_s": T, "slip_fl": T[:-1]}, "Channel 'slip_fl' has shape (9,), t_s (10,)"),
+        ({"t_s": [0.0, 1.0, 1.0]}, "it is 1 s at row 2"),
+        ({"t_s": [0.0, np.nan, 1.0]}, "it is nan s at row 1"),
+        ({"t_s": [0.0, np.inf]}, "it is inf s at row 1"),
+    ],
+)
+def test_refusals(channels, says):
+    with pytest.raises(DataError, match=re.escape(says)):
+        Trace(channels)
+
+
+def test_frame():
+    frame = drive().to_frame()
+    assert list(frame.columns) == list(drive().channels)
+    assert frame.attrs["units"]["body_x"] == "m"
+
+
+def same(one, other):
+    return one.units == other.units and all(
+        np.array_equal(one[name], other[name], equal_nan=True) for name in {**one.channels, **other.channels}
+    )
+
+
+ATTRS = {
+    "stop": 'buried: "fl"\nat 3 s',
+    "dt_s": 1e-7,
+    "symmetric": True,
+    "effects": ["A", "B"],
+    "settings": {"terrain.wall_angle_deg": 40, "nested": {"è": 1.5}},
+    "wheels": ["fl"],
+    "start": {"x": 1.0, "y": 0.0, "yaw": -0.5},
+    "purpose": "test",
+}
+
+
+@pytest.mark.parametrize("name", ["log", "log.v2", "trace.parquet"])
+@given(values=hnp.arrays(float, (4, 3), elements=st.floats(allow_nan=True, allow_infinity=True)))
+def test_save_and_load_exactly(tmp_path_factory, name, values):
+    trace = Trace(
+        {"t_s": T[:4] / 3.0, "slip_fl": values[:, 0], "a": values[:, 1], "b": values[:, 2]}, {"a": "kg"}, ATTRS
+    )
+    path = tmp_path_factory.mktemp("trace") / name
+    assert save_trace(trace, path) == path
+    again = load_trace(path)
+    assert same(trace, again)
+    assert {key: again.attrs[key] for key in ATTRS} == ATTRS
+
+
+def test_save_leaves_no_other_files(tmp_path):
+    save_trace(drive(), tmp_path / "log")
+    save_trace(drive(), tmp_path / "log")
+    assert sorted(entry.name for entry in (tmp_path / "log").iterdir()) == ["drive.toml", "run.csv"]
+
+
+def test_a_parquet_of_others_is_a_run_too(tmp_path):
+    drive().to_frame().assign(count=range(10)).drop(columns="body_y").to_parquet(tmp_path / "run.parquet")
+    assert load_trace(tmp_path / "run.parquet")["count"][3] == 3.0
+
+
+def test_pickles():
+    assert same(pickle.loads(pickle.dumps(drive())), drive())
+
+
+def test_saving_what_cannot_be_saved(tmp_path):
+    strange = Trace({"t_s": T}, {}, {"rig": object()})
+    with pytest.raises(DataError, match="'rig' = <object object"):
+        save_trace(strange, tmp_path / "log")
+    with pytest.raises(DataError, match="an attribute of the trace is not a plain value: <object object"):
+        save_trace(strange, tmp_path / "trace.parquet")
+    with pytest.raises(DataError, match="saved to a folder"):
+        save_trace(drive(), tmp_path / "trace.csv")
+    with pytest.raises(DataError, match="run 'run' has no rows"):
+        save_trace(Trace({"t_s": np.zeros(0)}), tmp_path / "log")
+    assert list(tmp_path.iterdir()) == []

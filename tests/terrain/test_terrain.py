@@ -1,0 +1,183 @@
+"""Heights, normals and soils of the two kinds of terrain, against hand-made values."""
+
+import pickle
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rover_pin.base.errors import ParameterError
+from rover_pin.terrain.terrain import HeightGrid, Lanes, Profile
+
+RAMP = Profile([0.0, 1.0, 3.0], [0.0, 0.5, 0.5], [0, 1])
+GRID = HeightGrid(0.0, -1.0, 1.0, 0.5, np.arange(12.0).reshape(3, 4) ** 1.1)
+
+
+def test_profile_height_and_slope_inside_and_beyond():
+    assert RAMP.height(np.array([-2.0, 0.0, 0.5, 1.0, 2.0, 9.0])) == pytest.approx([-1.0, 0.0, 0.25, 0.5, 0.5, 0.5])
+    assert RAMP.slope(np.array([-2.0, 0.5, 1.0, 9.0])) == pytest.approx([0.5, 0.5, 0.0, 0.0])
+
+
+def test_soils_are_counted_up_to_999():
+    assert Profile([0.0, 1.0], [0.0, 0.0], [999]).ground.tolist() == [999]
+
+
+def test_extended_profile_is_the_same_ground():
+    x, z, ground = RAMP.extended()
+    assert z == pytest.approx(RAMP.height(x))
+    assert (x[0], x[-1]) == (-1000.0, 1003.0)
+    assert ground.tolist() == [0, 0, 1, 1]
+
+
+@pytest.mark.parametrize("far", [0.0, 3e3, 1e6])
+def test_a_straight_run_is_straight_wherever_it_lies(far):
+    """Points amid a slope of 0.1 are off it by the last digit of the greatest coordinate: they are left out."""
+    x = far + np.array([0.0, 0.1, 0.3, 0.7, 1.0, 2.0])
+    for ends in (x, -x[::-1]):
+        for up in (0.0, far):
+            straight = Profile(ends, up + 0.1 * (ends - far)).straightened()
+            assert straight.x.tolist() == [ends[0], ends[-1]]
+    bent = Profile(x, np.where(x > far + 0.5, 1e-8 * max(1.0, far), 0.0))
+    assert bent.straightened().x.size == 4
+
+
+@pytest.mark.parametrize(("reach", "slope"), [(1e6, 0.1), (2e4, 50.0), (-1e6, 0.1), (-2e4, 50.0)])
+def test_what_is_straight_is_told_by_the_greatest_coordinate(reach, slope):
+    """From 0 to far away along x, or up a wall: rounded heights amid the run are off it by their last digits."""
+    x = np.sort(reach * np.concatenate([[0.0, 1.0], np.random.default_rng(0).random(40)]))
+    assert Profile(x, slope * x).straightened().x.tolist() == [x[0], x[-1]]
+
+
+def test_what_is_straight_is_told_by_the_greatest_x_where_it_is_rounded_most():
+    """A kilometre's millionth part: places along a slope are rounded to 1e-10 m, its heights are not."""
+    a = np.sort(np.append([0.0, 1.0], np.random.default_rng(1).random(20)))
+    found = Profile(np.append(0.0, 1e6 + a), np.append(0.0, 0.1 * a)).straightened()
+    assert found.x.tolist() == [0.0, 1e6, 1e6 + 1.0]
+
+
+@pytest.mark.parametrize(("off", "size"), [(1.7e-15, 2), (1.85e-15, 3)])
+def test_within_a_metre_a_point_is_off_a_line_by_eight_last_digits(off, size):
+    assert Profile([0.0, 0.5, 1.0], [0.0, off, 0.0]).straightened().x.size == size
+
+
+def test_lanes_pick_the_profile_by_side():
+    level = Profile([0.0, 1.0], [0.0, 0.0])
+    terrain = Lanes((level, RAMP), (0.0,))
+    y = np.array([-1.0, 0.0, 1e-9, 1.0])
+    assert terrain.height(0.5, y) == pytest.approx([0.0, 0.0, 0.25, 0.25])
+    assert terrain.ground_at(2.0, y).tolist() == [0, 0, 1, 1]
+    assert terrain.ground_indices == {0, 1}
+    assert not terrain.mirror_symmetric
+    assert Lanes((RAMP, level, RAMP), (-0.1, 0.1)).mirror_symmetric
+    assert not Lanes((RAMP, level, RAMP), (-0.1, 0.2)).mirror_symmetric
+    assert not Lanes((RAMP, level, RAMP), (-0.1, 0.101)).mirror_symmetric
+
+
+def test_floats_give_floats_and_arrays_broadcast():
+    for terrain in (Lanes((RAMP,)), GRID):
+        assert type(terrain.height(0.5, 0.1)) is float
+        assert type(terrain.ground_at(0.5, 0.1)) is int
+        assert [type(g) for g in terrain.gradient(0.5, 0.1)] == [float, float]
+        assert terrain.height(np.zeros((3, 1)), np.zeros(4)).shape == (3, 4)
+        assert terrain.normal(np.zeros((3, 1)), np.zeros(4)).shape == (3, 4, 3)
+        assert terrain.ground_at(np.zeros(5), 0.0).shape == (5,)
+
+
+def test_grid_keeps_its_points_and_clamps_outside():
+    x, y = np.meshgrid([0.0, 1.0, 2.0], [-1.0, -0.5, 0.0, 0.5], indexing="ij")
+    assert GRID.height(x, y) == pytest.approx(GRID.z, abs=1e-14)
+    assert GRID.height(-5.0, 7.0) == GRID.z[0, -1]
+    assert GRID.gradient(-5.0, 7.0) == (0.0, 0.0)
+    assert GRID.extent == (0.0, 2.0, -1.0, 0.5)
+
+
+@given(st.floats(-0.5, 2.5), st.floats(-1.4, 0.9))
+def test_gradient_is_the_derivative_of_the_height(x, y):
+    step = 1e-6
+    corners = np.array([0.0, 1.0, 2.0, 3.0]), np.array([-1.0, -0.5, 0.0, 0.5])
+    if any(np.min(np.abs(value - at)) < 2 * step for value, at in zip((x, y), corners, strict=True)):
+        return
+    for terrain in (Lanes((RAMP,)), GRID):
+        slope = (
+            (terrain.height(x + step, y) - terrain.height(x - step, y)) / (2 * step),
+            (terrain.height(x, y + step) - terrain.height(x, y - step)) / (2 * step),
+        )
+        assert terrain.gradient(x, y) == pytest.approx(slope, abs=1e-8)
+        normal = terrain.normal(x, y)
+        assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-14)
+        assert normal @ [1.0, 0.0, slope[0]] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_slope_along_a_heading():
+    plane = HeightGrid(0.0, 0.0, 1.0, 1.0, [[0.0, 0.3], [0.1, 0.4]])
+    assert plane.normal(0.5, 0.5) == pytest.approx(np.array([-0.1, -0.3, 1.0]) / np.sqrt(1.1))
+    assert plane.slope_at(0.5, 0.5) == pytest.approx(np.arctan(0.1))
+    assert plane.slope_at(0.5, 0.5, np.pi / 2) == pytest.approx(np.arctan(0.3))
+    assert plane.slope_at(0.5, 0.5, np.pi) == pytest.approx(-np.arctan(0.1))
+
+
+def test_grid_symmetry():
+    z = np.array([[0.0, 1.0, 0.0], [0.0, 2.0, 0.0]])
+    assert HeightGrid(0.0, -1.0, 1.0, 1.0, z).mirror_symmetric
+    assert not HeightGrid(0.0, 0.0, 1.0, 1.0, z).mirror_symmetric
+    assert not HeightGrid(0.0, -1.0, 1.0, 1.0, z, [[0, 1]]).mirror_symmetric
+    assert HeightGrid(0.0, 3.0, 1.0, 1.0, [[0.0, 0.0], [1.0, 1.0]]).mirror_symmetric
+    level, mixed = np.zeros((3, 4)), np.array([[0.0, 1.0, 2.0, 0.0], [0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    for z, ground, symmetric in (
+        (level, [[0, 1, 0], [2, 0, 2]], True),
+        (np.array([[0.0, 0.0, 0.05, 0.0], [0.0, 0.0, 0.0, 0.0]]), 0, False),
+        (level, [[0, 1, 2], [0, 0, 0]], False),
+        (mixed, 0, False),
+        (np.array([[1.0, 1.0, 1.05, 1.0], [1.0, 1.0, 1.0, 1.0]]), 0, False),
+        (mixed[1:], 0, True),
+    ):
+        assert HeightGrid(0.0, -1.5, 1.0, 1.0, z, ground).mirror_symmetric is symmetric
+        assert not HeightGrid(0.0, -1.5 + 1e-9, 1.0, 1.0, mixed[1:]).mirror_symmetric
+
+
+@pytest.mark.parametrize("terrain", [Lanes((RAMP, RAMP), (0.1,)), GRID], ids=["lanes", "grid"])
+def test_pickles_compares_and_hashes_by_value(terrain):
+    again = pickle.loads(pickle.dumps(terrain))
+    assert again == terrain
+    assert hash(again) == hash(terrain)
+    assert terrain != Lanes((RAMP,))
+
+
+def test_arrays_are_copied_and_read_only():
+    x = np.array([0.0, 1.0])
+    profile = Profile(x, [0.0, 0.0])
+    x[1] = 5.0
+    assert profile.x[1] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        profile.z[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Profile([0.0], [0.0]), "2 at least"),
+        (lambda: Profile([0.0, 1.0], [0.0]), "same length"),
+        (lambda: Profile([0.0, 1.0, 1.0], [0.0, 0.0, 1.0]), "point 2 at 1 m follows 1 m"),
+        (lambda: Profile([0.0, np.nan], [0.0, 0.0]), "x has a number that is not finite at index (1,)"),
+        (lambda: Profile([0.0, 1.0], ["a", "b"]), "z must be numbers in m"),
+        (lambda: Profile([0.0, 0.01], [0.0, 1.0]), "from x = 0 m to 0.01 m is 89.43 deg steep; at most 89 deg"),
+        (lambda: Profile([0.0, 1.0], [0.0, 0.0], [-1]), "whole numbers from 0 up"),
+        (lambda: Profile([0.0, 1.0], [0.0, 0.0], [0.5]), "whole numbers from 0 up"),
+        (lambda: Profile([0.0, 1.0], [0.0, 0.0], [1000]), "whole numbers from 0 up"),
+        (lambda: Profile([0.0, 1.0], [0.0, 0.0], [0, 1]), "of shape (1,)"),
+        (lambda: Lanes(()), "Lanes with 0 profiles"),
+        (lambda: Lanes((RAMP, RAMP)), "one border less than profiles"),
+        (lambda: Lanes((RAMP, RAMP, RAMP), (0.1, 0.0)), "increasing"),
+        (lambda: HeightGrid(0.0, 0.0, 0.0, 1.0, np.zeros((2, 2))), "dx = 0 m"),
+        (lambda: HeightGrid(0.0, np.inf, 1.0, 1.0, np.zeros((2, 2))), "y0 has a number that is not finite: remove it"),
+        (lambda: HeightGrid(0.0, 0.0, 1.0, 1e-3, [[0.0, 0.0, 1.0]] * 2), "points 1 and 2 along y is 89.94 deg"),
+        (lambda: HeightGrid(0.0, 0.0, 1.0, 1.0, np.zeros((1, 2))), "z of shape (1, 2)"),
+        (lambda: HeightGrid(0.0, 0.0, 1.0, 1e-3, [[0.0, 0.0], [0.0, 1.0]]), "points 0 and 1 along y is 89.94 deg"),
+        (lambda: HeightGrid(0.0, 0.0, 1.0, 1.0, np.zeros((2, 2)), [[0, 1]]), "one a cell"),
+    ],
+)
+def test_refusals(make, says):
+    with pytest.raises(ParameterError, match=re.escape(says)):
+        make()

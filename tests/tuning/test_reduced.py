@@ -1,0 +1,206 @@
+"""The reduced model against the full rover, statics, and finite differences."""
+
+import math
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from rover_pin.base.errors import OptimisationError
+from rover_pin.control.constant import ConstantDuty
+from rover_pin.control.slip_control import Gains, SlipControl
+from rover_pin.control.slip_estimate import SpeedTable, TableEstimate, TrueSlip
+from rover_pin.control.smooth import greater, lesser
+from rover_pin.control.torque_limit import NoLimit, TorqueLimit
+from rover_pin.effects.digging_memory import DiggingMemory
+from rover_pin.effects.gear_friction import GearFriction
+from rover_pin.effects.post_peak import PostPeak
+from rover_pin.rover.rover import load_rover
+from rover_pin.rover.statics import wheel_loads
+from rover_pin.scenarios.scenario import scenario
+from rover_pin.simulation.simulate import simulate
+from rover_pin.soil.sinkage import entry_angle, sinkage
+from rover_pin.terrain import shapes
+from rover_pin.tuning.load_transfer import axle_loads
+from rover_pin.tuning.reduced import GAIN_NAMES, Outcome, Reduced, as_column
+from rover_pin.tuning.reduced_loop import Loop
+from rover_pin.tuning.wheel_path import SLOPE_ERROR, piecewise, simplified, wheel_path
+
+CART = Path(__file__).parents[2] / "urdf" / "cart.toml"
+HELD = Gains(k_p=0.0, k_i=0.0)
+OPEN = Loop(TrueSlip(), NoLimit())
+
+
+def test_axle_loads_at_rest_are_those_of_the_wheels():
+    rover = load_rover()
+    assert axle_loads(rover, 9.81).at_rest == pytest.approx(wheel_loads(rover, 0.0).reshape(3, 2).sum(axis=1))
+
+
+def test_a_push_moves_load_backwards_by_the_height_of_the_centre_of_mass():
+    """No load appears or vanishes, and the moment about the ground is the inertia's: sum x_i dW_i = -h per newton."""
+    rover = load_rover()
+    loads, q = axle_loads(rover, 9.81), pin.neutral(rover.model)
+    data = rover.model.createData()
+    centre = pin.centerOfMass(rover.model, data, q)[2]
+    bottom = data.oMi[rover.wheels[0].joint].translation[2] - rover.wheel.r
+    assert loads.shift.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
+    assert loads.place @ loads.shift == pytest.approx(np.full(3, bottom - centre))
+
+
+def test_path_over_level_ground_and_walls():
+    path = wheel_path(shapes.ditch(wall_angle=math.radians(40)), 0.037, 0.16, -0.5, 2.0)
+    assert float(path.height_at(0.0)) == pytest.approx(0.037, abs=1e-3)
+    assert float(path.slope_at(0.2)) == pytest.approx(0.0, abs=SLOPE_ERROR)
+    steepest = max(float(path.slope_at(x)) for x in np.linspace(0.5, 0.8, 301))
+    assert steepest == pytest.approx(math.tan(math.radians(40)), abs=2 * SLOPE_ERROR)
+
+
+def test_pieces_keep_to_the_curve():
+    values = np.sin(np.linspace(0.0, 6.0, 500))
+    kept = simplified(values, 0.01)
+    assert len(kept) < 40
+    assert np.interp(np.arange(500), kept, values[kept]) == pytest.approx(values, abs=0.0101)
+
+
+@pytest.mark.parametrize("eps", [0.0, 0.005])
+def test_rounded_greater_and_lesser(eps):
+    for a, b in ((0.1, 0.7), (0.3, 0.3), (-2.0, 1.0)):
+        assert max(a, b) <= float(greater(a, b, eps)) <= max(a, b) + eps / 2 + 1e-15
+        assert min(a, b) - eps / 2 - 1e-15 <= float(lesser(a, b, eps)) <= min(a, b)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "slip", "speed"),
+    [
+        ("flat", {}, 0.01, 2e-3),
+        ("incline", {"soil.k": 0.02, "terrain.angle_deg": 8, "terrain.start": 0.3}, 0.02, 3.5e-3),
+        ("bump", {"soil.k": 0.01}, 0.1, 8e-3),
+    ],
+)
+def test_reduced_drive_is_near_the_full_one(name, settings, slip, speed):
+    """RMSE over 12 s; the bump's is what the suspension's own motion, left out, is worth."""
+    scene = scenario(name, **settings, duration=12.0)
+    trace = simulate(scene.model, ConstantDuty(), 12.0, symmetric=True)
+    own = Reduced(scene.model, OPEN, 12.0).drive(HELD, trace.t)
+    assert np.sqrt(np.mean((own["v"] - trace["body_vx"]) ** 2)) < speed
+    assert np.sqrt(np.mean((own["slip"] - trace.stack("slip")[:, ::2]) ** 2)) < slip
+
+
+@pytest.mark.parametrize("rover", ["nexus6", "cart"])
+@pytest.mark.parametrize("degrees", [-6, 0, 8])
+def test_on_a_slope_each_axle_carries_what_it_does_in_the_full_drive(rover, degrees):
+    """Uphill the load moves to the rear: at 8 deg the rear wheels stood 1.1 mm too high, the front ones 0.7 too low."""
+    slope = {"terrain.angle_deg": degrees, "terrain.start": -2.0, "duration": 8.0}
+    scene = scenario("incline", rover=rover, **({"soil.k": 0.02} if rover == "nexus6" else {}), **slope)
+    trace = simulate(scene.model, ConstantDuty(), 8.0, scene.start, scene.timing, symmetric=True)
+    own = Reduced(scene.model, OPEN, 8.0, scene.start.x).drive(HELD, trace.t)
+    assert own["sinkage"][-1] == pytest.approx(trace.stack("sinkage")[-1, ::2], rel=0.04)
+    assert own["slip"][-1] == pytest.approx(trace.stack("slip")[-1, ::2], abs=0.02)
+
+
+def test_reduced_drive_under_control_is_near_the_full_one():
+    """Post-peak loss, gear friction, torque limit and Eq (9) at once: every branch of the reduced loop."""
+    scene = scenario("incline", **{"soil.k": 0.01, "terrain.angle_deg": 5, "terrain.start": 0.2})
+    model = scene.model.having(PostPeak(fraction=0.2)).having(GearFriction(tau_c=0.05))
+    estimate = TableEstimate(SpeedTable((0.0, 0.1, 1.0), (0.0, 0.003, 0.092)), 0.045)
+    limit, gains = TorqueLimit.saturation(model), Gains(k_p=0.2, k_i=0.3, delta_max=0.7)
+    trace = simulate(model, SlipControl(gains, estimate, limit), 12.0, symmetric=True)
+    own = Reduced(model, Loop(estimate, limit), 12.0).drive(gains, trace.t)
+    assert own["x"][-1] == pytest.approx(trace["body_x"][-1], rel=0.03)
+
+
+def test_a_rover_of_two_axles():
+    """Four wheels and no differential: the same reduction, level and uphill."""
+    settings = {"rover": str(CART), "soil.k": 0.01, "terrain.angle_deg": 4, "terrain.start": 0.3, "soil.k_1": 5e5}
+    settings |= {"motor.resistance": 2.0}
+    scene = scenario("incline", **settings)
+    trace = simulate(scene.model, ConstantDuty(), 8.0, symmetric=True)
+    own = Reduced(scene.model, OPEN, 8.0).drive(HELD, trace.t)
+    assert own["slip"].shape == (len(trace.t), 2)
+    assert own["x"][-1] == pytest.approx(trace["body_x"][-1], rel=0.05)
+
+
+@pytest.mark.parametrize(("k", "degrees", "c_d"), [(0.05, 5, 0.1), (0.025, 9, 0.1)])
+def test_a_wheel_digs_in_as_deep_as_in_the_full_drive(k, degrees, c_d):
+    """Its own sinkage and the hole that it digs, until it is buried: slip to 0.1, sinkage to 1 mm of up to 23."""
+    settings = {"soil.k": k, "terrain.angle_deg": degrees, "add": DiggingMemory(c_d=c_d), "duration": 25.0}
+    scene = scenario("incline", **settings)
+    for S_d in (0.3, 1.0):
+        control, gains = TrueSlip(), Gains(S_d=S_d, k_p=0.3)
+        trace = simulate(scene.model, SlipControl(gains, control), 25.0, symmetric=True)
+        own = Reduced(scene.model, OPEN, 25.0).drive(gains, trace.t)
+        assert np.sqrt(np.mean((own["slip"] - trace.stack("slip")[:, ::2]) ** 2)) < (0.05 if S_d < 1.0 else 0.1)
+        assert np.sqrt(np.mean((own["sinkage"] - trace.stack("sinkage")[:, ::2]) ** 2)) < 1e-3
+        assert own["x"][-1] == pytest.approx(trace["body_x"][-1], abs=0.05)
+
+
+@pytest.mark.parametrize("d", [0.0, 10.0])
+def test_at_rest_the_wheels_stand_as_deep_as_their_loads_ask(d):
+    """From the mean load's sinkage to each axle's own, on damped soil and on soil without damping."""
+    scene = scenario("flat", **{"effect.NormalDamping.d": d, "control.delta": 0.0})
+    model = scene.model
+    still = Reduced(model, OPEN, 2.0).drive(Gains(k_p=0.0, k_i=0.0, delta_0=0.0, delta_min=0.0), np.array([1.0, 2.0]))
+    loads = wheel_loads(model.rover, 0.0)[::2]
+    expected = [sinkage(entry_angle(load, 0.0, model.rover.wheel, model.soils[0]), model.rover.wheel) for load in loads]
+    assert still["sinkage"][-1] == pytest.approx(np.array(expected, dtype=float), rel=0.02)
+
+
+def test_the_gradient_of_a_digging_drive_equals_finite_differences():
+    """Of the mean sinkage and the end, through the wheels' own sinkage and the depth of their holes."""
+    scene = scenario("incline", **{"terrain.angle_deg": 6, "terrain.start": 0.0, "add": DiggingMemory(c_d=0.1)})
+    gains = Gains(S_d=0.3, k_p=0.5, k_i=0.8)
+    outcome = Reduced(scene.model, Loop(TrueSlip(), NoLimit(), 0.005), 8.0).outcome()
+    symbols = ca.MX.sym("gains", len(GAIN_NAMES))
+    judged = Outcome(*ca.vertsplit(outcome(symbols)))
+    judged = judged.x_end + judged.sinkage
+    adjoint = np.array(ca.Function("g", [symbols], [ca.gradient(judged, symbols)])(as_column(gains))).ravel()
+    value = ca.Function("v", [symbols], [judged])
+    for name in ("S_d", "k_p"):
+        step = np.zeros(len(GAIN_NAMES))
+        step[GAIN_NAMES.index(name)] = 0.005
+        slope = float(value(as_column(gains) + step) - value(as_column(gains) - step)) / 0.01
+        assert adjoint[GAIN_NAMES.index(name)] == pytest.approx(slope, rel=0.05, abs=2e-3), name
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.005])
+def test_adjoint_gradient_equals_finite_differences(smoothing):
+    """Of end position and slip, by every gain that acts; the difference step is far above the integrator's noise."""
+    scene = scenario("incline", **{"soil.k": 0.01, "terrain.angle_deg": 6, "terrain.start": 0.0})
+    gains = Gains(S_d=0.15, k_p=0.5, k_i=0.8, delta_max=0.6)
+    outcome = Reduced(scene.model, Loop(TrueSlip(), NoLimit(), smoothing), 6.0).outcome()
+    symbols = ca.MX.sym("gains", len(GAIN_NAMES))
+    judged = outcome(symbols)[0] - outcome(symbols)[2]
+    adjoint = np.array(ca.Function("g", [symbols], [ca.gradient(judged, symbols)])(as_column(gains))).ravel()
+    value = ca.Function("v", [symbols], [judged])
+    for name in ("S_d", "k_p", "k_i", "delta_0"):
+        step = np.zeros(len(GAIN_NAMES))
+        step[GAIN_NAMES.index(name)] = 0.003
+        slope = float(value(as_column(gains) + step) - value(as_column(gains) - step)) / 0.006
+        assert adjoint[GAIN_NAMES.index(name)] == pytest.approx(slope, rel=0.05, abs=2e-3), name
+
+
+def test_a_stuck_drive_stays_finite():
+    """The clamped slip: a rover that rolls back on too steep a slope must not blow up."""
+    scene = scenario("incline", **{"terrain.angle_deg": 20, "terrain.start": 0.2})
+    out = np.array(Reduced(scene.model, OPEN, 20.0).outcome()(as_column(HELD))).ravel()
+    assert np.all(np.isfinite(out))
+    assert abs(out[0]) < 1.0
+
+
+def test_an_integrator_that_gives_up_is_reported_in_the_error_only(monkeypatch, capsys):
+    monkeypatch.setattr("rover_pin.tuning.reduced.TOLERANCES", {"max_num_steps": 3})
+    scene = scenario("flat")
+    with pytest.raises(OptimisationError, match="reduced model cannot be driven with Gains"):
+        Reduced(scene.model, OPEN, 5.0).drive(HELD, np.array([1.0, 5.0]))
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_path_is_the_mean_of_both_tracks_and_a_straight_line_between_its_knots():
+    """Across a slope the left track is as much higher as the right one is lower: the middle stays at 0, plus r."""
+    path = wheel_path(shapes.cross_slope(math.radians(10.0)), 0.05, 0.16, 0.5, 2.0)
+    assert float(path.height_at(1.5)) == pytest.approx(0.05, abs=2e-3)
+    knots, values = np.array([0.0, 1.0, 3.0]), np.array([3.0, 5.0, 4.0])
+    for x in (-1.0, 0.0, 0.5, 1.0, 2.5, 9.0):
+        assert float(piecewise(x, knots, values)) == pytest.approx(np.interp(x, knots, values))

@@ -1,0 +1,317 @@
+"""The tuning as a whole, small: deterministic, resumable, never worse than before, honest about what it finds."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from rover_pin.base.errors import DataError, OptimisationError, ParameterError
+from rover_pin.control.slip_control import Gains
+from rover_pin.simulation.trace.trace import Trace
+from rover_pin.tuning import evaluations
+from rover_pin.tuning.drive_score import Cost, Score, score_trace
+from rover_pin.tuning.drives import FAILED, Control, built, full_score, reduced_gradient, reduced_score
+from rover_pin.tuning.evaluations import FILE, Evaluations, key_of
+from rover_pin.tuning.report import Drives, digest
+from rover_pin.tuning.study import DriveCase, Effort, TuningStudy
+from rover_pin.tuning.trust import SLIP_ERROR, checked_over, refusal
+from rover_pin.tuning.tune import Point, place_of, slope_of, spread, tune_gains, values
+
+SAND = (("duration", 5.0), ("soil.k", 0.01), ("terrain.angle_deg", 8.0), ("terrain.start", 0.0))
+INCLINE = DriveCase("incline", "incline", SAND, 0.2)
+FLAT = DriveCase("flat", "flat", (("duration", 4.0),))
+HELD_OUT = DriveCase("held out", "incline", (*SAND[:2], ("terrain.angle_deg", 6.0), SAND[3]))
+SMALL = Effort(population=5, generations=1, starts=1, steps=2, keep=2)
+STUDY = TuningStudy("small", (INCLINE, FLAT), (HELD_OUT,), {"k_p": (0.01, 5.0), "S_d": (0.05, 0.9)}, effort=SMALL)
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tuned")
+    stages = []
+    return tune_gains(STUDY, folder, lambda *told: stages.append(told), workers=1), folder, stages
+
+
+def test_the_full_rover_decides_and_before_is_among_the_candidates(tuned):
+    result = tuned[0]
+    assert result.candidates[0].stage == "before"
+    assert result.gains == min(result.candidates, key=lambda each: each.cost).gains
+    again = [Score(*full_score(case, Control("true", values(result.gains)))) for case in STUDY.training]
+    assert np.mean([score.cost(STUDY.cost) for score in again]) == min(each.cost for each in result.candidates)
+
+
+def test_a_finished_tuning_is_not_run_again_and_says_the_same(tuned):
+    result, folder, _ = tuned
+    again = tune_gains(STUDY, folder, workers=1)
+    assert again.evaluations == 0
+    assert again.gains == result.gains
+    assert again.verdicts() == result.verdicts()
+
+
+def test_a_killed_tuning_goes_on(tuned, tmp_path):
+    """Half of the file and a torn line: what is whole counts, the rest is run again, the result is the same."""
+    lines = (tuned[1] / FILE).read_bytes().splitlines(keepends=True)
+    (tmp_path / FILE).write_bytes(b"".join(lines[: len(lines) // 2]) + lines[-1][:20])
+    again = tune_gains(STUDY, tmp_path, workers=1)
+    assert again.evaluations == len(lines) - len(lines) // 2
+    assert again.gains == tuned[0].gains
+
+
+def test_progress_is_told_by_stage(tuned):
+    stages = tuned[2]
+    assert {"search on the reduced model", "polish by gradients", "verdict of the full rover"} <= {
+        each[0] for each in stages
+    }
+    assert all(done <= total for _, done, total in stages)
+
+
+def test_the_report_holds_both_estimates_before_and_after_and_the_check(tuned):
+    summary = tuned[0].summary()
+    for where in ("training", "held out"):
+        for control in ("constant duty", "torque check", "before, true", "tuned, true", "before, eq9", "tuned, eq9"):
+            assert set(summary[f"{where}: {control}"]) == {"mean", "worst", "10 % tail", "stuck share"}
+    assert summary["reduced model on flat"]["slip RMSE"] < 0.02
+    assert summary["reduced model on flat"]["speed RMSE [mm/s]"] < 3.0
+    assert len(tuned[0].table()) == 6 * 3
+    assert {file.name for file in tuned[0].files} == {"gains.toml", "drives.csv", "candidates.csv", "drives.png"}
+    assert all(file.exists() for file in tuned[0].files)
+
+
+def test_control_that_makes_things_worse_is_called_so(tuned):
+    bad = Score(0.0, 1.0, 0.1, 1.0, 0.4, 0.0)
+    drives = tuple(
+        each._replace(training=(bad,) * 2) if each.control.startswith("tuned") else each for each in tuned[0].drives
+    )
+    told = dataclasses.replace(tuned[0], drives=drives).verdicts()
+    assert "WORSE than constant duty" in told[1]
+
+
+@pytest.mark.parametrize("share", [0, 1, 2])
+def test_the_verdict_counts_in_percent_who_is_stuck(tuned, share):
+    """Of two drives: constant duty is stuck on one, the tuned gains on none, one or both, and better all the same."""
+    scores = {"constant duty": (0.1, (1.0, 0.0)), "tuned, true": (0.9, (1.0,) * share + (0.0,) * (2 - share))}
+    drives = [
+        each._replace(training=tuple(Score(at, 0.1, 0.1, one, 0.0, 0.0) for one in stuck))
+        for each in tuned[0].drives
+        for at, stuck in [scores.get(each.control, scores["constant duty"])]
+    ]
+    told = dataclasses.replace(tuned[0], drives=tuple(drives)).verdicts()
+    (line,) = [each for each in told if each.startswith("training, true slip")]
+    assert line.endswith(f", stuck {50 * share} % against 50 %.")
+
+
+def test_the_check_of_the_reduced_model_is_told_in_millimetres(tuned):
+    made = dataclasses.replace(tuned[0], check=(("flat", 0.01, 0.002, -0.003),)).summary()
+    assert made["reduced model on flat"] == {"slip RMSE": 0.01, "speed RMSE [mm/s]": 2.0, "end x [mm]": -3.0}
+
+
+def test_all_stuck_is_one_sentence_with_the_score_of_constant_duty():
+    steep = DriveCase("steep", "incline", (("duration", 20.0), ("terrain.angle_deg", 40.0), ("terrain.start", 0.3)))
+    study = dataclasses.replace(STUDY, training=(steep,), held_out=())
+    with pytest.raises(
+        OptimisationError, match=r"stuck whatever the gains \(.*constant duty 0.55 costs .* 1 of 1"
+    ) as caught:
+        tune_gains(study, workers=1)
+    assert caught.value.status[0].stuck == 1.0
+
+
+def test_an_unknown_scenario_and_settings_of_the_control_are_refused_at_once():
+    with pytest.raises(ParameterError, match="odd: There is no scenario 'dich'"):
+        tune_gains(dataclasses.replace(STUDY, training=(DriveCase("odd", "dich"),)))
+    with pytest.raises(ParameterError, match=r"'control.k_p' is the tuning's own"):
+        built(DriveCase("own", "flat", (("control.k_p", 1.0),)))
+
+
+def test_the_slope_of_the_scales_is_their_difference_quotient():
+    place, step = np.array([0.3, 0.6]), 1e-6
+    for j in range(2):
+        shift = step * np.eye(2)[j]
+        ahead, back = (np.array(values(STUDY.gains(place + sign * shift))) for sign in (1.0, -1.0))
+        assert slope_of(STUDY, place)[:, j] == pytest.approx((ahead - back) / (2 * step), rel=1e-6, abs=1e-9)
+    assert place_of(STUDY, STUDY.gains(place)) == pytest.approx(place)
+
+
+def test_the_gradient_of_a_case_is_that_of_its_smooth_cost():
+    gains = Gains(k_p=0.5, S_d=0.2)
+    found = reduced_gradient(INCLINE, Control("true", values(gains)), Cost())
+    ahead, back = (
+        Score(*reduced_score(INCLINE, Control("true", values(gains.replace(S_d=0.2 + d))), 0.005)).cost(Cost())
+        for d in (0.002, -0.002)
+    )
+    assert found[1] == pytest.approx((ahead - back) / 0.004, rel=0.05, abs=1e-2)
+
+
+def test_points_that_are_near_each_other_count_once():
+    points = [Point(np.array([u]), u, "search") for u in (0.0, 0.05, 0.3, 0.32, 0.9)]
+    assert [float(each.place[0]) for each in spread(points, 3)] == [0.0, 0.3, 0.9]
+
+
+def test_an_integrator_that_gives_up_costs_the_penalty_and_prints_nothing(monkeypatch, capsys):
+    from rover_pin.tuning import drives, reduced
+
+    monkeypatch.setattr(reduced, "TOLERANCES", {"max_num_steps": 2})
+    hopeless = dataclasses.replace(FLAT, name="hopeless")
+    control = Control("true", values(Gains()))
+    assert drives.reduced_score(hopeless, control) == list(FAILED)
+    assert drives.reduced_gradient(hopeless, control, Cost()) == [FAILED.cost(Cost())] + [0.0] * len(reduced.GAIN_NAMES)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_drive_that_ends_early_is_stuck_and_one_without_rows_is_the_worst():
+    scene = built(FLAT)
+    trace = scene.drive()
+    assert score_trace(trace, scene.model, 4.0).stuck == 0.0
+    assert score_trace(trace, scene.model, 8.0).stuck == 1.0
+    assert score_trace(Trace({"t_s": np.zeros(0)}), scene.model, 4.0) == Score(0.0, 1.0, 0.0, 1.0, 0.5, 0.0)
+
+
+def test_worst_and_mean_share_the_ensembles_cost():
+    assert float(Cost(worst=0.25).over(np.array([1.0, 3.0]))) == pytest.approx(0.75 * 2.0 + 0.25 * 3.0)
+    scores = [Score(1.0 - i / 20, 0.0, 0.0, 0.0, 0.0, 0.0) for i in range(20)]
+    found = digest(scores, Cost())
+    assert found.worst == pytest.approx(0.95)
+    assert found.tail == pytest.approx(0.925)
+
+
+def test_evaluations_on_two_processes_are_those_of_one(tmp_path):
+    jobs = [(FLAT, Control("constant", values(Gains(delta_0=delta)))) for delta in (0.3, 0.5)]
+    alone = Evaluations(None, 1, None).run("drives", full_score, jobs)
+    assert Evaluations(tmp_path, 2, None).run("drives", full_score, jobs) == alone
+    assert Evaluations(tmp_path, 1, None).run("drives", full_score, jobs) == alone
+
+
+def test_a_damaged_or_impossible_file_of_evaluations(tmp_path):
+    (tmp_path / FILE).write_text("nonsense\n")
+    with pytest.raises(DataError, match="the file is damaged"):
+        Evaluations(tmp_path, 1, None)
+    with pytest.raises(DataError, match="name another folder"):
+        Evaluations(tmp_path / FILE / "below", 1, None)
+
+
+def test_an_evaluation_of_other_code_is_run_again(tmp_path, monkeypatch):
+    """The laws of a drive had changed and a folder of before still answered."""
+    jobs, own = [(FLAT, Control("constant", values(Gains())))], key_of(full_score, (1,))
+    before = Evaluations(tmp_path, 1, None)
+    before.run("drives", full_score, jobs)
+    monkeypatch.setattr(evaluations, "key_of_code", lambda others: "another program")
+    assert key_of(full_score, (1,)) != own
+    after = Evaluations(tmp_path, 1, None)
+    after.run("drives", full_score, jobs)
+    assert (before.fresh, after.fresh) == (1, 1)
+
+
+def test_reduced_and_full_score_agree_part_by_part():
+    """Progress, slip and energy of an incline, computed from integrals of CVODES and from the trace's rows."""
+    control = Control("true", values(Gains(S_d=0.5)))
+    reduced, full = Score(*reduced_score(INCLINE, control)), Score(*full_score(INCLINE, control))
+    assert reduced.progress == pytest.approx(full.progress, abs=0.05)
+    assert reduced.slip == pytest.approx(full.slip, abs=0.02)
+    assert reduced.energy == pytest.approx(full.energy, rel=0.1)
+    assert reduced.sinkage == pytest.approx(full.sinkage, abs=0.01)
+
+
+DIGS = (("duration", 30.0), ("add", "DiggingMemory.c_d=0.1"), ("terrain.angle_deg", 7.0))
+DIGGING = DriveCase("digging slope", "incline", DIGS)
+LOOSE = (("effect.MotionResistance.R", 0.028), ("soil.k", 0.01))
+BEFORE_A_WALL = DriveCase("ditch", "ditch", (("duration", 14.0), *LOOSE, ("terrain.wall_angle_deg", 40.0)))
+
+
+def test_what_digs_in_is_buried_by_both_models_and_costs_its_depth():
+    """Constant duty buries a wheel within 30 s; the law that holds S at 0.3 does not. Score by score, both models."""
+    bare, held = Control("true", values(Gains(k_p=0.0, k_i=0.0))), Control("true", values(Gains(S_d=0.3)))
+    for control, buried in ((bare, 1.0), (held, 0.0)):
+        reduced, full = Score(*reduced_score(DIGGING, control)), Score(*full_score(DIGGING, control))
+        assert full.buried == buried
+        assert reduced.buried == pytest.approx(buried, abs=0.05)
+        assert reduced.stuck == pytest.approx(full.stuck, abs=0.12)  # held, it all but stands: 0.89 of the smooth count
+        assert reduced.sinkage == pytest.approx(full.sinkage, abs=0.025)  # of r; 0.022 where it is buried
+        assert reduced.cost(Cost()) == pytest.approx(full.cost(Cost()), abs=0.1)
+    deeper = Score(*full_score(DIGGING, bare)).sinkage - Score(*full_score(DIGGING, held)).sinkage
+    assert deeper > 0.05
+
+
+def test_a_cost_is_the_weighted_sum_of_its_parts():
+    score = Score(progress=0.25, slip=0.5, energy=0.2, stuck=1.0, sinkage=0.3, buried=1.0)
+    assert score.cost(Cost()) == pytest.approx(0.75 + 0.3 * 0.5 + 0.1 * 0.2 + 1.0 + 0.5 * 0.3 + 1.0)
+    assert score.cost(Cost(sinkage=0.0, buried=0.0)) == pytest.approx(0.75 + 0.15 + 0.02 + 1.0)
+
+
+def test_a_drive_that_ended_early_stays_as_deep_as_it_was():
+    """Its sinkage is the mean over the time that it was to last, its last value held."""
+    scene = built(FLAT)
+    trace = scene.drive()
+    half, whole = (score_trace(trace, scene.model, duration).sinkage for duration in (8.0, 4.0))
+    last = float(np.mean(trace.stack("sinkage")[-1])) / 0.045
+    assert half == pytest.approx(0.5 * (whole + last), rel=0.02)
+
+
+def test_the_reduced_model_is_checked_where_the_rover_moves():
+    """A rover that the gains before hold at a wall is easily modelled; the check takes the worse of two gains."""
+    study = dataclasses.replace(STUDY, training=(INCLINE, BEFORE_A_WALL), held_out=())
+    incline, ditch = checked_over(study, Evaluations(None, 1, None))
+    assert incline.slip < SLIP_ERROR
+    assert incline.trusted
+    assert ditch.slip > 2.0 * SLIP_ERROR
+    assert not ditch.trusted
+    assert refusal([incline]) == ""
+    assert (
+        refusal([incline, ditch]) == f"the reduced model's slip is off by {ditch.slip:.3f} (RMSE, limit 0.05) on ditch"
+    )
+    assert refusal([ditch, ditch]).endswith("on ditch and 1 more")
+
+
+def test_where_the_reduced_model_is_wrong_the_full_rover_is_searched_and_nothing_is_polished():
+    study = dataclasses.replace(
+        STUDY,
+        training=(INCLINE, BEFORE_A_WALL),
+        held_out=(),
+        effort=Effort(population=5, generations=0, starts=1, steps=1, keep=1),
+    )
+    stages = []
+    result = tune_gains(study, None, lambda stage, done, total: stages.append((stage, done, total)), workers=1)
+    assert ("search on the full rover", 5, 5) in stages
+    assert ("search on the reduced model", 5, 5) in stages
+    assert "polish by gradients" not in {stage for stage, _, _ in stages}
+    assert result.search_notes[0].startswith(
+        "the search drives the full rover on 1 of 2 drives: the reduced model's slip"
+    )
+    assert result.search_notes[1].startswith("no gradient polish from start 1 of 1: the reduced model's slip is off by")
+    assert {each.stage for each in result.candidates} <= {"before", "search"}
+    assert set(result.search_notes) <= set(result.summary()["verdict"])
+
+
+def test_an_integrator_that_gives_up_is_no_model_to_trust(monkeypatch):
+    from rover_pin.tuning import drives, reduced
+
+    monkeypatch.setattr(reduced, "TOLERANCES", {"max_num_steps": 2})
+    lost = dataclasses.replace(FLAT, name="lost")
+    assert drives.reduced_errors(lost, Control("true", values(Gains()))) == [math.inf] * 3
+
+
+def test_where_control_helps_is_counted_drive_by_drive(tuned):
+    """Three drives by hand: one that all help, one that only the tuned gains help, one that they harm."""
+    good, fair, bad = (Score(progress, 0.0, 0.0, 0.0, 0.0, 0.0) for progress in (0.9, 0.5, 0.1))
+    table = {
+        "constant duty": (bad, fair, good),
+        "torque check": (good, fair, good),
+        "before, true": (fair, fair, good),
+        "tuned, true": (good, good, fair),
+        "before, eq9": (bad, fair, good),
+        "tuned, eq9": (bad, fair, good),
+    }
+    drives = tuple(Drives(name, scores, scores[:1]) for name, scores in table.items())
+    told = dataclasses.replace(tuned[0], drives=drives).where()
+    assert told[0] == (
+        "training: of 3 drives, better than at constant duty: the torque check alone 1, the gains before 1, the tuned "
+        "gains 2; worse: 0, 0, 1; tuning adds to the gains before on 2; nothing helps on 1"
+    )
+    assert told[1].startswith("held out: of 1 drives")
+
+
+def test_a_drive_shorter_than_its_tail_has_both_scores():
+    """Its end speed is taken as if it had stood still before: the reduced drive is no failure."""
+    short = dataclasses.replace(FLAT, settings=(("duration", 2.0),))
+    reduced, full = (Score(*score(short, Control("true", values(Gains())))) for score in (reduced_score, full_score))
+    assert reduced.progress == pytest.approx(full.progress, abs=0.03)
+    assert reduced.stuck == pytest.approx(0.0, abs=0.01)

@@ -1,0 +1,138 @@
+"""Studies from files, gains to files and back, and every refusal."""
+
+from pathlib import Path
+
+import pytest
+
+from rover_pin.base.errors import DataError, ParameterError
+from rover_pin.control.gains_file import load_gains, save_gains
+from rover_pin.control.slip_control import Gains
+from rover_pin.effects.digging_memory import DiggingMemory
+from rover_pin.tuning.drives import built
+from rover_pin.tuning.ensemble import random_drives
+from rover_pin.tuning.study import DriveCase, Effort, TuningStudy, placed, read_tuning
+
+EXAMPLE = Path(__file__).parents[2] / "studies" / "tune_ditch.toml"
+ONE = (DriveCase("flat", "flat"),)
+
+
+def written(tmp_path, text):
+    path = tmp_path / "study.toml"
+    path.write_text(text)
+    return path
+
+
+def test_the_example_is_read():
+    study = read_tuning(EXAMPLE)
+    assert len(study.training) == 7
+    assert len(study.held_out) == 8
+    assert study.free["S_d"] == (0.05, 0.9)
+    assert dict(study.training[0].settings)["soil.k"] == 0.0073
+    assert dict(study.training[0].settings)["add"] == "DiggingMemory.c_d=0.08"
+    assert study.training[1].post_peak == 0.3
+
+
+def test_a_list_of_effects_is_read(tmp_path):
+    text = '[[training]]\nscenario = "flat"\nadd = ["DiggingMemory.c_d=0.1", "PostPeak"]\n'
+    (case,) = read_tuning(written(tmp_path, text)).training
+    assert dict(case.settings)["add"] == ("DiggingMemory.c_d=0.1", "PostPeak")
+    assert len(built(case).model.effects) == len(built(DriveCase("flat", "flat")).model.effects) + 2
+
+
+def test_gains_go_to_a_file_and_back(tmp_path):
+    gains = Gains(S_d=0.2, k_p=1 / 3)
+    assert load_gains(save_gains(gains, tmp_path / "out" / "gains.toml", "two\nlines")) == gains
+
+
+def test_a_gains_file_may_name_some_only(tmp_path):
+    assert load_gains(written(tmp_path, "k_p = 3.0")) == Gains(k_p=3.0)
+
+
+def test_an_unknown_gain_in_a_file(tmp_path):
+    with pytest.raises(ParameterError, match=r"no field 'kp': did you mean 'k_p'\?"):
+        load_gains(written(tmp_path, "kp = 3.0"))
+
+
+def test_a_missing_gains_file(tmp_path):
+    with pytest.raises(DataError, match="cannot be read"):
+        load_gains(tmp_path / "none.toml")
+
+
+def test_free_gains_run_between_their_bounds_on_their_scale():
+    study = TuningStudy("s", ONE, free={"k_p": (0.01, 1.0), "S_d": (0.0, 0.5)})
+    assert study.gains([0.5, 0.5]).k_p == pytest.approx(0.1)
+    assert study.gains([0.5, 0.5]).S_d == pytest.approx(0.25)
+    assert placed("k_i", (0.3, 0.7), 1.0) == 0.7
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('name = "s"', "has no training scenarios: give one or more"),
+        ("seeds = 1", r"has no key 'seeds': did you mean 'seed'\?"),
+        (
+            "[effort]\npopulaton = 9\n[[training]]\nscenario = 'flat'",
+            r"no key 'populaton': did you mean 'population'\?",
+        ),
+        ("[effort]\npopulation = 2\n[[training]]\nscenario = 'flat'", "population = 2 is not allowed"),
+        ("[free]\nkp = [1, 2]\n[[training]]\nscenario = 'flat'", r"no gain 'kp': did you mean 'k_p'\?"),
+        ("[free]\nk_p = [2, 1]\n[[training]]\nscenario = 'flat'", "leave nothing between low = 2 and high = 1"),
+        ("[free]\nk_p = [0, 1]\n[[training]]\nscenario = 'flat'", "logarithmic scale"),
+        ("[free]\nS_d = [0, 3]\n[[training]]\nscenario = 'flat'", r"must lie in \[-1, 1\]"),
+        ("[free]\nS_d = 0.3\n[[training]]\nscenario = 'flat'", r"two numbers, \[low, high\]"),
+        ("[free]\n[[training]]\nscenario = 'flat'", "has no free gains"),
+        ("estimate = 'eq8'\n[[training]]\nscenario = 'flat'", r"estimate = 'eq8': did you mean 'eq9'\?"),
+        ("[cost]\nspeed = 1\n[[training]]\nscenario = 'flat'", "Cost has no field 'speed'"),
+        ("[before]\nk_q = 1\n[[training]]\nscenario = 'flat'", r"no field 'k_q'"),
+        ("[[training]]\nsoil.k = 0.01", "training 1 names no scenario"),
+        ("training = 3", r"must be a list of drives"),
+        ("[[training]]\nname='a'\nscenario='flat'\n[[held_out]]\nname='a'\nscenario='flat'", "two drives named 'a'"),
+    ],
+)
+def test_refusals_are_one_clear_sentence(tmp_path, text, message):
+    path = written(tmp_path, text)
+    with pytest.raises(ParameterError, match=message) as caught:
+        read_tuning(path)
+    assert str(caught.value).startswith(str(path))
+
+
+def test_effort_wants_whole_numbers():
+    with pytest.raises(ParameterError, match="keep = 0 is not allowed"):
+        Effort(keep=0)
+
+
+def test_random_drives_depend_on_the_seed_only():
+    drives = random_drives(3, 4, 2, 30.0)
+    assert drives == random_drives(3, 4, 2, 30.0)
+    assert drives != random_drives(4, 4, 2, 30.0)
+    assert [each.scenario for each in drives] == ["ditch"] * 4 + ["incline"] * 2
+    assert len({each.name for each in drives}) == 6
+    assert any(each.post_peak for each in drives)
+    assert not all(each.post_peak for each in drives)
+
+
+def test_random_drives_that_dig_are_else_the_same():
+    """A share of them gets a c_d of its own and can be built; none and all are none and all."""
+    plain = random_drives(3, 4, 4, 30.0)
+    some = random_drives(3, 4, 4, 30.0, digging=0.5)
+    digging = [dict(each.settings).pop("add", None) for each in some]
+    assert 0 < sum(each is not None for each in digging) < 8
+    for one, other in zip(plain, some, strict=True):
+        assert [each for each in other.settings if each[0] != "add"] == list(one.settings)
+    assert random_drives(3, 4, 4, 30.0, digging=0.0) == plain
+    everywhere = random_drives(3, 4, 4, 30.0, digging=1.0)
+    assert all(0.02 <= built(each).model.effect(DiggingMemory).c_d <= 0.1 for each in everywhere)
+    with pytest.raises(ParameterError, match=r"digging = 1.5 is not allowed: it is a share of the drives"):
+        random_drives(3, 1, 1, 30.0, digging=1.5)
+
+
+def test_both_shipped_studies_can_be_built():
+    for name in ("tune_slopes.toml", "tune_ditch.toml"):
+        study = read_tuning(EXAMPLE.with_name(name))
+        cases = (*study.training, *study.held_out)
+        assert sum(any(isinstance(e, DiggingMemory) for e in built(case).model.effects) for case in cases) >= 9
+
+
+def test_fewer_than_no_drives():
+    with pytest.raises(ParameterError, match="-1 ditches and 2 inclines cannot be drawn"):
+        random_drives(0, -1, 2, 30.0)
