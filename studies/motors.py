@@ -4,7 +4,7 @@ Question
     Section 2 calls the duty "effectively in proportion to the driving torque", sections 4.2 and 5 let the wheels of a
     stuck rover go on turning. Which motor goes with the paper's words, and does either let Eq (9) see the slip?
 Method
-    Two motors that run 0.05 m/s at duty 0.55 and differ in stall torque, 1 and 0.25 N m (rover_pin/simulation/model/motors.py).
+    Two motors that run 0.05 m/s at duty 0.55 and differ in stall torque, 1 and 0.25 N m (simulation/model/motors.py).
     Rim speed and S_hat of a wheel under a sixth of the weight at duty 0.55, for slips from 0.05 to 1, on Table 1's sand
     (k = 50 mm) and on a firmer one (k = 10 mm); then the drives of Figs 8 and 10 with either, every out or stuck at the
     step and at half of it.

@@ -114,7 +114,8 @@ def test_nothing_of_the_folder_runs(folder, words):
 def test_no_compiler_of_the_folder_runs(folder, tmp_path):
     source = (
         "from rover_pin.base.jobs.safe_environment import leave_folder_out\nleave_folder_out()\n"
-        "from rover_pin.simulation.compiled.toolchain import shared_library\nshared_library('int one(void) { return 1; }', 'one')\n"
+        "from rover_pin.simulation.compiled.toolchain import shared_library\n"
+        "shared_library('int one(void) { return 1; }', 'one')\n"
     )
     (tmp_path / "start.py").write_text(source)
     own = {**os.environ, "PATH": f".:{os.environ['PATH']}", "ROVER_PIN_CACHE": str(tmp_path / "cache")}

@@ -91,15 +91,12 @@ def _again(fit: Problem, sets: Sequence[Evidence], base: np.ndarray | None = Non
 def _changed(sets: Sequence[Evidence], fit: Problem, change: Mapping[str, float]) -> Problem:
     """Return the problem with other numbers of the soil, and of the wheel of all sets."""
     dimensions: dict[str, Any] = {name: value for name, value in change.items() if name in quantities(Wheel)}
-    changed_sets = (
-        [dataclasses.replace(evidence, wheel=evidence.wheel.replace(**dimensions)) for evidence in sets]
-        if dimensions
-        else sets
-    )  # type: ignore[type-var]
+    if dimensions:
+        sets = [dataclasses.replace(data, wheel=data.wheel.replace(**dimensions)) for data in sets]  # type: ignore[type-var]
     base = fit.space.base.copy()
     for name, value in change.items():
         base[fit.space.all_names.index(name)] = value
-    return _again(fit, changed_sets, base)
+    return _again(fit, sets, base)
 
 
 def _assumed(fit: Problem, fixed: Held, ends: Sequence[np.ndarray | None]) -> Assumed:

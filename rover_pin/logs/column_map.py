@@ -10,8 +10,8 @@ In `drive.toml`, which column comes of which columns of the file::
     body_yaw = { formula = "yaw(qx, qy, qz, qw)" }
     body_x = { formula = "east(lat, lon)" }
 
-`rover_pin.base.formula` says what a formula may hold; it may name what an earlier line made. Columns that already have a
-name of a drive log need no line.
+`rover_pin.base.formula` says what a formula may hold; it may name what an earlier line made. Columns that
+already have a name of a drive log need no line.
 """
 
 from __future__ import annotations

@@ -73,9 +73,10 @@ def _added(verdict: Verdict, labels: Labels) -> Iterator[str]:
     yield from _chosen(verdict, labels, True)
     for search_round in verdict.search.rounds:
         if search_round.indistinguishable:
+            best = search_round.indistinguishable[0]
             yield (
-                f"{search_round.indistinguishable[0].name} gains {search_round.indistinguishable[0].gain:.0f} in chi2; the luckiest of {verdict.search.count} "
-                f"candidates gains {two_digits(search_round.indistinguishable[0].threshold)} by chance"
+                f"{best.name} gains {best.gain:.0f} in chi2; the luckiest of {verdict.search.count} "
+                f"candidates gains {two_digits(best.threshold)} by chance"
             )
     before, after = two_digits(verdict.before.misfit), two_digits(verdict.after.misfit)
     yield f"chi2 for each number measured falls from {before} to {after}; 1 is the noise"

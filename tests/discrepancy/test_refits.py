@@ -114,7 +114,7 @@ def test_a_second_start_has_the_sizes_small_and_all_else_as_it_was():
 )
 def test_one_that_pays_and_does_harm_to_first_order_is_refitted_on_every_fold(monkeypatch, net, held_out, again):
     losses = {"base": np.array([50.0, 60.0]), "fit": np.array([52.0, 55.0])}
-    monkeypatch.setattr(compare, "left_out_by_refits", losses.get)
+    monkeypatch.setattr(compare, "refitted_surprises", losses.get)
     one = Refit(named("A"), "fit", net + 10.0, 10.0, held_out)
     assert compare._confirmed("base", one).held_out == (3.0 if again else held_out)
 
@@ -147,12 +147,12 @@ def polished_of(monkeypatch, *nets, inflation=2.25, promised=()):
     made = {row.candidate.name: refit(row.candidate.name, net=net) for row, net in zip(rows, nets, strict=True)}
     said = []
     patches = {
-        "left_out": lambda base: 0.0,
+        "first_order_surprises": lambda base: 0.0,
         "_chosen": lambda base, scored, fee: rows,
         "_refit": lambda base, start, row, fee, without, reuse=True: made[row.candidate.name],
         "_polished": lambda base, one, without: one,
         "_confirmed": lambda base, one: one,
-        "counted": lambda refits, fee: refits,
+        "rescale_thresholds": lambda refits, fee: refits,
     }
     for name, instead in patches.items():
         monkeypatch.setattr(compare, name, instead)
@@ -193,12 +193,12 @@ def refitted_of(monkeypatch, made, promised):
         return made[reuse]
 
     patches = {
-        "left_out": lambda base: 0.0,
+        "first_order_surprises": lambda base: 0.0,
         "_chosen": lambda base, scored, fee: scored,
         "_refit": refitted,
         "_polished": lambda base, one, without: one,
         "_confirmed": lambda base, one: one,
-        "counted": lambda refits, fee: refits,
+        "rescale_thresholds": lambda refits, fee: refits,
     }
     for name, instead in patches.items():
         monkeypatch.setattr(compare, name, instead)
@@ -232,7 +232,7 @@ def test_a_leader_is_fitted_to_the_end_with_every_slope_anew(monkeypatch):
         return SimpleNamespace(chi2=90.0)
 
     monkeypatch.setattr(compare, "fit", fit)
-    monkeypatch.setattr(compare, "left_out", lambda fitted: np.zeros(2))
+    monkeypatch.setattr(compare, "first_order_surprises", lambda fitted: np.zeros(2))
     fitted = SimpleNamespace(model="model", parameters="numbers", u="u", slopes="old")
     one = Refit(named("A"), fitted, 5.0, 7.0, 1.0)
     found = compare._polished(SimpleNamespace(task=None, chi2=100.0), one, np.array([3.0, 1.0]))
@@ -270,7 +270,7 @@ def test_a_refit_that_does_no_better_than_none_starts_again_near_nothing(monkeyp
     one = Candidate("Kind", made_kind(0.2, 0.0, 0.0, 9.0), ("Kind.x",))
     monkeypatch.setattr(compare, "fit", fit)
     monkeypatch.setattr(compare, "started", lambda row, start: {})
-    monkeypatch.setattr(compare, "left_out", lambda fitted: np.zeros(2))
+    monkeypatch.setattr(compare, "first_order_surprises", lambda fitted: np.zeros(2))
     model = SimpleNamespace(having=lambda effect: model)
     experiment = SimpleNamespace(with_values=lambda model, values: model, value=lambda model, name: 0.2)
     base = SimpleNamespace(

@@ -100,7 +100,7 @@ def looked(monkeypatch):
             "signatures": lambda base, tried: [],
             "_round": lambda found, tried, progress: another("singles", made.pop(0)),
             "_pairs": lambda found, count, progress: another("pairs", Found()),
-            "_with_what_is_left": lambda base, known, chance, least: another("noise", base),
+            "_with_residual_noise": lambda base, known, chance, least: another("noise", base),
             "again": lambda base: base,
             "beyond_declared": lambda last, known: learnt.pop(0) if learnt else None,
             "replace": replaced,
@@ -152,7 +152,7 @@ def test_noise_that_nobody_declares_is_learnt_twice(looked):
 def test_a_pair_pays_for_both_of_its_effects_in_units_of_the_noise(monkeypatch):
     seen = []
     monkeypatch.setattr(search, "paired", lambda base, singles, best, progress: [])
-    monkeypatch.setattr(search, "make_verdict", lambda base, tried, fee, paid: seen.append(paid) or ())
+    monkeypatch.setattr(search, "rank_refits", lambda base, tried, fee, paid: seen.append(paid) or ())
     single = Refit(Candidate("A", object(), ("A.x",)), SimpleNamespace(), 1.0, 14.0, 0.0, unit=2.0)
     for refits, paid in (((single,), 7.0), ((), 0.0)):
         found = SimpleNamespace(rounds=(SimpleNamespace(refits=refits),), base=fitted())
@@ -229,7 +229,7 @@ def test_errors_of_others_are_of_the_last_round_that_found_something_without_its
     good = np.array([[[True, True]], [[True, False]]])
     task = SimpleNamespace(noise=SimpleNamespace(good=good), experiment=SimpleNamespace(channels=("pull",)))
     left = {"b": np.array([[[3.0, 4.0]], [[12.0, 99.0]]]), "c": np.array([[[1.0, 1.0]], [[1.0, 99.0]]])}
-    monkeypatch.setattr(held_out, "refitted_left_out", lambda fitted: left[fitted.name])
+    monkeypatch.setattr(held_out, "held_out_residual", lambda fitted: left[fitted.name])
     first, *others = (SimpleNamespace(fit=SimpleNamespace(task=task, name=name)) for name in "abc")
     rounds = [SimpleNamespace(indistinguishable=one) for one in ((first,), (first, *others), ())]
     found = SimpleNamespace(rounds=rounds, indistinguishable=("X + A", "X + B", "C + D"))
@@ -406,7 +406,7 @@ def test_what_the_first_law_leaves_is_drafted_where_the_answer_is_like_it(answer
         "chosen_anew": lambda base, tried: {},
         "drafted": lambda question, here, progress: f"of {here}",
         "described": lambda found, can_draft, drafts: (ResidualAssessment(unlisted), drafts("base")),
-        "judged": lambda of, found, chosen, left, seed: Verdict(
+        "make_verdict": lambda of, found, chosen, left, seed: Verdict(
             "wheel-rig", answer, "x", "said", None, search=SimpleNamespace(last="what is said")
         ),
         "errors_anew": lambda base, anew: {},

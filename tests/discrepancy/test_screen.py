@@ -230,7 +230,7 @@ def test_sds_are_learnt_from_weighted_rows_beside_numbers_and_candidates(monkeyp
     random, seen = np.random.default_rng(7), []
     base, field, moved = based(random, far=6.0), field_of(random), random.normal(size=(3, 2, 7))
     monkeypatch.setattr(screen, "learnt_sds", lambda *given: seen.extend(given) or ())
-    monkeypatch.setattr(screen, "chance_of", lambda *given: None)
+    monkeypatch.setattr(screen, "random_effects_filter", lambda *given: None)
     monkeypatch.setattr(screen.dataclasses, "replace", lambda record, **values: record)
     base.task.noise.__dict__["good"] = None
     screen.with_random_effects(base, [Signature(RATE, {}, moved)], field)

@@ -425,7 +425,7 @@ def test_a_soil_of_ones_own_is_not_said_to_be_the_pressed_one():
 def test_the_smooth_wheel_says_what_its_sand_was_pressed_to():
     data = read_evidence(DATA / "cmu-smooth-wheel")
     found = identified(data, data.declared_soil(Soil()), ("k", "phi", "k_1"))
-    assert not found.found.found, "exit ratio, c and n are nobody's measurement"
+    assert not found.identification.identified, "exit ratio, c and n are nobody's measurement"
     flag = next(one for one in found.elsewhere if one.name == "K_eff")
     assert not flag.agrees, "rolling, the sand carries half of what it carried when the wheel was pressed in"
     assert flag.sentence in found.report()

@@ -171,12 +171,20 @@ def answered(verdict):
         search = verdict.search
         none = Search(search.base, (Round(search.rounds[0].scored, search.rounds[1].refits),), ())
         bare = {"named": (), "effects": (), "after": verdict.before, "model": search.base.model}
-        empty = {"before": None, "after": None, "scores": (), "runs": (), "extra": None, "search": None, "alike": ()}
+        empty = {
+            "before": None,
+            "after": None,
+            "scores": (),
+            "runs": (),
+            "extra": None,
+            "search": None,
+            "indistinguishable": (),
+        }
         changes = {
             Answer.NAMED: {},
             Answer.LIKE: {"vetoes": ("R_b lies at its bound",)},
-            Answer.SET: {"alike": ("SupplySag", "PeakStress")},
-            Answer.NONE_NEEDED: {**bare, "alike": (), "search": none},
+            Answer.SET: {"indistinguishable": ("SupplySag", "PeakStress")},
+            Answer.NONE_NEEDED: {**bare, "indistinguishable": (), "search": none},
             Answer.NONE_FITS: {**bare, "draft": Draft("text", search.rounds[0].refits[0], verdict.scores, "try --it")},
             Answer.INADEQUATE: bare,
             Answer.CANNOT_TELL: {**bare, **empty, "provenance": {}},

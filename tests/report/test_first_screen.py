@@ -29,7 +29,7 @@ PULL = score("drawbar pull", "N", 0.75, 0.55, -0.6, 0.4, floor=0.3)
 @pytest.fixture
 def rig(verdict):
     """A rig's verdict as the sentence needs it."""
-    named = {"named": ("SlipSinkage",), "alike": ("SlipSinkage",), "effects": ()}
+    named = {"named": ("SlipSinkage",), "indistinguishable": ("SlipSinkage",), "effects": ()}
     return dataclasses.replace(verdict, kind="wheel-rig", scores=(PULL, SINKAGE), **named)
 
 

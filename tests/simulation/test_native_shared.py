@@ -16,7 +16,7 @@ from rover_pin.contact import Soil
 from rover_pin.simulation.native import shared
 
 ROOT = Path(__file__).parents[2]
-DRIVE = "from rover_pin.scenarios.scenario import scenario; print(scenario('ditch', duration=8.0).drive()['body_x'].tolist())"
+DRIVE = "from rover_pin import scenario; print(scenario('ditch', duration=8.0).drive()['body_x'].tolist())"
 
 
 def places(text: str, table: str) -> list[str]:

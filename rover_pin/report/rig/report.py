@@ -68,7 +68,8 @@ def _picture(verdict: Verdict, data: RigSet) -> Picture:
         ", with the base model" if curves else ""
     ) + (f" and the model with {_added(verdict)}" if after else "")  # fmt: skip
     errors = [
-        f"{score.name} is missed by {format_value(score.before, score.unit)} before and {format_value(score.after, score.unit)} after"
+        f"{score.name} is missed by {format_value(score.before, score.unit)} before and "
+        f"{format_value(score.after, score.unit)} after"
         for score in verdict.scores
     ]
     caption = load_caption(data) if curves else ""

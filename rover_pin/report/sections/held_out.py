@@ -77,11 +77,14 @@ class HeldOut(Section):
 def baseline_table(verdict: Verdict, labels: Labels) -> Table | None:
     """Return the held-out errors of what a user would otherwise take, beside the model's; None where none was tried."""
     scores = {score.name: score for score in verdict.scores}
-    rows = [
-        Row((labels.channel(baseline.channel), f"{baseline.curve} of {baseline.given}", format_value(baseline.error, baseline.unit),
-             format_value(scores[baseline.channel].after, baseline.unit)), AWAY * (baseline.error < LOSES * scores[baseline.channel].after))
-        for baseline in verdict.baselines if baseline.channel in scores
-    ]  # fmt: skip
+    rows = []
+    for baseline in verdict.baselines:
+        if baseline.channel in scores:
+            error, curve = scores[baseline.channel].after, f"{baseline.curve} of {baseline.given}"
+            errors = format_value(baseline.error, baseline.unit), format_value(error, baseline.unit)
+            rows.append(
+                Row((labels.channel(baseline.channel), curve, *errors), AWAY * (baseline.error < LOSES * error))
+            )
     return Table(("channel", "otherwise", "its error", "the model's"), tuple(rows), CAPTION) if rows else None
 
 
@@ -103,8 +106,9 @@ def channel_table(scores: Sequence[ChannelScore], added: bool, labels: Labels) -
             score.times(score.before),
         )
         if added:
-            cells = (name, format_value(score.before, score.unit), format_value(score.after, score.unit), score.worded.text, floor,
-                     f"{figure(times, '.1f')} to {figure(score.times(score.after), '.1f')}", score.claim)  # fmt: skip
+            errors = format_value(score.before, score.unit), format_value(score.after, score.unit)
+            ratios = f"{figure(times, '.1f')} to {figure(score.times(score.after), '.1f')}"
+            cells = (name, *errors, score.worded.text, floor, ratios, score.claim)
             rows.append(Row(cells, AWAY * (score.worded.outcome is Outcome.WORSE)))
         else:
             rows.append(Row((name, format_value(score.before, score.unit), floor, figure(times, ".1f"))))

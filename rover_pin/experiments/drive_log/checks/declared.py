@@ -48,7 +48,8 @@ def rover_faults(log: DriveLog) -> Iterator[Finding]:
     rover = log.load_rover()
     rover_wheels = tuple(wheel.name for wheel in rover.wheels)
     if set(rover_wheels) != set(log.metadata.wheels):
-        what = f"wheels are {', '.join(log.metadata.wheels)}, but those of the rover '{rover.name}' {', '.join(rover_wheels)}"
+        named = ", ".join(log.metadata.wheels)
+        what = f"wheels are {named}, but those of the rover '{rover.name}' {', '.join(rover_wheels)}"
         yield Finding(what, FILE, "give the rover that was driven, and name wheels and columns as it does")
     for name in ("r", "b"):
         if name in log.metadata.wheel:
